@@ -72,6 +72,14 @@ REQUESTS = {
         load("crank-rocker").with_clearances({"B": 2e-4}), "contact", "driven", SHORT, start="centred", lead_in=1.0
     ),
     "soft bearings, driven": Request(SOFT, "ideal", "driven", SHORT),
+    "a gap in a bearing of known stiffness, driven": Request(
+        load("crank-rocker").with_joint("B", clearance=2e-4, contact_stiffness=1e6, contact_damping=300.0),
+        "contact",
+        "driven",
+        SHORT,
+        start="centred",
+        lead_in=1.0,
+    ),
     "soft bearings beside a gap, driven": Request(SOFT.with_clearances({"B": 1e-3}), "contact", "driven", SHORT),
     "soft bearings, static": Request(SOFT, "ideal", "static", SHORT),
     "released": Request(load("pendulum"), "ideal", time=np.array([0.3, 0.1, 0.5])),

@@ -1,6 +1,12 @@
 """Journals in their bearings, through MuJoCo's contact solver.
 
 Each joint's contact passes through Python in every step, and is therefore written straight into MuJoCo's memory.
+
+On a soft wall without friction the contact is of second order in the step h.  MuJoCo's row gives D (aref - a), with the
+velocity of half a step ago in aref and the acceleration a of this instant: D = C h/2 makes C d' that of this instant,
+too (as in :mod:`sim_models.mujoco.striking`).  In the step that finds the journal at its wall, which it reached between
+two instants, the force is the mean over the step's time, from half a step before its instant to half a step after it,
+as far as there was contact.
 """
 
 from __future__ import annotations
@@ -15,40 +21,70 @@ from sim_models.engine import Cause, SimulationError
 if TYPE_CHECKING:
     from sim_models.mujoco.model import MujocoLinkage
 
+SOFT, HARD = 1e-4, 0.9999  # the least and the greatest impedance that MuJoCo takes
+
 
 class Rim:
     """The rim of a joint's bearing: MuJoCo's ``contact`` of the journal with it, and where the places of both are.
 
     ``depth`` (m) is how far the journal was beyond its gap when it was last looked at; it touches from ``begins`` (m)
-    off the middle on.
+    off the middle on.  A wall that is ``timely`` is of second order.
     """
 
     def __init__(self, link: MujocoLinkage, name: str, contact: mujoco.MjContact) -> None:
-        first, second = link.sites[name]
-        self.name, self.contact, self.depth = name, contact, 0.0
+        m, (first, second) = link.model, link.sites[name]
+        self.name, self.contact, self.law, self._link = name, contact, link.contacts[name], link
         self.clearance, self.reach = link.radii[name]
-        self.begins = self.clearance - link.contacts[name].margin
+        self.begins = self.clearance - self.law.margin
+        self.timely = not (self.law.hard or self.law.named or link.rubs[name])
+        self.depth, self._gap = math.inf, (0.0, 0.0, 0.0)
+        self._before, self._time = math.inf, math.nan
         self._x, self._first, self._second = memoryview(link.data.site_xpos.reshape(-1)), 3 * first, 3 * second
         contact.pos, contact.frame = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
         self._pos, self._frame = memoryview(contact.pos), memoryview(contact.frame)
-        self._gap = 0.0, 0.0, 0.0
+        self._solref, self._solimp = memoryview(contact.solref), memoryview(contact.solimp)
+        self.weight = float(m.body_invweight0[m.geom_bodyid[contact.geom], 0].sum())  # 1/kg, as MuJoCo reckons it
+        self._step, self._part = m.opt.timestep, 1.0
+        if self.timely:
+            self._harden(1.0)
 
     def meets(self, always: bool = False) -> bool:
         """Look where the journal is; says whether it touches, or (``always``) would if it were pressed."""
+        if self.timely and self._link.data.time != self._time:
+            self._before, self._time = self.depth, self._link.data.time
         x, first, second = self._x, self._first, self._second
         gx, gy = x[first] - x[second], x[first + 1] - x[second + 1]
         r = math.hypot(gx, gy)
         self._gap, self.depth = (gx, gy, r), r - self.clearance
         return r > self.begins or (always and r > 0)
 
-    def add(self, link: MujocoLinkage) -> None:
+    def add(self) -> None:
         """Add the contact where the journal was seen.  Raises SimulationError."""
         gx, gy, r = self._gap
         nx, ny = gx / r, gy / r
         x, pos, frame = self._x, self._pos, self._frame
         pos[0], pos[1] = x[self._second] + nx * self.reach, x[self._second + 1] + ny * self.reach
         frame[0], frame[1], frame[3], frame[4] = -nx, -ny, ny, -nx
-        self.contact.dist = -self.depth
-        if mujoco.mj_addContact(link.model, link.data, self.contact):
+        self.contact.dist = -(self._share() if self.timely else self.depth)
+        if mujoco.mj_addContact(self._link.model, self._link.data, self.contact):
             where = f"mujoco: no room for the contact of joint {self.name!r}"
             raise SimulationError(where, Cause.FAULTY, "use fewer joints with clearance")
+
+    def _share(self) -> float:
+        """Let the wall be as hard as its share of this step; how deep (m) the journal is in it in the mean."""
+        part, depth = 1.0, self.depth
+        if self._before <= 0 < depth:
+            there = depth / (depth - self._before)  # of the step before this instant
+            part, depth = there + 0.5, depth * (there + 0.5) / (2 * there)
+        if part != self._part or self._link.model.opt.timestep != self._step:
+            self._harden(part)
+        return depth
+
+    def _harden(self, part: float) -> None:
+        """Give the row a part of the law's stiffness and damping."""
+        self._part, self._step = part, self._link.model.opt.timestep
+        virtual = self.weight * part * self.law.damping * self._step / 2  # mass, over the lightness
+        impedance = min(max(virtual / (1 + virtual), SOFT), HARD)
+        scale = part * (1 - impedance) * self.weight
+        self._solref[0], self._solref[1] = -self.law.stiffness * scale, -self.law.damping * scale
+        self._solimp[0] = self._solimp[1] = impedance

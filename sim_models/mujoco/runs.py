@@ -39,7 +39,10 @@ LARGEST_STEP = 4e-4  # s
 TURN_PER_STEP = {"ideal": 2e-3, "massless-link": 3e-4, "spring-damper": 6e-4, "contact": 6e-4}  # rad of the crank
 SAMPLES_AT_REST = 150  # of a static run's
 SOFT_PHASE = 0.4  # rad of a soft bearing's own vibration in a step
+TIMELY_TURN = 2.4e-3  # the same where contact is of second order in the step
 BOUNCE = 0.4  # of a bounce's period/2 pi, for a step
+TIMELY_BOUNCE = 1.4  # where contact is of second order; at 2 a step is no longer stable
+GLIMPSES = 9  # places of a run at which it is looked how light pins are
 FINE_BOUNCE = 0.1  # where the mechanism asks for a restitution
 FELT = 37  # instants of a run at which what a motor feels is asked for
 STILL = 1e-8  # rad, what the flanks of a drive with backlash give where its equilibria are sought
@@ -133,14 +136,20 @@ class Run:
         """The linkage as its pins feel it."""
         return near.pressed
 
+    def passed(self) -> np.ndarray:
+        """Places on the path from the start to the last report; none where nothing leads along it."""
+        return np.zeros(0)
+
     def longest_step(self, near: Equilibria, q: np.ndarray) -> float:
         """A step (s) that resolves the crank's turning, each contact's bounce, its pin's swing on the rim, and the
         joint laws.
         """
         link = self.light(near)
         limits = [self.largest_step]
+        places = [near.place(link, at) for at in self.passed()] if link.timely else []
         if self.steering.top_speed:
-            limits.append(TURN_PER_STEP[self.request.joint_model] / self.steering.top_speed)
+            turn = TIMELY_TURN if places else TURN_PER_STEP[self.request.joint_model]
+            limits.append(turn / self.steering.top_speed)
         for name, law in list(self.laws.items()):
             ease = mobility(link, q, name)
             clearance = self.mechanism.joint(name).clearance
@@ -154,9 +163,9 @@ class Run:
                 self.laws[name] = replace(law, margin=min(sag, 0.05 * clearance))
                 limits.append((FINE_BOUNCE if asked else BOUNCE) * law.hard[0])
             elif self.request.joint_model != "massless-link":
-                limits.append(
-                    (FINE_BOUNCE if asked else 2 * BOUNCE) / max(math.sqrt(law.stiffness * ease), law.damping * ease)
-                )
+                ease = max([ease, *(mobility(link, place, name) for place in places)])
+                part = FINE_BOUNCE if asked else TIMELY_BOUNCE if places else 2 * BOUNCE
+                limits.append(part / max(math.sqrt(law.stiffness * ease), law.damping * ease))
         if self.flanks is not None and self.flanks.rigid:
             limits.append(LANDING * self.flanks.holds / HOLDS)
         for name, spring in link.soft.items():
@@ -237,6 +246,12 @@ class MujocoRun(Run):
     def direct(self, direction: float) -> None:
         """Let the crank move in this direction (sign; 0: it stands)."""
         self.path = CrankPath(self.assembly, direction)
+
+    def passed(self) -> np.ndarray:
+        if self.motor is None:
+            return np.zeros(0)
+        last = float(report_times(self.request, self.motor).max())
+        return self.motor.angles(np.linspace(self.motor.begin, last, GLIMPSES))
 
     def light(self, near: Equilibria) -> MujocoLinkage:
         if self.motor is not None:

@@ -15,7 +15,7 @@ from sim_models.mujoco.mjcf import Setting
 from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.motor import AHEAD, AROUND, BESIDE, AlongCourses, spacing
 from sim_models.mujoco.path import CoursePath, Gaps, RestingPath
-from sim_models.mujoco.runs import RESTING, STATIC_STEP, MujocoRun, Run, State, scatter
+from sim_models.mujoco.runs import GLIMPSES, RESTING, STATIC_STEP, MujocoRun, Run, State, scatter
 from sim_models.mujoco.state import friction_torques, joint_forces, look, on_track, signals
 from sim_models.mujoco.steady import derivative
 
@@ -37,6 +37,10 @@ class CoursesRun(Run):
         if self.follows:
             self.steering = self.motors = AlongCourses([*self.courses.motors.values()])
             self.steering.top_speed = self.courses.top_speed
+
+    def passed(self) -> np.ndarray:
+        held = self.courses.held
+        return np.linspace(self.courses.begin, float(np.max(self.request.time)), GLIMPSES) if held else np.zeros(0)
 
     def trace(self) -> Trace:
         """Run the request."""

@@ -35,7 +35,7 @@ def touch(link: MujocoLinkage, always: bool = False) -> bool:
     link.touching = []
     for name, rim in link.rims.items():
         if rim.meets(always):
-            rim.add(link)
+            rim.add()
             link.touching.append(name)
     if link.blocks:
         touch_walls(link, always)

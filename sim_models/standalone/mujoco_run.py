@@ -47,6 +47,7 @@ class Simulation:
         self.length, mass, self.time = (self.start["units"][of] for of in ("length", "mass", "time"))  # in SI
         self.force, self.torque = mass * self.length / self.time**2, mass * self.length**2 / self.time**2
         self.bodies, self.joints, self.contacts = (self.start[part] for part in ("bodies", "joints", "contacts"))
+        self.seen: dict[str, tuple[float, float, float]] = {}  # when a journal was looked at, its depth, that before
         self.model = mujoco.MjModel.from_xml_path(str(HERE / "model.xml"))
         for field, values in self.start["after_compiling"].items():
             getattr(self.model, field)[:] = values
@@ -105,11 +106,15 @@ class Simulation:
         for joint, law in self.contacts.items():
             journal, bearing = self.pins(joint)
             gap = math.hypot((journal - bearing).real, (journal - bearing).imag)
+            if self.seen.get(joint, (math.nan,))[0] != self.data.time:
+                before = self.seen.get(joint, (0.0, math.inf))[1]
+                self.seen[joint] = self.data.time, gap - law["clearance"], before
             if gap <= law["clearance"] - law["margin"]:
                 continue
             normal, point = (journal - bearing) / gap, mujoco.MjContact()
             at = bearing + normal * law["bearing_radius"]
-            point.dist, point.pos = law["clearance"] - gap, (at.real, at.imag, 0)
+            depth, point.solref, point.solimp = self.wall(joint, law, gap - law["clearance"])
+            point.dist, point.pos = -depth, (at.real, at.imag, 0)
             point.frame = (
                 -normal.real,
                 -normal.imag,
@@ -124,10 +129,6 @@ class Simulation:
             point.geom = [self.model.geom(f"{joint}:{body}").id for body in reversed(self.joints[joint]["bodies"])]
             point.flex = point.elem = point.vert = [-1, -1]
             point.dim, point.friction = 3 if law["friction"] else 1, [law["friction"]] * 2 + [0, 0, 0]
-            point.solref, point.solimp = (
-                law["solref"],
-                law["solimp"],
-            )  # stiffness and damping, scaled by mass as MuJoCo wants them
             mujoco.mj_addContact(self.model, self.data, point)
             touching.append(joint)
         if touching:
@@ -138,6 +139,24 @@ class Simulation:
             if friction:  # MuJoCo's convex cone lifts sliding surfaces at friction times slip: taken back
                 self.data.efc_aref[row] -= friction * abs(self.data.efc_aref[row + 1])
         return touching
+
+    def wall(self, joint: str, law: dict[str, Any], depth: float) -> tuple[float, list[float], list[float]]:
+        """How deep a journal is, and its contact's solref and solimp.
+
+        A soft wall's row has the mass that makes its damping that of this instant, velocities being half a step older;
+        where the journal has come to it within the last step, the force is the mean over the step's time.
+        """
+        if law["soft"] is None:
+            return depth, law["solref"], law["solimp"]
+        part, before = 1.0, self.seen[joint][2]
+        if before <= 0 < depth:
+            there = depth / (depth - before)
+            part, depth = there + 0.5, depth * (there + 0.5) / (2 * there)
+        stiffness, damping, weight = law["soft"]  # the last is MuJoCo's 1/kg of the two bodies
+        mass = weight * part * damping * self.model.opt.timestep / 2
+        impedance = min(max(mass / (1 + mass), 1e-4), 0.9999)
+        scale = part * (1 - impedance) * weight
+        return depth, [-stiffness * scale, -damping * scale], [impedance, impedance, *law["solimp"][2:]]
 
     def evaluate(self) -> Forces:
         """Accelerations and forces at the present state, without a step; the forces of the joints that close loops."""
