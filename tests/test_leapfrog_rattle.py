@@ -18,9 +18,9 @@ from compare.evidence import contact_ode
 from engine_checks import run, vector
 from marks import slow
 from sim_models.common.contact_laws import NamedLaw, delivered, named_law
+from sim_models.common.mobility import mobility
 from sim_models.common.start import Pose, poses
 from sim_models.engine import JointModel, Request, Trace, Unsupported, Watched, engine
-from sim_models.leapfrog.mobility import mobility
 from sim_models.leapfrog.striking import Striking
 
 LAWS: tuple[ContactLaw, ...] = ("kelvin-voigt", "hunt-crossley", "lankarani-nikravesh", "flores", "gonthier")

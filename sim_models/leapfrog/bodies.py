@@ -24,6 +24,7 @@ from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Spring
 from analytic.mechanism.signals import DRIVE_TORQUE, driving, position
 from sim_models.common.backlash import Flanks, side
 from sim_models.common.contact_laws import bearing, contact_parameters, longest, named_law
+from sim_models.common.mobility import mobility
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import travel
 from sim_models.common.tree import Branch
@@ -31,7 +32,6 @@ from sim_models.engine import Cause, Request, SettingValue, SimulationError
 from sim_models.leapfrog.balance import Balance
 from sim_models.leapfrog.courses import Grid, Path, motion_of, path_of
 from sim_models.leapfrog.laws import JointLaws
-from sim_models.leapfrog.mobility import mobility
 from sim_models.leapfrog.parts import Pin, Steered, coordinates, moving_body, spanning_tree
 from sim_models.leapfrog.rates import body_rates, centre_rates, turning
 from sim_models.leapfrog.striking import Striking, told

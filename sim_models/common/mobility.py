@@ -8,6 +8,7 @@ import numpy as np
 
 from analytic.mechanism import MASS_CENTRE, Joint, Mechanism
 from sim_models.common.contact_laws import longest
+from sim_models.common.guide import Guide
 from sim_models.common.start import AT_REST, Pose
 
 TRIFLE = 1e-6  # of a body's mass on the longest body: a slide's block may have no moment of inertia
@@ -15,17 +16,22 @@ SINGULAR = 1e-9  # of the largest: what a joint asks that others ask already
 
 
 def mobility(
-    m: Mechanism, bodies: Mapping[str, Pose], joint: Joint, closed: Iterable[Joint], held: Iterable[Joint]
+    m: Mechanism,
+    bodies: Mapping[str, Pose],
+    joint: Joint,
+    closed: Iterable[Joint],
+    held: Iterable[Joint],
+    aside: complex = 0j,
 ) -> np.ndarray:
     """(2, 2) 1/kg, ground frame: acceleration of a joint's second pin from its first under a force on the second, and
-    the opposite on the first, in these poses.
+    the opposite on the first, in these poses; or of what of the two bodies is ``aside`` (m, ground frame) of it.
 
     The joints ``closed`` stay so, and the motors in those ``held`` do not give way.  All others are loose.
     """
     least = TRIFLE * longest(m) ** 2
     sizes = [(body.mass, body.mass, max(body.moment_of_inertia, least * body.mass)) for body in m.bodies]
     free = 1 / np.ravel(sizes)
-    apart = _apart(m, bodies, joint)
+    apart = _apart(m, bodies, joint, aside)
     rows = [row for each in closed for row in _closing(m, bodies, each)] + [_moving(m, bodies, each) for each in held]
     bare = apart * free @ apart.T
     if not rows:
@@ -36,13 +42,13 @@ def mobility(
     return np.asarray(bare - between.T @ np.linalg.pinv(ties * free @ ties.T, rcond=SINGULAR, hermitian=True) @ between)
 
 
-def _apart(m: Mechanism, bodies: Mapping[str, Pose], joint: Joint) -> np.ndarray:
-    """(2, 3 bodies): velocity of a joint's second body less the first's where the second's point is, by the velocities
-    (x, y) of all mass centres and the bodies' angular velocities.
+def _apart(m: Mechanism, bodies: Mapping[str, Pose], joint: Joint, aside: complex = 0j) -> np.ndarray:
+    """(2, 3 bodies): velocity of a joint's second body less the first's where the second's point is, or ``aside`` (m,
+    ground frame) of it, by the velocities (x, y) of all mass centres and the bodies' angular velocities.
     """
     second = joint.bodies[1]
     at = bodies.get(second, AT_REST)
-    place = at.origin + m.body(second).point(joint.name) * np.exp(1j * at.angle)
+    place = at.origin + m.body(second).point(joint.name) * np.exp(1j * at.angle) + aside
     rows = np.zeros((2, 3 * len(m.bodies)))
     for k, body in enumerate(m.bodies):
         if body.name in joint.bodies:
@@ -57,6 +63,16 @@ def _turning(m: Mechanism, joint: Joint) -> np.ndarray:
     """(3 bodies,): angular velocity of a joint's second body less the first's, by the same."""
     signs = {joint.bodies[0]: -1.0, joint.bodies[1]: 1.0}
     return np.array([part for body in m.bodies for part in (0.0, 0.0, signs.get(body.name, 0.0))])
+
+
+def corner_mass(
+    m: Mechanism, bodies: Mapping[str, Pose], joint: Joint, closed: Iterable[Joint], held: Iterable[Joint]
+) -> float:
+    """Mass (kg) that the walls of a guide feel at the corner of its block that gives way most, in these poses."""
+    guide, along = Guide.of(joint), _along(bodies, joint)
+    assert guide is not None  # a mechanism with clearance in a prismatic joint has it
+    n, closed, held = np.array([-along.imag, along.real]), [*closed], [*held]
+    return 1 / max(float(n @ mobility(m, bodies, joint, closed, held, along * z) @ n) for z in guide.corners)
 
 
 def _along(bodies: Mapping[str, Pose], joint: Joint) -> complex:
