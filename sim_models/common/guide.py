@@ -51,6 +51,16 @@ class Guide:
         turned = self.length / 2 * np.abs(np.sin(tilt)) - self.height / 2 * (1 - np.cos(tilt))
         return abs(height) + turned
 
+    def depths(self, height: Amount, tilt: Amount) -> np.ndarray:
+        """How deep (4, ...) m each corner is in its wall; negative where it is off."""
+        out = [(1.0 if z.imag > 0 else -1.0, z) for z in self.corners]
+        across = [s * (height + z.real * np.sin(tilt) + z.imag * np.cos(tilt)) for s, z in out]
+        return np.array(across) - self.height / 2 - self.clearance
+
+    def push(self, across: float, moment: float) -> complex:
+        """Force (N) across and i times a moment (N.m) about the block's point over half the length."""
+        return complex(across, 2 * moment / self.length)
+
     def corners_at(self, push: complex) -> tuple[int, int]:
         """Which corners a wall presses under a force (N) across and i times a moment (N.m) over half the length: both
         of one side, or two at opposite ends and walls.

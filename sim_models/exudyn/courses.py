@@ -79,7 +79,7 @@ class CoursesRun(Run):
                 start, here = passing(equilibria, time, time)
             else:
                 here = equilibria.at(path.start, inertia)
-                gaps = {name: complex(here.gap[name][0]) for name in equilibria.displaced}
+                gaps = here.gaps(equilibria.displaced)
                 start = path.moving(path.start, 0.0, gaps)
             pressing = {name: abs(force[0]) for name, force in here.force.items()}
         if inertia is not None:

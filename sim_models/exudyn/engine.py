@@ -5,6 +5,7 @@
 (ObjectContactSphereSphere): K d + C d' where the mechanism gives ``contact_damping``, else a restitution law. That
 damping also pulls while the pin leaves, which the spring-damper's does not: with many impacts the pin is free 4-6 %
 less.  Where the mechanism names a ``contact_law``, both are :mod:`sim_models.exudyn.named_contact`, which never pulls.
+Of blocks with clearance in their guides both are :mod:`sim_models.exudyn.block`, which does not either.
 """
 
 from __future__ import annotations
@@ -29,10 +30,10 @@ from sim_models.exudyn.settings import console_off
 RUNS: tuple[Pair, ...] = tuple((model, motion) for model in JOINT_MODELS for motion in MOTIONS)
 BENDING: tuple[Pair, ...] = tuple((model, motion) for model in ("ideal", "contact") for motion in MOTIONS)
 # No law of a joint sees another's reaction; one-sided laws between a motor and its crank would be slow in Python.
-HAS: frozenset[Feature] = frozenset(FEATURES) - {"load_friction", "backlash", "guide_clearance"}
-WRITTEN = HAS - {"contact_law"}  # in exports: a memory of touches is no part of a model file
+HAS: frozenset[Feature] = frozenset(FEATURES) - {"load_friction", "backlash"}
+WRITTEN = HAS - {"contact_law", "guide_clearance"}  # in exports: functions of the run's own are no part of a model file
 BEYOND: frozenset[Feature] = frozenset(
-    {"contact_law", "contact_friction", "drive_compliance", "soft_bearing", "released"}
+    {"contact_law", "contact_friction", "drive_compliance", "guide_clearance", "soft_bearing", "released"}
 )  # of beams
 # Of beams in motion: inertia forces of several drives, and dampers beside springs, are not worked out.
 AT_REST_ALONE: frozenset[tuple[Feature, Pair]] = frozenset(

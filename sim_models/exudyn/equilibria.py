@@ -8,15 +8,17 @@ from typing import Any
 import numpy as np
 from scipy.optimize import newton
 
+from analytic.kinematics.structure import Rest
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint
 from sim_models.common.contact_laws import pressed_to
 from sim_models.common.failed_starts import check_stiff_enough, no_start, why_no_equilibrium
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import travel
 from sim_models.engine import Cause, Request, SimulationError
+from sim_models.exudyn.block import Block
 from sim_models.exudyn.linkage import ExudynLinkage, Inertia
 from sim_models.exudyn.model import ExudynModel, point_at
-from sim_models.exudyn.path import Path, redundant
+from sim_models.exudyn.path import Gaps, Path, redundant
 from sim_models.exudyn.record import Record
 
 STILL = 1e-12  # rad: last correction of a crank's angle behind a compliant drive
@@ -73,6 +75,8 @@ class Equilibria:
         except SimulationError as error:
             raise why_no_equilibrium("exudyn", self.request, theta, springs) or error from None
         for name in self.clearance:
+            if name in found.tilt:  # walls never pull
+                continue
             if np.real(found.force[name][0] * np.conj(found.gap[name][0])) <= 0:
                 raise self._failure(Cause.PULLED, f"the pin of joint {name} would have to be pushed, not pulled", theta)
         return found
@@ -97,20 +101,27 @@ class Equilibria:
                 Cause.NO_EQUILIBRIUM, f"a drive of {stiffness:g} N.m/rad holds the crank nowhere near", theta
             ) from None
 
-    def _taken_up(self, linkage: ExudynLinkage, near: Record, theta: float) -> dict[str, complex]:
-        """Gaps (m) where the reactions of a neighbouring equilibrium press every pin."""
+    def _taken_up(self, linkage: ExudynLinkage, near: Record, theta: float) -> dict[str, complex | Rest]:
+        """Gaps (m) where the reactions of a neighbouring equilibrium press every pin, and where they press blocks."""
         scale = max(abs(force[0]) for force in near.force.values())
-        gaps = {}
-        for name, clearance in self.clearance.items():
-            force = complex(near.force[name][0])
+        gaps: dict[str, complex | Rest] = {}
+        for name, clearance in linkage.model.clearance.items():
+            block = linkage.model.blocks.get(name)
+            force = complex(near.force[name][0]) if block is None else self._push(block, near)
             if abs(force) <= NO_LOAD * scale or scale == 0:
                 what = f"nothing presses the pin of joint {name}, so its equilibrium is undetermined"
                 raise self._failure(Cause.UNPRESSED, what, theta)
-            gaps[name] = pressed_to(clearance, abs(force) / linkage.model.stiffness(name), force)
-        gaps |= {name: complex(near.gap[name][0]) for name in self.request.bearings}
-        return gaps
+            give = abs(force) / linkage.model.stiffness(name)
+            gaps[name] = pressed_to(clearance, give, force) if block is None else block.guide.rest(force, give / 2)
+        return gaps | near.gaps(self.request.bearings)
 
-    def _solve(self, linkage: ExudynLinkage, theta: float, gaps: Mapping[str, complex], loads: Loads) -> Record:
+    def _push(self, block: Block, near: Record) -> complex:
+        """Force (N) across on a block and i times its moment over half its length (see :meth:`Guide.push`)."""
+        name, first = block.joint.name, block.joint.bodies[0]
+        along = block.joint.direction * np.exp(1j * (near.angle[first][0] if first != GROUND else 0.0))
+        return block.guide.push(float((near.force[name][0] * np.conj(along)).imag), float(near.moment[name][0]))
+
+    def _solve(self, linkage: ExudynLinkage, theta: float, gaps: Gaps, loads: Loads) -> Record:
         linkage.place(self.path.poses(theta, gaps))
         linkage.load_bodies(*loads)
         if not linkage.solve_static():

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypedDict, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from analytic.mechanism import GROUND, MASS_CENTRE
+from analytic.mechanism import GROUND, MASS_CENTRE, Joint
 from analytic.mechanism.signals import driving
 from sim_models.common.start import Pose
 from sim_models.exudyn.model import ExudynModel, gap_at, point_at
@@ -84,6 +84,8 @@ class ExudynLinkage:
             self.mbs.SetLoadParameter(self.model.com_torque[body.name], "loadVector", [0.0, 0.0, torque[body.name]])
         for name, number in self.model.slides.items():
             self.mbs.SetObjectParameter(number, "force", -slide[name])
+        for name, block in self.model.blocks.items():
+            block.steady.SetValue(slide[name])
 
     def body_loads(self) -> dict[str, list[float]]:
         """What :meth:`load_bodies` put on each body: force x, y (N) at its com, and torque (N.m)."""
@@ -215,15 +217,22 @@ class ExudynLinkage:
         )  # Exudyn's static and dynamic solvers differ in a multiplier's sign
         drives = self._drives(raw, multiplier, time.size)
         force, moment = {}, {}
+        height, tilt = self._seats(com, angle)
         for joint in self.m.joints:
-            value = raw[f"force {joint.name}"]
             if joint.prismatic:
-                along = np.exp(1j * angle[joint.bodies[0]]) if joint.bodies[0] != GROUND else 1.0
+                along = joint.direction * (np.exp(1j * angle[joint.bodies[0]]) if joint.bodies[0] != GROUND else 1.0)
+                if joint.name in height:
+                    gap[joint.name] = -1j * height[joint.name] * along
+                    force[joint.name], moment[joint.name] = self._of_walls(joint, raw, com, angle)
+                    force[joint.name] = force[joint.name] + drives.get(joint.name, 0.0) * along
+                    continue
                 laws = [raw[law][:, 0] for law in (f"law {joint.name}", f"curved {joint.name}") if law in raw]
                 axial = drives.get(joint.name, 0.0) - sum(laws)
-                force[joint.name] = (axial + 1j * multiplier * value[:, 1]) * joint.direction * along
+                force[joint.name] = (axial + 1j * multiplier * raw[f"force {joint.name}"][:, 1]) * along
                 moment[joint.name] = -multiplier * raw[f"moment {joint.name}"][:, 2]
-            elif joint.name not in self.model.clearance and joint.name not in self.model.bearings:
+                continue
+            value = raw[f"force {joint.name}"]
+            if joint.name not in self.model.clearance and joint.name not in self.model.bearings:
                 force[joint.name] = multiplier * (value[:, 0] + 1j * value[:, 1])
             elif (
                 joint.name in self.model.clearance
@@ -241,7 +250,34 @@ class ExudynLinkage:
         moved = [self.m.joint(name) for name in self.model.drives or ()]
         loads = {signal.name: load for signal, load in zip(driving(moved), drives.values(), strict=False)}
         marker = {body: locate(self.m, com, angle, body, "com") for body in com}
-        return Record(time, com, marker, angle, velocity, turning, acceleration, spin_up, gap, force, moment, loads)
+        return Record(
+            time, com, marker, angle, velocity, turning, acceleration, spin_up, gap, height, tilt, force, moment, loads
+        )
+
+    def _of_walls(
+        self,
+        joint: Joint,
+        raw: Mapping[str, np.ndarray],
+        com: Mapping[str, np.ndarray],
+        angle: Mapping[str, np.ndarray],
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Force (M,) N of a guide, and of the joint's own law, on its block, and moment (M,) N.m about its point."""
+        at = locate(self.m, com, angle, joint.bodies[1], joint.name)
+        arms = [at - com.get(body, 0.0) for body in joint.bodies]
+        return self.model.blocks[joint.name].on_second(raw[f"walls {joint.name}"], arms)
+
+    def _seats(
+        self, com: Mapping[str, np.ndarray], angle: Mapping[str, np.ndarray]
+    ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+        """Height (m) and tilt (rad) (M,) of each block in its guide."""
+        height, tilt = dict[str, np.ndarray](), dict[str, np.ndarray]()
+        for name, block in self.model.blocks.items():
+            first, second = block.joint.bodies
+            near, far = (locate(self.m, com, angle, body, name) for body in block.joint.bodies)
+            turned = {GROUND: np.zeros(1), **angle}
+            height[name] = np.imag((far - near) * np.conj(block.joint.direction * np.exp(1j * turned[first])))
+            tilt[name] = turned[second] - turned[first] - block.joint.angle
+        return height, tilt
 
     def _drives(self, raw: Mapping[str, np.ndarray], multiplier: float, size: int) -> dict[str, np.ndarray]:
         """What each motor, or what holds a joint, gives (N.m, N), by joint; a crank's, by no joint."""

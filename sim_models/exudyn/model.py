@@ -18,9 +18,11 @@ from sim_models.common.contact_laws import PIN_RADIUS, NamedLaw, bearing, contac
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import travel
 from sim_models.engine import JointModel, Motion, Request
+from sim_models.exudyn.block import Block
+from sim_models.exudyn.compiled import add_forces
 from sim_models.exudyn.laws import CONTACT_CREEP, MINIMUM_IMPACT_SPEED, contact_restitution, hysteresis, joint_creep
 from sim_models.exudyn.motor import RunMotor
-from sim_models.exudyn.named_contact import End, Memory, Rub, before_steps, push_back
+from sim_models.exudyn.named_contact import End, Glance, Memory, Rub, at_pin, before_steps, push_back
 from sim_models.exudyn.slides import Slide
 
 ROD_STIFFNESS = (
@@ -58,12 +60,15 @@ class ExudynModel:
         self.items = items
         self.m, self.joint_model, self.motion, self.redundant = mechanism, joint_model, motion, redundant
         self.clearance = Request(mechanism, joint_model).clearances
+        if joint_model == "massless-link":  # a rod holds no block
+            self.clearance = {name: c for name, c in self.clearance.items() if not mechanism.joint(name).prismatic}
         self.laws = {
             name: contact_parameters(mechanism, mechanism.joint(name), contact_for or motion) for name in self.clearance
         }
         self.named = named_laws(mechanism, joint_model, motion)
-        self.memories: list[tuple[Any, Memory]] = []  # of laws by name: connector, and how fast its pin touched
+        self.glances: list[Glance] = []  # of laws by name that remember how fast what they push touched
         self.rubs: dict[str, Rub] = {}  # friction beside a law by name
+        self.blocks: dict[str, Block] = {}  # of prismatic joints with clearance
         self.bearings = {
             name: bearing(mechanism, mechanism.joint(name)) for name in Request(mechanism, joint_model).bearings
         }
@@ -98,8 +103,8 @@ class ExudynModel:
             self.drives = {name: self._add_own_drive(mechanism.joint(name), by) for name, by in drives.items()}
             self.hold(start)
         self.mbs.Assemble()
-        if self.memories:
-            self.mbs.SetPreStepUserFunction(before_steps(exudyn, self.memories))
+        if self.glances:
+            self.mbs.SetPreStepUserFunction(before_steps(self.glances))
 
     @property
     def size(self) -> float:
@@ -175,6 +180,9 @@ class ExudynModel:
         )
 
     def _add_joint(self, joint: Joint, start: Mapping[str, Pose]) -> None:
+        if joint.prismatic and joint.name in self.clearance:
+            self._add_block(joint)
+            return
         if joint.prismatic:
             turn = cmath.phase(joint.direction)
             markers = [
@@ -271,7 +279,7 @@ class ExudynModel:
         from exudyn.utilities import CreateSymbolicUserFunction
 
         symbolic = self.exu.symbolic
-        memory = Memory(symbolic, joint.name, law, joint.clearance) if law.hysteresis else None
+        memory = Memory(symbolic, joint.name, law) if law.hysteresis else None
 
         def pushing(mbs: Any, t: Any, item: Any, stretch: Any, rate: Any, k: Any, d: Any, force: Any) -> Any:
             return push_back(symbolic, law, memory, stretch, rate)
@@ -285,13 +293,38 @@ class ExudynModel:
         compiled = CreateSymbolicUserFunction(self.mbs, pushing, "springForceUserFunction", number)
         self.mbs.SetObjectParameter(number, "springForceUserFunction", compiled)
         if memory is not None:
-            self.memories.append((number, memory))
+            self.glances.append(at_pin(self.exu, number, joint.clearance, memory))
         if joint.friction and self.joint_model == "contact":
             self._add_rub(joint, law, memory)
         return number
 
     def _add_rub(self, joint: Joint, law: NamedLaw, memory: Memory | None) -> None:
         """Friction of a pin in its bearing beside a law by name."""
+        rim = (joint.pin_radius or PIN_RADIUS) + joint.clearance
+        rub = Rub(law, memory, joint.clearance, joint.friction, rim, self._ends(joint))
+        number = add_forces(self.exu, self.mbs, self.items, self._moving_nodes(joint), rub.force)
+        self.rubs[joint.name] = rub
+        self._sense(f"rub {joint.name}", self.items.SensorBody, "Force", bodyNumber=number)
+
+    def _add_block(self, joint: Joint) -> None:
+        """The walls of a guide against the corners of its block."""
+        moving, law = self.motion == "driven", self.named.get(joint.name, self.laws[joint.name])
+        pull = self._effort(joint, moving, self.creep * self.size)
+        linear = joint.stiffness, joint.damping if moving else 0.0, joint.rest_angle
+        own = (lambda travel, rate: pull(travel, rate, *linear)) if joint.has_law else None
+        block = Block.of(self.exu, joint, law, self._ends(joint), own)
+        nodes = self._moving_nodes(joint)
+        number = add_forces(self.exu, self.mbs, self.items, nodes, block.force)
+        self.blocks[joint.name] = block
+        if block.memories:
+            self.glances.append(block.glance(self.exu, nodes))
+        self._sense(f"walls {joint.name}", self.items.SensorBody, "Force", bodyNumber=number)
+
+    def _moving_nodes(self, joint: Joint) -> list[Any]:
+        return [self.nodes[body] for body in joint.bodies if body != GROUND]
+
+    def _ends(self, joint: Joint) -> tuple[End, End]:
+        """A joint's points in the coordinates of :meth:`_moving_nodes`."""
         moving = [body for body in joint.bodies if body != GROUND]
         first, second = (
             End(self.m.ground.point(joint.name), None)
@@ -299,11 +332,7 @@ class ExudynModel:
             else End(self.m.body(body).point(joint.name) - self.m.body(body).point(MASS_CENTRE), 3 * moving.index(body))
             for body in joint.bodies
         )
-        rim = (joint.pin_radius or PIN_RADIUS) + joint.clearance
-        rub = Rub(law, memory, joint.clearance, joint.friction, rim, (first, second))
-        number = rub.add(self.exu, self.mbs, self.items, [self.nodes[body] for body in moving])
-        self.rubs[joint.name] = rub
-        self._sense(f"rub {joint.name}", self.items.SensorBody, "Force", bodyNumber=number)
+        return first, second
 
     def _add_rod(self, joint: Joint, markers: list[Any]) -> Any:
         if self.motion == "static":
@@ -320,7 +349,7 @@ class ExudynModel:
         damping, friction = (joint.damping, joint.coulomb) if moving else (0.0, 0.0)
         curved = joint.cubic or (moving and (joint.drag or joint.stribeck_speed))
         if joint.prismatic:
-            if joint.has_law:
+            if joint.has_law and joint.name not in self.blocks:
                 self._add_slide_law(joint, moving, bool(curved or friction))
         elif curved:
             kind = self.items.ObjectConnectorCoordinateSpringDamper
@@ -371,12 +400,24 @@ class ExudynModel:
         """
         from exudyn.utilities import CreateSymbolicUserFunction
 
-        symbolic, cubic = self.exu.symbolic, joint.cubic
-        drag, friction = (joint.drag, joint.coulomb) if moving else (0.0, 0.0)
-        excess, fades = (joint.stiction - joint.coulomb, joint.stribeck_speed) if moving else (0.0, None)
+        effort = self._effort(joint, moving, creep)
         number = self.mbs.AddObject(kind(**fields))
 
         def law(mbs: Any, t: Any, item: Any, travel: Any, rate: Any, k: Any, d: Any, rest: Any) -> Any:
+            return effort(travel, rate, k, d, rest)
+
+        self.mbs.SetObjectParameter(number, "springForceUserFunction", law)
+        compiled = CreateSymbolicUserFunction(self.mbs, law, "springForceUserFunction", number)
+        self.mbs.SetObjectParameter(number, "springForceUserFunction", compiled)
+        return number
+
+    def _effort(self, joint: Joint, moving: bool, creep: float) -> Callable[[Any, Any, Any, Any, Any], Any]:
+        """A joint's law: by travel, rate, stiffness, damping and rest, what draws the second body back, symbolic."""
+        symbolic, cubic = self.exu.symbolic, joint.cubic
+        drag, friction = (joint.drag, joint.coulomb) if moving else (0.0, 0.0)
+        excess, fades = (joint.stiction - joint.coulomb, joint.stribeck_speed) if moving else (0.0, None)
+
+        def effort(travel: Any, rate: Any, k: Any, d: Any, rest: Any) -> Any:
             stretch = travel - rest
             force = k * stretch + d * rate
             if cubic:
@@ -390,10 +431,7 @@ class ExudynModel:
                 force = force + dry * symbolic.max(symbolic.min(rate / creep, 1.0), -1.0)
             return force
 
-        self.mbs.SetObjectParameter(number, "springForceUserFunction", law)
-        compiled = CreateSymbolicUserFunction(self.mbs, law, "springForceUserFunction", number)
-        self.mbs.SetObjectParameter(number, "springForceUserFunction", compiled)
-        return number
+        return effort
 
     def _add_periodic_torque(self) -> None:
         """What turns the driven body over its angle, as a spring of a law of its own."""

@@ -7,13 +7,14 @@ the pin centres (ObjectConnectorSpringDamper as long as the clearance), friction
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from sim_models.common.contact_laws import NamedLaw
+from sim_models.common.contact_laws import KelvinVoigt, NamedLaw
 from sim_models.exudyn.laws import CONTACT_CREEP
 
 TINY = 1e-300  # m, in place of a gap of no length
@@ -23,35 +24,46 @@ _Exu = Any  # an object of Exudyn's, or a number of its symbolic functions
 class Memory:
     """How a law with hysteresis remembers its touch: ``gain`` (s/m) is chi/v0, a variable in compiled functions.
 
-    A pin that starts on its wall has come there as slowly as the law reckons with.
+    What starts on its wall has come there as slowly as the law reckons with.
     """
 
-    def __init__(self, symbolic: _Exu, joint: str, law: NamedLaw, clearance: float) -> None:
-        self.law, self.clearance = law, clearance
-        self.gain = symbolic.Real(f"gain {joint}", law.hysteresis / law.slowest)
+    def __init__(self, symbolic: _Exu, name: str, law: NamedLaw) -> None:
+        self.law = law
+        self.gain = symbolic.Real(f"gain {name}", law.hysteresis / law.slowest)
 
-    def see(self, apart: complex, rate: complex) -> None:
-        """Pin centres (m, m/s) at the start of a step: off the wall, it may be the one in which the pin touches."""
-        distance = abs(apart)
-        if distance <= self.clearance:
-            speed = (apart.conjugate() * rate).real / max(distance, TINY)
-            self.gain.SetValue(self.law.hysteresis / max(speed, self.law.slowest))
+    def see(self, depth: float, rate: float) -> None:
+        """Depth (m) and its rate (m/s) at the start of a step: off the wall, it may be the one in which it touches."""
+        if depth <= 0:
+            self.gain.SetValue(self.law.hysteresis / max(rate, self.law.slowest))
 
 
-def before_steps(exu: _Exu, memories: Sequence[tuple[_Exu, Memory]]) -> Callable[[_Exu, float], bool]:
-    """What Exudyn does before each step, for the connectors of these memories."""
+Glance = Callable[[_Exu], None]  # at a system, of a memory
+
+
+def at_pin(exu: _Exu, number: int, clearance: float, memory: Memory) -> Glance:
+    """How a pin's memory sees the connector of this number, whose pin has this clearance (m)."""
     apart, rate = exu.OutputVariableType.Displacement, exu.OutputVariableType.Velocity
 
+    def look(mbs: _Exu) -> None:
+        (x, y, _), (u, v, _) = (mbs.GetObjectOutput(number, kind).tolist() for kind in (apart, rate))
+        distance = math.hypot(x, y)
+        memory.see(distance - clearance, (x * u + y * v) / max(distance, TINY))
+
+    return look
+
+
+def before_steps(glances: Sequence[Glance]) -> Callable[[_Exu, float], bool]:
+    """What Exudyn does before each step."""
+
     def look(mbs: _Exu, t: float) -> bool:
-        for number, memory in memories:
-            (x, y, _), (u, v, _) = (mbs.GetObjectOutput(number, kind).tolist() for kind in (apart, rate))
-            memory.see(complex(x, y), complex(u, v))
+        for glance in glances:
+            glance(mbs)
         return True
 
     return look
 
 
-def push_back(symbolic: _Exu, law: NamedLaw, memory: Memory | None, stretch: _Exu, rate: _Exu) -> _Exu:
+def push_back(symbolic: _Exu, law: KelvinVoigt | NamedLaw, memory: Memory | None, stretch: _Exu, rate: _Exu) -> _Exu:
     """The force (N) of a pin so far (m) beyond its clearance, at this rate (m/s), symbolic."""
     if memory is not None:
         return symbolic.max(law.stiffness * symbolic.max(stretch, 0.0) * (1.0 + memory.gain * rate), 0.0)
@@ -81,40 +93,6 @@ class Rub:
     friction: float
     rim: float
     ends: tuple[End, End]
-
-    @property
-    def size(self) -> int:
-        """Number of coordinates: three of each moving body."""
-        return 3 * sum(end.row is not None for end in self.ends)
-
-    def add(self, exu: _Exu, mbs: _Exu, items: _Exu, nodes: list[_Exu]) -> _Exu:
-        """Add it to a system, on the nodes of the moving bodies; the object's number.
-
-        Exudyn's helper for symbolic functions does not know how many coordinates there are.
-        """
-        symbolic, name = exu.symbolic, "forceUserFunction"
-        number = mbs.AddObject(
-            items.ObjectGenericODE2(
-                nodeNumbers=nodes, massMatrix=np.zeros((self.size, self.size)), forceUserFunction=lambda *_: []
-            )
-        )
-        before = symbolic.GetRecording()
-        symbolic.SetRecording(True)
-        t, item = symbolic.Real("t", 0.0), symbolic.Real("item", 0)
-        q, q_t = (symbolic.Vector(each, [0.0] * self.size) for each in ("q", "q_t"))
-        force = self.force(symbolic, q, q_t)
-        symbolic.SetRecording(before)
-        compiled = symbolic.UserFunction()
-        described = {
-            "functionName": "rub",
-            "argList": [mbs, t, item, q, q_t],
-            "argTypeList": ["MainSystem", "Real", "Index", "StdVector", "StdVector"],
-            "returnValue": force,
-            "returnType": "StdVector",
-        }
-        compiled.SetUserFunctionFromDict(mbs, described, name, number, "None")
-        mbs.SetObjectParameter(number, name, compiled)
-        return number
 
     def force(self, symbolic: _Exu, q: _Exu, q_t: _Exu) -> _Exu:
         """Generalised forces (N, N, N.m of each moving body) at these coordinates and rates, symbolic.

@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, ClassVar, Protocol
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.structure import Rest
 from sim_models.common.contact_laws import longest
+from sim_models.common.guide import opened
 from sim_models.common.held import HeldPath
 from sim_models.common.motor import motors_of
 from sim_models.common.start import Pose, poses
@@ -20,7 +22,8 @@ from sim_models.exudyn.motor import RunMotor
 if TYPE_CHECKING:
     from sim_models.exudyn.record import Record
 
-NO_GAPS: Mapping[str, complex] = {}
+Gaps = Mapping[str, complex | Rest]  # by joint: a pin's gap (m), first minus second, or where a block rests
+NO_GAPS: Gaps = {}
 GLIMPSES = 400  # instants of courses, at least, between which it is looked how fast they turn the bodies
 ASIDE = 1e-3  # s, or rad or m of the fastest motor: from an instant to its neighbours, for rates
 
@@ -35,10 +38,10 @@ class Path(Protocol):
     def start(self) -> float:
         """Where on it the linkage is first closed."""
 
-    def poses(self, at: float, gaps: Mapping[str, complex] = NO_GAPS) -> dict[str, Pose]:
+    def poses(self, at: float, gaps: Gaps = NO_GAPS) -> dict[str, Pose]:
         """Pose of every moving body with these gaps (m) of its joints, as if at rest.  Raises AssemblyError."""
 
-    def moving(self, at: float, speed: float, gaps: Mapping[str, complex] = NO_GAPS) -> dict[str, Pose]:
+    def moving(self, at: float, speed: float, gaps: Gaps = NO_GAPS) -> dict[str, Pose]:
         """The same with rates; ``speed`` (rad/s) is a crank's.  Raises AssemblyError."""
 
     def turned(self, record: Record, rows: np.ndarray) -> dict[str, np.ndarray]:
@@ -63,13 +66,14 @@ class CrankPath:
         """The assembly angle (rad)."""
         return self.assembly.start
 
-    def poses(self, at: float, gaps: Mapping[str, complex] = NO_GAPS) -> dict[str, Pose]:
+    def poses(self, at: float, gaps: Gaps = NO_GAPS) -> dict[str, Pose]:
         """At a crank angle (rad)."""
-        return poses(self.assembly, at, gaps=lambda _: gaps)
+        return self.moving(at, 0.0, gaps)
 
-    def moving(self, at: float, speed: float, gaps: Mapping[str, complex] = NO_GAPS) -> dict[str, Pose]:
+    def moving(self, at: float, speed: float, gaps: Gaps = NO_GAPS) -> dict[str, Pose]:
         """At a crank angle (rad) that changes at ``speed`` (rad/s)."""
-        return poses(self.assembly, at, speed, lambda _: gaps)
+        linkage, own = opened(self.assembly, gaps)
+        return poses(linkage, at, speed, lambda _: own)
 
     def turned(self, record: Record, rows: np.ndarray) -> dict[str, np.ndarray]:
         """Where the crank is as it was recorded."""
@@ -113,13 +117,13 @@ class CoursePath:
         """Times of the run (s) at a request's (s)."""
         return next((motor.clock(time) for motor in self.motors.values()), time)
 
-    def poses(self, at: float, gaps: Mapping[str, complex] = NO_GAPS) -> dict[str, Pose]:
+    def poses(self, at: float, gaps: Gaps = NO_GAPS) -> dict[str, Pose]:
         """At a time (s)."""
         origins, angles = self._placed(self._positions(np.array([at])), gaps)
         bodies = self.assembly.structure.bodies
         return {name: Pose(complex(origins[b, 0]), float(angles[b, 0])) for b, name in enumerate(bodies) if b}
 
-    def moving(self, at: float, speed: float, gaps: Mapping[str, complex] = NO_GAPS) -> dict[str, Pose]:
+    def moving(self, at: float, speed: float, gaps: Gaps = NO_GAPS) -> dict[str, Pose]:
         """At a time (s), by central differences along the motion (five points) that goes on as it does then."""
         rates = dict.fromkeys(self.still, 0.0) | {n: float(motor.rate(at)) for n, motor in self.motors.items()}
         h = ASIDE / max(1.0, *(abs(rate) for rate in rates.values()))
@@ -147,15 +151,14 @@ class CoursePath:
         still = {name: np.full(times.size, where) for name, where in self.still.items()}
         return still | {name: motor.angle(times) for name, motor in self.motors.items()}
 
-    def _placed(
-        self, positions: Mapping[str, np.ndarray], gaps: Mapping[str, complex]
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _placed(self, positions: Mapping[str, np.ndarray], gaps: Gaps) -> tuple[np.ndarray, np.ndarray]:
         """Origins (bodies, N) m, complex, and angles (bodies, N) rad."""
         inputs = self.assembly.inputs_at(positions)
-        gap = {name: np.full(inputs.shape[1], value) for name, value in gaps.items()}
-        s, u = self.assembly.structure, self.assembly.coordinates(inputs, gap)
+        linkage, own = opened(self.assembly, gaps)
+        gap = {name: np.full(inputs.shape[1], value) for name, value in own.items()}
+        s, u = linkage.structure, linkage.coordinates(inputs, gap)
         angles = [u[list(turned)].sum(axis=0) + held for turned, held in zip(s.turned, s.held_at, strict=True)]
-        return s.origins @ self.assembly.columns(u, gap), np.array(angles)
+        return s.origins @ linkage.columns(u, gap), np.array(angles)
 
     def _way(self, times: np.ndarray) -> np.ndarray:
         """Times (s) between which the courses hardly bend: those asked for, the knots, and many more."""
@@ -188,11 +191,11 @@ class RestingPath:
         """Time (s) of the first of them."""
         return self.along.begin
 
-    def poses(self, at: float, gaps: Mapping[str, complex] = NO_GAPS) -> dict[str, Pose]:
+    def poses(self, at: float, gaps: Gaps = NO_GAPS) -> dict[str, Pose]:
         """At a time (s)."""
         return self.along.poses(at, gaps)
 
-    def moving(self, at: float, speed: float, gaps: Mapping[str, complex] = NO_GAPS) -> dict[str, Pose]:
+    def moving(self, at: float, speed: float, gaps: Gaps = NO_GAPS) -> dict[str, Pose]:
         """At a time (s), going on as the courses then do, the fastest drive at ``speed`` (rad/s, or lengths of the
         longest body per second).
         """

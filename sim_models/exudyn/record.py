@@ -9,9 +9,11 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from analytic.kinematics.structure import Rest
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism
 from analytic.mechanism.signals import DRIVE_TORQUE
 from sim_models.common.contact_laws import TOO_DEEP, shortest_link
+from sim_models.common.guide import Guide
 from sim_models.common.travel import slide_travel
 from sim_models.engine import Rates, Watched
 from sim_models.exudyn.motor import RunMotor
@@ -35,7 +37,9 @@ class Record:
     angular_velocity: Mapping[str, np.ndarray]  # rad/s (M,)
     acceleration: Mapping[str, np.ndarray]  # m/s^2 (M,) complex
     angular_acceleration: Mapping[str, np.ndarray]  # rad/s^2 (M,)
-    gap: Mapping[str, np.ndarray]  # m (M,) complex, by revolute joint: first pin centre minus second
+    gap: Mapping[str, np.ndarray]  # m (M,) complex, by revolute joint: first pin centre minus second; by block, across
+    height: Mapping[str, np.ndarray]  # m (M,) by block with clearance: of its point across its guide
+    tilt: Mapping[str, np.ndarray]  # rad (M,) by block with clearance
     force: Mapping[str, np.ndarray]  # N (M,) complex, by joint: of the first body on the second
     moment: Mapping[str, np.ndarray]  # N.m (M,) by prismatic joint: on the second body at its point
     drives: Mapping[str, np.ndarray]  # N.m, or N, (M,) of each motor, by its signal's name
@@ -64,6 +68,22 @@ class Record:
             )
         return Record(*parts)
 
+    def reach(self, joint: Joint) -> np.ndarray:
+        """How far (M,) m a pin, or a block's corner that is farthest out, is from where it is in the middle."""
+        guide = Guide.of(joint) if joint.name in self.tilt else None
+        if guide is None:
+            return np.abs(self.gap[joint.name])
+        return np.asarray(guide.reach(self.height[joint.name], self.tilt[joint.name]))
+
+    def gaps(self, joints: Iterable[str]) -> dict[str, complex | Rest]:
+        """Where the pins and blocks of these joints are, at the only instant."""
+        return {
+            name: Rest(float(self.height[name][0]), float(self.tilt[name][0]))
+            if name in self.tilt
+            else complex(self.gap[name][0])
+            for name in joints
+        }
+
     def signals(self) -> dict[str, np.ndarray]:
         """Every signal of a Trace, by name."""
         out = dict(self.drives)
@@ -74,6 +94,7 @@ class Record:
             for joint, vector in vectors.items():
                 out |= {f"{quantity}_{joint}_x": vector.real, f"{quantity}_{joint}_y": vector.imag}
         out |= {f"reaction_{joint}_moment": moment for joint, moment in self.moment.items()}
+        out |= {f"clearance_{joint}_angle": -tilt for joint, tilt in self.tilt.items()}
         return {name: np.array(values) for name, values in out.items()}
 
     def rates(self) -> dict[str, Rates]:
@@ -168,14 +189,15 @@ class Judge:
         """Ideal joints that come apart, and pins that sink into their bearings."""
         size = max(body.length for body in self.mechanism.bodies)
         for name, gap in record.gap.items():
+            joint = self.mechanism.joint(name)
             excess, allowed = np.abs(gap), OPEN_LOOP * size
             if name in self.clearance:
-                shortest = shortest_link(self.mechanism, self.mechanism.joint(name))
-                excess, allowed = excess - self.clearance[name], TOO_DEEP * shortest
+                shortest = min(joint.guide) if joint.guide is not None else shortest_link(self.mechanism, joint)
+                excess, allowed = record.reach(joint) - self.clearance[name], TOO_DEEP * shortest
             worst = int(np.argmax(excess))
             if excess[worst] > allowed:
                 return (
-                    f"the pins of joint {name} are {excess[worst]:.3g} m too far apart at {self._place(record, worst)}"
+                    f"the parts of joint {name} are {excess[worst]:.3g} m too far apart at {self._place(record, worst)}"
                 )
         return None
 
@@ -254,7 +276,12 @@ class Judge:
             near, far = (locate(m, record.com, record.angle, *end) for end in spring.ends)
             energy += spring.stiffness / 2 * (np.abs(far - near) - spring.length) ** 2
         for name, stiffness in self.stiffness.items():
-            energy += stiffness / 2 * np.maximum(np.abs(record.gap[name]) - self.clearance[name], 0) ** 2
+            guide = Guide.of(m.joint(name))
+            if name in record.tilt and guide is not None:
+                depth = guide.depths(record.height[name], record.tilt[name])
+            else:
+                depth = np.abs(record.gap[name])[None] - self.clearance[name]
+            energy += stiffness / 2 * np.sum(np.maximum(depth, 0) ** 2, axis=0)
         drive = m.drive_stiffness
         if self.motor is not None and drive is not None:
             energy += record.drive_torque**2 / (2 * drive)

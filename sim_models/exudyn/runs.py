@@ -11,6 +11,7 @@ from itertools import chain, pairwise
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
+from analytic.mechanism import Joint
 from sim_models.common.contact_laws import (
     KelvinVoigt,
     contact_parameters,
@@ -19,6 +20,7 @@ from sim_models.common.contact_laws import (
 )
 from sim_models.common.failed_starts import own_start
 from sim_models.common.journal import free_share
+from sim_models.common.mobility import corner_mass
 from sim_models.common.motor import Motor, motor_of, report_times
 from sim_models.common.start import check_steps, poses, substeps
 from sim_models.engine import (
@@ -90,10 +92,18 @@ class Run:
                 if self.request.joint_model != "massless-link"
                 else pressing[name] / clearance
             )
-            steps.append(
-                2 * math.pi * math.sqrt(lighter_mass(self.m, self.m.joint(name)) / stiffness) / STEPS_PER_PERIOD
-            )
+            joint = self.m.joint(name)
+            mass = self._corner_mass(joint) if joint.prismatic else lighter_mass(self.m, joint)
+            steps.append(2 * math.pi * math.sqrt(mass / stiffness) / STEPS_PER_PERIOD)
         return min(steps)
+
+    def _corner_mass(self, joint: Joint) -> float:
+        """Mass (kg) that a block's corners have for their walls, where the linkage is first closed."""
+        loose = self.clearance.keys() | self.bearings.keys()
+        closed = [each for each in self.m.joints if each.name not in loose]
+        driven = [drive.joint for drive in self.m.drives] if self.request.courses is None else self.request.courses
+        held = [] if self.request.released else [self.m.joint(name) for name in driven]
+        return corner_mass(self.m, self.path.poses(self.path.start), joint, closed, held)
 
     def march(
         self, linkage: ExudynLinkage, times: np.ndarray, longest: float, motors: Sequence[RunMotor] = ()
@@ -159,7 +169,11 @@ class Run:
     ) -> Trace:
         """The trace: signals at the sampled instants, the pins' paths and free share over the dense record."""
         r = self.request
-        free = {name: free_share(dense.gap[name], clearance, dense.time) for name, clearance in self.clearance.items()}
+        free = {
+            name: free_share(dense.reach(self.m.joint(name)), clearance, dense.time)
+            for name, clearance in self.clearance.items()
+        }
+        pins = [name for name in self.clearance if name not in dense.tilt]
         return Trace(
             simulator="exudyn",
             version=installed_version("exudyn") or "unknown",
@@ -170,7 +184,7 @@ class Run:
             signals=self.told(sampled),
             clearance=dict(self.clearance),
             free_share=free,
-            journal={name: np.column_stack([dense.gap[name].real, dense.gap[name].imag]) for name in self.clearance},
+            journal={name: np.column_stack([dense.gap[name].real, dense.gap[name].imag]) for name in pins},
             settings=self.settings(step),
             rates=sampled.rates(),
         )
@@ -209,17 +223,16 @@ class Run:
         """Of joints whose law the mechanism leaves to the engine."""
         r, used = self.request, dict[str, SettingValue]()
         joints = {name: self.m.joint(name) for name in laws}
-        linear = {
-            name
-            for name, joint in joints.items()
-            if r.joint_model == "spring-damper" or joint.contact_damping is not None
-        }
+        one_sided = {name for name, joint in joints.items() if r.joint_model == "spring-damper" or joint.prismatic}
+        linear = one_sided | {name for name, joint in joints.items() if joint.contact_damping is not None}
+        words = ["max(0, K d + C d')"] if one_sided else []
+        words += ["K d + C d'"] if linear - one_sided else []
         if linear:
-            used["contact_law"] = "max(0, K d + C d')" if r.joint_model == "spring-damper" else "K d + C d'"
             used["contact_damping"] = {name: laws[name].damping for name in sorted(linear)}
-        else:
-            used["contact_law"] = "K d (1 + chi d'/v0), Carvalho-Martins 2019 (e > 1/3) or Gonthier et al. 2004"
+        if laws.keys() - linear:
+            words += ["K d (1 + chi d'/v0), Carvalho-Martins 2019 (e > 1/3) or Gonthier et al. 2004"]
             used["minimum_impact_speed"] = MINIMUM_IMPACT_SPEED
+        used["contact_law"] = "; ".join(words)
         bouncing = {
             name: contact_restitution(self.m, joints[name], laws[name]) for name in joints if name not in linear
         }
@@ -320,8 +333,7 @@ class ExudynRun(Run):
                 start, here = steady_start(equilibria, motor, stiffness)
             else:
                 here = equilibria.at(theta, inertia)
-                gaps = {name: complex(here.gap[name][0]) for name in equilibria.displaced}
-                start = poses(self.assembly, theta, r.start_speed, lambda _: gaps)
+                start = self.path.moving(theta, r.start_speed, here.gaps(equilibria.displaced))
             pressing = {name: abs(force[0]) for name, force in here.force.items()}
         model = ExudynModel(m, r.joint_model, "driven", start, motor=motor, redundant=self.redundant)
         linkage = ExudynLinkage(model)

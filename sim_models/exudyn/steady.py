@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import BarycentricInterpolator
 
+from analytic.kinematics.structure import Rest
 from analytic.mechanism import Mechanism
 from sim_models.common.start import Pose
 from sim_models.engine import Request
@@ -66,13 +67,13 @@ def passing(equilibria: Equilibria, time: np.ndarray, crank: np.ndarray) -> tupl
     Inertia forces are those of the motion with the gaps of the pass before.
     """
     here, rate = int(np.argmin(np.abs(time))), derivative(time)
-    gaps: list[dict[str, complex]] = [{} for _ in time]
+    gaps: list[dict[str, complex | Rest]] = [{} for _ in time]
     for _ in range(PASSES):
         found = _passed(equilibria, crank, gaps, rate)
-        gaps = [{name: complex(record.gap[name][0]) for name in equilibria.displaced} for record in found]
+        gaps = [record.gaps(equilibria.displaced) for record in found]
     for name, law in equilibria.real.model.bearings.items():  # the damper of a soft bearing holds its share
-        held = law.damping / law.stiffness * (rate @ np.array([gap[name] for gap in gaps]))
-        gaps = [gap | {name: gap[name] - complex(share)} for gap, share in zip(gaps, held, strict=True)]
+        held = law.damping / law.stiffness * (rate @ (seen := np.array([record.gap[name][0] for record in found])))
+        gaps = [gap | {name: complex(at)} for gap, at in zip(gaps, seen - held, strict=True)]
     return _moving(equilibria.path, crank, gaps, rate, here), found[here]
 
 
@@ -107,14 +108,14 @@ def crank_behind(equilibria: Equilibria, motor: RunMotor, stiffness: float, time
 
 
 def _passed(
-    equilibria: Equilibria, crank: np.ndarray, gaps: list[dict[str, complex]], rate: np.ndarray
+    equilibria: Equilibria, crank: np.ndarray, gaps: list[dict[str, complex | Rest]], rate: np.ndarray
 ) -> list[Record]:
     """Equilibria at every instant, under the inertia forces of the motion that passes them all."""
     inertia, turning = _inertia(equilibria.m, _places(equilibria.path, crank, gaps), rate), rate @ crank
     return [equilibria.at(float(theta), a, float(w)) for theta, a, w in zip(crank, inertia, turning, strict=True)]
 
 
-def _places(path: Path, crank: np.ndarray, gaps: list[dict[str, complex]]) -> list[dict[str, Pose]]:
+def _places(path: Path, crank: np.ndarray, gaps: list[dict[str, complex | Rest]]) -> list[dict[str, Pose]]:
     """Poses at every instant."""
     return [path.poses(float(theta), gap) for theta, gap in zip(crank, gaps, strict=True)]
 
@@ -133,7 +134,7 @@ def _inertia(m: Mechanism, places: list[dict[str, Pose]], rate: np.ndarray) -> l
 
 
 def _moving(
-    path: Path, crank: np.ndarray, gaps: list[dict[str, complex]], rate: np.ndarray, here: int
+    path: Path, crank: np.ndarray, gaps: list[dict[str, complex | Rest]], rate: np.ndarray, here: int
 ) -> dict[str, Pose]:
     """Poses at one of the instants, with their rates."""
     places = _places(path, crank, gaps)
