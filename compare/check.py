@@ -43,6 +43,7 @@ from compare.diagnose.data.quality import REVERSED, looks
 from compare.faults import ArgumentError
 from compare.judge.courses import Courses
 from compare.judge.reference import (
+    SURE,
     Reference,
     followed_drives_reference,
     followed_reference,
@@ -54,7 +55,6 @@ from compare.judge.reference import (
 from compare.recorded.errors import DataError
 from compare.recorded.motion import (
     LEAST,
-    SURE,
     Followed,
     FollowedDrives,
     Start,

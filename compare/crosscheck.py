@@ -63,6 +63,7 @@ from compare.judge.flexible import Beams, softened
 from compare.judge.grid import FREE_TIME, turns_fully
 from compare.judge.longer import prolong, span
 from compare.judge.reference import (
+    SURE,
     Reference,
     reference,
     released_reference,
@@ -73,7 +74,6 @@ from compare.judge.reference import (
 from compare.judge.signals import compared, recorded, with_derived, with_rotations
 from compare.judge.statistics import held_together
 from compare.judge.tolerances import Tolerances
-from compare.recorded.motion import SURE
 from compare.results.contact import Compared
 from compare.results.crosscheck import CrossCheck, Failure, Path, Printed, Run, Simulator, Verdict, without
 from compare.results.crosscheck import Discrepancy as Judgement

@@ -15,7 +15,6 @@ from itertools import islice
 from typing import TypeVar
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from analytic.beyond_paper.drive import Motor, Torque, Turning
 
@@ -85,6 +84,8 @@ class Slack:
         count = min(MOST, math.ceil(POINTS * max(1.0, turns)))
         self.step = (last - first) / count
         self.grid = first + np.arange(count + 1) * self.step
+        from scipy.interpolate import CubicSpline  # here: importing it takes a quarter of a second
+
         values = _coefficients(base(self.grid), torque)
         if repeats:  # a round begins with the largest torque, under which it lies on its flank
             values[-1] = values[0]

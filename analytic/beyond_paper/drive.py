@@ -14,7 +14,6 @@ from functools import cache
 from typing import Protocol
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from analytic.kinematics.assembly import AssemblyError
 from analytic.mechanism import Drive
@@ -123,6 +122,8 @@ class Motor:
         """The lag that follows the torque without swinging, on knots too far apart for the crank to swing
         between them.
         """
+        from scipy.interpolate import CubicSpline  # here: importing it takes a quarter of a second
+
         motor = self.at(time)
         still = Turning(motor.theta, motor.omega, np.zeros(time.size))
         inertia = float(np.abs(torque(Turning(motor.theta, motor.omega, np.ones(time.size))) - torque(still)).max())

@@ -29,6 +29,7 @@ from compare.judge.signals import UNITS, compared, kind_of, with_derived
 from compare.results.crosscheck import OrderDifference
 from sim_models.engine import Motion
 
+SURE = 4.0  # rms errors of a motion that is known no better, by which a signal may be off
 MOVED = ("theta", "omega", "alpha")  # parts of a motion
 NEAR_SINGULAR = (
     "what links that bend change of forces is left out, which is much near a singular posture: the condition number of"

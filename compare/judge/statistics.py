@@ -12,7 +12,6 @@ from collections.abc import Iterator, Sequence
 from itertools import combinations
 
 import numpy as np
-from scipy.special import stdtrit
 
 from compare.judge.tolerances import Tolerances
 from compare.results.contact import STATISTICS, UNITS, Compared, Contact, Statistic, StatisticName
@@ -39,6 +38,8 @@ def statistic(by_revolution: np.ndarray, quantile: float | None = None) -> Stati
     value = float(figure(by_revolution)) if n else math.nan
     if n < FEWEST:
         return Statistic(value=value, low=None, high=None, by_revolution=by_revolution)
+    from scipy.special import stdtrit  # here: importing it takes a tenth of a second
+
     length = max(1, round(n ** (1 / 3)))
     starts = np.random.default_rng(SEED).integers(0, n, (RESAMPLES, math.ceil(n / length)))
     index = (starts[..., None] + np.arange(length)).reshape(RESAMPLES, -1)[:, :n] % n

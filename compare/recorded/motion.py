@@ -14,6 +14,7 @@ from analytic.beyond_paper.drive import Motor, Turning
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
 from compare.diagnose.data.smooth import Smoother
+from compare.judge.reference import SURE
 from sim_models.engine import JointModel, Motion, Request
 
 STRAIGHT = 1e-6  # rad: a crank that is off an even turning by no more turns evenly
@@ -23,7 +24,6 @@ FINER = 4  # knots of a course that an engine follows, to a sample
 KNOTS = 500  # at least
 MARGIN = 1e-6  # of a course's length, beyond its ends
 LEAST = 5  # angles by which a course is known
-SURE = 4.0  # rms errors of a motion that is known no better, by which a signal may be off
 LEFT = 2.0  # times what positions are rounded to, that a smooth course through them may be off
 GAINS = 1.18, 6.0  # rms error of a cubic spline's derivatives at its knots, a step apart, for one of 1 in those
 NEIGHBOURS = 7  # samples around one, whose errors may be its own

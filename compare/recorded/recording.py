@@ -13,10 +13,10 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import position, turned_near
 from compare.faults import ArgumentError
+from compare.judge.reference import SURE
 from compare.recorded.errors import DataError
 from compare.recorded.motion import (
     LEAST,
-    SURE,
     Followed,
     FollowedDrives,
     Start,

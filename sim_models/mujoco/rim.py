@@ -12,9 +12,10 @@ as far as there was contact.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import mujoco
+import numpy as np
 
 from sim_models.engine import Cause, SimulationError
 
@@ -22,6 +23,11 @@ if TYPE_CHECKING:
     from sim_models.mujoco.model import MujocoLinkage
 
 SOFT, HARD = 1e-4, 0.9999  # the least and the greatest impedance that MuJoCo takes
+
+
+def _memory(values: np.ndarray) -> memoryview[float]:
+    """The memory of values (N,) of MuJoCo's, one by one: three times as fast as through the array."""
+    return cast("memoryview[float]", values.data)
 
 
 class Rim:
@@ -39,10 +45,10 @@ class Rim:
         self.timely = not (self.law.hard or self.law.named or link.rubs[name])
         self.depth, self._gap = math.inf, (0.0, 0.0, 0.0)
         self._before, self._time = math.inf, math.nan
-        self._x, self._first, self._second = memoryview(link.data.site_xpos.reshape(-1)), 3 * first, 3 * second
+        self._x, self._first, self._second = _memory(link.data.site_xpos.reshape(-1)), 3 * first, 3 * second
         contact.pos, contact.frame = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
-        self._pos, self._frame = memoryview(contact.pos), memoryview(contact.frame)
-        self._solref, self._solimp = memoryview(contact.solref), memoryview(contact.solimp)
+        self._pos, self._frame = _memory(contact.pos), _memory(contact.frame)
+        self._solref, self._solimp = _memory(contact.solref), _memory(contact.solimp)
         self.weight = float(m.body_invweight0[m.geom_bodyid[contact.geom], 0].sum())  # 1/kg, as MuJoCo reckons it
         self._step, self._part = m.opt.timestep, 1.0
         if self.timely:

@@ -39,8 +39,8 @@ class CoursesRun(Run):
             self.steering.top_speed = self.courses.top_speed
 
     def passed(self) -> np.ndarray:
-        held = self.courses.held
-        return np.linspace(self.courses.begin, float(np.max(self.request.time)), GLIMPSES) if held else np.zeros(0)
+        last = float(np.asarray(self.request.time, float).max())
+        return np.linspace(self.courses.begin, last, GLIMPSES) if self.courses.held else np.zeros(0)
 
     def trace(self) -> Trace:
         """Run the request."""
