@@ -60,6 +60,8 @@ def mechanism(model: JointModel, feature: Feature | None) -> Mechanism:
         return load("five-bar").with_clearances({} if model == "ideal" else {"P": 5e-4})
     m = loaded("slider-crank" if feature in ("prismatic", "guide_clearance") else "paper")
     m = m.with_clearances({} if model == "ideal" else {"S" if feature == "guide_clearance" else "B": 5e-4})
+    if feature == "guide_clearance":
+        m = m.replace(bodies=(*m.bodies[:-1], m.bodies[-1].model_copy(update={"inertia": 1e-4})))
     if feature == "contact_friction":
         return m.with_joint("B", friction=0.15, pin_radius=0.02)
     if feature == "contact_law":

@@ -121,6 +121,21 @@ def test_the_guide_may_be_on_a_moving_body_and_the_block_carry_it(name: str) -> 
                 np.testing.assert_allclose(trace.signals[signal], values, atol=size, err_msg=signal)
 
 
+@OTHERS
+def test_pins_and_a_block_with_clearance_rest_together(name: str) -> None:
+    """As MuJoCo has them, with the same springs."""
+    pytest.importorskip("mujoco")
+    m = slider_crank("tilted").with_clearances({"S": CLEARANCE, "A": 1e-4, "B": 2e-4}).with_joint("B", restitution=None)
+    for joint in ("S", "A", "B"):
+        m = m.with_joint(joint, contact_stiffness=1e8)
+    asked = Request(m, motion="static", crank_angle=np.radians([30.0, 200.0]))
+    own, other = (simulated(which, asked).signals for which in (name, "mujoco"))
+    for signal, values in other.items():
+        if signal.startswith(("reaction", "clearance", "drive")):
+            size = CLEARANCE if signal.startswith("clearance") else 1.0
+            np.testing.assert_allclose(own[signal], values, atol=1e-6 * size, rtol=1e-5, err_msg=signal)
+
+
 def exchanged(m: Mechanism) -> Mechanism:
     """The inverted slider with its slide's bodies exchanged."""
     joint = m.joint("S")
@@ -169,7 +184,7 @@ type = "prismatic"
 bodies = ["ground", "block"]
 axis = [1.0, 0.0]
 guide = [0.1, 0.05]
-clearance = 1e-2
+clearance = 2e-3
 contact_law = "flores"
 restitution = 0.7
 contact_stiffness = 1e8
@@ -185,13 +200,13 @@ block = 0.0
 """
 
 
-@ANY
+@pytest.mark.parametrize("name", ["mujoco", "exudyn", *slow("dart", "pybullet")])
 def test_a_block_that_falls_flat_bounces_as_its_law_has_it(name: str) -> None:
     """Both corners strike at once: the law's restitution delivered, e = 0.683 for 0.7 of Flores's, whatever the mass;
     and before that it falls freely.
     """
     m = loads(FALLING)
-    fall = np.sqrt(2 * 1e-2 / 9.81)
+    fall = np.sqrt(2 * 2e-3 / 9.81)
     time = np.array([0.5 * fall, 0.9 * fall, 1.3 * fall, 1.35 * fall])
     knots = np.linspace(0.0, 2 * fall, 5)
     asked = Request(m, time=time, start="centred", courses={"O": (knots, knots)}, step=2e-6)
@@ -200,16 +215,47 @@ def test_a_block_that_falls_flat_bounces_as_its_law_has_it(name: str) -> None:
     np.testing.assert_allclose(seen["clearance_S_y"], -seen["block_y"], atol=1e-12)
     apart, (low, high) = time[3] - time[2], seen["block_y"][2:]
     middle = (low + high) / 2 + 9.81 * apart**2 / 8
-    left = np.sqrt(((high - low) / apart) ** 2 + 2 * 9.81 * (middle + 1e-2))
-    assert left / (9.81 * fall) == pytest.approx(0.68318, abs=2e-3)
+    left = np.sqrt(((high - low) / apart) ** 2 + 2 * 9.81 * (middle + 2e-3))
+    assert left / (9.81 * fall) == pytest.approx(0.68318, abs=3e-3)
     assert np.abs(seen["block_angle"]).max() < 1e-9
 
 
-@pytest.mark.parametrize("name", [name for name in ENGINES if name not in MODELS])
-def test_engines_that_have_no_blocks_say_so(name: str) -> None:
+@pytest.mark.parametrize(("name", "model"), [("mujoco", "spring-damper"), ("dart", "contact"), ("pybullet", "contact")])
+def test_joint_models_that_have_no_blocks_say_so(name: str, model: JointModel) -> None:
     pytest.importorskip(declared(name).package)
     with pytest.raises(Unsupported, match=r"clearance in prismatic joints.*clearance = 0.0001 m of joint 'S'"):
-        engine(name).simulate(Request(slider_crank("flat"), "contact", "static", ANGLES))
+        engine(name).simulate(Request(slider_crank("flat"), model, "static", ANGLES))
+
+
+@ANY
+def test_a_block_without_a_moment_of_inertia_rests_but_does_not_move(name: str) -> None:
+    """The shipped slider-crank."""
+    m = load("slider-crank").replace(gravity=(0.0, -9.81)).with_clearances({"S": CLEARANCE})
+    trace = simulated(name, Request(m, motion="static", crank_angle=ANGLES[:3]))
+    np.testing.assert_allclose(trace.signals["reaction_S_y"], 0.5 * 0.21 * 9.81 + 0.14 * 9.81, rtol=1e-6)
+    with pytest.raises(Unsupported, match=r"body 'slider' may turn by its clearance.*give its inertia"):
+        simulated(name, Request(m, crank_angle=ANGLES[:3]))
+
+
+@pytest.mark.parametrize("name", ["pybullet", "dart"])
+def test_motors_that_push_no_loose_block_say_so(name: str) -> None:
+    pytest.importorskip(declared(name).package)
+    m = loads(FALLING.replace('joint = "S"\nspeed = "free"', 'joint = "S"\nspeed = 0.1'))
+    knots = np.linspace(0.0, 0.01, 5)
+    asked = Request(m, time=knots[1:], start="centred", courses={"O": (knots, knots), "S": (knots, 0.1 * knots)})
+    with pytest.raises(Unsupported, match="push no block that has clearance"):
+        simulated(name, asked)
+
+
+@pytest.mark.parametrize("name", ["mujoco", "exudyn"])
+def test_a_motor_along_a_guide_pushes_a_block_that_falls(name: str) -> None:
+    pytest.importorskip(name)
+    m = loads(FALLING.replace('joint = "S"\nspeed = "free"', 'joint = "S"\nspeed = 0.1'))
+    knots = np.linspace(0.0, 0.01, 5)
+    asked = Request(m, time=knots[1:], start="centred", courses={"O": (knots, knots), "S": (knots, 0.1 * knots)})
+    seen = simulated(name, asked).signals
+    np.testing.assert_allclose(seen["block_x"], 0.1 * knots[1:], atol=1e-9)
+    np.testing.assert_allclose(seen["block_y"], -9.81 * knots[1:] ** 2 / 2, atol=1e-8)
 
 
 @pytest.mark.parametrize("name", ["mujoco", "exudyn"])
@@ -290,7 +336,7 @@ def flight(time: float, state: np.ndarray) -> list[float]:
 @ANY
 def test_a_block_flies_freely_until_its_corners_come_to_a_wall(name: str) -> None:
     time = np.arange(3e-4, 3.05e-3, 1e-4)
-    asked = Request(loads(FLYING), time=time, start="centred", start_speed=150.0, step=2e-6)
+    asked = Request(loads(FLYING), time=time, start="centred", start_speed=150.0, step=4e-7)
     trace = simulated(name, asked)
     right = solve_ivp(flight, (0.0, time[-1]), [0.0, 0.0, 150.0, -75.0], t_eval=time, rtol=1e-11, atol=1e-13).y
     height = 0.153 * np.sin(right[0]) + 0.306 * np.sin(right[1])
@@ -326,6 +372,12 @@ BOUNCES = {
 }
 
 
+LOSES = {
+    "mujoco": 1e-6,
+    "exudyn": 1e-5,
+    "pybullet": 2e-5,
+    "dart": 3e-4,
+}  # of its energy, in flight: see leapfrog.bodies
 SHARP = [(name, law) for name in MODELS for law in BOUNCES if (name, law) != ("exudyn", "flores")]
 
 
@@ -339,9 +391,9 @@ def test_blocks_bounce_as_mujoco_s_do_and_gain_no_energy(name: str, law: str) ->
     own, other = (simulated(which, asked) for which in (name, "mujoco"))
     kept, reference = energy(m, own), energy(m, other)
     assert np.max(kept - np.minimum.accumulate(kept)) < 1e-6 * kept[0]
-    assert kept[0] - kept[-1] == pytest.approx(reference[0] - reference[-1], abs=2e-5 * kept[0])
-    assert (kept[0] - kept[-1] < 1e-6 * kept[0]) == (law == "elastic")
-    np.testing.assert_allclose(own.signals["crank_angle"], other.signals["crank_angle"], atol=1e-5)
+    assert kept[0] - kept[-1] == pytest.approx(reference[0] - reference[-1], abs=LOSES[name] * kept[0])
+    assert (kept[0] - kept[-1] < LOSES[name] * kept[0]) == (law == "elastic")
+    np.testing.assert_allclose(own.signals["crank_angle"], other.signals["crank_angle"], atol=3e-5)
     np.testing.assert_allclose(own.signals["clearance_S_y"], other.signals["clearance_S_y"], atol=3e-6)
 
 

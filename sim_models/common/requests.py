@@ -12,6 +12,7 @@ def check_request(request: Request) -> None:
     """Raise Unsupported, saying what to give or to leave out, for a request that makes no run in any engine."""
     name = request.mechanism.name
     _check_links(request)
+    _check_blocks(request)
     _check_bearings(request)
     _check_beyond(request)
     if request.courses is not None:
@@ -119,6 +120,20 @@ def _check_spline(name: str, time: np.ndarray, angle: np.ndarray, report: np.nda
         raise Unsupported(
             f"{name}: reports are wanted outside the course, which lasts from {time[0]:g} to {time[-1]:g} s"
         )
+
+
+def _check_blocks(request: Request) -> None:
+    """Raise Unsupported for blocks in motion that may turn in their guides, and have nothing to oppose to it."""
+    m = request.mechanism
+    for joint in (
+        m.joint(name) for name in m.loose_guides if name in request.clearances and request.motion == "driven"
+    ):
+        light = [name for name in joint.bodies if name in m.moving and not m.moving[name].moment_of_inertia]
+        if light:
+            raise Unsupported(
+                f"{m.name}: in joint {joint.name!r} body {light[0]!r} may turn by its clearance, and has no moment of"
+                " inertia; give its inertia (kg.m^2)"
+            )
 
 
 def _check_links(request: Request) -> None:

@@ -11,8 +11,10 @@ from sim_models.leapfrog.runs import run
 QUICKER: frozenset[tuple[Feature, Pair]] = frozenset(
     {("load_friction", ("spring-damper", "driven")), ("load_friction", ("contact", "driven"))}
 )
-# DART's own contact is rigid, and knows no law but Newton's restitution.
-RIGID: frozenset[tuple[Feature, Pair]] = frozenset({("contact_law", ("contact", "driven"))})
+# DART's own contact is rigid, and knows no law but Newton's restitution; nor do blocks have it.
+RIGID: frozenset[tuple[Feature, Pair]] = frozenset(
+    {("contact_law", ("contact", "driven")), *(("guide_clearance", ("contact", motion)) for motion in MOTIONS)}
+)
 MODELS: tuple[JointModel, ...] = ("ideal", "spring-damper", "contact")
 
 
@@ -24,7 +26,7 @@ class DartEngine(Engine):
     capabilities = Capabilities(
         rigid=Scope.of(
             ((model, motion) for model in MODELS for motion in MOTIONS),
-            set(FEATURES) - {"contact_friction", "guide_clearance"},
+            set(FEATURES) - {"contact_friction"},
             but=QUICKER | RIGID,
         )
     )

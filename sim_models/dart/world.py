@@ -66,8 +66,7 @@ class DartWorld(LeapfrogWorld):
         self.nodes: dict[str, Any] = {}
         self.roots: dict[str, Any] = {}  # DART joints by the body they carry
         self.carriages: dict[str, Any] = {}  # those that carry a driven body whose own pin has clearance
-        ideal = [j for j in self.mechanism.joints if j.name not in self.pins and j.name not in self.soft]
-        self.closing = self.hang(ideal)
+        self.closing = self.hang(self.closed)
         for branch in self.branches:
             if branch.joint is not None:
                 self._hang(branch, branch.joint)

@@ -3,9 +3,9 @@
 Both engines step ``v += a h; x += v h``.  Read as a leapfrog (velocities half a step before positions) that is second
 order, and positions, forces and the mean of two velocities belong to the same instant; :class:`LeapfrogWorld` does the
 reading, and applies what neither engine has: loads, springs between points, joint laws, soft bearings and spring-damper
-clearance.  Forces keep an error of first order in the step, because the engines reckon Coriolis forces with the
-velocities half a step before.  With one crank that stays; where several motors, or none, move a linkage it is made up
-for, because what moves freely would be led astray by it.
+clearance, of pins and of blocks in their guides.  Forces keep an error of first order in the step, because the engines
+reckon Coriolis forces with the velocities half a step before.  With one crank that stays; where several motors, or
+none, move a linkage it is made up for, because what moves freely would be led astray by it.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from sim_models.common.travel import travel
 from sim_models.common.tree import Branch
 from sim_models.engine import Cause, Request, SettingValue, SimulationError
 from sim_models.leapfrog.balance import Balance
+from sim_models.leapfrog.block import Block, Touch
 from sim_models.leapfrog.courses import Grid, Path, motion_of, path_of
 from sim_models.leapfrog.laws import JointLaws
 from sim_models.leapfrog.parts import Pin, Steered, coordinates, moving_body, spanning_tree
@@ -73,6 +74,12 @@ class LeapfrogWorld(ABC):
             name: Pin(j, clearance, contact_parameters(m, j, request.motion), named_law(m, j, request.motion))
             for name, clearance in request.clearances.items()
             for j in [m.joint(name)]
+            if not j.prismatic
+        }
+        self.blocks = {
+            name: Block.of(m, m.joint(name), request.motion, self._yields)
+            for name in request.clearances
+            if m.joint(name).prismatic
         }
         named = {name: pin.law for name, pin in self.pins.items() if pin.law is not None and self.compliant}
         self.striking = {
@@ -85,14 +92,18 @@ class LeapfrogWorld(ABC):
         self.grid: Grid | None = None  # of a moving run
         self.free = request.courses is not None and len(self.assembly.positions) > len(request.courses)  # in part
         # Whether inertia forces are put right (see _catch_up): not where pins need such short steps that it is no gain
-        self.makes_up = request.courses is not None and (self.free or not self.pins)
+        self.makes_up = request.courses is not None and (self.free or not self.loose)
         self.trailing = 0.0  # s by which velocities trail positions
         self.commands: list[float] = []  # rad/s, m/s, of what is steered in the next step
         self.spin_up: Sequence[float] = ()  # rad/s^2, m/s^2, the same while nothing is aimed at
         # rad, m: where what is steered is at the next step's end, or the angle now of a motor that the crank lags
         self.aim: Sequence[float] | None = None
         self.motor_torque = 0.0  # N.m, of a drive that yields
-        self.pin_forces: dict[str, complex] = {}
+        self.pin_forces: dict[str, complex] = {}  # N, and of walls on blocks
+        self.block_moments: dict[str, float] = {}  # N.m, of walls on blocks about their points
+        # What walls do while a start is probed, whose steps are longer than such light corners would bear
+        self.walls: dict[str, tuple[Touch, ...]] = {}
+        self.block_seats: dict[str, complex] = {}  # m, and i times rad, as the last step began
         self.pin_gaps: dict[str, complex] = {}  # m, of the driven pins as the last step began
         self.loads = {j.name: 0.0 for j in m.load_rubbed}  # N: reactions as last heeded, with which friction grows
         self.heeding = False  # whether every step heeds its own
@@ -104,6 +115,16 @@ class LeapfrogWorld(ABC):
         self.applied: dict[str, tuple[complex, float]] = {}
         self.was_applied: dict[str, tuple[complex, float]] = {}
         self.last_step = 0.0  # s
+
+    @property
+    def loose(self) -> tuple[str, ...]:
+        """The joints with clearance: pins, then blocks."""
+        return (*self.pins, *self.blocks)
+
+    @property
+    def closed(self) -> list[Joint]:
+        """The joints that are ideal."""
+        return [j for j in self.mechanism.joints if j.name not in self.loose and j.name not in self.soft]
 
     # ---------------------------------------------------------------- what an engine provides
 
@@ -266,11 +287,12 @@ class LeapfrogWorld(ABC):
 
     def settings(self) -> dict[str, SettingValue]:
         """The numbers used, for Trace."""
-        if not self.compliant or not self.pins:
+        touching = self.pins | self.blocks
+        if not self.compliant or not touching:
             return {}
-        contacts = [pin.contact for pin in self.pins.values()]
-        if self.striking:
-            return told(self.mechanism, self.pins)
+        contacts = [each.contact for each in touching.values()]
+        if any(each.law is not None for each in touching.values()):
+            return told(self.mechanism, touching)
         return {
             "contact_law": "Kelvin-Voigt, max(0, K d + C d')",
             "contact_stiffness": min(c.stiffness for c in contacts),
@@ -308,7 +330,22 @@ class LeapfrogWorld(ABC):
             self.turn(crank, periodic.at(self.angle(crank)))
         self._load_pins()
 
+    def _press_block(self, name: str, block: Block) -> None:
+        """Apply what walls do to a block's corners."""
+        (first, second), total, moment = block.joint.bodies, 0j, 0.0
+        a, b = self.base(first), self.base(second)
+        self.block_seats[name], (_, point) = block.seat(a, b), block.places(a, b)
+        touches = self.walls[name] if self.walls else block.touches(a, b, self.trailing)
+        for touch in touches:
+            for body, pose, force in ((second, b, touch.force), (first, a, -touch.force)):
+                self.push(body, (touch.at - pose.origin) * cmath.exp(-1j * pose.angle), force)
+            total += touch.force
+            moment += ((touch.at - point).conjugate() * touch.force).imag
+        self.pin_forces[name], self.block_moments[name] = total, moment
+
     def _load_pins(self) -> None:
+        for name, block in self.blocks.items():
+            self._press_block(name, block)
         if self.request.joint_model == "spring-damper":
             for name, pin in self.pins.items():
                 self.pin_gaps[name], rate = self.gap(name)
@@ -372,7 +409,8 @@ class LeapfrogWorld(ABC):
         along = j.direction * np.exp(1j * a.angle)
         force = self.slide_forces[j.name] = self.laws.effort(j, way, rate) * along
         self.push(second, self.points[second, j.name], force)
-        self.push(first, self.points[first, j.name] + way * j.direction, -force)
+        beside = 1j * self.blocks[j.name].seat(a, b).real if j.name in self.blocks else 0.0
+        self.push(first, self.points[first, j.name] + (way + beside) * j.direction, -force)
 
     def _apply_spring(self, spring: Spring) -> None:
         ends = [self._point(*end) for end in spring.ends]
@@ -402,6 +440,10 @@ class LeapfrogWorld(ABC):
             self.press(name, self.points[name, MASS_CENTRE], -body.mass * wrong)
             self.now[name] = replace(here[name], velocity=turned[name].velocity, angular_velocity=turned[name].spin)
 
+    def base(self, body: str) -> Pose:
+        """A body's pose as the engine has it, or the ground's."""
+        return AT_REST if body == GROUND else self.pose(body)
+
     def _any_pose(self, body: str) -> Pose:
         return AT_REST if body == GROUND else self.now.get(body) or self.pose(body)
 
@@ -415,6 +457,7 @@ class LeapfrogWorld(ABC):
         self.before_observing()
         self.step(h)
         forces, moments, efforts = self.reactions()
+        moments |= self.block_moments
         lag = self.trailing / h
         out = self._drives(efforts) | self._positions(here)
         for name in names:
@@ -428,6 +471,12 @@ class LeapfrogWorld(ABC):
             }
         for name, gap in gaps.items():
             out |= {f"clearance_{name}_x": gap.real, f"clearance_{name}_y": gap.imag}
+        for name, block in self.blocks.items():
+            first, second = ({GROUND: AT_REST, **here}[body] for body in block.joint.bodies)
+            seat = block.seat(first, second)
+            gap = -1j * seat.real * block.along(first)
+            out |= {f"clearance_{name}_x": gap.real, f"clearance_{name}_y": gap.imag}
+            out[f"clearance_{name}_angle"] = -seat.imag
         for name, force in forces.items():
             force += self.slide_forces.get(name, 0j)  # a slide's reaction holds its friction, damper and spring too
             out |= {f"reaction_{name}_x": force.real, f"reaction_{name}_y": force.imag}
@@ -471,6 +520,7 @@ class LeapfrogWorld(ABC):
         change = self.velocities() - before
         self.place(bodies)
         self.forget()
+        self.walls = {}
         speeds = self.velocities()
         self.shift(-WARM_UP * h * (speeds - WARM_UP / 2 * change))
         self.set_velocities(speeds - (WARM_UP + 0.5) * change)
@@ -479,16 +529,22 @@ class LeapfrogWorld(ABC):
         for self.aim in aims:
             self.step(h)
 
-    def _yields(self, joint: Joint) -> np.ndarray:
-        """(2, 2) 1/kg: how a joint's gap accelerates under a force, as the bodies are now."""
-        held = [each.joint for each in self.steered] if self.held else []
-        closed = [j for j in self.mechanism.joints if j.name not in self.pins and j.name not in self.soft]
+    @property
+    def holding(self) -> list[Joint]:
+        """The joints whose motors do not give way."""
+        return [each.joint for each in self.steered] if self.held else []
+
+    def _yields(self, joint: Joint, corner: complex = 0j) -> np.ndarray:
+        """(2, 2) 1/kg: how a joint's gap accelerates under a force, or what of its block is so far (m) along it and
+        across, as the bodies are now.
+        """
         bodies = {body.name: self.pose(body.name) for body in self.mechanism.bodies}
-        return mobility(self.mechanism, bodies, joint, closed, held)
+        turned = cmath.exp(1j * (self.base(joint.bodies[1]).angle - joint.angle)) * joint.direction if corner else 0j
+        return mobility(self.mechanism, bodies, joint, self.closed, self.holding, corner * turned)
 
     def forget(self) -> None:
         """Take the pins as just placed: none has touched its wall."""
-        for each in self.striking.values():
+        for each in (*self.striking.values(), *(s for block in self.blocks.values() for s in block.striking)):
             each.forget()
 
     def approach(self, bodies: Mapping[str, Pose], h: float, spin_up: Sequence[float] = ()) -> None:
@@ -497,6 +553,10 @@ class LeapfrogWorld(ABC):
         """
         self.place(bodies)
         self.forget()
+        at = {GROUND: AT_REST, **bodies}
+        for name, block in self.blocks.items():
+            first, second = block.joint.bodies
+            self.walls[name] = (*block.touches(at[first], at[second], 0.0),)
         self.spin_up = spin_up
         for k, each in enumerate(spin_up):
             self.commands[k] -= (self.settling - 1) * each * h

@@ -11,7 +11,9 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.structure import Rest
 from sim_models.common.contact_laws import longest
+from sim_models.common.guide import opened
 from sim_models.common.held import HeldPath
 from sim_models.common.motor import ConstantSpeed, Course, Motor, motor_of, motors_of
 from sim_models.common.start import Pose, poses, substeps
@@ -22,7 +24,7 @@ KNOT_SHARE = 0.125  # of the time between a course's knots: below it a course ha
 ON_GRID = 1e-6  # of a step: a report no farther from one is at it
 LOOKED_AT = 400  # instants of courses, at least, between which it is looked how fast they turn the bodies
 
-Changes = Mapping[str, complex]
+Changes = Mapping[str, complex]  # by joint: a pin's gap (m); a block's height (m) and i times its tilt (rad)
 NONE: Changes = MappingProxyType({})
 
 
@@ -195,11 +197,14 @@ def moving(
 
 def still(assembly: Assembly, path: Path, time: float, gaps: Changes = NONE) -> dict[str, Pose]:
     """Pose of every moving body at a time (s) of a path, with these gaps (m), as if at rest.  Raises AssemblyError."""
+    slides = {joint.name for joint in assembly.mechanism.joints if joint.prismatic}
+    seats = {name: Rest(gap.real, gap.imag) if name in slides else gap for name, gap in gaps.items()}
     if isinstance(path, Resting):
-        return path.along.poses(time, gaps)
+        return path.along.poses(time, seats)
+    assembly, pins = opened(assembly, seats)
     if not isinstance(path, Together):
-        return poses(assembly, path.angle(time), gaps=lambda _: gaps)
-    placed = path.place(assembly, np.array([time]), {name: np.array([gap]) for name, gap in gaps.items()})
+        return poses(assembly, path.angle(time), gaps=lambda _: pins)
+    placed = path.place(assembly, np.array([time]), {name: np.array([gap]) for name, gap in pins.items()})
     return {name: Pose(complex(origin[0]), float(angle[0])) for name, (origin, angle) in placed.items()}
 
 

@@ -5,19 +5,23 @@ yields.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
+from itertools import product
 
 import numpy as np
 from numpy.polynomial import Polynomial
 
 from analytic.kinematics.assembly import AssemblyError
+from analytic.mechanism import GROUND
 from sim_models.common.failed_starts import check_stiff_enough, no_start, why_no_equilibrium
 from sim_models.common.motor import Motor
-from sim_models.common.start import Pose
+from sim_models.common.start import AT_REST, Pose
 from sim_models.engine import Cause, SimulationError
+from sim_models.leapfrog.block import Block
 from sim_models.leapfrog.bodies import HEEDINGS, LeapfrogWorld
-from sim_models.leapfrog.courses import NONE, STENCIL, Behind, Changes, Path, duration, moving, near, told_angle
+from sim_models.leapfrog.courses import NONE, STENCIL, Behind, Changes, Path, duration, moving, near, still, told_angle
 from sim_models.leapfrog.probe import forces_at, gap_accelerations
 
 NO_LOAD = 1e-9  # of the largest reaction: one below it leaves its pin loose
@@ -54,33 +58,79 @@ class Equilibria:
     last: dict[str, tuple[complex, float]] = field(default_factory=dict)
 
     def gaps(self, path: Path, time: float, rate: Changes = NONE, bend: Changes = NONE) -> dict[str, complex]:
-        """Gap (m) of every pin at a time (s) of the crank's path.
+        """Gap (m) of every pin, and seat of every block, at a time (s) of the crank's path.
 
         ``rate`` and ``bend`` are the gaps' first two derivatives in time (m/s, m/s^2).  Raises SimulationError where no
         force presses a pin, or no equilibrium is found.
         """
         world = self.world
-        if not (world.pins or world.soft):
+        if not (world.loose or world.soft):
             return {}
-        theta, spin_up = told_angle(path, time), world.spin_ups(path, time)
-        forces, _ = self.ideal_forces(path, time)
-        names = list(world.pins)
-        loose = [
-            name for name in names if abs(forces[name]) <= max(NO_FORCE, NO_LOAD * max(abs(f) for f in forces.values()))
-        ]
+        theta = told_angle(path, time)
+        forces, moments, _ = self.ideal_forces(path, time)
+        largest = max(abs(f) for f in forces.values())
+        here = still(world.assembly, path, time) if world.blocks else {}
+        forces |= {name: self._push(block, here, forces[name], moments[name]) for name, block in world.blocks.items()}
+        loose = [name for name in world.loose if abs(forces[name]) <= max(NO_FORCE, NO_LOAD * largest)]
         if loose:
             raise self.failed(Cause.UNPRESSED, f"nothing presses the pin of joint {loose[0]!r}", theta)
-        springs = {name: abs(forces[name]) for name in names if world.compliant}
+        springs = {name: abs(forces[name]) for name in world.loose if world.compliant}
         check_stiff_enough(world.engine, world.request, theta, springs)
+        for seats in self._seats(forces):
+            with suppress(Nowhere, AssemblyError):
+                return self._found(path, time, rate, bend, forces, seats, largest)
+        self.last.clear()
+        what = f"no equilibrium of the pins at {', '.join((*world.loose, *world.soft))} was found"
+        remedy = "use a smaller clearance, leave the angle out, or run it driven with start 'centred'"
+        raise why_no_equilibrium(world.engine, world.request, theta, springs) or self.failed(
+            Cause.NO_EQUILIBRIUM, what, theta, remedy
+        )
+
+    @staticmethod
+    def _push(block: Block, here: Mapping[str, Pose], force: complex, moment: float) -> complex:
+        """Force (N) across on a block and i times its moment (N.m) over half its length."""
+        along = block.along({GROUND: AT_REST, **here}[block.joint.bodies[0]])
+        return block.guide.push(float((force * along.conjugate()).imag), moment)
+
+    def _seats(self, pushes: Mapping[str, complex]) -> Iterator[dict[str, complex]]:
+        """Seats (m, and i times rad) in which these pushes (N) may hold all blocks, flat or tilted, likeliest first."""
+        either = []
+        for name, block in self.world.blocks.items():
+            push = pushes[name]
+            ways = sorted((complex(push.real), complex(0.0, push.imag)), key=abs, reverse=True)
+            rests = [block.guide.rest(way, abs(push) / block.contact.stiffness / 2) for way in ways if way]
+            either.append([(name, complex(rest.offset, rest.tilt)) for rest in rests])
+        return (dict(seats) for seats in product(*either))
+
+    def _found(
+        self,
+        path: Path,
+        time: float,
+        rate: Changes,
+        bend: Changes,
+        forces: Mapping[str, complex],
+        seats: Mapping[str, complex],
+        largest: float,
+    ) -> dict[str, complex]:
+        """The gaps of :meth:`gaps` near where these forces (N), of which the ``largest`` is anywhere, press the pins,
+        and near these seats.  Raises Nowhere and AssemblyError.
+        """
+        world, spin_up, names = self.world, self.world.spin_ups(path, time), list(self.world.pins)
         begin = np.array([self._guess(name, forces[name]) for name in names]).reshape(-1, 2)
         n = len(names)
         rims = n * (2 if world.compliant else 1)
-        largest = max(abs(f) for f in forces.values())
         sizes = {  # m, about what each soft bearing gives
             name: max(abs(forces[name]), FAINT * largest, NO_FORCE) / pin.contact.stiffness
             for name, pin in world.soft.items()
         }
         given = [forces[name] / pin.contact.stiffness / sizes[name] for name, pin in world.soft.items()]
+
+        rest = rims + 2 * len(sizes)
+        gives = {name: abs(forces[name]) / world.blocks[name].contact.stiffness for name in seats}  # m
+
+        def moved(name: str, across: float, turned: float) -> complex:
+            """A block's move (m, and i times rad), by how often what it gives."""
+            return gives[name] * complex(across, 2 * turned / world.blocks[name].guide.length)
 
         def gaps_at(x: np.ndarray) -> dict[str, complex]:
             depth = x[n:rims] if world.compliant else np.zeros(n)
@@ -88,7 +138,8 @@ class Equilibria:
                 name: (world.pins[name].clearance + d) * np.exp(1j * phi)
                 for name, phi, d in zip(names, x[:n], depth, strict=True)
             }
-            return rim | {name: size * complex(*x[rims + 2 * k :][:2]) for k, (name, size) in enumerate(sizes.items())}
+            off = {name: size * complex(*x[rims + 2 * k :][:2]) for k, (name, size) in enumerate(sizes.items())}
+            return rim | off | {n: seat + moved(n, *x[rest + 2 * k :][:2]) for k, (n, seat) in enumerate(seats.items())}
 
         def miss(x: np.ndarray) -> np.ndarray:
             found = gap_accelerations(
@@ -98,30 +149,27 @@ class Equilibria:
                 (found[name] - bend.get(name, 0j)) * np.exp(-1j * phi) for name, phi in zip(names, x[:n], strict=True)
             ]
             off = [found[name] - bend.get(name, 0j) for name in sizes]
+            off += [
+                complex(miss.real, miss.imag * world.blocks[name].guide.length / 2)
+                for name in seats
+                for miss in [found[name] - bend.get(name, 0j)]
+            ]
             return np.array(
                 [p.imag for p in polar]
                 + ([p.real for p in polar] if world.compliant else [])
                 + [part for miss in off for part in (miss.real, miss.imag)]
             )
 
-        try:
-            x = begin.T.ravel() if world.compliant else begin[:, 0]
-            x = np.append(x, [part for z in given for part in (z.real, z.imag)])
-            for _ in range(HEEDINGS):
-                x, known = self._newton(x, miss, n, rims), dict(world.loads)
-                if not known:
-                    break
-                forces_at(world, moving(world.assembly, path, time, near(gaps_at(x), time, rate, bend)), spin_up)
-                change = max(abs(world.loads[name] - load) for name, load in known.items())
-                if change <= ALONGSIDE * max(known.values()):
-                    break
-        except (Nowhere, AssemblyError):
-            self.last.clear()
-            what = f"no equilibrium of the pins at {', '.join(world.pins | world.soft)} was found"
-            remedy = "use a smaller clearance, leave the angle out, or run it driven with start 'centred'"
-            raise why_no_equilibrium(world.engine, world.request, theta, springs) or self.failed(
-                Cause.NO_EQUILIBRIUM, what, theta, remedy
-            ) from None
+        x = begin.T.ravel() if world.compliant else begin[:, 0]
+        x = np.append(x, [part for z in given for part in (z.real, z.imag)] + [0.0] * 2 * len(seats))
+        for _ in range(HEEDINGS):
+            x, known = self._newton(x, miss, n, rims), dict(world.loads)
+            if not known:
+                break
+            forces_at(world, moving(world.assembly, path, time, near(gaps_at(x), time, rate, bend)), spin_up)
+            change = max(abs(world.loads[name] - load) for name, load in known.items())
+            if change <= ALONGSIDE * max(known.values()):
+                break
         settled = gaps_at(x)
         for name in names:
             self.last[name] = (
@@ -159,13 +207,15 @@ class Equilibria:
         """The error that says what went wrong at which crank angle."""
         return no_start(self.world.engine, self.world.request, cause, what, theta, remedy)
 
-    def ideal_forces(self, path: Path, time: float) -> tuple[dict[str, complex], dict[str, float]]:
-        """Reactions (N) of the ideal linkage, and what its motors exert (N.m, N), at a time (s) of their path."""
+    def ideal_forces(self, path: Path, time: float) -> tuple[dict[str, complex], dict[str, float], dict[str, float]]:
+        """Reactions (N) of the ideal linkage, its slides' moments (N.m), and what its motors exert (N.m, N), at a time
+        (s) of their path.
+        """
         return forces_at(self.ideal, moving(self.ideal.assembly, path, time), self.ideal.spin_ups(path, time))
 
     def ideal_torque(self, path: Path, time: float) -> float:
         """Drive torque (N.m) of the ideal linkage at a time (s) of the crank's path."""
-        _, efforts = self.ideal_forces(path, time)
+        _, _, efforts = self.ideal_forces(path, time)
         return efforts[self.ideal.mechanism.drive_joint.name]
 
     def steady(self, path: Path, time: float) -> dict[str, Pose]:
@@ -207,7 +257,7 @@ class Equilibria:
             crank = Behind(motor, Polynomial.fit(times, lag, LAG_DEGREE))
             here = float(crank.lag(time))
             if abs(here - last) < LAG_ROUNDING + LAG_SETTLED * abs(here):
-                return self._with_gaps(crank, time, stiffness) if self.world.pins or self.world.soft else crank
+                return self._with_gaps(crank, time, stiffness) if self.world.loose or self.world.soft else crank
             if not np.abs(lag).max() < LARGEST_LAG:
                 break
             last = here
@@ -218,7 +268,7 @@ class Equilibria:
         """The same crank with a lag (rad) that holds what the pins' gaps add to the drive torque at a time (s)."""
         if self.world.request.start == "centred":
             return crank
-        _, efforts = forces_at(self.world, self.steady(crank, time), self.world.spin_ups(crank, time))
+        _, _, efforts = forces_at(self.world, self.steady(crank, time), self.world.spin_ups(crank, time))
         torque = efforts[self.world.mechanism.drive_joint.name]
         return Behind(crank.motor, crank.lag + (torque / stiffness - float(crank.lag(time))))
 

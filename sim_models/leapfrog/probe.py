@@ -17,29 +17,36 @@ PROBE = 1e-5  # s, the step
 
 def forces_at(
     world: LeapfrogWorld, bodies: Mapping[str, Pose], spin_up: Sequence[float]
-) -> tuple[dict[str, complex], dict[str, float]]:
-    """Reactions (N), and what the motor in each driven joint exerts (N.m, N), in these poses, with these velocities and
-    accelerations (rad/s^2, m/s^2) of what is steered.
+) -> tuple[dict[str, complex], dict[str, float], dict[str, float]]:
+    """Reactions (N), moments of slides (N.m), and what the motor in each driven joint exerts (N.m, N), in these poses,
+    with these velocities and accelerations (rad/s^2, m/s^2) of what is steered.
     """
 
-    def probed() -> tuple[dict[str, complex], dict[str, float]]:
+    def probed() -> tuple[dict[str, complex], dict[str, float], dict[str, float]]:
         world.approach(bodies, PROBE, spin_up)
         world.before_observing()
         world.step(PROBE)
-        forces, _, efforts = world.reactions()
-        return forces, efforts
+        return world.reactions()
 
     return world.settled(probed, lambda found: found[0])
 
 
 def gap_accelerations(world: LeapfrogWorld, bodies: Mapping[str, Pose], spin_up: Sequence[float]) -> dict[str, complex]:
-    """Acceleration (m/s^2) of every pin's gap from these poses, velocities and accelerations (rad/s^2, m/s^2) of what
-    is steered.
+    """Acceleration (m/s^2) of every pin's gap, and of every block's height and (times i, rad/s^2) tilt, from these
+    poses, velocities and accelerations (rad/s^2, m/s^2) of what is steered.
     """
     world.approach(bodies, PROBE, spin_up)
-    before = {name: world.gap(name)[1] for name in world.pins | world.soft}
+    before = _rates(world)
     world.step(PROBE)
-    return {name: (world.gap(name)[1] - before[name]) / PROBE for name in before}
+    return {name: (rate - before[name]) / PROBE for name, rate in _rates(world).items()}
+
+
+def _rates(world: LeapfrogWorld) -> dict[str, complex]:
+    """Rate of every pin's gap (m/s), and of every block's height (m/s) and i times its tilt (rad/s)."""
+    pins = {name: world.gap(name)[1] for name in world.pins | world.soft}
+    return pins | {
+        name: block.rate(*(world.base(body) for body in block.joint.bodies)) for name, block in world.blocks.items()
+    }
 
 
 def pin_mass(world: LeapfrogWorld, joint: Joint, bodies: Mapping[str, Pose]) -> float:

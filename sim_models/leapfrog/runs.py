@@ -53,7 +53,7 @@ def run(make: Callable[[Request], LeapfrogWorld], request: Request, package: str
     """Run a request in worlds that ``make`` builds.  Raises SimulationError, Unsupported or AssemblyError."""
     with silence(), contextlib.ExitStack() as stack:
         world = stack.enter_context(contextlib.closing(make(request)))
-        ideal = stack.enter_context(contextlib.closing(make(_ideal(request)))) if world.pins or world.soft else world
+        ideal = stack.enter_context(contextlib.closing(make(_ideal(request)))) if world.loose or world.soft else world
         found, rods = Equilibria(world, ideal), None
         if world.one_sided:
             rods = Equilibria(
@@ -69,7 +69,15 @@ def run(make: Callable[[Request], LeapfrogWorld], request: Request, package: str
 
 
 def _check_rims(world: LeapfrogWorld) -> None:
-    """Raise Unsupported where a bearing with clearance is to be soft whose rim is rigid."""
+    """Raise Unsupported where a bearing with clearance is to be soft whose rim is rigid, or a motor to push a block
+    that is loose in its guide.
+    """
+    steered = [each.joint.name for each in world.steered if each.joint.name in world.blocks]
+    if steered:
+        raise Unsupported(
+            f"{world.engine}: {world.mechanism.name}: its motors push no block that has clearance in its guide; leave"
+            f" out the clearance of joint {steered[0]!r}, or use another simulator"
+        )
     soft = [name for name in world.pins if name in world.mechanism.soft_bearings]
     if soft and world.request.joint_model == "contact":
         raise Unsupported(
@@ -102,6 +110,10 @@ def _static(world: LeapfrogWorld, found: Equilibria, rods: Equilibria | None) ->
         trace = replace(trace, settings={**trace.settings, "read_from_rods": f"{by_rods} of {asked.size} {places}"})
     gaps = {n: trace.signals[f"clearance_{n}_x"] + 1j * trace.signals[f"clearance_{n}_y"] for n in world.pins}
     free = {n: free_share(g, world.pins[n].clearance) for n, g in gaps.items()}
+    for name, block in world.blocks.items():
+        height = np.hypot(trace.signals[f"clearance_{name}_x"], trace.signals[f"clearance_{name}_y"])
+        reach = np.asarray(block.guide.reach(height, trace.signals[f"clearance_{name}_angle"]))
+        free[name] = free_share(reach, block.guide.clearance)
     return replace(trace, free_share=free, journal={n: np.column_stack([g.real, g.imag]) for n, g in gaps.items()})
 
 
@@ -309,7 +321,7 @@ def _follow(
     wanted = set(grid.nodes.ravel().tolist())
     steers = world.drive_stiffness or not plan.motor.constant_speed
     ahead = 1 if world.held else 0
-    feels = bool(world.pins) or not world.held  # the motion itself depends on friction
+    feels = bool(world.loose) or not world.held  # the motion itself depends on friction
     times = grid.begin + grid.step * np.arange(ahead, grid.last + 1 + ahead)
     aims: Sequence[Sequence[float] | None] = world.aims(plan.motor, times) if steers else [None] * times.size
     for k, world.aim in enumerate(aims):
@@ -334,15 +346,22 @@ class Tally:
     def __init__(self, world: LeapfrogWorld, stride: int) -> None:
         self.world, self.stride = world, stride
         self.paths: dict[str, list[complex]] = {name: [] for name in world.pins}
+        self.reaches: dict[str, list[float]] = {name: [] for name in world.blocks}
 
     def add(self) -> None:
         """Take in where the pins were as the step that was just made began."""
         for name, path in self.paths.items():
             path.append(self.world.pin_gaps[name])
+        for name, reaches in self.reaches.items():
+            seat = self.world.block_seats[name]
+            reaches.append(float(self.world.blocks[name].guide.reach(seat.real, seat.imag)))
 
     def free_share(self) -> dict[str, float]:
-        """Share of the time that each pin spent without contact."""
-        return {name: free_share(np.array(path), self.world.pins[name].clearance) for name, path in self.paths.items()}
+        """Share of the time that each pin, and block, spent without contact."""
+        clearances = self.world.request.clearances
+        return {
+            name: free_share(np.array(path), clearances[name]) for name, path in (self.paths | self.reaches).items()
+        }
 
     def journal(self) -> dict[str, np.ndarray]:
         """Path (M, 2) of every pin (m)."""
@@ -359,6 +378,15 @@ def _at_angle(theta: float) -> str:
 
 
 def _check_depth(world: LeapfrogWorld, near: str) -> None:
+    for name, block in world.blocks.items():
+        seat = block.seat(*(world.base(body) for body in block.joint.bodies))
+        deep = float(block.guide.reach(seat.real, seat.imag)) - block.guide.clearance
+        if not deep < TOO_DEEP * min(block.guide.length, block.guide.height):
+            raise SimulationError(
+                f"{world.engine} {world.request.joint_model}: the block at {name} is {deep:.3g} m in its wall near"
+                f" {near}: the run diverged",
+                Cause.DIVERGED,
+            )
     for name, pin in (world.pins | world.soft).items():
         gap = abs(world.gap(name)[0])
         if not gap < pin.clearance + TOO_DEEP * shortest_link(world.mechanism, pin.joint):
@@ -382,7 +410,7 @@ def _trace(
         crank_angle=theta,
         time=time,
         signals=signals,
-        clearance={name: pin.clearance for name, pin in world.pins.items()},
+        clearance=world.request.clearances,
         settings={"step": step} | world.settings(),
         rates=rates,
     )

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from sim_models.common.mobility import corner_mass
+from sim_models.leapfrog.block import Block
 from sim_models.leapfrog.bodies import LeapfrogWorld
 from sim_models.leapfrog.courses import Path, duration, still, told_angle
 from sim_models.leapfrog.parts import Pin
@@ -23,9 +25,9 @@ NAMED_PHASE, NAMED_DECAY = 0.2, 0.4
 CONTACT_DECAY = 0.6  # of a contact's own relaxation in a step, at most
 
 
-def contact_step(pin: Pin, mass: float) -> float:
-    """Step (s) that follows a pin of this effective mass (kg) in its spring.  A law with hysteresis is as much stiffer
-    as it pushes harder at the speed of touching.
+def contact_step(pin: Pin | Block, mass: float) -> float:
+    """Step (s) that follows a pin, or a corner, of this effective mass (kg) in its spring.  A law with hysteresis is as
+    much stiffer as it pushes harder at the speed of touching.
     """
     law = pin.law
     if law is not None:
@@ -51,12 +53,15 @@ def longest_step(world: LeapfrogWorld, path: Path, time: float, peaks: Mapping[s
         step = min(step, DRIVE_PHASE * world.flanks.quickest)
     elif world.drive_stiffness:
         step = min(step, DRIVE_PHASE * math.sqrt(drive_inertia(world, told_angle(path, time)) / world.drive_stiffness))
-    bodies = still(world.assembly, path, time) if world.pins or world.soft else {}
+    bodies = still(world.assembly, path, time) if world.loose or world.soft else {}
     for name, pin in world.pins.items():
         mass = pin_mass(world, pin.joint, bodies)
         step = min(step, SWING_PHASE * math.sqrt(mass * pin.clearance / max(peaks[name], 1e-300)))
         if world.compliant:
             step = min(step, contact_step(pin, mass))
+    for block in world.blocks.values():
+        mass = corner_mass(world.mechanism, bodies, block.joint, world.closed, world.holding)
+        step = min(step, contact_step(block, mass))
     for pin in world.soft.values():
         mass, law = pin_mass(world, pin.joint, bodies), pin.contact
         step = min(step, CONTACT_PHASE * math.sqrt(mass / law.stiffness), CONTACT_DECAY * mass / law.damping)

@@ -1,4 +1,4 @@
-"""Pins that strike their bearings under a contact law by name, stepped by a leapfrog.
+"""Pins that strike their bearings, and corners their walls, under a contact law by name, stepped by a leapfrog.
 
 A law wants depth and rate of one instant, and the leapfrog's rates are half a step old.  The rate now is reckoned from
 the last two, with the force of this step implicit in it: second order in the step, and stable however much the law
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from analytic.mechanism import Mechanism
 from sim_models.common.contact_laws import NamedLaw, told_of
 from sim_models.engine import SettingValue
 from sim_models.leapfrog.parts import Pin
+
+if TYPE_CHECKING:
+    from sim_models.leapfrog.block import Block
 
 FRESH = 200  # steps at the wall after which it is found anew how a pin yields
 
@@ -39,15 +43,19 @@ class Striking:
         self.touched, self.off, self.rate, self.force = 0.0, False, None, 0j
 
     def push(self, gap: complex, rate: complex, trailing: float) -> complex:
-        """Force (N) on the second body with this gap (m), in the next step of a run.
+        """Force (N) on the second body with this gap (m), in the next step of a run; see :meth:`press`."""
+        reach = abs(gap)
+        return self.press(reach - self.clearance, gap / (reach or 1.0), rate, trailing)
 
-        The rate (m/s) of the gap is ``trailing`` (s) older than it, which is half of the step.
+    def press(self, depth: float, normal: complex, rate: complex, trailing: float) -> complex:
+        """Force (N) on the second body so deep (m; negative: off) in a wall that pushes it along a unit vector, in the
+        next step of a run.
+
+        The rate (m/s), of the first body less the second's, is ``trailing`` (s) older, which is half of the step.
 
         In the step that finds the pin at its wall, which it reached at an instant between, the force is the mean over
         the step's time: from half a step before the gap's instant to half a step after it, as far as there was contact.
         """
-        reach = abs(gap)
-        depth, normal = reach - self.clearance, gap / (reach or 1.0)
         if self.rate is None:  # it rests on its wall, if it is there
             self.rate, self.force, self.age = rate, self.law.stiffness * max(depth, 0.0) * normal, 0
         change, self.rate = (rate - self.rate) / 2, rate
@@ -75,8 +83,8 @@ class Striking:
         return float(n @ self.mobility @ n)
 
 
-def told(mechanism: Mechanism, pins: Mapping[str, Pin]) -> dict[str, SettingValue]:
-    """The laws of pins, of which some have one by name, for a trace's settings."""
+def told(mechanism: Mechanism, pins: Mapping[str, Pin | Block]) -> dict[str, SettingValue]:
+    """The laws of pins and blocks, of which some have one by name, for a trace's settings."""
     laws = {name: pin.law for name, pin in pins.items() if pin.law is not None}
     words = {
         name: "Kelvin-Voigt, max(0, K d + C d')" if pin.law is None else pin.law.words for name, pin in pins.items()

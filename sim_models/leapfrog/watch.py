@@ -47,7 +47,7 @@ class Watch:
         """A watch over a grid's steps from the first report on."""
         steps = np.arange(grid.lead, grid.last + 1)
         positions, velocities = np.zeros((2, steps.size + 1, world.velocities().size))
-        forces = np.zeros((steps.size, len(world.pins)), complex)
+        forces = np.zeros((steps.size, len(world.loose)), complex)
         return cls(world, grid.begin + grid.step * steps, positions, velocities, forces, np.zeros(steps.size))
 
     def begin(self) -> None:
@@ -57,7 +57,7 @@ class Watch:
     def add(self, k: int) -> None:
         """Take in the step that was just made, the k-th."""
         world = self.world
-        self.forces[k] = [world.pin_forces[name] for name in world.pins]
+        self.forces[k] = [world.pin_forces[name] + world.slide_forces.get(name, 0j) for name in world.loose]
         self.torque[k] = world.effort() if world.held else world.motor_torque
         self._note(k + 1)
 
@@ -79,7 +79,7 @@ class Watch:
             {name: velocity for name, (_, velocity) in centres.items()},
             {name: track.angle for name, track in tracks.items()},
             {name: track.spin for name, track in tracks.items()},
-            dict(zip(self.world.pins, self.forces.T, strict=True)),
+            dict(zip(self.world.loose, self.forces.T, strict=True)),
             self.torque,
         )
 

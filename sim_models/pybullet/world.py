@@ -22,7 +22,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE
-from sim_models.common.contact_laws import lighter_mass
+from sim_models.common.contact_laws import lighter_mass, longest
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.tree import Branch
 from sim_models.engine import Cause, Request, SettingValue, SimulationError
@@ -67,7 +67,7 @@ class BulletWorld(LeapfrogWorld):
         self.p.setPhysicsEngineParameter(**self.physics, physicsClientId=self.client)
         m = self.mechanism
         self.p.setGravity(*m.gravity, 0.0, physicsClientId=self.client)
-        ideal = [j for j in m.joints if j.name not in self.pins and j.name not in self.soft]
+        ideal = self.closed
         trunk = [j for j in ideal if j.prismatic or GROUND in j.bodies or j.name in (request.courses or {})]
         rest = self.hang(trunk)
         self.multibodies: list[int] = []
@@ -121,6 +121,8 @@ class BulletWorld(LeapfrogWorld):
         m, joint = self.mechanism, branch.joint
         body = moving_body(m, branch.child)
         mass, inertia = body.mass, body.moment_of_inertia
+        if self.static and any(branch.child in block.joint.bodies for block in self.blocks.values()):
+            inertia = inertia or mass * longest(m) ** 2  # plays no part at rest, but Bullet wants one
         root = self.branch[branch.parent].joint if branch.parent != GROUND else None
         # Bullet's frame of the parent sits at the parent's own joint
         corner = 0j if root is None else m.body(branch.parent).point(root.name)
