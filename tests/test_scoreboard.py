@@ -54,6 +54,8 @@ from compare.evidence.scoreboard.hidden import (
 )
 from compare.evidence.scoreboard.memory import bouc_wen, bristle, remembered
 from compare.evidence.scoreboard.outside import EXCLUDED, OUTSIDE, UNNAMED, Outside, draw_outside, moved, pull
+from compare.evidence.scoreboard.rattling import BANDS, SOURCES
+from compare.evidence.scoreboard.rattling import CASES as LINKAGES
 from compare.evidence.scoreboard.record import make, make_set, recorded
 from compare.evidence.scoreboard.rigs import Experiment, Plan, Rejected, ideal
 from compare.evidence.scoreboard.score import BENCH, failed, opened, score
@@ -469,6 +471,7 @@ def test_what_never_had_a_name_is_large_and_much_of_it_is_measured(seed: int) ->
 
 # ---------------------------------------------------------------- scores
 
+LOOSE, ELSEWHERE = ("joint_clearance", "B"), ("joint_clearance", "E")
 BIAS, GAIN, LENGTH = ("sensor_bias", "coupler_x"), ("sensor_gain", "coupler_x"), ("link_length", "follower")
 
 
@@ -540,6 +543,12 @@ def said(
         (said(verdict="no gap"), truth(kind="several"), "clear"),
         (said(verdict="unexplained"), truth(kind="several"), "abstained"),
         (said((BIAS, [])), truth(kind="several"), "false alarm"),
+        (said((LOOSE, [])), truth(LOOSE, kind="rattling"), "exact"),
+        (said((ELSEWHERE, [LOOSE])), truth(LOOSE, kind="rattling"), "tie"),
+        (said((ELSEWHERE, [])), truth(LOOSE, kind="rattling"), "wrong"),
+        (said(verdict="unexplained"), truth(LOOSE, kind="rattling"), "abstained"),
+        (said((LOOSE, [])), truth(kind="still"), "false alarm"),
+        (said((BIAS, [])), truth(kind="still"), "clear"),
         (said((BIAS, [LENGTH]), verdict="ambiguous"), truth(BIAS, kind="alias"), "tie"),
         (said((BIAS, [])), truth(BIAS, kind="alias"), "incomplete"),
         (said((BIAS, [LENGTH]), verdict="ambiguous"), truth(BIAS, kind="alias", reversed_load=True), "wrong"),
@@ -855,7 +864,8 @@ def test_any_part_of_a_board_is_a_fair_sample() -> None:
         "machines": 50,
         "unnamed": 50,
     }
-    assert {kind_of(s) for s in order[new : new + 10]} == set(FULL) - {"machines", "unnamed"}
+    others = set(FULL) - {"machines", "unnamed"}
+    assert {kind_of(s) for s in order[new : new + len(others)]} == others
 
 
 # ---------------------------------------------------------------- sets with several drives
@@ -980,6 +990,63 @@ def test_rows_of_several_drives_state_their_intervals_and_the_page_has_them() ->
     page = found.files()["README.md"]
     assert "9 of 9 parameters are in their 95 % intervals" in page
     assert "| nothing |" in page
+
+
+# ---------------------------------------------------------------- rigs that rattle
+
+
+@pytest.mark.parametrize(("kind", "k"), slow(("rattling", 8), ("still", 3)))
+def test_a_set_that_rattles_flies_as_long_as_its_band_and_a_still_one_has_no_clearance(
+    kind: Kind, k: int, tmp_path: Path
+) -> None:
+    first = make_set(FIRST[kind] + k, tmp_path / "a", tmp_path / "a-seal")
+    again = make_set(FIRST[kind] + k, tmp_path / "b", tmp_path / "b-seal")
+    assert first == again
+    for path in (tmp_path / "a").iterdir():
+        assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes()
+    measured = load_measured(tmp_path / "a" / "measured.toml")
+    assert first.kind == kind
+    assert first.case == "slider-crank"
+    assert measured.mechanism.clearances == {}
+    assert measured.mechanism.joint("B").restitution is None
+    assert len(measured.runs) >= 3
+    if kind == "still":
+        assert (first.effects, first.free) == ((), 0.0)
+        assert first.faults
+        return
+    low, high = BANDS[k % len(BANDS)]
+    assert low <= first.free <= high
+    assert first.source == Recorder(name="ode", version=None)
+    (loose,) = first.effects
+    assert loose.total > 100
+    assert 1e-4 <= loose.parameters["radial_clearance"] <= 1.5e-3
+
+
+def test_the_bands_sources_and_linkages_of_sets_that_rattle_meet_each_other_once() -> None:
+    met = {(k % len(BANDS), k % len(SOURCES), k % len(LINKAGES)) for k in range(FULL["rattling"])}
+    assert len(met) == FULL["rattling"] == len(BANDS) * len(SOURCES) * len(LINKAGES)
+
+
+def test_rows_of_rigs_that_rattle_state_their_intervals_and_the_page_has_their_sizes() -> None:
+    known = truth(LOOSE, kind="rattling").model_copy(update={"free": 0.3})
+    good, wrong = score(said((LOOSE, [])), known), score(said((ELSEWHERE, [])), known)
+    still = [score(said(*named), truth(kind="still")) for named in ([(LENGTH, [])], [(LOOSE, [])])]
+    assert [r.good for r in (good, wrong, *still)] == [True, False, True, False]
+    assert still[0].false_rig == ("link_length@follower",)
+    found = board([good] * 9 + [wrong, *still])
+    rows = {r.what: r for r in found.thresholds}
+    named = rows["rattling: the joint named, or a tie with it"]
+    assert (named.count, named.of, named.met) == (9, 10, True)
+    assert named.interval == pytest.approx((0.5958, 0.9821), abs=1e-4)
+    assert rows["rattling, joint named: size within 20 %"].count == 9
+    row = rows["still, sensors hum, spike or ring: no clearance named"]
+    assert (row.count, row.of, row.met) == (1, 2, False)
+    page = found.files()["README.md"]
+    assert "of 1 of these something else of the rig than clearance is named" in page
+    assert "| 25 to 50 % free | 10 | 9 | +2 % | 2 % | 2 % | 9 |" in page
+    text = io.StringIO()
+    HiddenSet(truth=known, scored=good).print_to(Console(file=text, width=110))
+    assert "its pin is off the wall for 30 % of the time" in text.getvalue()
 
 
 # ---------------------------------------------------------------- sets of the bench

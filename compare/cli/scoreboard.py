@@ -46,6 +46,8 @@ def update(
     per_run: Annotated[int | None, typer.Option(min=0, help="Sets with faults of sensors in each run [60].")] = None,
     large: Annotated[int | None, typer.Option(min=0, help="Sets in which large effects are missing [60].")] = None,
     several: Annotated[int | None, typer.Option(min=0, help="Sets with several drives [60].")] = None,
+    rattling: Annotated[int | None, typer.Option(min=0, help="Sets of rigs that rattle [60].")] = None,
+    still: Annotated[int | None, typer.Option(min=0, help="Sets of rigs that only seem to rattle [60].")] = None,
     minutes: Annotated[
         float | None,
         typer.Option(min=1.0, help="Stop after about so long; sets not reached keep their scores of other code."),
@@ -63,6 +65,7 @@ def update(
         given |= {"machines": machines, "unnamed": unnamed}
         given |= {"slightly-off": slightly_off, "coarse": coarse, "coloured": coloured}
         given |= {"per-run": per_run, "large": large, "several": several}
+        given |= {"rattling": rattling, "still": still}
         with resumed(), progress_bar() as bar:
             board = update_scoreboard(
                 folder,

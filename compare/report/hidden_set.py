@@ -56,6 +56,8 @@ def _hidden(truth: Truth) -> Iterator[str]:
     for f in truth.faults:
         values = ", ".join(f"{name} {value:.6g}" for name, value in f.parameters.items())
         yield f"sensors: {f.key}{f': {values}' if values else ''}"
+    if truth.free:
+        yield f"its pin is off the wall for {100 * truth.free:.3g} % of the time"
     other = truth.outside
     if other is not None:
         size = f"{other.size:.6g} {other.unit} ({other.left:.3g} sigma)"

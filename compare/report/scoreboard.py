@@ -5,13 +5,15 @@ from __future__ import annotations
 import html
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from statistics import median
 from typing import TYPE_CHECKING, get_args
 
 from rich.console import Console
 
 from analytic.mechanism.one_line import count
 from compare.evidence.scoreboard.hidden import MANY
-from compare.evidence.scoreboard.score import DISTINCT, NAMED, NAMELESS, closed
+from compare.evidence.scoreboard.rattling import BANDS
+from compare.evidence.scoreboard.score import DISTINCT, NAMED, NAMELESS, RATTLING, closed
 from compare.report.figures import Axis, Figure, Series
 from compare.report.svg import draw
 from compare.results.scoreboard import Hidden, Kind, Scoreboard, Scored, Threshold, Value
@@ -115,6 +117,7 @@ def page(board: Scoreboard) -> str:
         "![Each set with effects: sigmas of its faintest signature, and what the best rival leaves](sizes.svg)",
         *_bench(results),
         *_several([r for r in results if r.kind == "several"]),
+        *_rattling(results),
         *_per_engine(board.by_simulator),
         *_errors(effects),
         *_failures(board.results),
@@ -244,6 +247,42 @@ def _several(sets: Sequence[Scored]) -> Iterator[str]:
     yield from _outcomes("Several drives, by linkage", sets, lambda r: [r.case])
     yield from _outcomes("Several drives, by diagnosing engine", sets, lambda r: [r.simulator])
     yield from _outcomes("Several drives, by engine that made the data", sets, lambda r: [r.source])
+
+
+def _rattling(results: Sequence[Scored]) -> Iterator[str]:
+    """Rigs that rattle and that only seem to: what was named, and how well sizes were found, by how often pins fly."""
+    loose, still = ([r for r in results if r.kind == kind] for kind in RATTLING)
+    if not loose and not still:
+        return
+    yield from ("", "## Rigs that rattle", "")
+    others = sum(bool(r.false_rig) and r.outcome == "clear" for r in still)
+    yield "In sets that rattle one pin has clearance and is free for a share of the time. *Still* rigs have none, but"
+    yield f"sensors that hum, spike or ring; of {others} of these something else of the rig than clearance is named."
+    yield from _outcomes("Rigs that rattle, by joint", loose, lambda r: [f"{r.case}, {r.truth[0].effect}"])
+    yield from ("", "## Rigs that rattle: sizes where the joint is named", "")
+    yield from (f"| | sets | {' | '.join(SIZED)} |", "|---|--:|" + "--:|" * len(SIZED))
+    for name in sorted({label for r in loose for label in _flying(r)}, key=_in_order):
+        sets = [r for r in loose if name in _flying(r)]
+        yield f"| {name} | {len(sets)} | {' | '.join(_sized([p for r in sets for p in r.parameters]))} |"
+
+
+SIZED = ("named", "median error", "median of its size", "worst", "in the 95 % interval")
+
+
+def _flying(r: Scored) -> list[str]:
+    """Groups that a set which rattles is in: by who recorded it, by linkage, and by how long its pin flies."""
+    low, high = next((band for band in BANDS if r.free <= band[1]), BANDS[-1])
+    return [f"{100 * low:g} to {100 * high:g} % free", f"recorded by {r.source}", r.case, "sets in all"]
+
+
+def _sized(found: Sequence[Value]) -> tuple[str, ...]:
+    """How many sizes there are, their errors (relative), and how many are in their intervals."""
+    errors = [100 * p.error for p in found if p.error is not None]
+    if not errors:
+        return ("0", "", "", "", "")
+    size = [abs(error) for error in errors]
+    middle = (f"{median(errors):+.2g} %", f"{median(size):.2g} %", f"{max(size):.2g} %")
+    return (str(len(errors)), *middle, str(sum(p.covered for p in found)))
 
 
 def _hidden_in(r: Scored) -> list[str]:

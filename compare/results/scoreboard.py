@@ -27,7 +27,9 @@ Kind = Literal[
     "per-run",
     "large",
     "several",
-]  # fmt: skip - those before the last are sets of the bench
+    "rattling",
+    "still",
+]  # fmt: skip
 Outcome = Literal[
     "exact", "tie", "clear", "abstained", "partly", "incomplete", "missed", "wrong", "false alarm", "failed"
 ]
@@ -49,7 +51,10 @@ class TrueEffect(Part):
     parameters: Annotated[Mapping[str, FiniteFloat], Field(description="SI; a value per run is offset@run.")]
     total: Annotated[Sigmas, Field(description="Of its signature.")]
     linear: Annotated[Sigmas, Field(description="Left of it by the best rival in the linear problem.")]
-    distinct: Annotated[Sigmas, Field(description="Left of it by the best rival that was fitted.")]
+    distinct: Annotated[
+        Sigmas,
+        Field(description="Left of it by the best rival that was fitted; 0 of rigs that rattle, where none was."),
+    ]
     rival: Annotated[str | None, Field(description="That rival; null if none took anything away.")]
 
     @property
@@ -143,6 +148,7 @@ class Truth(Document):
     outside: Annotated[
         TrueOutsider | None, Field(description="null where nothing of outside the vocabulary is hidden.")
     ]
+    free: Annotated[Share, Field(description="Of the time, that a pin with clearance is off its wall.")] = 0.0
 
     def rows(self) -> list[Row]:
         """A row for each thing that is hidden, with its size."""
@@ -224,7 +230,10 @@ class Scored(Part):
     ] = False
     false_rig: Annotated[
         tuple[Key, ...],
-        Field(description="Sets of the bench: named effects of the rig, not of a sensor, that are not in the set."),
+        Field(
+            description="Sets of the bench, and still ones: named effects of the rig, not of a sensor, that are not in"
+            " the set."
+        ),
     ] = ()
     worst_error: Annotated[
         float | None,
@@ -237,6 +246,7 @@ class Scored(Part):
     proposed: Annotated[
         tuple[Key, ...], Field(description="unknown@place of what is proposed, and of the places that do as well.")
     ] = ()
+    free: Annotated[Share, Field(description="Of the time, that the pin with clearance was off its wall.")] = 0.0
     right_place: Annotated[
         bool | None,
         Field(description="Whether what has no name is proposed where it is; null where there is no such thing."),

@@ -19,7 +19,7 @@ from compare.diagnose.data.recording import MeasuredError
 from compare.diagnose.workflow import diagnose
 from compare.evidence.scoreboard.hidden import FIRST, MANY, hidden_in, kind_of
 from compare.evidence.scoreboard.record import make_set
-from compare.evidence.scoreboard.score import BENCH, CLOSED, NAMED, NAMELESS, closed, failed, opened, score
+from compare.evidence.scoreboard.score import BENCH, CLOSED, NAMED, NAMELESS, RATTLING, closed, failed, opened, score
 from compare.results.scoreboard import Kind, Scoreboard, Scored, Threshold
 from compare.sweep import sweep
 from sim_models.engine import ENGINES, SimulationError, Unsupported, declared, installed_version
@@ -34,7 +34,9 @@ FULL: dict[Kind, int] = {
     "unnamed": 150,
     **dict.fromkeys(BENCH, 60),
     "several": 60,
+    **dict.fromkeys(RATTLING, 60),
 }
+NEAR = 0.2  # of a clearance that rattles: half of the sizes are asked to be nearer
 NORMAL = 1.959964  # of a 95 % interval
 
 
@@ -194,6 +196,7 @@ def thresholds(results: Iterable[Scored]) -> tuple[Threshold, ...]:
         _share("clearance or length: as the load allows", sum(r.good for r in of("alias")), len(of("alias")), 1.0),
         *_of_the_bench(results),
         *_of_several([r for r in results if r.kind == "several"]),
+        *_of_rattling(results),
         _share("diagnosed at all", len(results) - _count(results, "failed"), len(results), 1.0),
     ]
     return tuple(row for row in rows if row is not None)
@@ -259,6 +262,19 @@ def _of_several(sets: Sequence[Scored]) -> list[Threshold | None]:
         _share("several drives: exact or tie", _count(full, "exact", "tie"), len(full), 0.90),
         _share("several drives: wrong", _count(full, "wrong"), len(full), 0.0, 0.05),
         _share("several drives, empty: no gap", _count(empty, "clear"), len(empty), 0.95),
+    ]
+    return [_sampled(row) for row in rows]
+
+
+def _of_rattling(results: Sequence[Scored]) -> list[Threshold | None]:
+    """What is asked of rigs that rattle, and of those that only seem to."""
+    loose, still = ([r for r in results if r.kind == kind] for kind in RATTLING)
+    sizes = [abs(p.error) for r in loose for p in r.parameters if p.error is not None]
+    near = sum(error <= NEAR for error in sizes)
+    rows = [
+        _share("rattling: the joint named, or a tie with it", _count(loose, "exact", "tie"), len(loose), 0.75),
+        _share(f"rattling, joint named: size within {100 * NEAR:g} %", near, len(sizes), 0.5),
+        _share("still, sensors hum, spike or ring: no clearance named", _count(still, "clear"), len(still), 1.0),
     ]
     return [_sampled(row) for row in rows]
 

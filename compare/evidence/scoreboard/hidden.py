@@ -51,6 +51,8 @@ FIRST: dict[Kind, int] = {
     "machines": 450_000,
     "unnamed": 460_000,
     "several": 470_000,
+    "rattling": 480_000,
+    "still": 490_000,
 }
 # by seed
 DIAGNOSING = ("mujoco", "exudyn", "mujoco", "dart", "mujoco", "pybullet", "mujoco", "mujoco", "mujoco", "mujoco")

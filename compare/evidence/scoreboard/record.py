@@ -26,7 +26,9 @@ from compare.evidence.scoreboard.files import Readings, Recording, write_files
 from compare.evidence.scoreboard.hidden import FIRST, Hidden, draw, kind_of
 from compare.evidence.scoreboard.outside import Course
 from compare.evidence.scoreboard.play import run
+from compare.evidence.scoreboard.rattling import make_rattling
 from compare.evidence.scoreboard.rigs import Plan, Rejected, command_fields
+from compare.evidence.scoreboard.score import RATTLING
 from compare.evidence.scoreboard.sizes import Planted
 from compare.files import output_folder, write_atomically
 from compare.results.scoreboard import Recorder, TrueOutsider, Truth
@@ -43,6 +45,8 @@ def make_set(seed: int, data: Path, seal: Path) -> Truth:
     kind = kind_of(seed)
     if kind in FAMILIES:
         return make_bench(seed, kind, seed - FIRST[kind], data, seal)
+    if kind in RATTLING:
+        return make_rattling(seed, kind, seed - FIRST[kind], data, seal)
     make(seed, data, seal)
     return Truth.read(seal / Truth.file)
 

@@ -12,7 +12,7 @@
 ``partly``       outside the vocabulary: something is named, and that it does not explain the data is said (where it is
                  said that it does, or may, the set is ``wrong``)
 ``clear``, ``false alarm``   effect-free: nothing is named; something is (with several drives a gap that is reported is
-                 not clear either: ``abstained``)
+                 not clear either: ``abstained``); of a still rig, that clearance is not named, or is
 ``failed``       there was no diagnosis
 
 In sets of the bench what is slightly off and the faults of sensors that are truly there are never wrong when named, and
@@ -34,6 +34,7 @@ import numpy as np
 
 from analytic.mechanism.signals import wrapped
 from compare.diagnose.effects.bodies import LinkLength, PivotPosition
+from compare.diagnose.effects.joints import JointClearance
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.results.diagnosis import Diagnosis, Effect, SamePlace, SmallError
 from compare.results.scoreboard import Gap, Hidden, Kind, Outcome, Said, Scored, Truth, Value
@@ -48,10 +49,13 @@ GOOD: dict[Kind, tuple[Outcome, ...]] = {
     "machines": ("exact", "tie"),
     "unnamed": ("abstained", "partly"),
     "several": ("exact", "tie", "clear"),
+    "rattling": ("exact", "tie"),
+    "still": ("clear",),
 }
 NAMED: tuple[Kind, ...] = ("effects", "machines")  # sets of the vocabulary's effects
 NAMELESS: tuple[Kind, ...] = ("outside", "unnamed")  # sets of what it has no word for
 BENCH: tuple[Kind, ...] = ("slightly-off", "coarse", "coloured", "per-run", "large")
+RATTLING: tuple[Kind, ...] = ("rattling", "still")
 LATER = ("sensor_lag", "sensor_drift")  # of sensors, whether the vocabulary has them or not
 WITHIN = 0.05  # of its size: an effect of the rig beside faults of each run
 CLOSED = 1.1  # of the noise floor
@@ -72,7 +76,7 @@ def score(diagnosis: Diagnosis, truth: Truth) -> Scored:
     if truth.kind in BENCH:
         outcome, more = _on_bench(truth, diagnosis, found, together, true)
     else:
-        outcome, more = judged(truth, diagnosis, found, true), {}
+        outcome, more = judged(truth, diagnosis, found, true), {"false_rig": _false_in_rig(truth, found)}
     scored = _of(truth, outcome, diagnosis.verdict).model_copy(
         update={
             **more,
@@ -91,6 +95,11 @@ def score(diagnosis: Diagnosis, truth: Truth) -> Scored:
         }
     )
     return scored.model_copy(update={"good": good_on_bench(scored)}) if truth.kind in BENCH else scored
+
+
+def _false_in_rig(truth: Truth, found: Mapping[Key, set[Key]]) -> tuple[str, ...]:
+    """What is named of a still rig and no fault of a sensor."""
+    return tuple("@".join(key) for key in found if truth.kind == "still" and not of_sensor(key[0]))
 
 
 def proposals(diagnosis: Diagnosis) -> tuple[SamePlace, ...]:
@@ -128,12 +137,15 @@ def _of(truth: Truth, outcome: Outcome, verdict: str) -> Scored:
         gap=Gap(before=None, after=None, noise_floor=None),
         right_place=None if truth.outside is None else False,
         sensors=len(truth.noise),
+        free=truth.free,
     )
 
 
 def judged(truth: Truth, diagnosis: Diagnosis, found: Mapping[Key, set[Key]], true: set[Key]) -> Outcome:
     """The outcome."""
     kind, verdict = truth.kind, diagnosis.verdict
+    if kind == "still":
+        return "false alarm" if any(name == JointClearance.name for name, _ in found) else "clear"
     if not true and truth.outside is None:
         quiet = kind == "none" or verdict == "no gap"
         return "false alarm" if found else "clear" if quiet else "abstained"
