@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,13 +15,14 @@ from analytic.mechanism.signals import named
 from compare.diagnose.data.recording import Channel, Measured, MeasuredRun
 from compare.diagnose.effects.joints import JointClearance
 from compare.diagnose.predict import Term
-from compare.diagnose.rattle.explained import jackknifed
+from compare.diagnose.rattle.explained import Struck, jackknifed
 from compare.diagnose.rattle.statistics import QUANTILES, Statistics, quantiles
-from compare.diagnose.rattle.trial import Trials, Tried, least, wanted
+from compare.diagnose.rattle.trial import Trials, Tried, least, reaching, wanted
 from compare.diagnose.rattle.turns import Turns, rattles
 from compare.diagnose.workflow import diagnose
+from compare.evidence.scoreboard.rattling import Rattling, drawn
 from marks import slow
-from rattling_rigs import Rattling, rattling, still
+from sim_models.common.contact_laws import default_stiffness
 
 SPEED, SAMPLES, COUNT = 30.0, 150, 6
 SENSORS = {"follower_angle": 1e-4, "reaction_E_x": 0.05, "reaction_E_y": 0.05}
@@ -184,6 +186,68 @@ def test_joints_are_tried_and_the_one_that_rattles_alike_is_found() -> None:
     assert len(asked) == len(set(asked)) == len(trials.done)
 
 
+def struck_trials(
+    others: Callable[[Term], Sequence[Term]], size: float = 2e-4
+) -> tuple[Trials, list[tuple[str, float]]]:
+    """Trials of a rig whose pin gives back 0.6 of its speed: with less its blows are smaller, with more larger."""
+    judged, asked = statistics(struck(np.random.default_rng(4))), []
+
+    def simulate(term: Term, clearance: float, first: int | None) -> list[dict[str, np.ndarray]]:
+        restitution = getattr(term.effect, "restitution", None)
+        asked.append((term.where, restitution))
+        there = {None: 0.3, 0.6: 1.0, 0.85: 3.0}[restitution]
+        found = struck(np.random.default_rng(9), clearance / size if term.where == "B" else 0.2)
+        return [
+            {
+                s: smooth()[s] + (v - smooth()[s]) * (there if s.startswith("reaction") else 1.0)
+                for s, v in found.items()
+            }
+        ]
+
+    return Trials(judged, simulate, 0.05, lambda term: 1e-3, others=others), asked
+
+
+def test_a_size_is_not_read_low_where_two_rigs_scatter_each_in_its_own_way() -> None:
+    """The least distance is: it gives up what it cannot foretell.  How far readings reach does not."""
+    low, reached = [], []
+    for seed in range(6):
+        judged, size = statistics(struck(np.random.default_rng(10 + seed))), 2e-4
+        trials = Trials(
+            judged,
+            lambda term, c, first, seed=seed: [struck(np.random.default_rng(50 + seed), c / 2e-4)],
+            0.05,
+            lambda term: 1e-3,
+        )
+        tried = sorted(trials.all(TERM, [f * size for f in (0.6, 0.8, 1.0, 1.25)], None), key=Tried.misfit)
+        places = judged.places
+        low.append(least(tried, lambda each, places=places: each.misfit(places)) / size)
+        reached.append(reaching(tried, places) / size)
+    assert np.mean(low) < 0.93
+    assert np.mean(reached) == pytest.approx(1.0, abs=0.04)
+
+
+def test_what_impacts_give_back_is_tried_until_more_of_it_does_worse() -> None:
+    terms = {None: Term(Struck(SPEED), "B"), 0.6: Term(Struck(SPEED, 0.6), "B"), 0.85: Term(Struck(SPEED, 0.85), "B")}
+    trials, asked = struck_trials(lambda term: [terms[0.6], terms[0.85]] if term.where == "B" else [])
+    (found,) = trials.searched({terms[None]: 2e-4}, math.inf)
+    assert found[0].term == terms[0.6]
+    assert {each.term for each in found} == set(terms.values())
+    again, asked = struck_trials(lambda term: [terms[0.85], terms[0.6]])
+    (found,) = again.searched({terms[None]: 2e-4}, math.inf)
+    assert ("B", 0.6) not in asked  # the first did worse
+
+
+def test_a_wall_gives_as_suits_the_runs_and_not_the_nominal_speed() -> None:
+    """The shipped slider-crank's own speed is 5000 rpm; what suits that takes a slow run a thousand times the steps."""
+    m = load("slider-crank").rigid().with_joint("B", restitution=None)
+    slow_one = m.replace(drive=m.drive.model_copy(update={"speed": SPEED}))
+    made = Struck(SPEED, 0.6).on_mechanism(m, "B", {"radial_clearance": 3e-4}).joint("B")
+    assert made.contact_stiffness == default_stiffness(slow_one, "driven") < 0.01 * default_stiffness(m, "driven")
+    assert made.restitution == 0.6
+    stated = m.with_joint("B", contact_stiffness=3e6)
+    assert Struck(SPEED).on_mechanism(stated, "B", {"radial_clearance": 3e-4}).joint("B").contact_stiffness == 3e6
+
+
 def test_the_scatter_of_a_mean_is_that_of_its_jackknife() -> None:
     values = np.random.default_rng(8).standard_normal(8)
     left_out = [float(np.delete(values, k).mean()) for k in range(8)]
@@ -203,16 +267,17 @@ def said(made: Rattling, folder: Path) -> list[tuple[str, float, list[str]]]:
     ]
 
 
-@pytest.mark.parametrize(
-    ("seed", "source"), slow((3, "exudyn"), (4, "exudyn"), (6, "exudyn"), (13, "exudyn"), (0, "ode"))
-)
-def test_clearance_of_a_rig_that_rattles_is_named_with_its_size(seed: int, source: str, tmp_path: Path) -> None:
-    made = rattling(seed, source, "B" if source == "ode" else None)
+@pytest.mark.parametrize("k", slow(3, 8, 11))
+def test_clearance_of_a_rig_that_rattles_is_named_with_its_size(k: int, tmp_path: Path) -> None:
+    """A slider-crank recorded by Exudyn; one, and a crank-rocker that is free for 40 % of the time, by the equation."""
+    _, made = drawn("rattling", k)
     ((where, size, ties),) = said(made, tmp_path)
     assert made.joint in (where, *ties)
-    assert where != made.joint or size == pytest.approx(made.clearance, rel=0.3)
+    assert where != made.joint or size == pytest.approx(made.clearance, rel=0.1)
 
 
-@pytest.mark.parametrize("seed", slow(0, 1, 3, 4))
-def test_rigs_whose_sensors_hum_spike_or_ring_have_no_clearance(seed: int, tmp_path: Path) -> None:
-    assert said(still(seed), tmp_path) == []
+@pytest.mark.parametrize("k", slow(0, 3))
+def test_rigs_whose_sensors_hum_spike_or_ring_have_no_clearance(k: int, tmp_path: Path) -> None:
+    _, made = drawn("still", k)
+    assert made.faults
+    assert said(made, tmp_path) == []

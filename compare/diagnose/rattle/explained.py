@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -19,7 +19,7 @@ from compare.diagnose.explain import Attempt, Explanation, Interval, Named
 from compare.diagnose.fit import Fit
 from compare.diagnose.predict import Hypothesis, Model, Term
 from compare.diagnose.rattle.statistics import Key, Readings, Statistics
-from compare.diagnose.rattle.trial import Trials, Tried, least, wanted
+from compare.diagnose.rattle.trial import Trials, Tried, least, reaching, wanted
 from compare.diagnose.rattle.turns import FEWEST, TURNS, Turns, rattles
 from compare.results.diagnosis import Verdict
 from sim_models.common.contact_laws import default_stiffness
@@ -35,19 +35,30 @@ SURE = 2.0  # standard deviations, over groups of revolutions, by which they may
 ALIKE = 1.6  # times how far two recordings of one rig are apart: statistics that are explained
 LAW = 0.05  # of a clearance: what contact laws other than the engine's may make of it, one standard deviation
 LITTLE = 1e-3  # of the shortest link: a clearance to first order
+BOUNCES = (0.6, 0.85)  # restitutions that are tried beside that of the usual damping, 0.3
 MOST = 0.06  # of the shortest link: no clearance is tried beyond
 
 
+@dataclass(frozen=True)
 class Struck(JointClearance):
     """Clearance whose pin strikes a wall that gives: where the mechanism says nothing of the contact, it has the
     default stiffness, and with that one law in every engine (left out, MuJoCo's own is hard, and bounces otherwise).
+    That stiffness is for a crank that turns at ``speed`` (rad/s).  A ``restitution`` is what impacts give back of their
+    speed, in place of what that law's usual damping does.
     """
+
+    speed: float
+    restitution: float | None = None
 
     def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
         joint = mechanism.joint(where)
         said = (joint.contact_stiffness, joint.contact_damping, joint.radial_stiffness, joint.contact_law)
         if all(each is None for each in said):
-            mechanism = mechanism.with_joint(where, contact_stiffness=default_stiffness(mechanism, "driven"))
+            drive = mechanism.drive and mechanism.drive.model_copy(update={"speed": self.speed})
+            stiffness = default_stiffness(mechanism.replace(drive=drive), "driven")
+            mechanism = mechanism.with_joint(where, contact_stiffness=stiffness)
+        if self.restitution is not None:
+            mechanism = mechanism.with_joint(where, restitution=self.restitution)
         return super().on_mechanism(mechanism, where, values)
 
 
@@ -56,9 +67,10 @@ def rattling(problem: Problem) -> Explanation | None:
     the rig does.
     """
     turns = _turns(problem)
-    able = Struck().simulated_by(engine(problem.simulator))
+    struck = Struck(problem.rig.speed)
+    able = struck.simulated_by(engine(problem.simulator))
     known = [t for t in problem.terms if isinstance(t.effect, JointClearance) and t.key not in problem.ruled_out]
-    terms = [Term(Struck(), t.where) for t in known if able]
+    terms = [Term(struck, t.where) for t in known if able]
     sensors = {run.name: _sensors(problem, run) for run in problem.measured.runs if run.name in turns}
     if not terms or not turns or not rattles(problem.measured, turns, sensors):
         return None
@@ -145,6 +157,17 @@ def _shortest(problem: Problem) -> float:
     return min(body.length for body in problem.mechanism.bodies if body.length)
 
 
+def bouncing(problem: Problem) -> Callable[[Term], Sequence[Term]]:
+    """The same clearance with other restitutions, where the mechanism does not say what impacts give back."""
+
+    def others(term: Term) -> Sequence[Term]:
+        joint = problem.mechanism.joint(term.where)
+        known = joint.restitution is not None or joint.contact_damping is not None
+        return () if known else [Term(Struck(problem.rig.speed, e), term.where) for e in BOUNCES]
+
+    return others
+
+
 def sizes(problem: Problem, statistics: Statistics, terms: Sequence[Term]) -> dict[Term, float | None]:
     """The clearance (m) in each joint that displaces as far as is measured in the middle, by the analytic model; None
     where no position is measured or it has no answer.
@@ -152,7 +175,7 @@ def sizes(problem: Problem, statistics: Statistics, terms: Sequence[Term]) -> di
     runs = {run.name: run for run in problem.measured.runs if run.name in statistics.turns}
     middles = {name: each.middles() for name, each in statistics.turns.items()}
     rows = {name: np.unique(at) for name, at in middles.items()}
-    keys = positions(statistics)
+    keys = statistics.places
     sigma = {key: runs[key[0]].channels[key[1]].noise for key in keys}
     medians = {key: statistics.measured.whole[key][:, 2] for key in keys}
     little = LITTLE * _shortest(problem)
@@ -169,11 +192,6 @@ def sizes(problem: Problem, statistics: Statistics, terms: Sequence[Term]) -> di
         }
         found[term] = little * min(max(wanted(medians, change, sigma), 1e-2), MOST / LITTLE)
     return found
-
-
-def positions(statistics: Statistics) -> list[Key]:
-    """The sensors of positions."""
-    return [key for key in statistics.floor if not statistics.loaded(key)]
 
 
 # ---------------------------------------------------------------- the judgement
@@ -202,7 +220,7 @@ class _Judged:
             return float(min(MOST * _shortest(problem), room))
 
         bench = Bench(problem, statistics.turns)
-        trials = Trials(statistics, bench, _shortest(problem), largest, problem.options.late)
+        trials = Trials(statistics, bench, _shortest(problem), largest, problem.options.late, bouncing(problem))
         found = trials.searched(sizes(problem, statistics, terms), nominal.misfit())
         return cls(problem, statistics, nominal, found) if found else None
 
@@ -226,7 +244,7 @@ class _Judged:
 
     def _kinds(self) -> list[list[Key]]:
         """Sensors of positions, and of forces and torques; those that there are."""
-        places = positions(self.statistics)
+        places = self.statistics.places
         return [keys for keys in (places, [key for key in self.statistics.floor if key not in places]) if keys]
 
     def tied(self) -> list[Sequence[Tried]]:
@@ -239,18 +257,19 @@ class _Judged:
         return found
 
     def size(self, trials: Sequence[Tried], keys: Sequence[Key] | None = None, group: int = 0) -> float:
-        """The clearance (m) with the least misfit: of positions, where they tell it; they are in proportion to it."""
-        places = positions(self.statistics)
-        known = places if keys is None else [key for key in keys if key in places]
-        known = known or list(self.statistics.floor if keys is None else keys)
-        return least(trials, lambda each: each.misfit(known, group))
+        """The clearance (m) with which positions reach as far as the measured ones; where none is measured, that with
+        the least misfit.
+        """
+        known = [key for key in self.statistics.places if keys is None or key in keys]
+        if known:
+            return reaching(trials, known, group)
+        return least(trials, lambda each: each.misfit(keys, group))
 
     def interval(self, trials: Sequence[Tried]) -> Interval:
         """That clearance with its 95 % interval: by what leaving revolutions out changes, and by the contact law."""
         value = self.size(trials)
         groups = [math.log(self.size(trials, None, 1 + g)) for g in range(self.statistics.groups)]
-        grid = 0.25 * math.log(max(each.size for each in trials) / min(each.size for each in trials)) / len(trials)
-        wide = math.exp(1.96 * math.hypot(jackknifed(groups), LAW, grid))
+        wide = math.exp(1.96 * math.hypot(jackknifed(groups), LAW))
         return Interval(value, value / wide, value * wide, "m")
 
     def held_out(self, trials: Sequence[Tried]) -> tuple[float, float]:
@@ -335,12 +354,15 @@ class _Judged:
     def told(self) -> str:
         """By what kind of evidence clearance is named, in sentences."""
         s, simulator = self.statistics, self.problem.simulator
+        effect = self.best.term.effect
+        back = effect.restitution if isinstance(effect, Struck) else None
+        bounces = "" if back is None else f"Impacts that give back {back:g} of their speed did best. "
         return (
             f"The rig rattles: in {count(s.revolutions, 'revolution')} of {count(len(s.turns), 'run')} several sensors"
             " are thrown off at the same instants, in each revolution otherwise, as where pins leave their bearings and"
             f" strike. No sample can be foretold then. Clearance was tried joint by joint in {simulator}, and judged by"
             " how readings are spread in each part of a revolution (quantiles over all revolutions). A gap of 1 is how"
-            f" far two recordings of one rig are apart in that. {self._spikes()}"
+            f" far two recordings of one rig are apart in that. {bounces}{self._spikes()}"
         ).rstrip()
 
 

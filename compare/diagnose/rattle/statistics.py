@@ -108,6 +108,11 @@ class Statistics:
             return quantiles / channel.noise
         return np.arcsinh(quantiles / (self._usual(key) + DEEP * channel.noise))
 
+    @property
+    def places(self) -> list[Key]:
+        """The sensors of positions."""
+        return [key for key in self.floor if not self.loaded(key)]
+
     def loaded(self, key: Key) -> bool:
         """Whether a sensor reads a force or a torque."""
         return self._run(key[0]).channels[key[1]].signal.kind in ("reaction", "drive")
@@ -133,6 +138,16 @@ class Statistics:
         """
         pairs = zip(spread.less, self.measured.less, strict=True)
         return [self.apart(spread.whole, self.measured.whole), *(self.apart(s, m) for s, m in pairs)]
+
+    def reaches(self, spread: Spread) -> list[dict[Key, tuple[float, float]]]:
+        """How far measured and simulated readings reach from what is foretold without clearance, by sensor: sums of
+        what is told of all quantiles; of all revolutions, and with each group left out of both.
+        """
+        pairs = [(spread.whole, self.measured.whole), *zip(spread.less, self.measured.less, strict=True)]
+        return [{key: (self._reach(key, m), self._reach(key, s)) for key in self.floor} for s, m in pairs]
+
+    def _reach(self, key: Key, quantiles: Mapping[Key, np.ndarray]) -> float:
+        return float(np.nansum(np.abs(self.told(key, quantiles[key]))))
 
     def gap(self, readings: Readings) -> float:
         """How far simulated readings are from the measured ones, as the geometric mean over sensors; 1 is how far two

@@ -15,7 +15,12 @@ FIRST = 2  # revolutions of each run, in which all joints are tried
 AROUND = (0.75, 1.2)  # times the size that mean positions want, tried first
 COARSE = (2e-4, 8e-4, 3.2e-3, 1.3e-2)  # of the shortest link: sizes tried first where no position is measured
 NEAR = 0.3  # of the logarithm of the distance: joints that far from the best are looked at no more
-CLOSER = (0.8, 1.0, 1.25)  # times the best size so far, tried with all revolutions
+CLOSER = (0.8, 1.0, 1.25)  # times the best size so far, tried with all revolutions where no position is measured
+THERE = 0.04  # of the logarithm of a size: no trial is made nearer to the last
+AGAIN = 4  # trials on the way there, at most
+WORSE = 0.1  # of the logarithm of the distance: where one restitution does so much worse, no larger one is tried
+FARTHER = 0.5  # of the same: joints that far behind the best are not tried with its law of contact
+FARTHEST = 0.25  # of the logarithm of a size: trials that far from it say nothing of it
 
 Simulate = Callable[[Term, float, int | None], Readings | None]  # clearance (m), revolutions of each run (None: all)
 
@@ -23,12 +28,21 @@ Simulate = Callable[[Term, float, int | None], Readings | None]  # clearance (m)
 @dataclass(frozen=True)
 class Tried:
     """A clearance (m) in a joint as the engine has it, with how far each sensor's readings are from the measured ones:
-    of all revolutions, and with each group of revolutions left out.
+    of all revolutions, and with each group of revolutions left out; and how far these and those reach.
     """
 
     term: Term
     size: float
     apart: Sequence[Mapping[Key, float]]
+    reach: Sequence[Mapping[Key, tuple[float, float]]] = ()
+
+    def wants(self, keys: Iterable[Key], without: int = 0) -> float:
+        """The clearance (m) with which readings of positions would reach as far as the measured ones do.
+
+        How far they are apart says less: of two that scatter each in its own way the smaller one is always nearer.
+        """
+        reaches = [self.reach[without][key] for key in keys]
+        return self.size * sum(measured for measured, _ in reaches) / sum(simulated for _, simulated in reaches)
 
     def misfit(self, keys: Iterable[Key] | None = None, without: int = 0) -> float:
         """Mean logarithm of the distances of some sensors (None: all)."""
@@ -49,6 +63,7 @@ class Trials:
     shortest: float  # m, of the links
     largest: Callable[[Term], float]  # m, that may be blamed
     late: Callable[[], bool] = lambda: False
+    others: Callable[[Term], Sequence[Term]] = lambda term: ()  # the same clearance with other laws of contact
     done: dict[tuple[Term, float, int | None], Tried | None] = field(default_factory=dict)
 
     def tried(self, term: Term, size: float, turns: int | None) -> Tried | None:
@@ -60,7 +75,8 @@ class Trials:
             self.done[key] = None
             if readings is not None:
                 spread = self.statistics.spread(readings)
-                self.done[key] = Tried(term, size, self.statistics.distances(spread))
+                distances, reaches = self.statistics.distances(spread), self.statistics.reaches(spread)
+                self.done[key] = Tried(term, size, distances, reaches)
         return self.done[key]
 
     def all(self, term: Term, sizes: Iterable[float], turns: int | None) -> list[Tried]:
@@ -82,11 +98,70 @@ class Trials:
         nearest = min((each.misfit() for each in best.values()), default=math.inf)
         if nearest > nominal:
             return []
-        found = [self.closer(each) for each in best.values() if each.misfit() < nearest + NEAR]
-        return sorted((tried for tried in found if tried), key=lambda tried: tried[0].misfit())
+        near = sorted((each for each in best.values() if each.misfit() < nearest + NEAR), key=Tried.misfit)
+        found: list[list[Tried]] = []
+        for each in near:
+            closest = min((tried[0].misfit() for tried in found), default=math.inf)
+            tried = self.closer(each, closest + NEAR)
+            found += [tried] if tried else []
+        found.sort(key=lambda tried: tried[0].misfit())
+        return self.bounced(found) if found else []
 
-    def closer(self, first: Tried) -> list[Tried]:
-        """Trials of a joint with all revolutions about its best size so far, the best first."""
+    def closer(self, first: Tried, farthest: float = math.inf) -> list[Tried]:
+        """Trials of a joint with all revolutions about its best size so far, the best first; a single one where that
+        shows the joint to be ``farthest`` off or more.
+        """
+        places = self.statistics.places
+        found = self.approached(first.term, self.size(first), farthest) if places else self.about(first)
+        return sorted(found, key=Tried.misfit)
+
+    def bounced(self, found: Sequence[list[Tried]]) -> list[list[Tried]]:
+        """Trials of joints, the best joint first, and those in which impacts give back otherwise: of the best joint
+        until that does worse, and of others that are near with what does best there.
+        """
+        best, usual = list(found[0]), found[0][0].term
+        for other in self.others(usual):
+            tried = self.again(best[0], other)
+            if not tried or self.late():
+                break
+            worse = tried[0].misfit() - best[0].misfit()
+            best = sorted(
+                best + (self.approached(other, self.size(tried[0])) if worse < 0 else tried), key=Tried.misfit
+            )
+            if worse > WORSE:
+                break
+        law = list(self.others(usual)).index(best[0].term) if best[0].term != usual else None
+        rivals = []
+        for tried in found[1:]:
+            if law is not None and tried[0].misfit() < best[0].misfit() + FARTHER and not self.late():
+                tried = sorted(tried + self.again(tried[0], self.others(tried[0].term)[law]), key=Tried.misfit)
+            rivals.append(tried)
+        return sorted([best, *rivals], key=lambda tried: tried[0].misfit())
+
+    def again(self, tried: Tried, other: Term) -> list[Tried]:
+        """A trial with all revolutions of another law, of the size that this one wants."""
+        return self.all(other, [self.size(tried)], None)
+
+    def size(self, tried: Tried) -> float:
+        """The clearance (m) that a trial wants where positions are measured, else its own."""
+        return tried.wants(self.statistics.places) if self.statistics.places else tried.size
+
+    def approached(self, term: Term, size: float, farthest: float = math.inf) -> list[Tried]:
+        """Trials with all revolutions, from a size to that with which positions reach as far as the measured ones; a
+        single one where that is ``farthest`` off or more.
+        """
+        found: list[Tried] = []
+        for _ in range(AGAIN):
+            found += self.all(term, [size], None)
+            if not found or self.late() or found[0].misfit() > farthest:
+                break
+            size = min(self.size(found[-1]), self.largest(term))
+            if min(abs(math.log(each.size / size)) for each in found) < THERE:
+                break
+        return found
+
+    def about(self, first: Tried) -> list[Tried]:
+        """Trials with all revolutions about a size, to either side of the least misfit."""
         found = self.all(first.term, [f * first.size for f in CLOSER], None)
         for _ in range(3):
             if len(found) < 3 or self.late():
@@ -98,7 +173,16 @@ class Trials:
             found += self.all(first.term, [best * (0.7 if best == sizes[0] else 1.4)], None)
         if len(found) >= 3:
             found += self.all(first.term, [least(found, lambda each: each.misfit())], None)
-        return sorted(found, key=Tried.misfit)
+        return found
+
+
+def reaching(tried: Sequence[Tried], places: Sequence[Key], without: int = 0) -> float:
+    """The size (m) with which positions reach as far as the measured ones: the mean of what the trials want that have
+    the best one's law and are near it.
+    """
+    best = tried[0].wants(places)
+    near = [each for each in tried if each.term == tried[0].term and abs(math.log(each.size / best)) < FARTHEST]
+    return math.exp(float(np.mean([math.log(each.wants(places, without)) for each in near or tried[:1]])))
 
 
 def least(tried: Sequence[Tried], misfit: Callable[[Tried], float]) -> float:
