@@ -65,6 +65,15 @@ def serves(assembly: Assembly, count: int) -> bool:
     return (count >= least or own.calls > CALLS) and _kernel() is not None
 
 
+def foresee(assembly: Assembly, count: int) -> None:
+    """Let the compiled code serve all calls with an assembly of which so many configurations will be asked, in whatever
+    portions.
+    """
+    if count >= BATCH:
+        own = programs_of(assembly)
+        own.calls = max(own.calls, CALLS)
+
+
 @cache
 def _kernel() -> tuple[Callable[..., bool], Callable[..., bool]] | None:
     """What carries out programs of dyads only, and all programs."""

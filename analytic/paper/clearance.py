@@ -18,11 +18,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import Literal, get_args
 
 import numpy as np
 
+from analytic.compiled import run
 from analytic.kinematics.assembly import Assembly, AssemblyError, Followed, Path
 from analytic.kinematics.motion import Gap, kinematics
 from analytic.kinematics.reach import usual_angles
@@ -42,6 +43,7 @@ STEADY = 3e-4  # of a gap, by which its own motion changes it: the next term of 
 TINY = 1e-300  # m: a gap no larger has no motion of its own
 SETTLED = 1e-12  # rad
 PASSES = 40
+SOLVED = 10  # times, about, that a linkage is solved at each angle until its pins have settled
 NUDGE = 1e-4  # rad
 UNSTABLE = "the equilibrium found is not stable: the pins would leave it"
 TRIES = 6  # of how blocks rest
@@ -127,6 +129,8 @@ def displaced(  # noqa: PLR0913 - a motion, and what may replace the linkage's o
     else:  # with each sample goes where the linkage is near it
         drive = np.concatenate([drive, (near or assembly.follow(drive[:k])).coordinates])
 
+    if loose or give:
+        run.foresee(assembly, SOLVED * drive.shape[1])
     solve = _Solve(assembly, inertia, path, blocks, model == "equilibrium", len(drive))
     ideal = solve(drive)
     if not (loose or give):
@@ -384,11 +388,11 @@ class _Pins:
         gain = np.ones(len(x))  # by which the last step shrank the miss; the next one is expected to do as well
         for _ in range(PASSES):
             step = np.einsum("nij,nj->ni", inverse[todo], miss)
-            step *= np.minimum(
-                1.0, 0.5 / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-300)
-            )  # at most half a radian at a time
+            step *= np.minimum(1.0, 0.5 / np.maximum(_largest(step), 1e-300))[
+                :, None
+            ]  # at most half a radian at a time
             x[todo] += step
-            size = np.abs(miss).max(axis=1)
+            size = _largest(miss)
             far = (size >= SETTLED) & (size * gain >= 1e-3 * SETTLED)
             todo, step, before, size = todo[far], step[far], miss[far], size[far]
             if not todo.size:
@@ -396,10 +400,10 @@ class _Pins:
             x[todo] -= step
             miss, step = self.onward(drive[:, todo], x[todo], step, None if rates is None else rates[:, todo])
             x[todo] += step
-            gain = np.minimum(1.0, np.abs(miss).max(axis=1) / size)
+            gain = np.minimum(1.0, _largest(miss) / size)
             known = inverse[todo]
             seen = np.einsum("nij,nj->ni", known, miss - before)
-            along = np.sum(step * seen, axis=1, keepdims=True)
+            along = np.einsum("ni,ni->n", step, seen)[:, None]
             weight = np.einsum("ni,nij->nj", step, known) / np.where(
                 along, along, np.inf
             )  # no update where the miss has not changed
@@ -443,6 +447,11 @@ class _Pins:
             given, at = forces[name] * self.give[name] / self.length, n + len(self.both) + 2 * k
             columns += [given.real - x[:, at], given.imag - x[:, at + 1]]
         return np.stack(columns, axis=-1)
+
+
+def _largest(x: np.ndarray) -> np.ndarray:
+    """The largest size (N,) in each row of x (N, K), column by column: rows are short."""
+    return np.asarray(reduce(np.maximum, np.abs(x).T))
 
 
 def _rates(
