@@ -100,9 +100,7 @@ def request(pair: Pair, feature: Feature | None) -> Request:
         courses = {"D": (KNOTS, COURSE + np.radians(120.0) - FIRST), "E": (KNOTS, np.radians(60.0) - 3.0 * KNOTS)}
         return Request(m, model, motion, time=TIMES, courses=courses)
     start = "centred" if feature == "contact_law" else "steady"  # it shows where pins strike
-    # MuJoCo's rows know nothing of how fast they turn before they have given: a block's first instant is off by that
-    lead = 0.01 if feature == "guide_clearance" and motion == "driven" else 0.0
-    return Request(m, model, motion, FIRST + np.array([0.0, 0.06, 0.1]), start=start, lead_in=lead)
+    return Request(m, model, motion, FIRST + np.array([0.0, 0.06, 0.1]), start=start)
 
 
 def bending(asked: Request) -> Request:
