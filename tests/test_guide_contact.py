@@ -17,6 +17,7 @@ from analytic.paper.clearance import displaced
 from compare.crosscheck import crosscheck
 from linkages import inverted_slider
 from marks import slow
+from sim_models.common.contact_laws import hysteresis
 from sim_models.common.guide import Guide
 from sim_models.engine import ENGINES, JointModel, Motion, Request, Trace, Unsupported, declared, engine
 
@@ -92,7 +93,7 @@ def test_in_motion_too_and_it_begins_in_equilibrium(name: str, load: str) -> Non
     check(dict(trace.signals), found.signals(), set(found.flags), 3e-3 if name == "mujoco" else 0.06)
 
 
-@OTHERS
+@ANY
 def test_a_run_begins_where_the_block_rests(name: str) -> None:
     """Without a lead-in; but for what its corners give where they are springs."""
     m, theta = slider_crank("tilted"), np.radians([30.0, 30.2])
@@ -372,6 +373,24 @@ BOUNCES = {
 }
 
 
+@pytest.mark.parametrize("name", slow(*MODELS))
+@pytest.mark.parametrize("law", ["elastic", "flores"])
+def test_a_block_bounces_as_an_equation_of_motion_has_it(name: str, law: str) -> None:
+    """Two or three touches, of both corners at once, by Runge and Kutta's steps of 0.1 us."""
+    nonsmooth = pytest.importorskip("nonsmooth")
+    numbers = nonsmooth.Guide(0.153, 0.306, (0.038, 0.038, 0.076), (7.4e-5, 5.9e-4, 2.7e-6), 0.05, 0.025, 1e-3, 9.81)
+    chi = 0.0 if law == "elastic" else hysteresis("flores", 0.7)
+    begin, end = np.zeros(3), np.array([150.0, -75.0, 0.0])
+    right, gaps = nonsmooth.compliant(numbers, 4, begin, end, 1e-7, 150_000, 100, 1e6, chi, 0.0, 1.0)
+    assert np.sum(np.diff((gaps.min(axis=1) < 0).astype(int)) == 1) >= 2
+    m = loads(FLYING).with_joint("S", contact_stiffness=1e6, **BOUNCES[law])
+    time = 1e-5 * np.arange(30, 1500)
+    seen = simulated(name, Request(m, time=time, start="centred", start_speed=150.0, step=1e-6)).signals
+    height = 0.153 * np.sin(right[30:1500, 0]) + 0.306 * np.sin(right[30:1500, 1])
+    np.testing.assert_allclose(seen["crank_angle"], right[30:1500, 0], atol=1e-4 if name == "dart" else 5e-6)
+    np.testing.assert_allclose(seen["clearance_S_y"], -height, atol=5e-6 if name == "dart" else 2e-6)
+
+
 LOSES = {
     "mujoco": 1e-6,
     "exudyn": 1e-5,
@@ -383,9 +402,12 @@ SHARP = [(name, law) for name in MODELS for law in BOUNCES if (name, law) != ("e
 
 @pytest.mark.parametrize(("name", "law"), [("exudyn", "flores"), *slow(*SHARP)])
 def test_blocks_bounce_as_mujoco_s_do_and_gain_no_energy(name: str, law: str) -> None:
-    """Touches of single corners, K = 1e6 N/m; what bounces elastically keeps its energy."""
+    """Touches of single corners, K = 1e6 N/m, of a block whose centre of mass is off its pin; what bounces elastically
+    keeps its energy.
+    """
     pytest.importorskip("mujoco")
     m = loads(FLYING).with_joint("S", contact_stiffness=1e6, **BOUNCES[law])
+    m = m.replace(bodies=(*m.bodies[:2], m.bodies[2].model_copy(update={"com": (0.01, 0.005), "inertia": 6e-5})))
     time = np.arange(3e-4, 6e-3, 1e-5)
     asked = Request(m, time=time, start="centred", start_speed=150.0, step=1e-6)
     own, other = (simulated(which, asked) for which in (name, "mujoco"))
