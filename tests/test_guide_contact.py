@@ -15,6 +15,7 @@ from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import load, loads
 from analytic.paper.clearance import displaced
 from compare.crosscheck import crosscheck
+from compare.evidence.published.flying_block import flying_block
 from linkages import inverted_slider
 from marks import slow
 from sim_models.common.contact_laws import hysteresis
@@ -266,56 +267,6 @@ def test_a_massless_link_holds_no_block(name: str) -> None:
         engine(name).simulate(Request(slider_crank("flat"), "massless-link", "static", ANGLES))
 
 
-FLYING = """
-name = "slider-crank of Flores, Leine and Glocker (2010)"
-gravity = [0.0, -9.81]
-[ground]
-points = { O = [0.0, 0.0], S = [0.0, 0.0] }
-[[body]]
-name = "crank"
-points = { O = [0.0, 0.0], A = [0.153, 0.0] }
-mass = 0.038
-inertia = 7.4e-5
-[[body]]
-name = "rod"
-points = { A = [0.0, 0.0], B = [0.306, 0.0] }
-mass = 0.038
-inertia = 5.9e-4
-[[body]]
-name = "slider"
-points = { B = [0.0, 0.0], S = [0.0, 0.0] }
-mass = 0.076
-inertia = 2.7e-6
-[[joint]]
-name = "O"
-type = "revolute"
-bodies = ["ground", "crank"]
-[[joint]]
-name = "A"
-type = "revolute"
-bodies = ["crank", "rod"]
-[[joint]]
-name = "B"
-type = "revolute"
-bodies = ["rod", "slider"]
-[[joint]]
-name = "S"
-type = "prismatic"
-bodies = ["ground", "slider"]
-axis = [1.0, 0.0]
-guide = [0.1, 0.05]
-clearance = 1e-3
-restitution = 0.4
-[drive]
-joint = "O"
-speed = "free"
-[assembly]
-crank = 0.0
-rod = 0.0
-slider = 0.0
-"""
-
-
 def flight(time: float, state: np.ndarray) -> list[float]:
     """Rates of that linkage's crank and rod (angles, rad; rates, rad/s) while its block touches nothing: a double
     pendulum with the block's mass at its end.
@@ -337,7 +288,7 @@ def flight(time: float, state: np.ndarray) -> list[float]:
 @ANY
 def test_a_block_flies_freely_until_its_corners_come_to_a_wall(name: str) -> None:
     time = np.arange(3e-4, 3.05e-3, 1e-4)
-    asked = Request(loads(FLYING), time=time, start="centred", start_speed=150.0, step=4e-7)
+    asked = Request(flying_block(), time=time, start="centred", start_speed=150.0, step=4e-7)
     trace = simulated(name, asked)
     right = solve_ivp(flight, (0.0, time[-1]), [0.0, 0.0, 150.0, -75.0], t_eval=time, rtol=1e-11, atol=1e-13).y
     height = 0.153 * np.sin(right[0]) + 0.306 * np.sin(right[1])
@@ -383,7 +334,7 @@ def test_a_block_bounces_as_an_equation_of_motion_has_it(name: str, law: str) ->
     begin, end = np.zeros(3), np.array([150.0, -75.0, 0.0])
     right, gaps = nonsmooth.compliant(numbers, 4, begin, end, 1e-7, 150_000, 100, 1e6, chi, 0.0, 1.0)
     assert np.sum(np.diff((gaps.min(axis=1) < 0).astype(int)) == 1) >= 2
-    m = loads(FLYING).with_joint("S", contact_stiffness=1e6, **BOUNCES[law])
+    m = flying_block().with_joint("S", contact_stiffness=1e6, **BOUNCES[law])
     time = 1e-5 * np.arange(30, 1500)
     seen = simulated(name, Request(m, time=time, start="centred", start_speed=150.0, step=1e-6)).signals
     height = 0.153 * np.sin(right[30:1500, 0]) + 0.306 * np.sin(right[30:1500, 1])
@@ -406,7 +357,7 @@ def test_blocks_bounce_as_mujoco_s_do_and_gain_no_energy(name: str, law: str) ->
     keeps its energy.
     """
     pytest.importorskip("mujoco")
-    m = loads(FLYING).with_joint("S", contact_stiffness=1e6, **BOUNCES[law])
+    m = flying_block().with_joint("S", contact_stiffness=1e6, **BOUNCES[law])
     m = m.replace(bodies=(*m.bodies[:2], m.bodies[2].model_copy(update={"com": (0.01, 0.005), "inertia": 6e-5})))
     time = np.arange(3e-4, 6e-3, 1e-5)
     asked = Request(m, time=time, start="centred", start_speed=150.0, step=1e-6)

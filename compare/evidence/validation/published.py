@@ -14,13 +14,14 @@ from analytic.beyond_paper.released import released
 from analytic.kinematics.assembly import Assembly
 from analytic.paper.kinetostatics import Reactions
 from compare.diagnose.workflow import diagnose
+from compare.evidence.published import flying_block as block
 from compare.evidence.published import parallel_robot as robot
 from compare.evidence.published import squeezer as andrews
 from compare.results.validation import Apart, Held, Published
-from sim_models.engine import Feature, Request, Trace, declared, engine
+from sim_models.engine import Feature, JointModel, Request, Trace, declared, engine
 
 AXIS = "emps"
-FOLDERS = (robot.FOLDER, AXIS)
+FOLDERS = (robot.FOLDER, AXIS, block.FOLDER)
 DAMPING, FRICTION, OFFSET = 203.5, 20.39, -3.16  # N.s/m, N, N: of the axis
 ALLOWED = {"damping": 0.02, "friction_torque": 0.05, "bias": 0.05}  # shares
 
@@ -36,6 +37,8 @@ def published(names: Sequence[str], data: Path | None, slow: bool) -> tuple[Publ
     found = [_squeezer(able("point_spring"))]
     if data is not None and (data / robot.FOLDER).is_dir():
         found.append(_robot(able("several_drives"), data))
+    if data is not None and (data / block.FOLDER).is_dir():
+        found.append(_block(names, data))
     if slow and data is not None and (data / AXIS).is_dir():
         found.append(_axis(data))
     return tuple(found)
@@ -133,6 +136,41 @@ def _largest(found: Mapping[str, np.ndarray], told: robot.Recorded, when: np.nda
     """The largest difference (N.m) from the recorded torques at some of the times, or one in EVERY of those."""
     every = robot.EVERY if thin else 1
     return max(float(np.abs(found[n] - torque[when][::every]).max()) for n, torque in told.torque.items())
+
+
+# ---------------------------------------------------------------- a block in its guide
+
+
+def _block(names: Sequence[str], data: Path) -> Published:
+    told = block.recorded(data)
+    turned, lifted = [], []
+    for name in names:
+        features = declared(name).capabilities.rigid.features
+        models: tuple[JointModel, ...] = ("contact", "spring-damper")
+        able = [model for model in models if ("guide_clearance", (model, "driven")) in features]
+        if not able:
+            continue
+        seen = engine(name).simulate(block.request(able[0], told["time"])).signals
+        angle = max(float(np.abs(seen[f"{body}_angle"] - told[body]).max()) for body in ("crank", "rod"))
+        height = float(np.abs(seen["slider_y"] - told["height"]).max())
+        turned.append(Apart(side=name, off=_digits(angle), allowed=1e-3))
+        lifted.append(Apart(side=name, off=_digits(height / block.PLAY), allowed=0.02))
+    return Published(
+        name="A block with play in its guide",
+        says="Flores, Leine and Glocker's slider-crank by Siconos, with steps of 0.1 ms in which it gains 1 % of the"
+        " energy: up to its first impact, at 2.7 ms. What it says after that rests on those steps"
+        " (`tests/test_siconos.py`).",
+        figures=(
+            Held(
+                figure="angle of the crank at 2.6 ms; it and the rod's off by", unit="rad",
+                published=_digits(told["crank"][-1], 4), apart=tuple(turned),
+            ),
+            Held(
+                figure="height of the block then, over its play", unit="",
+                published=_digits(told["height"][-1] / block.PLAY, 4), apart=tuple(lifted),
+            ),
+        ),
+    )  # fmt: skip
 
 
 # ---------------------------------------------------------------- a ball-screw axis

@@ -16,6 +16,8 @@ from compare.crosscheck import Job, crosscheck_job
 from compare.evidence.baseline.runs import not_run, setups
 from compare.evidence.validation.bending import bending
 from compare.evidence.validation.files import carried
+from compare.evidence.validation.guides import CASE as GUIDED
+from compare.evidence.validation.guides import guided
 from compare.evidence.validation.published import published
 from compare.evidence.validation.rebounds import rebounds
 from compare.evidence.validation.scales import Scale, scale_rows
@@ -57,13 +59,11 @@ def run_all(names: tuple[str, ...], which: Sequence[Scale], data: Path | None, w
                 workers=workers, courses=courses,
             )  # fmt: skip
             result = crosscheck_job(job)
-            rows += [row(case, setup.name, run) for run in result.runs]
-            rows += [
-                ValidationRun(case=case, run=setup.name, simulator=f.simulator, verdict=f"failed: {f.why}")
-                for f in result.failures
-            ]
+            rows += told(case, setup.name, result)
             if r.joint_model == "contact":
                 checks[case] = result
+    for name, result in guided(names, tolerances):
+        rows += told(GUIDED, name, result)
     found = Validation(
         versions={name: installed_version(declared(name).package) for name in names},
         runs=tuple(rows),
@@ -81,6 +81,14 @@ def run_all(names: tuple[str, ...], which: Sequence[Scale], data: Path | None, w
     )
     found.checks.update(checks)
     return found
+
+
+def told(case: str, name: str, result: CrossCheck) -> list[ValidationRun]:
+    """The lines of the report that a cross-check gives."""
+    failed = [(f.simulator, f"failed: {f.why}") for f in result.failures]
+    return [row(case, name, run) for run in result.runs] + [
+        ValidationRun(case=case, run=name, simulator=simulator, verdict=why) for simulator, why in failed
+    ]
 
 
 def row(case: str, name: str, run: Compared) -> ValidationRun:

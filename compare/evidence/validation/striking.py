@@ -66,6 +66,7 @@ CASES = (
     Rattling("crank-rocker", "B", 5e-4, 20 * math.pi, 0.5, 1e7),
     Rattling("slider-crank", "B", 5e-4, 5000 * math.pi / 30, 0.9, 1e8),  # of Flores et al.
     Rattling("crank-rocker", "B", 5e-4, 20 * math.pi, 0.5, 1e7, 0.02, (CHECKED,)),
+    Rattling("slider-crank", "B", 5e-4, 5000 * math.pi / 30, 0.9, 1e8, 0.02, (CHECKED,)),
 )
 
 
