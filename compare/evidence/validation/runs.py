@@ -22,7 +22,7 @@ from compare.evidence.validation.published import published
 from compare.evidence.validation.rebounds import rebounds
 from compare.evidence.validation.scales import Scale, scale_rows
 from compare.evidence.validation.speed import timed
-from compare.evidence.validation.striking import CHECKED, LAWS, striking
+from compare.evidence.validation.striking import CHECKED, LAWS, MORE, striking
 from compare.evidence.validation.workspaces import SPIRALS, in_engines, workspaces
 from compare.judge.courses import Courses
 from compare.judge.discrepancy import load_tolerances
@@ -74,7 +74,7 @@ def run_all(names: tuple[str, ...], which: Sequence[Scale], data: Path | None, w
         in_engines=in_engines(names, tuple(SPIRALS) if whole else tuple(SPIRALS)[:1]),
         bent=bending(names),
         carried=carried(names),
-        struck=striking(names) if whole else striking(names, (CHECKED,)),
+        struck=striking(names, LAWS, MORE) if whole else striking(names, (CHECKED,)),
         delivered=rebounds(names, LAWS if whole else (CHECKED,)),
         published=published(names, data, whole),
         speed=timed() if whole else (),

@@ -5,7 +5,7 @@ ordinary differential equation of its own; and what each law delivers of the res
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import get_args
 
@@ -15,17 +15,20 @@ from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
 from analytic.mechanism.parts import ContactLaw
+from compare.arguments import cores
 from compare.evidence.contact_ode import centred, loop_of, simulate
 from compare.evidence.validation.workspaces import digits
-from compare.judge.contact import TURN, contact, contact_in, ideal_peaks
+from compare.judge.contact import TURN, contact, ideal_peaks
 from compare.judge.grid import default_angles
 from compare.results.contact import Contact, StatisticName
+from compare.results.crosscheck import Failure
 from compare.results.validation import Known, Struck
+from compare.runs import Counted, simulate_all
 from sim_models.common.contact_laws import named_law
-from sim_models.engine import JointModel, Request, Unsupported, check_supported, declared, engine
+from sim_models.engine import JointModel, Request, SimulationError, Unsupported, check_supported, declared
 
 LAWS: tuple[ContactLaw, ...] = get_args(ContactLaw)
-REVOLUTIONS, OF_ODE = 12, 96  # of an engine, of the equation
+REVOLUTIONS, MORE, OF_ODE = 12, 36, 96  # of an engine, where the report is written, and of the equation
 SHOWN: tuple[StatisticName, ...] = (
     "free_share",
     "impacts",
@@ -70,22 +73,31 @@ CASES = (
 )
 
 
-def striking(names: Sequence[str], laws: Sequence[ContactLaw] = LAWS) -> tuple[Struck, ...]:
-    """Each case with each of these laws in each engine that has it, and by the equation."""
+def striking(
+    names: Sequence[str], laws: Sequence[ContactLaw] = LAWS, revolutions: int = REVOLUTIONS
+) -> tuple[Struck, ...]:
+    """Each case with each of these laws in each engine that has it, over so many revolutions, and by the equation.
+
+    Raises SimulationError where an engine fails.
+    """
+    cells = [(rattling, law, rattling.linkage(law)) for rattling in CASES for law in laws if law in rattling.laws]
+    asked = [(i, name, _request(m, name, revolutions)) for i, (_, _, m) in enumerate(cells) for name in names]
+    able = [(i, name, request) for i, name, request in asked if request is not None]
+    found: dict[tuple[int, str], Struck] = {}
+    for k, outcome in simulate_all([(name, request) for _, name, request in able], cores()):
+        i, name, _ = able[k]
+        rattling, law, _ = cells[i]
+        if isinstance(outcome, Failure):
+            raise SimulationError(f"{rattling.case}, {law}, in {name}: {outcome.why}")
+        assert isinstance(outcome, Counted)
+        assert outcome.contact is not None
+        found[i, name] = _row(rattling, law, name, outcome.joint_model, outcome.contact)
+    equations = [_row(rattling, law, ODE, "contact", by_equation(m)) for rattling, law, m in cells]
     return tuple(
-        row for rattling in CASES for law in laws if law in rattling.laws for row in _rows(names, law, rattling)
+        row
+        for i, equation in enumerate(equations)
+        for row in (equation, *(found[i, name] for name in names if (i, name) in found))
     )
-
-
-def _rows(names: Sequence[str], law: ContactLaw, rattling: Rattling) -> Iterator[Struck]:
-    m = rattling.linkage(law)
-    yield _row(rattling, law, ODE, "contact", by_equation(m))
-    for name in names:
-        request = _request(m, name)
-        if request is not None:
-            found = contact_in(engine(name).simulate(request), m, ideal_peaks(m))
-            assert found is not None
-            yield _row(rattling, law, name, request.joint_model, found)
 
 
 def by_equation(m: Mechanism, revolutions: int = OF_ODE) -> Contact:
@@ -105,10 +117,10 @@ def by_equation(m: Mechanism, revolutions: int = OF_ODE) -> Contact:
     return contact(m, replace(watched, time=kept(watched.time), torque=kept(watched.torque), **by), ideal_peaks(m))
 
 
-def _request(m: Mechanism, name: str) -> Request | None:
+def _request(m: Mechanism, name: str, revolutions: int = REVOLUTIONS) -> Request | None:
     """A run of an engine that has the law in contact, or else between pin centres; None where it has it in neither."""
     theta = default_angles(Assembly(m))
-    beyond = REVOLUTIONS * TURN - float(theta[-1] - theta[0])
+    beyond = revolutions * TURN - float(theta[-1] - theta[0])
     rough = any(joint.friction for joint in m.joints if joint.clearance)
     models: tuple[JointModel, ...] = ("contact",) if rough else ("contact", "spring-damper")
     for model in models:
