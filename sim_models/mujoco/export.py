@@ -153,7 +153,7 @@ def _meaning(link: MujocoLinkage) -> dict[str, Any]:
                 "bearing_radius": link.radii[name][1],
                 "margin": link.contacts[name].margin,
                 "friction": float(rim.contact.friction[0]),
-                "soft": [rim.law.stiffness, rim.law.damping, rim.weight] if rim.timely else None,
+                "soft": [rim.law.stiffness, rim.law.damping, rim.weight] if rim.second_order else None,
                 "solref": rim.contact.solref.tolist(),
                 "solimp": rim.contact.solimp.tolist(),
             }

@@ -231,7 +231,7 @@ class MujocoLinkage:
             m.tendon_lengthspring[t] = rest
         walls = self.contacts if self.setting.rows == "contact" else {}
         self.rims = {name: Rim(self, name, self._touch(name, law)) for name, law in walls.items()}
-        self.timely = bool(walls) and all(rim.timely for rim in self.rims.values()) and not self.tendon
+        self.second_order = bool(walls) and all(rim.second_order for rim in self.rims.values()) and not self.tendon
         self.cones = [name for name in walls if self.rubs[name] and name not in self.striking]
         if self.setting.rows in ("massless-link", "spring"):
             for name in self.contacts:

@@ -34,7 +34,7 @@ class Rim:
     """The rim of a joint's bearing: MuJoCo's ``contact`` of the journal with it, and where the places of both are.
 
     ``depth`` (m) is how far the journal was beyond its gap when it was last looked at; it touches from ``begins`` (m)
-    off the middle on.  A wall that is ``timely`` is of second order.
+    off the middle on.  ``second_order`` says whether its wall is.
     """
 
     def __init__(self, link: MujocoLinkage, name: str, contact: mujoco.MjContact) -> None:
@@ -42,7 +42,7 @@ class Rim:
         self.name, self.contact, self.law, self._link = name, contact, link.contacts[name], link
         self.clearance, self.reach = link.radii[name]
         self.begins = self.clearance - self.law.margin
-        self.timely = not (self.law.hard or self.law.named or link.rubs[name])
+        self.second_order = not (self.law.hard or self.law.named or link.rubs[name])
         self.depth, self._gap = math.inf, (0.0, 0.0, 0.0)
         self._before, self._time = math.inf, math.nan
         self._x, self._first, self._second = _memory(link.data.site_xpos.reshape(-1)), 3 * first, 3 * second
@@ -51,12 +51,12 @@ class Rim:
         self._solref, self._solimp = _memory(contact.solref), _memory(contact.solimp)
         self.weight = float(m.body_invweight0[m.geom_bodyid[contact.geom], 0].sum())  # 1/kg, as MuJoCo reckons it
         self._step, self._part = m.opt.timestep, 1.0
-        if self.timely:
+        if self.second_order:
             self._harden(1.0)
 
     def meets(self, always: bool = False) -> bool:
         """Look where the journal is; says whether it touches, or (``always``) would if it were pressed."""
-        if self.timely and self._link.data.time != self._time:
+        if self.second_order and self._link.data.time != self._time:
             self._before, self._time = self.depth, self._link.data.time
         x, first, second = self._x, self._first, self._second
         gx, gy = x[first] - x[second], x[first + 1] - x[second + 1]
@@ -71,7 +71,7 @@ class Rim:
         x, pos, frame = self._x, self._pos, self._frame
         pos[0], pos[1] = x[self._second] + nx * self.reach, x[self._second + 1] + ny * self.reach
         frame[0], frame[1], frame[3], frame[4] = -nx, -ny, ny, -nx
-        self.contact.dist = -(self._share() if self.timely else self.depth)
+        self.contact.dist = -(self._share() if self.second_order else self.depth)
         if mujoco.mj_addContact(self._link.model, self._link.data, self.contact):
             where = f"mujoco: no room for the contact of joint {self.name!r}"
             raise SimulationError(where, Cause.FAULTY, "use fewer joints with clearance")

@@ -39,9 +39,9 @@ LARGEST_STEP = 4e-4  # s
 TURN_PER_STEP = {"ideal": 2e-3, "massless-link": 3e-4, "spring-damper": 6e-4, "contact": 6e-4}  # rad of the crank
 SAMPLES_AT_REST = 150  # of a static run's
 SOFT_PHASE = 0.4  # rad of a soft bearing's own vibration in a step
-TIMELY_TURN = 2.4e-3  # the same where contact is of second order in the step
+SECOND_ORDER_TURN = 2.4e-3  # the same where contact is of second order in the step
 BOUNCE = 0.4  # of a bounce's period/2 pi, for a step
-TIMELY_BOUNCE = 1.4  # where contact is of second order; at 2 a step is no longer stable
+SECOND_ORDER_BOUNCE = 1.4  # where contact is of second order; at 2 a step is no longer stable
 GLIMPSES = 9  # places of a run at which it is looked how light pins are
 FINE_BOUNCE = 0.1  # where the mechanism asks for a restitution
 FELT = 37  # instants of a run at which what a motor feels is asked for
@@ -146,9 +146,9 @@ class Run:
         """
         link = self.light(near)
         limits = [self.largest_step]
-        places = [near.place(link, at) for at in self.passed()] if link.timely else []
+        places = [near.place(link, at) for at in self.passed()] if link.second_order else []
         if self.steering.top_speed:
-            turn = TIMELY_TURN if places else TURN_PER_STEP[self.request.joint_model]
+            turn = SECOND_ORDER_TURN if places else TURN_PER_STEP[self.request.joint_model]
             limits.append(turn / self.steering.top_speed)
         for name, law in list(self.laws.items()):
             ease = mobility(link, q, name)
@@ -164,7 +164,7 @@ class Run:
                 limits.append((FINE_BOUNCE if asked else BOUNCE) * law.hard[0])
             elif self.request.joint_model != "massless-link":
                 ease = max([ease, *(mobility(link, place, name) for place in places)])
-                part = FINE_BOUNCE if asked else TIMELY_BOUNCE if places else 2 * BOUNCE
+                part = FINE_BOUNCE if asked else SECOND_ORDER_BOUNCE if places else 2 * BOUNCE
                 limits.append(part / max(math.sqrt(law.stiffness * ease), law.damping * ease))
         if self.flanks is not None and self.flanks.rigid:
             limits.append(LANDING * self.flanks.holds / HOLDS)
