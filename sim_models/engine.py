@@ -249,7 +249,9 @@ class Watched:
 
     ``time`` (s) is the trace's.  By moving body: ``place`` (m) and ``velocity`` (m/s) of its centre of mass, complex,
     ``angle`` (rad, continued) and ``angular_velocity`` (rad/s); by joint with clearance: the ``force`` (N, complex) of
-    its first body on its second.  ``torque`` (N.m) is the motor's on the driven body.  All at the same instants.
+    contact of its first body on its second, of a block that of the walls across its guide; by block: ``corners``
+    (4, M) N, how hard its wall pushes each corner, in the order of :attr:`sim_models.common.guide.Guide.corners`.
+    ``torque`` (N.m) is the motor's on the driven body.  All at the same instants.
     """
 
     time: np.ndarray
@@ -259,6 +261,7 @@ class Watched:
     angular_velocity: Mapping[str, np.ndarray]
     force: Mapping[str, np.ndarray]
     torque: np.ndarray
+    corners: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

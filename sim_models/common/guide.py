@@ -57,6 +57,27 @@ class Guide:
         across = [s * (height + z.real * np.sin(tilt) + z.imag * np.cos(tilt)) for s, z in out]
         return np.array(across) - self.height / 2 - self.clearance
 
+    def across(self, corners: np.ndarray) -> np.ndarray:
+        """Force (...) N across on the block, of walls that push its corners so hard (4, ...) N."""
+        return np.asarray(corners[0] + corners[1] - corners[2] - corners[3])
+
+    def shares(self, across: np.ndarray, moment: np.ndarray, height: np.ndarray, tilt: np.ndarray) -> np.ndarray:
+        """How hard (4, M) N walls push the corners that are in them, from the force (M,) N across on the block and its
+        moment (M,) N.m about the block's point.  At either end of the block one of two corners can be at its wall.
+        """
+        depths = self.depths(height, tilt)
+        along = np.array([z.real * np.cos(tilt) - z.imag * np.sin(tilt) for z in self.corners])
+        ends = [np.where(depths[k] > depths[k + 2], along[k], along[k + 2]) for k in (0, 1)]
+        front = (moment - across * ends[0]) / (ends[1] - ends[0])
+        up = np.array([across - front, front])
+        return np.where(depths > 0, np.maximum([*up, *-up], 0.0), 0.0)
+
+    def hardest(self, across: np.ndarray, moment: np.ndarray) -> np.ndarray:
+        """How hard (M,) N the wall of the corner that is pressed most pushes a block under a force (M,) N across and a
+        moment (M,) N.m about its point, whichever corners that takes.
+        """
+        return (np.abs(across) + 2 * np.abs(moment) / self.length) / 2
+
     def push(self, across: float, moment: float) -> complex:
         """Force (N) across and i times a moment (N.m) about the block's point over half the length."""
         return complex(across, 2 * moment / self.length)

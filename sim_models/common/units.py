@@ -228,6 +228,7 @@ class Units:
             {body: spin * rate for body, spin in w.angular_velocity.items()},
             {joint: f * force for joint, f in w.force.items()},
             w.torque * torque,
+            {joint: f * force for joint, f in w.corners.items()},
         )
 
     def _rates(self, r: Rates) -> Rates:

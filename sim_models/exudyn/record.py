@@ -104,16 +104,27 @@ class Record:
             for body, v in self.velocity.items()
         }
 
-    def watched(self, loose: Iterable[str], motor: RunMotor) -> Watched:
-        """What of it is watched, with the forces of these joints, on its crank's motor's own clock."""
+    def watched(self, loose: Iterable[Joint], motor: RunMotor) -> Watched:
+        """What of it is watched, with the forces of contact in these joints, on its crank's motor's own clock."""
+        force, corners = dict[str, np.ndarray](), dict[str, np.ndarray]()
+        for joint in loose:
+            name, guide = joint.name, Guide.of(joint)
+            force[name] = self.force[name]
+            if guide is not None:
+                turned = self.angle.get(joint.bodies[0], np.zeros(self.time.size))  # the ground stands still
+                across = 1j * joint.direction * np.exp(1j * turned)
+                pushed = np.real(force[name] * np.conj(across))
+                corners[name] = guide.shares(pushed, self.moment[name], self.height[name], self.tilt[name])
+                force[name] = guide.across(corners[name]) * across
         return Watched(
             time=self.time + motor.first - motor.begins,
             place=self.com,
             velocity=self.velocity,
             angle=self.angle,
             angular_velocity=self.angular_velocity,
-            force={name: self.force[name] for name in loose},
+            force=force,
             torque=self.drive_torque,
+            corners=corners,
         )
 
 
@@ -131,13 +142,15 @@ def join(records: Sequence[Record]) -> Record:
 
 
 def _joined(kind: type[Series], records: Sequence[Series]) -> Series:
-    """Arrays, and mappings of arrays, one after the other."""
+    """Arrays, and mappings of arrays, one after the other in time, which is their last axis."""
     parts: list[Any] = []
     for f in fields(kind):
         each = [getattr(record, f.name) for record in records]
         single = isinstance(each[0], np.ndarray)
         parts.append(
-            np.concatenate(each) if single else {name: np.concatenate([e[name] for e in each]) for name in each[0]}
+            np.concatenate(each)
+            if single
+            else {name: np.concatenate([e[name] for e in each], axis=-1) for name in each[0]}
         )
     return kind(*parts)
 

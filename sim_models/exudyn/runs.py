@@ -292,7 +292,8 @@ class ExudynRun(Run):
         if not self.request.watched:
             deque(onward, maxlen=0)
             return trace
-        watched = [record.watched(self.clearance, turned) for record in chain([seen], onward)]
+        loose = [self.m.joint(name) for name in self.clearance]
+        watched = [record.watched(loose, turned) for record in chain([seen], onward)]
         watched[0].time[marks - marks[0]] = time[order]  # without the rounding of sums of steps
         return replace(trace, watched=join_watched(watched))
 

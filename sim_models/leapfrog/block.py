@@ -23,8 +23,9 @@ Yields = Callable[[Joint, complex], np.ndarray]  # (2, 2) 1/kg, now, of a corner
 
 @dataclass(frozen=True)
 class Touch:
-    """A wall against a corner: where it is (m), and the force (N) on the block."""
+    """A wall against a corner, by its number: where it is (m), and the force (N) on the block."""
 
+    corner: int
     at: complex
     force: complex
 
@@ -93,7 +94,7 @@ class Block:
                 into = (rate * normal.conjugate()).real
                 force = max(0.0, self.contact.stiffness * depth + self.contact.damping * into) * normal
             if force:
-                yield Touch(at, force)
+                yield Touch(k, at, force)
 
 
 def _velocity(pose: Pose, at: complex) -> complex:

@@ -101,6 +101,7 @@ class LeapfrogWorld(ABC):
         self.motor_torque = 0.0  # N.m, of a drive that yields
         self.pin_forces: dict[str, complex] = {}  # N, and of walls on blocks
         self.block_moments: dict[str, float] = {}  # N.m, of walls on blocks about their points
+        self.touches: dict[str, tuple[Touch, ...]] = {}  # of walls and blocks
         # What walls do while a start is probed, whose steps are longer than such light corners would bear
         self.walls: dict[str, tuple[Touch, ...]] = {}
         self.block_seats: dict[str, complex] = {}  # m, and i times rad, as the last step began
@@ -335,8 +336,8 @@ class LeapfrogWorld(ABC):
         (first, second), total, moment = block.joint.bodies, 0j, 0.0
         a, b = self.base(first), self.base(second)
         self.block_seats[name], (_, point) = block.seat(a, b), block.places(a, b)
-        touches = self.walls[name] if self.walls else block.touches(a, b, self.trailing)
-        for touch in touches:
+        self.touches[name] = self.walls[name] if self.walls else (*block.touches(a, b, self.trailing),)
+        for touch in self.touches[name]:
             for body, pose, force in ((second, b, touch.force), (first, a, -touch.force)):
                 self.push(body, (touch.at - pose.origin) * cmath.exp(-1j * pose.angle), force)
             total += touch.force

@@ -40,6 +40,7 @@ class Watch:
     positions: np.ndarray  # (M + 1, n) of the engine's own, there and after the last
     velocities: np.ndarray  # (M + 1, n) half a step before each, and after the last
     forces: np.ndarray  # (M, joints with clearance) N, complex
+    corners: np.ndarray  # (blocks, 4, M) N, of walls on them
     torque: np.ndarray  # N.m
 
     @classmethod
@@ -48,7 +49,8 @@ class Watch:
         steps = np.arange(grid.lead, grid.last + 1)
         positions, velocities = np.zeros((2, steps.size + 1, world.velocities().size))
         forces = np.zeros((steps.size, len(world.loose)), complex)
-        return cls(world, grid.begin + grid.step * steps, positions, velocities, forces, np.zeros(steps.size))
+        corners = np.zeros((len(world.blocks), 4, steps.size))
+        return cls(world, grid.begin + grid.step * steps, positions, velocities, forces, corners, np.zeros(steps.size))
 
     def begin(self) -> None:
         """Take in where the first step starts."""
@@ -57,7 +59,10 @@ class Watch:
     def add(self, k: int) -> None:
         """Take in the step that was just made, the k-th."""
         world = self.world
-        self.forces[k] = [world.pin_forces[name] + world.slide_forces.get(name, 0j) for name in world.loose]
+        self.forces[k] = [world.pin_forces[name] for name in world.loose]
+        for corners, name in zip(self.corners, world.blocks, strict=True):
+            for touch in world.touches[name]:
+                corners[touch.corner, k] = abs(touch.force)
         self.torque[k] = world.effort() if world.held else world.motor_torque
         self._note(k + 1)
 
@@ -81,6 +86,7 @@ class Watch:
             {name: track.spin for name, track in tracks.items()},
             dict(zip(self.world.loose, self.forces.T, strict=True)),
             self.torque,
+            dict(zip(self.world.blocks, self.corners, strict=True)),
         )
 
     def _tracks(self) -> dict[str, Track]:

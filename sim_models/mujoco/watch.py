@@ -46,7 +46,7 @@ class Watch:
         self.time = begin + np.concatenate([*steps, ends[-1:]])
         self.coordinates, self.before, self.after = np.zeros((3, self.time.size, link.model.nv))
         self.forces = np.zeros((len(link.contacts), 2, self.time.size))  # N, of each wall: normal, and along it
-        self.pushes = np.zeros((len(link.blocks), self.time.size))  # N, of walls on blocks, across their guides
+        self.corners = np.zeros((len(link.blocks), 4, self.time.size))  # N, of walls on blocks' corners
         self.pull = np.zeros(self.time.size)  # rad/s^2, of the motor's armature
 
     def begin(self) -> None:
@@ -75,9 +75,9 @@ class Watch:
                     if link.rubs[name]:
                         self.forces[j, 1, self.done] = force[row + 1]
             for j, block in enumerate(link.blocks.values()):
-                for k, corner in enumerate(block.guide.corners):
+                for k in range(4):
                     if (row := rows.get(block.key(k))) is not None:
-                        self.pushes[j, self.done] -= np.sign(corner.imag) * force[row]
+                        self.corners[j, k, self.done] = force[row]
         self.pull[self.done] = self._acceleration[link.motor]
         self.done += 1
 
@@ -93,10 +93,11 @@ class Watch:
             pins = [places[m.site_bodyid[site]].at(complex(*m.site_pos[site, :2]))[0] for site in link.sites[name]]
             gap = pins[0] - pins[1]
             forces[name] = (normal + 1j * along) * gap / np.maximum(np.abs(gap), TINY)
-        for block, push in zip(link.blocks.values(), self.pushes, strict=True):
-            guide = block.joint.bodies[0]
-            turned = link.fixed_angle[guide] + self.coordinates @ link.form[guide]
-            forces[block.joint.name] = 1j * push * block.joint.direction * np.exp(1j * turned)
+        for block, pushed in zip(link.blocks.values(), self.corners, strict=True):
+            first = block.joint.bodies[0]
+            turned = link.fixed_angle[first] + self.coordinates @ link.form[first]
+            across = 1j * block.joint.direction * np.exp(1j * turned)
+            forces[block.joint.name] = block.guide.across(pushed) * across
         inertia = m.dof_armature[link.motor]
         if link.description.compliant:  # a shaft of its own
             inertia += m.body_inertia[m.body("drive:motor").id, 2]
@@ -108,6 +109,7 @@ class Watch:
             {name: spin @ link.form[name] for name in names},
             forces,
             -inertia * self.pull,
+            dict(zip(link.blocks, self.corners, strict=True)),
         )
 
     def _places(self) -> list[Place]:
