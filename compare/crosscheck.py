@@ -92,7 +92,7 @@ from sim_models.engine import (
     installed_version,
 )
 
-STRIKING: tuple[JointModel, ...] = ("contact", "spring-damper")  # whose pins may leave their walls
+STRIKING: tuple[JointModel, ...] = ("contact", "spring-damper")  # whose pins and blocks may leave their walls
 REVOLUTIONS = 32  # at the utmost, of a run whose pins strike
 Progress = Callable[[str, int, int], None]
 Measure = Callable[[Assembly, np.ndarray, Motion, Model, Mapping[str, float]], Reference]
@@ -476,8 +476,8 @@ def _requests(job: Job, assembly: Assembly, simulator: str, resolve: Resolve) ->
 
 def watched(request: Request, turns: int) -> Request:
     """A request of a driven run with every step of it told, to the end of so many ``turns`` of its crank."""
-    if request.motion != "driven" or request.released or request.mechanism.loose_guides:
-        return request  # what contact did is told of pins
+    if request.motion != "driven" or request.released:
+        return request
     return replace(request, watched=True, beyond=max(TURN * turns - span(request), 0.0) if turns else 0.0)
 
 

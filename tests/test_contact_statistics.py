@@ -134,7 +134,7 @@ def test_friction_takes_what_it_rubs_times_the_way() -> None:
     push, rub = 30.0, 3.0
     watched = prescribed(2.0, lambda phase: CLEARANCE * np.exp(1j * phase), lambda phase: push + 0 * phase)
     run = Run(ROCKER, watched)
-    pin = run.pin(ROCKER.joint("B"))
+    (pin,) = run.course(ROCKER.joint("B")).contacts
     rubbing = watched.force["B"] - np.sign(pin.slip) * rub * 1j * watched.force["B"] / push
     found = told(replace(watched, force={"B": rubbing}))
     assert found.joints["B"].statistics["friction_loss"].value == pytest.approx(rub * 2 * np.pi * CLEARANCE, rel=1e-3)
@@ -150,7 +150,7 @@ def test_a_damper_in_the_wall_takes_energy_and_the_balance_says_so() -> None:
 
     watched = prescribed(4.0, bouncing, damped)
     found = told(watched)
-    pin = Run(ROCKER, watched).pin(ROCKER.joint("B"))
+    (pin,) = Run(ROCKER, watched).course(ROCKER.joint("B")).contacts
     total = integral(pin.push * pin.rate, watched.time)[-1]
     loss = found.joints["B"].statistics["restitution_loss"]
     assert loss.by_revolution.sum() == pytest.approx(total, rel=1e-9)

@@ -217,7 +217,7 @@ def missing(trace: Trace, m: Mechanism) -> float:
     assert trace.watched is not None
     run = Run(m, trace.watched)
     margin = trace.settings.get("contact_margin", {})
-    pin = run.pin(m.joint("B"), margin.get("B", 0.0))  # type: ignore[union-attr]
+    pin = run.course(m.joint("B"), margin.get("B", 0.0))  # type: ignore[union-attr]
     power = run.motor + run.applied - taken({"B": pin}) - run.joints
     miss = integral(power, run.time) - (run.kinetic - run.kinetic[0])
     return float(np.abs(miss).max() / integral(np.abs(run.motor), run.time)[-1])
@@ -255,7 +255,7 @@ def test_the_wall_pushes_as_the_law_says_at_every_instant(friction: float) -> No
     m = crank_rocker("kelvin-voigt", 0.5, friction)
     trace = turned(m, watched=True)
     assert trace.watched is not None
-    law, pin = law_of(m, "B"), Run(m, trace.watched).pin(m.joint("B"))
+    law, (pin,) = law_of(m, "B"), Run(m, trace.watched).course(m.joint("B")).contacts
     pressed = np.where(pin.depth > 0, np.maximum(law.stiffness * pin.depth + law.damping * pin.rate, 0.0), 0.0)
     steady = pin.depth > 0
     steady[1:] &= pin.depth[:-1] > 0  # of the step that finds it there the mean is taken
@@ -274,7 +274,7 @@ def test_a_law_with_hysteresis_pushes_as_hooke_says_where_the_pin_turns_back() -
     m = crank_rocker("flores")
     trace = watched("flores")
     assert trace.watched is not None
-    law, pin = law_of(m, "B"), Run(m, trace.watched).pin(m.joint("B"))
+    law, (pin,) = law_of(m, "B"), Run(m, trace.watched).course(m.joint("B")).contacts
     turns = np.flatnonzero((pin.rate[:-1] > 0) & (pin.rate[1:] <= 0) & (pin.push[:-1] > 1.0))
     assert turns.size > 3
     part = pin.rate[turns] / (pin.rate[turns] - pin.rate[turns + 1])
@@ -287,7 +287,7 @@ def test_what_rests_in_contact_is_damped_as_by_the_slowest_touch() -> None:
     m = crank_rocker("hunt-crossley", 0.5)
     trace = ENGINE.simulate(Request(m, "contact", "driven", np.array([1.0, 1.1]), watched=True))
     assert trace.watched is not None
-    law, pin = law_of(m, "B"), Run(m, trace.watched).pin(m.joint("B"))
+    law, (pin,) = law_of(m, "B"), Run(m, trace.watched).course(m.joint("B")).contacts
     assert np.all(pin.push > 0)
     factor = 1 + law.hysteresis * pin.rate / law.slowest
     np.testing.assert_allclose(pin.push, law.stiffness * pin.depth * factor, rtol=1e-4)

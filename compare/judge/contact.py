@@ -16,7 +16,7 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import count
 from analytic.paper.kinetostatics import kinetostatics
 from compare.judge.statistics import needed, statistic
-from compare.judge.watched import PinCourse, Run, integral, taken
+from compare.judge.watched import Course, Run, Touch, dot, integral, taken
 from compare.results.contact import (
     Balance,
     Contact,
@@ -29,6 +29,7 @@ from compare.results.contact import (
     StatisticName,
 )
 from sim_models.common.contact_laws import contact_parameters
+from sim_models.common.guide import Guide
 from sim_models.common.journal import free_share
 from sim_models.engine import Trace, Watched
 
@@ -46,7 +47,7 @@ ORBIT_POINTS = 1500
 
 @dataclass(frozen=True)
 class Blow:
-    """One impact: instants [begin, end), and the pin's speed (m/s) as it reached its wall."""
+    """One impact: instants [begin, end), and the speed (m/s) at which the wall was reached."""
 
     begin: int
     end: int
@@ -72,12 +73,12 @@ def contact(
 ) -> Contact:
     """What contact did at every step of a run, in the joints of a mechanism that have clearance.
 
-    ``ideal`` (N) are the ideal linkage's largest reactions by joint, ``margins`` (m) how far before its wall a pin
-    begins to be pushed; ``yields`` says whether walls are springs, which give back what they have stored.
+    ``ideal`` (N) are the ideal linkage's largest reactions by joint, ``margins`` (m) how far before its wall a pin or
+    corner begins to be pushed; ``yields`` says whether walls are springs, which give back what they have stored.
     """
     run = Run(m, watched)
-    pins = {
-        name: run.pin(
+    courses = {
+        name: run.course(
             m.joint(name),
             (margins or {}).get(name, 0.0),
             contact_parameters(m, m.joint(name), "driven").stiffness if yields else 0.0,
@@ -85,25 +86,35 @@ def contact(
         for name in m.clearances
     }
     marks = revolutions(run.turned)
-    joints = {name: joint_contact(run, pin, marks, ideal.get(name, math.nan)) for name, pin in pins.items()}
+    joints = {name: joint_contact(run, one, marks, ideal.get(name, math.nan)) for name, one in courses.items()}
     whole = marks.size - 1
-    periods = [_period(joint.section, pins[name]) for name, joint in joints.items()]
-    converged, words = _converged(joints, whole, float(run.turned[-1]) / TURN)
+    periods = [_period(joint.section, courses[name]) for name, joint in joints.items()]
+    parts = {"block" if m.joint(name).prismatic else "pin" for name in joints}
+    converged, words = _converged(joints, whole, float(run.turned[-1]) / TURN, " and no ".join(sorted(parts)))
     return Contact(
         revolutions=float(run.turned[-1]) / TURN,
         converged=converged,
         period=None if None in periods else math.lcm(*(each for each in periods if each)),
         words=words,
-        energy=balance(run, pins, marks),
+        energy=balance(run, courses, marks),
         joints=joints,
     )
 
 
 def ideal_peaks(mechanism: Mechanism) -> dict[str, float]:
-    """The largest reaction (N) by joint of the ideal linkage in motion, at its usual crank angles."""
+    """The largest reaction (N) by joint of the ideal linkage in motion, at its usual crank angles; of a block with
+    clearance, the largest force that this and its moment put on one of its corners.
+    """
     assembly = Assembly(mechanism.with_clearances({}))
     motion = kinematics(assembly, usual_angles(assembly), mechanism.speed or 1.0)
-    return {name: float(np.abs(force).max()) for name, force in kinetostatics(motion).forces.items()}
+    found = kinetostatics(motion)
+    forces = {name: np.abs(force) for name, force in found.forces.items()}
+    for joint in (mechanism.joint(name) for name in mechanism.loose_guides):
+        guide = Guide.of(joint)
+        assert guide is not None  # of all that have clearance
+        across = dot(1j * joint.direction * np.exp(1j * motion.angle(joint.bodies[0])), found.forces[joint.name])
+        forces[joint.name] = guide.hardest(across, found.moments[joint.name])
+    return {name: float(force.max()) for name, force in forces.items()}
 
 
 def revolutions(turned: np.ndarray) -> np.ndarray:
@@ -116,37 +127,64 @@ def revolutions(turned: np.ndarray) -> np.ndarray:
     return np.minimum(np.searchsorted(turned, TURN * np.arange(whole + 1) - 1e-9), turned.size - 1)
 
 
-def blows(pin: PinCourse) -> Iterator[Blow]:
-    """The impacts of a pin: it was off its wall, and is at it.  One ends when the pin is no longer pushed, or begins to
-    press anew.
+def blows(touch: Touch) -> Iterator[Blow]:
+    """The impacts of a pin or corner: it was off its wall, and is at it.  One ends when it is no longer pushed, or
+    begins to press anew.
     """
-    state = np.where(pin.touching, 1, np.where(pin.free, -1, 0))
+    state = np.where(touch.touching, 1, np.where(touch.free, -1, 0))
     known = np.flatnonzero(state)
     begins = [int(k) for j, k in pairwise(known.tolist()) if state[j] < 0 < state[k]]
-    distance = np.abs(pin.gap)
+    distance = touch.reach
     for begin, until in pairwise([*begins, distance.size]):
-        pushed, rate = pin.push[begin:until] > 0, pin.rate[begin:until]
+        pushed, rate = touch.push[begin:until] > 0, touch.rate[begin:until]
         ended = np.flatnonzero((pushed[:-1] & ~pushed[1:]) | ((rate[:-1] <= 0) & (rate[1:] > 0) & pushed[1:]))
         end = begin + int(ended[0]) + 2 if ended.size else until
         before = max(begin - 1, 0)
         rise = distance[begin] - distance[before]
-        part = float(np.clip((pin.wall - distance[before]) / rise, 0.0, 1.0)) if rise > 0 else 0.0
-        gained = (pin.rate[before] - pin.rate[max(before - 1, 0)]) * part
-        yield Blow(begin, min(end, until), float(pin.rate[before] + gained))
+        part = float(np.clip((touch.wall - distance[before]) / rise, 0.0, 1.0)) if rise > 0 else 0.0
+        gained = (touch.rate[before] - touch.rate[max(before - 1, 0)]) * part
+        yield Blow(begin, min(end, until), float(touch.rate[before] + gained))
 
 
-def joint_contact(run: Run, pin: PinCourse, marks: np.ndarray, ideal: float) -> JointContact:
+@dataclass(frozen=True)
+class Done:
+    """What a contact has done until each of (M,) instants: energy (J) that its normal force has taken, less what the
+    wall stores, and that friction has; normal force times way slid (N.m); and its impacts, each with its impulse (N.s)
+    and energy (J).
+    """
+
+    absorbed: np.ndarray
+    rubbed: np.ndarray
+    worn: np.ndarray
+    impacts: tuple[tuple[Blow, float, float], ...]
+
+    @classmethod
+    def by(cls, touch: Touch, time: np.ndarray) -> Done:
+        """By a contact at these times (M,) s."""
+        normal = np.maximum(touch.push, 0.0)
+        impulse, absorbed = integral(normal, time), integral(touch.push * touch.rate, time) - touch.stored
+        ends = [(blow, max(blow.begin - 1, 0), blow.end - 1) for blow in blows(touch)]
+        return cls(
+            absorbed,
+            integral(-touch.rub * touch.slip, time),
+            integral(normal * np.abs(touch.slip), time),
+            tuple((b, impulse[last] - impulse[first], absorbed[last] - absorbed[first]) for b, first, last in ends),
+        )
+
+
+def joint_contact(run: Run, course: Course, marks: np.ndarray, ideal: float) -> JointContact:
     """Contact of one joint: its figures by revolution between the ``marks``, and all its impacts."""
     time, spans = run.time, list(pairwise(marks.tolist()))
-    struck = list(blows(pin))
-    normal, slid = np.maximum(pin.push, 0.0), np.abs(pin.slip)
+    done = [Done.by(touch, time) for touch in course.contacts]
+    struck = sorted((each for one in done for each in one.impacts), key=lambda each: each[0].begin)
     angle = run.watched.angle[run.m.driven]
-    impulse, absorbed = integral(normal, time), integral(pin.push * pin.rate, time) - pin.stored
-    impulses = np.array([impulse[b.end - 1] - impulse[max(b.begin - 1, 0)] for b in struck])
-    energies = np.array([absorbed[b.end - 1] - absorbed[max(b.begin - 1, 0)] for b in struck])
-    begins, speeds = np.array([b.begin for b in struck], int), np.array([b.speed for b in struck])
-    size, depth = np.hypot(pin.push, pin.rub), pin.depth
-    squared, rubbed, worn = (integral(values, time) for values in (size**2, -pin.rub * pin.slip, normal * slid))
+    impulses, energies = (np.array([each[k] for each in struck]) for k in (1, 2))
+    begins, speeds = np.array([b.begin for b, *_ in struck], int), np.array([b.speed for b, *_ in struck])
+    size, depth, reach = course.size, np.max([touch.depth for touch in course.contacts], axis=0), course.reach
+    squared = integral(size**2, time)
+    absorbed, rubbed, worn = (
+        np.sum([getattr(one, name) for one in done], axis=0) for name in ("absorbed", "rubbed", "worn")
+    )
 
     def within(values: np.ndarray, first: int, last: int) -> np.ndarray:
         return values[(begins >= first) & (begins < last)]
@@ -155,7 +193,7 @@ def joint_contact(run: Run, pin: PinCourse, marks: np.ndarray, ideal: float) -> 
     for first, last in spans:
         here, lasts = slice(first, last + 1), float(time[last] - time[first])
         row: dict[StatisticName, float] = {
-            "free_share": free_share(pin.gap[here], pin.wall, time[here]),
+            "free_share": free_share(reach[here], course.wall, time[here]),
             "impacts": float(within(begins, first, last).size),
             "impulse": float(within(impulses, first, last).sum()),
             "approach_speed": float(within(speeds, first, last).max(initial=0.0)),
@@ -176,15 +214,18 @@ def joint_contact(run: Run, pin: PinCourse, marks: np.ndarray, ideal: float) -> 
         peak_ratio=float(size.max()) / ideal if ideal > 0 else None,
         first_impact=float(angle[begins[0]]) if begins.size else None,
         impacts=Impacts(crank_angle=angle[begins], approach_speed=speeds, impulse=impulses, energy=energies),
-        profile=_profile(angle, time, size, pin, begins, float(run.turned[-1]) / TURN),
-        orbit=_orbit(pin, size, angle, slice(spans[-1][0], spans[-1][1] + 1)),
+        profile=_profile(angle, time, size, course.free, begins, float(run.turned[-1]) / TURN),
+        orbit=_orbit(course, size, angle, slice(spans[-1][0], spans[-1][1] + 1)),
         section=Section(
-            x=pin.gap.real[at], y=pin.gap.imag[at], velocity_x=pin.drift.real[at], velocity_y=pin.drift.imag[at]
+            x=course.gap.real[at],
+            y=course.gap.imag[at],
+            velocity_x=course.drift.real[at],
+            velocity_y=course.drift.imag[at],
         ),
     )
 
 
-def balance(run: Run, pins: Mapping[str, PinCourse], marks: np.ndarray) -> Balance | None:
+def balance(run: Run, courses: Mapping[str, Course], marks: np.ndarray) -> Balance | None:
     """The energy of a run's whole revolutions; None where what its joints take is not known."""
     if run.joints is None:
         return None
@@ -194,7 +235,7 @@ def balance(run: Run, pins: Mapping[str, PinCourse], marks: np.ndarray) -> Balan
     def over(power: np.ndarray) -> float:
         return float(integral(power[here], time)[-1])
 
-    given, contacts, joints = over(run.motor + run.applied), over(taken(pins)), over(run.joints)
+    given, contacts, joints = over(run.motor + run.applied), over(taken(courses)), over(run.joints)
     kept = float(run.kinetic[here][-1] - run.kinetic[here][0])
     return Balance(
         put_in=given,
@@ -230,12 +271,12 @@ def _brought(joint: JointContact) -> float:
     return impulse * speed / 2
 
 
-def _converged(joints: Mapping[str, JointContact], whole: int, turns: float) -> tuple[bool, str]:
-    """Whether the statistics of a run would change no more, and that in words."""
+def _converged(joints: Mapping[str, JointContact], whole: int, turns: float, loose: str) -> tuple[bool, str]:
+    """Whether the statistics of a run would change no more, and that in words; what is ``loose`` in it has a name."""
     if all(not joint.impacts.crank_angle.size for joint in joints.values()):
         free = any((joint.statistics["free_share"].value or 0.0) > 0 for joint in joints.values())
         if not free:
-            return True, f"no pin leaves its wall in {turns:.3g} revolutions"
+            return True, f"no {loose} leaves its wall in {turns:.3g} revolutions"
     if turns < 1 - 1e-6:
         return False, "the crank makes no whole revolution, so that there are no averages"
     wide = [
@@ -254,16 +295,16 @@ def _converged(joints: Mapping[str, JointContact], whole: int, turns: float) -> 
     return False, f"after {told} the {key.replace('_', ' ')} of {name} is known to {share:.2g} % only"
 
 
-def _orbit(pin: PinCourse, size: np.ndarray, angle: np.ndarray, here: slice) -> Orbit:
-    """The path of a pin in some instants, thinned; where it is pushed hardest is kept."""
-    x, force = pin.gap[here], size[here]
+def _orbit(course: Course, size: np.ndarray, angle: np.ndarray, here: slice) -> Orbit:
+    """The path of a pin or block in some instants, thinned; where it is pushed hardest is kept."""
+    x, force = course.gap[here], size[here]
     pieces = np.array_split(np.arange(x.size), min(ORBIT_POINTS // 2, x.size))
     kept = np.unique([k for piece in pieces for k in (int(piece[0]), int(piece[np.argmax(force[piece])]))])
     return Orbit(x=x.real[kept], y=x.imag[kept], force=force[kept], crank_angle=angle[here][kept])
 
 
 def _profile(
-    angle: np.ndarray, time: np.ndarray, size: np.ndarray, pin: PinCourse, begins: np.ndarray, turns: float
+    angle: np.ndarray, time: np.ndarray, size: np.ndarray, free: np.ndarray, begins: np.ndarray, turns: float
 ) -> Profile:
     """Contact over the crank angle, all revolutions together; every instant counts by the time around it."""
     which = np.minimum((np.mod(angle, TURN) / TURN * BINS).astype(int), BINS - 1)
@@ -280,7 +321,7 @@ def _profile(
             low[k], high[k] = size[here][np.searchsorted(share, (0.05, 0.95)).clip(max=here.size - 1)]
     return Profile(
         crank_angle=(np.arange(BINS) + 0.5) * TURN / BINS,
-        free_share=np.bincount(which, lasts * pin.free, BINS) / seen,
+        free_share=np.bincount(which, lasts * free, BINS) / seen,
         impacts=np.bincount(which[begins], minlength=BINS) / max(turns, 1.0),
         mean_force=np.bincount(which, lasts * size, BINS) / seen,
         low_force=low,
@@ -288,12 +329,12 @@ def _profile(
     )
 
 
-def _period(section: Section, pin: PinCourse) -> int | None:
-    """After how many revolutions a pin is back where it was, as fast, throughout the second half of a run; None: not in
-    a few, or too little of the run is left to tell.
+def _period(section: Section, course: Course) -> int | None:
+    """After how many revolutions a pin or block is back where it was, as fast, throughout the second half of a run;
+    None: not in a few, or too little of the run is left to tell.
     """
-    fastest = float(np.abs(pin.drift).max()) or 1.0
-    state = (section.x + 1j * section.y) / pin.clearance, (section.velocity_x + 1j * section.velocity_y) / fastest
+    fastest = float(np.abs(course.drift).max()) or 1.0
+    state = (section.x + 1j * section.y) / course.clearance, (section.velocity_x + 1j * section.velocity_y) / fastest
     halves = [values[values.size // 2 :] for values in state]
     for period in range(1, LONGEST_PERIOD + 1):
         if halves[0].size < 2 * period + 1:

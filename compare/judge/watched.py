@@ -1,4 +1,6 @@
-"""A watched run in the words of contact: how each pin moves in its bearing and is pushed, and the run's energy."""
+"""A watched run in the words of contact: how each pin moves in its bearing and each block in its guide, how walls push
+them, and the run's energy.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +12,7 @@ import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism
 from sim_models.common.contact_laws import PIN_RADIUS
+from sim_models.common.guide import Guide
 from sim_models.common.journal import OFF_WALL
 from sim_models.engine import Watched
 
@@ -28,17 +31,16 @@ def integral(values: np.ndarray, time: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class PinCourse:
-    """One pin with clearance over a run, (M,) instants.
+class Touch:
+    """A pin in its bearing, or a block's corner before its wall, over a run, (M,) instants.
 
-    ``gap`` (m, complex) is the first pin centre minus the second, ``rate`` (m/s) how fast it grows outwards, ``push``
+    ``reach`` (m) is how far out it is, and at the wall the ``clearance``; ``rate`` (m/s) how fast that grows, ``push``
     (N) the normal force, ``rub`` (N) friction on the second body along the wall and ``slip`` (m/s) how the second body
-    slides there on the first.  ``wall`` (m) is where the pin begins to be pushed, ``stiffness`` (N/m) the wall's; 0 if
-    it is none.
+    slides there on the first.  ``wall`` (m) is where it begins to be pushed, ``stiffness`` (N/m) the wall's; 0 if it is
+    none.
     """
 
-    gap: np.ndarray
-    drift: np.ndarray  # m/s, complex: rate of the gap
+    reach: np.ndarray
     rate: np.ndarray
     push: np.ndarray
     rub: np.ndarray
@@ -49,23 +51,67 @@ class PinCourse:
 
     @property
     def free(self) -> np.ndarray:
-        """Whether the pin is off its wall, (M,), as :func:`sim_models.common.journal.free_share` has it."""
-        return np.abs(self.gap) < self.wall * (1 - OFF_WALL)
+        """Whether it is off its wall, (M,), as :func:`sim_models.common.journal.free_share` has it."""
+        return self.reach < self.wall * (1 - OFF_WALL)
 
     @property
     def touching(self) -> np.ndarray:
-        """Whether the pin is at its wall or pushed, (M,)."""
-        return (np.abs(self.gap) >= self.wall) | (self.push > 0)
+        """Whether it is at its wall or pushed, (M,)."""
+        return (self.reach >= self.wall) | (self.push > 0)
 
     @property
     def depth(self) -> np.ndarray:
         """How deep (M,) m it is in its wall; 0 where it is off."""
-        return np.maximum(np.abs(self.gap) - self.clearance, 0.0)
+        return np.maximum(self.reach - self.clearance, 0.0)
 
     @property
     def stored(self) -> np.ndarray:
         """Energy (M,) J that the wall's spring has taken up, and gives back."""
         return self.stiffness * self.depth**2 / 2
+
+    @property
+    def size(self) -> np.ndarray:
+        """Size (M,) N of the force."""
+        return np.asarray(np.hypot(self.push, self.rub))
+
+
+@dataclass(frozen=True)
+class Course:
+    """What has clearance in one joint, over a run: a pin, which is one contact, or a block, each corner of which is.
+
+    ``gap`` (m) is (M,) complex: of a pin the first pin centre minus the second; of a block its height across the guide,
+    and i times its tilt times half its length: where the two together are as much as the clearance, a corner is at
+    its wall.
+    """
+
+    gap: np.ndarray
+    drift: np.ndarray  # m/s, complex: rate of the gap
+    contacts: tuple[Touch, ...]
+
+    @property
+    def clearance(self) -> float:
+        """How far (m) it can go."""
+        return self.contacts[0].clearance
+
+    @property
+    def wall(self) -> float:
+        """Where (m) it begins to be pushed."""
+        return self.contacts[0].wall
+
+    @property
+    def reach(self) -> np.ndarray:
+        """How far out (M,) m it is: of a block, its corner that is farthest out."""
+        return np.asarray(np.max([touch.reach for touch in self.contacts], axis=0))
+
+    @property
+    def free(self) -> np.ndarray:
+        """Whether nothing of it is at its wall, (M,)."""
+        return np.all([touch.free for touch in self.contacts], axis=0)
+
+    @property
+    def size(self) -> np.ndarray:
+        """Size (M,) N of the largest of its forces."""
+        return np.asarray(np.max([touch.size for touch in self.contacts], axis=0))
 
 
 class Run:
@@ -100,10 +146,14 @@ class Run:
         """Angle (M,) rad of a body."""
         return np.zeros(self.time.size) if body == GROUND else self.watched.angle[body]
 
-    def pin(self, joint: Joint, margin: float = 0.0, stiffness: float = 0.0) -> PinCourse:
-        """The course of a joint's pin; it begins to be pushed a ``margin`` (m) before its wall of this ``stiffness``
+    def course(self, joint: Joint, margin: float = 0.0, stiffness: float = 0.0) -> Course:
+        """What has clearance in a joint; it begins to be pushed a ``margin`` (m) before its wall of this ``stiffness``
         (N/m).
         """
+        guide = Guide.of(joint)
+        return self._pin(joint, margin, stiffness) if guide is None else self._block(joint, guide, margin, stiffness)
+
+    def _pin(self, joint: Joint, margin: float, stiffness: float) -> Course:
         first, second = joint.bodies
         arms = [self.arm(body, joint.name) for body in joint.bodies]
         gap = self.place(first, joint.name) - self.place(second, joint.name)
@@ -112,9 +162,8 @@ class Run:
         rim = outwards * ((joint.pin_radius or PIN_RADIUS) + joint.clearance)
         slip = self.velocity(second, arms[1] + rim) - self.velocity(first, arms[0] - gap + rim)
         force = self.watched.force[joint.name]
-        return PinCourse(
-            gap=gap,
-            drift=drift,
+        touch = Touch(
+            reach=np.abs(gap),
             rate=dot(outwards, drift),
             push=dot(outwards, force),
             rub=dot(1j * outwards, force),
@@ -123,6 +172,37 @@ class Run:
             wall=joint.clearance - margin,
             stiffness=stiffness,
         )
+        return Course(gap, drift, (touch,))
+
+    def _block(self, joint: Joint, guide: Guide, margin: float, stiffness: float) -> Course:
+        first, second = joint.bodies
+        along, arm = joint.direction * np.exp(1j * self.angle(first)), self.arm(second, joint.name)
+        apart = self.place(second, joint.name) - self.place(first, joint.name)
+        height, tilt = dot(1j * along, apart), self.angle(second) - self.angle(first) - joint.angle
+        below, turned = self.arm(first, joint.name) + apart, along * np.exp(1j * tilt)
+
+        def moving(corner: complex) -> np.ndarray:
+            """Velocity (M,) m/s of what is so far (m) from the block's point, over the guide's material there."""
+            away = corner * turned
+            return self.velocity(second, arm + away) - self.velocity(first, below + away)
+
+        touches = [
+            Touch(
+                reach=depth + joint.clearance,
+                rate=dot(np.sign(corner.imag) * 1j * along, moving(corner)),
+                push=push,
+                rub=np.zeros(self.time.size),
+                slip=dot(along, moving(corner)),
+                clearance=joint.clearance,
+                wall=joint.clearance - margin,
+                stiffness=stiffness,
+            )
+            for corner, depth, push in zip(
+                guide.corners, guide.depths(height, tilt), self.watched.corners[joint.name], strict=True
+            )
+        ]
+        turning = guide.length / 2 * (self.spin(second) - self.spin(first))
+        return Course(height + 1j * guide.length / 2 * tilt, dot(1j * along, moving(0j)) + 1j * turning, tuple(touches))
 
     # ---------------------------------------------------------------- energy
 
@@ -188,6 +268,7 @@ class Run:
         return dot(along, apart), dot(along, slip)
 
 
-def taken(pins: Mapping[str, PinCourse]) -> np.ndarray:
+def taken(courses: Mapping[str, Course]) -> np.ndarray:
     """Power (M,) W that the contacts take, by normal forces and by friction; what walls store is among it."""
-    return np.sum([pin.push * pin.rate - pin.rub * pin.slip for pin in pins.values()], axis=0)
+    touches = [touch for course in courses.values() for touch in course.contacts]
+    return np.sum([touch.push * touch.rate - touch.rub * touch.slip for touch in touches], axis=0)

@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 
 from analytic.mechanism.one_line import count
 from compare.quantities import number, plain
-from compare.results.contact import MEANING, STATISTICS, UNITS, Balance, Compared, JointContact, StatisticName
+from compare.results.contact import (
+    MEANING,
+    MEANING_OF_BLOCKS,
+    STATISTICS,
+    UNITS,
+    Balance,
+    Compared,
+    JointContact,
+    StatisticName,
+)
 from compare.results.contact import Contact as Found
 from compare.results.crosscheck import CrossCheck
 
@@ -65,8 +74,16 @@ MEASURES: Mapping[StatisticName, Measure] = {
     name: Measure(name, NAMES.get(name, name.replace("_", " ")), *READ.get(name, (UNITS[name], 1.0)), MEANING[name])
     for name in STATISTICS
 }
+OF_BLOCKS: Mapping[StatisticName, Measure] = {
+    name: replace(measure, meaning=MEANING_OF_BLOCKS.get(name, measure.meaning)) for name, measure in MEASURES.items()
+}
 PEAK_RATIO = Measure(
     "peak_ratio", "peak over ideal reaction", "", 1.0, "largest force of the run over the ideal linkage's largest"
+)
+PEAK_RATIO_OF_BLOCKS = replace(
+    PEAK_RATIO,
+    name="peak over ideal corner force",
+    meaning="largest force on a corner over the largest that the ideal linkage's reaction and moment put on one",
 )
 
 
@@ -184,8 +201,11 @@ class Contact:
 
     @property
     def measures(self) -> list[Measure]:
-        """What the tables tell, in order."""
-        return [measure for measure, _ in self.tables[0].rows] if self.tables else []
+        """What the tables tell, in order; twice what means another thing of pins than of blocks."""
+        found: dict[str, Measure] = {}
+        for measure, _ in (row for table in self.tables for row in table.rows):
+            found.setdefault(measure.meaning, measure)
+        return list(found.values())
 
     def headline(self, say: Callable[..., str] = number) -> str:
         """What two engines' statistics say of each other, in a sentence; empty where nothing was held together."""
@@ -210,13 +230,18 @@ def told(result: CrossCheck) -> Contact:
     """What contact did in all runs of a result."""
     watched = [(run.title, run.contact) for run in result.runs if run.contact is not None]
     joints = dict.fromkeys(joint for _, found in watched for joint in found.joints)
+    blocks = {joint.name for joint in result.mechanism.joints if joint.prismatic}
     return Contact(
         tuple(_run(title, found) for title, found in watched),
         tuple(
-            _table(joint, [(title, found.joints[joint]) for title, found in watched if joint in found.joints])
+            _table(
+                joint,
+                [(title, found.joints[joint]) for title, found in watched if joint in found.joints],
+                joint in blocks,
+            )
             for joint in joints
         ),
-        tuple(_pairs(result.statistics)),
+        tuple(_pairs(result.statistics, blocks)),
     )
 
 
@@ -252,16 +277,21 @@ def _energy(energy: Balance | None) -> str:
     return f"energy is balanced {known} % of what the motor turns over"
 
 
-def _table(joint: str, runs: Sequence[tuple[str, JointContact]]) -> Table:
-    rows = [_row(name, [one for _, one in runs]) for name in STATISTICS]
-    rows.append((PEAK_RATIO, tuple(Value(one.peak_ratio) for _, one in runs)))
+def _table(joint: str, runs: Sequence[tuple[str, JointContact]], block: bool) -> Table:
+    rows = [_row(name, [one for _, one in runs], block) for name in STATISTICS]
+    ratio = PEAK_RATIO_OF_BLOCKS if block else PEAK_RATIO
+    rows.append((ratio, tuple(Value(one.peak_ratio) for _, one in runs)))
     return Table(joint, tuple(title for title, _ in runs), tuple(rows))
 
 
-def _row(name: StatisticName, joints: Sequence[JointContact]) -> tuple[Measure, tuple[Value, ...]]:
+def _measure(name: StatisticName, block: bool) -> Measure:
+    return OF_BLOCKS[name] if block else MEASURES[name]
+
+
+def _row(name: StatisticName, joints: Sequence[JointContact], block: bool) -> tuple[Measure, tuple[Value, ...]]:
     """One statistic of a joint in several runs."""
     ends = [_ends(joint, name) for joint in joints]
-    measure = MEASURES[name].fitting(*(v for each in ends for v in each))
+    measure = _measure(name, block).fitting(*(v for each in ends for v in each))
     return measure, tuple(Value(*map(measure.read, each)) for each in ends)
 
 
@@ -273,14 +303,15 @@ def _ends(joint: JointContact, name: StatisticName) -> tuple[float | None, ...]:
     return found.value, found.low, found.high
 
 
-def _pairs(statistics: Sequence[Compared]) -> Iterator[Pair]:
+def _pairs(statistics: Sequence[Compared], blocks: Set[str]) -> Iterator[Pair]:
     together: dict[tuple[tuple[str, str], str], list[Compared]] = {}
     for one in statistics:
         together.setdefault((one.between, one.joint_model), []).append(one)
     for (between, joint_model), mine in together.items():
         reasons = dict.fromkeys(one.reason for one in mine if one.verdict == "unjudged")
         lost = {joint: _lost(one for one in mine if one.joint == joint) for joint in {one.joint for one in mine}}
-        yield Pair(between, joint_model, tuple(_held(one, lost[one.joint]) for one in mine), tuple(reasons))
+        rows = tuple(_held(one, lost[one.joint], one.joint in blocks) for one in mine)
+        yield Pair(between, joint_model, rows, tuple(reasons))
 
 
 def _lost(rows: Iterable[Compared]) -> float:
@@ -288,8 +319,8 @@ def _lost(rows: Iterable[Compared]) -> float:
     return max((abs(v or 0.0) for one in rows if one.unit == "J" for v in one.values), default=0.0)
 
 
-def _held(one: Compared, lost: float) -> Held:
-    values, measure = one.values, MEASURES[one.statistic].fitting(*one.values, one.allowed)
+def _held(one: Compared, lost: float, block: bool) -> Held:
+    values, measure = one.values, _measure(one.statistic, block).fitting(*one.values, one.allowed)
     if one.statistic == "friction_loss" and all(abs(v or 0.0) < ROUNDING * lost for v in values):
         values = 0.0, 0.0
     a, b, allowed = map(measure.read, (*values, one.allowed))

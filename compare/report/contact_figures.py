@@ -1,4 +1,4 @@
-"""Figures of contact: where a pin went and how hard it pressed, over a turn and once a revolution."""
+"""Figures of contact: where a pin or block went and how hard it pressed, over a turn and once a revolution."""
 
 from __future__ import annotations
 
@@ -8,23 +8,26 @@ from itertools import pairwise
 
 import numpy as np
 
+from analytic.mechanism import GROUND, Mechanism
 from compare.quantities import number
 from compare.report.contact import MEASURES
 from compare.report.figures import Axis, Figure, Numbers, Series, clearance_circle, scaled, simulators
 from compare.report.summary import REAL
 from compare.results.contact import JointContact, Orbit
 from compare.results.crosscheck import CrossCheck, Run
+from sim_models.common.guide import Guide
 
 ENGINES = ("contact", "massless-link", "spring-damper", "ideal")  # colours of engines, which share a joint model here
 QUANTILES = (0.5, 0.8, 0.95)  # of the forces of a path, at which its colours change
 NOTHING = 1e-6  # of the largest force: less is none
 CRANK = Axis("crank angle θ₂", "deg")
 ACROSS = (Axis("displacement x", "mm"), Axis("displacement y", "mm"))
+SEAT = (Axis("height across the guide", "mm"), Axis("tilt times half length", "mm"))
 
 
 def contact_figures(result: CrossCheck) -> list[Figure]:
-    """Four figures for each joint whose pin leaves its wall in a run: path by force, force, regimes, section; of the
-    runs with the most real joints.
+    """Four figures for each joint whose pin or block leaves its wall in a run: path by force, force, regimes, section;
+    of the runs with the most real joints.
     """
     striking = [run for run in result.runs if run.contact is not None and run.contact.struck]
     joints = dict.fromkeys(name for run in striking if run.contact for name in run.contact.joints)
@@ -38,14 +41,27 @@ def _of(result: CrossCheck, striking: list[Run], joint: str) -> Iterator[Figure]
         return
     first, found = min(runs, key=lambda one: REAL.index(one[0].joint_model))
     runs = [(run, one) for run, one in runs if run.joint_model == first.joint_model]
-    yield orbit(first, joint, found.orbit)
+    yield orbit(first, result.mechanism, joint, found.orbit)
     yield force(result, runs, joint)
     yield regimes(result, runs, joint)
     yield section(result, runs, joint)
 
 
-def orbit(run: Run, joint: str, path: Orbit) -> Figure:
-    """The last revolution of a pin in its bearing, in colours by the force there."""
+def part(mechanism: Mechanism, joint: str) -> str:
+    """What has clearance in a joint."""
+    return "block" if mechanism.joint(joint).prismatic else "pin"
+
+
+def wall(mechanism: Mechanism, joint: str, clearance: float) -> tuple[tuple[Axis, Axis], Series]:
+    """The plane in which a pin or block moves, and where it comes to its wall with a ``clearance`` (mm)."""
+    if part(mechanism, joint) == "pin":
+        return ACROSS, clearance_circle(clearance)
+    heights, tilts = ([clearance * way for way in ways] for ways in ((1, 0, -1, 0, 1), (0, 1, 0, -1, 0)))
+    return SEAT, Series("a corner at its wall", scaled(heights), scaled(tilts), "frame")
+
+
+def orbit(run: Run, mechanism: Mechanism, joint: str, path: Orbit) -> Figure:
+    """The last revolution of a pin in its bearing, or a block in its guide, in colours by the force there."""
     edges, largest = bands(path.force), float(np.max(path.force, initial=0.0))
     pressed = path.force > NOTHING * largest
     level = np.where(pressed, 1 + np.digitize(path.force, edges), 0)
@@ -59,10 +75,10 @@ def orbit(run: Run, joint: str, path: Orbit) -> Figure:
         for k, name in enumerate(names)
         if np.any(level == k)
     ]
-    title = f"Last revolution of the pin in {joint}, by force"
+    title = f"Last revolution of the {part(mechanism, joint)} in {joint}, by force"
     text = f"{title}, {run.title}, up to {number(largest)} N."
-    rim = clearance_circle(1e3 * run.clearance[joint])
-    return Figure(f"orbit_{joint}", title, text, *ACROSS, (rim, *shown), "plane", f"Of {run.title}.")
+    axes, rim = wall(mechanism, joint, 1e3 * run.clearance[joint])
+    return Figure(f"orbit_{joint}", title, text, *axes, (rim, *shown), "plane", f"Of {run.title}.")
 
 
 def bands(force: np.ndarray) -> list[float]:
@@ -95,7 +111,7 @@ def role(result: CrossCheck, run: Run) -> str:
 
 def force(result: CrossCheck, runs: list[tuple[Run, JointContact]], joint: str) -> Figure:
     """Contact force over the crank angle: each run's mean, the band of 5 to 95 % of the time of the first, and the
-    analytic reaction.
+    analytic reaction; of a block, the force on the corner that is pressed most.
     """
     first, found = runs[0][0], runs[0][1].profile
     there = np.isfinite(found.low_force) & np.isfinite(found.high_force)
@@ -108,16 +124,17 @@ def force(result: CrossCheck, runs: list[tuple[Run, JointContact]], joint: str) 
         Series(f"mean, {run.title}", _degrees(one), scaled(one.profile.mean_force), role(result, run))
         for run, one in runs
     ]
-    name = f"reaction_{joint}_magnitude"
+    reaction = analytic_force(result.mechanism, first, joint)
     turn = np.mod(np.degrees(first.crank_angle), 360.0)
     order = np.argsort(turn)
     analytic = Series(
         f"analytic, {first.analytic_model.replace('_', ' ')}",
         scaled(turn[order]),
-        scaled(first.analytic[name][order]) if name in first.analytic else (),
+        () if reaction is None else scaled(reaction[order]),
         "analytic",
     )
-    title = f"Contact force in {joint}"
+    blocks = part(result.mechanism, joint) == "block"
+    title = f"Largest contact force on a corner in {joint}" if blocks else f"Contact force in {joint}"
     said = [f"{s.name} up to {number(max((v for v in s.y if v is not None), default=None))} N" for s in means]
     text = f"{title} over the crank angle, all revolutions together: {'; '.join(said)}."
     series = (band, *means, *([analytic] if analytic.y else []))
@@ -125,12 +142,28 @@ def force(result: CrossCheck, runs: list[tuple[Run, JointContact]], joint: str) 
     return Figure(f"contact_force_{joint}", title, text, CRANK, Axis("force", "N"), series, note=note)
 
 
+def analytic_force(mechanism: Mechanism, run: Run, joint: str) -> np.ndarray | None:
+    """The analytic side's contact force (N,) N in a joint: the reaction's size, of a block what it and its moment put
+    on a corner; None where it is not told.
+    """
+    known, loose = run.analytic, mechanism.joint(joint)
+    if not loose.prismatic:
+        return known.get(f"reaction_{joint}_magnitude")
+    guide, first = Guide.of(loose.model_copy(update={"clearance": run.clearance[joint]})), loose.bodies[0]
+    if guide is None or f"reaction_{joint}_moment" not in known:
+        return None
+    turned = 0.0 if first == GROUND else known[f"{first}_angle"]
+    force = known[f"reaction_{joint}_x"] + 1j * known[f"reaction_{joint}_y"]
+    across = (force * np.exp(-1j * turned) / (1j * loose.direction)).real
+    return guide.hardest(across, known[f"reaction_{joint}_moment"])
+
+
 def _degrees(one: JointContact) -> Numbers:
     return scaled(np.degrees(one.profile.crank_angle))
 
 
 def regimes(result: CrossCheck, runs: list[tuple[Run, JointContact]], joint: str) -> Figure:
-    """When a pin is off its wall (lines), and when it strikes (marks), over the crank angle."""
+    """When a pin or block is off its wall (lines), and when it strikes (marks), over the crank angle."""
     series = []
     for run, one in runs:
         struck = np.where(one.profile.impacts > 0, one.profile.impacts, np.nan)
@@ -138,23 +171,27 @@ def regimes(result: CrossCheck, runs: list[tuple[Run, JointContact]], joint: str
         series.append(Series(f"free, {run.title}", _degrees(one), free, colour))
         series.append(Series(f"impacts, {run.title}", _degrees(one), scaled(struck, 100.0), colour, "marker"))
     step = 360.0 / runs[0][1].profile.crank_angle.size
-    title = f"When the pin in {joint} is free, and when it strikes"
+    loose = part(result.mechanism, joint)
+    title = f"When the {loose} in {joint} is free, and when it strikes"
     text = f"{title}, over the crank angle: share of the time, and impacts in each {step:g} deg of 100 revolutions."
-    note = f"Lines: share of the time that the pin is off its wall. Marks: impacts in {step:g} deg, of 100 revolutions."
+    note = f"Lines: share of the time that the {loose} is off its wall."
+    note = f"{note} Marks: impacts in {step:g} deg, of 100 revolutions."
     return Figure(
         f"regimes_{joint}", title, text, CRANK, Axis("free; impacts in 100 revolutions", "%"), tuple(series), note=note
     )
 
 
 def section(result: CrossCheck, runs: list[tuple[Run, JointContact]], joint: str) -> Figure:
-    """Where a pin is once a revolution: few points where its motion repeats itself, a cloud where it is chaotic."""
+    """Where a pin or block is once a revolution: few points where its motion repeats itself, a cloud where it is
+    chaotic.
+    """
     points = [
         Series(run.title, scaled(one.section.x, 1e3), scaled(one.section.y, 1e3), role(result, run), "marker")
         for run, one in runs
     ]
     at = number(math.degrees(float(runs[0][0].crank_angle[0])), 4)
-    title = f"The pin in {joint} once a revolution"
+    title = f"The {part(result.mechanism, joint)} in {joint} once a revolution"
     text = f"{title}, at {at} deg of the crank: {', '.join(f'{s.name} {len(s.x)} points' for s in points)}."
     note = f"At {at} deg of the crank. A motion that repeats itself has few places, a chaotic one has many."
-    rim = clearance_circle(1e3 * runs[0][0].clearance[joint])
-    return Figure(f"section_{joint}", title, text, *ACROSS, (rim, *points), "plane", note)
+    axes, rim = wall(result.mechanism, joint, 1e3 * runs[0][0].clearance[joint])
+    return Figure(f"section_{joint}", title, text, *axes, (rim, *points), "plane", note)

@@ -1,4 +1,6 @@
-"""What contact did in a run: how long pins were free, how they struck, what that cost, and how sure the figures are."""
+"""What contact did in a run: how long pins and blocks were free, how they struck, what that cost, and how sure the
+figures are.
+"""
 
 from __future__ import annotations
 
@@ -41,6 +43,14 @@ MEANING: Mapping[StatisticName, str] = {
     "wear": f"integral of normal force times sliding over a revolution (Archard), {RUBS}",
     "penetration": "deepest penetration in a revolution",
 }
+MEANING_OF_BLOCKS: Mapping[StatisticName, str] = {  # where it is another
+    "free_share": "share of the time that no corner of the block is at its wall, by distance",
+    "impacts": "times that a free corner of the block strikes its wall in a revolution",
+    "rms_force": "root mean square of the force on the corner that is pressed most",
+    "peak_force": "largest force on a corner in a revolution",
+    "friction_loss": "energy that friction at the corners takes in a revolution",
+    "wear": "integral of normal force times sliding over a revolution (Archard), all corners together",
+}
 
 
 class Statistic(Part):
@@ -65,7 +75,7 @@ class Impacts(Part):
 
     crank_angle: Annotated[Series, Field(description="rad, continued")]
     approach_speed: Annotated[Series, Field(description="m/s, along the wall's normal")]
-    impulse: Annotated[Series, Field(description="N.s, normal, of the first blow until the pin leaves or presses anew")]
+    impulse: Annotated[Series, Field(description="N.s, normal, of the first blow until it leaves or presses anew")]
     energy: Annotated[Series, Field(description="J, that the normal force takes in it")]
 
 
@@ -81,7 +91,10 @@ class Profile(Part):
 
 
 class Orbit(Part):
-    """The pin's path in its bearing in the last revolution (first centre minus second), and the force there."""
+    """The pin's path in its bearing in the last revolution (first centre minus second), and the force there.
+
+    Of a block x is its height across its guide, y its tilt times half its length, and the force that on a corner.
+    """
 
     x: Annotated[Series, Field(description="m")]
     y: Annotated[Series, Field(description="m")]
@@ -90,7 +103,9 @@ class Orbit(Part):
 
 
 class Section(Part):
-    """Where the pin is, and how it moves, once a revolution (Poincare section): at the run's first crank angle."""
+    """Where the pin or block is, as in its orbit, and how it moves, once a revolution (Poincare section): at the run's
+    first crank angle.
+    """
 
     x: Annotated[Series, Field(description="m")]
     y: Annotated[Series, Field(description="m")]
@@ -103,7 +118,11 @@ class JointContact(Part):
 
     statistics: Annotated[Mapping[StatisticName, Statistic], Field(description="By name; SI.")]
     peak_ratio: Annotated[
-        Number, Field(description="Largest contact force over the ideal linkage's largest reaction in a turn.")
+        Number,
+        Field(
+            description="Largest contact force over the ideal linkage's largest reaction in a turn; of a block, largest"
+            " force on a corner over the largest that reaction and moment of the ideal linkage put on one."
+        ),
     ]
     first_impact: Annotated[Number, Field(description="Crank angle (rad) of the first impact; null: there is none.")]
     impacts: Impacts
@@ -133,7 +152,7 @@ class Balance(Part):
 class Contact(Part):
     """Contact in a run: over how many revolutions, whether its averages have converged, and each joint with clearance.
 
-    Where a pin flies a motion need not repeat itself: such runs are compared by their statistics.
+    Where a pin or a block flies a motion need not repeat itself: such runs are compared by their statistics.
     """
 
     revolutions: Annotated[float, Field(ge=0, description="Turns of the crank that were watched.")]
@@ -147,7 +166,7 @@ class Contact(Part):
 
     @property
     def struck(self) -> bool:
-        """Whether any pin struck its wall."""
+        """Whether any pin or block struck its wall."""
         return any(joint.first_impact is not None for joint in self.joints.values())
 
 
