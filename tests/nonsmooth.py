@@ -107,6 +107,7 @@ class Guide(NamedTuple):
     half_height: float
     play: float
     gravity: float
+    torque: float = 0.0  # N.m, on the block
 
 
 def guided(numbers, t, q, v, place):
@@ -121,6 +122,7 @@ def guided(numbers, t, q, v, place):
     turn = joint * (s1 * c2 - c1 * s2)
     place.force[0] = -turn * v[1] ** 2 - numbers.gravity * numbers.crank * (m1 / 2 + m2 + m3) * c1
     place.force[1] = turn * v[0] ** 2 - numbers.gravity * numbers.rod * (m2 / 2 + m3) * c2
+    place.force[2] = numbers.torque
     height = numbers.crank * s1 + numbers.rod * s2
     for k in range(place.gap.size):
         side = 1.0 if k < 2 else -1.0  # upper or lower
