@@ -64,13 +64,20 @@ def passing(equilibria: Equilibria, time: np.ndarray, crank: np.ndarray) -> tupl
     """Poses and rates, and the equilibrium with inertia forces, of a linkage that passes these places on its path
     (crank angles, rad; on courses, the times) at times (s), at that which is nearest to 0.
 
-    Inertia forces are those of the motion with the gaps of the pass before.
+    Inertia forces are those of the motion with the gaps of the pass before; or the ideal linkage's, where those of the
+    gaps would move the linkage by more than the gaps do themselves: large gaps at speed have no motion without swing.
     """
     here, rate = int(np.argmin(np.abs(time))), derivative(time)
     gaps: list[dict[str, complex | Rest]] = [{} for _ in time]
+    spins, last = _spins(equilibria.path, crank, gaps, rate, here), np.inf
     for _ in range(PASSES):
-        found = _passed(equilibria, crank, gaps, rate)
-        gaps = [record.gaps(equilibria.displaced) for record in found]
+        passed = _passed(equilibria, crank, gaps, rate)
+        beside = [record.gaps(equilibria.displaced) for record in passed]
+        turning = _spins(equilibria.path, crank, beside, rate, here)
+        change = float(np.abs(turning - spins).max())
+        if change > last:
+            break
+        found, gaps, spins, last = passed, beside, turning, change
     for name, law in equilibria.real.model.bearings.items():  # the damper of a soft bearing holds its share
         held = law.damping / law.stiffness * (rate @ (seen := np.array([record.gap[name][0] for record in found])))
         gaps = [gap | {name: complex(at)} for gap, at in zip(gaps, seen - held, strict=True)]
@@ -131,6 +138,13 @@ def _inertia(m: Mechanism, places: list[dict[str, Pose]], rate: np.ndarray) -> l
         Inertia({b: complex(a[k]) for b, a in linear.items()}, {b: float(w[k]) for b, w in angular.items()})
         for k in range(len(places))
     ]
+
+
+def _spins(
+    path: Path, crank: np.ndarray, gaps: list[dict[str, complex | Rest]], rate: np.ndarray, here: int
+) -> np.ndarray:
+    """Angular velocities (bodies,) rad/s at one of the instants."""
+    return np.array([pose.angular_velocity for pose in _moving(path, crank, gaps, rate, here).values()])
 
 
 def _moving(
