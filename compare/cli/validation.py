@@ -26,8 +26,8 @@ Data = Annotated[
         "--data",
         parser=place,
         metavar="DIR",
-        help="Folder of what others recorded (adams-parallel-robot, emps, siconos-slider-crank); left out, it is not made"
-        " again.",
+        help="Folder of what others recorded (adams-parallel-robot, emps, siconos-slider-crank); left out, it is not"
+        " made again.",
     ),
 ]
 WHERE = Path("reports")
