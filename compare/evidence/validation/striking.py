@@ -28,7 +28,7 @@ from sim_models.common.contact_laws import named_law
 from sim_models.engine import JointModel, Request, SimulationError, Unsupported, check_supported, declared
 
 LAWS: tuple[ContactLaw, ...] = get_args(ContactLaw)
-REVOLUTIONS, MORE, OF_ODE = 12, 36, 96  # of an engine, where the report is written, and of the equation
+REVOLUTIONS, MORE, OF_ODE = 12, 24, 96  # of an engine, where the report is written, and of the equation
 SHOWN: tuple[StatisticName, ...] = (
     "free_share",
     "impacts",
