@@ -405,6 +405,7 @@ def test_a_pin_that_starts_pressed_stays_so_at_a_tenth_of_the_speed(case: str) -
         assert abs(motion.watched.force["B"][k] - ideal) < 0.02 * abs(ideal)
 
 
+@pytest.mark.slow
 def test_starts_that_differ_by_a_nanometre_part_where_pins_bounce() -> None:
     """Not everywhere: with damping enough, the crank-rocker's pin falls into a motion that each revolution repeats."""
     m = rattling("slider-crank", "flores", restitution=0.9)

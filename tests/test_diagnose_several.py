@@ -261,6 +261,7 @@ def test_zeros_of_each_run_say_of_which_encoder_they_are() -> None:
     assert own.called == "encoder zero for E position"
 
 
+@pytest.mark.slow
 def test_reactions_that_statics_does_not_determine_are_left_out_of_a_redundant_rig(tmp_path: Path) -> None:
     m = third_bar()
     turn = np.radians(20.0 + 30.0 * TIME)

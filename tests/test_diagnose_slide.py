@@ -271,6 +271,7 @@ def test_drag_along_an_axis_is_named(tmp_path: Path) -> None:
     assert drag.value == pytest.approx(25.0, rel=0.02)
 
 
+@pytest.mark.slow
 def test_what_an_axis_reads_at_rest_does_not_count(tmp_path: Path) -> None:
     """At rest dry friction holds whatever there is; readings of it would say that there is none."""
     result = diagnosed(axis(tmp_path, worn, motion=with_rests))
@@ -293,6 +294,7 @@ def test_an_axis_that_only_rests_is_refused(tmp_path: Path) -> None:
         diagnosed(measured)
 
 
+@pytest.mark.slow
 def test_a_force_that_is_read_late_is_named_and_simulated(tmp_path: Path) -> None:
     """The engine is asked for a motion from before the first reading."""
     late = axis(tmp_path, lambda travel, speed: 30.0 * speed, motion=from_rest, late=0.004)

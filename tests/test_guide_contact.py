@@ -146,6 +146,7 @@ def exchanged(m: Mechanism) -> Mechanism:
     return m.with_joint("S", **back)
 
 
+@pytest.mark.slow
 @OTHERS
 def test_laws_along_the_guide_act_where_the_block_is(name: str) -> None:
     """The inverted slider with all of its laws, at rest: all reactions are MuJoCo's."""
@@ -370,10 +371,10 @@ def test_blocks_bounce_as_mujoco_s_do_and_gain_no_energy(name: str, law: str) ->
     np.testing.assert_allclose(own.signals["clearance_S_y"], other.signals["clearance_S_y"], atol=3e-6)
 
 
-LONG = [(name, "driven") for name in MODELS if name != "mujoco"]
+LONG = [(name, "driven") for name in MODELS]
 
 
-@pytest.mark.parametrize(("name", "motion"), [("mujoco", "driven"), *((n, "static") for n in MODELS), *slow(*LONG)])
+@pytest.mark.parametrize(("name", "motion"), [*((n, "static") for n in MODELS), *slow(*LONG)])
 def test_a_cross_check_compares_what_a_block_does(name: str, motion: Motion) -> None:
     pytest.importorskip(declared(name).package)
     m = slider_crank("tilted", speed=30.0)

@@ -67,7 +67,7 @@ REAL = {  # the real mechanism; where it is, the law, and the numbers in it that
 }
 
 
-@pytest.mark.parametrize("what", ["Stribeck", *slow("drag", "stiffening spring", "cogging")])
+@pytest.mark.parametrize("what", slow("Stribeck", "drag", "stiffening spring", "cogging"))
 def test_a_torque_without_a_name_is_proposed_at_its_joint_with_its_law(what: str) -> None:
     _, joint, law, numbers = REAL[what]
     found = unnamed(what)

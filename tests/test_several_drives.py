@@ -119,6 +119,7 @@ def test_what_no_motor_moves_swings_as_the_referee_says(m: Mechanism) -> None:
     assert np.ptp(found.motion.angle("forearm")) > 0.3  # it does swing
 
 
+@pytest.mark.slow
 def test_a_spring_with_a_damper_slows_a_released_crank_as_the_referee_says() -> None:
     m = sprung(load("crank-rocker").with_clearances({})).replace(drive={"joint": "D", "speed": "free"})
     times = np.linspace(0.0, 0.2, 5)

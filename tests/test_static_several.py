@@ -239,6 +239,7 @@ def test_friction_acts_against_the_way_that_the_courses_go(name: str, case: str)
           np.array([p.motors[m.drives[0].joint] for p in posed]), 1e-9)  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EACH)
 def test_what_friction_takes_the_drives_give_more_than_without_it(name: str) -> None:
     """Power along the courses, slides among the joints; back along them the other way round."""
