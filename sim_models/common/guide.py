@@ -39,6 +39,11 @@ class Guide:
         return (complex(-a, -b), complex(a, -b), complex(-a, b), complex(a, b))
 
     @property
+    def sides(self) -> tuple[float, ...]:
+        """Which wall each is before: 1 that across, -1 the other."""
+        return tuple(1.0 if corner.imag > 0 else -1.0 for corner in self.corners)
+
+    @property
     def tilt(self) -> float:
         """Angle (rad) at which opposite corners touch both walls: (L/2) sin phi + (h/2) cos phi = c + h/2."""
         across = math.hypot(self.length, self.height) / 2
@@ -53,7 +58,7 @@ class Guide:
 
     def depths(self, height: Amount, tilt: Amount) -> np.ndarray:
         """How deep (4, ...) m each corner is in its wall; negative where it is off."""
-        out = [(1.0 if z.imag > 0 else -1.0, z) for z in self.corners]
+        out = zip(self.sides, self.corners, strict=True)
         across = [s * (height + z.real * np.sin(tilt) + z.imag * np.cos(tilt)) for s, z in out]
         return np.array(across) - self.height / 2 - self.clearance
 

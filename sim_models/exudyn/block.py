@@ -101,8 +101,7 @@ class Block:
         body's centre of mass (m), how deep in the wall (m), and the rate (m/s).
         """
         found = []
-        for corner in self.guide.corners:
-            side = 1.0 if corner.imag > 0 else -1.0
+        for side, corner in zip(self.guide.sides, self.guide.corners, strict=True):
             along, across = seen.turned(self._foot + corner)
             depth = side * (seen.aside + across - self._near.imag) - (self.guide.height / 2 + self.guide.clearance)
             found.append((side, along, depth, side * (seen.sinking + seen.turning * along)))

@@ -82,8 +82,8 @@ class Block:
         along, back = self.along(first), self.along(first).conjugate()
         turned = along * cmath.exp(1j * (second.angle - first.angle - self.joint.angle))
         room = self.guide.height / 2 + self.guide.clearance
-        for k, corner in enumerate(self.guide.corners):
-            at, side = far + turned * corner, 1.0 if corner.imag > 0 else -1.0
+        for k, (side, corner) in enumerate(zip(self.guide.sides, self.guide.corners, strict=True)):
+            at = far + turned * corner
             depth, normal = side * ((at - near) * back).imag - room, -side * 1j * along
             if depth <= 0 and not (self.striking and trailing):
                 continue

@@ -73,8 +73,8 @@ def touch_walls(link: MujocoLinkage, always: bool = False) -> None:
     for block in link.blocks.values():
         here = seat(link, block)
         turned, guide = complex(np.exp(1j * here.tilt)), block.guide
-        for k, corner in enumerate(guide.corners):
-            arm, side = corner * turned, 1.0 if corner.imag > 0 else -1.0
+        for k, (side, corner) in enumerate(zip(guide.sides, guide.corners, strict=True)):
+            arm = corner * turned
             room = guide.height / 2 + guide.clearance - side * (here.height + arm.imag)
             link.depth[block.key(k)] = -room
             if k not in block.pressed if always else room >= block.law.margin:

@@ -234,7 +234,7 @@ class Equilibria:
         angle = 0.0 if first == GROUND else seen[f"{first}_angle"]
         force = complex(seen[f"reaction_{name}_x"], seen[f"reaction_{name}_y"])
         across = 1j * block.joint.direction * complex(np.exp(1j * angle))
-        return complex((force * across.conjugate()).real, 2 * seen[f"reaction_{name}_moment"] / block.guide.length)
+        return block.guide.push((force * across.conjugate()).real, seen[f"reaction_{name}_moment"])
 
     def pressing(self, theta: float, forces: Mapping[str, complex]) -> dict[str, complex | structure.Rest]:
         """Where these reactions press each pin (m): on the rim, and as far beyond as its stiffness lets it; and where

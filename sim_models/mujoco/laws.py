@@ -6,8 +6,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from sim_models.common.backlash import Flanks
 from sim_models.common.contact_laws import (
     DAMPING_RATIO,
+    KelvinVoigt,
     NamedLaw,
     contact_parameters,
     damping_ratio,
@@ -16,6 +18,8 @@ from sim_models.common.contact_laws import (
     told_of,
 )
 from sim_models.engine import Request, SettingValue
+
+SOFT, HARD = 1e-4, 0.9999  # the least and the greatest impedance that MuJoCo takes
 
 
 @dataclass(frozen=True)
@@ -68,6 +72,18 @@ def contact_laws(request: Request) -> dict[str, Contact]:
             hard = math.sqrt(lighter_mass(request.mechanism, joint) / law.stiffness), ratio
         laws[name] = Contact(law.stiffness, law.damping, hard)
     return laws
+
+
+def spring(
+    law: Contact | KelvinVoigt | Flanks, invweight: float, impedance: float = SOFT
+) -> tuple[list[float], list[float]]:
+    """solref and solimp of a row whose force is K d + C d'; the factor cancels MuJoCo's scaling by impedance, mass.
+
+    With the least ``impedance`` its reference is the force; with another it has a mass of its own, impedance over the
+    rest of it and over ``invweight`` (1/kg).
+    """
+    scale = (1 - impedance) * invweight
+    return [-law.stiffness * scale, -law.damping * scale], [impedance, impedance, 1e-3, 0.5, 2]
 
 
 def law_settings(request: Request, laws: Mapping[str, Contact]) -> dict[str, SettingValue]:

@@ -13,14 +13,13 @@ import numpy as np
 
 from analytic.mechanism import GROUND, Body, Joint, Mechanism
 from analytic.mechanism.signals import driving
-from sim_models.common.backlash import Flanks
-from sim_models.common.contact_laws import PIN_RADIUS, KelvinVoigt, bearing, lighter_mass
+from sim_models.common.contact_laws import PIN_RADIUS, bearing, lighter_mass
 from sim_models.common.guide import Guide
 from sim_models.common.start import Pose
 from sim_models.common.tree import Branch
 from sim_models.engine import Unsupported
 from sim_models.mujoco.block import Block
-from sim_models.mujoco.laws import Contact
+from sim_models.mujoco.laws import Contact, spring
 from sim_models.mujoco.mjcf import RIGID, Description, Setting
 from sim_models.mujoco.passive import Passive
 from sim_models.mujoco.rim import Rim
@@ -29,7 +28,6 @@ from sim_models.mujoco.striking import Striking
 if TYPE_CHECKING:
     from sim_models.mujoco.watch import Watch
 
-SOFT = 1e-4  # impedance of a row that is a spring and damper: MuJoCo's smallest, so that its reference is the force
 LIGHT = 1e2  # 1/kg times the lighter link's mass: makes the virtual mass of such a row 1e-6 of that link's
 
 ROW = mujoco.mjtConstraint
@@ -66,12 +64,6 @@ class Part:
     fixed_angle: float  # rad
     form: np.ndarray  # angle less fixed_angle, over qpos
     drive: Drive | None  # of the motor between it and its parent
-
-
-def spring(law: Contact | KelvinVoigt | Flanks, invweight: float) -> tuple[list[float], list[float]]:
-    """solref and solimp of a row whose force is K d + C d'; the factor cancels MuJoCo's scaling by impedance, mass."""
-    scale = (1 - SOFT) * invweight
-    return [-law.stiffness * scale, -law.damping * scale], [SOFT, SOFT, 1e-3, 0.5, 2]
 
 
 class MujocoLinkage:

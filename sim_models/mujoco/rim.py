@@ -4,9 +4,7 @@ Each joint's contact passes through Python in every step, and is therefore writt
 
 On a soft wall without friction the contact is of second order in the step h.  MuJoCo's row gives D (aref - a), with the
 velocity of half a step ago in aref and the acceleration a of this instant: D = C h/2 makes C d' that of this instant,
-too (as in :mod:`sim_models.mujoco.striking`).  In the step that finds the journal at its wall, which it reached between
-two instants, the force is the mean over the step's time, from half a step before its instant to half a step after it,
-as far as there was contact.
+too, and the force in the step in which it comes to its wall is a mean, as :mod:`sim_models.mujoco.striking` says.
 """
 
 from __future__ import annotations
@@ -18,11 +16,11 @@ import mujoco
 import numpy as np
 
 from sim_models.engine import Cause, SimulationError
+from sim_models.mujoco.laws import HARD, SOFT, spring
+from sim_models.mujoco.striking import mean_of_touch
 
 if TYPE_CHECKING:
     from sim_models.mujoco.model import MujocoLinkage
-
-SOFT, HARD = 1e-4, 0.9999  # the least and the greatest impedance that MuJoCo takes
 
 
 def _memory(values: np.ndarray) -> memoryview[float]:
@@ -48,7 +46,6 @@ class Rim:
         self._x, self._first, self._second = _memory(link.data.site_xpos.reshape(-1)), 3 * first, 3 * second
         contact.pos, contact.frame = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
         self._pos, self._frame = _memory(contact.pos), _memory(contact.frame)
-        self._solref, self._solimp = _memory(contact.solref), _memory(contact.solimp)
         self.weight = float(m.body_invweight0[m.geom_bodyid[contact.geom], 0].sum())  # 1/kg, as MuJoCo reckons it
         self._step, self._part = m.opt.timestep, 1.0
         if self.second_order:
@@ -80,8 +77,7 @@ class Rim:
         """Let the wall be as hard as its share of this step; how deep (m) the journal is in it in the mean."""
         part, depth = 1.0, self.depth
         if self._before <= 0 < depth:
-            there = depth / (depth - self._before)  # of the step before this instant
-            part, depth = there + 0.5, depth * (there + 0.5) / (2 * there)
+            depth, part = mean_of_touch(depth, depth / (depth - self._before))
         if part != self._part or self._link.model.opt.timestep != self._step:
             self._harden(part)
         return depth
@@ -91,6 +87,4 @@ class Rim:
         self._part, self._step = part, self._link.model.opt.timestep
         virtual = self.weight * part * self.law.damping * self._step / 2  # mass, over the lightness
         impedance = min(max(virtual / (1 + virtual), SOFT), HARD)
-        scale = part * (1 - impedance) * self.weight
-        self._solref[0], self._solref[1] = -self.law.stiffness * scale, -self.law.damping * scale
-        self._solimp[0] = self._solimp[1] = impedance
+        self.contact.solref, self.contact.solimp = spring(self.law, part * self.weight, impedance)

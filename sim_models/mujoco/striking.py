@@ -17,6 +17,15 @@ FAINT = 1e-6  # of the lighter link's mass: D of a row without damping
 GRIP = 10.0  # the same of the rows of friction: slip that is less than a step's impulse through ten of it is held
 
 
+def mean_of_touch(depth: float, since: float, step: float = 1.0) -> tuple[float, float]:
+    """How deep (m) a pin is in its wall in the mean over the step that finds it there, so deep, ``since`` when (s, or
+    in steps) it touched, and for what share of that step it is: from half a step before its instant to half a step
+    after it, as far as there was contact.
+    """
+    there = since + step / 2
+    return depth / since * there / 2, there / step
+
+
 @dataclass
 class Striking:
     """A pin under a law, from step to step; ``mass`` (kg) is that of the lighter link, ``friction`` Coulomb's.
@@ -55,13 +64,11 @@ class Striking:
         """Force (N) of the wall on a pin in it, at the rate (m/s) that its depth had half a step (s) ago, and D (kg) of
         its row.
 
-        In the step that finds the pin at its wall, which it reached between two instants, the force is the mean over
-        the step's time: from half a step before its instant to half a step after it, as far as there was contact.
+        In the step that finds the pin at its wall the force is that of :func:`mean_of_touch`.
         """
         depth, share = self.seen[0][1], 1.0
         if self.since <= step:
-            there = self.since + step / 2
-            depth, share = depth / self.since * there / 2, there / step
+            depth, share = mean_of_touch(depth, self.since, step)
         damping = share * self.law.damping_at(depth, self.touched)
         return share * self.law.stiffness * depth + damping * rate, max(damping * step / 2, FAINT * self.mass)
 
