@@ -1,15 +1,22 @@
-"""What all tests share: a core for each worker, a folder between them, and engines that may be absent.
+"""What all tests share: a core for each worker, a folder between them, engines that may be absent, and time that may
+not do.
 
 A test that takes an engine carries its name as a mark: from a parameter that is an engine's name, or written in the
 file.  Where the engine is not installed, or cannot be imported, the test is skipped, in one line of the summary for
 each engine; so is a test without the mark that meets the missing engine on its way.
+
+``--minutes 30`` begins no test after half an hour, and the summary says how many were not run.  Which these are, a
+``--turn`` decides: it shuffles the files, so that another turn leaves out others.
 """
 
 # ruff: noqa: E402 - the environment is set before numpy is imported
 
 from __future__ import annotations
 
+import math
 import os
+import random
+import time
 from collections.abc import Generator
 from typing import NoReturn
 
@@ -22,6 +29,7 @@ import shared
 from engines_here import missing
 from sim_models.engine import ENGINES, SimulatorMissing
 
+END = math.inf  # on the monotonic clock: what is not begun by then is not run
 MOST_WORKERS = 8  # beyond it, what is left is the few longest tests
 
 
@@ -39,11 +47,28 @@ def _shared_folder(tmp_path_factory: pytest.TempPathFactory) -> None:
     shared.FOLDER.mkdir(exist_ok=True)
 
 
+# ---------------------------------------------------------------- time
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--minutes", type=float, default=math.inf, help="begin no test after so many minutes")
+    parser.addoption("--turn", type=int, help="shuffle the test files, each number in its own way")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    global END
+    END = time.monotonic() + 60 * config.getoption("--minutes")
+
+
 # ---------------------------------------------------------------- engines
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """A test whose parameter is an engine's name is of that engine."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """A test whose parameter is an engine's name is of that engine; files come in the order of their turn."""
+    turn = config.getoption("--turn")
+    if turn is not None:
+        order = {path: random.Random(f"{turn} {path.name}").random() for path in {item.path for item in items}}
+        items.sort(key=lambda item: order[item.path])
     for item in items:
         values = item.callspec.params.values() if hasattr(item, "callspec") else ()
         for name in {value for value in values if isinstance(value, str)} & set(ENGINES):
@@ -52,6 +77,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_setup(item: pytest.Item) -> Generator[None, object, object]:
+    if time.monotonic() > END:
+        _skip("not run: the time of --minutes was over")
     for name in ENGINES:
         if item.get_closest_marker(name) and missing(name):
             _skip(missing(name))
