@@ -10,10 +10,12 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from analytic.beyond_paper.drive import Motor
+from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Load
+from analytic.paper.clearance import displaced
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.predict import Hypothesis, Model, Term
-from diagnosis_rigs import experiment, turn
+from diagnosis_rigs import experiment, four_bar, turn
 
 PLANS = (
     turn("slow", 4.0),
@@ -92,3 +94,20 @@ def test_what_is_kept_of_one_hypothesis_is_not_read_under_another() -> None:
     assert np.abs(read[2][0]["follower_angle"] - read[0][0]["follower_angle"]).max() > 1e-4
     assert np.abs(read[3][3]["follower_angle"] - read[0][3]["follower_angle"]).max() > 1e-3, "its motor is elsewhere"
     np.testing.assert_allclose(read[3][0]["follower_angle"], read[0][0]["follower_angle"], atol=1e-12)
+
+
+def test_where_no_pin_has_a_place_of_rest_what_clearance_changes_goes_on_as_before_and_after() -> None:
+    """A straight line of the readings themselves would be off by hundreds of times what a little clearance changes."""
+    plans = (turn("slow", 4.0), turn("fast-reverse", -12.0))
+    rig = experiment(*plans, mechanism=four_bar(loads=()))
+    predicted = Model(rig.measured(), rig.rig, rig.nominal, {})
+    large = 2.4e-5  # m
+    crank = Motor(speed=-12.0, angle=plans[1].angle).at(plans[1].time)
+    assembly = Assembly(rig.nominal.with_joint("D", clearance=large))
+    lost = displaced(assembly, crank.theta, crank.omega, alpha=crank.alpha).signals()
+    assert 0 < np.isnan(lost["drive_torque"]).sum() < 10
+    found = predicted([hypothesis([("joint_clearance", "D", {"radial_clearance": c})]) for c in (0.0, 2.4e-7, large)])
+    none, little, much = (each for each in found if each is not None)
+    for signal in ("follower_angle", "coupler_x"):
+        changes = [(each[1][signal] - none[1][signal]) / c for each, c in ((little, 2.4e-7), (much, large))]
+        assert np.abs(changes[1] - changes[0]).max() < 0.2 * np.abs(changes[0]).max()

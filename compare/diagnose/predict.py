@@ -6,6 +6,7 @@ is checked on every run of every diagnosis (:mod:`compare.diagnose.simulate`).
 
 from __future__ import annotations
 
+import math
 from collections import OrderedDict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -27,6 +28,7 @@ from analytic.paper.kinetostatics import Reactions, kinetostatics
 from analytic.paper.superposition import superposed
 from compare.diagnose.data.recording import Measured, MeasuredRun
 from compare.diagnose.effects.effect import LANDING, Effect, Parameter, Readings, Rig, Values
+from compare.diagnose.residuals import bridged
 from compare.judge.grid import turns_fully
 from compare.judge.signals import with_derived
 
@@ -102,7 +104,7 @@ class Model:
     """Predicts the readings of every run of a measurement under hypotheses.
 
     ``mechanism`` is the nominal one.  Signals with clearance in a joint are those of the pins following their reactions
-    (``equilibrium``); where that has no answer a reading is NaN.
+    (``equilibrium``), a straight line of what clearance changes where that has no answer; NaN where it never has one.
     """
 
     def __init__(
@@ -457,7 +459,7 @@ def derived(assembly: Assembly, crank: Turning, near: Followed | None = None) ->
     mechanism = assembly.mechanism
     if mechanism.displaced:
         found = _displaced(assembly, crank, near)
-        ideal, signals = found.ideal, found.signals()
+        ideal, signals = found.ideal, _over_gaps(found)
     else:
         ideal = kinetostatics(kinematics(assembly, crank.theta, crank.omega, crank.alpha, path=near))
         signals = ideal.signals()
@@ -476,6 +478,17 @@ def _displaced(assembly: Assembly, crank: Turning, near: Followed | None) -> Dis
         if max(float(np.abs(gap).max()) for gap in found.gaps.values()) < STIFF * shortest:
             return replace(found, reactions=found.configuration)
     return displaced(assembly, crank.theta, crank.omega, alpha=crank.alpha, near=near)
+
+
+def _over_gaps(found: Displaced) -> dict[str, np.ndarray]:
+    """Every signal (N,); where pins have no place of rest, what clearance changes is on a straight line between
+    neighbours, as the signal itself is not.  NaN where they never have one.
+    """
+    signals = found.signals()
+    if all(np.isfinite(values).all() for values in signals.values()):
+        return signals
+    ideal = found.ideal.signals()
+    return {s: (i := ideal.get(s, 0.0)) + bridged(values - i, math.nan) for s, values in signals.items()}
 
 
 def _aged(moved: Reactions, wanted: Iterable[str], time: np.ndarray, delay: float) -> dict[str, np.ndarray]:
