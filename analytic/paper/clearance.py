@@ -16,7 +16,7 @@ not depend on the other angles asked for.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, reduce
 from typing import Literal, get_args
@@ -41,6 +41,8 @@ UNSTEADY = 0.02  # rad by which a gap's own motion may turn it
 SWAYS = 0.05  # of a bearing's largest gap, by which the second term of that gap's own motion may change it
 STEADY = 3e-4  # of a gap, by which its own motion changes it: the next term of the series is the square of that
 TINY = 1e-300  # m: a gap no larger has no motion of its own
+STILL = STEADY / 3  # of a gap, by which its own motion changes it in parts of a turn that need no second term
+PARTS = 24  # of a turn of the crank
 SETTLED = 1e-12  # rad
 PASSES = 40
 SOLVED = 10  # times, about, that a linkage is solved at each angle until its pins have settled
@@ -104,6 +106,7 @@ def displaced(  # noqa: PLR0913 - a motion, and what may replace the linkage's o
     clearances: Mapping[str, float] | None = None,
     stiffnesses: Mapping[str, float] | None = None,
     near: Followed | None = None,
+    motions: Sequence[int] = (),
 ) -> Displaced:
     """The linkage with its clearances taken up along the reactions, and its soft bearings giving, at crank angles theta
     (N,) rad; with several inputs at (n_inputs, N), and so are ``omega`` and ``alpha``, of samples that follow one
@@ -112,8 +115,9 @@ def displaced(  # noqa: PLR0913 - a motion, and what may replace the linkage's o
     ``omega`` and ``alpha`` are the crank's angular velocity (rad/s) and acceleration (rad/s^2) there; the acceleration
     must change slowly.  Without ``inertia`` the equilibrium is static and omega only gives friction its direction.
     ``clearances`` (m) and ``stiffnesses`` (N/m, radial, of bearings) replace the mechanism's own.  With several inputs
-    ``near`` are the samples' coordinates, where they are known already.  Raises AssemblyError where the ideal or the
-    displaced linkage cannot be assembled.
+    ``near`` are the samples' coordinates, where they are known already.  ``motions`` are how many samples there are of
+    each of several motions of a crank, one after the other: which reactions are too faint for a direction is told of
+    each by itself.  Raises AssemblyError where the ideal or the displaced linkage cannot be assembled.
     """
     drive = np.concatenate(np.broadcast_arrays(np.atleast_2d(np.asarray(theta, float)), omega, alpha)).astype(float)
     m, k = assembly.mechanism, len(assembly.structure.inputs)
@@ -136,14 +140,17 @@ def displaced(  # noqa: PLR0913 - a motion, and what may replace the linkage's o
     if not (loose or give):
         return Displaced(model, {}, ideal, ideal, ideal, {}, {})
     check_determined(ideal, (*loose, *give))
-    faint = {}
-    if sizes:
-        faint = faint_reactions(assembly, drive[1], drive[2], inertia) if path else _faint(ideal, np.median)
-    flags = _without_direction(ideal, sizes, faint, "peak" if path else "median")
+    counts = list(motions) if path and motions else [drive.shape[1]]
+    faint = [
+        faint_reactions(assembly, part[1], part[2], inertia) if path else _faint(ideal, np.median)
+        for part in (np.split(drive, np.cumsum(counts)[:-1], axis=1) if sizes else ())
+    ]
+    flags = _without_direction(ideal, sizes, faint, counts, "peak" if path else "median")
     longest = max(b.length for b in m.bodies) or 1.0
     pace = np.array([1.0 if assembly.structure.unit(i) == "rad" else longest for i in assembly.structure.inputs])
     pins = _Pins(sizes, give, longest, solve, model, pace)
-    found = Displaced(model, {}, ideal, ideal, ideal, flags, faint)
+    largest = {name: max(part[name] for part in faint) for name in faint[0]} if faint else {}
+    found = Displaced(model, {}, ideal, ideal, ideal, flags, largest)
     return (_with_blocks if blocks else _taken_up)(pins, drive, found, turning)
 
 
@@ -223,13 +230,15 @@ def _taken_up(pins: _Pins, drive: np.ndarray, found: Displaced, turning: bool) -
     toward = pins.told(ideal)
     rates = None
     x, learnt = pins.settled(drive, toward)
-    for order in range((2 if pins.give else 1) * turning):
-        rates = _rates(pins, drive, x, toward, learnt, order)
+    if turning:
+        rates = _rates(pins, drive, x, toward, learnt)
         steady, (x, _) = x, pins.settled(drive, x, rates, learnt)
-        off = _unsteady(pins, steady, x) if order == 0 else _swaying(pins, steady, x)
-        flags |= {i: why for i, why in off.items() if i not in flags}
-        if order == 0 and _sways(pins, steady, x).max(initial=0.0) < STEADY:
-            break
+        flags |= {i: why for i, why in _unsteady(pins, steady, x).items() if i not in flags}
+        if (at := _further(pins, drive, _sways(pins, steady, x).max(axis=0, initial=0.0), list(flags))).size:
+            steady, x = x, x.copy()
+            rates[:, at] = _rates(pins, drive[:, at], x[at], toward[at], learnt[at], order=1)
+            x[at], _ = pins.settled(drive[:, at], x[at], rates[:, at], learnt[at])
+            flags |= {i: why for i, why in _swaying(pins, steady, x).items() if i not in flags}
     gaps = pins.gaps(x, rates)
     configuration = solve(drive, gaps)
     reactions = ideal if model == "first_order" else configuration
@@ -490,13 +499,14 @@ def _beside(pins: _Pins, drive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _without_direction(
-    ideal: Reactions, sizes: Mapping[str, float], faint: Mapping[str, float], what: str
+    ideal: Reactions, sizes: Mapping[str, float], faint: Sequence[Mapping[str, float]], counts: Sequence[int], what: str
 ) -> dict[int, str]:
+    """Samples whose reaction at a pin is too faint, in each of some motions of so many samples."""
     flags: dict[int, str] = {}
     for name in sizes:
-        size = np.abs(ideal.forces[name])
-        for i in np.flatnonzero(size <= faint[name]):
-            why = f"({size[i]:.3g} N, {what} {faint[name] / NO_DIRECTION:.3g} N): no direction, contact may be lost"
+        size, least = np.abs(ideal.forces[name]), np.repeat([part[name] for part in faint], counts)
+        for i in np.flatnonzero(size <= least):
+            why = f"({size[i]:.3g} N, {what} {least[i] / NO_DIRECTION:.3g} N): no direction, contact may be lost"
             flags.setdefault(int(i), f"the reaction at {name} passes near zero {why}")
     return flags
 
@@ -527,9 +537,23 @@ def _swaying(pins: _Pins, moved: np.ndarray, further: np.ndarray) -> dict[int, s
 def _sways(pins: _Pins, moved: np.ndarray, further: np.ndarray) -> np.ndarray:
     """By how much of its largest gap (soft bearings, N) each of them gives more at one x (N, K) than at another."""
     before, after = pins.places(moved), pins.places(further)
-    return np.array(
-        [np.abs(after[name] - before[name]) / max(float(np.abs(before[name]).max()), TINY) for name in pins.give]
-    )
+    sways = [np.abs(after[name] - before[name]) / max(float(np.abs(before[name]).max()), TINY) for name in pins.give]
+    return np.array(sways).reshape(len(pins.give), len(moved))
+
+
+def _further(pins: _Pins, drive: np.ndarray, sways: np.ndarray, flagged: Sequence[int]) -> np.ndarray:
+    """Samples, the flagged ones left out, that take the second term of their gaps' own motion where the first is not
+    small everywhere: of a crank those in or beside a part of its turn in which it is not very small, else all.
+    """
+    told = np.ones(sways.size, bool)
+    told[flagged] = False
+    if sways[told].max(initial=0.0) < STEADY:
+        return np.zeros(0, int)
+    if pins.solve.path is not None:
+        part = (drive[0] * (PARTS / (2 * np.pi)) % PARTS).astype(int) % PARTS
+        hit = np.bincount(part[told & (sways >= STILL)], minlength=PARTS) > 0
+        told &= (hit | np.roll(hit, 1) | np.roll(hit, -1))[part]
+    return np.flatnonzero(told)
 
 
 def _unsettled(pins: _Pins, found: Reactions, x: np.ndarray) -> dict[int, str]:

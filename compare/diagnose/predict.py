@@ -6,7 +6,6 @@ is checked on every run of every diagnosis (:mod:`compare.diagnose.simulate`).
 
 from __future__ import annotations
 
-import math
 from collections import OrderedDict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -28,7 +27,6 @@ from analytic.paper.kinetostatics import Reactions, kinetostatics
 from analytic.paper.superposition import superposed
 from compare.diagnose.data.recording import Measured, MeasuredRun
 from compare.diagnose.effects.effect import LANDING, Effect, Parameter, Readings, Rig, Values
-from compare.diagnose.residuals import bridged
 from compare.judge.grid import turns_fully
 from compare.judge.signals import with_derived
 
@@ -231,13 +229,12 @@ class Model:
                 if lag is not None:
                     turned = Turning(turned.theta - lag.theta, turned.omega - lag.omega, turned.alpha - lag.alpha)
             cranks.append(as_inputs(assembly, turned) if mechanism.several else turned)
-        # which forces are too faint for a direction is asked of each run by itself; several drives go on from one
-        # sample to the next
-        if mechanism.displaced or mechanism.several:
+        sizes = [crank.theta.shape[-1] for crank in cranks]
+        if mechanism.several or (mechanism.displaced and not mechanism.cranked):  # goes on from sample to sample
             nears = [self._near(run, time) for run, time, _ in motions]
             found = [derived(assembly, crank, near) for crank, near in zip(cranks, nears, strict=True)]
         else:
-            found = _parted(derived(assembly, _joined(cranks)), [crank.theta.size for crank in cranks])
+            found = _parted(derived(assembly, _joined(cranks), sizes=sizes), sizes)
         for k, landing in landings.items():
             found[k][LANDING] = landing
         return [
@@ -452,14 +449,16 @@ def _parted(signals: Mapping[str, np.ndarray], sizes: Sequence[int]) -> list[dic
     return [{s: v[begin:end] for s, v in signals.items()} for begin, end in pairwise(ends)]
 
 
-def derived(assembly: Assembly, crank: Turning, near: Followed | None = None) -> dict[str, np.ndarray]:
+def derived(
+    assembly: Assembly, crank: Turning, near: Followed | None = None, sizes: Sequence[int] = ()
+) -> dict[str, np.ndarray]:
     """Every signal with this motion of the crank, or of several inputs ``near`` what is known: pins on their bearings'
-    walls or in soft ones, links with a modulus bent.
+    walls or in soft ones, links with a modulus bent.  ``sizes`` are the numbers of samples of several runs.
     """
     mechanism = assembly.mechanism
     if mechanism.displaced:
-        found = _displaced(assembly, crank, near)
-        ideal, signals = found.ideal, _over_gaps(found)
+        found = _displaced(assembly, crank, near, sizes)
+        ideal, signals = found.ideal, _over_gaps(found, sizes)
     else:
         ideal = kinetostatics(kinematics(assembly, crank.theta, crank.omega, crank.alpha, path=near))
         signals = ideal.signals()
@@ -468,7 +467,7 @@ def derived(assembly: Assembly, crank: Turning, near: Followed | None = None) ->
     return with_derived(signals, mechanism)
 
 
-def _displaced(assembly: Assembly, crank: Turning, near: Followed | None) -> Displaced:
+def _displaced(assembly: Assembly, crank: Turning, near: Followed | None, sizes: Sequence[int]) -> Displaced:
     """The linkage with its pins where they come to rest; soft bearings that hardly give, to first order with the
     reactions of the linkage that they displace: what that leaves out is as small as the square of what they give.
     """
@@ -477,18 +476,25 @@ def _displaced(assembly: Assembly, crank: Turning, near: Followed | None) -> Dis
         shortest = min(body.length for body in assembly.mechanism.bodies if body.length)
         if max(float(np.abs(gap).max()) for gap in found.gaps.values()) < STIFF * shortest:
             return replace(found, reactions=found.configuration)
-    return displaced(assembly, crank.theta, crank.omega, alpha=crank.alpha, near=near)
+    return displaced(assembly, crank.theta, crank.omega, alpha=crank.alpha, near=near, motions=sizes)
 
 
-def _over_gaps(found: Displaced) -> dict[str, np.ndarray]:
+def _over_gaps(found: Displaced, sizes: Sequence[int]) -> dict[str, np.ndarray]:
     """Every signal (N,); where pins have no place of rest, what clearance changes is on a straight line between
-    neighbours, as the signal itself is not.  NaN where they never have one.
+    neighbours of the same run, as the signal itself is not.  NaN in runs where they never have one.
     """
     signals = found.signals()
-    if all(np.isfinite(values).all() for values in signals.values()):
+    if not found.flags:
         return signals
-    ideal = found.ideal.signals()
-    return {s: (i := ideal.get(s, 0.0)) + bridged(values - i, math.nan) for s, values in signals.items()}
+    ideal, lost = found.ideal.signals(), np.zeros(found.ideal.motion.theta.size, bool)
+    lost[list(found.flags)] = True
+    runs = np.split(np.arange(lost.size), np.cumsum(sizes)[:-1])
+    pairs = [(run[~lost[run]], run[lost[run]]) for run in runs if 0 < lost[run].sum() < run.size]
+    for name, values in signals.items():
+        before = ideal.get(name, np.zeros(lost.size))
+        for known, at in pairs:
+            values[at] = before[at] + np.interp(at, known, values[known] - before[known])
+    return signals
 
 
 def _aged(moved: Reactions, wanted: Iterable[str], time: np.ndarray, delay: float) -> dict[str, np.ndarray]:

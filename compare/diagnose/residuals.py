@@ -18,7 +18,6 @@ from compare.diagnose.effects.effect import LANDING
 FOLDS = 6
 SEGMENTS = 18  # of a run; every FOLDS-th one is held out together
 SPIKE = 3.5  # of the usual size (rms) of a sensor's residual: no sample in which a crank lands is off by more
-UNFIT = 1e12  # a prediction that nothing measured is near
 TURNS = 3  # of every run, from which on whole revolutions can be held out
 
 
@@ -235,12 +234,12 @@ def turned(run: MeasuredRun, mechanism: Mechanism) -> np.ndarray | None:
     return bridged(run.channels[mechanism.encoder.name].values)
 
 
-def bridged(values: np.ndarray, unknown: float = UNFIT) -> np.ndarray:
-    """Values (N,) with straight lines across NaN; without any number, ``unknown``."""
+def bridged(values: np.ndarray) -> np.ndarray:
+    """Values (N,) with straight lines across NaN; without any number, a huge one that nothing fits."""
     known = np.isfinite(values)
     if known.all():
         return values
     if not known.any():
-        return np.full(values.shape, unknown)
+        return np.full(values.shape, 1e12)
     at = np.arange(values.size)
     return np.interp(at, at[known], values[known])
