@@ -249,12 +249,15 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
 
 
 def _warn_of_friction(mechanism: Mechanism, joint_model: JointModel | None) -> None:
-    """Warn of friction coefficients that do nothing: they act between a pin and its bearing, in contact joints."""
-    pins = [j for j in mechanism.joints if j.friction and not j.prismatic]
-    for pin in (j for j in pins if not j.clearance):
-        text = f"{mechanism.name}: friction of joint {pin.name} does nothing, as {pin.name} has no clearance"
-        warnings.warn(f"{text}; give it clearance (m), or friction_torque (N.m) in place of friction", stacklevel=4)
-    rough = ", ".join(j.name for j in pins if j.clearance)
+    """Warn of friction coefficients that do nothing: they act between a pin and its bearing, or a block's corners and
+    their guide, in contact joints.
+    """
+    touching = [j for j in mechanism.joints if j.friction and (not j.prismatic or j.guide is not None)]
+    for joint in (j for j in touching if not j.clearance):
+        name, unit = joint.name, "N" if joint.prismatic else "N.m"
+        text = f"{mechanism.name}: friction of joint {name} does nothing, as {name} has no clearance"
+        warnings.warn(f"{text}; give it clearance (m), or friction_torque ({unit}) in place of friction", stacklevel=4)
+    rough = ", ".join(j.name for j in touching if j.rough)
     if rough and joint_model != "contact":
         text = f"{mechanism.name}: friction of {rough} is in contact joints only; the other joint models leave it out"
         warnings.warn(text, stacklevel=4)

@@ -106,9 +106,10 @@ def _check_prismatic(joint: Joint, where: str) -> None:
             f"{where}friction_radius is {joint.friction_radius:g}; only a revolute joint has a pin that its reaction"
             " rubs, leave it out"
         )
-    if joint.friction and joint.friction_torque:
+    if joint.friction and joint.friction_torque and joint.guide is None:
         raise ValueError(
-            f"{where}friction and friction_torque are both given; for a prismatic joint both mean N, keep one"
+            f"{where}friction and friction_torque are both given; for a prismatic joint without guide both mean N,"
+            " keep one"
         )
 
 

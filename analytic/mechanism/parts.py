@@ -163,7 +163,8 @@ class Joint(Part):
     clearance: Annotated[NotNegative, AfterValidator(_divisible)] = 0.0  # m, radial; prismatic: half the block's play
     guide: Annotated[tuple[Positive, Positive], BeforeValidator(as_tuple)] | None = None  # m, prismatic: length, height
     pin_radius: Positive | None = None  # m
-    friction: NotNegative = 0.0  # revolute: Coulomb coefficient in contact; prismatic: N, as friction_torque
+    # Coulomb coefficient in contact, of a pin or of a block with a guide; of other prismatic joints N, as friction_torque
+    friction: NotNegative = 0.0
     contact_stiffness: Positive | None = None  # N/m
     contact_damping: NotNegative | None = None  # N.s/m
     restitution: Annotated[float, Field(ge=0, le=1)] | None = None
@@ -199,7 +200,12 @@ class Joint(Part):
     @property
     def coulomb(self) -> float:
         """Dry friction of fast slip, all that there is without Stribeck's: N.m, or N for a prismatic joint."""
-        return self.friction_torque or (self.friction if self.prismatic else 0.0)
+        return self.friction_torque or (self.friction if self.prismatic and self.guide is None else 0.0)
+
+    @property
+    def rough(self) -> bool:
+        """Whether its contact has friction: of a pin with clearance in its bearing, or of a block's corners."""
+        return self.friction > 0 and self.clearance > 0
 
     @property
     def stiction(self) -> float:

@@ -68,9 +68,8 @@ def balance(link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, sl
     push = jacobian.copy()
     rows = np.ones(d.nefc, bool)
     for name, row in contact_rows(link).items():
-        friction = link.mechanism.joint(name).friction if link.rubs[name] else 0.0
-        if friction:
-            push[row] -= slip[name] * friction * jacobian[row + 1]
+        if link.rubs[name]:
+            push[row] += along(link, name, slip) * jacobian[row + 1]
             rows[row + 1 : row + 3] = False
     damping, impedance = d.efc_KBIP[:, 1], d.efc_KBIP[:, 2]
     rigid = impedance > 0.5  # where velocity across the row can only be an error of v, which need not become one of q
@@ -78,6 +77,12 @@ def balance(link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, sl
     older = link.setting.step / 2 if link.setting.stepped else 0.0  # s: a run's rows are damped by velocities of then
     goal = d.efc_aref - gained + np.where(rigid, damping * (d.efc_vel + older * gained), 0.0)
     return Balance(load, push[rows], goal[rows], d.efc_R[rows].copy(), np.flatnonzero(rows))
+
+
+def along(link: MujocoLinkage, name: str, slip: Mapping[str, float]) -> float:
+    """Force of a contact's row of friction over that of its wall, where joints slip in the directions of these signs."""
+    friction = link.frictions[name]
+    return -friction.way * slip[friction.joint] * friction.coefficient
 
 
 @dataclass(frozen=True)
@@ -128,7 +133,7 @@ def rest(link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, slip:
             every[here.rows] = force
             for name, row in contact_rows(link).items():
                 if link.rubs[name]:
-                    every[row + 1] = -slip[name] * link.mechanism.joint(name).friction * every[row]
+                    every[row + 1] = along(link, name, slip) * every[row]
             link.data.qacc[:] = a
             mujoco.mj_rnePostConstraint(link.model, link.data)
             return Rest(q, every)

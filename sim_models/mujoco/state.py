@@ -83,7 +83,7 @@ def begin_step(link: MujocoLinkage) -> None:
             for i, name in enumerate(link.touching):
                 if name in link.cones:
                     row = d.contact[i].efc_address
-                    d.efc_aref[row] -= link.mechanism.joint(name).friction * abs(d.efc_aref[row + 1])
+                    d.efc_aref[row] -= link.frictions[name].coefficient * abs(d.efc_aref[row + 1])
     if link.striking:
         strike(link)
 
