@@ -30,6 +30,7 @@ from analytic.kinematics.reach import usual_angles
 from analytic.mechanism.one_line import angles, clearances, one_line
 from analytic.mechanism.signals import Signal, wrapped
 from analytic.paper.guide import Block, placed
+from analytic.paper.guide_friction import rubbed
 from analytic.paper.kinetostatics import Reactions, kinetostatics, pieced
 
 Model = Literal["first_order", "equilibrium"]
@@ -167,20 +168,22 @@ class _Solve:
         ways, which = np.unique(drive[self.rows :], axis=1, return_inverse=True)
         linkages = [self.assembly.resting(placed(self.blocks, way, self.finite)) for way in ways.T]
         if len(linkages) == 1:
-            return self.part(linkages[0], drive, gaps)
+            return self.part(linkages[0], drive, gaps, ways[:, 0])
         pieces = []
         for way, linkage in enumerate(linkages):
             at = np.flatnonzero(which == way)
             own = {name: gap.part(at) for name, gap in (gaps or {}).items()}
-            pieces.append((at, self.part(linkage, drive[:, at], own)))
+            pieces.append((at, self.part(linkage, drive[:, at], own, ways[:, way])))
         return pieced(self.assembly, pieces)
 
-    def part(self, linkage: Assembly, drive: np.ndarray, gaps: Mapping[str, Gap] | None) -> Reactions:
-        """Those of samples in which all blocks rest in one way."""
+    def part(
+        self, linkage: Assembly, drive: np.ndarray, gaps: Mapping[str, Gap] | None, how: np.ndarray | None = None
+    ) -> Reactions:
+        """Those of samples in which all blocks rest in one way, ``how`` (blocks,) that is if they do."""
         k = len(self.assembly.structure.inputs)
         theta, omega, alpha, here = np.split(drive[: self.rows], (k, 2 * k, 3 * k))
         motion = kinematics(linkage, theta, omega, alpha, gaps, self.path or Followed(here))
-        return kinetostatics(motion, self.inertia)
+        return rubbed(motion, self.inertia, tuple(self.blocks.values()), how if self.finite else None)
 
 
 def _with_blocks(pins: _Pins, drive: np.ndarray, found: Displaced, turning: bool) -> Displaced:
@@ -272,7 +275,7 @@ def _on_the_border(solve: _Solve, ideal: Reactions, drive: np.ndarray) -> dict[i
     if solve.path is not None:
         fastest, hardest = (float(x[np.argmax(np.abs(x))]) for x in drive[1:3])
         motion = kinematics(solve.assembly, usual_angles(solve.assembly), fastest, hardest)
-        usual = kinetostatics(motion, solve.inertia)
+        usual = rubbed(motion, solve.inertia, tuple(solve.blocks.values()))
     flags: dict[int, str] = {}
     largest = max(float(np.abs(force).max()) for force in usual.forces.values())
     for name, block in solve.blocks.items():

@@ -233,13 +233,17 @@ class Equilibria:
         self.forces |= {name: abs(force) for name, force in forces.items()}
         return forces
 
-    def push(self, name: str, seen: Mapping[str, float]) -> complex:
-        """Force (N) on a block across its guide plus i times moment over half its length, from signals."""
+    def push(self, name: str, seen: Mapping[str, float], slip: float = 0.0) -> complex:
+        """Force (N) on a block across its guide plus i times moment over half its length, from signals; without the
+        moment of friction, where that has acted against a ``slip`` of this sign.
+        """
         block, first = self.pressed.blocks[name], self.mechanism.joint(name).bodies[0]
         angle = 0.0 if first == GROUND else seen[f"{first}_angle"]
         force = complex(seen[f"reaction_{name}_x"], seen[f"reaction_{name}_y"])
         across = 1j * block.joint.direction * complex(np.exp(1j * angle))
-        return block.guide.push((force * across.conjugate()).real, seen[f"reaction_{name}_moment"])
+        pressed = (force * across.conjugate()).real
+        rubbed = slip * block.joint.friction * block.guide.height / 2 * pressed
+        return block.guide.push(pressed, seen[f"reaction_{name}_moment"] + rubbed)
 
     def pressing(self, theta: float, forces: Mapping[str, complex]) -> dict[str, complex | structure.Rest]:
         """Where these reactions press each pin (m): on the rim, and as far beyond as its stiffness lets it; and where
@@ -289,7 +293,7 @@ class Equilibria:
             if not pulled:
                 break
             seen = self.signals(self.pressed, found, slip)
-            forces |= {name: self.push(name, seen) for name in pulled}  # it rests otherwise
+            forces |= {name: self.push(name, seen, slip[name]) for name in pulled}  # it rests otherwise
         else:
             what = f"the only equilibria found have a corner of the block of joint {pulled[0]!r} pulled, not pressed"
             raise self.failed(Cause.PULLED, what, theta)
