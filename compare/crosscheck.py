@@ -348,15 +348,23 @@ def crosscheck_job(
         what = f"{job.joint_model or 'ideal'} joints in {job.motion} motion"
         does = "; ".join(f"{name.partition(SEPARATOR)[0]} has {_pairs(name, resolve)}" for name in job.simulators)
         raise Unsupported(f"nothing to run with {what}: {does}; use another joint, motion or simulator")
+    smooth = {model: _smooth(job.mechanism, model) for model in JOINT_MODELS}
     sides = {
-        ideal: _side(job, assembly, ideal, measure)
-        for ideal in {request.joint_model == "ideal" for _, request in tasks}
+        key: _side(job, Assembly(job.mechanism.without_corner_friction()) if key[1] else assembly, key[0], measure)
+        for key in {(request.joint_model == "ideal", smooth[request.joint_model]) for _, request in tasks}
     }
     job = replace(job, warnings=(*job.warnings, *dict.fromkeys(r for side in sides.values() for r in side.remarks)))
-    ran = run_all(job, tasks, lambda trace: sides[trace.joint_model == "ideal"], resolve, progress)
+    ran = run_all(
+        job, tasks, lambda trace: sides[trace.joint_model == "ideal", smooth[trace.joint_model]], resolve, progress
+    )
     if len(ran.left_out) == len(tasks) or (ran.left_out and len(job.simulators) == 1):
         raise Unsupported(ran.left_out[0])
     return concluded(job, ran)
+
+
+def _smooth(mechanism: Mechanism, joint_model: JointModel) -> bool:
+    """Whether joints of this model leave out the friction of blocks' corners, which the mechanism has."""
+    return joint_model not in ("ideal", "contact") and any(mechanism.joint(n).rough for n in mechanism.loose_guides)
 
 
 @dataclass(frozen=True)
