@@ -11,9 +11,9 @@ block with a force N normal to its axis and a moment M about the block's point. 
     flat     y = c sign N, phi = 0: both corners of one side on one wall, where |M| < |N| L/2;
     tilted   y = 0, phi = 2 (c/L) sign M: one corner on each wall, at opposite ends, where |M| > |N| L/2.
 
-With friction each corner that is pushed by P is rubbed by mu P along the guide, against its sliding, at (h/2) to the side
-of the block's point; the force along is then -s mu sum(P), s the sign of the sliding, and the moment of the walls alone
-is M + s mu (h/2) N, whichever corners they are.  That takes M's place above, and
+With friction each corner that is pushed by P is rubbed by mu P along the guide, against its sliding, h/2 to the side of
+the block's point; the force along is then -s mu sum(P), s the sign of the sliding, and the moment of the walls alone is
+M + s mu (h/2) N, whichever corners they are.  That takes M's place above, and
 
     sum(P) = max(|N|, (2/L) |M + s mu (h/2) N|),
 

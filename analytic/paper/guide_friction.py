@@ -36,7 +36,11 @@ def rubbed(motion: Motion, inertia: bool, blocks: Sequence[Block], how: np.ndarr
     units = [of_springs(motion, {block.joint.name: np.ones(motion.theta.size)}, ()) for block in some]
     total = found
     for _ in range(1 if how is not None else PASSES):
-        ways = [block.rests(total) for block in some] if how is None else [np.full(motion.theta.size, how[k]) for k in rough]
+        ways = (
+            [block.rests(total) for block in some]
+            if how is None
+            else [np.full(motion.theta.size, how[k]) for k in rough]
+        )
         total = _added(found, units, _along(motion, some, ways, how is not None, found, units))
     return total
 
@@ -101,6 +105,8 @@ def _added(found: Reactions, units: Sequence[Reactions], force: np.ndarray) -> R
         forces={name: total(each, [u.forces[name] for u in units]) for name, each in found.forces.items()},
         moments={name: total(each, [u.moments[name] for u in units]) for name, each in found.moments.items()},
         drive_torque=total(found.drive_torque, [u.drive_torque for u in units]),
-        drive_loads={name: total(each, [u.drive_loads[name] for u in units]) for name, each in found.drive_loads.items()},
+        drive_loads={
+            name: total(each, [u.drive_loads[name] for u in units]) for name, each in found.drive_loads.items()
+        },
         efforts=total(found.efforts, [u.efforts for u in units]),
     )
