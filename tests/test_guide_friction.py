@@ -1,4 +1,4 @@
-"""Coulomb friction at the corners of a block with clearance: by hand, in the analytic model, in MuJoCo and in Exudyn."""
+"""Coulomb friction at the corners of a block with clearance: by hand, in the analytic model, MuJoCo and Exudyn."""
 
 from __future__ import annotations
 
@@ -145,14 +145,14 @@ def test_the_coefficient_is_a_block_s_and_newtons_are_a_slide_s() -> None:
 def test_engines_whose_contact_has_no_block_refuse_its_friction(name: str, motion: Motion) -> None:
     pytest.importorskip(declared(name).package)
     m = slider_crank("flat").with_joint("S", friction=MU)
-    with pytest.raises(Unsupported, match="friction in contact .*: leave out friction = 0.2 of joint 'S'"):
+    with pytest.raises(Unsupported, match=r"friction in contact .*: leave out friction = 0.2 of joint 'S'"):
         engine(name).simulate(Request(m, "contact", motion, ANGLES))
 
 
 def test_exudyn_has_no_friction_at_rest() -> None:
     pytest.importorskip("exudyn")
     m = slider_crank("flat").with_joint("S", friction=MU)
-    with pytest.raises(Unsupported, match="friction in contact .*: leave out friction = 0.2 of joint 'S'"):
+    with pytest.raises(Unsupported, match=r"friction in contact .*: leave out friction = 0.2 of joint 'S'"):
         engine("exudyn").simulate(Request(m, "contact", "static", ANGLES))
 
 

@@ -1,8 +1,8 @@
 """Coulomb friction at the corners of blocks with clearance: reactions and friction that depend on each other.
 
 See :mod:`analytic.paper.guide` for where friction acts.  The force f along a guide is -s mu sum(P), s the sign of the
-block's sliding and P the pushes of its corners.  These follow from the guide's force N across and moment M, which answer
-linearly to every f: so f is the solution of linear equations, for as long as each block stays on the same corners.
+block's sliding and P the pushes of its corners.  These follow from the guide's force N across and moment M, which
+answer linearly to every f: so f solves linear equations, for as long as each block stays on the same corners.
 """
 
 from __future__ import annotations
@@ -36,11 +36,8 @@ def rubbed(motion: Motion, inertia: bool, blocks: Sequence[Block], how: np.ndarr
     units = [of_springs(motion, {block.joint.name: np.ones(motion.theta.size)}, ()) for block in some]
     total = found
     for _ in range(1 if how is not None else PASSES):
-        ways = (
-            [block.rests(total) for block in some]
-            if how is None
-            else [np.full(motion.theta.size, how[k]) for k in rough]
-        )
+        given = [block.rests(total) if how is None else how[k] for k, block in zip(rough, some, strict=True)]
+        ways = [np.broadcast_to(way, motion.theta.shape) for way in given]
         total = _added(found, units, _along(motion, some, ways, how is not None, found, units))
     return total
 

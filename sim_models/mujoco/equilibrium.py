@@ -80,7 +80,7 @@ def balance(link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, sl
 
 
 def along(link: MujocoLinkage, name: str, slip: Mapping[str, float]) -> float:
-    """Force of a contact's row of friction over that of its wall, where joints slip in the directions of these signs."""
+    """Force of a contact's row of friction over that of its wall, where joints slip in these directions."""
     friction = link.frictions[name]
     return -friction.way * slip[friction.joint] * friction.coefficient
 
