@@ -187,6 +187,16 @@ class Joint(Part):
         return self.type == "prismatic"
 
     @property
+    def inner(self) -> str:
+        """What of it has the clearance, in a word."""
+        return "block" if self.prismatic else "pin"
+
+    @property
+    def outer(self) -> str:
+        """What it moves in, in a word."""
+        return "guide" if self.prismatic else "bearing"
+
+    @property
     def displaced(self) -> bool:
         """Whether its pin leaves the centre of its bearing: by clearance, or as the bearing is soft."""
         return self.clearance > 0 or self.radial_stiffness is not None

@@ -46,6 +46,7 @@ SETTLED = 1e-12  # rad
 PASSES = 40
 SOLVED = 10  # times, about, that a linkage is solved at each angle until its pins have settled
 NUDGE = 1e-4  # rad
+ON_ITS_WAY = "is on its way from one rest to another"  # of a block, in a flag
 UNSTABLE = "the equilibrium found is not stable: the pins would leave it"
 TRIES = 6  # of how blocks rest
 LANDS = 1.5  # times as long as a block is on its way, until it rests
@@ -308,7 +309,7 @@ def _on_their_way(pins: _Pins, ideal: Reactions, drive: np.ndarray) -> dict[int,
         away, rate = apart * rate > 0, np.maximum(np.abs(rate), TINY)
         since, needed = np.abs(apart) / rate, LANDS * np.cbrt(12 * mass * block.clearance / rate)
         for i in np.flatnonzero(away & (since < needed)):
-            flags.setdefault(int(i), f"the block of {name} is on its way from one rest to another")
+            flags.setdefault(int(i), f"the block of {name} {ON_ITS_WAY}")
     return flags
 
 

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from os import PathLike
 from pathlib import Path
 
+import numpy as np
 from pydantic import TypeAdapter
 
 from analytic.mechanism import Mechanism
@@ -42,6 +43,7 @@ from compare.faults import ArgumentError
 from compare.files import output_folder
 from compare.results.validity import Cell, Failed, Validity
 from compare.sweep import sweep
+from sim_models.common.requests import check_request
 from sim_models.engine import JOINT_MODELS, JointModel, Request, SimulatorMissing, Unsupported, check_supported, engine
 
 Progress = Callable[[str, int, int | None], None]
@@ -114,8 +116,11 @@ def gridded(  # noqa: PLR0913 - as validity
             raise ArgumentError("mechanism", why)
         at, chosen = clearance_joints(m, named)
         bouncing = None if restitutions is None else _restitutions(m, at, restitutions, joint_model)
-        with_clearance(m, dict.fromkeys(at, gaps[-1]), "clearances")
-        able, left_out = capable(simulators, joint_model, m)
+        widest = with_clearance(m, dict.fromkeys(at, gaps[-1]), "clearances")
+        blocks = [name for name in at if m.joint(name).prismatic]
+        if blocks:
+            check_request(Request(widest, joint_model, crank_angle=np.zeros(1)))
+        able, left_out = capable(simulators, joint_model, widest if blocks else m)
     return Grid(
         m,
         at,

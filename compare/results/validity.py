@@ -279,6 +279,11 @@ class Validity(Document):
         """The restitutions of the map; None alone for the mechanism's own."""
         return self.restitutions or (None,)
 
+    @property
+    def of_blocks(self) -> bool:
+        """Whether blocks in their guides have the clearance."""
+        return any(self.mechanism.joint(name).prismatic for name in self.joints)
+
     def panels(self) -> Iterator[tuple[str, float | None]]:
         """Each engine and restitution."""
         for simulator in self.simulators:

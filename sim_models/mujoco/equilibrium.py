@@ -251,7 +251,8 @@ class Equilibria:
         """
         for name, force in forces.items():
             if force == 0:
-                raise self.failed(Cause.UNPRESSED, f"nothing presses the pin of joint {name!r}", theta)
+                inner = self.mechanism.joint(name).inner
+                raise self.failed(Cause.UNPRESSED, f"nothing presses the {inner} of joint {name!r}", theta)
         check_stiff_enough("mujoco", self.request, theta, self.on_springs(forces))
         self.seat(forces)
         return {name: self.rim(name, force) for name, force in forces.items()}
