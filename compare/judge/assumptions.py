@@ -44,6 +44,7 @@ from compare.judge.discrepancy import (
     judge,
     run_rules,
 )
+from compare.judge.reference import TURNS_BACK
 from compare.judge.signals import with_derived, with_rotations
 from compare.judge.tolerances import Tolerances
 from compare.results.crosscheck import Because, Run
@@ -123,9 +124,9 @@ class Examined:
 
     @cached_property
     def flagged(self) -> np.ndarray:
-        """Angles (N,) at which the model has no answer."""
+        """Angles (N,) at which the model has no answer, but for those at which friction turns back: nobody has one."""
         flagged = np.zeros(self.theta.size, bool)
-        flagged[[int(i) for i in self.run.flags]] = True
+        flagged[[int(i) for i, why in self.run.flags.items() if not why.endswith(TURNS_BACK)]] = True
         return flagged
 
     @cached_property

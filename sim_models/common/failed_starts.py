@@ -37,8 +37,8 @@ class TooSoft(SimulationError):
         clearance, stiffness = one.clearance, contact_parameters(mechanism, one, motion).stiffness
         super().__init__(
             f"{who}: contact too soft for this load: {times * clearance * stiffness:.3g} N press the {one.inner} of"
-            f" joint {joint!r} {times * clearance:.3g} m into its {one.outer} {where} (clearance {clearance:g} m, stiffness"
-            f" {stiffness:.3g} N/m)",
+            f" joint {joint!r} {times * clearance:.3g} m into its {one.outer} {where} (clearance {clearance:g} m,"
+            f" stiffness {stiffness:.3g} N/m)",
             Cause.TOO_SOFT,
             f"give joint {joint!r} contact_stiffness = {_rounded_up(times / STIFF * stiffness):.1e} (N/m) or more, or a"
             " smaller load",
