@@ -125,9 +125,12 @@ class Examined:
     @cached_property
     def flagged(self) -> np.ndarray:
         """Angles (N,) at which the model has no answer, but for those at which friction turns back: nobody has one."""
-        flagged = np.zeros(self.theta.size, bool)
-        flagged[[int(i) for i, why in self.run.flags.items() if not why.endswith(TURNS_BACK)]] = True
-        return flagged
+        return np.isin(np.arange(self.theta.size), [i for i, back in self._flags.items() if not back])
+
+    @cached_property
+    def _flags(self) -> dict[int, bool]:
+        """Which samples are flagged; whether for friction that turns back there."""
+        return {int(i): why.endswith(TURNS_BACK) for i, why in self.run.flags.items()}
 
     @cached_property
     def unloaded(self) -> np.ndarray:
@@ -275,7 +278,8 @@ class Examined:
         answer.
         """
         reaction = Signal.of("reaction", next(iter(self.run.clearance)), "x").name
-        known = np.isfinite(one[reaction]) & np.isfinite(other[reaction]) & ~self.flagged
+        known = np.isfinite(one[reaction]) & np.isfinite(other[reaction])
+        known[list(self._flags)] = False
         sides = [{name: np.where(known, values, np.nan) for name, values in side.items()} for side in (one, other)]
         return max((excess(found) for found, _ in self.judged(*sides)), default=0.0) if known.any() else 0.0
 
