@@ -66,8 +66,8 @@ def validity(  # noqa: PLR0913 - what a person may ask, by name
     records: str | PathLike[str] | None = None,
     progress: Progress = lambda what, done, total: None,
 ) -> Validity:
-    """At which ``speeds`` (rad/s) and radial ``clearances`` (m) the analytic model holds, where contact is lost, and
-    which assumption fails.
+    """At which ``speeds`` (rad/s) and ``clearances`` (m; radial, or half the play of a block) the analytic model holds,
+    where contact is lost, and which assumption fails.
 
     ``joints`` have the clearance: by default the case's, else the one farthest from the ground.  With ``restitutions``
     there is a map for each; left out, contact is the mechanism's own.  What contact does (peak force, time without it,
