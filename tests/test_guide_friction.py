@@ -137,6 +137,8 @@ def test_the_coefficient_is_a_block_s_and_newtons_are_a_slide_s() -> None:
     m = load("slider-crank")
     assert m.with_joint("S", friction=MU, friction_torque=3.0).joint("S").coulomb == 3.0
     assert m.with_joint("S", guide=None, friction=5.0).joint("S").coulomb == 5.0
+    with pytest.raises(MechanismError, match="friction = 20 of a block with a guide is the coefficient at its corners"):
+        m.with_joint("S", friction=20.0)
     with pytest.raises(MechanismError, match="without guide both mean N, keep one"):
         m.with_joint("S", guide=None, friction=MU, friction_torque=3.0)
 

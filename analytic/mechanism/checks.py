@@ -13,6 +13,7 @@ from analytic.mechanism.parts import GROUND, SMALLEST, Body, Drive, Ground, Join
 from analytic.mechanism.signals import signals
 
 LEAST_RESTITUTION = 0.01  # of a law with hysteresis, two of which divide by it
+ROUGHEST = 5.0  # coefficient of friction at a block's corners: a larger one was meant in N
 LARGEST_PLAUSIBLE_LENGTH = 20.0  # m; a linkage larger than this was probably entered in millimetres
 Parts = Mapping[str, Body | Ground]  # the ground and the moving bodies by name
 
@@ -105,6 +106,11 @@ def _check_prismatic(joint: Joint, where: str) -> None:
         raise ValueError(
             f"{where}friction_radius is {joint.friction_radius:g}; only a revolute joint has a pin that its reaction"
             " rubs, leave it out"
+        )
+    if joint.guide is not None and joint.friction > ROUGHEST:
+        raise ValueError(
+            f"{where}friction = {joint.friction:g} of a block with a guide is the coefficient at its corners, which is no"
+            f" more than {ROUGHEST:g}; give friction_torque (N) for a force along the guide"
         )
     if joint.friction and joint.friction_torque and joint.guide is None:
         raise ValueError(

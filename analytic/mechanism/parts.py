@@ -163,8 +163,7 @@ class Joint(Part):
     clearance: Annotated[NotNegative, AfterValidator(_divisible)] = 0.0  # m, radial; prismatic: half the block's play
     guide: Annotated[tuple[Positive, Positive], BeforeValidator(as_tuple)] | None = None  # m, prismatic: length, height
     pin_radius: Positive | None = None  # m
-    # Coulomb coefficient in contact, of a pin or a block with a guide; of other prismatic joints N, as friction_torque
-    friction: NotNegative = 0.0
+    friction: NotNegative = 0.0  # Coulomb coefficient in contact; prismatic without guide: N, as friction_torque
     contact_stiffness: Positive | None = None  # N/m
     contact_damping: NotNegative | None = None  # N.s/m
     restitution: Annotated[float, Field(ge=0, le=1)] | None = None
