@@ -109,8 +109,8 @@ def _check_prismatic(joint: Joint, where: str) -> None:
         )
     if joint.guide is not None and joint.friction > ROUGHEST:
         raise ValueError(
-            f"{where}friction = {joint.friction:g} of a block with a guide is the coefficient at its corners, which is at"
-            f" most {ROUGHEST:g}; give friction_torque (N) for a force along the guide"
+            f"{where}friction = {joint.friction:g} of a block with a guide is the coefficient at its corners, at most"
+            f" {ROUGHEST:g}; give friction_torque (N) for a force along the guide"
         )
     if joint.friction and joint.friction_torque and joint.guide is None:
         raise ValueError(
