@@ -130,6 +130,22 @@ def test_two_kinds_of_friction_that_grow_with_reactions_are_refused() -> None:
         displaced(Assembly(m), np.radians([20.0]), 10.0, inertia=False)
 
 
+@pytest.mark.parametrize(("name", "motion"), [("mujoco", "static"), ("mujoco", "driven"), ("exudyn", "driven")])
+def test_a_motor_along_the_guide_gives_what_friction_takes(name: str, motion: Motion) -> None:
+    """mu m g, of a block that it moves at an even speed; the guide's force has both, and so none along."""
+    pytest.importorskip(name)
+    m = loads(FALLING.replace('joint = "S"\nspeed = "free"', 'joint = "S"\nspeed = 0.1'))
+    m = m.with_joint(
+        "S", clearance=1e-4, friction=MU, contact_law="kelvin-voigt", contact_stiffness=1e7, restitution=0.2
+    )
+    found = crosscheck(m, name, joint_model="contact", motion=motion, times=np.linspace(0.01, 0.1, 4), workers=1)
+    (run,) = found.runs
+    assert run.verdict == "agrees"
+    for side in (run.analytic, run.simulated):
+        np.testing.assert_allclose(side["drive_force_S"], MU * 0.5 * 9.81, rtol=1e-6)
+        np.testing.assert_allclose(side["reaction_S_x"], 0.0, atol=1e-8)
+
+
 # ------------------------------------------------------------------ who has it
 
 

@@ -23,7 +23,18 @@ from sim_models.mujoco.mjcf import Setting
 from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.passive import felt
 from sim_models.mujoco.path import SIDE, Gaps, Path
-from sim_models.mujoco.state import HEEDINGS, contact_rows, gap, heed, joint_forces, pushes, signals, touch, unheeded
+from sim_models.mujoco.state import (
+    HEEDINGS,
+    contact_rows,
+    corner_friction,
+    gap,
+    heed,
+    joint_forces,
+    pushes,
+    signals,
+    touch,
+    unheeded,
+)
 from sim_models.mujoco.steady import STENCIL, derivative
 
 NUDGE = 1e-7  # rad or m, of difference quotients
@@ -185,7 +196,7 @@ class Equilibria:
             for joint, form in link.rubbing
         }
         friction = {name: -size * slip[name] for name, size in dry.items()}
-        return signals(link, joint_forces(link, found.force), friction)
+        return signals(link, joint_forces(link, found.force), friction | corner_friction(link, found.force))
 
     def rest(
         self, link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, slip: Mapping[str, float]
