@@ -218,7 +218,7 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
             names, without = _with_beams(names, every_one(simulators), given, motion)
             left_out += without
         m = rigidly_and_evenly_driven(given)
-        _warn_of_friction(m, joint_model)
+        warn_of_friction(m, joint_model)
         assembly = Assembly(m)
         moved = timed(assembly, times, course, path)
         released = moved is None and m.speed is None and motion == "driven"
@@ -248,7 +248,7 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
     )
 
 
-def _warn_of_friction(mechanism: Mechanism, joint_model: JointModel | None) -> None:
+def warn_of_friction(mechanism: Mechanism, joint_model: JointModel | None) -> None:
     """Warn of friction coefficients that do nothing: they act between a pin and its bearing, or a block's corners and
     their guide, in contact joints.
     """

@@ -14,7 +14,7 @@ from jsonschema import Draft202012Validator
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
 from compare.domain_map.map import RPM
-from compare.domain_map.validity import validity
+from compare.domain_map.validity import gridded, validity
 from compare.faults import ArgumentError
 from compare.report.validity_text import edge_rows, markdown
 from compare.results.validity import Cell, Validity
@@ -103,3 +103,10 @@ def test_what_a_map_of_a_block_cannot_be_says_so(asked: dict[str, Any], words: s
 def test_a_block_without_a_moment_of_inertia_has_no_map() -> None:
     with pytest.raises(Unsupported, match=r"body 'slider' may turn by its clearance.*give its inertia"):
         validity("slider-crank", speeds=[10.0], clearances=[1e-4], joints=["S"], simulators="exudyn", workers=1)
+
+
+def test_a_map_of_springs_leaves_friction_out_and_says_so() -> None:
+    pytest.importorskip("exudyn")
+    asked: dict[str, Any] = {"simulators": "exudyn", "joint_model": "spring-damper", "joints": None, "tolerances": None}
+    with pytest.warns(match="friction of S is in contact joints only; the other joint models leave it out"):
+        gridded(sliding(0.1), speeds=[10.0], clearances=[1e-4], **asked)

@@ -36,7 +36,7 @@ from compare.arguments import (
     whole,
     with_clearance,
 )
-from compare.crosscheck import STRIKING
+from compare.crosscheck import STRIKING, warn_of_friction
 from compare.domain_map.cell import Task, examine
 from compare.domain_map.map import Grid, RealJoint, cells, clearance_joints, summarised
 from compare.faults import ArgumentError
@@ -117,6 +117,7 @@ def gridded(  # noqa: PLR0913 - as validity
         at, chosen = clearance_joints(m, named)
         bouncing = None if restitutions is None else _restitutions(m, at, restitutions, joint_model)
         widest = with_clearance(m, dict.fromkeys(at, gaps[-1]), "clearances")
+        warn_of_friction(widest, joint_model)
         blocks = [name for name in at if m.joint(name).prismatic]
         if blocks:
             check_request(Request(widest, joint_model, crank_angle=np.zeros(1)))
