@@ -117,11 +117,11 @@ def gridded(  # noqa: PLR0913 - as validity
         at, chosen = clearance_joints(m, named)
         bouncing = None if restitutions is None else _restitutions(m, at, restitutions, joint_model)
         widest = with_clearance(m, dict.fromkeys(at, gaps[-1]), "clearances")
-        warn_of_friction(widest, joint_model)
         blocks = [name for name in at if m.joint(name).prismatic]
         if blocks:
             check_request(Request(widest, joint_model, crank_angle=np.zeros(1)))
         able, left_out = capable(simulators, joint_model, widest if blocks else m)
+        warn_of_friction(widest, joint_model)
     return Grid(
         m,
         at,
