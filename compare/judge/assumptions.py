@@ -182,7 +182,7 @@ class Examined:
     @cached_property
     def assembly(self) -> Assembly:
         """The ideal linkage, assembled once; with the friction of blocks' corners that the run has."""
-        rubs = self.run.joint_model == "contact"
+        rubs = self.run.joint_model == "contact" or not self.blocks
         return Assembly(self.mechanism if rubs else self.mechanism.without_corner_friction())
 
     @cached_property
