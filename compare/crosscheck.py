@@ -218,7 +218,7 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
             names, without = _with_beams(names, every_one(simulators), given, motion)
             left_out += without
         m = rigidly_and_evenly_driven(given)
-        _warn_of_friction(m, joint_model)
+        warn_of_friction(m, joint_model)
         assembly = Assembly(m)
         moved = timed(assembly, times, course, path)
         released = moved is None and m.speed is None and motion == "driven"
@@ -248,13 +248,16 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
     )
 
 
-def _warn_of_friction(mechanism: Mechanism, joint_model: JointModel | None) -> None:
-    """Warn of friction coefficients that do nothing: they act between a pin and its bearing, in contact joints."""
-    pins = [j for j in mechanism.joints if j.friction and not j.prismatic]
-    for pin in (j for j in pins if not j.clearance):
-        text = f"{mechanism.name}: friction of joint {pin.name} does nothing, as {pin.name} has no clearance"
-        warnings.warn(f"{text}; give it clearance (m), or friction_torque (N.m) in place of friction", stacklevel=4)
-    rough = ", ".join(j.name for j in pins if j.clearance)
+def warn_of_friction(mechanism: Mechanism, joint_model: JointModel | None) -> None:
+    """Warn of friction coefficients that do nothing: they act between a pin and its bearing, or a block's corners and
+    their guide, in contact joints.
+    """
+    touching = [j for j in mechanism.joints if j.friction and (not j.prismatic or j.guide is not None)]
+    for joint in (j for j in touching if not j.clearance):
+        name, unit = joint.name, "N" if joint.prismatic else "N.m"
+        text = f"{mechanism.name}: friction of joint {name} does nothing, as {name} has no clearance"
+        warnings.warn(f"{text}; give it clearance (m), or friction_torque ({unit}) in place of friction", stacklevel=4)
+    rough = ", ".join(j.name for j in touching if j.rough)
     if rough and joint_model != "contact":
         text = f"{mechanism.name}: friction of {rough} is in contact joints only; the other joint models leave it out"
         warnings.warn(text, stacklevel=4)
@@ -345,15 +348,23 @@ def crosscheck_job(
         what = f"{job.joint_model or 'ideal'} joints in {job.motion} motion"
         does = "; ".join(f"{name.partition(SEPARATOR)[0]} has {_pairs(name, resolve)}" for name in job.simulators)
         raise Unsupported(f"nothing to run with {what}: {does}; use another joint, motion or simulator")
+    smooth = {model: _smooth(job.mechanism, model) for model in JOINT_MODELS}
     sides = {
-        ideal: _side(job, assembly, ideal, measure)
-        for ideal in {request.joint_model == "ideal" for _, request in tasks}
+        key: _side(job, Assembly(job.mechanism.without_corner_friction()) if key[1] else assembly, key[0], measure)
+        for key in {(request.joint_model == "ideal", smooth[request.joint_model]) for _, request in tasks}
     }
     job = replace(job, warnings=(*job.warnings, *dict.fromkeys(r for side in sides.values() for r in side.remarks)))
-    ran = run_all(job, tasks, lambda trace: sides[trace.joint_model == "ideal"], resolve, progress)
+    ran = run_all(
+        job, tasks, lambda trace: sides[trace.joint_model == "ideal", smooth[trace.joint_model]], resolve, progress
+    )
     if len(ran.left_out) == len(tasks) or (ran.left_out and len(job.simulators) == 1):
         raise Unsupported(ran.left_out[0])
     return concluded(job, ran)
+
+
+def _smooth(mechanism: Mechanism, joint_model: JointModel) -> bool:
+    """Whether joints of this model leave out the friction of blocks' corners, which the mechanism has."""
+    return joint_model not in ("ideal", "contact") and any(mechanism.joint(n).rough for n in mechanism.loose_guides)
 
 
 @dataclass(frozen=True)

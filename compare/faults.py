@@ -140,14 +140,14 @@ def stop(error: object, status: Exit) -> typer.Exit:
 
 
 def no_pin(name: str, pins: Sequence[str], linkage: Mechanism) -> str:
-    """What there is to say of a name that is none of these joints of a linkage, its revolute ones."""
+    """What there is to say of a name that is none of a linkage's joints that may have clearance: of these, its revolute
+    ones, and of blocks with a guide.
+    """
     joint = next((j for j in linkage.joints if j.name == name), None)
     if joint is not None and joint.prismatic and joint.guide is None:
         return (
             f"{name!r} is a prismatic joint of {linkage.name}; give it guide = [length, height] (m) of its block first"
         )
-    if joint is not None and joint.prismatic:
-        return f"{name!r} is a prismatic joint of {linkage.name}, whose clearance is not examined here; leave it out"
     return f"{name!r} is not a revolute joint of {linkage.name}; " + (
         f"they are {', '.join(pins)}" if pins else "it has none"
     )

@@ -249,8 +249,10 @@ class Watched:
 
     ``time`` (s) is the trace's.  By moving body: ``place`` (m) and ``velocity`` (m/s) of its centre of mass, complex,
     ``angle`` (rad, continued) and ``angular_velocity`` (rad/s); by joint with clearance: the ``force`` (N, complex) of
-    contact of its first body on its second, of a block that of the walls across its guide; by block: ``corners``
-    (4, M) N, how hard its wall pushes each corner, in the order of :attr:`sim_models.common.guide.Guide.corners`.
+    contact of its first body on its second, of a block that of the walls across its guide and of friction along it; by
+    block: ``corners`` (4, M) N, how hard its wall pushes each corner, in the order of
+    :attr:`sim_models.common.guide.Guide.corners`, and ``rubbing`` (4, M) N, friction of each along the guide on the
+    second body, where its contact has some.
     ``torque`` (N.m) is the motor's on the driven body.  All at the same instants.
     """
 
@@ -262,6 +264,7 @@ class Watched:
     force: Mapping[str, np.ndarray]
     torque: np.ndarray
     corners: Mapping[str, np.ndarray] = field(default_factory=dict)
+    rubbing: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -540,7 +543,7 @@ def needed(request: Request) -> dict[Feature, str]:
     for joint in m.joints:
         at = f"of joint {joint.name!r}"
         soft = joint.radial_stiffness
-        rubs = touching and not joint.prismatic and bool(joint.clearance and joint.friction)
+        rubs = touching and joint.rough
         block = joint.prismatic and joint.name in request.clearances
         named = moving and joint.contact_law is not None and joint.name in request.clearances
         asked: tuple[tuple[Feature, bool, str], ...] = (

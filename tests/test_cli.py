@@ -230,7 +230,7 @@ def test_clearance_of_a_linkage_that_swings_freely_is_left_out_aloud(tmp_path: P
 
 @pytest.mark.parametrize("engine", ["mujoco", *slow("pybullet")])
 def test_friction_has_no_direction_at_a_dead_centre_and_nothing_is_judged_there(engine: str, tmp_path: Path) -> None:
-    rubbing = load("slider-crank").with_joint("S", friction=20.0)
+    rubbing = load("slider-crank").with_joint("S", friction_torque=20.0)
     done = compare(
         "--simulator", engine, "--case", saved(tmp_path, dumps(rubbing)), "--joint", "ideal", "--out", "o", cwd=tmp_path
     )

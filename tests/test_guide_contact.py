@@ -20,7 +20,17 @@ from linkages import inverted_slider
 from marks import slow
 from sim_models.common.contact_laws import hysteresis
 from sim_models.common.guide import Guide
-from sim_models.engine import ENGINES, JointModel, Motion, Request, Trace, Unsupported, declared, engine
+from sim_models.engine import (
+    ENGINES,
+    JointModel,
+    Motion,
+    Request,
+    SimulationError,
+    Trace,
+    Unsupported,
+    declared,
+    engine,
+)
 
 MODELS: dict[str, JointModel] = {  # of each engine that has blocks, one that has them
     name: model
@@ -397,3 +407,13 @@ def test_every_step_of_a_block_is_watched(name: str) -> None:
     seen = trace.watched.force["S"]
     for k, at in ((0, 0), (1, -1)):
         assert seen[at].imag == pytest.approx(trace.signals["reaction_S_y"][k], rel=1e-3)
+
+
+@pytest.mark.mujoco
+def test_a_block_too_deep_in_hard_contact_is_called_a_block() -> None:
+    from sim_models.mujoco.laws import Contact
+    from sim_models.mujoco.limits import check_depth
+
+    asked, hard = Request(slider_crank("flat"), "contact"), Contact(1e7, 0.0, (1e-4, 0.5))
+    with pytest.raises(SimulationError, match=r"the block of joint 'S' is 0\.001 m deep in its guide"):
+        check_depth(asked, {"S": hard}, {"S": [CLEARANCE + 1e-3 + 0j]}, {"S": [1.0]})

@@ -13,6 +13,7 @@ from analytic.mechanism.parts import GROUND, SMALLEST, Body, Drive, Ground, Join
 from analytic.mechanism.signals import signals
 
 LEAST_RESTITUTION = 0.01  # of a law with hysteresis, two of which divide by it
+ROUGHEST = 5.0  # coefficient of friction at a block's corners: a larger one was meant in N
 LARGEST_PLAUSIBLE_LENGTH = 20.0  # m; a linkage larger than this was probably entered in millimetres
 Parts = Mapping[str, Body | Ground]  # the ground and the moving bodies by name
 
@@ -106,9 +107,15 @@ def _check_prismatic(joint: Joint, where: str) -> None:
             f"{where}friction_radius is {joint.friction_radius:g}; only a revolute joint has a pin that its reaction"
             " rubs, leave it out"
         )
-    if joint.friction and joint.friction_torque:
+    if joint.guide is not None and joint.friction > ROUGHEST:
         raise ValueError(
-            f"{where}friction and friction_torque are both given; for a prismatic joint both mean N, keep one"
+            f"{where}friction = {joint.friction:g} of a block with a guide is the coefficient at its corners, at most"
+            f" {ROUGHEST:g}; give friction_torque (N) for a force along the guide"
+        )
+    if joint.friction and joint.friction_torque and joint.guide is None:
+        raise ValueError(
+            f"{where}friction and friction_torque are both given; for a prismatic joint without guide both mean N,"
+            " keep one"
         )
 
 

@@ -211,6 +211,11 @@ class Mechanism(Part):
         """The joints that may have clearance: those that turn, and blocks whose size is known in their guides."""
         return [j.name for j in self.joints if not j.prismatic or j.guide is not None]
 
+    def without_corner_friction(self) -> Mechanism:
+        """A copy whose blocks have no friction in their guides but their joints' own laws."""
+        guided = [j.model_copy(update={"friction": 0.0}) if j.guide is not None else j for j in self.joints]
+        return self.replace(joints=tuple(guided))
+
     @property
     def loose_guides(self) -> dict[str, float]:
         """Those of them that are prismatic: half the play (m)."""

@@ -163,7 +163,7 @@ class Joint(Part):
     clearance: Annotated[NotNegative, AfterValidator(_divisible)] = 0.0  # m, radial; prismatic: half the block's play
     guide: Annotated[tuple[Positive, Positive], BeforeValidator(as_tuple)] | None = None  # m, prismatic: length, height
     pin_radius: Positive | None = None  # m
-    friction: NotNegative = 0.0  # revolute: Coulomb coefficient in contact; prismatic: N, as friction_torque
+    friction: NotNegative = 0.0  # Coulomb coefficient in contact; prismatic without guide: N, as friction_torque
     contact_stiffness: Positive | None = None  # N/m
     contact_damping: NotNegative | None = None  # N.s/m
     restitution: Annotated[float, Field(ge=0, le=1)] | None = None
@@ -186,6 +186,16 @@ class Joint(Part):
         return self.type == "prismatic"
 
     @property
+    def inner(self) -> str:
+        """What of it has the clearance, in a word."""
+        return "block" if self.prismatic else "pin"
+
+    @property
+    def outer(self) -> str:
+        """What it moves in, in a word."""
+        return "guide" if self.prismatic else "bearing"
+
+    @property
     def displaced(self) -> bool:
         """Whether its pin leaves the centre of its bearing: by clearance, or as the bearing is soft."""
         return self.clearance > 0 or self.radial_stiffness is not None
@@ -199,7 +209,12 @@ class Joint(Part):
     @property
     def coulomb(self) -> float:
         """Dry friction of fast slip, all that there is without Stribeck's: N.m, or N for a prismatic joint."""
-        return self.friction_torque or (self.friction if self.prismatic else 0.0)
+        return self.friction_torque or (self.friction if self.prismatic and self.guide is None else 0.0)
+
+    @property
+    def rough(self) -> bool:
+        """Whether its contact has friction: of a pin with clearance in its bearing, or of a block's corners."""
+        return self.friction > 0 and self.clearance > 0
 
     @property
     def stiction(self) -> float:

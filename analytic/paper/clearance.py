@@ -30,6 +30,7 @@ from analytic.kinematics.reach import usual_angles
 from analytic.mechanism.one_line import angles, clearances, one_line
 from analytic.mechanism.signals import Signal, wrapped
 from analytic.paper.guide import Block, placed
+from analytic.paper.guide_friction import rubbed
 from analytic.paper.kinetostatics import Reactions, kinetostatics, pieced
 
 Model = Literal["first_order", "equilibrium"]
@@ -47,6 +48,7 @@ SETTLED = 1e-12  # rad
 PASSES = 40
 SOLVED = 10  # times, about, that a linkage is solved at each angle until its pins have settled
 NUDGE = 1e-4  # rad
+ON_ITS_WAY = "is on its way from one rest to another"  # of a block, in a flag
 UNSTABLE = "the equilibrium found is not stable: the pins would leave it"
 TRIES = 6  # of how blocks rest
 LANDS = 1.5  # times as long as a block is on its way, until it rests
@@ -174,20 +176,22 @@ class _Solve:
         ways, which = np.unique(drive[self.rows :], axis=1, return_inverse=True)
         linkages = [self.assembly.resting(placed(self.blocks, way, self.finite)) for way in ways.T]
         if len(linkages) == 1:
-            return self.part(linkages[0], drive, gaps)
+            return self.part(linkages[0], drive, gaps, ways[:, 0])
         pieces = []
         for way, linkage in enumerate(linkages):
             at = np.flatnonzero(which == way)
             own = {name: gap.part(at) for name, gap in (gaps or {}).items()}
-            pieces.append((at, self.part(linkage, drive[:, at], own)))
+            pieces.append((at, self.part(linkage, drive[:, at], own, ways[:, way])))
         return pieced(self.assembly, pieces)
 
-    def part(self, linkage: Assembly, drive: np.ndarray, gaps: Mapping[str, Gap] | None) -> Reactions:
-        """Those of samples in which all blocks rest in one way."""
+    def part(
+        self, linkage: Assembly, drive: np.ndarray, gaps: Mapping[str, Gap] | None, how: np.ndarray | None = None
+    ) -> Reactions:
+        """Those of samples in which all blocks rest in one way, ``how`` (blocks,) that is if they do."""
         k = len(self.assembly.structure.inputs)
         theta, omega, alpha, here = np.split(drive[: self.rows], (k, 2 * k, 3 * k))
         motion = kinematics(linkage, theta, omega, alpha, gaps, self.path or Followed(here))
-        return kinetostatics(motion, self.inertia)
+        return rubbed(motion, self.inertia, tuple(self.blocks.values()), how if self.finite else None)
 
 
 def _with_blocks(pins: _Pins, drive: np.ndarray, found: Displaced, turning: bool) -> Displaced:
@@ -281,7 +285,7 @@ def _on_the_border(solve: _Solve, ideal: Reactions, drive: np.ndarray) -> dict[i
     if solve.path is not None:
         fastest, hardest = (float(x[np.argmax(np.abs(x))]) for x in drive[1:3])
         motion = kinematics(solve.assembly, usual_angles(solve.assembly), fastest, hardest)
-        usual = kinetostatics(motion, solve.inertia)
+        usual = rubbed(motion, solve.inertia, tuple(solve.blocks.values()))
     flags: dict[int, str] = {}
     largest = max(float(np.abs(force).max()) for force in usual.forces.values())
     for name, block in solve.blocks.items():
@@ -314,7 +318,7 @@ def _on_their_way(pins: _Pins, ideal: Reactions, drive: np.ndarray) -> dict[int,
         away, rate = apart * rate > 0, np.maximum(np.abs(rate), TINY)
         since, needed = np.abs(apart) / rate, LANDS * np.cbrt(12 * mass * block.clearance / rate)
         for i in np.flatnonzero(away & (since < needed)):
-            flags.setdefault(int(i), f"the block of {name} is on its way from one rest to another")
+            flags.setdefault(int(i), f"the block of {name} {ON_ITS_WAY}")
     return flags
 
 

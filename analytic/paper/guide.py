@@ -11,6 +11,15 @@ block with a force N normal to its axis and a moment M about the block's point. 
     flat     y = c sign N, phi = 0: both corners of one side on one wall, where |M| < |N| L/2;
     tilted   y = 0, phi = 2 (c/L) sign M: one corner on each wall, at opposite ends, where |M| > |N| L/2.
 
+With friction each corner that is pushed by P is rubbed by mu P along the guide, against its sliding, h/2 to the side of
+the block's point; the force along is then -s mu sum(P), s the sign of the sliding, and the moment of the walls alone is
+M + s mu (h/2) N, whichever corners they are.  That takes M's place above, and
+
+    sum(P) = max(|N|, (2/L) |M + s mu (h/2) N|),
+
+of which N and M in their turn depend on the force along the guide, linearly.  (Which corners bear what N and M ask of
+them is what counts; with friction that is no question of work.)
+
 With finite clearance the block tilts a little less or more than 2 c/L as its height is, and the lever of a tilted
 block's corners is a little shorter than L/2: near the border it may rest either way.
 """
@@ -27,7 +36,7 @@ import numpy as np
 from analytic.kinematics.motion import Motion
 from analytic.kinematics.structure import Rest, Rests
 from analytic.mechanism import Joint, Mechanism, MechanismError
-from analytic.paper.kinetostatics import Reactions
+from analytic.paper.kinetostatics import Reactions, slip_sign
 
 FLAT, TILTED = 1.0, 2.0  # how a block rests: times the sign of the force, or of the moment
 
@@ -62,6 +71,10 @@ class Block:
         """Distance (m) along the axis from the block's point to the corners that touch when it is tilted."""
         return (self.length * math.cos(self.tilt) - self.height * math.sin(self.tilt)) / 2
 
+    def aside(self, how: float) -> float:
+        """Distance (m) across from the block's point to where friction rubs it that rests ``how``."""
+        return self.height / 2 + (self.clearance if abs(how) == TILTED else 0.0)
+
     def across(self, motion: Motion) -> np.ndarray:
         """Unit vector (N,) across the guide: the axis turned by a right angle."""
         along = motion.columns[motion.structure.body_column(self.joint.bodies[0])]
@@ -73,9 +86,21 @@ class Block:
         """
         return (force * np.conj(self.across(motion))).real + 2j / self.length * moment
 
-    def pushed(self, found: Reactions) -> np.ndarray:
-        """The same of the joint's own reaction."""
-        return self.push(found.motion, found.forces[self.joint.name], found.moments[self.joint.name])
+    def pushed(self, found: Reactions, aside: float | None = None) -> np.ndarray:
+        """The same of what the walls alone do in these reactions, without the moment of friction ``aside`` (m) of the
+        block's point: half the height, unless told otherwise.
+        """
+        push = self.push(found.motion, found.forces[self.joint.name], found.moments[self.joint.name])
+        if not self.joint.friction:
+            return push
+        aside = self.height / 2 if aside is None else aside
+        return np.asarray(push + 2j / self.length * aside * self.rub(found.motion) * push.real)
+
+    def rub(self, motion: Motion) -> np.ndarray:
+        """Force (N,) along the guide that friction takes from the block, of a unit push of a wall: the coefficient with
+        the sign of the sliding.
+        """
+        return self.joint.friction * slip_sign(motion, self.joint)
 
     def work(self, found: Reactions) -> tuple[np.ndarray, np.ndarray]:
         """Work (N,) N.m that force and moment do on the way from the middle to where they rest flat, and tilted."""
@@ -92,7 +117,8 @@ class Block:
         """Whether (N,) all corners on which a block rests ``how`` (N,) push it, under these reactions of the linkage
         that it displaces.
         """
-        push = np.copysign(1.0, how) * self.pushed(found)
+        ways = [self.pushed(found, self.aside(each)) for each in (FLAT, TILTED)]
+        push = np.copysign(1.0, how) * np.where(np.abs(how) == FLAT, *ways)
         force, moment = push.real, self.length / 2 * push.imag
         flat = (force > 0) & (np.abs(moment) <= self.length / 2 * force)
         tilted = (moment > 0) & (self.lever * np.abs(force) <= moment)

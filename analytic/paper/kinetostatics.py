@@ -7,7 +7,7 @@ reaction as the dual of its joint's gap.  For the four-bar this is Eq. 11 with i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
@@ -415,17 +415,17 @@ def _direction(rate: np.ndarray, crank: np.ndarray) -> np.ndarray:
     return np.asarray(np.sign(rate) * (np.abs(rate) > DEAD_CENTRE * np.abs(crank)))
 
 
-def friction_turns(motion: Motion, within: float = 0.0) -> dict[str, np.ndarray]:
-    """Where (N,) the Coulomb friction of each joint that has some lacks a direction: its slip reverses ``within`` so
-    many rad of crank angle, of a crank that turns evenly, or of the fastest input, of a slide's in lengths of the
-    longest body; with 0, only at the reversal itself.
+def friction_turns(motion: Motion, within: float = 0.0, rough: Collection[str] = ()) -> dict[str, np.ndarray]:
+    """Where (N,) the Coulomb friction of each joint that has some, or whose block's corners do (``rough``), lacks a
+    direction: its slip reverses ``within`` so many rad of crank angle, of a crank that turns evenly, or of the fastest
+    input, of a slide's in lengths of the longest body; with 0, only at the reversal itself.
     """
     s, crank, found = motion.structure, motion.pace, {}
     longest = max(body.length for body in s.mechanism.bodies) or 1.0
     sizes = np.array([1.0 if s.unit(i) == "rad" else longest for i in s.inputs])[:, None]
     turns = (np.abs(motion.rates[list(s.inputs)]) / sizes).max(axis=0)
     for joint in s.mechanism.joints:
-        if joint.rubs:
+        if joint.rubs or joint.name in rough:
             rate, bend = motion.slip(joint)
             dead = np.abs(rate) * crank <= DEAD_CENTRE * crank**2
             found[joint.name] = dead | (np.abs(rate) * turns <= within * np.abs(bend) if within else False)

@@ -22,7 +22,7 @@ from compare.files import alone_in, made_folder, write_together
 def validity(
     context: typer.Context,
     speeds: Annotated[str, typer.Option(metavar="RPM,...", help="Speeds of the crank (rpm).")],
-    clearances: Annotated[str, typer.Option(metavar="M,...", help="Radial clearances (m).")],
+    clearances: Annotated[str, typer.Option(metavar="M,...", help="Radial clearances (m); half the play of a block.")],
     case: Annotated[str, typer.Option(help="Shipped case (see: compare cases) or a mechanism file.")] = "paper",
     simulator: Annotated[
         str, typer.Option(metavar="NAME,...", help="Engines to compare with, or all that are installed.")

@@ -98,7 +98,11 @@ def reaction(mechanism: Mechanism, joint: str, theta: np.ndarray) -> Reaction:
 
 
 def reactions(mechanism: Mechanism, theta: np.ndarray) -> dict[str, Reaction]:
-    """The reaction of each joint with clearance; none where one is not determined, or the linkage cannot be closed."""
+    """The reaction of each joint with clearance; none where one is not determined, the linkage cannot be closed, or one
+    is a block's: it leaves corner by corner, and turns on the others.
+    """
+    if mechanism.loose_guides:
+        return {}
     try:
         found = {name: reaction(mechanism, name, theta) for name in mechanism.clearances}
     except AssemblyError:

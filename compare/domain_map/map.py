@@ -34,6 +34,11 @@ MEANS = {
     "rigid": "the contact does not yield",
     "superposition": "clearance and compliance add up; not examined, the links are rigid",
 }
+MEANS_OF_BLOCKS = MEANS | {
+    "contact": "one of the block's corners at least is at its wall at all times",
+    "quasi-static": "the block is at rest on its corners; it takes no time to pass to others",
+    "rigid": "the walls do not yield under its corners",
+}
 
 
 @dataclass(frozen=True)
@@ -84,12 +89,11 @@ def clearance_joints(mechanism: Mechanism, at: Sequence[str] | None) -> tuple[tu
     pins = [joint.name for joint in mechanism.joints if not joint.prismatic]
     if at is not None:
         for name in at:
-            if name not in pins:
+            if name not in mechanism.may_be_loose:
                 raise ArgumentError("joints", no_pin(name, pins, mechanism))
-        return tuple(dict.fromkeys(at)), "as asked"
-    own = tuple(name for name in mechanism.clearances if name in pins)
-    if own:
-        return own, "the case's own"
+        return _alike(mechanism, tuple(dict.fromkeys(at))), "as asked"
+    if mechanism.clearances:
+        return _alike(mechanism, tuple(mechanism.clearances)), "the case's own"
     away = _distances(mechanism)
     far = max(
         pins,
@@ -99,6 +103,15 @@ def clearance_joints(mechanism: Mechanism, at: Sequence[str] | None) -> tuple[tu
         ),
     )
     return (far,), "the joint farthest from the ground and the drive"
+
+
+def _alike(mechanism: Mechanism, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Joints that are pins, or else blocks.  Raises ArgumentError for some of both."""
+    for pin, block in product(names, names):
+        if mechanism.joint(block).prismatic and not mechanism.joint(pin).prismatic:
+            why = f"{block!r} is a block in a guide and {pin!r} a pin in a bearing; give each a map of its own"
+            raise ArgumentError("joints", f"{why}, by naming the joints that are to have the clearance")
+    return names
 
 
 def _distances(mechanism: Mechanism) -> dict[str, int]:
@@ -181,10 +194,10 @@ def summarised(grid: Grid, tasks: Sequence[Task], found: Sequence[Cell | Failed]
         clearances=grid.clearances,
         crank_angle=tasks[0].crank_angle[tasks[0].skip :],
         contact=_contact(grid),
-        assumptions={name: Meaning(means=MEANS[name], examined=name in ASSUMPTIONS) for name in MEANS},
+        assumptions={name: Meaning(means=means, examined=name in ASSUMPTIONS) for name, means in _means(grid).items()},
         cells=tuple(found),
         holds_up_to={name: _holds(grid, [c for c in found if c.simulator == name]) for name in grid.simulators},
-        words=(*_words(grid, found, between), *_lost_words(found)),
+        words=(*_words(grid, found, between), *_lost_words(grid, found)),
         command="",
         warnings=(),
     )
@@ -212,8 +225,19 @@ def _boundary(grid: Grid, tasks: Sequence[Task], found: Sequence[Cell | Failed])
     return tuple(out)
 
 
-def _lost_words(found: Sequence[Cell | Failed]) -> tuple[str, ...]:
-    """In how many cells contact is kept or lost as the analytic model predicts."""
+def _means(grid: Grid) -> dict[str, str]:
+    """What the assumptions say of the joints that have the clearance."""
+    return MEANS_OF_BLOCKS if any(grid.mechanism.joint(name).prismatic for name in grid.joints) else MEANS
+
+
+def _lost_words(grid: Grid, found: Sequence[Cell | Failed]) -> tuple[str, ...]:
+    """In how many cells contact is kept or lost as the analytic model predicts; of blocks, that it does not."""
+    blocks = [name for name in grid.joints if grid.mechanism.joint(name).prismatic]
+    if blocks and any(isinstance(cell, Cell) and cell.watched is not None for cell in found):
+        return (
+            f"where contact is first lost is not predicted, as {' and '.join(blocks)} has a block, which turns on one"
+            " corner before it leaves: the boundary is that of the simulations",
+        )
     told = [(cell.left, cell.leaving) for cell in found if isinstance(cell, Cell) and cell.leaving is not None]
     if not told:
         return ()

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from os import PathLike
 from pathlib import Path
 
+import numpy as np
 from pydantic import TypeAdapter
 
 from analytic.mechanism import Mechanism
@@ -35,13 +36,14 @@ from compare.arguments import (
     whole,
     with_clearance,
 )
-from compare.crosscheck import STRIKING
+from compare.crosscheck import STRIKING, warn_of_friction
 from compare.domain_map.cell import Task, examine
 from compare.domain_map.map import Grid, RealJoint, cells, clearance_joints, summarised
 from compare.faults import ArgumentError
 from compare.files import output_folder
 from compare.results.validity import Cell, Failed, Validity
 from compare.sweep import sweep
+from sim_models.common.requests import check_request
 from sim_models.engine import JOINT_MODELS, JointModel, Request, SimulatorMissing, Unsupported, check_supported, engine
 
 Progress = Callable[[str, int, int | None], None]
@@ -64,8 +66,8 @@ def validity(  # noqa: PLR0913 - what a person may ask, by name
     records: str | PathLike[str] | None = None,
     progress: Progress = lambda what, done, total: None,
 ) -> Validity:
-    """At which ``speeds`` (rad/s) and radial ``clearances`` (m) the analytic model holds, where contact is lost, and
-    which assumption fails.
+    """At which ``speeds`` (rad/s) and ``clearances`` (m; radial, or half the play of a block) the analytic model holds,
+    where contact is lost, and which assumption fails.
 
     ``joints`` have the clearance: by default the case's, else the one farthest from the ground.  With ``restitutions``
     there is a map for each; left out, contact is the mechanism's own.  What contact does (peak force, time without it,
@@ -114,8 +116,12 @@ def gridded(  # noqa: PLR0913 - as validity
             raise ArgumentError("mechanism", why)
         at, chosen = clearance_joints(m, named)
         bouncing = None if restitutions is None else _restitutions(m, at, restitutions, joint_model)
-        with_clearance(m, dict.fromkeys(at, gaps[-1]), "clearances")
-        able, left_out = capable(simulators, joint_model, m)
+        widest = with_clearance(m, dict.fromkeys(at, gaps[-1]), "clearances")
+        blocks = [name for name in at if m.joint(name).prismatic]
+        if blocks:
+            check_request(Request(widest, joint_model, crank_angle=np.zeros(1)))
+        able, left_out = capable(simulators, joint_model, widest if blocks else m)
+        warn_of_friction(widest, joint_model)
     return Grid(
         m,
         at,

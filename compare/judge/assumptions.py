@@ -10,6 +10,10 @@ An assumption's cost is the largest error that it makes, as a multiple of what t
 ``rigid``         contact: reactions with the gaps larger by force over stiffness, and moving as this does, against
                   those with gaps that keep their size.
 
+Of a block in its guide ``contact`` fails where none of its corners is at a wall, ``quasi-static`` where it has not had
+the time to come to rest or does not rest where the equilibrium says, and ``rigid`` is told by a guide that is wider by
+what the hardest pressed corner gives.
+
 The equilibrium itself does not need ``first-order`` and corrects ``quasi-static`` once, so it may agree where the
 paper's formula does not; ``quasi-static-corrected`` is what a second correction would change.
 """
@@ -26,9 +30,9 @@ import numpy as np
 from analytic.beyond_paper.drive import Turning
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import Gap, kinematics
-from analytic.mechanism import Mechanism
+from analytic.mechanism import Joint, Mechanism
 from analytic.mechanism.signals import Signal
-from analytic.paper.clearance import STENCIL, Displaced, Model, displaced
+from analytic.paper.clearance import ON_ITS_WAY, STENCIL, Displaced, Model, displaced
 from analytic.paper.kinetostatics import Reactions, kinetostatics
 from compare.judge.courses import Courses
 from compare.judge.discrepancy import (
@@ -40,11 +44,13 @@ from compare.judge.discrepancy import (
     judge,
     run_rules,
 )
+from compare.judge.reference import TURNS_BACK
 from compare.judge.signals import with_derived, with_rotations
 from compare.judge.tolerances import Tolerances
 from compare.results.crosscheck import Because, Run
 from compare.results.crosscheck import Discrepancy as Judged
 from compare.results.validity import Assumption, Costing
+from sim_models.common.guide import Guide
 
 Signals = Mapping[str, np.ndarray]
 ASSUMPTIONS: tuple[Assumption, ...] = get_args(Assumption)
@@ -118,16 +124,29 @@ class Examined:
 
     @cached_property
     def flagged(self) -> np.ndarray:
-        """Angles (N,) at which the model has no answer."""
-        flagged = np.zeros(self.theta.size, bool)
-        flagged[[int(i) for i in self.run.flags]] = True
-        return flagged
+        """Angles (N,) at which the model has no answer, but for those at which friction turns back: nobody has one."""
+        return np.isin(np.arange(self.theta.size), [i for i, back in self._flags.items() if not back])
+
+    @cached_property
+    def _flags(self) -> dict[int, bool]:
+        """Which samples are flagged; whether for friction that turns back there."""
+        return {int(i): why.endswith(TURNS_BACK) for i, why in self.run.flags.items()}
 
     @cached_property
     def unloaded(self) -> np.ndarray:
-        """Angles (N,) at which a joint's reaction passes so near zero that it has no direction."""
+        """Angles (N,) at which a joint's reaction passes so near zero that it has no direction, or a block's rest is
+        not known for the same reason.
+        """
         moved = self.equilibrium
+        if self.blocks:
+            unsure = [i for i, why in moved.flags.items() if not why.endswith(ON_ITS_WAY)]
+            return np.isin(np.arange(self.theta.size), unsure)
         return np.any([np.abs(moved.ideal.forces[name]) <= moved.faint[name] for name in self.run.clearance], axis=0)
+
+    @property
+    def blocks(self) -> list[Joint]:
+        """The joints with clearance whose block has it."""
+        return [joint for joint in map(self.mechanism.joint, self.run.clearance) if joint.prismatic]
 
     @cached_property
     def give(self) -> float:
@@ -141,10 +160,12 @@ class Examined:
         """The model that the simulation is held to."""
         return self.displaced("equilibrium")
 
-    def displaced(self, model: Model, later: tuple[float, ...] = (0.0,)) -> Displaced:
-        """A model of the linkage at the run's samples, or in turn these times (s) after each of them."""
+    def displaced(self, model: Model, later: tuple[float, ...] = (0.0,), wider: float = 0.0) -> Displaced:
+        """A model of the linkage at the run's samples, or in turn these times (s) after each of them, with clearances
+        that are so much wider (m).
+        """
         at = self.turned(later)
-        clearances = self.run.clearance
+        clearances = {name: c + wider for name, c in self.run.clearance.items()}
         return displaced(self.assembly, at.theta, at.omega, alpha=at.alpha, model=model, clearances=clearances)
 
     def turned(self, later: tuple[float, ...] = (0.0,)) -> Turning:
@@ -160,13 +181,16 @@ class Examined:
 
     @cached_property
     def assembly(self) -> Assembly:
-        """The ideal linkage, assembled once."""
-        return Assembly(self.mechanism)
+        """The ideal linkage, assembled once; with the friction of blocks' corners that the run has."""
+        rubs = self.run.joint_model == "contact" or not self.blocks
+        return Assembly(self.mechanism if rubs else self.mechanism.without_corner_friction())
 
     @cached_property
     def costs(self) -> dict[Costing, float]:
         """What each assumption that the model makes about itself costs, 1 being the tolerance."""
         right = self.signals(self.equilibrium)
+        if self.blocks:
+            return self._costs_of_blocks(right)
         still = {name: Gap(value) for name, value in self.equilibrium.gaps.items()}
         moving = self.signals(self.with_gaps(self.moving(np.inf)))
         return {
@@ -175,6 +199,27 @@ class Examined:
             "quasi-static-corrected": self.cost(moving, right),
             "rigid": self.cost(self.signals(self.with_gaps(self.moving(contact_stiffness(self.run.settings)))), moving),
         }
+
+    def _costs_of_blocks(self, right: Signals) -> dict[Costing, float]:
+        """The same where blocks have the clearance: at rest on their corners they have no motion of their own."""
+        first, wider = self.displaced("first_order"), self.displaced("equilibrium", wider=self._sunk)
+        return {
+            "first-order": self.cost(self.signals(first), right),
+            "quasi-static": 0.0,
+            "quasi-static-corrected": 0.0,
+            "rigid": self.cost(self.signals(wider), right),
+        }
+
+    @property
+    def _sunk(self) -> float:
+        """How far (m) the hardest pressed corner of a block is in its wall."""
+        stiffness, hardest = contact_stiffness(self.run.settings), [0.0]
+        for joint in self.blocks:
+            guide = Guide.of(joint)
+            assert guide is not None  # of all that have clearance
+            force, moment = (self.run.simulated[f"reaction_{joint.name}_{each}"] for each in ("magnitude", "moment"))
+            hardest.append(float(np.nanmax(guide.hardest(force, moment), initial=0.0)))
+        return max(hardest) / stiffness
 
     def with_gaps(self, gaps: Mapping[str, Gap]) -> Reactions:
         """Reactions of the linkage whose gaps move as given."""
@@ -233,7 +278,8 @@ class Examined:
         answer.
         """
         reaction = Signal.of("reaction", next(iter(self.run.clearance)), "x").name
-        known = np.isfinite(one[reaction]) & np.isfinite(other[reaction]) & ~self.flagged
+        known = np.isfinite(one[reaction]) & np.isfinite(other[reaction])
+        known[list(self._flags)] = False
         sides = [{name: np.where(known, values, np.nan) for name, values in side.items()} for side in (one, other)]
         return max((excess(found) for found, _ in self.judged(*sides)), default=0.0) if known.any() else 0.0
 

@@ -35,6 +35,7 @@ NEAR_SINGULAR = (
     "what links that bend change of forces is left out, which is much near a singular posture: the condition number of"
     " the loops is up to"
 )
+TURNS_BACK = "and its friction has no direction"  # in a flag
 REVERSAL = 5e-3  # rad of crank before and after a joint's sliding reverses, where simulations preslide or are in a step
 
 
@@ -208,7 +209,8 @@ def _side(
             unit, where = UNITS[kind_of(signal)], float(_told(found.ideal.motion)[most.at])
             order[signal.name] = OrderDifference(unit=unit, max=most.max, rms=most.rms, at_crank_angle=where)
     ideal = _angles(found.ideal.motion)
-    turning = friction_turns(found.ideal.motion, REVERSAL if inertia else 0.0)
+    rough = [name for name in clearances if mechanism.joint(name).prismatic and mechanism.joint(name).friction]
+    turning = friction_turns(found.ideal.motion, REVERSAL if inertia else 0.0, rough)
     turning = {name: here for name, here in turning.items() if name not in held}
     own = _own_friction(mechanism, turning)
     turning = {name: here for name, here in turning.items() if name not in own}
@@ -370,7 +372,7 @@ def silenced(side: Reference, where: Mapping[str, np.ndarray]) -> Reference:
 def _reversals(turning: Mapping[str, np.ndarray]) -> dict[int, str]:
     """Why there is no answer where a joint's friction has no direction, by sample."""
     return {
-        int(i): f"the sliding at {joint} reverses here, and its friction has no direction"
+        int(i): f"the sliding at {joint} reverses here, {TURNS_BACK}"
         for joint, here in turning.items()
         for i in np.flatnonzero(here)
     }

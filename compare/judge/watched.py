@@ -186,19 +186,21 @@ class Run:
             away = corner * turned
             return self.velocity(second, arm + away) - self.velocity(first, below + away)
 
+        corners = self.watched.corners[joint.name]
+        rubbing = self.watched.rubbing.get(joint.name, np.zeros_like(corners))
         touches = [
             Touch(
                 reach=depth + joint.clearance,
                 rate=dot(np.sign(corner.imag) * 1j * along, moving(corner)),
                 push=push,
-                rub=np.zeros(self.time.size),
+                rub=rub,
                 slip=dot(along, moving(corner)),
                 clearance=joint.clearance,
                 wall=joint.clearance - margin,
                 stiffness=stiffness,
             )
-            for corner, depth, push in zip(
-                guide.corners, guide.depths(height, tilt), self.watched.corners[joint.name], strict=True
+            for corner, depth, push, rub in zip(
+                guide.corners, guide.depths(height, tilt), corners, rubbing, strict=True
             )
         ]
         turning = guide.length / 2 * (self.spin(second) - self.spin(first))

@@ -154,8 +154,11 @@ def analytic_force(mechanism: Mechanism, run: Run, joint: str) -> np.ndarray | N
         return None
     turned = 0.0 if first == GROUND else known[f"{first}_angle"]
     force = known[f"reaction_{joint}_x"] + 1j * known[f"reaction_{joint}_y"]
-    across = (force * np.exp(-1j * turned) / (1j * loose.direction)).real
-    return guide.hardest(across, known[f"reaction_{joint}_moment"])
+    pushed = force * np.exp(-1j * turned) / loose.direction  # along the guide, and across
+    walls = known[f"reaction_{joint}_moment"]
+    if run.joint_model == "contact":  # friction's moment is not theirs
+        walls = walls - np.sign(pushed.real) * loose.friction * guide.height / 2 * pushed.imag
+    return guide.hardest(pushed.imag, walls)
 
 
 def _degrees(one: JointContact) -> Numbers:

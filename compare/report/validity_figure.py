@@ -53,7 +53,7 @@ def agrees(cell: Cell | Failed) -> bool | None:
 
 
 def touches(cell: Cell | Failed) -> bool | None:
-    """Whether the pins never leave their bearings."""
+    """Whether pins and blocks never leave their walls."""
     return None if isinstance(cell, Failed) else not cell.left
 
 

@@ -63,7 +63,9 @@ def sentence(cell: Cell | Failed, mechanism: Mechanism) -> str:
         if share > 0
     ]
     struck = [_struck(cell)] if cell.watched is not None and cell.watched.impacts else []
-    swing = ["the pin stays in contact and swings along the rim"] if cell.swings else []
+    block = any(mechanism.joint(name).prismatic for name in cell.free_share)
+    moves = "the block stays in contact and rocks" if block else "the pin stays in contact and swings along the rim"
+    swing = [moves] if cell.swings else []
     silent = sum(cell.flagged_share.values())
     flags = [f"no answer from the model at {percent(silent)} %"] if silent else []
     worst = [f"worst {_worst(cell.worst, mechanism)}"] if cell.worst else []
@@ -73,7 +75,7 @@ def sentence(cell: Cell | Failed, mechanism: Mechanism) -> str:
 
 
 def _struck(cell: Cell) -> str:
-    """Impacts, peak and loss of a cell whose pins strike."""
+    """Impacts, peak and loss of a cell whose pins or corners strike."""
     assert cell.watched is not None
     struck = f"{count(round(cell.watched.impacts), 'impact')} a turn"
     return f"{struck}, peak force {_figure(cell.watched.peak_ratio)} x the ideal one, {cell.watched.lost:.2g} J lost"
@@ -183,8 +185,12 @@ def predicted_edge(edge: float | None, clearances: Sequence[float]) -> str:
 
 
 def edge_rows(result: Validity) -> list[list[str]]:
-    """At which clearance (mm) contact is first lost, by restitution and speed: head, then a row each."""
+    """At which clearance (mm) contact is first lost, by restitution and speed: head, then a row each; none where
+    nothing is known of it, and without prediction where there is none, as of a block.
+    """
     layer = ["restitution"] * bool(result.restitutions)
+    if result.boundary is None and result.of_blocks and measures(result):
+        return [[*layer, "rpm", *result.simulators], *_measured_rows(result)]
     out = [[*layer, "rpm", *result.simulators, "predicted", "predicted, rigid walls"]]
     for edge in result.boundary or ():
         found = [
@@ -195,6 +201,18 @@ def edge_rows(result: Validity) -> list[list[str]]:
         layer = [] if edge.restitution is None else [f"{edge.restitution:g}"]
         out.append([*layer, rpm(edge.speed), *found, *predicted])
     return out
+
+
+def _measured_rows(result: Validity) -> list[list[str]]:
+    """At which clearance (mm) contact is first lost in the simulations, by restitution and speed."""
+    return [
+        [
+            *([] if restitution is None else [f"{restitution:g}"]),
+            rpm(speed),
+            *(measured_edge(result.of(name, restitution), speed, result.clearances) for name in result.simulators),
+        ]
+        for restitution, speed in product(result.layers, result.speeds)
+    ]
 
 
 def legend(result: Validity) -> list[str]:
@@ -249,9 +267,9 @@ def print_table(result: Validity, console: Console) -> None:
     )
     for panel, (title, text) in product(result.panels(), _contact_tables(result)):
         show(panel, f", {title}", text)
-    if result.boundary:
+    head, *rows = edge_rows(result)
+    if rows:
         console.print("clearance (mm) at which contact is first lost")
-        head, *rows = edge_rows(result)
         table(head, rows)
     for line in [*legend(result), about(result), *result.words]:
         console.print(escape(line), highlight=False, soft_wrap=True)
@@ -268,7 +286,7 @@ def _contact_tables(result: Validity) -> list[tuple[str, Callable[[Cell | Failed
 
 
 def lost(cell: Cell | Failed) -> float:
-    """The largest share of the cycle that one of the cell's pins was without contact; 0 for a cell that failed."""
+    """The largest share of the cycle that a cell's pin or block was without contact; 0 for a cell that failed."""
     return 0.0 if isinstance(cell, Failed) else cell.free
 
 
@@ -284,8 +302,8 @@ def markdown(result: Validity) -> str:
         "",
         *(f"- {_md(line)}" for line in legend(result)),
     ]
-    if result.boundary:
-        head, *rows = edge_rows(result)
+    head, *rows = edge_rows(result)
+    if rows:
         out += ["", "Clearance (mm) at which contact is first lost, between two of the map in the simulations:", ""]
         out += _rows(head, rows)
     shown = measures(result)

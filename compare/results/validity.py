@@ -36,7 +36,9 @@ class Meaning(Part):
 
 
 class Place(Part):
-    """Which cell: engine, speed of the crank (rad/s), radial clearance (m) and, in a map over several, restitution."""
+    """Which cell: engine, speed of the crank (rad/s), clearance (m; a pin's radial one, half a block's play) and, in a
+    map over several, restitution.
+    """
 
     simulator: str
     speed: Annotated[float, Field(description="rad/s")]
@@ -67,14 +69,16 @@ class Worst(Part):
 
 
 class Pin(Part):
-    """What contact did to a pin in the revolutions that were watched; energies, impacts and impulse are a
-    revolution's.
+    """What contact did to a pin, or to a block's corners, in the revolutions that were watched; energies, impacts and
+    impulse are a revolution's.
     """
 
-    peak_force: Annotated[Amount, Field(description="Largest contact force (N).")]
-    peak_ratio: Annotated[Amount, Field(description="The same over the ideal linkage's largest reaction in a turn.")]
-    free_share: Annotated[Amount, Field(description="Share of the time that the pin was off its wall.")]
-    impacts: Annotated[Amount, Field(description="Times that it struck its wall.")]
+    peak_force: Annotated[Amount, Field(description="Largest contact force (N); of a block, of one of its corners.")]
+    peak_ratio: Annotated[Amount, Field(description="The same over the ideal linkage's largest in a turn.")]
+    free_share: Annotated[
+        Amount, Field(description="Share of the time that the pin, or every corner of the block, was off its wall.")
+    ]
+    impacts: Annotated[Amount, Field(description="Times that it, or one of its corners, struck its wall.")]
     impulse: Annotated[Amount, Field(description="Normal impulse of these (N.s).")]
     approach_speed: Annotated[Amount, Field(description="Fastest of these (m/s).")]
     restitution_loss: Annotated[Number, Field(description="Energy that the normal force took (J).")]
@@ -99,7 +103,7 @@ class Watched(Part):
 
     @property
     def free(self) -> float:
-        """The largest share of the time that one of the pins was off its wall."""
+        """The largest share of the time that one of the pins or blocks was off its wall."""
         return max((pin.free_share or 0.0 for pin in self.pins.values()), default=0.0)
 
     @property
@@ -109,7 +113,7 @@ class Watched(Part):
 
     @property
     def impacts(self) -> float:
-        """Impacts of all pins in a revolution."""
+        """Impacts of all pins and corners in a revolution."""
         return sum(pin.impacts or 0.0 for pin in self.pins.values())
 
 
@@ -149,7 +153,7 @@ class Cell(Place):
         Field(ge=0, le=1, description="Share of the crank angles at which every signal is within tolerance."),
     ]
     free_share: Annotated[
-        Mapping[str, Share], Field(description="By joint: share of the cycle that its pin touched nothing.")
+        Mapping[str, Share], Field(description="By joint: share of the cycle that its pin or block touched nothing.")
     ]
     worst: Worst | None
     fails: tuple[Assumption, ...]
@@ -162,7 +166,7 @@ class Cell(Place):
     ]
     swings: Annotated[
         bool,
-        Field(description="The pin never leaves its bearing, and does not lie where the equilibrium says."),
+        Field(description="The pin or block stays in contact, and does not lie where the equilibrium says."),
     ]
     flagged_share: Annotated[
         Mapping[Literal["unloaded", "unsteady"], Share],
@@ -176,10 +180,10 @@ class Cell(Place):
         Mapping[str, str | float | None], Field(description="The engine's contact law and time step (s).")
     ]
     watched: Annotated[
-        Watched | None, Field(description="Absent where the engine's steps were not watched, or no pin can leave.")
+        Watched | None, Field(description="Absent where the engine's steps were not watched, or nothing can leave.")
     ] = None
     leaving: Annotated[
-        Leaving | None, Field(description="Where a pin leaves by the analytic model; absent: it was not asked.")
+        Leaving | None, Field(description="Where a pin leaves by the analytic model; absent: not asked, or a block's.")
     ] = None
 
     @property
@@ -189,12 +193,12 @@ class Cell(Place):
 
     @property
     def free(self) -> float:
-        """The largest share of the cycle that one of the pins flew free."""
+        """The largest share of the cycle that one of the pins or blocks flew free."""
         return max(self.free_share.values(), default=0.0)
 
     @property
     def left(self) -> bool:
-        """Whether a pin left its bearing in the simulation."""
+        """Whether a pin left its bearing, or a block its walls, in the simulation."""
         return self.free > 0 or (self.watched is not None and self.watched.free > 0)
 
     @property
@@ -245,7 +249,10 @@ class Validity(Document):
     ]
     joints_are: Annotated[str, Field(description="Why these joints.")]
     speeds: Annotated[tuple[Positive, ...], Field(min_length=1, description="Speeds of the crank (rad/s), increasing.")]
-    clearances: Annotated[tuple[Positive, ...], Field(min_length=1, description="Radial clearances (m), increasing.")]
+    clearances: Annotated[
+        tuple[Positive, ...],
+        Field(min_length=1, description="Clearances (m), radial or half a block's play, increasing."),
+    ]
     crank_angle: Annotated[Grid, Field(description="Where model and simulation are compared (rad).")]
     contact: Annotated[
         Mapping[str, Law],
@@ -259,7 +266,8 @@ class Validity(Document):
         tuple[Share, ...] | None, Field(min_length=1, description="Increasing; absent: the mechanism's own, if any.")
     ] = None
     boundary: Annotated[
-        tuple[Boundary, ...] | None, Field(description="Where contact is first lost, by the analytic model.")
+        tuple[Boundary, ...] | None,
+        Field(description="Where contact is first lost, by the analytic model; none for blocks."),
     ] = None
     words: Annotated[tuple[str, ...], Field(min_length=1)]
     command: str
@@ -278,6 +286,11 @@ class Validity(Document):
     def layers(self) -> tuple[float | None, ...]:
         """The restitutions of the map; None alone for the mechanism's own."""
         return self.restitutions or (None,)
+
+    @property
+    def of_blocks(self) -> bool:
+        """Whether blocks in their guides have the clearance."""
+        return any(self.mechanism.joint(name).prismatic for name in self.joints)
 
     def panels(self) -> Iterator[tuple[str, float | None]]:
         """Each engine and restitution."""

@@ -33,12 +33,12 @@ class TooSoft(SimulationError):
     """
 
     def __init__(self, who: str, mechanism: Mechanism, motion: Motion, joint: str, times: float, where: str) -> None:
-        clearance = mechanism.joint(joint).clearance
-        stiffness = contact_parameters(mechanism, mechanism.joint(joint), motion).stiffness
+        one = mechanism.joint(joint)
+        clearance, stiffness = one.clearance, contact_parameters(mechanism, one, motion).stiffness
         super().__init__(
-            f"{who}: contact too soft for this load: {times * clearance * stiffness:.3g} N press the pin of joint"
-            f" {joint!r} {times * clearance:.3g} m into its bearing {where} (clearance {clearance:g} m, stiffness"
-            f" {stiffness:.3g} N/m)",
+            f"{who}: contact too soft for this load: {times * clearance * stiffness:.3g} N press the {one.inner} of"
+            f" joint {joint!r} {times * clearance:.3g} m into its {one.outer} {where} (clearance {clearance:g} m,"
+            f" stiffness {stiffness:.3g} N/m)",
             Cause.TOO_SOFT,
             f"give joint {joint!r} contact_stiffness = {_rounded_up(times / STIFF * stiffness):.1e} (N/m) or more, or a"
             " smaller load",

@@ -66,12 +66,30 @@ class Guide:
         """Force (...) N across on the block, of walls that push its corners so hard (4, ...) N."""
         return np.asarray(corners[0] + corners[1] - corners[2] - corners[3])
 
-    def shares(self, across: np.ndarray, moment: np.ndarray, height: np.ndarray, tilt: np.ndarray) -> np.ndarray:
-        """How hard (4, M) N walls push the corners that are in them, from the force (M,) N across on the block and its
-        moment (M,) N.m about the block's point.  At either end of the block one of two corners can be at its wall.
+    def levers(self, tilt: np.ndarray, rubbing: np.ndarray | None = None) -> np.ndarray:
+        """Moment (4, M) m about the block's point of a unit force across on each corner, and of the force along the
+        guide that goes with it: ``rubbing`` (4, M) of a unit push of the wall, none left out.
         """
-        depths = self.depths(height, tilt)
-        along = np.array([z.real * np.cos(tilt) - z.imag * np.sin(tilt) for z in self.corners])
+        cos, sin = np.cos(tilt), np.sin(tilt)
+        along = np.array([z.real * cos - z.imag * sin for z in self.corners])
+        if rubbing is None:
+            return along
+        out = np.array([s * (z.real * sin + z.imag * cos) for s, z in zip(self.sides, self.corners, strict=True)])
+        return np.asarray(along + out * rubbing)
+
+    def shares(
+        self,
+        across: np.ndarray,
+        moment: np.ndarray,
+        height: np.ndarray,
+        tilt: np.ndarray,
+        rubbing: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """How hard (4, M) N walls push the corners that are in them, from the force (M,) N across on the block and its
+        moment (M,) N.m about the block's point, and how friction goes with that (see :meth:`levers`).  At either end of
+        the block one of two corners can be at its wall.
+        """
+        depths, along = self.depths(height, tilt), self.levers(tilt, rubbing)
         ends = [np.where(depths[k] > depths[k + 2], along[k], along[k + 2]) for k in (0, 1)]
         front = (moment - across * ends[0]) / (ends[1] - ends[0])
         up = np.array([across - front, front])

@@ -84,6 +84,7 @@ PRISMATIC = {
     "cubic": (-2, 1, -2),
     "rest_angle": LENGTH,
 }
+GUIDED = {name: dimension for name, dimension in PRISMATIC.items() if name != "friction"}  # a coefficient there
 SPRING = {"stiffness": STIFFNESS, "length": LENGTH, "damping": DAMPING}
 SETTINGS = {
     "step": TIME,
@@ -144,7 +145,7 @@ class Units:
             return {name: self.from_si(value, dimensions[name]) for name, value in given.items()}
 
         def joint(j: Joint) -> Joint:
-            new = fields(j, JOINT | (PRISMATIC if j.prismatic else REVOLUTE))
+            new = fields(j, JOINT | (REVOLUTE if not j.prismatic else PRISMATIC if j.guide is None else GUIDED))
             if j.elasticity is not None:
                 translation, rotation = (
                     self.from_si(getattr(j.elasticity, name), d)
@@ -229,6 +230,7 @@ class Units:
             {joint: f * force for joint, f in w.force.items()},
             w.torque * torque,
             {joint: f * force for joint, f in w.corners.items()},
+            {joint: f * force for joint, f in w.rubbing.items()},
         )
 
     def _rates(self, r: Rates) -> Rates:

@@ -14,6 +14,7 @@ import numpy as np
 from analytic.mechanism import Joint
 from sim_models.common.contact_laws import KelvinVoigt, NamedLaw
 from sim_models.common.guide import Guide
+from sim_models.exudyn.laws import CONTACT_CREEP
 from sim_models.exudyn.named_contact import End, Glance, Memory, push_back
 
 _Exu = Any  # an object of Exudyn's, or a number of its symbolic functions
@@ -46,7 +47,8 @@ class Block:
     """The block of a joint: its guide, the law of its corners, how these remember their touch if they do, and the
     joint's points in the two bodies.
 
-    ``own`` is the joint's own law, by travel (m) and rate (m/s) the force (N) by which it draws the block back, if it
+    ``friction`` is Coulomb's in the contact, which fades where a corner slides more slowly than CONTACT_CREEP.  ``own``
+    is the joint's own law, by travel (m) and rate (m/s) the force (N) by which it draws the block back, if it
     has one; ``steady`` a force (N) along the guide on the block, a variable in compiled functions.
     """
 
@@ -57,10 +59,17 @@ class Block:
     ends: tuple[End, End]
     own: Effort | None
     steady: _Exu
+    friction: float = 0.0
 
     @classmethod
     def of(
-        cls, exu: _Exu, joint: Joint, law: KelvinVoigt | NamedLaw, ends: tuple[End, End], own: Effort | None
+        cls,
+        exu: _Exu,
+        joint: Joint,
+        law: KelvinVoigt | NamedLaw,
+        ends: tuple[End, End],
+        own: Effort | None,
+        friction: float = 0.0,
     ) -> Block:
         """That of a joint."""
         guide = Guide.of(joint)
@@ -68,7 +77,8 @@ class Block:
         memories: list[Memory] = []
         if isinstance(law, NamedLaw) and law.hysteresis:
             memories = [Memory(exu.symbolic, f"{joint.name}:{k}", law) for k in range(4)]
-        return cls(joint, guide, law, tuple(memories), ends, own, exu.symbolic.Real(f"steady {joint.name}", 0.0))
+        steady = exu.symbolic.Real(f"steady {joint.name}", 0.0)
+        return cls(joint, guide, law, tuple(memories), ends, own, steady, friction)
 
     @property
     def _near(self) -> complex:
@@ -116,11 +126,24 @@ class Block:
             push = push_back(symbolic, self.law, self.memories[k] if self.memories else None, depth, rate)
             away = [side * y, -side * x, -side * reach]
             total = total + self._vector(symbolic, [-side * y, side * x, side * (seen.far + reach)], away) * push
+            if self.friction:
+                _, aside = seen.turned(self._foot + self.guide.corners[k])
+                slip = seen.going - seen.turning * aside
+                fading = symbolic.max(symbolic.min(slip * (1 / CONTACT_CREEP), 1.0), -1.0)
+                back = self._vector(symbolic, [x, y, -(seen.aside + aside)], [-x, -y, aside])
+                total = total + back * (push * fading * self.friction)
         if self.own is not None:
             pull = self.own(seen.far + along - self._near.real, seen.going - seen.turning * across)
             on_first = self._vector(symbolic, [x, y, -(seen.aside + across)], [-x, -y, across])
             total = total + on_first * (pull - self.steady)
         return total
+
+    def rubbing(self, seen: Seen) -> np.ndarray:
+        """Friction (4, M) of each corner along the guide on the second body, of a unit push of its wall, where the
+        block is as ``seen`` in arrays (M,).
+        """
+        slips = [seen.going - seen.turning * seen.turned(self._foot + z)[1] for z in self.guide.corners]
+        return -self.friction * np.clip(np.array(slips) / CONTACT_CREEP, -1.0, 1.0)
 
     def _vector(self, symbolic: _Exu, first: list[_Exu], second: list[_Exu]) -> _Exu:
         """What acts on the two bodies, of those that move."""

@@ -109,7 +109,8 @@ class Equilibria:
             block = linkage.model.blocks.get(name)
             force = complex(near.force[name][0]) if block is None else self._push(block, near)
             if abs(force) <= NO_LOAD * scale or scale == 0:
-                what = f"nothing presses the pin of joint {name}, so its equilibrium is undetermined"
+                pressed = f"the {self.m.joint(name).inner} of joint {name}"
+                what = f"nothing presses {pressed}, so its equilibrium is undetermined"
                 raise self._failure(Cause.UNPRESSED, what, theta)
             give = abs(force) / linkage.model.stiffness(name)
             gaps[name] = pressed_to(clearance, give, force) if block is None else block.guide.rest(force, give / 2)

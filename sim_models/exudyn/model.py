@@ -312,7 +312,8 @@ class ExudynModel:
         pull = self._effort(joint, moving, self.creep * self.size)
         linear = joint.stiffness, joint.damping if moving else 0.0, joint.rest_angle
         own = (lambda travel, rate: pull(travel, rate, *linear)) if joint.has_law else None
-        block = Block.of(self.exu, joint, law, self._ends(joint), own)
+        friction = joint.friction if self.joint_model == "contact" else 0.0
+        block = Block.of(self.exu, joint, law, self._ends(joint), own, friction)
         nodes = self._moving_nodes(joint)
         number = add_forces(self.exu, self.mbs, self.items, nodes, block.force)
         self.blocks[joint.name] = block

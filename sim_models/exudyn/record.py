@@ -16,6 +16,7 @@ from sim_models.common.contact_laws import TOO_DEEP, shortest_link
 from sim_models.common.guide import Guide
 from sim_models.common.travel import slide_travel
 from sim_models.engine import Rates, Watched
+from sim_models.exudyn.block import Block
 from sim_models.exudyn.motor import RunMotor
 from sim_models.exudyn.path import Path
 
@@ -104,9 +105,9 @@ class Record:
             for body, v in self.velocity.items()
         }
 
-    def watched(self, loose: Iterable[Joint], motor: RunMotor) -> Watched:
+    def watched(self, loose: Iterable[Joint], motor: RunMotor, blocks: Mapping[str, Block]) -> Watched:
         """What of it is watched, with the forces of contact in these joints, on its crank's motor's own clock."""
-        force, corners = dict[str, np.ndarray](), dict[str, np.ndarray]()
+        force, corners, rubbing = dict[str, np.ndarray](), dict[str, np.ndarray](), dict[str, np.ndarray]()
         for joint in loose:
             name, guide = joint.name, Guide.of(joint)
             force[name] = self.force[name]
@@ -114,8 +115,12 @@ class Record:
                 turned = self.angle.get(joint.bodies[0], np.zeros(self.time.size))  # the ground stands still
                 across = 1j * joint.direction * np.exp(1j * turned)
                 pushed = np.real(force[name] * np.conj(across))
-                corners[name] = guide.shares(pushed, self.moment[name], self.height[name], self.tilt[name])
+                unit = self._rubbing(blocks[name]) if blocks[name].friction else None
+                corners[name] = guide.shares(pushed, self.moment[name], self.height[name], self.tilt[name], unit)
                 force[name] = guide.across(corners[name]) * across
+                if unit is not None:
+                    rubbing[name] = unit * corners[name]
+                    force[name] = force[name] - 1j * across * rubbing[name].sum(axis=0)
         return Watched(
             time=self.time + motor.first - motor.begins,
             place=self.com,
@@ -125,7 +130,15 @@ class Record:
             force=force,
             torque=self.drive_torque,
             corners=corners,
+            rubbing=rubbing,
         )
+
+    def _rubbing(self, block: Block) -> np.ndarray:
+        """Friction (4, M) on a block's corners along its guide, of a unit push of their walls."""
+        moving = [body for body in block.joint.bodies if body != GROUND]
+        parts = [((self.com[b], self.angle[b]), (self.velocity[b], self.angular_velocity[b])) for b in moving]
+        q, rates = ([x for at, turn in each for x in (at.real, at.imag, turn)] for each in zip(*parts, strict=True))
+        return block.rubbing(block.seen(np, q, rates))
 
 
 Series = TypeVar("Series", "Record", Watched)

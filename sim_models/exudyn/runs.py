@@ -293,7 +293,7 @@ class ExudynRun(Run):
             deque(onward, maxlen=0)
             return trace
         loose = [self.m.joint(name) for name in self.clearance]
-        watched = [record.watched(loose, turned) for record in chain([seen], onward)]
+        watched = [record.watched(loose, turned, linkage.model.blocks) for record in chain([seen], onward)]
         watched[0].time[marks - marks[0]] = time[order]  # without the rounding of sums of steps
         return replace(trace, watched=join_watched(watched))
 

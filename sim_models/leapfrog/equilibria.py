@@ -73,7 +73,8 @@ class Equilibria:
         forces |= {name: self._push(block, here, forces[name], moments[name]) for name, block in world.blocks.items()}
         loose = [name for name in world.loose if abs(forces[name]) <= max(NO_FORCE, NO_LOAD * largest)]
         if loose:
-            raise self.failed(Cause.UNPRESSED, f"nothing presses the pin of joint {loose[0]!r}", theta)
+            inner = world.mechanism.joint(loose[0]).inner
+            raise self.failed(Cause.UNPRESSED, f"nothing presses the {inner} of joint {loose[0]!r}", theta)
         springs = {name: abs(forces[name]) for name in world.loose if world.compliant}
         check_stiff_enough(world.engine, world.request, theta, springs)
         for seats in self._seats(forces):

@@ -23,7 +23,18 @@ from sim_models.mujoco.mjcf import Setting
 from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.passive import felt
 from sim_models.mujoco.path import SIDE, Gaps, Path
-from sim_models.mujoco.state import HEEDINGS, contact_rows, gap, heed, joint_forces, pushes, signals, touch, unheeded
+from sim_models.mujoco.state import (
+    HEEDINGS,
+    contact_rows,
+    corner_friction,
+    gap,
+    heed,
+    joint_forces,
+    pushes,
+    signals,
+    touch,
+    unheeded,
+)
 from sim_models.mujoco.steady import STENCIL, derivative
 
 NUDGE = 1e-7  # rad or m, of difference quotients
@@ -68,9 +79,8 @@ def balance(link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, sl
     push = jacobian.copy()
     rows = np.ones(d.nefc, bool)
     for name, row in contact_rows(link).items():
-        friction = link.mechanism.joint(name).friction if link.rubs[name] else 0.0
-        if friction:
-            push[row] -= slip[name] * friction * jacobian[row + 1]
+        if link.rubs[name]:
+            push[row] += along(link, name, slip) * jacobian[row + 1]
             rows[row + 1 : row + 3] = False
     damping, impedance = d.efc_KBIP[:, 1], d.efc_KBIP[:, 2]
     rigid = impedance > 0.5  # where velocity across the row can only be an error of v, which need not become one of q
@@ -78,6 +88,12 @@ def balance(link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, sl
     older = link.setting.step / 2 if link.setting.stepped else 0.0  # s: a run's rows are damped by velocities of then
     goal = d.efc_aref - gained + np.where(rigid, damping * (d.efc_vel + older * gained), 0.0)
     return Balance(load, push[rows], goal[rows], d.efc_R[rows].copy(), np.flatnonzero(rows))
+
+
+def along(link: MujocoLinkage, name: str, slip: Mapping[str, float]) -> float:
+    """Force of a contact's row of friction over that of its wall, where joints slip in these directions."""
+    friction = link.frictions[name]
+    return -friction.way * slip[friction.joint] * friction.coefficient
 
 
 @dataclass(frozen=True)
@@ -128,7 +144,7 @@ def rest(link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, slip:
             every[here.rows] = force
             for name, row in contact_rows(link).items():
                 if link.rubs[name]:
-                    every[row + 1] = -slip[name] * link.mechanism.joint(name).friction * every[row]
+                    every[row + 1] = along(link, name, slip) * every[row]
             link.data.qacc[:] = a
             mujoco.mj_rnePostConstraint(link.model, link.data)
             return Rest(q, every)
@@ -180,7 +196,7 @@ class Equilibria:
             for joint, form in link.rubbing
         }
         friction = {name: -size * slip[name] for name, size in dry.items()}
-        return signals(link, joint_forces(link, found.force), friction)
+        return signals(link, joint_forces(link, found.force), friction | corner_friction(link, found.force))
 
     def rest(
         self, link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, slip: Mapping[str, float]
@@ -228,13 +244,17 @@ class Equilibria:
         self.forces |= {name: abs(force) for name, force in forces.items()}
         return forces
 
-    def push(self, name: str, seen: Mapping[str, float]) -> complex:
-        """Force (N) on a block across its guide plus i times moment over half its length, from signals."""
+    def push(self, name: str, seen: Mapping[str, float], slip: float = 0.0) -> complex:
+        """Force (N) on a block across its guide plus i times moment over half its length, from signals; without the
+        moment of friction, where that has acted against a ``slip`` of this sign.
+        """
         block, first = self.pressed.blocks[name], self.mechanism.joint(name).bodies[0]
         angle = 0.0 if first == GROUND else seen[f"{first}_angle"]
         force = complex(seen[f"reaction_{name}_x"], seen[f"reaction_{name}_y"])
         across = 1j * block.joint.direction * complex(np.exp(1j * angle))
-        return block.guide.push((force * across.conjugate()).real, seen[f"reaction_{name}_moment"])
+        pressed = (force * across.conjugate()).real
+        rubbed = slip * block.joint.friction * block.guide.height / 2 * pressed
+        return block.guide.push(pressed, seen[f"reaction_{name}_moment"] + rubbed)
 
     def pressing(self, theta: float, forces: Mapping[str, complex]) -> dict[str, complex | structure.Rest]:
         """Where these reactions press each pin (m): on the rim, and as far beyond as its stiffness lets it; and where
@@ -242,7 +262,8 @@ class Equilibria:
         """
         for name, force in forces.items():
             if force == 0:
-                raise self.failed(Cause.UNPRESSED, f"nothing presses the pin of joint {name!r}", theta)
+                inner = self.mechanism.joint(name).inner
+                raise self.failed(Cause.UNPRESSED, f"nothing presses the {inner} of joint {name!r}", theta)
         check_stiff_enough("mujoco", self.request, theta, self.on_springs(forces))
         self.seat(forces)
         return {name: self.rim(name, force) for name, force in forces.items()}
@@ -284,7 +305,7 @@ class Equilibria:
             if not pulled:
                 break
             seen = self.signals(self.pressed, found, slip)
-            forces |= {name: self.push(name, seen) for name in pulled}  # it rests otherwise
+            forces |= {name: self.push(name, seen, slip[name]) for name in pulled}  # it rests otherwise
         else:
             what = f"the only equilibria found have a corner of the block of joint {pulled[0]!r} pulled, not pressed"
             raise self.failed(Cause.PULLED, what, theta)

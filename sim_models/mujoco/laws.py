@@ -52,21 +52,24 @@ def contact_laws(request: Request) -> dict[str, Contact]:
 
     ``contact`` in a driven run is hard (it bounces as its restitution says, whatever mass it carries) unless the
     mechanism gives a stiffness or damping, or a law by name; every other compliant joint is a spring and damper in SI
-    units.
+    units.  That of a block with friction is Kelvin and Voigt's by name, whose friction is no softer where damping is
+    little.
     """
     laws, struck = {}, request.joint_model in ("contact", "spring-damper")
     for name in request.clearances:
         joint = request.mechanism.joint(name)
         law = contact_parameters(request.mechanism, joint, request.motion)
+        stated = joint.contact_damping is not None or (
+            joint.contact_stiffness is not None and name not in request.assumed
+        )
+        stated = stated or joint.radial_stiffness is not None
+        if stated and joint.prismatic and joint.rough and joint.contact_law is None:
+            joint = joint.model_copy(update={"contact_law": "kelvin-voigt"})
         named = named_law(request.mechanism, joint, request.motion) if struck else None
         if named is not None:
             laws[name] = Contact(named.stiffness, named.damping, named=named)
             continue
         hard = None
-        stated = joint.contact_damping is not None or (
-            joint.contact_stiffness is not None and name not in request.assumed
-        )
-        stated = stated or joint.radial_stiffness is not None
         if request.joint_model == "contact" and request.motion == "driven" and not stated:
             ratio = DAMPING_RATIO if joint.restitution is None else damping_ratio(joint.restitution)
             hard = math.sqrt(lighter_mass(request.mechanism, joint) / law.stiffness), ratio

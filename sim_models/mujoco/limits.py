@@ -53,17 +53,18 @@ def check_depth(
     gaps: Mapping[str, Sequence[complex]],
     forces: Mapping[str, Sequence[float]],
 ) -> None:
-    """Raise SimulationError where a pin went deeper into its bearing than its law lets it; from samples of gaps (m) and
-    forces (N).
+    """Raise SimulationError where a pin or a block's corner went deeper into its wall than its law lets it; from
+    samples of gaps (m) and forces (N).
     """
     for name, law in laws.items() if request.joint_model != "massless-link" else ():
-        clearance = request.mechanism.joint(name).clearance
+        joint = request.mechanism.joint(name)
+        clearance = joint.clearance
         deepest = float(np.abs(gaps[name]).max()) - clearance
         allowed = max(DEEPEST * clearance, 3 * max(forces[name]) / law.stiffness)
         if deepest > allowed:
             raise SimulationError(
-                f"mujoco: {request.mechanism.name}, {request.joint_model} joints: the pin of joint {name!r} is"
-                f" {deepest:.3g} m deep in its bearing, {allowed:.3g} m is in order (clearance {clearance:g} m,"
-                f" stiffness {law.stiffness:g} N/m)",
+                f"mujoco: {request.mechanism.name}, {request.joint_model} joints: the {joint.inner} of joint"
+                f" {name!r} is {deepest:.3g} m deep in its {joint.outer}, {allowed:.3g} m is in order (clearance"
+                f" {clearance:g} m, stiffness {law.stiffness:g} N/m)",
                 Cause.TOO_DEEP,
             )

@@ -40,6 +40,17 @@ def _curved(j: Joint) -> bool:
 
 
 @dataclass(frozen=True)
+class Friction:
+    """Coulomb friction of a contact, a pin's or a corner's: its joint, its coefficient, and the sign by which the
+    contact's slip in MuJoCo's row goes with the joint's rate.
+    """
+
+    joint: str
+    coefficient: float
+    way: float = 1.0
+
+
+@dataclass(frozen=True)
 class Drive:
     """A motor between a body and its parent in the tree: the signal of what it gives its joint, and that joint."""
 
@@ -91,12 +102,16 @@ class MujocoLinkage:
         self._set_laws()
         self.blocks = {name: self._block(name, law) for name, law in contacts.items() if name not in self.contacts}
         keys = [(block, block.key(k)) for block in self.blocks.values() for k in range(4)]
-        self.rubs |= {key: False for _, key in keys}
+        self.rubs |= {key: block.joint.rough for block, key in keys}
         self.striking |= {
-            key: Striking(block.law.named, lighter_mass(mechanism, block.joint), 0.0)
+            key: Striking(block.law.named, lighter_mass(mechanism, block.joint), block.joint.friction)
             for block, key in keys
             if block.law.named is not None
         }
+        self.cones += [key for _, key in keys if self.rubs[key] and key not in self.striking]
+        walls = [(block, k, side) for block in self.blocks.values() for k, side in enumerate(block.guide.sides)]
+        self.frictions = {name: Friction(name, mechanism.joint(name).friction) for name in self.contacts}
+        self.frictions |= {b.key(k): Friction(b.joint.name, b.joint.friction, side) for b, k, side in walls}
         crank = mechanism.driven if mechanism.periodic_torque else GROUND
         curved = [j for j in mechanism.joints if j.name in self.laws and _curved(j)]
         laws = {self.laws[j.name]: (j, self.between(j)) for j in curved}
@@ -264,7 +279,7 @@ class MujocoLinkage:
     def _touch(self, name: str, law: Contact) -> mujoco.MjContact:
         m, j = self.model, self.mechanism.joint(name)
         con = mujoco.MjContact()
-        friction = 0.0 if j.prismatic else j.friction
+        friction = j.friction
         con.dim = 3 if friction else 1
         con.friction = [friction, friction, 0, 0, 0]
         geoms = [

@@ -83,7 +83,7 @@ def begin_step(link: MujocoLinkage) -> None:
             for i, name in enumerate(link.touching):
                 if name in link.cones:
                     row = d.contact[i].efc_address
-                    d.efc_aref[row] -= link.mechanism.joint(name).friction * abs(d.efc_aref[row + 1])
+                    d.efc_aref[row] -= link.frictions[name].coefficient * abs(d.efc_aref[row + 1])
     if link.striking:
         strike(link)
 
@@ -271,10 +271,29 @@ def joint_forces(link: MujocoLinkage, force: np.ndarray) -> dict[str, Applied]:
 
 
 def friction_torques(link: MujocoLinkage) -> dict[str, float]:
-    """Coulomb friction of each joint's law on its second body (N.m or N), from the present rows."""
+    """Coulomb friction of each joint's law on its second body (N.m or N), from the present rows; and, by the names of
+    :func:`corner_friction`, of blocks' corners.
+    """
     rows = first_rows(link) if link.laws else {}
     found = {name: rows.get((int(ROW.mjCNSTR_FRICTION_TENDON), t), -1) for name, t in link.laws.items()}
-    return {name: float(link.data.efc_force[row]) if row >= 0 else 0.0 for name, row in found.items()}
+    dry = {name: float(link.data.efc_force[row]) if row >= 0 else 0.0 for name, row in found.items()}
+    return dry | corner_friction(link, link.data.efc_force)
+
+
+def corner_friction(link: MujocoLinkage, force: np.ndarray) -> dict[str, float]:
+    """Friction (N) along its guide on the second body of all corners of each block whose contact has some, named after
+    its first, from the constraint rows' forces (nefc,).
+    """
+    rough = [block for block in link.blocks.values() if block.joint.rough]
+    rows = contact_rows(link) if rough else {}
+    return {
+        block.key(0): sum(
+            side * float(force[rows[key] + 1])
+            for k, side in enumerate(block.guide.sides)
+            if (key := block.key(k)) in rows
+        )
+        for block in rough
+    }
 
 
 def law_torque(link: MujocoLinkage, name: str, friction: Mapping[str, float]) -> float:
@@ -320,7 +339,7 @@ def spring_forces(link: MujocoLinkage) -> Iterator[tuple[str, complex, complex]]
 
 def effort(link: MujocoLinkage, drive: Drive, force: complex, beyond: float, friction: Mapping[str, float]) -> float:
     """What a motor gives its joint's second body: of the ``force`` (N) that the outer body has of the joint what is
-    along a slide, less its law; in a pin the torque (N.m) ``beyond`` joint and law.
+    along a slide, less its law and what rubs a block's corners; in a pin the torque (N.m) ``beyond`` joint and law.
     """
     if not drive.joint.prismatic:
         return drive.sign * beyond
@@ -328,7 +347,9 @@ def effort(link: MujocoLinkage, drive: Drive, force: complex, beyond: float, fri
     angle = link.fixed_angle[first] + float(link.form[first] @ link.data.qpos)
     axis = drive.joint.direction * np.exp(1j * angle)
     along = float((np.conj(axis) * drive.sign * force).real)
-    return along - law_torque(link, drive.joint.name, friction)
+    block = link.blocks.get(drive.joint.name)
+    rubbed = 0.0 if block is None else friction.get(block.key(0), 0.0)
+    return along - rubbed - law_torque(link, drive.joint.name, friction)
 
 
 def signals(

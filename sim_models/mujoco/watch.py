@@ -47,6 +47,7 @@ class Watch:
         self.coordinates, self.before, self.after = np.zeros((3, self.time.size, link.model.nv))
         self.forces = np.zeros((len(link.contacts), 2, self.time.size))  # N, of each wall: normal, and along it
         self.corners = np.zeros((len(link.blocks), 4, self.time.size))  # N, of walls on blocks' corners
+        self.rubbing = np.zeros_like(self.corners)  # N, of friction on them, along their guides
         self.pull = np.zeros(self.time.size)  # rad/s^2, of the motor's armature
 
     def begin(self) -> None:
@@ -78,6 +79,8 @@ class Watch:
                 for k in range(4):
                     if (row := rows.get(block.key(k))) is not None:
                         self.corners[j, k, self.done] = force[row]
+                        if block.joint.rough:
+                            self.rubbing[j, k, self.done] = block.guide.sides[k] * force[row + 1]
         self.pull[self.done] = self._acceleration[link.motor]
         self.done += 1
 
@@ -93,11 +96,13 @@ class Watch:
             pins = [places[m.site_bodyid[site]].at(complex(*m.site_pos[site, :2]))[0] for site in link.sites[name]]
             gap = pins[0] - pins[1]
             forces[name] = (normal + 1j * along) * gap / np.maximum(np.abs(gap), TINY)
-        for block, pushed in zip(link.blocks.values(), self.corners, strict=True):
+        for block, pushed, rubbed in zip(link.blocks.values(), self.corners, self.rubbing, strict=True):
             first = block.joint.bodies[0]
             turned = link.fixed_angle[first] + self.coordinates @ link.form[first]
             across = 1j * block.joint.direction * np.exp(1j * turned)
             forces[block.joint.name] = block.guide.across(pushed) * across
+            if block.joint.rough:
+                forces[block.joint.name] = forces[block.joint.name] - 1j * across * rubbed.sum(axis=0)
         inertia = m.dof_armature[link.motor]
         if link.description.compliant:  # a shaft of its own
             inertia += m.body_inertia[m.body("drive:motor").id, 2]
@@ -110,6 +115,7 @@ class Watch:
             forces,
             -inertia * self.pull,
             dict(zip(link.blocks, self.corners, strict=True)),
+            {name: each for name, each in zip(link.blocks, self.rubbing, strict=True) if link.blocks[name].joint.rough},
         )
 
     def _places(self) -> list[Place]:

@@ -1,0 +1,214 @@
+"""Coulomb friction at the corners of a block with clearance: by hand, in the analytic model, MuJoCo and Exudyn."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.mechanism import Load, Mechanism, MechanismError
+from analytic.mechanism.file import load, loads
+from analytic.paper.clearance import displaced
+from analytic.paper.guide import FLAT, TILTED
+from compare.crosscheck import crosscheck
+from marks import slow
+from sim_models.engine import Motion, Request, Unsupported, declared, engine
+from test_guide_contact import ANGLES, FALLING, LOADS, STIFFNESS, check, slider_crank
+
+MU = 0.2
+BOTH = pytest.mark.parametrize("name", ["mujoco", "exudyn"])
+
+# ------------------------------------------------------------------ by hand
+
+
+@BOTH
+def test_a_block_slides_down_its_guide_and_bears_on_the_corners_in_front(name: str) -> None:
+    """A weight N that presses it takes mu N of what pulls it along; the couple of mu N at its lower corners, h/2 below
+    its centre, is borne by (mu N / 2) h / L more on those in front than without, and as much less behind.
+    """
+    pytest.importorskip(name)
+    pulling, pressing, length, height, stiffness = 5.0, 9.81, 0.1, 0.05, 1e7
+    m = loads(FALLING.replace("[0.0, -9.81]", f"[{pulling}, {-pressing}]"))
+    m = m.with_joint("S", clearance=1e-5, contact_law="kelvin-voigt", contact_stiffness=stiffness, restitution=0.1)
+    m = m.with_joint("S", friction=MU)
+    time = np.array([0.03, 0.04, 0.05])
+    knots = np.linspace(0.0, 0.06, 5)
+    asked = Request(m, "contact", time=time, start="centred", courses={"O": (knots, knots)}, step=1e-5)
+    seen = engine(name).simulate(asked).signals
+    speed = np.diff(seen["block_x"]) / 0.01
+    assert (speed[1] - speed[0]) / 0.01 == pytest.approx(pulling - MU * pressing, rel=2e-4)
+    weight = 0.5 * pressing
+    np.testing.assert_allclose(seen["block_angle"], -MU * weight * height / (stiffness * length**2), rtol=1e-3)
+    np.testing.assert_allclose(seen["reaction_S_x"], -MU * weight, rtol=1e-4)
+
+
+def loaded(aside: float, turning: float, clearance: float = 1e-7) -> Mechanism:
+    """The shipped slider-crank without weight, a force of 50 N pressing its block ``aside`` (m) of its point."""
+    m = load("slider-crank")
+    points = {"B": (0.0, 0.0), "S": (0.0, 0.0), "F": (aside, 0.0)}
+    slider = m.body("slider").model_copy(update={"points": points, "com": (0.0, 0.0)})
+    drive = m.drives[0].model_copy(update={"speed": turning})
+    pressing = Load(body="slider", point="F", force=(0.0, -50.0))
+    m = m.replace(bodies=(*m.bodies[:2], slider), drive=drive, gravity=(0.0, 0.0), loads=(pressing,))
+    m = m.with_clearances({"S": clearance})
+    return m.with_joint("S", friction=MU, friction_torque=0.0, damping=0.0, stiffness=0.0, contact_stiffness=1e10)
+
+
+def by_hand(m: Mechanism, aside: float, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Force (N,) N across on that block, force along, and how it rests, by the equilibrium of block and weightless rod:
+    R is along the rod, R_x = -f, N = 50 - R_y, and f = -s mu N flat, -s mu (2/L) |M| tilted, M = 50 d + s mu (h/2) N.
+    """
+    crank, rod = m.body("crank").length, m.body("rod").length
+    length, height = m.joint("S").guide or (0.0, 0.0)
+    angle = np.arcsin(-crank * np.sin(theta) / rod)
+    sign = -np.sign(crank * (np.sin(theta) - np.cos(theta) * np.tan(angle))) * np.sign(m.speed or 1.0)
+    slope = MU * sign * np.tan(angle)
+    flat = 50 / (1 + slope)
+    lean = np.abs(50 * aside + sign * MU * height / 2 * flat) > flat * length / 2
+    tilted = 50 * (1 - slope * 2 * aside / length) / (1 + slope * sign * MU * height / length)
+    moment = 50 * aside + sign * MU * height / 2 * tilted
+    across = np.where(lean, tilted, flat)
+    along = -sign * MU * np.where(lean, 2 / length * moment, flat)
+    return across, along, np.where(lean, TILTED, FLAT)
+
+
+@pytest.mark.parametrize("turning", [10.0, -10.0])
+@pytest.mark.parametrize("aside", [0.0, 0.0475, 0.07])
+@pytest.mark.parametrize("engine_too", [False, pytest.param(True, marks=pytest.mark.mujoco)])
+def test_friction_shifts_the_load_between_corners_and_may_tilt_a_block(
+    aside: float, turning: float, engine_too: bool
+) -> None:
+    """4.75 cm aside of its point a block of 10 cm rests flat as it slides one way, and tilts as it slides the other."""
+    m = loaded(aside, turning)
+    theta = np.radians([20.0, 70.0, 130.0, 200.0, 290.0, 340.0])
+    across, along, how = by_hand(m, aside, theta)
+    assert {0.0: {FLAT}, 0.0475: {FLAT, TILTED}, 0.07: {TILTED}}[aside] == set(how.tolist())
+    if engine_too:
+        seen = engine("mujoco").simulate(Request(m, "contact", "static", theta)).signals
+        tilts = np.abs(seen["clearance_S_angle"]) > 1e-6
+    else:
+        found = displaced(Assembly(m), theta, turning, inertia=False)
+        assert not found.flags
+        seen, tilts = found.signals(), np.abs(found.rests["S"]) == TILTED
+    np.testing.assert_array_equal(tilts, how == TILTED)
+    np.testing.assert_allclose(seen["reaction_S_y"], across, rtol=1e-4)
+    np.testing.assert_allclose(seen["reaction_S_x"], along, rtol=1e-4)
+    np.testing.assert_allclose(seen["reaction_S_moment"], 50 * aside, atol=5e-5)
+
+
+# ------------------------------------------------------------------ engines and the analytic model
+
+RUNS = [("mujoco", "static", load) for load in LOADS] + [("exudyn", "driven", "tilted")]
+LONG = [
+    (name, "driven", load) for name in ("mujoco", "exudyn") for load in LOADS if (name, load) != ("exudyn", "tilted")
+]
+
+
+@pytest.mark.parametrize(("name", "motion", "load"), [*RUNS, *slow(*LONG)])
+def test_engines_and_the_analytic_model_have_the_same_friction(name: str, motion: Motion, load: str) -> None:
+    """But for what corners give where they are springs: 6 % of the clearance."""
+    pytest.importorskip(name)
+    m = slider_crank(load).with_joint("S", friction=MU)
+    if motion == "static":
+        m = m.with_joint("S", contact_stiffness=STIFFNESS)
+    asked = Request(m, "contact", motion, ANGLES, lead_in=0.5 if motion == "driven" else 0.0)
+    seen = dict(engine(name).simulate(asked).signals)
+    found = displaced(Assembly(m), ANGLES, 10.0, inertia=motion == "driven")
+    assert np.nanmax(np.abs(found.signals()["reaction_S_x"])) > 5.0
+    check(seen, found.signals(), set(found.flags), 3e-3 if name == "mujoco" else 0.06)
+
+
+def test_friction_that_locks_the_linkage_says_so() -> None:
+    m = loaded(0.0, -10.0).with_joint("S", friction=4.0)
+    with pytest.raises(AssemblyError, match="friction at its block's corners locks the linkage at crank angle"):
+        displaced(Assembly(m), np.radians([20.0, 70.0, 130.0]), -10.0, inertia=False)
+
+
+def test_two_kinds_of_friction_that_grow_with_reactions_are_refused() -> None:
+    m = loaded(0.0, 10.0).with_joint("B", friction_radius=1e-3)
+    with pytest.raises(AssemblyError, match="friction_radius of joint 'B' and friction of the block of 'S' both grow"):
+        displaced(Assembly(m), np.radians([20.0]), 10.0, inertia=False)
+
+
+@pytest.mark.parametrize(("name", "motion"), [("mujoco", "static"), ("mujoco", "driven"), ("exudyn", "driven")])
+def test_a_motor_along_the_guide_gives_what_friction_takes(name: str, motion: Motion) -> None:
+    """mu m g, of a block that it moves at an even speed; the guide's force has both, and so none along."""
+    pytest.importorskip(name)
+    m = loads(FALLING.replace('joint = "S"\nspeed = "free"', 'joint = "S"\nspeed = 0.1'))
+    m = m.with_joint(
+        "S", clearance=1e-4, friction=MU, contact_law="kelvin-voigt", contact_stiffness=1e7, restitution=0.2
+    )
+    found = crosscheck(m, name, joint_model="contact", motion=motion, times=np.linspace(0.01, 0.1, 4), workers=1)
+    (run,) = found.runs
+    assert run.verdict == "agrees"
+    for side in (run.analytic, run.simulated):
+        np.testing.assert_allclose(side["drive_force_S"], MU * 0.5 * 9.81, rtol=1e-6)
+        np.testing.assert_allclose(side["reaction_S_x"], 0.0, atol=1e-8)
+
+
+# ------------------------------------------------------------------ who has it
+
+
+def test_the_coefficient_is_a_block_s_and_newtons_are_a_slide_s() -> None:
+    m = load("slider-crank")
+    assert m.with_joint("S", friction=MU, friction_torque=3.0).joint("S").coulomb == 3.0
+    assert m.with_joint("S", guide=None, friction=5.0).joint("S").coulomb == 5.0
+    with pytest.raises(MechanismError, match="friction = 20 of a block with a guide is the coefficient at its corners"):
+        m.with_joint("S", friction=20.0)
+    with pytest.raises(MechanismError, match="without guide both mean N, keep one"):
+        m.with_joint("S", guide=None, friction=MU, friction_torque=3.0)
+
+
+@pytest.mark.parametrize(("name", "motion"), [("dart", "static"), ("dart", "driven"), ("pybullet", "static")])
+def test_engines_whose_contact_has_no_block_refuse_its_friction(name: str, motion: Motion) -> None:
+    pytest.importorskip(declared(name).package)
+    m = slider_crank("flat").with_joint("S", friction=MU)
+    with pytest.raises(Unsupported, match=r"friction in contact .*: leave out friction = 0.2 of joint 'S'"):
+        engine(name).simulate(Request(m, "contact", motion, ANGLES))
+
+
+def test_exudyn_has_no_friction_at_rest() -> None:
+    pytest.importorskip("exudyn")
+    m = slider_crank("flat").with_joint("S", friction=MU)
+    with pytest.raises(Unsupported, match=r"friction in contact .*: leave out friction = 0.2 of joint 'S'"):
+        engine("exudyn").simulate(Request(m, "contact", "static", ANGLES))
+
+
+@pytest.mark.mujoco
+@pytest.mark.parametrize("fields", [{"contact_stiffness": 1e7, "contact_damping": 0.0}, {"restitution": 0.5}])
+def test_a_law_without_a_name_rubs_as_hard(fields: dict[str, float]) -> None:
+    m = slider_crank("flat").with_joint("S", friction=MU, **fields)
+    seen = engine("mujoco").simulate(Request(m, "contact", "driven", ANGLES[3:6])).signals
+    np.testing.assert_allclose(np.abs(seen["reaction_S_x"] / seen["reaction_S_y"]), MU, rtol=1e-4)
+
+
+@pytest.mark.mujoco
+def test_a_cross_check_tells_what_friction_of_a_block_takes() -> None:
+    m = slider_crank("tilted", speed=30.0).with_joint("S", friction=MU, contact_law="kelvin-voigt", restitution=0.5)
+    m = m.with_joint("S", contact_stiffness=1e7)
+    found = crosscheck(m, "mujoco", joint_model="contact", revolutions=1, angles=ANGLES[::10], workers=1)
+    (run,) = found.runs
+    assert run.verdict == "agrees"
+    assert run.contact is not None
+    value = {name: one.value or 0.0 for name, one in run.contact.joints["S"].statistics.items()}
+    assert value["friction_loss"] == pytest.approx(MU * value["wear"], rel=1e-3)
+    assert value["friction_loss"] > 1.0
+    energy = run.contact.energy
+    assert energy is not None
+    assert abs(energy.missing or 0.0) < 1e-5 * value["friction_loss"]
+
+
+def test_other_joint_models_leave_it_out_on_both_sides() -> None:
+    pytest.importorskip(declared("dart").package)
+    m = slider_crank("tilted", speed=30.0).with_joint("S", friction=MU)
+    with pytest.warns(match="friction of S is in contact joints only; the other joint models leave it out"):
+        found = crosscheck(m, "dart", motion="static", angles=ANGLES[::10], workers=1)
+    assert found.verdict == "agrees"
+    assert np.abs(found.runs[-1].analytic["reaction_S_x"]).max() < 1e-9
+
+
+def test_friction_without_clearance_does_nothing_and_says_so() -> None:
+    pytest.importorskip("mujoco")
+    m = load("slider-crank").with_clearances({}).with_joint("S", friction=MU)
+    with pytest.warns(match=r"friction of joint S does nothing, as S has no clearance.*friction_torque \(N\)"):
+        crosscheck(m, "mujoco", joint_model="ideal", motion="static", angles=ANGLES[:2], workers=1)
