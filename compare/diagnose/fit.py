@@ -114,10 +114,14 @@ class Predicts(Protocol):
 
 
 class Fitter:
-    """Fits sets of terms; every fit is kept."""
+    """Fits sets of terms; every fit is kept.
 
-    def __init__(self, model: Predicts, data: Data, rig: Rig, bounds: Bounds) -> None:
+    ``before`` fitted the same data but for a shift: where it ended, this one begins.
+    """
+
+    def __init__(self, model: Predicts, data: Data, rig: Rig, bounds: Bounds, before: Fitter | None = None) -> None:
         self.model, self.data, self.rig, self.bounds = model, data, rig, bounds
+        self._before = {} if before is None else {fit.terms: fit for fit in before.done()}
         self._fits: dict[tuple[Term, ...], Fit | None] = {}
         self._shares: dict[tuple[Term, int], float] = {}  # of its scale, which a difference step of a coordinate is
 
@@ -135,6 +139,10 @@ class Fitter:
         known, free = self._fits.get(key), any(isinstance(t.effect, StartOfRun) for t in key)
         if key in self._fits and not free:
             return known
+        if key in self._before and not free:
+            begin = self._before[key]
+            self._fits[key] = self._fit(key, begin.x, slopes=begin.jacobian)
+            return self._fits[key]
         points = [self._within(key, [np.array(start[t], float) for t in key]) for start in starts]
         tried = self.residuals(key, points) if len(points) > 1 or free else [np.zeros(1)]
         sizes = [np.inf if r is None else float(r @ r) for r in tried]
@@ -168,7 +176,12 @@ class Fitter:
         return found
 
     def _fit(
-        self, terms: tuple[Term, ...], x: Sequence[np.ndarray], steps: int = STEPS, rough: float = ROUGHLY
+        self,
+        terms: tuple[Term, ...],
+        x: Sequence[np.ndarray],
+        steps: int = STEPS,
+        rough: float = ROUGHLY,
+        slopes: np.ndarray | None = None,
     ) -> Fit | None:
         space = Space(terms, self.rig, self.bounds)
 
@@ -180,7 +193,7 @@ class Fitter:
 
         settled = (LEAP if rough else LAST_LEAP) if any(t.effect.leaps for t in terms) else SETTLED
         found = Descent(residual, jacobian, space.low, space.high, space.scale, space.group, rough, settled).from_point(
-            joined(x), steps
+            joined(x), steps, slopes
         )
         if found is None:
             return None

@@ -294,7 +294,8 @@ class Problem:
                 )
             shift, data = difference, self.data.shifted(difference)
             # where these effects close the gap, what more the difference asks for is the engine's, not the rig's
-            fit = self.best_fit(data, [fit], again=closed)
+            assert self.search is not None
+            fit = self.best_fit(data, [fit], again=closed, before=self.search.fitter)
         assert self.search is not None
         self.note_colours()
         found = explain(self.search, fit)
@@ -371,9 +372,9 @@ class Problem:
             return None
         return self.data.residual(self.analytic(fit)) - simulated
 
-    def best_fit(self, data: Data, first: Sequence[Fit] = (), again: bool = False) -> Fit:
+    def best_fit(self, data: Data, first: Sequence[Fit] = (), again: bool = False, before: Fitter | None = None) -> Fit:
         """The best set of effects in these data, by the analytic model; or the first one ``again``, fitted to these
-        data.
+        data.  What ``before`` has fitted to them, but for a shift, begins there.
         """
         wanted = [t for t in self.terms if t.key not in self.ruled_out]
         cost = costs(wanted, self.rig, data.size)
@@ -386,7 +387,7 @@ class Problem:
                 break
             search = self.prepared(data.until(share), cost, wanted, free)
             first = search.leaders(search.best(first))
-        self.search = self.prepared(data, cost, wanted, free)
+        self.search = self.prepared(data, cost, wanted, free, before)
         if again:
             begun = [self.search.fitter.fit(f.terms, dict(zip(f.terms, f.x, strict=True))) for f in first]
             return pruned(self.search, next((f for f in begun if f is not None), self.search.base))[0]
@@ -414,11 +415,18 @@ class Problem:
         known = data.measured is self.measured
         return self.model if known else Model(data.measured, self.rig, self.mechanism, self.model.courses)
 
-    def prepared(self, data: Data, cost: Mapping[Term, float], wanted: Sequence[Term], free: bool) -> Search:
+    def prepared(
+        self,
+        data: Data,
+        cost: Mapping[Term, float],
+        wanted: Sequence[Term],
+        free: bool,
+        before: Fitter | None = None,
+    ) -> Search:
         """A search in these data, with sensitivities about the nominal model or, in free runs, about the fit it begins
         with.
         """
-        fitter = Fitter(self.model_of(data), data, self.rig, self.fitter.bounds)
+        fitter = Fitter(self.model_of(data), data, self.rig, self.fitter.bounds, before)
         start = dict(zip(self.base.terms, self.base.x, strict=True))
         base = fitter.at(self.base.terms, start) or self.base
         if self.search is not None and not free:

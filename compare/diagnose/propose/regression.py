@@ -107,7 +107,7 @@ class Regression:
         gains: dict[str, tuple[float, Candidate]] = {}
         for c, own in known.items():
             beside = own - basis @ (basis.T @ own)
-            if c.law.name in taken or np.all(np.linalg.norm(beside, axis=0) <= SAME * np.linalg.norm(own, axis=0)):
+            if c.law.name in taken or np.all(_squares(beside) <= SAME**2 * _squares(own)):
                 continue
             gain = float(best.left @ (beside @ solved(beside, best.left)[0]))
             if gain > gains.get(c.law.name, (0.0, c))[0]:
@@ -153,10 +153,15 @@ class Regression:
         return total
 
 
+def _squares(columns: np.ndarray) -> np.ndarray:
+    """Sum of squares (k,) of each column."""
+    return np.asarray(np.einsum("ij,ij->j", columns, columns))
+
+
 def solved(matrix: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Least squares coefficients (k,) and their covariance (k, k) in units of the residual's own noise."""
-    norm = np.linalg.norm(matrix, axis=0)
+    gram = matrix.T @ matrix
+    norm = np.sqrt(np.diag(gram))
     norm = np.where(norm > 0, norm, 1.0)
-    scaled = matrix / norm
-    inverse = np.linalg.pinv(scaled.T @ scaled, rcond=1e-10, hermitian=True)
-    return inverse @ (scaled.T @ right) / norm, inverse / np.outer(norm, norm)
+    inverse = np.linalg.pinv(gram / np.outer(norm, norm), rcond=1e-10, hermitian=True)
+    return inverse @ (matrix.T @ right / norm) / norm, inverse / np.outer(norm, norm)
