@@ -270,6 +270,19 @@ def test_the_wall_pushes_as_the_law_says_at_every_instant(friction: float) -> No
     assert np.all(np.abs(pin.rub) <= friction * pin.push * (1 + 1e-6) + 1e-9)
 
 
+@pytest.mark.parametrize("damping", [0.0, 10.0])
+def test_a_pin_rubs_as_its_coefficient_says_however_little_its_wall_is_damped(damping: float) -> None:
+    """The rows of a cone are as soft as its wall is undamped: without damping they rubbed by 0.0007 in place of 0.2."""
+    m = crank_rocker(None, friction=0.2).with_joint("B", restitution=None, contact_stiffness=1e7)
+    m = m.with_joint("B", contact_damping=damping)
+    trace = turned(m, watched=True)
+    assert trace.watched is not None
+    (pin,) = Run(m, trace.watched).course(m.joint("B")).contacts
+    slides = (pin.push > 0.1 * pin.push.max()) & (np.abs(pin.slip) > 5e-3)
+    assert slides.sum() > 100
+    np.testing.assert_allclose(np.abs(pin.rub[slides]), 0.2 * pin.push[slides], rtol=1e-3)
+
+
 def test_a_law_with_hysteresis_pushes_as_hooke_says_where_the_pin_turns_back() -> None:
     m = crank_rocker("flores")
     trace = watched("flores")

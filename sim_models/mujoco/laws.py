@@ -20,6 +20,7 @@ from sim_models.common.contact_laws import (
 from sim_models.engine import Request, SettingValue
 
 SOFT, HARD = 1e-4, 0.9999  # the least and the greatest impedance that MuJoCo takes
+UNDAMPED = 2e-2  # damping over the root of stiffness and mass, below which a cone's friction would give
 
 
 @dataclass(frozen=True)
@@ -52,8 +53,8 @@ def contact_laws(request: Request) -> dict[str, Contact]:
 
     ``contact`` in a driven run is hard (it bounces as its restitution says, whatever mass it carries) unless the
     mechanism gives a stiffness or damping, or a law by name; every other compliant joint is a spring and damper in SI
-    units.  That of a block with friction is Kelvin and Voigt's by name, whose friction is no softer where damping is
-    little.
+    units.  That of a block with friction is Kelvin and Voigt's by name, and so is that of a pin with friction and next
+    to no damping: friction by that name is no softer for it.
     """
     laws, struck = {}, request.joint_model in ("contact", "spring-damper")
     for name in request.clearances:
@@ -63,7 +64,8 @@ def contact_laws(request: Request) -> dict[str, Contact]:
             joint.contact_stiffness is not None and name not in request.assumed
         )
         stated = stated or joint.radial_stiffness is not None
-        if stated and joint.prismatic and joint.rough and joint.contact_law is None:
+        undamped = law.damping < UNDAMPED * math.sqrt(law.stiffness * lighter_mass(request.mechanism, joint))
+        if stated and struck and joint.rough and joint.contact_law is None and (joint.prismatic or undamped):
             joint = joint.model_copy(update={"contact_law": "kelvin-voigt"})
         named = named_law(request.mechanism, joint, request.motion) if struck else None
         if named is not None:
