@@ -20,6 +20,7 @@ paper's formula does not; ``quasi-static-corrected`` is what a second correction
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -53,6 +54,7 @@ from compare.results.validity import Assumption, Costing
 from sim_models.common.guide import Guide
 
 Signals = Mapping[str, np.ndarray]
+EITHER_SIDE = 0.3  # of its rms, below which the mean of a difference says that it is to neither side
 ASSUMPTIONS: tuple[Assumption, ...] = get_args(Assumption)
 
 
@@ -86,10 +88,23 @@ class Examined:
 
     @cached_property
     def swings(self) -> bool:
-        """Whether a pin never leaves its bearing, and does not lie where the equilibrium says."""
-        return not self.contact_lost and any(
-            d.signal.kind == "clearance" and d.verdict == "disagrees" for d, _ in self.verdicts
-        )
+        """Whether a pin never leaves its bearing, and does not lie where the equilibrium says; or swings about there,
+        where no other cost tells why its reaction points to either side of the equilibrium's, in the mean to neither.
+        """
+        off = [d for d, _ in self.verdicts if d.verdict == "disagrees"]
+        if self.contact_lost or any(d.signal.kind == "clearance" for d in off):
+            return not self.contact_lost
+        turned = any(self._about(d) for d in off)
+        return turned and max(self.costs["quasi-static-corrected"], self.costs["rigid"]) <= 1
+
+    def _about(self, found: Discrepancy) -> bool:
+        """Whether a difference is of the direction of a reaction that a pin with clearance carries, and of no sign."""
+        directions = [Signal.of("reaction", joint, "angle").name for joint in self.run.clearance]
+        if found.signal.name not in directions:
+            return False
+        apart = found.signal.apart(*(side[found.signal.name] for side in (self.run.comparable, self.run.analytic)))
+        apart = apart[np.isfinite(apart) & ~self.flagged]
+        return bool(abs(apart.mean()) < EITHER_SIDE * math.sqrt(float(np.mean(apart**2))))
 
     @cached_property
     def out_of_step(self) -> bool:
