@@ -1,0 +1,218 @@
+"""The law by which a pin strikes its bearing: which restitution, stiffness and friction spread an engine's readings as
+they were measured.
+
+Laws are tried in the engine: many in a few revolutions, the best of these in all, and from there on where a linear
+model of the quantiles, through the trials nearby, says that they would be nearest to the measured ones.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import lsq_linear
+from scipy.stats import qmc
+
+from compare.diagnose.rattle.statistics import Key, Readings, Statistics
+from compare.diagnose.rattle.trial import FIRST, misfit
+
+SPREAD = 24  # laws all over the room, that are tried in a few revolutions
+ROUGH = (10, 10)  # more of them about the best ones
+BEST = 3  # of them in all revolutions
+WHOLE = (7, 7, 7)  # more of these about the best ones
+ELITE = 5  # trials that count as best ones
+WIDER = 1.4  # times as far as these are apart: new ones
+LEAST = (0.03, 0.04, 0.05, 0.005)  # of the coordinates, that these are drawn apart at least
+REACH = 0.1  # of the coordinates: how far a step of the linear model may go
+SHORTEST = 0.02  # with shorter steps the search ends
+NARROW = 0.05  # trials that far from the best weigh in the linear model at least
+RELUCTANT = 1e-2  # of all that they are off, in a unit of a coordinate: a coordinate to which they answer less is left where it is
+TINY = 0.05  # of what a sensor is off on average: less weighs no more
+AGAIN = 12  # times that weights are told anew
+RUBS = 0.05  # a coefficient of friction from which on its ratio counts, below it its difference
+SEED = 3
+
+
+class Law(NamedTuple):
+    """What a pin strikes with: restitution, stiffness (N/m) and coefficient of friction."""
+
+    restitution: float
+    stiffness: float
+    friction: float
+
+
+@dataclass(frozen=True)
+class Room:
+    """Where laws are looked for, by coordinates (4,): restitution, friction (logarithm), decades of stiffness from the
+    ``usual`` one (N/m), and the logarithm of the clearance over ``size`` (m), which is 0 unless it ``moves``.
+    """
+
+    usual: float
+    size: float
+    moves: bool = False
+    low: np.ndarray = field(default_factory=lambda: np.array([0.05, 0.0, -1.5, -0.3]))
+    high: np.ndarray = field(default_factory=lambda: np.array([0.98, math.log1p(0.6 / RUBS), 0.5, 0.3]))
+
+    @property
+    def free(self) -> list[int]:
+        """The coordinates that are looked for."""
+        return [0, 1, 2, 3] if self.moves else [0, 1, 2]
+
+    def at(self, x: np.ndarray) -> tuple[Law, float]:
+        """The law and the clearance (m) of coordinates."""
+        law = Law(float(x[0]), self.usual * 10 ** float(x[2]), RUBS * math.expm1(float(x[1])))
+        return law, self.size * math.exp(float(x[3]))
+
+    def within(self, x: np.ndarray) -> np.ndarray:
+        """Coordinates (4,) brought into their room."""
+        inside = np.clip(x, self.low, self.high)
+        return inside if self.moves else np.array([*inside[:3], 0.0])
+
+    def spread(self, count: int, rng: np.random.Generator) -> list[np.ndarray]:
+        """So many coordinates, evenly over the room; the clearance stays."""
+        even = qmc.Halton(3, rng=rng).random(count)
+        return [np.array([*row, 0.0]) for row in self.low[:3] + even * (self.high - self.low)[:3]]
+
+
+Simulate = Callable[[Law, float, int | None], Readings | None]  # clearance (m), revolutions of each run (None: all)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A law (coordinates (4,)) as the engine has it: how far ``apart`` its readings are from the measured ones by sensor
+    and what their quantiles are ``off``, (n,) each, of all revolutions and with each group left out.
+    """
+
+    x: np.ndarray
+    apart: Sequence[Mapping[Key, float]]
+    off: Sequence[Mapping[Key, np.ndarray]]
+
+    def misfit(self, keys: Iterable[Key] | None = None, without: int = 0) -> float:
+        """Mean logarithm of the distances of some sensors (None: all)."""
+        return misfit(self.apart[without], keys)
+
+    def joined(self, group: int) -> np.ndarray:
+        """All that it is off, one sensor after the other."""
+        return np.concatenate(list(self.off[group].values()))
+
+    def weights(self, off: np.ndarray) -> np.ndarray:
+        """Weights of squares of what is off (all,), whose sum goes as the misfit does: the mean logarithm over sensors
+        of mean absolute values.
+        """
+        found, begin = [], 0
+        for each in self.off[0].values():
+            size = np.abs(off[begin : begin + each.size])
+            mean = max(float(size.mean()), TINY)
+            found.append(1 / (len(self.off[0]) * each.size * mean * np.maximum(size, TINY * mean)))
+            begin += each.size
+        return np.concatenate(found)
+
+
+@dataclass
+class LawSearch:
+    """Looks for the law in one joint."""
+
+    statistics: Statistics
+    simulate: Simulate
+    room: Room
+    late: Callable[[], bool] = lambda: False
+    trials: list[Trial] = field(default_factory=list)  # with all revolutions
+    count: int = 0  # of all trials
+
+    def tried(self, x: np.ndarray, first: int | None = None) -> Trial | None:
+        """A law as the engine has it; None where it has no answer."""
+        x = self.room.within(x)
+        self.count += 1
+        readings = self.simulate(*self.room.at(x), first)
+        if readings is None:
+            return None
+        s, spread = self.statistics, self.statistics.spread(readings)
+        pairs = [(spread.whole, s.measured.whole), *zip(spread.less, s.measured.less, strict=True)]
+        trial = Trial(x, s.distances(spread), [s.off_by(own, measured) for own, measured in pairs])
+        self.trials += [] if first else [trial]
+        return trial
+
+    @property
+    def best(self) -> Trial:
+        """The nearest with all revolutions."""
+        return min(self.trials, key=Trial.misfit)
+
+    def searched(self) -> bool:
+        """Look for it; False where the engine has no answer to any."""
+        rng = np.random.default_rng(SEED)
+        rough = self.all(self.room.spread(SPREAD, rng), FIRST)
+        for count in ROUGH:
+            rough += self.all(self.drawn(rough, count, rng), FIRST)
+        for each in sorted(rough, key=Trial.misfit)[:BEST]:
+            self.tried(each.x)
+        for count in WHOLE:
+            known = self.trials if len(self.trials) >= ELITE else rough
+            self.all(self.drawn(known, count, rng))
+        self.nearer()
+        return bool(self.trials)
+
+    def all(self, at: Sequence[np.ndarray], first: int | None = None) -> list[Trial]:
+        """Those of some coordinates that the engine has an answer for."""
+        return [each for x in at if not self.late() and (each := self.tried(x, first)) is not None]
+
+    def drawn(self, known: Sequence[Trial], count: int, rng: np.random.Generator) -> list[np.ndarray]:
+        """So many new coordinates, spread about the best of the trials as these are among themselves."""
+        best = sorted(known, key=Trial.misfit)[:ELITE]
+        if not best:
+            return []
+        weight = np.log(len(best) + 0.5) - np.log(np.arange(1, len(best) + 1))
+        weight /= weight.sum()
+        x = np.array([each.x for each in best])
+        middle = weight @ x
+        away = x - middle
+        spread = (away.T * weight) @ away * WIDER**2 + np.diag(np.square(LEAST))
+        return [middle + step for step in rng.multivariate_normal(np.zeros(4), spread, count)]
+
+    def nearer(self) -> None:
+        """Step from the best trial to where a linear model has the least misfit, each time half as far where the last
+        came no nearer.
+        """
+        reach = REACH
+        while self.trials and reach > SHORTEST and not self.late():
+            best = self.best
+            found = self.tried(best.x + self.step(best, 0, reach))
+            if found is None or found.misfit() >= best.misfit():
+                reach /= 2
+
+    def answers(self, best: Trial, group: int, reach: float) -> np.ndarray:
+        """How the statistics answer (n, k) to each coordinate that is looked for, by the trials about the best."""
+        away = np.array([each.x - best.x for each in self.trials])[:, self.room.free]
+        change = np.array([each.joined(group) for each in self.trials]) - best.joined(group)
+        width = max(reach, NARROW)
+        weight = np.exp(-0.5 * np.sum((away / width) ** 2, axis=1))
+        ridge = 1e-3 * width**2 * np.eye(away.shape[1])
+        return np.asarray(np.linalg.solve((away.T * weight) @ away + ridge, (away.T * weight) @ change).T)
+
+    def step(self, best: Trial, group: int, reach: float) -> np.ndarray:
+        """From the best trial to the least misfit, (4,), by the linear model within reach."""
+        free, room, off = self.room.free, self.room, best.joined(group)
+        answers = self.answers(best, group, reach)
+        low, high = np.maximum(room.low - best.x, -reach)[free], np.minimum(room.high - best.x, reach)[free]
+        step = np.zeros(4)
+        for _ in range(AGAIN):
+            root = np.sqrt(best.weights(off + answers @ step[free]))
+            rows = np.vstack([answers * root[:, None], RELUCTANT * np.eye(len(free))])
+            wanted = np.concatenate([-off * root, np.zeros(len(free))])
+            step[free] = lsq_linear(rows, wanted, (low - 1e-9, high + 1e-9)).x
+        return step
+
+    def scatter(self) -> np.ndarray:
+        """Standard deviations (4,) of the coordinates at the best trial: by which leaving revolutions out moves them,
+        and by which the statistics would be off once more what they are.
+        """
+        best, free = self.best, self.room.free
+        moved = np.array([self.step(best, 1 + g, REACH / 2)[free] for g in range(self.statistics.groups)])
+        drawn = (len(moved) - 1) * np.var(moved, axis=0)
+        answers = self.answers(best, 0, REACH / 2) * np.sqrt(best.weights(best.joined(0)))[:, None]
+        flat = np.linalg.inv(answers.T @ answers + RELUCTANT**2 * np.eye(len(free)))
+        found = np.zeros(4)
+        found[free] = np.sqrt(drawn + np.diag(flat))
+        return found
