@@ -24,7 +24,7 @@ from compare.diagnose.inverse import beginnings
 from compare.diagnose.locate import Stretch, locate, rms_difference, spread
 from compare.diagnose.noise import CLOSED, rms
 from compare.diagnose.predict import SLOW, Model, Term, altered
-from compare.diagnose.rattle.contact import asked, refuse_laws
+from compare.diagnose.rattle.contact import asked, lawless
 from compare.diagnose.rattle.explained import ALIKE, rattling
 from compare.diagnose.residuals import Data
 from compare.diagnose.search import Search, costs
@@ -158,7 +158,7 @@ class Problem:
             options.only,
             options.exclude,
         )
-        refuse_laws(terms, ruled_out, mechanism, options.simulator)
+        ruled_out |= lawless(terms, ruled_out, mechanism, options.simulator, options.only)
         workers = options.workers or min(2, os.cpu_count() or 1)
         problem = cls(
             measured, rig, mechanism, model, data, fitter, terms, ruled_out, options, engines, skipped,

@@ -32,33 +32,40 @@ def asked(terms: Sequence[Term], ruled_out: Mapping[tuple[str, str], str]) -> li
     return [t for t in terms if isinstance(t.effect, ContactLaw) and t.key not in ruled_out]
 
 
-def refuse_laws(
-    terms: Sequence[Term], ruled_out: Mapping[tuple[str, str], str], mechanism: Mechanism, simulator: str
-) -> None:
-    """Refuse laws of contact that cannot be looked for.  Raises MeasuredError, or Unsupported for the engine."""
+def lawless(
+    terms: Sequence[Term],
+    ruled_out: Mapping[tuple[str, str], str],
+    mechanism: Mechanism,
+    simulator: str,
+    only: Sequence[str],
+) -> dict[tuple[str, str], str]:
+    """Laws of contact that are not looked for, and why: those of joints without clearance, unless that is looked for
+    too.  Raises MeasuredError where none, or more than one, is left, or Unsupported for the engine.
+    """
     laws = asked(terms, ruled_out)
     if not laws:
-        return
-    label = laws[0].label
+        return {}
     if not laws[0].effect.simulated_by(engine(simulator)):
         able = [name for name in ENGINES if laws[0].effect.simulated_by(declared(name))]
         raise Unsupported(
-            f"{label} is asked for, and the contact of {simulator} has no stiffness, restitution and friction of its"
-            f" joint's own; choose --simulator {' or '.join(able)}"
+            f"{laws[0].label} is asked for, and the contact of {simulator} has no stiffness, restitution and friction"
+            f" of its joint's own; choose --simulator {' or '.join(able)}"
         )
     if any(isinstance(t.effect, JointClearance) and t.key not in ruled_out for t in terms):
-        return
-    without = [t for t in laws if not mechanism.joint(t.where).clearance]
-    if without:
+        return {}
+    able_joints = [t for t in laws if mechanism.joint(t.where).clearance]
+    without = [t for t in laws if t not in able_joints]
+    for t in without if not able_joints else [t for t in without if t.label in only]:
         raise MeasuredError(
-            f"{without[0].label} is asked for, and joint {without[0].where} has no clearance in the mechanism; give it"
-            " one there (clearance), or ask for joint_clearance too"
+            f"{t.label} is asked for, and joint {t.where} has no clearance in the mechanism; give it one there"
+            " (clearance), or ask for joint_clearance too"
         )
-    if len(laws) > 1:
+    if len(able_joints) > 1:
         raise MeasuredError(
-            f"contact_law is asked for in joints {' and '.join(t.where for t in laws)} at once; ask for one of them:"
-            f" {label}"
+            f"contact_law is asked for in joints {' and '.join(t.where for t in able_joints)} at once; ask for one of"
+            f" them: {able_joints[0].label}"
         )
+    return {t.key: "the joint has no clearance" for t in without}
 
 
 @dataclass(frozen=True)

@@ -19,19 +19,16 @@ from scipy.stats import qmc
 from compare.diagnose.rattle.statistics import Key, Readings, Statistics
 from compare.diagnose.rattle.trial import FIRST, misfit
 
-SPREAD = 24  # laws all over the room, that are tried in a few revolutions
-ROUGH = (10, 10)  # more of them about the best ones
-BEST = 3  # of them in all revolutions
-WHOLE = (7, 7, 7)  # more of these about the best ones
+SPREAD = 22  # laws that are tried all over the room
+AGAIN = (8, 8, 8, 8)  # more of them about the best ones
 ELITE = 5  # trials that count as best ones
 WIDER = 1.4  # times as far as these are apart: new ones
 LEAST = (0.03, 0.04, 0.05, 0.005)  # of the coordinates, that these are drawn apart at least
-REACH = 0.1  # of the coordinates: how far a step of the linear model may go
-SHORTEST = 0.02  # with shorter steps the search ends
-NARROW = 0.05  # trials that far from the best weigh in the linear model at least
+WIDTHS = (0.3, 0.15, 0.07)  # of the coordinates: from how far trials enter linear models, and steps may go
+ROUNDS = 6  # of these steps
 RELUCTANT = 1e-2  # of all that they are off, in a unit of a coordinate: a coordinate to which they answer less is left where it is
 TINY = 0.05  # of what a sensor is off on average: less weighs no more
-AGAIN = 12  # times that weights are told anew
+REWEIGHED = 12  # times, as what is off changes
 RUBS = 0.05  # a coefficient of friction from which on its ratio counts, below it its difference
 SEED = 3
 
@@ -53,7 +50,7 @@ class Room:
     usual: float
     size: float
     moves: bool = False
-    low: np.ndarray = field(default_factory=lambda: np.array([0.05, 0.0, -1.5, -0.3]))
+    low: np.ndarray = field(default_factory=lambda: np.array([0.15, 0.0, -1.5, -0.3]))
     high: np.ndarray = field(default_factory=lambda: np.array([0.98, math.log1p(0.6 / RUBS), 0.5, 0.3]))
 
     @property
@@ -98,15 +95,15 @@ class Trial:
         """All that it is off, one sensor after the other."""
         return np.concatenate(list(self.off[group].values()))
 
-    def weights(self, off: np.ndarray) -> np.ndarray:
+    def weights(self, off: np.ndarray, group: int = 0) -> np.ndarray:
         """Weights of squares of what is off (all,), whose sum goes as the misfit does: the mean logarithm over sensors
         of mean absolute values.
         """
-        found, begin = [], 0
-        for each in self.off[0].values():
+        found, begin, sensors = [], 0, self.off[group]
+        for each in sensors.values():
             size = np.abs(off[begin : begin + each.size])
             mean = max(float(size.mean()), TINY)
-            found.append(1 / (len(self.off[0]) * each.size * mean * np.maximum(size, TINY * mean)))
+            found.append(1 / (len(sensors) * each.size * mean * np.maximum(size, TINY * mean)))
             begin += each.size
         return np.concatenate(found)
 
@@ -143,24 +140,21 @@ class LawSearch:
     def searched(self) -> bool:
         """Look for it; False where the engine has no answer to any."""
         rng = np.random.default_rng(SEED)
-        rough = self.all(self.room.spread(SPREAD, rng), FIRST)
-        for count in ROUGH:
-            rough += self.all(self.drawn(rough, count, rng), FIRST)
-        for each in sorted(rough, key=Trial.misfit)[:BEST]:
-            self.tried(each.x)
-        for count in WHOLE:
-            known = self.trials if len(self.trials) >= ELITE else rough
-            self.all(self.drawn(known, count, rng))
+        self.all(self.room.spread(SPREAD, rng))
+        for count in AGAIN:
+            self.all(self.drawn(count, rng))
         self.nearer()
         return bool(self.trials)
 
-    def all(self, at: Sequence[np.ndarray], first: int | None = None) -> list[Trial]:
-        """Those of some coordinates that the engine has an answer for."""
-        return [each for x in at if not self.late() and (each := self.tried(x, first)) is not None]
+    def all(self, at: Sequence[np.ndarray]) -> None:
+        """Try some coordinates while there is time."""
+        for x in at:
+            if not self.late():
+                self.tried(x)
 
-    def drawn(self, known: Sequence[Trial], count: int, rng: np.random.Generator) -> list[np.ndarray]:
+    def drawn(self, count: int, rng: np.random.Generator) -> list[np.ndarray]:
         """So many new coordinates, spread about the best of the trials as these are among themselves."""
-        best = sorted(known, key=Trial.misfit)[:ELITE]
+        best = sorted(self.trials, key=Trial.misfit)[:ELITE]
         if not best:
             return []
         weight = np.log(len(best) + 0.5) - np.log(np.arange(1, len(best) + 1))
@@ -172,33 +166,33 @@ class LawSearch:
         return [middle + step for step in rng.multivariate_normal(np.zeros(4), spread, count)]
 
     def nearer(self) -> None:
-        """Step from the best trial to where a linear model has the least misfit, each time half as far where the last
-        came no nearer.
+        """Step from the best trial to the least misfit of linear models through trials far and near, as long as one of
+        these steps comes nearer.
         """
-        reach = REACH
-        while self.trials and reach > SHORTEST and not self.late():
+        for _ in range(ROUNDS):
             best = self.best
-            found = self.tried(best.x + self.step(best, 0, reach))
-            if found is None or found.misfit() >= best.misfit():
-                reach /= 2
+            self.all([best.x + self.step(best, 0, width) for width in WIDTHS])
+            if self.best is best:
+                break
 
-    def answers(self, best: Trial, group: int, reach: float) -> np.ndarray:
-        """How the statistics answer (n, k) to each coordinate that is looked for, by the trials about the best."""
+    def answers(self, best: Trial, group: int, width: float) -> np.ndarray:
+        """How the statistics answer (n, k) to each coordinate that is looked for, by the trials about the best one that
+        are within a width of it.
+        """
         away = np.array([each.x - best.x for each in self.trials])[:, self.room.free]
         change = np.array([each.joined(group) for each in self.trials]) - best.joined(group)
-        width = max(reach, NARROW)
         weight = np.exp(-0.5 * np.sum((away / width) ** 2, axis=1))
         ridge = 1e-3 * width**2 * np.eye(away.shape[1])
         return np.asarray(np.linalg.solve((away.T * weight) @ away + ridge, (away.T * weight) @ change).T)
 
-    def step(self, best: Trial, group: int, reach: float) -> np.ndarray:
-        """From the best trial to the least misfit, (4,), by the linear model within reach."""
+    def step(self, best: Trial, group: int, width: float) -> np.ndarray:
+        """From the best trial to the least misfit of a linear model, (4,), as far as that goes at most."""
         free, room, off = self.room.free, self.room, best.joined(group)
-        answers = self.answers(best, group, reach)
-        low, high = np.maximum(room.low - best.x, -reach)[free], np.minimum(room.high - best.x, reach)[free]
+        answers = self.answers(best, group, width)
+        low, high = np.maximum(room.low - best.x, -width)[free], np.minimum(room.high - best.x, width)[free]
         step = np.zeros(4)
-        for _ in range(AGAIN):
-            root = np.sqrt(best.weights(off + answers @ step[free]))
+        for _ in range(REWEIGHED):
+            root = np.sqrt(best.weights(off + answers @ step[free], group))
             rows = np.vstack([answers * root[:, None], RELUCTANT * np.eye(len(free))])
             wanted = np.concatenate([-off * root, np.zeros(len(free))])
             step[free] = lsq_linear(rows, wanted, (low - 1e-9, high + 1e-9)).x
@@ -209,9 +203,9 @@ class LawSearch:
         and by which the statistics would be off once more what they are.
         """
         best, free = self.best, self.room.free
-        moved = np.array([self.step(best, 1 + g, REACH / 2)[free] for g in range(self.statistics.groups)])
+        moved = np.array([self.step(best, 1 + g, WIDTHS[1])[free] for g in range(self.statistics.groups)])
         drawn = (len(moved) - 1) * np.var(moved, axis=0)
-        answers = self.answers(best, 0, REACH / 2) * np.sqrt(best.weights(best.joined(0)))[:, None]
+        answers = self.answers(best, 0, WIDTHS[1]) * np.sqrt(best.weights(best.joined(0)))[:, None]
         flat = np.linalg.inv(answers.T @ answers + RELUCTANT**2 * np.eye(len(free)))
         found = np.zeros(4)
         found[free] = np.sqrt(drawn + np.diag(flat))
