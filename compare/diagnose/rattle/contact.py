@@ -98,7 +98,7 @@ class Found:
     @property
     def size(self) -> float:
         """The clearance (m)."""
-        return self.search.room.at(self.search.best.x)[1]
+        return self.search.room.at(self.search.answer.x)[1]
 
     @property
     def spread(self) -> float:
@@ -108,14 +108,14 @@ class Found:
     @property
     def natural(self) -> np.ndarray:
         """Natural coordinates of the law."""
-        law = self.search.room.at(self.search.best.x)[0]
+        law = self.search.room.at(self.search.answer.x)[0]
         return self.term.effect.natural(self.rig, self.term.where, law._asdict())
 
     def intervals(self) -> dict[str, Interval]:
         """The law with its 95 % intervals; where an end leaves what was tried, the interval is open, or goes as far as
         is physical.
         """
-        room, best, wide = self.search.room, self.search.best.x, SIGMAS * self.search.scatter()
+        room, best, wide = self.search.room, self.search.answer.x, SIGMAS * self.search.scatter()
         law, low, high = (room.at(x)[0] for x in (best, room.within(best - wide), room.within(best + wide)))
         under, over = best - wide < room.low, best + wide > room.high
         return {
@@ -130,13 +130,13 @@ class Found:
 
     def untold(self) -> list[str]:
         """Parameters of which the data say nothing: either end of their interval leaves what was tried."""
-        room, best, wide = self.search.room, self.search.best.x, SIGMAS * self.search.scatter()
+        room, best, wide = self.search.room, self.search.answer.x, SIGMAS * self.search.scatter()
         out = (best - wide <= room.low) & (best + wide >= room.high)
         return [name for name, k in (("restitution", 0), ("stiffness", 2), ("friction", 1)) if out[k]]
 
     def gains(self, misfit: float, less: Sequence[float]) -> float:
         """By how much the law lowers a misfit, and what it is with each group of revolutions left out: the least."""
-        best = self.search.best
+        best = self.search.answer
         return min(each - best.misfit(None, g) for g, each in enumerate([misfit, *less]))
 
     def held_out(self, before: Mapping[Key, float]) -> tuple[float, float]:

@@ -485,7 +485,7 @@ def _told(problem: Problem, found: Found | None, before: Tried) -> bool:
 
 def _named_law(nominal: Tried, before: Tried, found: Found) -> Named:
     """The law as it is named, beside what was there before it."""
-    gap = math.exp(before.misfit()), math.exp(found.search.best.misfit())
+    gap = math.exp(before.misfit()), math.exp(found.search.answer.misfit())
     share = _share(*gap, math.exp(nominal.misfit()))
     return Named(found.term, found.intervals(), 0.0, gap, found.held_out(before.apart[0]), (), share)
 

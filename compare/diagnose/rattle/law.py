@@ -26,6 +26,10 @@ WIDER = 1.4  # times as far as these are apart: new ones
 LEAST = (0.03, 0.04, 0.05, 0.005)  # of the coordinates, that these are drawn apart at least
 WIDTHS = (0.3, 0.15, 0.07)  # of the coordinates: from how far trials enter linear models, and steps may go
 ROUNDS = 6  # of these steps
+GAIN = 0.02  # of the logarithm of the distance, that such a round must bring for another
+MIDDLE = 0.2  # of the coordinates: from how far trials tell on average where the statistics are nearest
+TIE = 0.1  # of the logarithm of the distance: trials that close are not told apart
+SURE = 2.0  # standard deviations, over groups of revolutions, by which they may be
 RELUCTANT = 1e-2  # of all that they are off, in a unit of a coordinate: a coordinate to which they answer less is left where it is
 TINY = 0.05  # of what a sensor is off on average: less weighs no more
 REWEIGHED = 12  # times, as what is off changes
@@ -95,17 +99,36 @@ class Trial:
         """All that it is off, one sensor after the other."""
         return np.concatenate(list(self.off[group].values()))
 
-    def weights(self, off: np.ndarray, group: int = 0) -> np.ndarray:
+    def weights(self, off: np.ndarray, group: int = 0, even: bool = False) -> np.ndarray:
         """Weights of squares of what is off (all,), whose sum goes as the misfit does: the mean logarithm over sensors
-        of mean absolute values.
+        of mean absolute values; ``even`` within each sensor.
         """
         found, begin, sensors = [], 0, self.off[group]
         for each in sensors.values():
             size = np.abs(off[begin : begin + each.size])
             mean = max(float(size.mean()), TINY)
-            found.append(1 / (len(sensors) * each.size * mean * np.maximum(size, TINY * mean)))
+            least = float(np.mean(size**2)) / mean if even else TINY * mean
+            size = np.full(each.size, least) if even else np.maximum(size, least)
+            found.append(1 / (len(sensors) * each.size * mean * size))
             begin += each.size
         return np.concatenate(found)
+
+
+class Model(NamedTuple):
+    """What statistics are ``off`` (n,) and how they ``answer`` (n, k) to coordinates, by trials that are off that by
+    ``left`` (n,), squared, each; ``unsure`` (k, k) is the covariance of an answer over that.
+    """
+
+    off: np.ndarray
+    answers: np.ndarray
+    left: np.ndarray
+    unsure: np.ndarray
+
+    def curvature(self, weights: np.ndarray) -> np.ndarray:
+        """Half of the second derivative (k, k) of the weighted squares, less what trials that scatter make of it."""
+        squares = (self.answers.T * weights) @ self.answers - float(weights @ self.left) * self.unsure
+        size, along = np.linalg.eigh(squares)
+        return np.asarray((along * np.maximum(size, RELUCTANT**2)) @ along.T)
 
 
 @dataclass
@@ -118,6 +141,7 @@ class LawSearch:
     late: Callable[[], bool] = lambda: False
     trials: list[Trial] = field(default_factory=list)  # with all revolutions
     count: int = 0  # of all trials
+    middle: Trial | None = None  # where these say on average that the statistics are nearest
 
     def tried(self, x: np.ndarray, first: int | None = None) -> Trial | None:
         """A law as the engine has it; None where it has no answer."""
@@ -137,6 +161,17 @@ class LawSearch:
         """The nearest with all revolutions."""
         return min(self.trials, key=Trial.misfit)
 
+    @property
+    def answer(self) -> Trial:
+        """What is found: where the trials on average say that the statistics are nearest, unless another is clearly
+        nearer.  Of two that scatter each in its own way the smaller one is always nearer, the average is not.
+        """
+        best, middle = self.best, self.middle
+        if middle is None:
+            return best
+        groups = [middle.misfit(None, 1 + g) - best.misfit(None, 1 + g) for g in range(self.statistics.groups)]
+        return middle if middle.misfit() - best.misfit() < max(TIE, SURE * jackknifed(groups)) else best
+
     def searched(self) -> bool:
         """Look for it; False where the engine has no answer to any."""
         rng = np.random.default_rng(SEED)
@@ -144,6 +179,9 @@ class LawSearch:
         for count in AGAIN:
             self.all(self.drawn(count, rng))
         self.nearer()
+        if self.trials and not self.late():
+            best = self.best
+            self.middle = self.tried(best.x + self.step(best, 0, MIDDLE, even=True))
         return bool(self.trials)
 
     def all(self, at: Sequence[np.ndarray]) -> None:
@@ -172,41 +210,56 @@ class LawSearch:
         for _ in range(ROUNDS):
             best = self.best
             self.all([best.x + self.step(best, 0, width) for width in WIDTHS])
-            if self.best is best:
+            if best.misfit() - self.best.misfit() < GAIN:
                 break
 
-    def answers(self, best: Trial, group: int, width: float) -> np.ndarray:
-        """How the statistics answer (n, k) to each coordinate that is looked for, by the trials about the best one that
-        are within a width of it.
+    def model(self, best: Trial, group: int, width: float, even: bool) -> Model:
+        """What the statistics are off at the best trial and how they answer to each coordinate that is looked for, by
+        the trials within a width of it: as that one is off itself, or ``even``, as these are on average.
         """
         away = np.array([each.x - best.x for each in self.trials])[:, self.room.free]
-        change = np.array([each.joined(group) for each in self.trials]) - best.joined(group)
+        off, own = np.array([each.joined(group) for each in self.trials]), best.joined(group)
         weight = np.exp(-0.5 * np.sum((away / width) ** 2, axis=1))
-        ridge = 1e-3 * width**2 * np.eye(away.shape[1])
-        return np.asarray(np.linalg.solve((away.T * weight) @ away + ridge, (away.T * weight) @ change).T)
+        terms = np.column_stack([away, np.ones(len(away))]) if even else away
+        ridge = 1e-3 * width**2 * np.diag([*np.ones(away.shape[1]), 0.0][: terms.shape[1]])
+        inverse = np.linalg.inv((terms.T * weight) @ terms + ridge)
+        found = inverse @ (terms.T * weight) @ (off - own)
+        left = weight @ (off - own - terms @ found) ** 2 / max(float(weight.sum()) - len(found), 0.5)
+        k = away.shape[1]
+        return Model(own + found[-1] if even else own, found[:k].T, left, inverse[:k, :k])
 
-    def step(self, best: Trial, group: int, width: float) -> np.ndarray:
-        """From the best trial to the least misfit of a linear model, (4,), as far as that goes at most."""
-        free, room, off = self.room.free, self.room, best.joined(group)
-        answers = self.answers(best, group, width)
+    def step(self, best: Trial, group: int, width: float, even: bool = False) -> np.ndarray:
+        """From the best trial to the least misfit of a linear model, (4,), as far as that goes at most; of an ``even``
+        one to the least squares.
+        """
+        free, room = self.room.free, self.room
+        model = self.model(best, group, width, even)
+        off, answers = model.off, model.answers
         low, high = np.maximum(room.low - best.x, -width)[free], np.minimum(room.high - best.x, width)[free]
         step = np.zeros(4)
-        for _ in range(REWEIGHED):
-            root = np.sqrt(best.weights(off + answers @ step[free], group))
+        for _ in range(1 if even else REWEIGHED):
+            root = np.sqrt(best.weights(off + answers @ step[free], group, even))
             rows = np.vstack([answers * root[:, None], RELUCTANT * np.eye(len(free))])
             wanted = np.concatenate([-off * root, np.zeros(len(free))])
             step[free] = lsq_linear(rows, wanted, (low - 1e-9, high + 1e-9)).x
         return step
 
     def scatter(self) -> np.ndarray:
-        """Standard deviations (4,) of the coordinates at the best trial: by which leaving revolutions out moves them,
-        and by which the statistics would be off once more what they are.
+        """Standard deviations (4,) of the coordinates that were found: by which leaving revolutions out moves them, and
+        by which the statistics would be off once more what they are.
         """
-        best, free = self.best, self.room.free
-        moved = np.array([self.step(best, 1 + g, WIDTHS[1])[free] for g in range(self.statistics.groups)])
+        found, free = self.answer, self.room.free
+        even = found is self.middle
+        moved = [self.step(found, 1 + g, MIDDLE, even)[free] for g in range(self.statistics.groups)]
         drawn = (len(moved) - 1) * np.var(moved, axis=0)
-        answers = self.answers(best, 0, WIDTHS[1]) * np.sqrt(best.weights(best.joined(0)))[:, None]
-        flat = np.linalg.inv(answers.T @ answers + RELUCTANT**2 * np.eye(len(free)))
-        found = np.zeros(4)
-        found[free] = np.sqrt(drawn + np.diag(flat))
-        return found
+        model = self.model(found, 0, MIDDLE, even)
+        flat = np.linalg.inv(model.curvature(found.weights(model.off, 0, even)))
+        wide = np.zeros(4)
+        wide[free] = np.sqrt(drawn + np.diag(flat))
+        return wide
+
+
+def jackknifed(values: Sequence[float]) -> float:
+    """Standard deviation of a statistic whose values with each group left out in turn are these."""
+    n = len(values)
+    return math.sqrt((n - 1) * float(np.var(values))) if n > 1 else math.inf
