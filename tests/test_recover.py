@@ -95,7 +95,7 @@ def hidden(name: str) -> Planted:
     return Planted(name, where, values)
 
 
-APART = {"stamp_jitter", "contact_law"}  # of the one each line has its own, the other rattles: they have their own tests
+APART = {"stamp_jitter", "contact_law"}  # they have tests of their own: each line has its jitter, and a law rattles
 PLAYED = [n for n in VOCABULARY if n not in APART]
 
 

@@ -87,8 +87,8 @@ class Found:
         moves: bool,
         late: Callable[[], bool] = lambda: False,
     ) -> Found | None:
-        """Look for the law in a joint with a clearance (m), which ``moves`` where it is not known; None where the engine
-        has no answer.
+        """Look for the law in a joint with a clearance (m), which ``moves`` where it is not known; None where the
+        engine has no answer.
         """
         assert isinstance(term.effect, ContactLaw)
         usual = term.effect.usual(rig, term.where)[1]
@@ -159,8 +159,8 @@ class Found:
 
     def told(self, simulator: str) -> str:
         """How it was found and what the data do not tell, in sentences."""
-        laws = f"{count(self.search.count, 'law')} of contact were tried in joint {self.term.where} in {simulator}"
-        text = f"{laws}, {len(self.search.trials)} of them in all revolutions."
+        laws = count(len(self.search.trials), "law")
+        text = f"{laws} of contact were simulated in joint {self.term.where} by {simulator}, with all revolutions."
         untold, found = self.untold(), self.intervals()["stiffness"]
         if untold:
             text += f" The data do not tell {' or '.join(untold)}: the statistics hardly answer to it."

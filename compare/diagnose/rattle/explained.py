@@ -153,9 +153,9 @@ class Bench:
     def striking(self, clearance: Term | None, law: Term) -> Simulate:
         """Laws of contact in a joint, with a clearance that is tried there, or the mechanism's own."""
 
-        def simulate(tried: Law, size: float, first: int | None) -> Readings | None:
+        def simulate(tried: Law, size: float) -> Readings | None:
             own = [] if clearance is None else _with(clearance, size)
-            return self.simulated([*own, (law, tried._asdict())], first)
+            return self.simulated([*own, (law, tried._asdict())], None)
 
         return simulate
 

@@ -1,8 +1,8 @@
 """The law by which a pin strikes its bearing: which restitution, stiffness and friction spread an engine's readings as
 they were measured.
 
-Laws are tried in the engine: many in a few revolutions, the best of these in all, and from there on where a linear
-model of the quantiles, through the trials nearby, says that they would be nearest to the measured ones.
+Laws are tried in the engine: some all over, then more about the best ones, and from there on where linear models of the
+quantiles, through the trials nearby, say that they would be nearest to the measured ones.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from scipy.optimize import lsq_linear
 from scipy.stats import qmc
 
 from compare.diagnose.rattle.statistics import Key, Readings, Statistics
-from compare.diagnose.rattle.trial import FIRST, misfit
+from compare.diagnose.rattle.trial import misfit
 
 SPREAD = 22  # laws that are tried all over the room
 AGAIN = (8, 8, 8, 8)  # more of them about the best ones
@@ -30,7 +30,7 @@ GAIN = 0.02  # of the logarithm of the distance, that such a round must bring fo
 MIDDLE = 0.2  # of the coordinates: from how far trials tell on average where the statistics are nearest
 TIE = 0.1  # of the logarithm of the distance: trials that close are not told apart
 SURE = 2.0  # standard deviations, over groups of revolutions, by which they may be
-RELUCTANT = 1e-2  # of all that they are off, in a unit of a coordinate: a coordinate to which they answer less is left where it is
+RELUCTANT = 1e-2  # of all that they are off: where they answer less to a coordinate, it is left where it is
 TINY = 0.05  # of what a sensor is off on average: less weighs no more
 REWEIGHED = 12  # times, as what is off changes
 RUBS = 0.05  # a coefficient of friction from which on its ratio counts, below it its difference
@@ -78,13 +78,13 @@ class Room:
         return [np.array([*row, 0.0]) for row in self.low[:3] + even * (self.high - self.low)[:3]]
 
 
-Simulate = Callable[[Law, float, int | None], Readings | None]  # clearance (m), revolutions of each run (None: all)
+Simulate = Callable[[Law, float], Readings | None]  # with a clearance (m)
 
 
 @dataclass(frozen=True)
 class Trial:
-    """A law (coordinates (4,)) as the engine has it: how far ``apart`` its readings are from the measured ones by sensor
-    and what their quantiles are ``off``, (n,) each, of all revolutions and with each group left out.
+    """A law (coordinates (4,)) as the engine has it: how far ``apart`` its readings are from the measured ones by
+    sensor, and what their quantiles are ``off``, (n,) each, of all revolutions and with each group left out.
     """
 
     x: np.ndarray
@@ -139,26 +139,24 @@ class LawSearch:
     simulate: Simulate
     room: Room
     late: Callable[[], bool] = lambda: False
-    trials: list[Trial] = field(default_factory=list)  # with all revolutions
-    count: int = 0  # of all trials
+    trials: list[Trial] = field(default_factory=list)
     middle: Trial | None = None  # where these say on average that the statistics are nearest
 
-    def tried(self, x: np.ndarray, first: int | None = None) -> Trial | None:
+    def tried(self, x: np.ndarray) -> Trial | None:
         """A law as the engine has it; None where it has no answer."""
         x = self.room.within(x)
-        self.count += 1
-        readings = self.simulate(*self.room.at(x), first)
+        readings = self.simulate(*self.room.at(x))
         if readings is None:
             return None
         s, spread = self.statistics, self.statistics.spread(readings)
         pairs = [(spread.whole, s.measured.whole), *zip(spread.less, s.measured.less, strict=True)]
         trial = Trial(x, s.distances(spread), [s.off_by(own, measured) for own, measured in pairs])
-        self.trials += [] if first else [trial]
+        self.trials.append(trial)
         return trial
 
     @property
     def best(self) -> Trial:
-        """The nearest with all revolutions."""
+        """The nearest."""
         return min(self.trials, key=Trial.misfit)
 
     @property
