@@ -20,14 +20,14 @@ from compare.diagnose.rattle.statistics import Key, Readings, Statistics
 from compare.diagnose.rattle.trial import misfit
 
 SPREAD = 22  # laws that are tried all over the room
-AGAIN = (8, 8, 8, 8)  # more of them about the best ones
+AGAIN = (8, 8)  # more of them about the best ones
 ELITE = 5  # trials that count as best ones
 WIDER = 1.4  # times as far as these are apart: new ones
 LEAST = (0.03, 0.04, 0.05, 0.005)  # of the coordinates, that these are drawn apart at least
 WIDTHS = (0.3, 0.15, 0.07)  # of the coordinates: from how far trials enter linear models, and steps may go
-ROUNDS = 6  # of these steps
-GAIN = 0.02  # of the logarithm of the distance, that such a round must bring for another
-MIDDLE = 0.2  # of the coordinates: from how far trials tell on average where the statistics are nearest
+ROUNDS = 10  # of these steps
+GAIN = 0.015  # of the logarithm of the distance, that such a round must bring for another
+MIDDLE = 0.1  # of the coordinates: from how far trials tell on average where the statistics are nearest
 TIE = 0.1  # of the logarithm of the distance: trials that close are not told apart
 SURE = 2.0  # standard deviations, over groups of revolutions, by which they may be
 RELUCTANT = 1e-2  # of all that they are off: where they answer less to a coordinate, it is left where it is
@@ -247,11 +247,10 @@ class LawSearch:
         by which the statistics would be off once more what they are.
         """
         found, free = self.answer, self.room.free
-        even = found is self.middle
-        moved = [self.step(found, 1 + g, MIDDLE, even)[free] for g in range(self.statistics.groups)]
+        moved = [self.step(found, 1 + g, MIDDLE, even=True)[free] for g in range(self.statistics.groups)]
         drawn = (len(moved) - 1) * np.var(moved, axis=0)
-        model = self.model(found, 0, MIDDLE, even)
-        flat = np.linalg.inv(model.curvature(found.weights(model.off, 0, even)))
+        model = self.model(found, 0, MIDDLE, even=True)
+        flat = np.linalg.inv(model.curvature(found.weights(model.off, even=True)))
         wide = np.zeros(4)
         wide[free] = np.sqrt(drawn + np.diag(flat))
         return wide
