@@ -79,9 +79,9 @@ def rattling(problem: Problem) -> Explanation | None:
     if not (terms or laws) or not turns or not rattles(problem.measured, turns, sensors):
         problem.notes += [SILENT] if laws else []
         return None
-    statistics = Statistics(problem.measured, problem.analytic(problem.base), turns, sensors)
     if not terms:
-        return _law_alone(problem, statistics, laws[0])
+        return _law_alone(problem, turns, sensors, laws[0])
+    statistics = Statistics(problem.measured, problem.analytic(problem.base), turns, sensors)
     found = _Judged.of(problem, statistics, terms)
     if found is None or not found.pays():
         problem.notes += [NOWHERE] if laws else []
@@ -450,11 +450,16 @@ def _verdict(last: Named, rivals: bool) -> Verdict:
 # ---------------------------------------------------------------- the law of contact
 
 
-def _law_alone(problem: Problem, statistics: Statistics, law: Term) -> Explanation | None:
+def _law_alone(
+    problem: Problem, turns: Mapping[str, Turns], sensors: Mapping[str, Sequence[str]], law: Term
+) -> Explanation | None:
     """The law of contact in a joint of the mechanism that has clearance; None where it tells nothing."""
-    before = problem.simulated(problem.base).readings
-    if before is None:
+    before, ideal = problem.simulated(problem.base).readings, problem.mechanism.ideal()
+    # with clearance the analytic model foretells no sample in which a pin is off its wall
+    foretold = Model(problem.measured, problem.rig, ideal, problem.model.courses)([problem.base.values(problem.rig)])[0]
+    if before is None or foretold is None:
         return None
+    statistics = Statistics(problem.measured, foretold, turns, sensors)
     own = Tried(law, problem.mechanism.joint(law.where).clearance, statistics.distances(statistics.spread(before)))
     simulate = Bench(problem, statistics.turns).striking(None, law)
     found = Found.of(law, problem.rig, statistics, simulate, own.size, False, problem.options.late)

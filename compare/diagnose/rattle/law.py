@@ -73,9 +73,10 @@ class Room:
         return inside if self.moves else np.array([*inside[:3], 0.0])
 
     def spread(self, count: int, rng: np.random.Generator) -> list[np.ndarray]:
-        """So many coordinates, evenly over the room; the clearance stays."""
-        even = qmc.Halton(3, rng=rng).random(count)
-        return [np.array([*row, 0.0]) for row in self.low[:3] + even * (self.high - self.low)[:3]]
+        """So many coordinates, evenly over the room; the clearance stays unless it moves."""
+        even = qmc.Halton(4 if self.moves else 3, rng=rng).random(count)
+        k = even.shape[1]
+        return [np.array([*row, 0.0][:4]) for row in self.low[:k] + even * (self.high - self.low)[:k]]
 
 
 Simulate = Callable[[Law, float], Readings | None]  # with a clearance (m)
@@ -84,12 +85,14 @@ Simulate = Callable[[Law, float], Readings | None]  # with a clearance (m)
 @dataclass(frozen=True)
 class Trial:
     """A law (coordinates (4,)) as the engine has it: how far ``apart`` its readings are from the measured ones by
-    sensor, and what their quantiles are ``off``, (n,) each, of all revolutions and with each group left out.
+    sensor, and what their quantiles are ``off``, (n,) each, of all revolutions and with each group left out; and the
+    clearance (m) with which positions would reach as far as the measured ones, NaN where none is measured.
     """
 
     x: np.ndarray
     apart: Sequence[Mapping[Key, float]]
     off: Sequence[Mapping[Key, np.ndarray]]
+    wants: float
 
     def misfit(self, keys: Iterable[Key] | None = None, without: int = 0) -> float:
         """Mean logarithm of the distances of some sensors (None: all)."""
@@ -145,12 +148,15 @@ class LawSearch:
     def tried(self, x: np.ndarray) -> Trial | None:
         """A law as the engine has it; None where it has no answer."""
         x = self.room.within(x)
-        readings = self.simulate(*self.room.at(x))
+        law, size = self.room.at(x)
+        readings = self.simulate(law, size)
         if readings is None:
             return None
         s, spread = self.statistics, self.statistics.spread(readings)
         pairs = [(spread.whole, s.measured.whole), *zip(spread.less, s.measured.less, strict=True)]
-        trial = Trial(x, s.distances(spread), [s.off_by(own, measured) for own, measured in pairs])
+        reaches = [s.reaches(spread)[0][key] for key in s.places]
+        wants = size * sum(m for m, _ in reaches) / sum(r for _, r in reaches) if reaches else math.nan
+        trial = Trial(x, s.distances(spread), [s.off_by(own, measured) for own, measured in pairs], wants)
         self.trials.append(trial)
         return trial
 
@@ -173,7 +179,8 @@ class LawSearch:
     def searched(self) -> bool:
         """Look for it; False where the engine has no answer to any."""
         rng = np.random.default_rng(SEED)
-        self.all(self.room.spread(SPREAD, rng))
+        for x in self.room.spread(SPREAD, rng):
+            self.all([self.as_wanted(x)])
         for count in AGAIN:
             self.all(self.drawn(count, rng))
         self.nearer()
@@ -181,6 +188,14 @@ class LawSearch:
             best = self.best
             self.middle = self.tried(best.x + self.step(best, 0, MIDDLE, even=True))
         return bool(self.trials)
+
+    def as_wanted(self, x: np.ndarray) -> np.ndarray:
+        """Coordinates with the clearance that the best trial wants, with which positions reach as far as the measured
+        ones, where it is looked for and they are measured.
+        """
+        if not (self.room.moves and self.statistics.places and self.trials):
+            return x
+        return np.array([*x[:3], math.log(self.best.wants / self.room.size)])
 
     def all(self, at: Sequence[np.ndarray]) -> None:
         """Try some coordinates while there is time."""
