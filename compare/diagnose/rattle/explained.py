@@ -479,11 +479,11 @@ def _told(problem: Problem, found: Found | None, before: Tried) -> bool:
         return False
     problem.notes.append(found.told(problem.simulator))
     gain = found.gains(before.misfit(), [before.misfit(None, 1 + g) for g in range(found.search.statistics.groups)])
-    if gain < PAYS or "restitution" in found.untold():
-        problem.notes.append(
-            f"None is named: the best comes {'hardly ' if gain < PAYS else ''}nearer than"
-            f" {'without it' if gain < PAYS else 'the others, but what impacts give back makes no difference'}."
-        )
+    if gain < PAYS:
+        problem.notes.append("None of them is named: the best comes hardly nearer than what is known already.")
+        return False
+    if "restitution" in found.untold():
+        problem.notes.append("None of them is named: what impacts give back makes no difference to the statistics.")
         return False
     return True
 

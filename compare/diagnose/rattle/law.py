@@ -23,7 +23,7 @@ SPREAD = 22  # laws that are tried all over the room
 AGAIN = (8, 8)  # more of them about the best ones
 ELITE = 5  # trials that count as best ones
 WIDER = 1.4  # times as far as these are apart: new ones
-LEAST = (0.03, 0.04, 0.05, 0.005)  # of the coordinates, that these are drawn apart at least
+LEAST = (0.03, 0.04, 0.05, 0.03)  # of the coordinates, that these are drawn apart at least
 WIDTHS = (0.3, 0.15, 0.07)  # of the coordinates: from how far trials enter linear models, and steps may go
 ROUNDS = 10  # of these steps
 GAIN = 0.015  # of the logarithm of the distance, that such a round must bring for another
@@ -33,6 +33,7 @@ SURE = 2.0  # standard deviations, over groups of revolutions, by which they may
 RELUCTANT = 1e-2  # of all that they are off: where they answer less to a coordinate, it is left where it is
 TINY = 0.05  # of what a sensor is off on average: less weighs no more
 REWEIGHED = 12  # times, as what is off changes
+SIZE = 0.2  # of the logarithm of a clearance: a unit of its coordinate
 RUBS = 0.05  # a coefficient of friction from which on its ratio counts, below it its difference
 SEED = 3
 
@@ -48,14 +49,14 @@ class Law(NamedTuple):
 @dataclass(frozen=True)
 class Room:
     """Where laws are looked for, by coordinates (4,): restitution, friction (logarithm), decades of stiffness from the
-    ``usual`` one (N/m), and the logarithm of the clearance over ``size`` (m), which is 0 unless it ``moves``.
+    ``usual`` one (N/m), and the logarithm of the clearance over ``size`` (m) in units of SIZE, which is 0 unless it ``moves``.
     """
 
     usual: float
     size: float
     moves: bool = False
-    low: np.ndarray = field(default_factory=lambda: np.array([0.15, 0.0, -1.5, -0.3]))
-    high: np.ndarray = field(default_factory=lambda: np.array([0.98, math.log1p(0.6 / RUBS), 0.5, 0.3]))
+    low: np.ndarray = field(default_factory=lambda: np.array([0.15, 0.0, -1.5, -1.5]))
+    high: np.ndarray = field(default_factory=lambda: np.array([0.98, math.log1p(0.6 / RUBS), 0.5, 1.5]))
 
     @property
     def free(self) -> list[int]:
@@ -65,7 +66,7 @@ class Room:
     def at(self, x: np.ndarray) -> tuple[Law, float]:
         """The law and the clearance (m) of coordinates."""
         law = Law(float(x[0]), self.usual * 10 ** float(x[2]), RUBS * math.expm1(float(x[1])))
-        return law, self.size * math.exp(float(x[3]))
+        return law, self.size * math.exp(SIZE * float(x[3]))
 
     def within(self, x: np.ndarray) -> np.ndarray:
         """Coordinates (4,) brought into their room."""
@@ -195,7 +196,7 @@ class LawSearch:
         """
         if not (self.room.moves and self.statistics.places and self.trials):
             return x
-        return np.array([*x[:3], math.log(self.best.wants / self.room.size)])
+        return np.array([*x[:3], math.log(self.best.wants / self.room.size) / SIZE])
 
     def all(self, at: Sequence[np.ndarray]) -> None:
         """Try some coordinates while there is time."""
