@@ -27,6 +27,7 @@ LEAST = (0.03, 0.04, 0.05, 0.03)  # of the coordinates, that these are drawn apa
 WIDTHS = (0.3, 0.15, 0.07)  # of the coordinates: from how far trials enter linear models, and steps may go
 ROUNDS = 10  # of these steps
 GAIN = 0.015  # of the logarithm of the distance, that such a round must bring for another
+SIDE = 0.06  # of each coordinate, to either side of the best trial: the last ones, for intervals
 MIDDLE = 0.1  # of the coordinates: from how far trials tell on average where the statistics are nearest
 TIE = 0.1  # of the logarithm of the distance: trials that close are not told apart
 SURE = 2.0  # standard deviations, over groups of revolutions, by which they may be
@@ -49,7 +50,8 @@ class Law(NamedTuple):
 @dataclass(frozen=True)
 class Room:
     """Where laws are looked for, by coordinates (4,): restitution, friction (logarithm), decades of stiffness from the
-    ``usual`` one (N/m), and the logarithm of the clearance over ``size`` (m) in units of SIZE, which is 0 unless it ``moves``.
+    ``usual`` one (N/m), and the logarithm of the clearance over ``size`` (m) in units of SIZE, which is 0 unless it
+    ``moves``.
     """
 
     usual: float
@@ -185,6 +187,8 @@ class LawSearch:
         for count in AGAIN:
             self.all(self.drawn(count, rng))
         self.nearer()
+        if self.trials:
+            self.all([self.best.x + side * SIDE * np.eye(4)[k] for k in self.room.free for side in (-1, 1)])
         if self.trials and not self.late():
             best = self.best
             self.middle = self.tried(best.x + self.step(best, 0, MIDDLE, even=True))
