@@ -482,8 +482,8 @@ def _told(problem: Problem, found: Found | None, before: Tried) -> bool:
     if gain < PAYS:
         problem.notes.append("None of them is named: the best comes hardly nearer than what is known already.")
         return False
-    if "restitution" in found.untold():
-        problem.notes.append("None of them is named: what impacts give back makes no difference to the statistics.")
+    if len(found.untold()) == len(found.intervals()):
+        problem.notes.append("None of them is named: the statistics answer to none of its parameters.")
         return False
     return True
 
