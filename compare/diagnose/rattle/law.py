@@ -131,10 +131,15 @@ class Model(NamedTuple):
     unsure: np.ndarray
 
     def curvature(self, weights: np.ndarray) -> np.ndarray:
-        """Half of the second derivative (k, k) of the weighted squares, less what trials that scatter make of it."""
-        squares = (self.answers.T * weights) @ self.answers - float(weights @ self.left) * self.unsure
-        size, along = np.linalg.eigh(squares)
-        return np.asarray((along * np.maximum(size, RELUCTANT**2)) @ along.T)
+        """Half of the second derivative (k, k) of the weighted squares, where less than half of it is what trials that
+        scatter make of it; the more of it that is, the less of it counts.
+        """
+        squares = (self.answers.T * weights) @ self.answers + RELUCTANT**2 * np.eye(self.answers.shape[1])
+        root = np.linalg.cholesky(squares)
+        noise = float(weights @ self.left) * np.linalg.solve(root, np.linalg.solve(root, self.unsure).T)
+        share, along = np.linalg.eigh(noise)
+        kept = root @ along
+        return np.asarray((kept * np.clip(2 * (1 - share), RELUCTANT**2, 1.0)) @ kept.T)
 
 
 @dataclass
