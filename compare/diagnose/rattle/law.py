@@ -31,6 +31,7 @@ SIDE = 0.06  # of each coordinate, to either side of the best trial: the last on
 MIDDLE = 0.1  # of the coordinates: from how far trials tell on average where the statistics are nearest
 TIE = 0.1  # of the logarithm of the distance: trials that close are not told apart
 SURE = 2.0  # standard deviations, over groups of revolutions, by which they may be
+TOLD, UNTOLD = 0.4, 0.7  # of a coordinate's answer: what trials that scatter may make of it, and what is all
 RELUCTANT = 1e-2  # of all that they are off: where they answer less to a coordinate, it is left where it is
 TINY = 0.05  # of what a sensor is off on average: less weighs no more
 REWEIGHED = 12  # times, as what is off changes
@@ -130,16 +131,14 @@ class Model(NamedTuple):
     left: np.ndarray
     unsure: np.ndarray
 
-    def curvature(self, weights: np.ndarray) -> np.ndarray:
-        """Half of the second derivative (k, k) of the weighted squares, where less than half of it is what trials that
-        scatter make of it; the more of it that is, the less of it counts.
+    def variances(self, weights: np.ndarray) -> np.ndarray:
+        """Squares (k,) of how far each coordinate can go until the weighted squares are once more what they are; the
+        farther, the more than half of its answer is what trials that scatter make of it.
         """
         squares = (self.answers.T * weights) @ self.answers + RELUCTANT**2 * np.eye(self.answers.shape[1])
-        root = np.linalg.cholesky(squares)
-        noise = float(weights @ self.left) * np.linalg.solve(root, np.linalg.solve(root, self.unsure).T)
-        share, along = np.linalg.eigh(noise)
-        kept = root @ along
-        return np.asarray((kept * np.clip(2 * (1 - share), RELUCTANT**2, 1.0)) @ kept.T)
+        noise = float(weights @ self.left) * np.diag(self.unsure)
+        told = np.clip((UNTOLD - noise / np.diag(squares)) / (UNTOLD - TOLD), RELUCTANT**2, 1.0)
+        return np.asarray(np.diag(np.linalg.inv(squares)) / told)
 
 
 @dataclass
@@ -275,9 +274,9 @@ class LawSearch:
         moved = [self.step(found, 1 + g, MIDDLE, even=True)[free] for g in range(self.statistics.groups)]
         drawn = (len(moved) - 1) * np.var(moved, axis=0)
         model = self.model(found, 0, MIDDLE, even=True)
-        flat = np.linalg.inv(model.curvature(found.weights(model.off, even=True)))
+        flat = model.variances(found.weights(model.off, even=True))
         wide = np.zeros(4)
-        wide[free] = np.sqrt(drawn + np.diag(flat))
+        wide[free] = np.sqrt(drawn + flat)
         return wide
 
 
