@@ -296,6 +296,8 @@ def _candidates(problem: Problem, found: Verified, result: Diagnosis) -> tuple[C
         remaining, rival, sigmas = None, None, 0.0
         if term.key in problem.ruled_out:
             status, why = "excluded", problem.ruled_out[term.key]
+        elif term.effect.asked_for and term.key in chosen:  # by statistics, no sample says so
+            status, why = "named", named(result, chosen[term.key])
         elif term.key not in best:
             status, why = "invisible", "these sensors and runs do not show it"
         else:
