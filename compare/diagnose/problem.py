@@ -24,6 +24,7 @@ from compare.diagnose.inverse import beginnings
 from compare.diagnose.locate import Stretch, locate, rms_difference, spread
 from compare.diagnose.noise import CLOSED, rms
 from compare.diagnose.predict import SLOW, Model, Term, altered
+from compare.diagnose.rattle.contact import asked, lawless
 from compare.diagnose.rattle.explained import ALIKE, rattling
 from compare.diagnose.residuals import Data
 from compare.diagnose.search import Search, costs
@@ -151,8 +152,13 @@ class Problem:
         data = Data(measured, noise, prepare.shared(measured, noise, model))
         fitter = Fitter(model, data, rig, prepare.bounds(rig, measured.tolerance))
         terms, ruled_out = prepare.considered(
-            candidates(rig, options.vocabulary), measured.tolerance, fitter.bounds, options.only, options.exclude
+            candidates(rig, options.vocabulary, (*options.only, *options.exclude)),
+            measured.tolerance,
+            fitter.bounds,
+            options.only,
+            options.exclude,
         )
+        ruled_out |= lawless(terms, ruled_out, mechanism, options.simulator, options.only)
         workers = options.workers or min(2, os.cpu_count() or 1)
         problem = cls(
             measured, rig, mechanism, model, data, fitter, terms, ruled_out, options, engines, skipped,
@@ -168,6 +174,11 @@ class Problem:
     def simulator(self) -> str:
         """The chosen engine."""
         return self.options.simulator
+
+    @property
+    def sought(self) -> list[Term]:
+        """The terms that are looked for sample by sample."""
+        return [t for t in self.terms if t.key not in self.ruled_out and not t.effect.asked_for]
 
     def refuse_slips(self) -> None:
         """Refuse columns that are plainly another sensor's, or in another unit than they say.  Raises MeasuredError."""
@@ -266,10 +277,14 @@ class Problem:
         data, and they are fitted or searched again.
         """
         self.options.progress("search", 1, 4)
-        if rms(self.base.residual) < OVERSTATED and self.largest_rms(self.base.residual) <= CLOSED:
+        laws = asked(self.terms, self.ruled_out)  # with clearance of its own the nominal mechanism may rattle itself
+        quiet = rms(self.base.residual) < OVERSTATED and self.largest_rms(self.base.residual) <= CLOSED
+        if quiet and not laws:
             return self.quiet()
         if (found := rattling(self)) is not None:
             return found
+        if quiet:
+            return self.quiet()
         fit = self.best_fit(self.data)
         for _ in range(RECOLOURED):
             if self.options.late() or not self.coloured(fit):
@@ -348,7 +363,7 @@ class Problem:
 
     def prepare_search(self) -> Search:
         """A search in these data that has not begun: what each effect would do is known."""
-        wanted = [t for t in self.terms if t.key not in self.ruled_out]
+        wanted = self.sought
         cost = costs(wanted, self.rig, self.data.size)
         self.search = self.prepared(self.data, cost, wanted, bool(self.base.terms))
         return self.search
@@ -376,7 +391,7 @@ class Problem:
         """The best set of effects in these data, by the analytic model; or the first one ``again``, fitted to these
         data.  What ``before`` has fitted to them, but for a shift, begins there.
         """
-        wanted = [t for t in self.terms if t.key not in self.ruled_out]
+        wanted = self.sought
         cost = costs(wanted, self.rig, data.size)
         free = bool(self.base.terms)
         # a free motion answers linearly only at first: its first part is explained first

@@ -297,7 +297,7 @@ def _candidates(problem: Problem, found: Verified, result: Diagnosis) -> tuple[C
         if term.key in problem.ruled_out:
             status, why = "excluded", problem.ruled_out[term.key]
         elif term.key not in best:
-            status, why = "invisible", "these sensors and runs do not show it"
+            status, why = _unseen(result, chosen.get(term.key))
         else:
             gain, shown = best[term.key]
             sigmas = math.sqrt(max(gain, 0.0))
@@ -320,6 +320,13 @@ def _candidates(problem: Problem, found: Verified, result: Diagnosis) -> tuple[C
             why=why,
         )
     return tuple(rows.values())
+
+
+def _unseen(result: Diagnosis, n: Named | None) -> tuple[Status, str]:
+    """What is said of an effect that no sample shows: one that is asked for may be named by statistics."""
+    if n is not None and n.term.effect.asked_for:
+        return "named", named(result, n)
+    return "invisible", "these sensors and runs do not show it"
 
 
 def _not_needed(search: Search, e: Explanation, term: Term, sigmas: float) -> str:

@@ -8,7 +8,7 @@ anything is fitted.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -40,12 +40,15 @@ class Sensitivity:
         return coefficients if self.fitted else t.effect.start(rig, t.where, coefficients, t.variant)
 
 
-def candidates(rig: Rig, vocabulary: Mapping[str, Effect]) -> list[Term]:
-    """Every effect at every place in every variant."""
+def candidates(rig: Rig, vocabulary: Mapping[str, Effect], asked: Collection[str] = ()) -> list[Term]:
+    """Every effect at every place in every variant; of those that must be asked for, what is ``asked`` for by name or
+    label.
+    """
     found = []
     for effect in vocabulary.values():
         for where in effect.places(rig):
-            found += [Term(effect, where, variant) for variant in effect.variants(rig, where)]
+            terms = [Term(effect, where, variant) for variant in effect.variants(rig, where)]
+            found += [t for t in terms if not effect.asked_for or {effect.name, t.label} & set(asked)]
     return found
 
 

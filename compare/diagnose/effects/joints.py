@@ -1,4 +1,4 @@
-"""Effects in joints: play, friction, soft bearings and springs."""
+"""Effects in joints: play and contact, friction, soft bearings and springs."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from analytic.mechanism import Mechanism
 from compare.diagnose.effects.effect import Draw, Effect, Growth, Hiding, Parameter, Reciprocal, Rig, Values
+from sim_models.common.contact_laws import contact_parameters, lighter_mass, restitution
 
 SLIP_SPEEDS = (0.04, 0.12, 0.36)  # of the fastest run: Stribeck speeds that are tried at first, a factor of three apart
 FASTER = 3.0  # times the fastest run: a Stribeck speed above that is no more than Coulomb friction
@@ -68,6 +69,84 @@ class JointClearance(OnJoint):
     def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
         shortest = min(b.length for b in rig.mechanism.bodies if b.length > 0)
         return Growth(lambda a: {"radial_clearance": a * shortest}, 0.01)
+
+
+class ContactLaw(Effect):
+    """How a pin strikes that leaves its bearing.  Natural coordinates are what the model lacks of restitution, of the
+    stiffness' logarithm and of the coefficient of friction.
+    """
+
+    name = "contact_law"
+    place = "joint"
+    label = "another contact in joint {}"
+    meaning = "the pin of joint {} strikes its bearing otherwise"
+    needs = frozenset({"contact", "contact_law", "contact_friction"})
+    hiding = Hiding(sets=None)
+    asked_for = True
+    parameters = (
+        Parameter("restitution", "1", "restitution", 0.0),
+        Parameter("stiffness", "N/m", "stiffness", 0.0),
+        Parameter("friction", "1", "friction", 0.0),
+    )
+
+    def places(self, rig: Rig) -> Sequence[str]:
+        soft = rig.mechanism.soft_bearings
+        return [j for j in JointClearance().places(rig) if j not in soft]
+
+    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
+        return (0.01, 0.1, 0.01)
+
+    def blames(self, parameter: str) -> bool:
+        return False
+
+    def usual(self, rig: Rig, where: str) -> tuple[float, float, float]:
+        """Restitution, stiffness (N/m) and friction of the model, at the speed of the fastest run."""
+        mechanism = rig.mechanism
+        drive = mechanism.drive and mechanism.drive.model_copy(update={"speed": rig.speed})
+        joint, real = mechanism.joint(where), mechanism.replace(drive=drive) if drive else mechanism
+        made = contact_parameters(real, joint, "driven")
+        if joint.restitution is not None:
+            return joint.restitution, made.stiffness, joint.friction
+        ratio = made.damping / (2 * math.sqrt(made.stiffness * lighter_mass(mechanism, joint)))
+        return restitution(ratio), made.stiffness, joint.friction
+
+    def lowest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
+        back, _, friction = self.usual(rig, where)
+        return np.array([-back, -math.inf, -friction])
+
+    def values(self, rig: Rig, where: str, x: np.ndarray, variant: float = 0.0) -> dict[str, float]:
+        back, stiffness, friction = self.usual(rig, where)
+        return {
+            "restitution": float(np.clip(back + x[0], 0.0, 1.0)),
+            "stiffness": stiffness * math.exp(float(x[1])),
+            "friction": friction + float(x[2]),
+        }
+
+    def natural(self, rig: Rig, where: str, values: Values, variant: float = 0.0) -> np.ndarray:
+        back, stiffness, friction = self.usual(rig, where)
+        hardness = math.log(values["stiffness"] / stiffness)
+        return np.array([values["restitution"] - back, hardness, values["friction"] - friction])
+
+    def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
+        return mechanism.with_joint(
+            where,
+            contact_stiffness=values["stiffness"],
+            contact_damping=None,
+            restitution=values["restitution"],
+            friction=values["friction"],
+        )
+
+    def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
+        back, stiffness, friction = self.usual(rig, where)
+        harder, rubs = draw.rng.uniform(-1.0, 1.0), draw.rng.uniform(0.0, 0.3)
+        return Growth(
+            lambda a: {
+                "restitution": back + a * (0.95 - back),
+                "stiffness": stiffness * math.exp(a * harder),
+                "friction": friction + a * rubs,
+            },
+            1.0,
+        )
 
 
 class CoulombFriction(OnJoint):
@@ -410,4 +489,5 @@ EFFECTS: tuple[Effect, ...] = (
     Drag(),
     JointCompliance(),
     NonlinearSpring(),
+    ContactLaw(),
 )

@@ -18,6 +18,8 @@ from compare.diagnose.engines import Engines
 from compare.diagnose.explain import Attempt, Explanation, Interval, Named
 from compare.diagnose.fit import Fit
 from compare.diagnose.predict import Hypothesis, Model, Term
+from compare.diagnose.rattle.contact import SILENT, Found, asked
+from compare.diagnose.rattle.law import Law, Simulate
 from compare.diagnose.rattle.statistics import Key, Readings, Statistics
 from compare.diagnose.rattle.trial import Trials, Tried, least, reaching, wanted
 from compare.diagnose.rattle.turns import FEWEST, TURNS, Turns, rattles
@@ -33,6 +35,7 @@ SEEN = 0.3  # of it: positions, or forces, that are farther from the nominal rig
 TIE = 0.1  # of it: joints that close are not told apart
 SURE = 2.0  # standard deviations, over groups of revolutions, by which they may be
 ALIKE = 1.6  # times how far two recordings of one rig are apart: statistics that are explained
+NOWHERE = "A contact law is asked for, and no joint's clearance does as the rig does: none was looked for."
 LAW = 0.05  # of a clearance: what contact laws other than the engine's may make of it, one standard deviation
 LITTLE = 1e-3  # of the shortest link: a clearance to first order
 BOUNCES = (0.6, 0.85)  # restitutions that are tried beside that of the usual damping, 0.3
@@ -71,11 +74,19 @@ def rattling(problem: Problem) -> Explanation | None:
     able = struck.simulated_by(engine(problem.simulator))
     known = [t for t in problem.terms if isinstance(t.effect, JointClearance) and t.key not in problem.ruled_out]
     terms = [Term(struck, t.where) for t in known if able]
+    laws = asked(problem.terms, problem.ruled_out)
     sensors = {run.name: _sensors(problem, run) for run in problem.measured.runs if run.name in turns}
-    if not terms or not turns or not rattles(problem.measured, turns, sensors):
+    if not (terms or laws) or not turns or not rattles(problem.measured, turns, sensors):
+        problem.notes += [SILENT] if laws else []
         return None
-    found = _Judged.of(problem, Statistics(problem.measured, problem.analytic(problem.base), turns, sensors), terms)
-    return None if found is None or not found.pays() else found.explanation()
+    if not terms:
+        return _law_alone(problem, turns, sensors, laws[0])
+    statistics = Statistics(problem.measured, problem.analytic(problem.base), turns, sensors)
+    found = _Judged.of(problem, statistics, terms)
+    if found is None or not found.pays():
+        problem.notes += [NOWHERE] if laws else []
+        return None
+    return found.with_law(laws) if laws else found.explanation()
 
 
 def _turns(problem: Problem) -> dict[str, Turns]:
@@ -121,12 +132,16 @@ class Bench:
         """Readings (N,) by signal of each run, NaN beyond its ``first`` revolutions and nothing of runs that are not
         judged; None where the engine has no answer.
         """
+        return self.simulated(_with(term, size), first)
+
+    def simulated(self, hypothesis: Hypothesis, first: int | None) -> Readings | None:
+        """The same of any hypothesis."""
         rows = {
             name: np.flatnonzero((each.turn >= 0) & (each.turn < (first or each.count)))
             for name, each in self.turns.items()
         }
         engines = Engines(_cut(self.problem, rows), self.problem.simulator, 1)
-        found = engines.simulate(_with(term, size), (self.problem.simulator,))[self.problem.simulator].readings
+        found = engines.simulate(hypothesis, (self.problem.simulator,))[self.problem.simulator].readings
         if found is None:
             return None
         judged = dict(zip([run.name for run in self.problem.measured.runs if run.name in rows], found, strict=True))
@@ -134,6 +149,15 @@ class Bench:
             {s: _among(values, rows[run.name], run.time.size) for s, values in judged.get(run.name, {}).items()}
             for run in self.problem.measured.runs
         ]
+
+    def striking(self, clearance: Term | None, law: Term) -> Simulate:
+        """Laws of contact in a joint, with a clearance that is tried there, or the mechanism's own."""
+
+        def simulate(tried: Law, size: float) -> Readings | None:
+            own = [] if clearance is None else _with(clearance, size)
+            return self.simulated([*own, (law, tried._asdict())], None)
+
+        return simulate
 
 
 def _with(term: Term, size: float) -> Hypothesis:
@@ -307,9 +331,7 @@ class _Judged:
             tuple(rivals),
             share,
         )
-        held = named.held_out[1] < named.held_out[0]
-        closed = gap[1] <= ALIKE and held
-        verdict: Verdict = "partly explained" if not closed else "ambiguous" if rivals else "explained"
+        verdict = _verdict(named, bool(rivals))
         p.notes.append(self.told())
         tied = {term for term, _ in rivals}
         others = [each[0] for each in self.trials[1:] if each[0].term not in tied]
@@ -318,10 +340,35 @@ class _Judged:
             self.statistics,
         )  # fmt: skip
 
+    def with_law(self, laws: Sequence[Term]) -> Explanation:
+        """The same with the law of contact at that joint, and its clearance as that law wants it."""
+        plain, best, trials = self.explanation(), self.best, self.trials[0]
+        law = next((t for t in laws if t.where == best.term.where), None)
+        if law is None:
+            self.problem.notes.append(
+                f"{laws[0].label} is asked for, and the clearance that was found is in joint {best.term.where}: no law"
+                " was looked for."
+            )
+            return plain
+        struck = Term(Struck(self.problem.rig.speed), law.where)
+        simulate = Bench(self.problem, self.statistics.turns).striking(struck, law)
+        found = Found.of(
+            law, self.problem.rig, self.statistics, simulate, self.size(trials), True, self.problem.options.late
+        )
+        if not _told(self.problem, found, best):
+            return plain
+        assert found is not None
+        wide = math.exp(1.96 * math.hypot(found.spread, LAW))
+        size = {struck.effect.parameters[0].name: Interval(found.size, found.size / wide, found.size * wide, "m")}
+        fit = _lawful(self._fit(struck, found.size), found)
+        clearance = replace(plain.named[0], term=struck, parameters=size)
+        named = clearance, _named_law(self.nominal, best, found)
+        return replace(plain, fit=fit, named=named, verdict=_verdict(named[1], bool(clearance.ties)))
+
     def _closed(self, tried: Tried) -> tuple[tuple[float, float], float]:
         """The gap before and after, and the share of its square beyond two recordings' own that goes."""
         before, after = math.exp(self.nominal.misfit()), math.exp(tried.misfit())
-        return (before, after), float(np.clip((before**2 - after**2) / (before**2 - 1), 0.0, 1.0))
+        return (before, after), _share(before, after, before)
 
     def _attempt(self, other: Tried) -> Attempt:
         name = other.term.effect.parameters[0].name
@@ -387,3 +434,67 @@ def jackknifed(values: Sequence[float]) -> float:
     """Standard deviation of a statistic whose values with each group left out in turn are these."""
     n = len(values)
     return math.sqrt((n - 1) * float(np.var(values))) if n > 1 else math.inf
+
+
+def _share(before: float, after: float, nominal: float) -> float:
+    """The share of the nominal gap's square, beyond two recordings' own, that goes from one gap to another."""
+    return float(np.clip((before**2 - after**2) / max(nominal**2 - 1, 1e-12), 0.0, 1.0))
+
+
+def _verdict(last: Named, rivals: bool) -> Verdict:
+    """What is said where this is the last effect to be named."""
+    closed = last.gap[1] <= ALIKE and last.held_out[1] < last.held_out[0]
+    return "partly explained" if not closed else "ambiguous" if rivals else "explained"
+
+
+# ---------------------------------------------------------------- the law of contact
+
+
+def _law_alone(
+    problem: Problem, turns: Mapping[str, Turns], sensors: Mapping[str, Sequence[str]], law: Term
+) -> Explanation | None:
+    """The law of contact in a joint of the mechanism that has clearance; None where it tells nothing."""
+    before, ideal = problem.simulated(problem.base).readings, problem.mechanism.ideal()
+    # with clearance the analytic model foretells no sample in which a pin is off its wall
+    foretold = Model(problem.measured, problem.rig, ideal, problem.model.courses)([problem.base.values(problem.rig)])[0]
+    if before is None or foretold is None:
+        return None
+    statistics = Statistics(problem.measured, foretold, turns, sensors)
+    own = Tried(law, problem.mechanism.joint(law.where).clearance, statistics.distances(statistics.spread(before)))
+    simulate = Bench(problem, statistics.turns).striking(None, law)
+    found = Found.of(law, problem.rig, statistics, simulate, own.size, False, problem.options.late)
+    if not _told(problem, found, own):
+        return None
+    assert found is not None
+    search, named = problem.prepare_search(), _named_law(own, own, found)
+    fit = _lawful(problem.base, found)
+    weights = np.ones(problem.data.size)
+    return Explanation(search.base, fit, (named,), _verdict(named, False), weights, False, (), statistics)
+
+
+def _told(problem: Problem, found: Found | None, before: Tried) -> bool:
+    """Whether the data tell a law, which is noted either way."""
+    if found is None:
+        problem.notes.append(f"No law of contact could be tried: {problem.simulator} has no answer to any.")
+        return False
+    problem.notes.append(found.told(problem.simulator))
+    gain = found.gains(before.misfit(), [before.misfit(None, 1 + g) for g in range(found.search.statistics.groups)])
+    if gain < PAYS:
+        problem.notes.append("None of them is named: the best comes hardly nearer than what is known already.")
+        return False
+    if len(found.untold()) == len(found.intervals()):
+        problem.notes.append("None of them is named: the statistics answer to none of its parameters.")
+        return False
+    return True
+
+
+def _named_law(nominal: Tried, before: Tried, found: Found) -> Named:
+    """The law as it is named, beside what was there before it."""
+    gap = math.exp(before.misfit()), math.exp(found.search.answer.misfit())
+    share = _share(*gap, math.exp(nominal.misfit()))
+    return Named(found.term, found.intervals(), 0.0, gap, found.held_out(before.apart[0]), (), share)
+
+
+def _lawful(fit: Fit, found: Found) -> Fit:
+    """A fit with the law, to which the analytic model has no answer."""
+    return unmoved(fit, found.term, found.natural)

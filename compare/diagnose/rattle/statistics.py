@@ -132,6 +132,13 @@ class Statistics:
             for key, floor in self.floor.items()
         }
 
+    def off_by(self, other: Mapping[Key, np.ndarray], own: Mapping[Key, np.ndarray]) -> dict[Key, np.ndarray]:
+        """What quantiles are off others, (n,) by sensor, over how far two recordings of one rig are apart."""
+        off = {
+            key: (self.told(key, other[key]) - self.told(key, own[key])).ravel() / f for key, f in self.floor.items()
+        }
+        return {key: each[np.isfinite(each)] for key, each in off.items()}
+
     def distances(self, spread: Spread) -> list[dict[Key, float]]:
         """How far simulated readings are from the measured ones, by sensor: of all revolutions, and with each group
         left out of both.
