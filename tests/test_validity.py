@@ -222,9 +222,13 @@ def test_a_platform_whose_pins_are_too_loose_for_first_order_is_told_so() -> Non
     assert examined.costs["quasi-static"] > examined.costs["quasi-static-corrected"] > 0
 
 
-@pytest.mark.mujoco
-@pytest.mark.dart
-@pytest.mark.parametrize("simulator", ["mujoco", "dart"])
+@pytest.mark.parametrize(
+    "simulator",
+    [
+        pytest.param("mujoco", marks=pytest.mark.mujoco),
+        pytest.param("dart", marks=[pytest.mark.dart, pytest.mark.slow]),
+    ],
+)
 def test_a_pin_that_swings_about_its_place_of_rest_is_no_fault_of_the_simulation(simulator: str) -> None:
     """Where the reaction turns fast it sets the pin swinging, which nothing damps: by 0.1 deg to either side for the
     rest of the turn, a fifth of what its place may be off, and twice what its reaction may.
