@@ -182,6 +182,7 @@ def test_a_law_without_a_name_rubs_as_hard(fields: dict[str, float]) -> None:
     np.testing.assert_allclose(np.abs(seen["reaction_S_x"] / seen["reaction_S_y"]), MU, rtol=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.mujoco
 def test_a_cross_check_tells_what_friction_of_a_block_takes() -> None:
     m = slider_crank("tilted", speed=30.0).with_joint("S", friction=MU, contact_law="kelvin-voigt", restitution=0.5)

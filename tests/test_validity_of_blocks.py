@@ -18,7 +18,6 @@ from compare.domain_map.validity import gridded, validity
 from compare.faults import ArgumentError
 from compare.report.validity_text import edge_rows, markdown
 from compare.results.validity import Cell, Validity
-from marks import slow
 from sim_models.engine import Unsupported, declared
 
 SCHEMA = json.loads(resources.files("compare").joinpath("schemas", "validity.json").read_text(encoding="utf-8"))
@@ -44,7 +43,8 @@ def of_blocks(simulator: str, friction: float) -> Validity:
     )
 
 
-@pytest.mark.parametrize("simulator", ["exudyn", *slow("mujoco")])
+@pytest.mark.slow
+@pytest.mark.parametrize("simulator", ["exudyn", "mujoco"])
 def test_a_block_has_a_map_of_its_own_words(simulator: str) -> None:
     """At 100 rpm its weight keeps it on its wall, and friction takes what it wears; at 600 it flies and bounces."""
     pytest.importorskip(simulator)
@@ -70,6 +70,7 @@ def test_a_block_has_a_map_of_its_own_words(simulator: str) -> None:
     Draft202012Validator(SCHEMA).validate(json.loads(result.to_json()))
 
 
+@pytest.mark.slow
 @pytest.mark.mujoco
 def test_engines_have_the_same_map_of_a_block() -> None:
     pytest.importorskip("exudyn")

@@ -15,7 +15,7 @@ from compare.diagnose.effects.effect import Rig
 from compare.diagnose.effects.joints import ContactLaw, JointClearance
 from compare.diagnose.explain import Interval
 from compare.diagnose.predict import Term
-from compare.diagnose.rattle.law import SIZE, LawSearch, Room, Simulate
+from compare.diagnose.rattle.law import LawSearch, Room, Simulate
 from compare.diagnose.rattle.statistics import Key, Statistics
 from sim_models.engine import ENGINES, Unsupported, declared, engine
 
@@ -99,11 +99,6 @@ class Found:
     def size(self) -> float:
         """The clearance (m)."""
         return self.search.room.at(self.search.answer.x)[1]
-
-    @property
-    def spread(self) -> float:
-        """Standard deviation of its logarithm."""
-        return SIZE * float(self.search.scatter()[3])
 
     @property
     def natural(self) -> np.ndarray:

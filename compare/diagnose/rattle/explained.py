@@ -39,6 +39,7 @@ NOWHERE = "A contact law is asked for, and no joint's clearance does as the rig 
 LAW = 0.05  # of a clearance: what contact laws other than the engine's may make of it, one standard deviation
 LITTLE = 1e-3  # of the shortest link: a clearance to first order
 BOUNCES = (0.6, 0.85)  # restitutions that are tried beside that of the usual damping, 0.3
+RUBS = 0.1  # coefficient of friction that is tried beside none, where the law of contact is asked for
 MOST = 0.06  # of the shortest link: no clearance is tried beyond
 
 
@@ -47,11 +48,12 @@ class Struck(JointClearance):
     """Clearance whose pin strikes a wall that gives: where the mechanism says nothing of the contact, it has the
     default stiffness, and with that one law in every engine (left out, MuJoCo's own is hard, and bounces otherwise).
     That stiffness is for a crank that turns at ``speed`` (rad/s).  A ``restitution`` is what impacts give back of their
-    speed, in place of what that law's usual damping does.
+    speed, in place of what that law's usual damping does; ``friction`` a coefficient in the contact.
     """
 
     speed: float
     restitution: float | None = None
+    friction: float | None = None
 
     def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
         joint = mechanism.joint(where)
@@ -62,6 +64,8 @@ class Struck(JointClearance):
             mechanism = mechanism.with_joint(where, contact_stiffness=stiffness)
         if self.restitution is not None:
             mechanism = mechanism.with_joint(where, restitution=self.restitution)
+        if self.friction is not None:
+            mechanism = mechanism.with_joint(where, friction=self.friction)
         return super().on_mechanism(mechanism, where, values)
 
 
@@ -75,6 +79,9 @@ def rattling(problem: Problem) -> Explanation | None:
     known = [t for t in problem.terms if isinstance(t.effect, JointClearance) and t.key not in problem.ruled_out]
     terms = [Term(struck, t.where) for t in known if able]
     laws = asked(problem.terms, problem.ruled_out)
+    # friction that is not known, where it is looked for, must not make another joint of the one that rubs
+    rubs = {law.where for law in laws if not problem.mechanism.joint(law.where).friction}
+    terms += [Term(replace(struck, friction=RUBS), t.where) for t in terms if t.where in rubs]
     sensors = {run.name: _sensors(problem, run) for run in problem.measured.runs if run.name in turns}
     if not (terms or laws) or not turns or not rattles(problem.measured, turns, sensors):
         problem.notes += [SILENT] if laws else []
@@ -187,7 +194,8 @@ def bouncing(problem: Problem) -> Callable[[Term], Sequence[Term]]:
     def others(term: Term) -> Sequence[Term]:
         joint = problem.mechanism.joint(term.where)
         known = joint.restitution is not None or joint.contact_damping is not None
-        return () if known else [Term(Struck(problem.rig.speed, e), term.where) for e in BOUNCES]
+        assert isinstance(term.effect, Struck)
+        return () if known else [Term(replace(term.effect, restitution=e), term.where) for e in BOUNCES]
 
     return others
 
@@ -246,7 +254,8 @@ class _Judged:
         bench = Bench(problem, statistics.turns)
         trials = Trials(statistics, bench, _shortest(problem), largest, problem.options.late, bouncing(problem))
         found = trials.searched(sizes(problem, statistics, terms), nominal.misfit())
-        return cls(problem, statistics, nominal, found) if found else None
+        joints = {tried[0].term.where: tried for tried in reversed(found)}  # each with the law that does best there
+        return cls(problem, statistics, nominal, [t for t in found if joints[t[0].term.where] is t]) if found else None
 
     @property
     def best(self) -> Tried:
@@ -358,7 +367,8 @@ class _Judged:
         if not _told(self.problem, found, best):
             return plain
         assert found is not None
-        wide = math.exp(1.96 * math.hypot(found.spread, LAW))
+        known = self.interval(trials)  # by how far positions reach; what the law moves it by comes on top
+        wide = math.exp(math.hypot(math.log(known.high / known.value), math.log(found.size / known.value)))
         size = {struck.effect.parameters[0].name: Interval(found.size, found.size / wide, found.size * wide, "m")}
         fit = _lawful(self._fit(struck, found.size), found)
         clearance = replace(plain.named[0], term=struck, parameters=size)

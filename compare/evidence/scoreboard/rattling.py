@@ -43,7 +43,7 @@ PLACES = {
     "crank-rocker": ("follower_angle", "coupler_x", "coupler_y", "coupler_angle"),
     "slider-crank": ("slider_x", "rod_x", "rod_y", "rod_angle"),
 }
-ATTEMPTS = 60
+ATTEMPTS = 200
 FAR = 2.0  # times beyond its band: a first run after which no other is made
 
 
