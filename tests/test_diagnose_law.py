@@ -89,7 +89,13 @@ def test_parameters_to_which_statistics_do_not_answer_are_not_told() -> None:
     assert (known["restitution"].low, known["restitution"].high) == (0.0, 1.0)
     assert (known["stiffness"].low, known["stiffness"].high) == (-math.inf, math.inf)
     assert (known["friction"].low, known["friction"].high) == (0.0, math.inf)
-    assert "do not tell restitution or stiffness or friction" in found.told("mujoco")
+    assert "hardly answer to restitution and stiffness and friction" in found.told("mujoco")
+
+
+def test_a_search_without_time_finds_no_law() -> None:
+    search = LawSearch(statistics(rattled(4, TRUE)), lambda law, size: None, Room(USUAL, 5e-4), lambda: True)
+    assert not search.searched()
+    assert search.trials == []
 
 
 def test_it_is_no_candidate_unless_it_is_asked_for() -> None:
@@ -129,7 +135,7 @@ def test_with_an_unknown_clearance_it_may_be_asked_for_anywhere() -> None:
     m = load("crank-rocker").ideal()
     assert lawless(terms(*"BE", clearance=True), {}, m, "mujoco", []) == {}
     excluded = {("joint_clearance", j): "excluded" for j in "BE"}
-    with pytest.raises(MeasuredError, match="no clearance"):
+    with pytest.raises(MeasuredError, match="contact_law is asked for, and no joint of crank-rocker has clearance"):
         lawless(terms(*"BE", clearance=True), excluded, m, "mujoco", [])
     known = m.with_joint("B", clearance=2e-4)
     assert list(lawless(terms(*"BE", clearance=True), excluded, known, "mujoco", [])) == [("contact_law", "E")]

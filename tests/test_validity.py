@@ -27,6 +27,7 @@ import shared
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import dumps, load
+from analytic.mechanism.parts import Load
 from commands import Ended, compare, compare_alone, without
 from compare.crosscheck import Job, crosscheck_job
 from compare.domain_map.cell import Task, examined, judged
@@ -242,6 +243,19 @@ def test_a_pin_that_swings_about_its_place_of_rest_is_no_fault_of_the_simulation
     assert run.because is not None
     assert run.because.assumption == "quasi-static"
     assert "stays in contact and swings along the rim" in run.because.words
+
+
+@pytest.mark.mujoco
+def test_friction_of_a_pin_in_its_bearing_is_told_as_what_the_analytic_side_lacks() -> None:
+    m = load("crank-rocker").rigid()
+    assert m.drive is not None
+    m = m.with_joint("B", friction=0.3, pin_radius=0.01).replace(drive=m.drive.model_copy(update={"speed": 2.0}))
+    m = m.replace(loads=(Load(body="coupler", force=(0.0, -40.0)),))
+    (run,) = lc.crosscheck(m, "mujoco", joint_model="contact", clearance={"B": 5e-5}, revolutions=1, workers=1).runs
+    assert run.verdict == "disagrees"
+    assert run.because is not None
+    assert (run.because.assumption, run.because.joint) == ("unknown", "B")
+    assert "friction in that contact is in no analytic answer" in run.because.words
 
 
 # ---------------------------------------------------------------- joints and cells

@@ -25,7 +25,7 @@ from compare.diagnose.locate import Stretch, locate, rms_difference, spread
 from compare.diagnose.noise import CLOSED, rms
 from compare.diagnose.predict import SLOW, Model, Term, altered
 from compare.diagnose.rattle.contact import asked, lawless
-from compare.diagnose.rattle.explained import ALIKE, rattling
+from compare.diagnose.rattle.explained import ALIKE, note_unjudged, rattling
 from compare.diagnose.residuals import Data
 from compare.diagnose.search import Search, costs
 from compare.diagnose.sensitivities import candidates, sensitivities
@@ -279,11 +279,12 @@ class Problem:
         self.options.progress("search", 1, 4)
         laws = asked(self.terms, self.ruled_out)  # with clearance of its own the nominal mechanism may rattle itself
         quiet = rms(self.base.residual) < OVERSTATED and self.largest_rms(self.base.residual) <= CLOSED
-        if quiet and not laws:
-            return self.quiet()
-        if (found := rattling(self)) is not None:
+        if not laws:
+            note_unjudged(self)
+        if (laws or not quiet) and (found := rattling(self)) is not None:
             return found
         if quiet:
+            self.complete = not self.options.late()
             return self.quiet()
         fit = self.best_fit(self.data)
         for _ in range(RECOLOURED):

@@ -334,6 +334,10 @@ def failing_assumption(
         return Because(assumption="contact", joint=joint, words=words)
     if run.analytic_model == "first_order" and _first_order_costs(run):
         return Because(assumption="first-order", joint=None, words=_first_order_words(run))
+    rubs = [name for name in run.clearance if mechanism.joint(name).rough and not mechanism.joint(name).prismatic]
+    if rubs and run.joint_model == "contact":
+        words = f"the pin of {rubs[0]} rubs in its bearing, and friction in that contact is in no analytic answer"
+        return Because(assumption="unknown", joint=rubs[0], words=words)
     blocks = any(mechanism.joint(name).prismatic for name in run.clearance)  # whose rests no assumption's cost has
     if run.motion != "driven" or len(run.flags) == run.crank_angle.size or blocks:
         return None

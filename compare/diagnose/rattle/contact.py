@@ -48,14 +48,19 @@ def lawless(
     if not laws[0].effect.simulated_by(engine(simulator)):
         able = [name for name in ENGINES if laws[0].effect.simulated_by(declared(name))]
         raise Unsupported(
-            f"{laws[0].label} is asked for, and the contact of {simulator} has no stiffness, restitution and friction"
+            f"{ContactLaw.name} is asked for, and the contact of {simulator} has no stiffness, restitution and friction"
             f" of its joint's own; choose --simulator {' or '.join(able)}"
         )
     if any(isinstance(t.effect, JointClearance) and t.key not in ruled_out for t in terms):
         return {}
     able_joints = [t for t in laws if mechanism.joint(t.where).clearance]
     without = [t for t in laws if t not in able_joints]
-    for t in without if not able_joints else [t for t in without if t.label in only]:
+    if not able_joints and not any(t.label in only for t in without):
+        raise MeasuredError(
+            f"{ContactLaw.name} is asked for, and no joint of {mechanism.name} has clearance; give it to one there"
+            " (clearance), or ask for joint_clearance too"
+        )
+    for t in (t for t in without if t.label in only):
         raise MeasuredError(
             f"{t.label} is asked for, and joint {t.where} has no clearance in the mechanism; give it one there"
             " (clearance), or ask for joint_clearance too"
@@ -155,10 +160,11 @@ class Found:
     def told(self, simulator: str) -> str:
         """How it was found and what the data do not tell, in sentences."""
         laws = count(len(self.search.trials), "law")
-        text = f"{laws} of contact were simulated in joint {self.term.where} by {simulator}, with all revolutions."
+        were = "was" if len(self.search.trials) == 1 else "were"
+        text = f"{laws} of contact {were} simulated in joint {self.term.where} by {simulator}, with all revolutions."
         untold, found = self.untold(), self.intervals()["stiffness"]
         if untold:
-            text += f" The data do not tell {' or '.join(untold)}: the statistics hardly answer to it."
+            text += f" The data hardly answer to {' and '.join(untold)}."
         elif math.isinf(found.high) and math.isfinite(found.low):
             text += f" Of the stiffness they only tell that it is above {found.low:.2g} N/m."
         elif math.isinf(found.low) and math.isfinite(found.high):

@@ -96,6 +96,17 @@ def rattling(problem: Problem) -> Explanation | None:
     return found.with_law(laws) if laws else found.explanation()
 
 
+def note_unjudged(problem: Problem) -> None:
+    """Note that a rig rattles whose model has clearance: there no sample can be judged."""
+    loose, turns = list(problem.mechanism.clearances), _turns(problem)
+    sensors = {run.name: _sensors(problem, run) for run in problem.measured.runs if run.name in turns}
+    if loose and turns and rattles(problem.measured, turns, sensors):
+        problem.notes.append(
+            f"The rig rattles, and the model has clearance in {' and '.join(loose)}: what its pins do there cannot be"
+            f" judged sample by sample. Ask for --only contact_law@{loose[0]}, which compares statistics."
+        )
+
+
 def _turns(problem: Problem) -> dict[str, Turns]:
     """The revolutions of runs that have enough of them."""
     m, found = problem.mechanism, {}
@@ -484,6 +495,12 @@ def _law_alone(
 
 def _told(problem: Problem, found: Found | None, before: Tried) -> bool:
     """Whether the data tell a law, which is noted either way."""
+    if problem.options.late():
+        tried = count(0 if found is None else len(found.search.trials), "law")
+        problem.notes.append(
+            f"The time was over after {tried} of contact: nothing is said of it. Give a larger budget."
+        )
+        return False
     if found is None:
         problem.notes.append(f"No law of contact could be tried: {problem.simulator} has no answer to any.")
         return False

@@ -188,15 +188,16 @@ class LawSearch:
         rng = np.random.default_rng(SEED)
         for x in self.room.spread(SPREAD, rng):
             self.all([self.as_wanted(x)])
+        if not self.trials:
+            return False
         for count in AGAIN:
             self.all(self.drawn(count, rng))
         self.nearer()
-        if self.trials:
-            self.all([self.best.x + side * SIDE * np.eye(4)[k] for k in self.room.free for side in (-1, 1)])
-        if self.trials and not self.late():
+        self.all([self.best.x + side * SIDE * np.eye(4)[k] for k in self.room.free for side in (-1, 1)])
+        if not self.late():
             best = self.best
             self.middle = self.tried(best.x + self.step(best, 0, MIDDLE, even=True))
-        return bool(self.trials)
+        return True
 
     def as_wanted(self, x: np.ndarray) -> np.ndarray:
         """Coordinates with the clearance that the best trial wants, with which positions reach as far as the measured
@@ -215,8 +216,6 @@ class LawSearch:
     def drawn(self, count: int, rng: np.random.Generator) -> list[np.ndarray]:
         """So many new coordinates, spread about the best of the trials as these are among themselves."""
         best = sorted(self.trials, key=Trial.misfit)[:ELITE]
-        if not best:
-            return []
         weight = np.log(len(best) + 0.5) - np.log(np.arange(1, len(best) + 1))
         weight /= weight.sum()
         x = np.array([each.x for each in best])
