@@ -348,6 +348,9 @@ def crosscheck_job(
         what = f"{job.joint_model or 'ideal'} joints in {job.motion} motion"
         does = "; ".join(f"{name.partition(SEPARATOR)[0]} has {_pairs(name, resolve)}" for name in job.simulators)
         raise Unsupported(f"nothing to run with {what}: {does}; use another joint, motion or simulator")
+    idle = [name for name in job.simulators if name not in {at for at, _ in tasks}] if job.joint_model else []
+    lacks = f"{job.joint_model} joints in {job.motion} motion{' with a block' if job.mechanism.loose_guides else ''}"
+    job = replace(job, warnings=(*job.warnings, *(f"left out: {name} has no {lacks}" for name in idle)))
     smooth = {model: _smooth(job.mechanism, model) for model in JOINT_MODELS}
     sides = {
         key: _side(job, Assembly(job.mechanism.without_corner_friction()) if key[1] else assembly, key[0], measure)
