@@ -98,10 +98,8 @@ def test_friction_shifts_the_load_between_corners_and_may_tilt_a_block(
 
 # ------------------------------------------------------------------ engines and the analytic model
 
-RUNS = [("mujoco", "static", load) for load in LOADS] + [("exudyn", "driven", "tilted")]
-LONG = [
-    (name, "driven", load) for name in ("mujoco", "exudyn") for load in LOADS if (name, load) != ("exudyn", "tilted")
-]
+RUNS = [("mujoco", "static", load) for load in LOADS]
+LONG = [(name, "driven", load) for name in ("mujoco", "exudyn") for load in LOADS]
 
 
 @pytest.mark.parametrize(("name", "motion", "load"), [*RUNS, *slow(*LONG)])

@@ -237,7 +237,8 @@ def test_a_pin_that_swings_about_its_place_of_rest_is_no_fault_of_the_simulation
     m = load("crank-rocker").rigid()
     assert m.drive is not None
     m = m.replace(loads=(), gravity=(0.0, -9.81), drive=m.drive.model_copy(update={"speed": 12.0}))
-    found = lc.crosscheck(m, simulator, joint_model="contact", clearance={"D": 2e-6}, workers=1)
+    asked = {"joint_model": "contact", "clearance": {"D": 2e-6}, "angles": np.radians(np.arange(0.0, 360.0, 15.0))}
+    found = lc.crosscheck(m, simulator, revolutions=0, workers=1, **asked)
     (run,) = found.runs
     assert run.verdict == "disagrees"
     assert run.because is not None
