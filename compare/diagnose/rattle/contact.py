@@ -15,7 +15,7 @@ from compare.diagnose.effects.effect import Rig
 from compare.diagnose.effects.joints import ContactLaw, JointClearance
 from compare.diagnose.explain import Interval
 from compare.diagnose.predict import Term
-from compare.diagnose.rattle.law import LawSearch, Room, Simulate
+from compare.diagnose.rattle.law import LawSearch, Room, Simulate, Trial
 from compare.diagnose.rattle.statistics import Key, Statistics
 from sim_models.engine import ENGINES, Unsupported, declared, engine
 
@@ -143,19 +143,21 @@ class Found:
         """Distances before, by sensor, and after on data that the law was not found with: each run in turn where there
         are three or more, else each group of revolutions.
         """
-        s, trials = self.search.statistics, self.search.trials
+        s = self.search.statistics
         runs = list(s.turns) if len(s.turns) >= 3 else []
-        chosen = []
-        for out in runs:
-            kept = [key for key in s.floor if key[0] != out]
-            best = min(trials, key=lambda each, kept=kept: each.misfit(kept))  # type: ignore[misc]
-            chosen.append((best, [key for key in s.floor if key[0] == out]))
+        chosen = [
+            (self._best([key for key in s.floor if key[0] != out]), [key for key in s.floor if key[0] == out])
+            for out in runs
+        ]
         if not runs:
-            nearest = [min(trials, key=lambda each, g=g: each.misfit(None, 1 + g)) for g in range(s.groups)]  # type: ignore[misc]
-            chosen = [(best, list(s.floor)) for best in nearest]
+            chosen = [(self._best(None, 1 + group), list(s.floor)) for group in range(s.groups)]
         old = [float(np.mean([math.log(before[key]) for key in keys])) for _, keys in chosen]
         new = [best.misfit(keys) for best, keys in chosen]
         return math.exp(float(np.mean(old))), math.exp(float(np.mean(new)))
+
+    def _best(self, keys: Sequence[Key] | None, without: int = 0) -> Trial:
+        """The nearest trial by some sensors (None: all), or without a group of revolutions."""
+        return min(self.search.trials, key=lambda each: each.misfit(keys, without))
 
     def told(self, simulator: str) -> str:
         """How it was found and what the data do not tell, in sentences."""

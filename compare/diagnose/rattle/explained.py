@@ -19,7 +19,7 @@ from compare.diagnose.explain import Attempt, Explanation, Interval, Named
 from compare.diagnose.fit import Fit
 from compare.diagnose.predict import Hypothesis, Model, Term
 from compare.diagnose.rattle.contact import SILENT, Found, asked
-from compare.diagnose.rattle.law import Law, Simulate
+from compare.diagnose.rattle.law import Law, Simulate, jackknifed
 from compare.diagnose.rattle.statistics import Key, Readings, Statistics
 from compare.diagnose.rattle.trial import Trials, Tried, least, reaching, wanted
 from compare.diagnose.rattle.turns import FEWEST, TURNS, Turns, rattles
@@ -449,12 +449,6 @@ def unmoved(base: Fit, term: Term, x: np.ndarray) -> Fit:
 def fit_gain(base: Fit, fit: Fit) -> float:
     """What chi^2 loses sample by sample, at least nothing."""
     return max(base.chi2 - fit.chi2, 0.0)
-
-
-def jackknifed(values: Sequence[float]) -> float:
-    """Standard deviation of a statistic whose values with each group left out in turn are these."""
-    n = len(values)
-    return math.sqrt((n - 1) * float(np.var(values))) if n > 1 else math.inf
 
 
 def _share(before: float, after: float, nominal: float) -> float:
