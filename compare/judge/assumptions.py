@@ -334,8 +334,8 @@ def failing_assumption(
         return Because(assumption="contact", joint=joint, words=words)
     if run.analytic_model == "first_order" and _first_order_costs(run):
         return Because(assumption="first-order", joint=None, words=_first_order_words(run))
-    rubs = [name for name in run.clearance if mechanism.joint(name).rough and not mechanism.joint(name).prismatic]
-    if rubs and run.joint_model == "contact":
+    rubs = [name for name in run.clearance if _friction_turns(run, mechanism.joint(name))]
+    if rubs:
         words = f"the pin of {rubs[0]} rubs in its bearing, and friction in that contact is in no analytic answer"
         return Because(assumption="unknown", joint=rubs[0], words=words)
     blocks = any(mechanism.joint(name).prismatic for name in run.clearance)  # whose rests no assumption's cost has
@@ -360,6 +360,17 @@ def failing_assumption(
             " the analytic model presumes rigid contact"
         )
     return Because(assumption=cause, joint=None, words=words)
+
+
+def _friction_turns(run: Run, joint: Joint) -> bool:
+    """Whether friction of a pin in its bearing is why it lies elsewhere: off (rms) by about the angle of friction."""
+    if run.joint_model != "contact" or joint.prismatic or not joint.rough:
+        return False
+    x, y = (Signal.of("clearance", joint.name, axis).name for axis in ("x", "y"))
+    ours, theirs = (side[x] + 1j * side[y] for side in (run.analytic, run.simulated))
+    off = np.angle(theirs * ours.conj())
+    off = off[np.isfinite(off)]
+    return bool(off.size and 0.5 < math.sqrt(float(np.mean(off**2))) / math.atan(joint.friction) < 1.5)
 
 
 def _first_order_costs(run: Run) -> bool:
