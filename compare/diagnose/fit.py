@@ -116,7 +116,8 @@ class Predicts(Protocol):
 class Fitter:
     """Fits sets of terms; every fit is kept.
 
-    ``before`` fitted the same data but for a shift: where it ended, this one begins.
+    ``before`` fitted the same data but for a shift: where it ended, this one begins, unless a term leaps, which holds a
+    fit where it is.
     """
 
     def __init__(self, model: Predicts, data: Data, rig: Rig, bounds: Bounds, before: Fitter | None = None) -> None:
@@ -139,7 +140,7 @@ class Fitter:
         known, free = self._fits.get(key), any(isinstance(t.effect, StartOfRun) for t in key)
         if key in self._fits and not free:
             return known
-        if key in self._before and not free:
+        if key in self._before and not free and not any(t.effect.leaps for t in key):
             begin = self._before[key]
             self._fits[key] = self._fit(key, begin.x, slopes=begin.jacobian)
             return self._fits[key]
