@@ -127,6 +127,11 @@ class Job:
     courses: Courses | None = None
     revolutions: int = 0
 
+    @property
+    def offers(self) -> tuple[str, ...]:
+        """What a remedy may tell a person to change who asked for this: a map has no motion to choose."""
+        return () if self.as_it_is else ("motion",)
+
 
 def crosscheck(  # noqa: PLR0913 - what a person may ask, by name
     mechanism: Linkage = "paper",
@@ -392,7 +397,7 @@ def run_all(
     """Simulate the tasks, each an engine's name and what it is asked, and judge each run by its analytic ``side``."""
     outcomes: dict[int, Trace | Failure] = {}
     progress(" ".join(job.simulators), 0, len(tasks))
-    for i, outcome in simulate_all(tasks, job.workers, resolve):
+    for i, outcome in simulate_all(tasks, job.workers, resolve, job.offers):
         outcomes[i] = outcome
         progress(f"{tasks[i][0]} {tasks[i][1].joint_model}", len(outcomes), len(tasks))
     traces = [outcomes[i] for i in range(len(tasks))]
@@ -401,7 +406,7 @@ def run_all(
 
     def simulate_again(requests: Mapping[int, Request]) -> dict[int, Trace | Failure]:
         order = list(requests)
-        found = simulate_all([(tasks[i][0], requests[i]) for i in order], job.workers, resolve)
+        found = simulate_all([(tasks[i][0], requests[i]) for i in order], job.workers, resolve, job.offers)
         return {order[k]: outcome for k, outcome in found}
 
     first = {i: judged(job, side(t), t) for i, t in enumerate(traces) if isinstance(t, Trace)}

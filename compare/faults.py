@@ -69,7 +69,9 @@ def complaints(context: typer.Context | None = None) -> Iterator[list[str]]:
             yield caught
     except ArgumentError as error:
         raise stop(_as_typed(error, context), Exit.BAD_INPUT) from None
-    except (SimulatorMissing, SimulationError) as error:
+    except SimulationError as error:
+        raise stop(error.said(() if context is None else context.params), Exit.SIMULATOR_FAILED) from None
+    except SimulatorMissing as error:
         raise stop(error, Exit.SIMULATOR_FAILED) from None
     except Error as error:
         raise stop(error, Exit.BAD_INPUT) from None

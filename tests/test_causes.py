@@ -27,6 +27,17 @@ def test_every_cause_has_words_and_a_remedy(cause: Cause) -> None:
     assert str(SimulationError("paper: it failed", cause)) == f"paper: it failed; {cause.remedy}"
 
 
+@pytest.mark.parametrize("cause", Cause)
+@pytest.mark.parametrize("offers", [(), ("motion",)])
+def test_a_command_is_told_of_no_option_that_it_lacks(cause: Cause, offers: tuple[str, ...]) -> None:
+    """None has a step or a start, and a map no motion; a remedy is left for each."""
+    told = SimulationError("it failed", cause).said(offers)
+    assert told.startswith("it failed; ")
+    assert ("--motion" in told) == (cause is Cause.TOO_MANY_STEPS and bool(offers))
+    assert "smaller step" not in told
+    assert "centred" not in told
+
+
 def test_a_failure_of_its_own_kind_has_its_own_remedy() -> None:
     error = SimulationError("paper: it failed", Cause.TOO_DEEP, "push less", "(numbers in SI)")
     assert str(error) == "paper: it failed; push less (numbers in SI)"
@@ -78,6 +89,7 @@ def test_the_cause_is_kept_in_other_units_and_in_the_result() -> None:
     assert failure.cause is Cause.TOO_MANY_STEPS
     assert "numbers in units of" in failure.why
     assert Cause.TOO_MANY_STEPS.remedy in failure.why
+    assert Cause.TOO_MANY_STEPS.remedy.endswith("use --motion static")
 
 
 def test_an_assembly_that_fails_says_its_remedy_apart() -> None:
