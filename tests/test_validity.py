@@ -575,6 +575,10 @@ BAD_INPUT = {
         ["joint 'B'", "0.5", "not smaller than body"],
     ),
     "a restitution above one": ([*MAP, "--restitutions", "0.5,1.5"], ["--restitutions 0.5,1.5", "from 0 to 1"]),
+    "a contact that gives back nothing": (
+        [*MAP, "--restitutions", "0,0.5"],
+        ["--restitutions 0,0.5: 0 cannot be used", "from 0.01 to 1, as it takes endless damping"],
+    ),
     "a restitution twice": ([*MAP, "--restitutions", "0.5,0.50"], ["--restitutions 0.5,0.50", "there twice"]),
     "restitutions of rods": (
         [*MAP, "--restitutions", "0.5", "--joint", "massless-link"],
