@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ from analytic.mechanism import Load, Mechanism, MechanismError
 from analytic.mechanism.file import load, loads
 from analytic.paper.clearance import displaced
 from analytic.paper.guide import FLAT, TILTED
-from compare.crosscheck import crosscheck
+from compare.crosscheck import crosscheck, warn_of_friction
 from compare.judge.discrepancy import Scales, load_tolerances, run_rules
 from compare.judge.signals import with_derived
 from marks import slow
@@ -144,6 +146,41 @@ def test_a_motor_along_the_guide_gives_what_friction_takes(name: str, motion: Mo
     for side in (run.analytic, run.simulated):
         np.testing.assert_allclose(side["drive_force_S"], MU * 0.5 * 9.81, rtol=1e-6)
         np.testing.assert_allclose(side["reaction_S_x"], 0.0, atol=1e-8)
+
+
+@BOTH
+@pytest.mark.parametrize("mu", [1.8, 2.1])
+def test_a_block_lies_flat_up_to_its_length_over_its_height_and_tips_beyond(name: str, mu: float) -> None:
+    """Its corners' couple mu N h/2 against N L/2, the most that its weight on the corner in front can do: drawn at an
+    even speed it lies flat below mu = L/h = 2, and above goes over to where corners of both walls hold it.
+    """
+    pytest.importorskip(name)
+    m = loads(FALLING.replace('joint = "S"\nspeed = "free"', 'joint = "S"\nspeed = 0.1'))
+    m = m.with_joint("S", clearance=1e-4, friction=mu, contact_law="kelvin-voigt", contact_stiffness=1e7)
+    m = m.with_joint("S", restitution=0.2)
+    assert m.joint("S").jams_from == 2.0
+    time, knots = np.array([0.05, 0.1]), np.linspace(0.0, 0.11, 5)
+    asked = Request(m, "contact", time=time, courses={"O": (knots, knots), "S": (knots, 0.1 * knots)})
+    seen = engine(name).simulate(asked).signals
+    assert abs(seen["clearance_S_angle"][-1]) == pytest.approx(0.002 if mu > 2 else 0.0, abs=2e-5)
+
+
+@pytest.mark.slow
+@pytest.mark.exudyn
+def test_a_block_that_jams_is_told_of_before_it_comes_apart_and_after() -> None:
+    m = rocking(2.05).with_joint("S", contact_law=None, contact_stiffness=None)
+    with pytest.warns(match=r"friction = 2.05 of joint S is no less than its block is longer than high \(2\)"):
+        found = crosscheck(m, "exudyn", joint_model="contact", revolutions=1, workers=1)
+    (failure,) = found.failures
+    assert "; or give joint S friction below 2, its block's length over its height" in failure.why
+
+
+def test_a_block_at_rest_or_with_less_friction_is_not_said_to_jam() -> None:
+    cases: tuple[tuple[float, Motion], ...] = ((5.0, "static"), (1.9, "driven"))
+    for mu, motion in cases:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            warn_of_friction(rocking(mu), "contact", motion)
 
 
 def rocking(mu: float = 0.1) -> Mechanism:
