@@ -150,6 +150,9 @@ def no_pin(name: str, pins: Sequence[str], linkage: Mechanism) -> str:
         return (
             f"{name!r} is a prismatic joint of {linkage.name}; give it guide = [length, height] (m) of its block first"
         )
-    return f"{name!r} is not a revolute joint of {linkage.name}; " + (
-        f"they are {', '.join(pins)}" if pins else "it has none"
+    blocks = [other for other in linkage.may_be_loose if linkage.joint(other).prismatic]
+    those = ", ".join([*pins, *(f"{other} (a block)" for other in blocks)])
+    return (
+        f"{name!r} is not a revolute joint of {linkage.name}{', nor one of its blocks in guides' * bool(blocks)}; "
+        + (f"they are {those}" if those else "it has none")
     )

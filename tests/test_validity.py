@@ -574,7 +574,10 @@ BAD_INPUT = {
         ["--speeds", "60", "--clearances", "0.5"],
         ["joint 'B'", "0.5", "not smaller than body"],
     ),
-    "a restitution above one": ([*MAP, "--restitutions", "0.5,1.5"], ["--restitutions 0.5,1.5", "from 0 to 1"]),
+    "a restitution above one": (
+        [*MAP, "--restitutions", "0.5,1.5"],
+        ["--restitutions 0.5,1.5: 1.5 cannot", "from 0.01 to 1"],
+    ),
     "a contact that gives back nothing": (
         [*MAP, "--restitutions", "0,0.5"],
         ["--restitutions 0,0.5: 0 cannot be used", "from 0.01 to 1, as it takes endless damping"],
@@ -585,6 +588,10 @@ BAD_INPUT = {
         ["--restitutions", "massless-link joints never strike"],
     ),
     "unknown joint": ([*MAP, "--at", "Q"], ["--at Q", "D, A, B, E"]),
+    "unknown joint beside a block": (
+        [*MAP, "--case", "slider-crank", "--at", "Q"],
+        ["--at Q", "nor one of its blocks in guides", "O, A, B, S (a block)"],
+    ),
     "ideal joints": ([*MAP, "--joint", "ideal"], ["--joint ideal", "contact"]),
     "unknown engine": ([*MAP, "--simulator", "adams"], ["'adams'", "mujoco"]),
     "no speed to vary": ([*MAP, "--case", "pendulum"], ["--case pendulum", "no drive of constant speed"]),
