@@ -82,6 +82,7 @@ from sim_models.engine import (
     JOINT_MODELS,
     MOTIONS,
     SEPARATOR,
+    Capabilities,
     JointModel,
     Motion,
     Request,
@@ -371,8 +372,11 @@ def crosscheck_job(
     if job.courses is not None and job.joint_model is None:
         tasks = [(name, request) for name, request in tasks if request.joint_model == "ideal" or _has(name, request)]
     if not tasks:
-        what = f"{job.joint_model or 'ideal'} joints in {job.motion} motion"
-        does = "; ".join(f"{name.partition(SEPARATOR)[0]} has {_pairs(name, resolve)}" for name in job.simulators)
+        block = bool(job.mechanism.loose_guides)
+        what = f"{job.joint_model or 'ideal'} joints in {job.motion} motion{' with a block in its guide' * block}"
+        does = "; ".join(
+            f"{name.partition(SEPARATOR)[0]} has {_pairs(name, resolve, block)}" for name in job.simulators
+        )
         raise Unsupported(f"nothing to run with {what}: {does}; use another joint, motion or simulator")
     idle = [name for name in job.simulators if name not in {at for at, _ in tasks}] if job.joint_model else []
     lacks = f"{job.joint_model} joints in {job.motion} motion{' with a block' if job.mechanism.loose_guides else ''}"
@@ -486,9 +490,16 @@ def judged(job: Job, side: Reference, trace: Trace) -> Judged:
     return Judged(trace, *_run(job, side, trace))
 
 
-def _pairs(name: str, resolve: Resolve) -> str:
-    """What an engine runs, in words."""
-    return ", ".join(sorted(f"{model} {motion}" for model, motion in resolve(name).capabilities.runs))
+def _pairs(name: str, resolve: Resolve, block: bool) -> str:
+    """What an engine runs, in words; with a ``block`` in its guide, if there is one."""
+    able = resolve(name).capabilities
+    runs = [run for run in able.runs if not block or run[0] == "ideal" or _with_block(able, *run)]
+    return ", ".join(sorted(f"{model} {motion}" for model, motion in runs))
+
+
+def _with_block(able: Capabilities, joint_model: JointModel, motion: Motion) -> bool:
+    """Whether an engine has blocks with clearance in their guides in this."""
+    return ("guide_clearance", (joint_model, motion)) in able.rigid.features
 
 
 def _requests(job: Job, assembly: Assembly, simulator: str, resolve: Resolve) -> list[Request]:
@@ -498,10 +509,10 @@ def _requests(job: Job, assembly: Assembly, simulator: str, resolve: Resolve) ->
     if job.joint_model is not None:
         models = [m for m in models if m == job.joint_model]
     if job.joint_model is None or len(job.simulators) > 1:
-        rigid = resolve(simulator).capabilities.rigid
-        models = [m for m in models if (m, job.motion) in rigid.runs]
+        able = resolve(simulator).capabilities
+        models = [m for m in models if (m, job.motion) in able.runs]
         if job.mechanism.loose_guides:  # left to those that have blocks; where none has, each says so
-            blocks = [m for m in models if m == "ideal" or ("guide_clearance", (m, job.motion)) in rigid.features]
+            blocks = [m for m in models if m == "ideal" or _with_block(able, m, job.motion)]
             models = blocks if set(blocks) != {"ideal"} else [m for m in models if m != "massless-link"]
     if job.courses is not None:
         courses = job.courses.knots
