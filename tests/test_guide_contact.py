@@ -281,7 +281,9 @@ def test_a_massless_link_holds_no_block(name: str) -> None:
 @pytest.mark.mujoco
 @pytest.mark.exudyn
 def test_engines_that_are_asked_together_for_a_link_in_a_guide_say_which_joints_have_blocks() -> None:
-    with pytest.raises(Unsupported, match="nothing to run with massless-link joints in .* a block in its guide") as why:
+    with pytest.raises(
+        Unsupported, match=r"nothing to run with massless-link joints in .* a block in its guide"
+    ) as why:
         crosscheck(slider_crank("flat"), ["mujoco", "exudyn"], joint_model="massless-link", workers=1)
     assert "mujoco has contact driven, contact static, ideal driven, ideal static;" in str(why.value)
     assert "massless-link static" not in str(why.value)

@@ -13,8 +13,12 @@ from analytic.mechanism.file import load, loads
 from analytic.paper.clearance import displaced
 from analytic.paper.guide import FLAT, TILTED
 from compare.crosscheck import crosscheck, warn_of_friction
+from compare.domain_map.validity import validity
+from compare.judge.assumptions import failing_assumption
 from compare.judge.discrepancy import Scales, load_tolerances, run_rules
+from compare.judge.rocking import rocking as left_rocking
 from compare.judge.signals import with_derived
+from compare.results.validity import Cell
 from marks import slow
 from sim_models.engine import JointModel, Motion, Request, Unsupported, declared, engine
 from test_guide_contact import ANGLES, FALLING, LOADS, STIFFNESS, check, slider_crank
@@ -207,6 +211,8 @@ def test_after_a_reversal_a_block_turns_into_its_walls_as_fast_as_they_give(name
     falls = np.exp(-np.diff(theta) / (m.speed or 0.0) / ((lag[1:] + lag[:-1]) / 2))
     np.testing.assert_allclose(moment[1:] / moment[:-1], falls, rtol=0.01)
     assert not displaced(Assembly(m), theta, m.speed or 0.0).signals()["reaction_S_moment"].any()
+    told = left_rocking(Assembly(m), m.joint("S"), theta, m.speed or 0.0, across)
+    np.testing.assert_allclose(np.abs(moment), told, rtol=0.1)
 
 
 @pytest.mark.parametrize(("mu", "joint_model"), [(0.1, "contact"), (0.0, "contact"), (0.1, "spring-damper")])
@@ -233,6 +239,28 @@ def test_a_block_that_turns_into_soft_walls_agrees_and_one_that_has_not_yet_does
         assert found.verdict == verdict
         off = [d.signal for run in found.runs for d in run.discrepancies if d.verdict == "disagrees"]
         assert off == ["reaction_S_moment"] * (verdict == "disagrees")
+    (run,) = found.runs
+    assert run.because is not None
+    assert (run.because.assumption, run.because.joint) == ("quasi-static", "S")
+    assert "rocks there for a while after its friction turns round" in run.because.words
+    wrong = run.simulated["reaction_S_moment"] + np.array([0.0, 2e-4])  # which nothing that rocks has left at 5 deg
+    planted = run.model_copy(update={"simulated": {**run.simulated, "reaction_S_moment": wrong}})
+    assert failing_assumption(planted, rocking(), load_tolerances()) is None
+
+
+@pytest.mark.slow
+@BOTH
+def test_a_block_that_nothing_damps_rocks_for_ever_and_that_is_why_it_disagrees(name: str) -> None:
+    pytest.importorskip(name)
+    m = rocking().with_joint("S", contact_law=None, restitution=None, contact_damping=0.0, contact_stiffness=1e7)
+    (run,) = crosscheck(m, name, joint_model="contact", revolutions=1, workers=1).runs
+    assert run.verdict == "disagrees"
+    assert run.because is not None
+    assert "rocks there for ever, as nothing damps its contact" in run.because.words
+    if name == "mujoco":
+        (cell,) = validity(m, speeds=[m.speed or 0.0], clearances=[1e-4], simulators=name, workers=1).cells
+        assert isinstance(cell, Cell)
+        assert (cell.cause, cell.swings) == ("quasi-static", True)
 
 
 # ------------------------------------------------------------------ who has it
