@@ -130,8 +130,8 @@ class Job:
 
     @property
     def offers(self) -> tuple[str, ...]:
-        """What a remedy may tell a person to change who asked for this: a map has no motion to choose."""
-        return () if self.as_it_is else ("motion",)
+        """What a remedy may tell a person to change who asked for this: a map has no motion and no angles to choose."""
+        return () if self.as_it_is else ("motion", "angles")
 
 
 def crosscheck(  # noqa: PLR0913 - what a person may ask, by name

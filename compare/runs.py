@@ -51,7 +51,7 @@ def failure(simulator: str, run: Request | Trace, why: str, cause: Cause | None 
 
 
 def simulate(
-    simulator: str, request: Request, resolve: Resolve = engine, offers: tuple[str, ...] = ("motion",)
+    simulator: str, request: Request, resolve: Resolve = engine, offers: tuple[str, ...] = ("motion", "angles")
 ) -> Trace | Failure:
     """Run one request; what an engine fails with becomes a Failure: its own errors, a broken installation, numbers that
     overflow, an answer that is no trace.  ``offers`` is what its remedies may tell a person to change.
@@ -78,7 +78,7 @@ def simulate_all(
     tasks: Sequence[tuple[str, Request]],
     workers: int = 1,
     resolve: Resolve = engine,
-    offers: tuple[str, ...] = ("motion",),
+    offers: tuple[str, ...] = ("motion", "angles"),
 ) -> Iterator[tuple[int, Trace | Failure]]:
     """Run (simulator, request) pairs and yield (index, outcome) as each ends; more than one worker means processes.
 

@@ -116,7 +116,13 @@ class Cause(StrEnum):
 
 
 SMALLER_STEP, CENTRED, AT_REST = "use a smaller step", "start it centred", "use --motion static"
-NEEDS = {SMALLER_STEP: "step", CENTRED: "start", AT_REST: "motion"}  # a remedy that not all who ask for a run can take
+ELSEWHERE = "leave the angle out"
+NEEDS = {
+    SMALLER_STEP: "step",
+    CENTRED: "start",
+    AT_REST: "motion",
+    ELSEWHERE: "angles",
+}  # a remedy that not all who ask for a run can take
 
 
 def helpful(remedies: Iterable[str], offers: Collection[str] | None = None) -> str:

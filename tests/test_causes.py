@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.mechanism.file import load
-from compare.crosscheck import crosscheck
+from compare.crosscheck import Job, crosscheck
 from compare.evidence.validation.scales import Scale, linkage
+from compare.judge.tolerances import load_tolerances
 from compare.results.crosscheck import Failure
 from compare.runs import simulate
 from sim_models.common.failed_starts import TooSoft
-from sim_models.engine import Cause, Request, SimulationError, engine
+from sim_models.engine import CENTRED, ELSEWHERE, Cause, Request, SimulationError, engine
 
 PAPER = load("paper").with_clearances({"B": 1e-3})
 ANGLES = np.radians([30.0, 60.0])
@@ -36,6 +38,14 @@ def test_a_command_is_told_of_no_option_that_it_lacks(cause: Cause, offers: tupl
     assert ("--motion" in told) == (cause is Cause.TOO_MANY_STEPS and bool(offers))
     assert "smaller step" not in told
     assert "centred" not in told
+
+
+def test_a_map_is_not_told_to_leave_an_angle_out_and_a_cross_check_is() -> None:
+    error = SimulationError("it failed", Cause.NO_EQUILIBRIUM, ("use a smaller clearance", ELSEWHERE, CENTRED))
+    job = Job(PAPER, ("mujoco",), load_tolerances())
+    assert error.said(job.offers) == "it failed; use a smaller clearance, or leave the angle out"
+    assert error.said(replace(job, as_it_is=True).offers) == "it failed; use a smaller clearance"
+    assert str(error) == "it failed; use a smaller clearance, or leave the angle out, or start it centred"
 
 
 def test_a_failure_of_its_own_kind_has_its_own_remedy() -> None:

@@ -18,7 +18,7 @@ from analytic.mechanism import GROUND
 from sim_models.common.failed_starts import check_stiff_enough, no_start, why_no_equilibrium
 from sim_models.common.motor import Motor
 from sim_models.common.start import AT_REST, Pose
-from sim_models.engine import CENTRED, Cause, SimulationError
+from sim_models.engine import CENTRED, ELSEWHERE, Cause, SimulationError
 from sim_models.leapfrog.block import Block
 from sim_models.leapfrog.bodies import HEEDINGS, LeapfrogWorld
 from sim_models.leapfrog.courses import NONE, STENCIL, Behind, Changes, Path, duration, moving, near, still, told_angle
@@ -82,7 +82,7 @@ class Equilibria:
                 return self._found(path, time, rate, bend, forces, seats, largest)
         self.last.clear()
         what = f"no equilibrium of the pins at {', '.join((*world.loose, *world.soft))} was found"
-        remedy = ("use a smaller clearance", "leave the angle out", CENTRED)
+        remedy = ("use a smaller clearance", ELSEWHERE, CENTRED)
         raise why_no_equilibrium(world.engine, world.request, theta, springs) or self.failed(
             Cause.NO_EQUILIBRIUM, what, theta, remedy
         )
