@@ -68,6 +68,7 @@ def effects() -> Effects:
                 says=effect.says("<where>"),
                 parameters=tuple(Parameter(name=p.name, unit=p.unit or "of the signal") for p in effect.parameters),
                 simulators=tuple(name for name, found in able.items() if effect.name in found),
+                asked_for=effect.asked_for,
             )
             for effect in VOCABULARY.values()
         )

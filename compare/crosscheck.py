@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
-from analytic.mechanism import Mechanism
+from analytic.mechanism import Joint, Mechanism
 from analytic.mechanism.signals import Signal
 from analytic.paper.clearance import MODELS, Model
 from analytic.paper.printed import printed_figures
@@ -82,6 +82,7 @@ from sim_models.engine import (
     JOINT_MODELS,
     MOTIONS,
     SEPARATOR,
+    Capabilities,
     JointModel,
     Motion,
     Request,
@@ -126,6 +127,11 @@ class Job:
     beside: tuple[str, ...] = ()
     courses: Courses | None = None
     revolutions: int = 0
+
+    @property
+    def offers(self) -> tuple[str, ...]:
+        """What a remedy may tell a person to change who asked for this: a map has no motion and no angles to choose."""
+        return () if self.as_it_is else ("motion", "angles")
 
 
 def crosscheck(  # noqa: PLR0913 - what a person may ask, by name
@@ -218,7 +224,7 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
             names, without = _with_beams(names, every_one(simulators), given, motion)
             left_out += without
         m = rigidly_and_evenly_driven(given)
-        warn_of_friction(m, joint_model)
+        warn_of_friction(m, joint_model, motion)
         assembly = Assembly(m)
         moved = timed(assembly, times, course, path)
         released = moved is None and m.speed is None and motion == "driven"
@@ -248,10 +254,15 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
     )
 
 
-def warn_of_friction(mechanism: Mechanism, joint_model: JointModel | None) -> None:
+def warn_of_friction(mechanism: Mechanism, joint_model: JointModel | None, motion: Motion = "driven") -> None:
     """Warn of friction coefficients that do nothing: they act between a pin and its bearing, or a block's corners and
-    their guide, in contact joints.
+    their guide, in contact joints; and of those with which a block jams.
     """
+    if motion == "driven" and joint_model in (None, "contact"):
+        for joint in _jamming(mechanism):
+            text = f"{mechanism.name}: friction = {joint.friction:g} of joint {joint.name} is no less than its block is"
+            lever = f"longer than high ({joint.jams_from:g}), and turns it harder than its walls turn it back"
+            warnings.warn(f"{text} {lever}: it tips, and may bounce, jam or come apart", stacklevel=4)
     touching = [j for j in mechanism.joints if j.friction and (not j.prismatic or j.guide is not None)]
     for joint in (j for j in touching if not j.clearance):
         name, unit = joint.name, "N" if joint.prismatic else "N.m"
@@ -261,6 +272,22 @@ def warn_of_friction(mechanism: Mechanism, joint_model: JointModel | None) -> No
     if rough and joint_model != "contact":
         text = f"{mechanism.name}: friction of {rough} is in contact joints only; the other joint models leave it out"
         warnings.warn(text, stacklevel=4)
+
+
+def _jamming(mechanism: Mechanism) -> list[Joint]:
+    """The blocks with clearance whose corners rub so hard that they may jam."""
+    return [joint for joint in mechanism.joints if joint.rough and joint.friction >= joint.jams_from]
+
+
+def _with_jam(failed: Failure, mechanism: Mechanism, motion: Motion) -> Failure:
+    """A failure of a run in which a block may have jammed, with what helps then."""
+    blocks = _jamming(mechanism) if motion == "driven" and failed.joint_model == "contact" else []
+    less = "".join(
+        f"; or give joint {joint.name} friction below {joint.jams_from:g}, its block's length over its height, from"
+        " which on it jams"
+        for joint in blocks
+    )
+    return failed.model_copy(update={"why": failed.why + less}) if less else failed
 
 
 def _with_ideal_joints(mechanism: Mechanism, joint_model: JointModel | None) -> None:
@@ -345,8 +372,11 @@ def crosscheck_job(
     if job.courses is not None and job.joint_model is None:
         tasks = [(name, request) for name, request in tasks if request.joint_model == "ideal" or _has(name, request)]
     if not tasks:
-        what = f"{job.joint_model or 'ideal'} joints in {job.motion} motion"
-        does = "; ".join(f"{name.partition(SEPARATOR)[0]} has {_pairs(name, resolve)}" for name in job.simulators)
+        block = bool(job.mechanism.loose_guides)
+        what = f"{job.joint_model or 'ideal'} joints in {job.motion} motion{' with a block in its guide' * block}"
+        does = "; ".join(
+            f"{name.partition(SEPARATOR)[0]} has {_pairs(name, resolve, block)}" for name in job.simulators
+        )
         raise Unsupported(f"nothing to run with {what}: {does}; use another joint, motion or simulator")
     idle = [name for name in job.simulators if name not in {at for at, _ in tasks}] if job.joint_model else []
     lacks = f"{job.joint_model} joints in {job.motion} motion{' with a block' if job.mechanism.loose_guides else ''}"
@@ -392,7 +422,7 @@ def run_all(
     """Simulate the tasks, each an engine's name and what it is asked, and judge each run by its analytic ``side``."""
     outcomes: dict[int, Trace | Failure] = {}
     progress(" ".join(job.simulators), 0, len(tasks))
-    for i, outcome in simulate_all(tasks, job.workers, resolve):
+    for i, outcome in simulate_all(tasks, job.workers, resolve, job.offers):
         outcomes[i] = outcome
         progress(f"{tasks[i][0]} {tasks[i][1].joint_model}", len(outcomes), len(tasks))
     traces = [outcomes[i] for i in range(len(tasks))]
@@ -401,7 +431,7 @@ def run_all(
 
     def simulate_again(requests: Mapping[int, Request]) -> dict[int, Trace | Failure]:
         order = list(requests)
-        found = simulate_all([(tasks[i][0], requests[i]) for i in order], job.workers, resolve)
+        found = simulate_all([(tasks[i][0], requests[i]) for i in order], job.workers, resolve, job.offers)
         return {order[k]: outcome for k, outcome in found}
 
     first = {i: judged(job, side(t), t) for i, t in enumerate(traces) if isinstance(t, Trace)}
@@ -411,6 +441,7 @@ def run_all(
         settled, again = settle(first, again, simulate_again, lambda t: judged(job, side(t), t))
         settled = prolong(settled, again, simulate_again, lambda t: judged(job, side(t), t), job.revolutions)
     failed += [one for one in settled.values() if isinstance(one, Failure)]
+    failed = [_with_jam(one, job.mechanism, job.motion) for one in failed]
     return Ran(tuple(one for one in settled.values() if isinstance(one, Judged)), tuple(failed), tuple(left_out))
 
 
@@ -459,9 +490,16 @@ def judged(job: Job, side: Reference, trace: Trace) -> Judged:
     return Judged(trace, *_run(job, side, trace))
 
 
-def _pairs(name: str, resolve: Resolve) -> str:
-    """What an engine runs, in words."""
-    return ", ".join(sorted(f"{model} {motion}" for model, motion in resolve(name).capabilities.runs))
+def _pairs(name: str, resolve: Resolve, block: bool) -> str:
+    """What an engine runs, in words; with a ``block`` in its guide, if there is one."""
+    able = resolve(name).capabilities
+    runs = [run for run in able.runs if not block or run[0] == "ideal" or _with_block(able, *run)]
+    return ", ".join(sorted(f"{model} {motion}" for model, motion in runs))
+
+
+def _with_block(able: Capabilities, joint_model: JointModel, motion: Motion) -> bool:
+    """Whether an engine has blocks with clearance in their guides in this."""
+    return ("guide_clearance", (joint_model, motion)) in able.rigid.features
 
 
 def _requests(job: Job, assembly: Assembly, simulator: str, resolve: Resolve) -> list[Request]:
@@ -471,10 +509,10 @@ def _requests(job: Job, assembly: Assembly, simulator: str, resolve: Resolve) ->
     if job.joint_model is not None:
         models = [m for m in models if m == job.joint_model]
     if job.joint_model is None or len(job.simulators) > 1:
-        rigid = resolve(simulator).capabilities.rigid
-        models = [m for m in models if (m, job.motion) in rigid.runs]
+        able = resolve(simulator).capabilities
+        models = [m for m in models if (m, job.motion) in able.runs]
         if job.mechanism.loose_guides:  # left to those that have blocks; where none has, each says so
-            blocks = [m for m in models if m == "ideal" or ("guide_clearance", (m, job.motion)) in rigid.features]
+            blocks = [m for m in models if m == "ideal" or _with_block(able, m, job.motion)]
             models = blocks if set(blocks) != {"ideal"} else [m for m in models if m != "massless-link"]
     if job.courses is not None:
         courses = job.courses.knots

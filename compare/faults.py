@@ -69,7 +69,9 @@ def complaints(context: typer.Context | None = None) -> Iterator[list[str]]:
             yield caught
     except ArgumentError as error:
         raise stop(_as_typed(error, context), Exit.BAD_INPUT) from None
-    except (SimulatorMissing, SimulationError) as error:
+    except SimulationError as error:
+        raise stop(error.said(() if context is None else context.params), Exit.SIMULATOR_FAILED) from None
+    except SimulatorMissing as error:
         raise stop(error, Exit.SIMULATOR_FAILED) from None
     except Error as error:
         raise stop(error, Exit.BAD_INPUT) from None
@@ -148,6 +150,9 @@ def no_pin(name: str, pins: Sequence[str], linkage: Mechanism) -> str:
         return (
             f"{name!r} is a prismatic joint of {linkage.name}; give it guide = [length, height] (m) of its block first"
         )
-    return f"{name!r} is not a revolute joint of {linkage.name}; " + (
-        f"they are {', '.join(pins)}" if pins else "it has none"
+    blocks = [other for other in linkage.may_be_loose if linkage.joint(other).prismatic]
+    those = ", ".join([*pins, *(f"{other} (a block)" for other in blocks)])
+    return (
+        f"{name!r} is not a revolute joint of {linkage.name}{', nor one of its blocks in guides' * bool(blocks)}; "
+        + (f"they are {those}" if those else "it has none")
     )

@@ -50,13 +50,17 @@ def failure(simulator: str, run: Request | Trace, why: str, cause: Cause | None 
     return Failure(simulator=simulator, joint_model=run.joint_model, why=why, cause=cause)
 
 
-def simulate(simulator: str, request: Request, resolve: Resolve = engine) -> Trace | Failure:
+def simulate(
+    simulator: str, request: Request, resolve: Resolve = engine, offers: tuple[str, ...] = ("motion", "angles")
+) -> Trace | Failure:
     """Run one request; what an engine fails with becomes a Failure: its own errors, a broken installation, numbers that
-    overflow, an answer that is no trace.
+    overflow, an answer that is no trace.  ``offers`` is what its remedies may tell a person to change.
     """
     try:
         return counted(request, answered(simulator, request, resolve(simulator).simulate))
-    except (SimulationError, Unsupported) as error:
+    except SimulationError as error:
+        return failure(simulator, request, error.said(offers), error.cause)
+    except Unsupported as error:
         return failure(simulator, request, str(error), error.cause)
     except SimulatorMissing as error:
         return failure(simulator, request, str(error))
@@ -71,7 +75,10 @@ def simulate(simulator: str, request: Request, resolve: Resolve = engine) -> Tra
 
 
 def simulate_all(
-    tasks: Sequence[tuple[str, Request]], workers: int = 1, resolve: Resolve = engine
+    tasks: Sequence[tuple[str, Request]],
+    workers: int = 1,
+    resolve: Resolve = engine,
+    offers: tuple[str, ...] = ("motion", "angles"),
 ) -> Iterator[tuple[int, Trace | Failure]]:
     """Run (simulator, request) pairs and yield (index, outcome) as each ends; more than one worker means processes.
 
@@ -80,9 +87,9 @@ def simulate_all(
     numbered = [(i, simulator, request) for i, (simulator, request) in enumerate(tasks)]
     if workers == 1 or len(tasks) == 1:
         for i, simulator, request in numbered:
-            yield i, simulate(simulator, request, resolve)
+            yield i, simulate(simulator, request, resolve, offers)
         return
-    for ended in spread(partial(_simulate, resolve=resolve), numbered, workers):
+    for ended in spread(partial(_simulate, resolve=resolve, offers=offers), numbered, workers):
         i, simulator, request = ended.item
         if ended.value is not None:
             yield i, ended.value
@@ -93,6 +100,6 @@ def simulate_all(
             raise ended.error
 
 
-def _simulate(numbered: Numbered, resolve: Resolve) -> Trace | Failure:
+def _simulate(numbered: Numbered, resolve: Resolve, offers: tuple[str, ...]) -> Trace | Failure:
     _, simulator, request = numbered
-    return simulate(simulator, request, resolve)
+    return simulate(simulator, request, resolve, offers)

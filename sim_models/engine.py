@@ -12,7 +12,7 @@ import functools
 import importlib
 import importlib.metadata
 import importlib.util
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
@@ -105,17 +105,47 @@ class Cause(StrEnum):
         return _CAUSES[self][0]
 
     @property
+    def remedies(self) -> tuple[str, ...]:
+        """What may help, each by itself, in words."""
+        return _CAUSES[self][1:]
+
+    @property
     def remedy(self) -> str:
-        """What may help, in words."""
-        return _CAUSES[self][1]
+        """All that may help, in words."""
+        return helpful(self.remedies)
 
 
-_CAUSES: Mapping[Cause, tuple[str, str]] = {
-    Cause.DIVERGED: ("the run diverged", "use a smaller step or a softer contact"),
-    Cause.CAME_APART: ("joints came apart", "use a smaller step"),
-    Cause.TOO_DEEP: ("a pin went too deep into its bearing", "use a smaller step or a stiffer contact"),
+SMALLER_STEP, CENTRED, AT_REST = "use a smaller step", "start it centred", "use --motion static"
+ELSEWHERE = "leave the angle out"
+NEEDS = {
+    SMALLER_STEP: "step",
+    CENTRED: "start",
+    AT_REST: "motion",
+    ELSEWHERE: "angles",
+}  # a remedy that not all who ask for a run can take
+
+
+def helpful(remedies: Iterable[str], offers: Collection[str] | None = None) -> str:
+    """Remedies in words: those for which ``offers``, the names of what may be asked, have what they need; None: all."""
+    return ", or ".join(each for each in remedies if offers is None or NEEDS.get(each) in (None, *offers))
+
+
+_CAUSES: Mapping[Cause, tuple[str, ...]] = {
+    Cause.DIVERGED: (
+        "the run diverged",
+        SMALLER_STEP,
+        "give it a softer or more damped contact or a slower drive",
+        "use another simulator",
+    ),
+    Cause.CAME_APART: (
+        "joints came apart",
+        SMALLER_STEP,
+        "give smaller loads or a slower drive",
+        "use another simulator",
+    ),
+    Cause.TOO_DEEP: ("a pin went too deep into its bearing", SMALLER_STEP, "give it a stiffer contact"),
     Cause.TOO_SOFT: ("contact is too soft for the load", "give a larger contact_stiffness (N/m), or a smaller load"),
-    Cause.UNPRESSED: ("nothing presses a pin", "give the linkage a load or gravity, or start it centred"),
+    Cause.UNPRESSED: ("nothing presses a pin", "give the linkage a load or gravity", CENTRED),
     Cause.NO_EQUILIBRIUM: ("no equilibrium was found", "check the loads, or use a smaller clearance"),
     Cause.PULLED: ("in the only equilibrium found a pin is pulled, not pressed", "check the loads"),
     Cause.NO_START: (
@@ -124,9 +154,10 @@ _CAUSES: Mapping[Cause, tuple[str, str]] = {
     ),
     Cause.TOO_MANY_STEPS: (
         "it would take more steps than an engine is let take",
-        "ask for less, change drive.speed, use a larger clearance or a softer contact, or use --motion static",
+        "ask for less, change drive.speed, use a larger clearance or a softer contact",
+        AT_REST,
     ),
-    Cause.OFF_COURSE: ("the crank left its course", "use a smaller step"),
+    Cause.OFF_COURSE: ("the crank left its course", SMALLER_STEP, "give a slower drive", "use another simulator"),
     Cause.RESONANCE: (
         "the crank has no steady motion on its drive",
         "it is near a resonance: give a stiffer drive or a slower one",
@@ -145,16 +176,30 @@ _CAUSES: Mapping[Cause, tuple[str, str]] = {
 class SimulationError(Error, RuntimeError):
     """A simulation has no result: ``what`` happened and where, the ``cause`` if it is known, and the remedy.
 
-    ``remedy`` is this failure's own; left out, it is its cause's.  A ``note`` ends the message.
+    ``remedy`` is this failure's own, or several of which each may help; left out, it is its cause's.  A ``note`` ends
+    the message.
     """
 
-    def __init__(self, what: str, cause: Cause | None = None, remedy: str = "", note: str = "") -> None:
+    def __init__(
+        self, what: str, cause: Cause | None = None, remedy: str | tuple[str, ...] = "", note: str = ""
+    ) -> None:
         super().__init__(what, cause, remedy, note)
         self.what, self.cause, self.note = what, cause, note
-        self.remedy = remedy or (cause.remedy if cause is not None else "")
+        own = (remedy,) if isinstance(remedy, str) else remedy
+        self.remedies = own if any(own) else () if cause is None else cause.remedies
+
+    @property
+    def remedy(self) -> str:
+        """All that may help, in words; empty where nothing is known to."""
+        return helpful(self.remedies)
 
     def __str__(self) -> str:
-        said = f"{self.what}; {self.remedy}" if self.remedy else self.what
+        return self.said()
+
+    def said(self, offers: Collection[str] | None = None) -> str:
+        """The message for somebody who may ask for what is named in ``offers``; None is one who makes a Request."""
+        remedy = helpful(self.remedies, offers)
+        said = f"{self.what}; {remedy}" if remedy else self.what
         return f"{said} {self.note}" if self.note else said
 
 

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.mechanism.file import load
-from compare.crosscheck import crosscheck
+from compare.crosscheck import Job, crosscheck
 from compare.evidence.validation.scales import Scale, linkage
+from compare.judge.tolerances import load_tolerances
 from compare.results.crosscheck import Failure
 from compare.runs import simulate
 from sim_models.common.failed_starts import TooSoft
-from sim_models.engine import Cause, Request, SimulationError, engine
+from sim_models.engine import CENTRED, ELSEWHERE, Cause, Request, SimulationError, engine
 
 PAPER = load("paper").with_clearances({"B": 1e-3})
 ANGLES = np.radians([30.0, 60.0])
@@ -25,6 +27,25 @@ def test_every_cause_has_words_and_a_remedy(cause: Cause) -> None:
     assert cause.words
     assert cause.remedy
     assert str(SimulationError("paper: it failed", cause)) == f"paper: it failed; {cause.remedy}"
+
+
+@pytest.mark.parametrize("cause", Cause)
+@pytest.mark.parametrize("offers", [(), ("motion",)])
+def test_a_command_is_told_of_no_option_that_it_lacks(cause: Cause, offers: tuple[str, ...]) -> None:
+    """None has a step or a start, and a map no motion; a remedy is left for each."""
+    told = SimulationError("it failed", cause).said(offers)
+    assert told.startswith("it failed; ")
+    assert ("--motion" in told) == (cause is Cause.TOO_MANY_STEPS and bool(offers))
+    assert "smaller step" not in told
+    assert "centred" not in told
+
+
+def test_a_map_is_not_told_to_leave_an_angle_out_and_a_cross_check_is() -> None:
+    error = SimulationError("it failed", Cause.NO_EQUILIBRIUM, ("use a smaller clearance", ELSEWHERE, CENTRED))
+    job = Job(PAPER, ("mujoco",), load_tolerances())
+    assert error.said(job.offers) == "it failed; use a smaller clearance, or leave the angle out"
+    assert error.said(replace(job, as_it_is=True).offers) == "it failed; use a smaller clearance"
+    assert str(error) == "it failed; use a smaller clearance, or leave the angle out, or start it centred"
 
 
 def test_a_failure_of_its_own_kind_has_its_own_remedy() -> None:
@@ -78,6 +99,7 @@ def test_the_cause_is_kept_in_other_units_and_in_the_result() -> None:
     assert failure.cause is Cause.TOO_MANY_STEPS
     assert "numbers in units of" in failure.why
     assert Cause.TOO_MANY_STEPS.remedy in failure.why
+    assert Cause.TOO_MANY_STEPS.remedy.endswith("use --motion static")
 
 
 def test_an_assembly_that_fails_says_its_remedy_apart() -> None:

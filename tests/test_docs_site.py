@@ -88,6 +88,7 @@ def test_the_vocabulary_is_the_code_s(reference: ModuleType) -> None:
     assert [row[0].strip("`") for row in found] == list(VOCABULARY)
     for row, effect in zip(found, VOCABULARY.values(), strict=True):
         assert row[1] == effect.place
+        assert row[2].endswith("tried only where `--only` names it") == effect.asked_for
         for parameter in effect.parameters:
             assert f"{parameter.name} ({parameter.unit or 'of the signal'})" in row[3].replace("\\", "")
 

@@ -140,3 +140,12 @@ def test_a_comparison_with_a_name_would_be_found(tmp_path: Path) -> None:
     file = tmp_path / "wrong.py"
     file.write_text('a = x == "payload"\nb = x in ("gravity", "other")\nc = {"payload": 1}\n', encoding="utf-8")
     assert names_compared(file) == ["payload", "gravity"]
+
+
+def test_the_list_says_which_effects_are_tried_only_where_they_are_asked_for() -> None:
+    lines = CliRunner().invoke(app, ["effects"]).stdout.splitlines()
+    told = {said.split()[0]: line for said, line in zip(lines[::2], lines[1::2], strict=True)}
+    assert told.keys() == VOCABULARY.keys()
+    for name, effect in VOCABULARY.items():
+        assert told[name].endswith(f"; tried only with --only {name}") == effect.asked_for
+    assert any(effect.asked_for for effect in VOCABULARY.values())

@@ -278,6 +278,17 @@ def test_a_massless_link_holds_no_block(name: str) -> None:
         engine(name).simulate(Request(slider_crank("flat"), "massless-link", "static", ANGLES))
 
 
+@pytest.mark.mujoco
+@pytest.mark.exudyn
+def test_engines_that_are_asked_together_for_a_link_in_a_guide_say_which_joints_have_blocks() -> None:
+    with pytest.raises(
+        Unsupported, match=r"nothing to run with massless-link joints in .* a block in its guide"
+    ) as why:
+        crosscheck(slider_crank("flat"), ["mujoco", "exudyn"], joint_model="massless-link", workers=1)
+    assert "mujoco has contact driven, contact static, ideal driven, ideal static;" in str(why.value)
+    assert "massless-link static" not in str(why.value)
+
+
 def flight(time: float, state: np.ndarray) -> list[float]:
     """Rates of that linkage's crank and rod (angles, rad; rates, rad/s) while its block touches nothing: a double
     pendulum with the block's mass at its end.

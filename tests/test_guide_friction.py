@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -10,9 +12,15 @@ from analytic.mechanism import Load, Mechanism, MechanismError
 from analytic.mechanism.file import load, loads
 from analytic.paper.clearance import displaced
 from analytic.paper.guide import FLAT, TILTED
-from compare.crosscheck import crosscheck
+from compare.crosscheck import crosscheck, warn_of_friction
+from compare.domain_map.validity import validity
+from compare.judge.assumptions import failing_assumption
+from compare.judge.discrepancy import Scales, load_tolerances, run_rules
+from compare.judge.rocking import rocking as left_rocking
+from compare.judge.signals import with_derived
+from compare.results.validity import Cell
 from marks import slow
-from sim_models.engine import Motion, Request, Unsupported, declared, engine
+from sim_models.engine import JointModel, Motion, Request, Unsupported, declared, engine
 from test_guide_contact import ANGLES, FALLING, LOADS, STIFFNESS, check, slider_crank
 
 MU = 0.2
@@ -142,6 +150,117 @@ def test_a_motor_along_the_guide_gives_what_friction_takes(name: str, motion: Mo
     for side in (run.analytic, run.simulated):
         np.testing.assert_allclose(side["drive_force_S"], MU * 0.5 * 9.81, rtol=1e-6)
         np.testing.assert_allclose(side["reaction_S_x"], 0.0, atol=1e-8)
+
+
+@BOTH
+@pytest.mark.parametrize("mu", [1.8, 2.1])
+def test_a_block_lies_flat_up_to_its_length_over_its_height_and_tips_beyond(name: str, mu: float) -> None:
+    """Its corners' couple mu N h/2 against N L/2, the most that its weight on the corner in front can do: drawn at an
+    even speed it lies flat below mu = L/h = 2, and above goes over to where corners of both walls hold it.
+    """
+    pytest.importorskip(name)
+    m = loads(FALLING.replace('joint = "S"\nspeed = "free"', 'joint = "S"\nspeed = 0.1'))
+    m = m.with_joint("S", clearance=1e-4, friction=mu, contact_law="kelvin-voigt", contact_stiffness=1e7)
+    m = m.with_joint("S", restitution=0.2)
+    assert m.joint("S").jams_from == 2.0
+    time, knots = np.array([0.05, 0.1]), np.linspace(0.0, 0.11, 5)
+    asked = Request(m, "contact", time=time, courses={"O": (knots, knots), "S": (knots, 0.1 * knots)})
+    seen = engine(name).simulate(asked).signals
+    assert abs(seen["clearance_S_angle"][-1]) == pytest.approx(0.002 if mu > 2 else 0.0, abs=2e-5)
+
+
+@pytest.mark.slow
+@pytest.mark.exudyn
+def test_a_block_that_jams_is_told_of_before_it_comes_apart_and_after() -> None:
+    m = rocking(2.05).with_joint("S", contact_law=None, contact_stiffness=None)
+    with pytest.warns(match=r"friction = 2.05 of joint S is no less than its block is longer than high \(2\)"):
+        found = crosscheck(m, "exudyn", joint_model="contact", revolutions=1, workers=1)
+    (failure,) = found.failures
+    assert "; or give joint S friction below 2, its block's length over its height" in failure.why
+
+
+def test_a_block_at_rest_or_with_less_friction_is_not_said_to_jam() -> None:
+    cases: tuple[tuple[float, Motion], ...] = ((5.0, "static"), (1.9, "driven"))
+    for mu, motion in cases:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            warn_of_friction(rocking(mu), "contact", motion)
+
+
+def rocking(mu: float = 0.1) -> Mechanism:
+    """The slider-crank whose weight presses a block between walls that yield: flores with 1e6 N/m, at 100 rpm."""
+    m = load("slider-crank").replace(gravity=(0.0, -9.81))
+    slider = m.body("slider").model_copy(update={"inertia": 2e-4})
+    drive = m.drives[0].model_copy(update={"speed": 100 * np.pi / 30})
+    m = m.replace(bodies=(*m.bodies[:2], slider), drive=drive).with_clearances({"S": 1e-4})
+    return m.with_joint("S", friction=mu, restitution=0.5, contact_law="flores", contact_stiffness=1e6)
+
+
+@BOTH
+def test_after_a_reversal_a_block_turns_into_its_walls_as_fast_as_they_give(name: str) -> None:
+    """Friction's couple mu N h/2 has turned round, and the block lags behind, overdamped, by C/K = 1.6 delta/v0, where
+    a corner is delta = N/(2 K) deep; its moment of reaction, which the analytic model has as 0, is what that takes.
+    """
+    pytest.importorskip(name)
+    m, theta = rocking(), np.radians([0.5, 1.0, 1.5, 2.0])
+    trace = engine(name).simulate(Request(m, "contact", "driven", theta, lead_in=0.1))
+    moment, across = trace.signals["reaction_S_moment"], trace.signals["reaction_S_y"]
+    speed = trace.settings["minimum_impact_speed"]
+    assert isinstance(speed, float)
+    lag = 1.6 * across / 2e6 / speed
+    falls = np.exp(-np.diff(theta) / (m.speed or 0.0) / ((lag[1:] + lag[:-1]) / 2))
+    np.testing.assert_allclose(moment[1:] / moment[:-1], falls, rtol=0.01)
+    assert not displaced(Assembly(m), theta, m.speed or 0.0).signals()["reaction_S_moment"].any()
+    told = left_rocking(Assembly(m), m.joint("S"), theta, m.speed or 0.0, across)
+    np.testing.assert_allclose(np.abs(moment), told, rtol=0.1)
+
+
+@pytest.mark.parametrize(("mu", "joint_model"), [(0.1, "contact"), (0.0, "contact"), (0.1, "spring-damper")])
+def test_a_block_s_moment_is_judged_by_what_friction_turns_it_by(mu: float, joint_model: JointModel) -> None:
+    """5e-3 of mu F h/2; without friction it has no moment, and is judged by the mass of the linkage."""
+    m, theta = rocking(mu), np.radians([5.0, 10.0])
+    found = displaced(Assembly(m), theta, m.speed or 0.0).signals()
+    both = with_derived(found, m)
+    scales = Scales.of(both, m)
+    rules = run_rules(load_tolerances(None), m, "driven", joint_model, m.clearances, scales, 0.0)
+    allowed = rules["reaction_S_moment"].tolerance(both)
+    least = 1e-5 * scales.mass * scales.length
+    by_friction = 5e-3 * mu * both["reaction_S_magnitude"].max() * 0.05 / 2 if joint_model == "contact" else 0.0
+    np.testing.assert_allclose(allowed, max(by_friction, least), rtol=1e-9)
+    assert (by_friction > 30 * least) == (by_friction > 0)
+
+
+@pytest.mark.slow
+@BOTH
+def test_a_block_that_turns_into_soft_walls_agrees_and_one_that_has_not_yet_does_not(name: str) -> None:
+    pytest.importorskip(name)
+    for degrees, verdict in (([5.0, 10.0], "agrees"), ([0.5, 5.0], "disagrees")):
+        found = crosscheck(rocking(), name, joint_model="contact", angles=np.radians(degrees), workers=1)
+        assert found.verdict == verdict
+        off = [d.signal for run in found.runs for d in run.discrepancies if d.verdict == "disagrees"]
+        assert off == ["reaction_S_moment"] * (verdict == "disagrees")
+    (run,) = found.runs
+    assert run.because is not None
+    assert (run.because.assumption, run.because.joint) == ("quasi-static", "S")
+    assert "rocks there for a while after its friction turns round" in run.because.words
+    wrong = run.simulated["reaction_S_moment"] + np.array([0.0, 2e-4])  # which nothing that rocks has left at 5 deg
+    planted = run.model_copy(update={"simulated": {**run.simulated, "reaction_S_moment": wrong}})
+    assert failing_assumption(planted, rocking(), load_tolerances()) is None
+
+
+@pytest.mark.slow
+@BOTH
+def test_a_block_that_nothing_damps_rocks_for_ever_and_that_is_why_it_disagrees(name: str) -> None:
+    pytest.importorskip(name)
+    m = rocking().with_joint("S", contact_law=None, restitution=None, contact_damping=0.0, contact_stiffness=1e7)
+    (run,) = crosscheck(m, name, joint_model="contact", revolutions=1, workers=1).runs
+    assert run.verdict == "disagrees"
+    assert run.because is not None
+    assert "rocks there for ever, as nothing damps its contact" in run.because.words
+    if name == "mujoco":
+        (cell,) = validity(m, speeds=[m.speed or 0.0], clearances=[1e-4], simulators=name, workers=1).cells
+        assert isinstance(cell, Cell)
+        assert (cell.cause, cell.swings) == ("quasi-static", True)
 
 
 # ------------------------------------------------------------------ who has it

@@ -15,10 +15,12 @@ from compare.results.document import Document
 
 ONE = [math.radians(30.0)]
 OF_ONE = re.compile(
-    r"\b1 (?:crank )?(?:angle|run|sample|set|cell|comparison|file|output|joint|body|bodie|position)s\b|[a-z]\(s\)"
+    r"\b1 (?:crank )?(?:angle|run|sample|set|cell|comparison|file|output|joint|body|bodie)s\b"
+    r"|\b1 (?:position|revolution|turn|time)s\b|[a-z]\(s\)"
 )
 RESULTS: dict[str, Callable[[], Document]] = {
     "crosscheck": lambda: lc.crosscheck("paper", simulators="mujoco", joint_model="ideal", angles=ONE),
+    "contact": lambda: lc.crosscheck("six-bar", simulators="mujoco", joint_model="contact", clearance={"B": 1e-4}),
     "analyse": lambda: lc.analyse("paper", angles=ONE),
     "simulate": lambda: lc.simulate("paper", angles=ONE),
     "accuracy": lambda: lc.accuracy("paper", angles=ONE, outputs=["coupler"], samples=20),

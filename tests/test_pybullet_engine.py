@@ -185,7 +185,7 @@ def test_what_pybullet_does_not_do_is_refused(
 
 def test_divergence_is_an_error() -> None:
     m = load("paper").with_clearances({"B": 1e-3})
-    with pytest.raises(SimulationError, match="smaller step or a softer contact"):
+    with pytest.raises(SimulationError, match="smaller step, or give it a softer"):
         run(ENGINE, m, "spring-damper", "driven", [30.0, 60.0], step=5e-4)
 
 

@@ -43,7 +43,7 @@ from compare.results.validity import Boundary, Cell, Failed, Validity
 from marks import slow
 from planted import Planted, truth, turned
 from sim_models.common.contact_laws import restitution
-from sim_models.engine import ENGINES, declared, installed_version
+from sim_models.engine import ENGINES, Motion, declared, installed_version
 
 SCHEMA = json.loads(resources.files("compare").joinpath("schemas", "validity.json").read_text(encoding="utf-8"))
 TOLERANCES = load_tolerances()
@@ -247,15 +247,20 @@ def test_a_pin_that_swings_about_its_place_of_rest_is_no_fault_of_the_simulation
 
 
 @pytest.mark.mujoco
-def test_friction_of_a_pin_in_its_bearing_is_told_as_what_the_analytic_side_lacks() -> None:
+@pytest.mark.parametrize(
+    ("joint", "motion"),
+    [("B", "driven"), *((joint, "static") for joint in "DABE"), *slow(*((joint, "driven") for joint in "DAE"))],
+)
+def test_friction_of_a_pin_in_its_bearing_is_told_as_what_the_analytic_side_lacks(joint: str, motion: Motion) -> None:
     m = load("crank-rocker").rigid()
     assert m.drive is not None
-    m = m.with_joint("B", friction=0.3, pin_radius=0.01).replace(drive=m.drive.model_copy(update={"speed": 2.0}))
+    m = m.with_joint(joint, friction=0.3, pin_radius=0.01).replace(drive=m.drive.model_copy(update={"speed": 2.0}))
     m = m.replace(loads=(Load(body="coupler", force=(0.0, -40.0)),))
-    (run,) = lc.crosscheck(m, "mujoco", joint_model="contact", clearance={"B": 5e-5}, revolutions=1, workers=1).runs
+    asked = {"joint_model": "contact", "motion": motion, "clearance": {joint: 5e-5}, "revolutions": 1, "workers": 1}
+    (run,) = lc.crosscheck(m, "mujoco", **asked).runs
     assert run.verdict == "disagrees"
     assert run.because is not None
-    assert (run.because.assumption, run.because.joint) == ("unknown", "B")
+    assert (run.because.assumption, run.because.joint) == ("unknown", joint)
     assert "friction in that contact is in no analytic answer" in run.because.words
 
 
@@ -574,13 +579,24 @@ BAD_INPUT = {
         ["--speeds", "60", "--clearances", "0.5"],
         ["joint 'B'", "0.5", "not smaller than body"],
     ),
-    "a restitution above one": ([*MAP, "--restitutions", "0.5,1.5"], ["--restitutions 0.5,1.5", "from 0 to 1"]),
+    "a restitution above one": (
+        [*MAP, "--restitutions", "0.5,1.5"],
+        ["--restitutions 0.5,1.5: 1.5 cannot", "from 0.01 to 1"],
+    ),
+    "a contact that gives back nothing": (
+        [*MAP, "--restitutions", "0,0.5"],
+        ["--restitutions 0,0.5: 0 cannot be used", "from 0.01 to 1, as it takes endless damping"],
+    ),
     "a restitution twice": ([*MAP, "--restitutions", "0.5,0.50"], ["--restitutions 0.5,0.50", "there twice"]),
     "restitutions of rods": (
         [*MAP, "--restitutions", "0.5", "--joint", "massless-link"],
         ["--restitutions", "massless-link joints never strike"],
     ),
     "unknown joint": ([*MAP, "--at", "Q"], ["--at Q", "D, A, B, E"]),
+    "unknown joint beside a block": (
+        [*MAP, "--case", "slider-crank", "--at", "Q"],
+        ["--at Q", "nor one of its blocks in guides", "O, A, B, S (a block)"],
+    ),
     "ideal joints": ([*MAP, "--joint", "ideal"], ["--joint ideal", "contact"]),
     "unknown engine": ([*MAP, "--simulator", "adams"], ["'adams'", "mujoco"]),
     "no speed to vary": ([*MAP, "--case", "pendulum"], ["--case pendulum", "no drive of constant speed"]),

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from analytic.mechanism.parts import GROUND, SMALLEST, Body, Drive, Ground, Joint, Load, Spring
 from analytic.mechanism.signals import signals
 
-LEAST_RESTITUTION = 0.01  # of a law with hysteresis, two of which divide by it
+LEAST_RESTITUTION = 0.01  # of a law with hysteresis, two of which divide by it, and of any in a map
 ROUGHEST = 5.0  # coefficient of friction at a block's corners: a larger one was meant in N
 LARGEST_PLAUSIBLE_LENGTH = 20.0  # m; a linkage larger than this was probably entered in millimetres
 Parts = Mapping[str, Body | Ground]  # the ground and the moving bodies by name

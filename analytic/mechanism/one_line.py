@@ -18,9 +18,9 @@ def one_line(result: object, *parts: str) -> str:
     return f"{type(result).__name__}({text if len(text) <= room else text[: room - 3] + '...'})"
 
 
-def count(number: int, thing: str) -> str:
-    """``1 joint``, ``2 joints``."""
-    return f"{number} {thing}{'' if number == 1 else 's'}"
+def count(number: int | str, thing: str) -> str:
+    """``1 joint``, ``2 joints``; of a number, or of one as it is printed: ``0.5 turns``."""
+    return f"{number} {thing}{'' if str(number) == '1' else 's'}"
 
 
 def angles(theta: np.ndarray, of: str = "crank angle") -> str:

@@ -6,6 +6,7 @@ SI units and radians throughout.  Every object is frozen and checked when it is 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Annotated, Literal, TypeVar
 
@@ -215,6 +216,13 @@ class Joint(Part):
     def rough(self) -> bool:
         """Whether its contact has friction: of a pin with clearance in its bearing, or of a block's corners."""
         return self.friction > 0 and self.clearance > 0
+
+    @property
+    def jams_from(self) -> float:
+        """Coefficient of friction at its block's corners, length over height, from which on a corner turns the block
+        harder by its friction than its wall's push turns it back: the block cannot lie flat, tips, and may jam.
+        """
+        return math.inf if self.guide is None else self.guide[0] / self.guide[1]
 
     @property
     def stiction(self) -> float:

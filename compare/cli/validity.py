@@ -78,7 +78,7 @@ def validity(
             simulators="all" if simulator == "all" else listed_once(simulator, "--simulator"),
             joint_model=joint.value,
             joints=listed_once(at, "--at") if at is not None else None,
-            restitutions=None if restitutions is None else shares(restitutions, "--restitutions"),
+            restitutions=None if restitutions is None else several(restitutions, "--restitutions"),
             revolutions=revolutions,
             tolerances=load_tolerances(tolerance),
         )
@@ -100,9 +100,9 @@ def positive(text: str, option: str, unit: str) -> tuple[float, ...]:
     return listed_numbers(text, option, unit, "above 0", lambda value: 0 < value < math.inf)
 
 
-def shares(text: str, option: str) -> tuple[float, ...]:
-    """``0.1,0.9`` as increasing numbers from 0 to 1.  Raises OptionError."""
-    return listed_numbers(text, option, "numbers", "from 0 to 1", lambda value: 0 <= value <= 1)
+def several(text: str, option: str) -> tuple[float, ...]:
+    """``0.1,0.9`` as increasing numbers, of which contact has to take each.  Raises OptionError."""
+    return listed_numbers(text, option, "numbers", "", lambda value: True)
 
 
 def listed_numbers(

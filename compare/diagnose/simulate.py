@@ -94,7 +94,9 @@ def simulate(task: Task) -> tuple[dict[str, np.ndarray], str, Mapping[str, Setti
         by_age = {age: {s: seen[s][np.searchsorted(times, clock[s] - age)] for s in echoes} for age in ages(echoes)}
         readings = sensed(task.hypothesis, task.run, {s: mixed(each, by_age, s) for s, each in echoes.items()})
         return readings, trace.version, dict(trace.settings)
-    except (SimulationError, SimulatorMissing, Unsupported, AssemblyError, ValueError) as error:
+    except SimulationError as error:
+        return error.said(())
+    except (SimulatorMissing, Unsupported, AssemblyError, ValueError) as error:
         return str(error)
 
 

@@ -115,7 +115,7 @@ def gridded(  # noqa: PLR0913 - as validity
             why = f"{m.name} has {alone}; a map is over its speeds, so give it one"
             raise ArgumentError("mechanism", why)
         at, chosen = clearance_joints(m, named)
-        bouncing = None if restitutions is None else _restitutions(m, at, restitutions, joint_model)
+        bouncing = None if restitutions is None else _restitutions(restitutions, joint_model)
         widest = with_clearance(m, dict.fromkeys(at, gaps[-1]), "clearances")
         blocks = [name for name in at if m.joint(name).prismatic]
         if blocks:
@@ -155,19 +155,17 @@ def mapped(
     return summarised(grid, tasks, found).model_copy(update={"warnings": grid.warnings})
 
 
-def _restitutions(
-    mechanism: Mechanism, joints: Sequence[str], given: Numbers, joint_model: RealJoint
-) -> tuple[float, ...]:
-    """Restitutions that these joints can have, increasing.  Raises ArgumentError."""
+def _restitutions(given: Numbers, joint_model: RealJoint) -> tuple[float, ...]:
+    """Restitutions that contact can have, increasing.  Raises ArgumentError."""
     if joint_model not in STRIKING:
         raise ArgumentError("restitutions", f"the pins of {joint_model} joints never strike; leave restitutions out")
-    laws = {mechanism.joint(name).contact_law for name in joints} - {None, "kelvin-voigt"}
-    least = LEAST_RESTITUTION if laws else 0.0
     found = tuple(sorted(numbers(given, "restitutions", "1").tolist()))
     for value in found:
-        if not least <= value <= 1:
-            of = f" of contact_law {next(iter(laws))}" if laws else ""
-            raise ArgumentError("restitutions", f"{value:g} cannot be used; give restitutions{of} from {least:g} to 1")
+        if not LEAST_RESTITUTION <= value <= 1:
+            give = (
+                f"give restitutions from {LEAST_RESTITUTION:g} to 1, as it takes endless damping to give back nothing"
+            )
+            raise ArgumentError("restitutions", f"{value:g} cannot be used; {give}")
     if len(set(found)) < len(found):
         raise ArgumentError("restitutions", f"{quoted(list(found))} has a number twice; give each once")
     return found

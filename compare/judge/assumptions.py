@@ -21,7 +21,7 @@ paper's formula does not; ``quasi-static-corrected`` is what a second correction
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import get_args
@@ -46,6 +46,7 @@ from compare.judge.discrepancy import (
     run_rules,
 )
 from compare.judge.reference import TURNS_BACK
+from compare.judge.rocking import rocking, undamped
 from compare.judge.signals import with_derived, with_rotations
 from compare.judge.tolerances import Tolerances
 from compare.results.crosscheck import Because, Run
@@ -54,6 +55,7 @@ from compare.results.validity import Assumption, Costing
 from sim_models.common.guide import Guide
 
 Signals = Mapping[str, np.ndarray]
+ROCKS = 1.5  # times what a linear wall lets a block rock, as much as one that stiffens may
 EITHER_SIDE = 0.3  # of its rms, below which the mean of a difference says that it is to neither side
 ASSUMPTIONS: tuple[Assumption, ...] = get_args(Assumption)
 
@@ -94,14 +96,47 @@ class Examined:
         off = [d for d, _ in self.verdicts if d.verdict == "disagrees"]
         if self.contact_lost or any(d.signal.kind == "clearance" for d in off):
             return not self.contact_lost
+        if self.rocks:
+            return True
         turned = any(self._about(d) for d in off)
         return turned and max(self.costs["quasi-static-corrected"], self.costs["rigid"]) <= 1
+
+    @cached_property
+    def rocks(self) -> str:
+        """The joint whose block stays on its walls, and rocks there after its friction has turned round, or because
+        nothing damps it, which is all that disagrees; empty if there is none.
+        """
+        if self.contact_lost or self.courses is not None or not self.mechanism.speed:
+            return ""
+        off = [(d, within) for d, within in self.verdicts if d.verdict == "disagrees"]
+        for joint in self.blocks:
+            moment = Signal.of("reaction", joint.name, "moment").name
+            where = [within for d, within in off if d.signal.name == moment]
+            if where and (self._rocking(joint, moment, where[0], len(off)) or self._ringing(joint, off)):
+                return joint.name
+        return ""
+
+    def _rocking(self, joint: Joint, moment: str, within: np.ndarray, signals: int) -> bool:
+        """Whether a moment, the only one of so many ``signals``, is off by what a block has that rocks."""
+        if signals > 1 or not joint.rough or self.run.joint_model != "contact":
+            return False
+        across = self.run.analytic[Signal.of("reaction", joint.name, "magnitude").name]
+        least = ROCKS * rocking(self.assembly, joint, self.theta, self.mechanism.speed or 0.0, across)
+        off = np.abs(self.run.comparable[moment] - self.run.analytic[moment])
+        return bool(np.all(within | (off <= least)))
+
+    def _ringing(self, joint: Joint, off: Sequence[tuple[Discrepancy, np.ndarray]]) -> bool:
+        """Whether a block whose contact nothing damps swings about where it should be, in all that is off of it."""
+        own = [d for d, _ in off if d.signal.place == joint.name and d.signal.component != "angle"]
+        return undamped(self.mechanism, joint) and all(self._to_both_sides(d) for d in own)
 
     def _about(self, found: Discrepancy) -> bool:
         """Whether a difference is of the direction of a reaction that a pin with clearance carries, and of no sign."""
         directions = [Signal.of("reaction", joint, "angle").name for joint in self.run.clearance]
-        if found.signal.name not in directions:
-            return False
+        return found.signal.name in directions and self._to_both_sides(found)
+
+    def _to_both_sides(self, found: Discrepancy) -> bool:
+        """Whether a difference is of no sign."""
         apart = found.signal.apart(*(side[found.signal.name] for side in (self.run.comparable, self.run.analytic)))
         apart = apart[np.isfinite(apart) & ~self.flagged]
         return bool(abs(apart.mean()) < EITHER_SIDE * math.sqrt(float(np.mean(apart**2))))
@@ -338,10 +373,14 @@ def failing_assumption(
     if rubs:
         words = f"the pin of {rubs[0]} rubs in its bearing, and friction in that contact is in no analytic answer"
         return Because(assumption="unknown", joint=rubs[0], words=words)
-    blocks = any(mechanism.joint(name).prismatic for name in run.clearance)  # whose rests no assumption's cost has
-    if run.motion != "driven" or len(run.flags) == run.crank_angle.size or blocks:
+    if run.motion != "driven" or len(run.flags) == run.crank_angle.size:
         return None
     examined = Examined(mechanism, run.crank_angle, run, tolerances, courses)
+    return _rocking(examined) if examined.blocks else _tested(examined)  # no assumption's cost has blocks' rests
+
+
+def _tested(examined: Examined) -> Because:
+    """Why a run whose pins keep contact disagrees, as its assumptions cost."""
     cause = examined.cause
     if cause is None:
         words = (
@@ -360,6 +399,16 @@ def failing_assumption(
             " the analytic model presumes rigid contact"
         )
     return Because(assumption=cause, joint=None, words=words)
+
+
+def _rocking(examined: Examined) -> Because | None:
+    """Why a run with blocks disagrees, where that is that one rocks on its walls."""
+    if not (name := examined.rocks):
+        return None
+    forever = undamped(examined.mechanism, examined.mechanism.joint(name))
+    lasts = "for ever, as nothing damps its contact" if forever else "for a while after its friction turns round"
+    words = f"the block of {name} stays on its walls and rocks there {lasts}; the analytic model has it at rest"
+    return Because(assumption="quasi-static", joint=name, words=words)
 
 
 def _friction_turns(run: Run, joint: Joint) -> bool:

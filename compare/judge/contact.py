@@ -276,7 +276,7 @@ def _converged(joints: Mapping[str, JointContact], whole: int, turns: float, loo
     if all(not joint.impacts.crank_angle.size for joint in joints.values()):
         free = any((joint.statistics["free_share"].value or 0.0) > 0 for joint in joints.values())
         if not free:
-            return True, f"no {loose} leaves its wall in {turns:.3g} revolutions"
+            return True, f"no {loose} leaves its wall in {count(f'{turns:.3g}', 'revolution')}"
     if turns < 1 - 1e-6:
         return False, "the crank makes no whole revolution, so that there are no averages"
     wide = [

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -159,7 +159,8 @@ class Rule:
     Nothing is judged below ``noise`` times the run's scales, or below the force that gives its mass the acceleration
     ``rest`` (m/s2), nor a direction where its force is below ``floor`` of its peak; above that a direction may be off
     by ``absolute`` times peak over force, the same error in newtons everywhere.  ``window`` (rad of crank angle) widens
-    this where the signal is steep.
+    this where the signal is steep.  The peak of a block's moment is at least what friction turns it by at its corners,
+    the joint's force at an ``arm`` (m).
     """
 
     signal: Signal
@@ -172,6 +173,7 @@ class Rule:
     window: float = 0.0
     rest: float = 0.0
     unsure: np.ndarray | float = 0.0  # (N,) on top: how exactly the motion that both sides are held to is known
+    arm: float = 0.0
 
     @classmethod
     def read(
@@ -219,7 +221,11 @@ class Rule:
         of = self.signal.name
         if self.signal.kind == "reaction" and self.kind == "magnitude":  # a component by the size of the whole
             of = self.signal.sibling("magnitude").name
-        return np.maximum(max(self.absolute, self._noise), self.relative * self._peak(analytic[of])) + self.unsure
+        peak = self._peak(analytic[of])
+        if self.arm:
+            force = self.signal.sibling("magnitude").name
+            peak = np.fmax(peak, self.arm * self._largest(force, analytic[force]))
+        return np.maximum(max(self.absolute, self._noise), self.relative * peak) + self.unsure
 
     def allowed(self, analytic: Mapping[str, np.ndarray], theta: np.ndarray | None) -> tuple[np.ndarray, Tube]:
         """What each sample (N,) may differ by, and the window's tube at crank angles theta (N,) rad."""
@@ -273,12 +279,22 @@ def run_rules(
     ``give`` (m) is how far the contact yields (:func:`contact_give`).  Raises ToleranceError.
     """
     smallest = min(clearances.values(), default=0.0)
-    return {
+    arms = _arms(mechanism, clearances) if joint_model == "contact" else {}
+    rules = {
         signal.name: Rule.read(
             tolerances, motion, joint_model, signal, scales, give, _loose(signal, clearances, smallest)
         )
         for signal in (compared(mechanism, clearances) if judged is None else judged)
     }
+    return {name: replace(rule, arm=arms[name]) if name in arms else rule for name, rule in rules.items()}
+
+
+def _arms(mechanism: Mechanism, clearances: Iterable[str]) -> dict[str, float]:
+    """By the moment of a block with clearance: the moment (N.m) that friction at its corners has of a unit force (N) by
+    which it is pressed to a wall; none of smooth ones.
+    """
+    blocks = [joint for joint in map(mechanism.joint, clearances) if joint.guide is not None and joint.rough]
+    return {Signal("reaction", j.name, "moment").name: j.friction * j.guide[1] / 2 for j in blocks if j.guide}
 
 
 def _loose(signal: Signal, clearances: Mapping[str, float], smallest: float) -> float:

@@ -54,6 +54,7 @@ def print_table(result: Listed, console: Console) -> None:
         for effect in result.effects:
             values = ", ".join(f"{p.name} [{p.unit}]" for p in effect.parameters)
             said = f"{effect.name:<18} {effect.says}\n{'':<18} {values}; simulated by {', '.join(effect.simulators)}"
+            said += f"; tried only with --only {effect.name}" if effect.asked_for else ""
             console.print(said, soft_wrap=True, highlight=False, markup=False)
 
 

@@ -99,7 +99,7 @@ def _facts(result: Preview, run: SeenRun) -> str:
         turned = math.degrees(run.crank_to - run.crank_from)
         span = (
             f"the crank goes from {number(math.degrees(run.crank_from), 4)} to {number(math.degrees(run.crank_to), 4)}°"
-            f" ({number(turned / 360, 3)} turns)"
+            f" ({count(number(turned / 360, 3), 'turn')})"
         )
     longest = f", the longest gap {amount(run.longest_gap, 's')}" if run.longest_gap else ", no gaps"
     role = ", kept back for validation" if run.role == "validation" else ""

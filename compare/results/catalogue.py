@@ -120,6 +120,7 @@ class Effect(Part):
     says: Annotated[str, Field(description="The effect in words.")]
     parameters: tuple[Parameter, ...]
     simulators: Annotated[tuple[str, ...], Field(description="Engines that simulate it.")]
+    asked_for: Annotated[bool, Field(description="Whether it is tried only where --only names it.")] = False
 
 
 class Effects(Listing):

@@ -94,7 +94,9 @@ class Watched(Part):
     """What contact did in a cell."""
 
     revolutions: Annotated[float, Field(ge=0, description="Turns of the crank that were watched.")]
-    pins: Annotated[Mapping[str, Pin], Field(min_length=1, description="By joint with clearance.")]
+    pins: Annotated[
+        Mapping[str, Pin], Field(min_length=1, description="By joint with clearance, of pins and of blocks alike.")
+    ]
 
     @property
     def peak_ratio(self) -> float:

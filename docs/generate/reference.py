@@ -136,7 +136,7 @@ def effects() -> str:
         [
             f"`{e.name}`",
             e.where,
-            escaped(e.says),
+            escaped(e.says) + "; tried only where `--only` names it" * e.asked_for,
             ", ".join(f"{escaped(p.name)} ({p.unit})" for p in e.parameters),
             ", ".join(e.simulators),
         ]

@@ -18,11 +18,11 @@ from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.mechanism import Mechanism
 from sim_models.common.contact_laws import TOO_DEEP, contact_parameters, shortest_link
 from sim_models.common.motor import Course, motor_of, motors_of
-from sim_models.engine import Cause, Motion, Request, SimulationError
+from sim_models.engine import CENTRED, Cause, Motion, Request, SimulationError
 
 HIDDEN = 0.5  # of the clearance: a contact that gives more may well be why there is no equilibrium
 STIFF = 0.1  # of the clearance: what a contact that is stiff enough gives
-OVERHELD = "start it centred: its loops hold more than they need, and its pins cannot lie just anywhere"
+OVERHELD = ("leave out clearance: its loops hold more than they need, and its pins cannot lie just anywhere", CENTRED)
 SAME = 1e-6  # rad: angles that are one and the same
 
 
@@ -113,7 +113,9 @@ def where(request: Request, theta: float) -> str:
     return f"{here}, where the run starts that was asked for {wanted}"
 
 
-def no_start(engine: str, request: Request, cause: Cause, what: str, theta: float, remedy: str = "") -> SimulationError:
+def no_start(
+    engine: str, request: Request, cause: Cause, what: str, theta: float, remedy: str | tuple[str, ...] = ""
+) -> SimulationError:
     """The error that says what went wrong at a crank angle (rad)."""
     return SimulationError(f"{who(engine, request)}: {what} {where(request, theta)}", cause, remedy)
 

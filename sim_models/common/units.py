@@ -273,7 +273,7 @@ def in_own_units(run: Callable[[Request], Trace], request: Request, seconds: boo
         raise error.of(whole.mechanism) from None
     except SimulationError as error:
         note = f"(numbers in {units.words})"
-        raise SimulationError(error.what, error.cause, error.remedy, note) from error
+        raise SimulationError(error.what, error.cause, error.remedies, note) from error
 
 
 def with_stiffness(request: Request) -> Request:

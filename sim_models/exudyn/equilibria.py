@@ -14,7 +14,7 @@ from sim_models.common.contact_laws import pressed_to
 from sim_models.common.failed_starts import check_stiff_enough, no_start, why_no_equilibrium
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import travel
-from sim_models.engine import Cause, Request, SimulationError
+from sim_models.engine import CENTRED, ELSEWHERE, Cause, Request, SimulationError
 from sim_models.exudyn.block import Block
 from sim_models.exudyn.linkage import ExudynLinkage, Inertia
 from sim_models.exudyn.model import ExudynModel, point_at
@@ -130,7 +130,7 @@ class Equilibria:
         return linkage.now()
 
     def _failure(self, cause: Cause, what: str, theta: float) -> SimulationError:
-        remedy = "load the linkage, use a smaller clearance, leave the angle out, or run it driven with start 'centred'"
+        remedy = ("load the linkage", "use a smaller clearance", ELSEWHERE, CENTRED)
         return no_start("exudyn", self.request, cause, what, theta, remedy)
 
     def _loads(self, theta: float, inertia: Inertia | None, speed: float) -> Loads:

@@ -155,7 +155,6 @@ class Run:
         return SimulationError(
             f"{self.who}: {why}",
             Cause.DIVERGED,
-            "use a smaller step or a softer, more damped contact",
         )
 
     def check(self, *wrong: str | None) -> None:

@@ -18,7 +18,7 @@ from analytic.mechanism import GROUND
 from sim_models.common.failed_starts import check_stiff_enough, no_start, why_no_equilibrium
 from sim_models.common.motor import Motor
 from sim_models.common.start import AT_REST, Pose
-from sim_models.engine import Cause, SimulationError
+from sim_models.engine import CENTRED, ELSEWHERE, Cause, SimulationError
 from sim_models.leapfrog.block import Block
 from sim_models.leapfrog.bodies import HEEDINGS, LeapfrogWorld
 from sim_models.leapfrog.courses import NONE, STENCIL, Behind, Changes, Path, duration, moving, near, still, told_angle
@@ -82,7 +82,7 @@ class Equilibria:
                 return self._found(path, time, rate, bend, forces, seats, largest)
         self.last.clear()
         what = f"no equilibrium of the pins at {', '.join((*world.loose, *world.soft))} was found"
-        remedy = "use a smaller clearance, leave the angle out, or run it driven with start 'centred'"
+        remedy = ("use a smaller clearance", ELSEWHERE, CENTRED)
         raise why_no_equilibrium(world.engine, world.request, theta, springs) or self.failed(
             Cause.NO_EQUILIBRIUM, what, theta, remedy
         )
@@ -204,7 +204,7 @@ class Equilibria:
             previous = relative
         raise Nowhere
 
-    def failed(self, cause: Cause, what: str, theta: float, remedy: str = "") -> SimulationError:
+    def failed(self, cause: Cause, what: str, theta: float, remedy: str | tuple[str, ...] = "") -> SimulationError:
         """The error that says what went wrong at which crank angle."""
         return no_start(self.world.engine, self.world.request, cause, what, theta, remedy)
 

@@ -346,7 +346,7 @@ class Equilibria:
         walls = all(min(corners.values()) >= 0 for corners in pushes(self.pressed, found.force).values())
         return found.q if pins and walls else None
 
-    def failed(self, cause: Cause, what: str, theta: float, remedy: str = "") -> SimulationError:
+    def failed(self, cause: Cause, what: str, theta: float, remedy: str | tuple[str, ...] = "") -> SimulationError:
         """The error that says what went wrong at which crank angle."""
         return no_start("mujoco", self.request, cause, what, theta, remedy)
 

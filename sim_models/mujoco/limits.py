@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from sim_models.engine import Cause, Request, SimulationError
+from sim_models.engine import SMALLER_STEP, Cause, Request, SimulationError
 from sim_models.mujoco.laws import Contact
 from sim_models.mujoco.model import MujocoLinkage
 
@@ -43,7 +43,7 @@ def check_closed(request: Request, turn: float, step: float) -> None:
             f"mujoco: {request.mechanism.name}, {request.joint_model} joints: the rigid joints have given so far that a"
             f" body is {turn:.3g} rad off, {TURNED:.3g} rad is in order (step {step:.3g} s)",
             Cause.CAME_APART,
-            "use a smaller step, or smaller loads",
+            (SMALLER_STEP, "give smaller loads or a slower drive"),
         )
 
 

@@ -21,6 +21,7 @@ from sim_models.mujoco.state import (
     friction_torques,
     gap,
     joint_forces,
+    lean,
     look,
     misclosure,
     on_track,
@@ -108,6 +109,8 @@ def march(
     time = float(marks[0]) - lead
     steering.place(link, time, 0.0)
     on_track(link)
+    if request.start == "centred" and link.setting.stepped:
+        lean(link)
     record = MujocoSteps(link, time, d.qpos.copy(), d.qvel.copy())
     look(link)
     lag, span, room = 0.0, lead + float(marks[-1] - marks[0]), room_apart(request, link)

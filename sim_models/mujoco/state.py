@@ -423,11 +423,34 @@ def on_track(link: MujocoLinkage) -> None:
     """Remove from the data's velocity what would tear rigid rows apart; the motors' speeds stay."""
     m, d = link.model, link.data
     mujoco.mj_fwdPosition(m, d)
-    soft = [link.row_id[name] for name in link.soft]
-    rigid = (d.efc_type == int(ROW.mjCNSTR_EQUALITY)) & ~np.isin(d.efc_id, soft)
+    rigid = rigid_rows(link)
     jacobian = d.efc_J.reshape(d.nefc, m.nv)[rigid]
     if rigid.any():
         d.qvel[link.moved] -= np.linalg.lstsq(jacobian[:, link.moved], jacobian @ d.qvel, rcond=None)[0]
+
+
+def rigid_rows(link: MujocoLinkage) -> np.ndarray:
+    """Which rows (nefc,) of the data close rigid joints, or hold motors."""
+    d, soft = link.data, [link.row_id[name] for name in link.soft]
+    return (d.efc_type == int(ROW.mjCNSTR_EQUALITY)) & ~np.isin(d.efc_id, soft)
+
+
+def lean(link: MujocoLinkage) -> None:
+    """Open rigid rows of a state :func:`on_track` by so little that their springs take back what their dampers make of
+    velocities half a step older than the positions, as a run has them.  An equilibrium has done so already.
+    """
+    m, d = link.model, link.data
+    mujoco.mj_fwdPosition(m, d)
+    with felt(link.passive):
+        mujoco.mj_fwdVelocity(m, d)
+    rigid = rigid_rows(link)
+    if not rigid.any():
+        return
+    stiffness, damping, impedance = d.efc_KBIP[rigid, :3].T
+    older = damping * link.setting.step / 2
+    wanted = older / (1 + older) * d.efc_aref[rigid] / (stiffness * impedance)  # the first step back feels them, too
+    jacobian = d.efc_J.reshape(d.nefc, m.nv)[rigid][:, link.moved]
+    d.qpos[link.moved] += np.linalg.lstsq(jacobian, wanted, rcond=None)[0]
 
 
 def mobility(link: MujocoLinkage, q: np.ndarray, name: str) -> float:

@@ -334,7 +334,7 @@ def _channel(
     if column.signal.wraps:
         values, jumps = unwrapped(values, command)
         if jumps:
-            fault("wrapped", jumps, f"jumps by a turn {jumps} times; it is continued instead")
+            fault("wrapped", jumps, f"jumps by a turn {count(jumps, 'time')}; it is continued instead")
     full, level = clipped(table.time, values)
     if np.any(full):
         text = (

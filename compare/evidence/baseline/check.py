@@ -144,7 +144,7 @@ def _safely(
         return work(mechanism, simulator, folder, engine, typed, made)
     except (SimulatorMissing, SimulationError) as error:
         failed: Status = "failed"
-        why = str(error)
+        why = error.said(()) if isinstance(error, SimulationError) else str(error)
     except (OptionError, OutputError, Unsupported, AssemblyError, StructureError, DataError) as error:
         failed, why = "unusable", str(error)
     path = file_of(folder, mechanism.name, simulator)

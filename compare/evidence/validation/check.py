@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TypeVar
 
+from analytic.mechanism.one_line import count
 from compare.arguments import Simulators
 from compare.evidence.stored import asked, other_versions, read, stale_page, store
 from compare.evidence.validation.runs import run_all
@@ -87,16 +88,16 @@ def update_validation(folder: str | Path = WHERE, data: Path | None = None) -> V
 
 def looked_at(stored: Validation, found: Validation) -> tuple[str, tuple[str, ...]]:
     """How much of a stored report was made again, and what was left out because an engine is missing, in words."""
-    count = Counter(run.simulator for run in stored.runs)
-    absent = [name for name in count if name not in found.versions]
-    left_out = [f"{count[name]} runs of {name}" for name in absent]
+    runs = Counter(run.simulator for run in stored.runs)
+    absent = [name for name in runs if name not in found.versions]
+    left_out = [f"{count(runs[name], 'run')} of {name}" for name in absent]
     if stored.superposition and not found.superposition:
         left_out.append("superposition, which takes exudyn")
     total = len(stored.runs)
     tables = "first_order, workspaces" + (" and superposition" if found.superposition else "")
     sized = f"{len(found.scales)} of {len(stored.scales)} at scales"
     others = f"{len(found.published)} of {len(stored.published)} published"
-    done = f"{total - sum(count[name] for name in absent)} of {total} runs, {sized}, {others}, {tables} made again"
+    done = f"{total - sum(runs[name] for name in absent)} of {total} runs, {sized}, {others}, {tables} made again"
     return done, tuple(left_out)
 
 
