@@ -21,7 +21,7 @@ MOST = 4  # effects of the rig at once
 FAULTS = 16  # of sensors, beside them
 FITTED = 9  # sets of each size that are fitted in full
 DEEP = 2  # the same, of sets with more than MOST
-ROUNDS = 5
+ROUNDS = 8
 # of chi^2: sets that the screen puts farther behind its best are not fitted, unless they are among the first few
 MARGIN = 60.0
 ANEW = 4.0  # of chi^2, that each value of a fault that is another in each run must bring beside a parameter's share
@@ -111,8 +111,10 @@ class Search:
         return [best, *(self.fitter.done()[k] for _, k in others[: LEADERS - 1])]
 
     def climb(self, screen: Screen, best: Fit) -> Fit:
-        """Fit the screen's best sets of each size until one more effect does not pay."""
-        behind = 0
+        """Fit the screen's best sets of each size until one more effect does not pay.  About a better fit than the
+        screen's own a new one knows better which.
+        """
+        behind, about = 0, best
         for level in screen.best_sets(MOST, FAULTS, self.cost):
             improved = False
             for k, (net, chosen) in enumerate(level[: FITTED if len(level[0][1]) <= MOST else DEEP]):
@@ -123,7 +125,7 @@ class Search:
                 if fit is not None and self.beats(fit, best):
                     best, improved = fit, True
             behind = 0 if improved or len(level[0][1]) <= len(best.named()) else behind + 1
-            if behind == 2 or self.late():
+            if behind == (2 if best is about else 1) or self.late():
                 break
         return best
 
