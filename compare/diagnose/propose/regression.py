@@ -105,8 +105,8 @@ class Regression:
         """The candidates, one a law, beside what is told already: those that gain most first."""
         taken = {c.law.name for c in best.laws}
         basis = np.linalg.qr(np.column_stack([self.free, *(self.columns(c) for c in best.laws)]))[0]
-        told = basis.T @ known.columns
-        wanted = known.columns.T @ best.left - told.T @ (basis.T @ best.left)
+        told = (known.rows @ basis).T
+        wanted = known.rows @ best.left - told.T @ (basis.T @ best.left)
         gains: dict[str, tuple[float, Candidate]] = {}
         for c, at, gram in zip(known.candidates, known.places, known.grams, strict=True):
             if c.law.name in taken:
@@ -160,10 +160,10 @@ class Regression:
 
 @dataclass(frozen=True)
 class _Known:
-    """Columns (size, n) of candidates side by side: where each one's are, and their products (k, k)."""
+    """Columns of candidates, one below the other as rows (n, size): where each one's are, and their products (k, k)."""
 
     candidates: Sequence[Candidate]
-    columns: np.ndarray
+    rows: np.ndarray
     places: Sequence[slice]
     grams: Sequence[np.ndarray]
 
@@ -172,8 +172,8 @@ class _Known:
         """Those of these columns."""
         edges = np.cumsum([0, *(own.shape[1] for own in found.values())]).tolist()
         places = [slice(*ends) for ends in pairwise(edges)]
-        stacked = np.concatenate([np.zeros((size, 0)), *found.values()], axis=1)
-        return cls(list(found), stacked, places, [own.T @ own for own in found.values()])
+        rows = np.concatenate([np.zeros((0, size)), *(own.T for own in found.values())])
+        return cls(list(found), rows, places, [rows[at] @ rows[at].T for at in places])
 
 
 def solved(matrix: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
