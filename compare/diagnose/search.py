@@ -171,18 +171,19 @@ class Search:
             self.surveyed = about
         if self.screened is not None and self.screened[0] is about and self.screened[1] is self.sensitivities:
             return self.screened[2]
-        residual, own = about.residual.copy(), {}
+        residual = about.residual.copy()
+        named: dict[Term, Sensitivity] = {}
         for i in about.named():
             term, columns = about.terms[i], about.jacobian[:, about.columns(i)]
             residual -= columns @ about.x[i]
-            own[term] = Sensitivity(term, np.zeros(residual.size), columns, fitted=True)
+            named[term] = Sensitivity(term, np.zeros(residual.size), columns, fitted=True)
         always = [about.jacobian[:, about.columns(i)] for i in range(len(about.terms)) if i not in about.named()]
         if always:
             basis = np.linalg.qr(np.concatenate(always, axis=1))[0]
             residual -= basis @ (basis.T @ residual)
-            side = Columns.of(self.rig, {**self.sensitivities, **own}, basis)
+            side = Columns.of(self.rig, {**self.sensitivities, **named}, basis)
         else:
-            side = self.side().replaced(self.rig, own)
+            side = self.side().replaced(self.rig, named)
         screen = Screen(self.rig, residual, side)
         self.screened = about, self.sensitivities, screen
         return screen

@@ -113,7 +113,7 @@ class Columns:
         if not own:
             return self
         size = len(self.parts[0])
-        more, found = Columns.of(rig, own, np.zeros((size, 0))), dict(self.sensitivities) | own
+        more, found = Columns.of(rig, own, np.zeros((size, 0))), {**self.sensitivities, **own}
         before = {t: np.arange(*self.edges[i : i + 2]) for i, t in enumerate(self.sensitivities)}
         new = {t: len(self.norm) + np.arange(*more.edges[i : i + 2]) for i, t in enumerate(own)}
         each = [(before | new)[t] for t in found]
@@ -152,8 +152,8 @@ class Screen:
     """
 
     def __init__(self, rig: Rig, residual: np.ndarray, columns: Columns) -> None:
-        self.rig, self.sensitivities = rig, columns.sensitivities
-        self.terms, self.edges, self.norm, self.gram = list(self.sensitivities), columns.edges, columns.norm, columns.gram
+        self.rig, self.sensitivities, self.terms = rig, columns.sensitivities, list(columns.sensitivities)
+        self.edges, self.norm, self.gram = columns.edges, columns.norm, columns.gram
         group = np.repeat(np.arange(len(self.terms)), np.diff(self.edges))
         self.reluctance = reluctance(columns.scales * self.norm, group)
         self.chi2 = float(residual @ residual)
@@ -161,7 +161,7 @@ class Screen:
         # what a variant does by itself changes the residual before any column does: by how much it gains, and what is
         # wanted then
         self.offsets = {
-            i: (self.chi2 - float((residual + o) @ (residual + o)), known, o) for i, (o, known) in columns.offsets.items()
+            i: (self.chi2 - float((residual + o) @ (residual + o)), told, o) for i, (o, told) in columns.offsets.items()
         }
 
     def gain(self, chosen: Sequence[int]) -> tuple[float, np.ndarray]:

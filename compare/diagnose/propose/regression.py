@@ -134,7 +134,15 @@ class Regression:
 
         simplex = np.vstack([np.zeros(shapes.size), np.eye(shapes.size)])
         options = {"initial_simplex": simplex, "maxfev": EVALUATIONS * shapes.size, "xatol": 1e-3, "fatol": 0.1}
-        end = minimize(lambda at: self.told(laws(at)).chi2, simplex[0], method="Nelder-Mead", options=options)
+        free, given = self.free.T @ self.free, self.free.T @ self.residual
+
+        def gained(at: np.ndarray) -> float:
+            """Decrease of chi^2, negative."""
+            own = np.column_stack([self.columns(c) for c in laws(at)])
+            across, wanted = self.free.T @ own, np.concatenate([given, own.T @ self.residual])
+            return -float(wanted @ _solved(np.block([[free, across], [across.T, own.T @ own]]), wanted)[0])
+
+        end = minimize(gained, simplex[0], method="Nelder-Mead", options=options)
         better = self.told(laws(end.x))
         return better if better.chi2 < found.chi2 else found
 
