@@ -445,8 +445,9 @@ class Problem:
         fitter = Fitter(self.model_of(data), data, self.rig, self.fitter.bounds, before)
         start = dict(zip(self.base.terms, self.base.x, strict=True))
         base = fitter.at(self.base.terms, start) or self.base
-        if self.search is not None and not free:
-            found = dict(self.search.sensitivities)  # differences of residuals: a shift of the data does not touch them
+        columns = None
+        if self.search is not None and not free:  # differences of residuals: a shift of the data does not touch them
+            found, columns = self.search.sensitivities, self.search.columns
         else:
             found = {} if free else sensitivities(fitter, base, wanted)
         progress = self.options.progress
@@ -456,6 +457,7 @@ class Problem:
             found,
             cost,
             nonlinear=free,
+            columns=columns,
             late=self.options.late,
             tell=lambda sets: progress(f"search, {sets} sets of effects fitted", 1, 4),
         )

@@ -14,14 +14,14 @@ from compare.diagnose.effects.sensors import in_each_run
 from compare.diagnose.fit import Fit, Fitter
 from compare.diagnose.noise import CLOSED, rms, sample_weights
 from compare.diagnose.predict import Term
-from compare.diagnose.sensitivities import Screen, Sensitivity, sensitivities
+from compare.diagnose.sensitivities import Columns, Screen, Sensitivity, sensitivities
 
 CHANCE = 1e-3  # probability that noise alone names anything at all
 MOST = 4  # effects of the rig at once
 FAULTS = 16  # of sensors, beside them
 FITTED = 9  # sets of each size that are fitted in full
 DEEP = 2  # the same, of sets with more than MOST
-ROUNDS = 5
+ROUNDS = 8
 # of chi^2: sets that the screen puts farther behind its best are not fitted, unless they are among the first few
 MARGIN = 60.0
 ANEW = 4.0  # of chi^2, that each value of a fault that is another in each run must bring beside a parameter's share
@@ -60,6 +60,7 @@ class Search:
     cost: Mapping[Term, float]
     nonlinear: bool = False  # sensitivities hold only near the fit they were taken about (free runs)
     surveyed: Fit | None = None
+    columns: Columns | None = None
     screened: tuple[Fit, Mapping[Term, Sensitivity], Screen] | None = None
     judged: tuple[Fit, object] | None = None  # the last fit whose effects were judged, and the judgement
     rivals: bool = False  # whether a fit that leaves no gap is looked beside too, for what explains it as well
@@ -111,8 +112,10 @@ class Search:
         return [best, *(self.fitter.done()[k] for _, k in others[: LEADERS - 1])]
 
     def climb(self, screen: Screen, best: Fit) -> Fit:
-        """Fit the screen's best sets of each size until one more effect does not pay."""
-        behind = 0
+        """Fit the screen's best sets of each size until one more effect does not pay.  About a better fit than the
+        screen's own a new one knows better which.
+        """
+        behind, about = 0, best
         for level in screen.best_sets(MOST, FAULTS, self.cost):
             improved = False
             for k, (net, chosen) in enumerate(level[: FITTED if len(level[0][1]) <= MOST else DEEP]):
@@ -123,7 +126,7 @@ class Search:
                 if fit is not None and self.beats(fit, best):
                     best, improved = fit, True
             behind = 0 if improved or len(level[0][1]) <= len(best.named()) else behind + 1
-            if behind == 2 or self.late():
+            if behind == (2 if best is about else 1) or self.late():
                 break
         return best
 
@@ -168,18 +171,28 @@ class Search:
             self.surveyed = about
         if self.screened is not None and self.screened[0] is about and self.screened[1] is self.sensitivities:
             return self.screened[2]
-        found = dict(self.sensitivities)
         residual = about.residual.copy()
+        named: dict[Term, Sensitivity] = {}
         for i in about.named():
             term, columns = about.terms[i], about.jacobian[:, about.columns(i)]
             residual -= columns @ about.x[i]
-            found[term] = Sensitivity(term, np.zeros(residual.size), columns, fitted=True)
+            named[term] = Sensitivity(term, np.zeros(residual.size), columns, fitted=True)
         always = [about.jacobian[:, about.columns(i)] for i in range(len(about.terms)) if i not in about.named()]
-        screen = Screen(
-            self.rig, residual, np.concatenate(always, axis=1) if always else np.zeros((residual.size, 0)), found
-        )
+        if always:
+            basis = np.linalg.qr(np.concatenate(always, axis=1))[0]
+            residual -= basis @ (basis.T @ residual)
+            side = Columns.of(self.rig, {**self.sensitivities, **named}, basis)
+        else:
+            side = self.side().replaced(self.rig, named)
+        screen = Screen(self.rig, residual, side)
         self.screened = about, self.sensitivities, screen
         return screen
+
+    def side(self) -> Columns:
+        """The sensitivities side by side, where no set has more than its own terms."""
+        if self.columns is None or self.columns.sensitivities is not self.sensitivities:
+            self.columns = Columns.of(self.rig, self.sensitivities, np.zeros((self.base.residual.size, 0)))
+        return self.columns
 
     def strayed(self, about: Fit) -> bool:
         """Whether a fit is so far from where the sensitivities were taken that these mislead."""

@@ -76,46 +76,93 @@ def sensitivities(fitter: Fitter, base: Fit, terms: Sequence[Term]) -> dict[Term
     return found
 
 
+@dataclass(frozen=True)
+class Columns:
+    """Columns (size, n) of terms side by side, of unit length, with all their products."""
+
+    sensitivities: Mapping[Term, Sensitivity]
+    parts: tuple[np.ndarray, ...]  # the columns, in an order of their own
+    order: np.ndarray  # (n,) where each is in that
+    edges: np.ndarray  # (terms + 1,) where each term's begin
+    norm: np.ndarray  # (n,) their length before
+    scales: np.ndarray  # (n,) how many of the effect's own scales one of each is
+    gram: np.ndarray  # (n, n)
+    offsets: Mapping[int, tuple[np.ndarray, np.ndarray]]  # by term what its variant does by itself, and (n,) products
+
+    @classmethod
+    def of(cls, rig: Rig, found: Mapping[Term, Sensitivity], basis: np.ndarray) -> Columns:
+        """The columns without what an orthonormal basis (size, b) tells of them."""
+        columns = [s.columns - basis @ (basis.T @ s.columns) for s in found.values()]
+        stacked = np.concatenate(columns, axis=1) if columns else np.zeros((len(basis), 0))
+        scales = np.concatenate([np.zeros(0), *(_unit(rig, s) for s in found.values())])
+        norm = np.linalg.norm(stacked, axis=0)
+        rounding = scales * norm <= UNSEEN
+        stacked[:, rounding] = 0.0
+        norm[rounding] = 1.0
+        stacked /= norm
+        edges = np.cumsum([0, *(c.shape[1] for c in columns)])
+        offsets = {i: (s.offset, stacked.T @ s.offset) for i, s in enumerate(found.values()) if s.offset.any()}
+        return cls(found, (stacked,), np.arange(edges[-1]), edges, norm, scales, stacked.T @ stacked, offsets)
+
+    def onto(self, vector: np.ndarray) -> np.ndarray:
+        """Products (n,) with a vector (size,)."""
+        return np.concatenate([part.T @ vector for part in self.parts])[self.order]
+
+    def replaced(self, rig: Rig, own: Mapping[Term, Sensitivity]) -> Columns:
+        """The same with other columns of some terms, or with more terms; products of the rest are known."""
+        if not own:
+            return self
+        size = len(self.parts[0])
+        more, found = Columns.of(rig, own, np.zeros((size, 0))), {**self.sensitivities, **own}
+        before = {t: np.arange(*self.edges[i : i + 2]) for i, t in enumerate(self.sensitivities)}
+        new = {t: len(self.norm) + np.arange(*more.edges[i : i + 2]) for i, t in enumerate(own)}
+        each = [(before | new)[t] for t in found]
+        pick = np.concatenate(each)
+        across = np.array([self.onto(column) for column in more.parts[0].T]).reshape(-1, len(self.norm))
+        gram = np.block([[self.gram, across.T], [across, more.gram]])[np.ix_(pick, pick)]
+        place = {t: i for i, t in enumerate(found)}
+        terms = list(self.sensitivities)
+        kept = {place[terms[i]]: offset for i, offset in self.offsets.items() if terms[i] not in own}
+        offsets = {i: (o, np.concatenate([known, more.onto(o)])[pick]) for i, (o, known) in kept.items()}
+        for i, (o, known) in more.offsets.items():
+            offsets[place[list(own)[i]]] = o, np.concatenate([self.onto(o), known])[pick]
+        return Columns(
+            found,
+            (*self.parts, *more.parts),
+            np.concatenate([self.order, sum(part.shape[1] for part in self.parts) + more.order])[pick],
+            np.cumsum([0, *(e.size for e in each)]),
+            np.concatenate([self.norm, more.norm])[pick],
+            np.concatenate([self.scales, more.scales])[pick],
+            gram,
+            dict(sorted(offsets.items())),
+        )
+
+
+def _unit(rig: Rig, sensitivity: Sensitivity) -> np.ndarray:
+    """How many of the effect's own scales one of each column is."""
+    t = sensitivity.term
+    own = t.effect.scales(rig, t.where, t.variant) if sensitivity.fitted else np.ones(sensitivity.columns.shape[1])
+    return np.asarray(own, float)
+
+
 class Screen:
     """The linear problem of all sensitivities: which sets of terms lower chi^2 most.
 
-    ``residual`` is that of the model without any of the terms; ``always`` (size, a) are columns that every set has.
+    ``residual`` is that of the model without any of the terms, less what every set has.
     """
 
-    def __init__(self, rig: Rig, residual: np.ndarray, always: np.ndarray, found: Mapping[Term, Sensitivity]) -> None:
-        self.rig = rig
-        basis = np.linalg.qr(always)[0] if always.shape[1] else always
-        self.terms = list(found)
-        self.sensitivities = found
-        columns = [found[t].columns - basis @ (basis.T @ found[t].columns) for t in self.terms]
-        offsets = [found[t].offset for t in self.terms]
-        self.edges = np.cumsum([0, *(c.shape[1] for c in columns)])
-        stacked = np.concatenate(columns, axis=1) if columns else np.zeros((residual.size, 0))
-        self.norm = np.linalg.norm(stacked, axis=0)
-        scales = np.concatenate([np.zeros(0), *(self.unit(found[t]) for t in self.terms)])
-        stacked[:, scales * self.norm <= UNSEEN] = 0.0  # rounding
-        self.norm[scales * self.norm <= UNSEEN] = 1.0
-        stacked = stacked / self.norm
+    def __init__(self, rig: Rig, residual: np.ndarray, columns: Columns) -> None:
+        self.rig, self.sensitivities, self.terms = rig, columns.sensitivities, list(columns.sensitivities)
+        self.edges, self.norm, self.gram = columns.edges, columns.norm, columns.gram
         group = np.repeat(np.arange(len(self.terms)), np.diff(self.edges))
-        self.reluctance = reluctance(scales * self.norm, group)
-        left = residual - basis @ (basis.T @ residual)
-        self.chi2 = float(left @ left)
-        self.gram = stacked.T @ stacked
-        self.wanted = -(stacked.T @ left)
+        self.reluctance = reluctance(columns.scales * self.norm, group)
+        self.chi2 = float(residual @ residual)
+        self.wanted = -columns.onto(residual)
         # what a variant does by itself changes the residual before any column does: by how much it gains, and what is
         # wanted then
         self.offsets = {
-            i: (self.chi2 - float((left + o) @ (left + o)), stacked.T @ o, o) for i, o in enumerate(offsets) if o.any()
+            i: (self.chi2 - float((residual + o) @ (residual + o)), told, o) for i, (o, told) in columns.offsets.items()
         }
-
-    def unit(self, sensitivity: Sensitivity) -> np.ndarray:
-        """How many of the effect's own scales one of each column is."""
-        t = sensitivity.term
-        return (
-            np.asarray(t.effect.scales(self.rig, t.where, t.variant), float)
-            if sensitivity.fitted
-            else np.ones(sensitivity.columns.shape[1])
-        )
 
     def gain(self, chosen: Sequence[int]) -> tuple[float, np.ndarray]:
         """Decrease of chi^2 by a set of terms, and the coefficients of their columns."""

@@ -106,8 +106,9 @@ def _waves(k: int) -> Law:
 
 
 def _bump(state: State, shape: Shape) -> np.ndarray:
-    beside = np.mod(state.theta - shape[0] + np.pi, 2 * np.pi) - np.pi
-    return _one(np.exp(-0.5 * (beside / shape[1]) ** 2))
+    turns = (state.theta - shape[0]) / (2 * np.pi)
+    turns -= np.rint(turns)
+    return _one(np.exp(-0.5 * (2 * np.pi / shape[1] * turns) ** 2))
 
 
 LAWS: tuple[Law, ...] = (

@@ -5,9 +5,9 @@ term paying its price, and all of them foretelling data that they were not fitte
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import islice
+from itertools import islice, pairwise
 
 import numpy as np
 from scipy.optimize import minimize
@@ -21,7 +21,8 @@ MOST = 3  # laws together
 REFINED = 4  # laws, of those that gain most, that are fitted with their shapes
 HELD_OUT = 9.0  # of chi^2, that each must bring on data left out
 FURTHER = 0.25  # of what those before it leave beyond the noise there, that each but the first must bring
-SAME = 1e-7  # of its own length: what is left of a column that others tell already
+SAME = 1e-6  # of its own length: what is left of a column that others tell already
+NOTHING = 1e-100  # length of a column that is zero
 EVALUATIONS = 60  # of each shape
 
 
@@ -60,8 +61,8 @@ class Regression:
 
     def best(self, candidates: Iterable[Candidate], most: int = MOST) -> Told:
         """The laws, no more than so many, that tell the residual for the least; none where nothing does."""
-        known = {c: self.columns(c) for c in candidates}
-        count = len({c.law.name for c in known})
+        known = _Known.of({c: self.columns(c) for c in candidates}, self.residual.size)
+        count = len({c.law.name for c in known.candidates})
         best = self.told(())
         while len(best.laws) < most:
             begun = (self.told((*best.laws, c)) for c in islice(self._nearest(known, best), REFINED))
@@ -100,16 +101,20 @@ class Regression:
         own = slice(self.free.shape[1], None)
         return Told(laws, x[own], covariance[own, own], self.residual - matrix @ x)
 
-    def _nearest(self, known: dict[Candidate, np.ndarray], best: Told) -> Iterator[Candidate]:
+    def _nearest(self, known: _Known, best: Told) -> Iterator[Candidate]:
         """The candidates, one a law, beside what is told already: those that gain most first."""
         taken = {c.law.name for c in best.laws}
         basis = np.linalg.qr(np.column_stack([self.free, *(self.columns(c) for c in best.laws)]))[0]
+        told = (known.rows @ basis).T
+        wanted = known.rows @ best.left - told.T @ (basis.T @ best.left)
         gains: dict[str, tuple[float, Candidate]] = {}
-        for c, own in known.items():
-            beside = own - basis @ (basis.T @ own)
-            if c.law.name in taken or np.all(_squares(beside) <= SAME**2 * _squares(own)):
+        for c, at, gram in zip(known.candidates, known.places, known.grams, strict=True):
+            if c.law.name in taken:
                 continue
-            gain = float(best.left @ (beside @ solved(beside, best.left)[0]))
+            left = gram - told[:, at].T @ told[:, at]
+            if np.all(left.diagonal() <= SAME**2 * gram.diagonal()):
+                continue
+            gain = float(wanted[at] @ _solved(left, wanted[at])[0])
             if gain > gains.get(c.law.name, (0.0, c))[0]:
                 gains[c.law.name] = gain, c
         yield from (c for _, c in sorted(gains.values(), key=lambda g: -g[0]))
@@ -129,7 +134,15 @@ class Regression:
 
         simplex = np.vstack([np.zeros(shapes.size), np.eye(shapes.size)])
         options = {"initial_simplex": simplex, "maxfev": EVALUATIONS * shapes.size, "xatol": 1e-3, "fatol": 0.1}
-        end = minimize(lambda at: self.told(laws(at)).chi2, simplex[0], method="Nelder-Mead", options=options)
+        free, given = self.free.T @ self.free, self.free.T @ self.residual
+
+        def gained(at: np.ndarray) -> float:
+            """Decrease of chi^2, negative."""
+            own = np.column_stack([self.columns(c) for c in laws(at)])
+            across, wanted = self.free.T @ own, np.concatenate([given, own.T @ self.residual])
+            return -float(wanted @ _solved(np.block([[free, across], [across.T, own.T @ own]]), wanted)[0])
+
+        end = minimize(gained, simplex[0], method="Nelder-Mead", options=options)
         better = self.told(laws(end.x))
         return better if better.chi2 < found.chi2 else found
 
@@ -153,15 +166,35 @@ class Regression:
         return total
 
 
-def _squares(columns: np.ndarray) -> np.ndarray:
-    """Sum of squares (k,) of each column."""
-    return np.asarray(np.einsum("ij,ij->j", columns, columns))
+@dataclass(frozen=True)
+class _Known:
+    """Columns of candidates, one below the other as rows (n, size): where each one's are, and their products (k, k)."""
+
+    candidates: Sequence[Candidate]
+    rows: np.ndarray
+    places: Sequence[slice]
+    grams: Sequence[np.ndarray]
+
+    @classmethod
+    def of(cls, found: Mapping[Candidate, np.ndarray], size: int) -> _Known:
+        """Those of these columns."""
+        edges = np.cumsum([0, *(own.shape[1] for own in found.values())]).tolist()
+        places = [slice(*ends) for ends in pairwise(edges)]
+        rows = np.concatenate([np.zeros((0, size)), *(own.T for own in found.values())])
+        return cls(list(found), rows, places, [rows[at] @ rows[at].T for at in places])
 
 
 def solved(matrix: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Least squares coefficients (k,) and their covariance (k, k) in units of the residual's own noise."""
-    gram = matrix.T @ matrix
-    norm = np.sqrt(np.diag(gram))
-    norm = np.where(norm > 0, norm, 1.0)
-    inverse = np.linalg.pinv(gram / np.outer(norm, norm), rcond=1e-10, hermitian=True)
-    return inverse @ (matrix.T @ right / norm) / norm, inverse / np.outer(norm, norm)
+    return _solved(matrix.T @ matrix, matrix.T @ right)
+
+
+def _solved(gram: np.ndarray, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The same by products (k, k) of the columns, and (k,) with the right side."""
+    norm = np.sqrt(np.maximum(gram.diagonal(), 0.0))
+    norm = np.where(norm > NOTHING, norm, 1.0)
+    if norm.size == 1:
+        inverse = np.where(gram > NOTHING**2, 1.0, 0.0)
+    else:
+        inverse = np.linalg.pinv(gram / np.outer(norm, norm), rcond=1e-10, hermitian=True)
+    return inverse @ (wanted / norm) / norm, inverse / np.outer(norm, norm)
