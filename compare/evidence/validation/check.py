@@ -14,6 +14,7 @@ from typing import TypeVar
 
 from compare.arguments import Simulators
 from compare.evidence.stored import asked, other_versions, read, stale_page, store
+from compare.evidence.validation.beside import beside
 from compare.evidence.validation.runs import run_all
 from compare.evidence.validation.scales import checked, scales
 from compare.files import output_folder
@@ -58,8 +59,8 @@ def check_validation(
     """
     stored = read(Validation, folder)
     names, _ = asked(simulators)
-    found = run_all(names, checked(), data, whole=False)
     place = Path(folder)
+    found = run_all(names, checked(), data, whole=False).model_copy(update=beside(place))
     made_again, left_out = looked_at(stored, found)
     return ValidationCheck(
         stored=str(place / Validation.file),
@@ -80,7 +81,7 @@ def update_validation(folder: str | Path = WHERE, data: Path | None = None) -> V
     found = run_all(names, scales(), data, whole=True)
     known = {source.name for source in found.published}
     kept = tuple(source for source in stored if source.name not in known)
-    found = found.model_copy(update={"published": (*found.published, *kept)})
+    found = found.model_copy(update={"published": (*found.published, *kept), **beside(Path(folder))})
     store(found, folder, "--reports")
     return found
 
@@ -121,6 +122,8 @@ def differences(stored: Validation, found: Validation) -> Iterator[str]:
     yield from _in_files(stored.carried, found.carried)
     yield from _strikes(stored.struck, found.struck)
     yield from _rebounds(stored.delivered, found.delivered)
+    yield from _read_again("map", ("folder",), stored.maps, found.maps)
+    yield from _read_again("scoreboard", ("case",), stored.diagnosed, found.diagnosed)
     if found.superposition:
         keys = ("clearance", "crank_angle")
         yield from _table("superposition", stored.superposition, found.superposition, keys, 0.0, BEAMS)
@@ -171,8 +174,10 @@ def _strikes(stored: Sequence[Struck], found: Sequence[Struck]) -> Iterator[str]
             yield f"{where}: is new"
             continue
         for name, now in row.statistics.items():
-            was = before[row.key].statistics[name]
-            if abs((now.value or 0.0) - (was.value or 0.0)) > CHANCE * math.hypot(now.half_width, was.half_width):
+            was = before[row.key].statistics.get(name)
+            if was is None:
+                yield f"{where}: {name} is new"
+            elif abs((now.value or 0.0) - (was.value or 0.0)) > CHANCE * math.hypot(now.half_width, was.half_width):
                 yield f"{where}: {name} was {was.value:g}, is {now.value:g}"
 
 
@@ -191,6 +196,17 @@ def _rebounds(stored: Sequence[Delivered], found: Sequence[Delivered]) -> Iterat
             for e, was, now in pairs
             if abs((was or 0.0) - (now or 0.0)) > REBOUND
         )
+
+
+def _read_again(what: str, keys: tuple[str, ...], stored: Sequence[Part], found: Sequence[Part]) -> Iterator[str]:
+    """Rows that are read from other files, where any field is another one; a row is known by its keys."""
+    before, after = ({tuple(getattr(row, key) for key in keys): dict(row) for row in rows} for rows in (stored, found))
+    for key in before.keys() | after.keys():
+        where, was, now = f"{what} {', '.join(map(str, key))}", before.get(key), after.get(key)
+        if was is None or now is None:
+            yield f"{where}: is {'new' if was is None else 'no longer there'}"
+        else:
+            yield from (f"{where}: {name} was {was[name]}, is {now[name]}" for name in was if was[name] != now[name])
 
 
 def _along(old: InEngine | None, new: InEngine) -> Iterator[str]:
