@@ -1,4 +1,6 @@
-"""The slider-crank with clearance in its guide, its block flat on one wall or across on two corners, smooth or rough."""
+"""The slider-crank with clearance in its guide, its block flat on one wall or across on two corners, smooth or
+rough.
+"""
 
 from __future__ import annotations
 
