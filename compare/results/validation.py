@@ -255,6 +255,36 @@ class Published(Part):
     figures: tuple[Held, ...]
 
 
+class Span(Part):
+    """From the least to the largest of several runs."""
+
+    low: FiniteFloat
+    high: FiniteFloat
+
+
+class Ended(Part):
+    """How a slider-crank with play in its guide ends after 0.2 s, by somebody's steps, from starts that are next to the
+    same.
+    """
+
+    by: str
+    step: Annotated[Positive, Field(description="s")]
+    starts: Annotated[int, Field(ge=1, description="How many.")]
+    turns: Annotated[Span, Field(description="Of the crank.")]
+    crank: Annotated[Span, Field(description="Its rate (rad/s).")]
+    rod: Annotated[Span, Field(description="The rod's rate (rad/s).")]
+    free: Annotated[Span, Field(description="Share of the samples at which no corner touches.")]
+    touched: Annotated[
+        Span, Field(description="Energy gained up to the first impact, as a share of that at the start.")
+    ]
+    gained: Annotated[Span, Field(description="The same up to the end.")]
+
+    @property
+    def key(self) -> tuple[str, float]:
+        """By whom, and the step."""
+        return self.by, self.step
+
+
 class Timed(Part):
     """What one computation takes, on the machine that wrote the report, in one run of all of them."""
 
@@ -320,6 +350,9 @@ class Validation(Stored):
     ] = ()
     published: Annotated[
         tuple[Published, ...], Field(description="Published figures, and how far this project is off them.")
+    ] = ()
+    ended: Annotated[
+        tuple[Ended, ...], Field(description="A slider-crank with play in its guide after its first impact.")
     ] = ()
     speed: Annotated[
         tuple[Timed, ...], Field(description="How fast it is; figures of one machine, which are not made again.")

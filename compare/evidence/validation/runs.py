@@ -14,6 +14,7 @@ from analytic.paper.superposition import total_displacement
 from compare.arguments import cores
 from compare.crosscheck import Job, crosscheck_job
 from compare.evidence.baseline.runs import not_run, setups
+from compare.evidence.published.after_impact import after_impact
 from compare.evidence.validation.bending import bending
 from compare.evidence.validation.files import carried
 from compare.evidence.validation.guides import CASE as GUIDED
@@ -77,6 +78,7 @@ def run_all(names: tuple[str, ...], which: Sequence[Scale], data: Path | None, w
         struck=striking(names, LAWS, MORE) if whole else striking(names, (CHECKED,)),
         delivered=rebounds(names, LAWS if whole else (CHECKED,)),
         published=published(names, data, whole),
+        ended=tuple(after_impact(data, whole)),
         speed=timed() if whole else (),
     )
     found.checks.update(checks)
