@@ -222,8 +222,8 @@ def _published(sources: Sequence[Published]) -> Iterator[str]:
 def _ended(rows: Sequence[Ended]) -> Iterator[str]:
     theirs = [row for row in rows if row.by.startswith(PUBLISHED)]
     yield "Flores, Leine and Glocker's slider-crank again, with friction 0.01, to 0.2 s: from one start, or from many"
-    yield f"that differ by {NEARBY:g}, which end as far apart as is told. Energy gained is a share of that at the start;"
-    yield "nothing in the mechanism gives any."
+    yield f"that differ by {NEARBY:g}, which end as far apart as is told. Energy gained is a share of that at the"
+    yield "start; nothing in the mechanism gives any."
     if theirs:
         touched, least, most = (f"{100 * value:.2g} %" for value in _gained(theirs))
         yield f"The published runs gain {touched} of it before anything is touched and {least} to {most} by the end,"

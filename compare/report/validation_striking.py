@@ -8,9 +8,10 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 
 from compare.evidence.validation.beside import RATTLING_WANTED, SIZE_WANTED, STEADY_WANTED
+from compare.evidence.validation.laws import SIMULATOR, SOURCE
 from compare.evidence.validation.striking import ODE
 from compare.results.contact import StatisticName
-from compare.results.validation import Delivered, Diagnosed, Mapped, Struck, Validation
+from compare.results.validation import Delivered, Diagnosed, LawFound, Mapped, Sought, Struck, Validation
 
 
 def striking(found: Validation) -> Iterator[tuple[tuple[str, ...], Iterator[str]]]:
@@ -23,6 +24,8 @@ def striking(found: Validation) -> Iterator[tuple[tuple[str, ...], Iterator[str]
         yield ("### Where contact is lost", ""), _mapped(found.maps)
     if found.diagnosed:
         yield ("### Clearance found again in rigs that rattle", ""), _diagnosed(found.diagnosed)
+    if found.laws:
+        yield ("### The law of contact found again", ""), _laws(found.laws)
 
 
 FIGURES: Mapping[StatisticName, tuple[str, float, str]] = {
@@ -171,3 +174,27 @@ def _diagnosed(rows: Sequence[Diagnosed]) -> Iterator[str]:
         yield f"| {r.case} | {counts[0]} | {size} | {counts[1]} | {counts[2]} |"
     wanted = f"{100 * RATTLING_WANTED:g} % | {100 * SIZE_WANTED:g} % at most | {100 * STEADY_WANTED:g} %"
     yield f"| asked | {wanted} | none |"
+
+
+def _laws(rows: Sequence[LawFound]) -> Iterator[str]:
+    yield f"Rigs with a pin that rattles, recorded by {SOURCE} with noise and diagnosed by {SIMULATOR} with"
+    yield "`--only contact_law`: what it is, and what is found with its 95 % interval. An end that is open is one that"
+    yield "the data do not tell; bold is an interval that has not what it is. `compare validation check` does not make"
+    yield "them again."
+    yield ""
+    yield "| rig | | restitution | stiffness (N/m) | friction |"
+    yield "|---|---|--:|--:|--:|"
+    for r in rows:
+        each = [r.parameters[name] for name in ("restitution", "stiffness", "friction")]
+        rig = f"{r.case}, {1e3 * r.clearance:g} mm in {r.joint}, {r.revolutions} revolutions"
+        yield f"| {rig} | is | {' | '.join(f'{p.true:g}' for p in each)} |"
+        yield f"| | found | {' | '.join(map(_sought, each))} |"
+
+
+def _sought(p: Sought) -> str:
+    """What was found, with its interval; bold where that has not what it is."""
+    if p.found is None:
+        return "nothing"
+    low, high = ("open" if x is None else f"{x:g}" for x in (p.low, p.high))
+    said = f"{p.found:g} ({low} to {high})"
+    return said if p.covered else f"**{said}**"

@@ -230,6 +230,34 @@ class Diagnosed(Part):
     false: Annotated[int, Field(ge=0, description="Of these: clearance is named.")]
 
 
+class Sought(Part):
+    """A parameter of a law of contact, as it is and as it was found, SI, with its 95 % interval; null where an end is
+    open, or nothing was found.
+    """
+
+    true: FiniteFloat
+    found: Number
+    low: Number
+    high: Number
+
+    @property
+    def covered(self) -> bool:
+        """Whether it was found, and its interval has the true value."""
+        low, high = (-math.inf if self.low is None else self.low), (math.inf if self.high is None else self.high)
+        return self.found is not None and low <= self.true <= high
+
+
+class LawFound(Part):
+    """The law of contact of a pin with a known clearance that rattles: recorded by one engine, diagnosed by another."""
+
+    case: str
+    joint: str
+    clearance: Annotated[Positive, Field(description="Radial (m).")]
+    revolutions: Annotated[int, Field(ge=1, description="That were recorded.")]
+    verdict: Annotated[str, Field(description="Of the diagnosis.")]
+    parameters: Annotated[Mapping[str, Sought], Field(description="restitution, stiffness (N/m), friction")]
+
+
 class Apart(Part):
     """How far one side is off a published figure."""
 
@@ -348,6 +376,7 @@ class Validation(Stored):
     diagnosed: Annotated[
         tuple[Diagnosed, ...], Field(description="The stored scoreboard's sets with clearance, by linkage.")
     ] = ()
+    laws: Annotated[tuple[LawFound, ...], Field(description="Laws of contact found again by the diagnosis.")] = ()
     published: Annotated[
         tuple[Published, ...], Field(description="Published figures, and how far this project is off them.")
     ] = ()

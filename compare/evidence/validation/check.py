@@ -49,7 +49,11 @@ REBOUND = 2e-3  # of restitution delivered
 BEAMS = 1e-5  # of the displacement: a tenth of the last digit of the page
 
 ENDS = 5e-3  # relative: of turns and rates at the end, by a processor's rounding; of energy and free shares absolute
-KEPT = {"published": "name", "ended": "key"}  # tables that rest on what is not everywhere, and how a row is known
+KEPT = {
+    "published": "name",
+    "ended": "key",
+    "laws": "case",
+}  # tables that rest on what is not everywhere, and how a row is known
 
 P = TypeVar("P", bound=Part)
 

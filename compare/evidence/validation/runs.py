@@ -19,6 +19,7 @@ from compare.evidence.validation.bending import bending
 from compare.evidence.validation.files import carried
 from compare.evidence.validation.guides import CASE as GUIDED
 from compare.evidence.validation.guides import guided
+from compare.evidence.validation.laws import laws_found
 from compare.evidence.validation.published import published
 from compare.evidence.validation.rebounds import rebounds
 from compare.evidence.validation.scales import Scale, scale_rows
@@ -41,8 +42,8 @@ def run_all(names: tuple[str, ...], which: Sequence[Scale], data: Path | None, w
     """Every shipped case in these engines, as the baselines set it up; one linkage at these scales; how far Eq. 8 and
     superposition are off, also over the workspaces of platforms; published figures, with those of the folder ``data``.
 
-    Unless ``whole``, the engines move one platform alone, what takes minutes is left out of the published figures, and
-    nothing is timed.
+    Unless ``whole``, the engines move one platform alone, what takes minutes is left out of the published figures, no
+    law of contact is looked for, and nothing is timed.
     """
     tolerances = load_tolerances()
     rows: list[ValidationRun] = []
@@ -79,6 +80,7 @@ def run_all(names: tuple[str, ...], which: Sequence[Scale], data: Path | None, w
         delivered=rebounds(names, LAWS if whole else (CHECKED,)),
         published=published(names, data, whole),
         ended=tuple(after_impact(data, whole)),
+        laws=tuple(laws_found(names)) if whole else (),
         speed=timed() if whole else (),
     )
     found.checks.update(checks)
