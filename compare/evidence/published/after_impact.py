@@ -15,7 +15,7 @@ import os
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -24,8 +24,9 @@ import numpy as np
 from scipy.optimize import brentq
 
 from compare.evidence.nonsmooth import Guide, compliant, time_stepping
-from compare.evidence.published.flying_block import FOLDER
+from compare.evidence.published.flying_block import FOLDER, flying_block
 from compare.results.validation import Ended, Span
+from sim_models.engine import Request, declared, engine
 
 GUIDE = Guide(0.153, 0.306, (0.038, 0.038, 0.076), (7.4e-5, 5.9e-4, 2.7e-6), 0.05, 0.025, 0.001, 9.81)
 START = np.array([0.0, 0.0, 0.0, 150.0, -75.0, 0.0])
@@ -130,6 +131,31 @@ def on_walls_that_give(stiffness: float, step: float) -> Summary:
     return summary(every * step * np.arange(len(states)), states[:, :3], states[:, 3:], gaps)
 
 
+def gaps(q: np.ndarray) -> np.ndarray:
+    """Gaps (M, 4) m of corners at angles (M, 3), as a guide (:func:`compare.evidence.nonsmooth.guided`) has them."""
+    g = GUIDE
+    height = g.crank * np.sin(q[:, 0]) + g.rod * np.sin(q[:, 1])
+    return np.column_stack(
+        [
+            g.half_height + g.play - side * (height + arm * np.sin(q[:, 2]) + side * g.half_height * np.cos(q[:, 2]))
+            for side in (1.0, -1.0)
+            for arm in (g.half_length, -g.half_length)
+        ]
+    )
+
+
+def in_engine(name: str) -> Summary:
+    """How it ends in an engine's own contact, on the softer of WALLS."""
+    stiffness, step = WALLS[0]
+    m = flying_block().with_joint("S", friction=FRICTION, contact_stiffness=stiffness, contact_law="kelvin-voigt")
+    time = np.linspace(0.0, END, round(END / STEP) + 1)
+    seen = engine(name).simulate(Request(m, "contact", time=time, start="centred", start_speed=START[3], step=step))
+    bodies = ("crank", "rod", "slider")
+    q = np.column_stack([seen.signals[f"{body}_angle"] for body in bodies])
+    v = np.column_stack([seen.signals[f"{body}_angular_velocity"] for body in bodies])
+    return summary(time, q, v, gaps(q))
+
+
 @cache
 def siconos_here() -> bool:
     """Whether the system's Python has Siconos, and there is a compiler for what it calls."""
@@ -159,9 +185,10 @@ def siconos(kind: str, begins: np.ndarray) -> list[Summary]:
 # ---------------------------------------------------------------- in the report
 
 
-def after_impact(data: Path | None, whole: bool) -> Iterator[Ended]:
+def after_impact(names: Sequence[str], data: Path | None, whole: bool) -> Iterator[Ended]:
     """The published runs, where ``data`` is the folder that has them, and where the mechanism really goes; ``whole``
-    what takes longer: steps of the published kind and Siconos itself, from sixty starts each, and walls that give.
+    what takes longer: steps of the published kind and Siconos itself, from sixty starts each, walls that give, and
+    those of these engines whose contact has blocks that rub.
     """
     many = starts(60)
     if data is not None and (data / FOLDER).is_dir():
@@ -177,6 +204,10 @@ def after_impact(data: Path | None, whole: bool) -> Iterator[Ended]:
     if whole:
         for stiffness, step in WALLS:
             yield _row(f"walls of {stiffness:.0e} N/m", step, [on_walls_that_give(stiffness, step)])
+        rubs = ("guide_clearance", ("contact", "driven")), ("contact_friction", ("contact", "driven"))
+        for name in names:
+            if set(rubs) <= set(declared(name).capabilities.rigid.features):
+                yield _row(f"{name}, contact of {WALLS[0][0]:.0e} N/m", WALLS[0][1], [in_engine(name)])
 
 
 def _row(by: str, step: float, found: list[Summary], count: int | None = None) -> Ended:

@@ -79,7 +79,7 @@ def run_all(names: tuple[str, ...], which: Sequence[Scale], data: Path | None, w
         struck=striking(names, LAWS, MORE) if whole else striking(names, (CHECKED,)),
         delivered=rebounds(names, LAWS if whole else (CHECKED,)),
         published=published(names, data, whole),
-        ended=tuple(after_impact(data, whole)),
+        ended=tuple(after_impact(names, data, whole)),
         laws=tuple(laws_found(names)) if whole else (),
         speed=timed() if whole else (),
     )
