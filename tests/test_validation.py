@@ -15,7 +15,7 @@ import pytest
 from analytic.mechanism.file import load, shipped_cases
 from commands import compare, without
 from compare.evidence.stored import other_versions, read, stale_page
-from compare.evidence.validation.beside import beside, diagnosed, maps
+from compare.evidence.validation.beside import diagnosed, maps, with_beside
 from compare.evidence.validation.check import REMEDY, differences, looked_at, update_validation
 from compare.evidence.validation.files import apart
 from compare.evidence.validation.runs import first_order
@@ -255,7 +255,9 @@ def test_rigs_that_rattle_are_counted_as_the_scoreboard_does(tmp_path: Path) -> 
 
 
 def test_a_folder_without_maps_and_scoreboard_has_neither_table(tmp_path: Path) -> None:
-    assert beside(tmp_path) == {"maps": (), "diagnosed": ()}
+    bare = with_beside(STORED, tmp_path)
+    assert (bare.maps, bare.diagnosed) == ((), ())
+    assert "Where contact is lost" not in page(bare)
 
 
 def test_pins_that_strike_have_peak_over_ideal_wear_and_penetration() -> None:

@@ -18,7 +18,7 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
@@ -98,13 +98,16 @@ def told(data: Path, kind: str) -> Summary:
     return summary(rows[:, 0], rows[:, 1:4], rows[:, 4:7], rows[:, 7:])
 
 
-def ends(begins: np.ndarray, step: float, **how: Any) -> list[Summary]:
-    """How Moreau and Jean's steps end from starts (N, 6)."""
+def ends(
+    begins: np.ndarray, step: float, *, linearised: bool = False, foresight: float = 0.5, project: bool = False
+) -> list[Summary]:
+    """How Moreau and Jean's steps (:func:`compare.evidence.nonsmooth.time_stepping`) end from starts (N, 6)."""
     runs = []
     for begin in begins:
         r = time_stepping(
-            GUIDE, begin[:3], begin[3:], step, round(END / step), restitution=RESTITUTION, friction=FRICTION, **how
-        )
+            GUIDE, begin[:3], begin[3:], step, round(END / step), restitution=RESTITUTION, friction=FRICTION,
+            linearised=linearised, foresight=foresight, project=project,
+        )  # fmt: skip
         runs.append(summary(r.time, r.q, r.v, r.gap))
     return runs
 

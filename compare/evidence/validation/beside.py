@@ -7,7 +7,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from statistics import median
-from typing import Any
 
 from compare.diagnose.effects.joints import JointClearance
 from compare.evidence.scoreboard.board import thresholds
@@ -15,7 +14,7 @@ from compare.evidence.scoreboard.score import RATTLING
 from compare.evidence.stored import read
 from compare.evidence.validation.workspaces import digits
 from compare.results.scoreboard import Scoreboard, Scored, Threshold, relative_errors
-from compare.results.validation import Diagnosed, Mapped
+from compare.results.validation import Diagnosed, Mapped, Validation
 from compare.results.validity import Validity, foretold
 
 MAPS = f"validity-*/{Validity.file}"
@@ -25,9 +24,9 @@ RATTLING_WANTED, SIZE_WANTED, STEADY_WANTED = 0.75, 0.20, 0.95  # shares of sets
 EVERY = "all"  # its name among the linkages
 
 
-def beside(folder: Path) -> dict[str, Any]:
-    """The fields of the report that rest on what the folder has beside it.  Raises OptionError."""
-    return {"maps": tuple(maps(folder)), "diagnosed": tuple(diagnosed(folder))}
+def with_beside(found: Validation, folder: Path) -> Validation:
+    """A report with the tables of what the folder has beside it.  Raises OptionError."""
+    return found.model_copy(update={"maps": tuple(maps(folder)), "diagnosed": tuple(diagnosed(folder))})
 
 
 def maps(folder: Path) -> Iterator[Mapped]:

@@ -15,7 +15,7 @@ from typing import TypeVar
 
 from compare.arguments import Simulators
 from compare.evidence.stored import asked, other_versions, read, stale_page, store
-from compare.evidence.validation.beside import beside
+from compare.evidence.validation.beside import with_beside
 from compare.evidence.validation.runs import run_all
 from compare.evidence.validation.scales import checked, scales
 from compare.files import output_folder
@@ -69,7 +69,7 @@ def check_validation(
     stored = read(Validation, folder)
     names, _ = asked(simulators)
     place = Path(folder)
-    found = run_all(names, checked(), data, whole=False).model_copy(update=beside(place))
+    found = with_beside(run_all(names, checked(), data, whole=False), place)
     made_again, left_out = looked_at(stored, found)
     return ValidationCheck(
         stored=str(place / Validation.file),
@@ -89,7 +89,7 @@ def update_validation(folder: str | Path = WHERE, data: Path | None = None) -> V
     names, _ = asked("all")
     found = run_all(names, scales(), data, whole=True)
     kept = {} if stored is None else {name: _or_stored(stored, found, name) for name in KEPT}
-    found = found.model_copy(update=kept | beside(Path(folder)))
+    found = with_beside(found.model_copy(update=kept), Path(folder))
     store(found, folder, "--reports")
     return found
 
