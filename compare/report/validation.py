@@ -248,7 +248,8 @@ def _gained(rows: Sequence[Ended]) -> tuple[float, float, float]:
 
 
 def _span(span: Span, factor: float, digits: int) -> str:
-    low, high = (f"{float(f'{factor * value:.{digits}g}'):g}" for value in (span.low, span.high))
+    """From and to, to so many digits and at most three decimals."""
+    low, high = (f"{float(f'{round(factor * x, 3):.{digits}g}') + 0.0:g}" for x in (span.low, span.high))
     return low if low == high else f"{low} to {high}"
 
 

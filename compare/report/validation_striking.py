@@ -176,25 +176,31 @@ def _diagnosed(rows: Sequence[Diagnosed]) -> Iterator[str]:
     yield f"| asked | {wanted} | none |"
 
 
+BOUNDS: Mapping[str, tuple[float | None, float | None]] = {
+    "restitution": (0.0, 1.0),
+    "stiffness": (None, None),
+    "friction": (0.0, None),
+}  # what an interval is of which the data tell nothing
+
+
 def _laws(rows: Sequence[LawFound]) -> Iterator[str]:
     yield f"Rigs with a pin that rattles, recorded by {SOURCE} with noise and diagnosed by {SIMULATOR} with"
-    yield "`--only contact_law`: what it is, and what is found with its 95 % interval. An end that is open is one that"
-    yield "the data do not tell; bold is an interval that has not what it is. `compare validation check` does not make"
-    yield "them again."
+    yield "`--only contact_law`: what it is, and what is found with its 95 % interval, or that the data do not tell it."
+    yield "Bold is an interval that has not what it is. `compare validation check` does not make them again."
     yield ""
     yield "| rig | | restitution | stiffness (N/m) | friction |"
     yield "|---|---|--:|--:|--:|"
     for r in rows:
-        each = [r.parameters[name] for name in ("restitution", "stiffness", "friction")]
         rig = f"{r.case}, {1e3 * r.clearance:g} mm in {r.joint}, {r.revolutions} revolutions"
-        yield f"| {rig} | is | {' | '.join(f'{p.true:g}' for p in each)} |"
-        yield f"| | found | {' | '.join(map(_sought, each))} |"
+        yield f"| {rig} | is | {' | '.join(f'{r.parameters[name].true:g}' for name in BOUNDS)} |"
+        yield f"| | found | {' | '.join(_sought(name, r.parameters[name]) for name in BOUNDS)} |"
 
 
-def _sought(p: Sought) -> str:
-    """What was found, with its interval; bold where that has not what it is."""
+def _sought(name: str, p: Sought) -> str:
+    """What was found, with its interval or that it is all that there is; bold where that has not what it is."""
     if p.found is None:
         return "nothing"
+    untold = (p.low, p.high) in (BOUNDS[name], (None, None))
     low, high = ("open" if x is None else f"{x:g}" for x in (p.low, p.high))
-    said = f"{p.found:g} ({low} to {high})"
+    said = f"{p.found:g} (not told)" if untold else f"{p.found:g} ({low} to {high})"
     return said if p.covered else f"**{said}**"
