@@ -149,7 +149,7 @@ def _sections(found: Validation) -> Iterator[tuple[tuple[str, ...], Iterator[str
     if found.published:
         yield ("## Held to what others found", ""), _published(found.published)
     if found.ended:
-        yield ("### That block after its first impact", ""), _ended(found.ended)
+        yield ("### The block in its guide after its first impact", ""), _ended(found.ended)
     if found.speed:
         yield ("## How fast it is", ""), _timed(found.speed)
 
@@ -228,12 +228,13 @@ def _ended(rows: Sequence[Ended]) -> Iterator[str]:
         touched, least, most = (f"{100 * value:.2g} %" for value in _gained(theirs))
         yield f"The published runs gain {touched} of it before anything is touched and {least} to {most} by the end,"
         yield "by their steps: Siconos itself, and steps of that kind by this project, end beside them. Finer steps of"
-        yield "that kind tend to where steps that keep energy and walls that give end. Turns and rates of the published"
-        yield "runs are outside what those spread over, and cannot be reached but by stepping as they do."
+        yield "that kind tend to where steps that keep energy, walls that give and engines' own contact end. Turns and"
+        yield "rates of the published runs are outside what those spread over, and cannot be reached but by stepping as"
+        yield "they do."
     yield ""
     yield (
         "| by | step | starts | turns of the crank | its rate (rad/s) | the rod's (rad/s) | free share (%)"
-        " | energy gained (%): at first touch | at the end |"
+        " | energy gained (%): before a touch | by the end |"
     )
     yield "|---|--:|--:|--:|--:|--:|--:|--:|--:|"
     for row in rows:

@@ -233,7 +233,7 @@ def _ends(stored: Sequence[Ended], found: Sequence[Ended]) -> Iterator[str]:
 def _read_again(what: str, keys: tuple[str, ...], stored: Sequence[Part], found: Sequence[Part]) -> Iterator[str]:
     """Rows that are read from other files, where any field is another one; a row is known by its keys."""
     before, after = ({tuple(getattr(row, key) for key in keys): dict(row) for row in rows} for rows in (stored, found))
-    for key in before.keys() | after.keys():
+    for key in sorted(before.keys() | after.keys()):
         where, was, now = f"{what} {', '.join(map(str, key))}", before.get(key), after.get(key)
         if was is None or now is None:
             yield f"{where}: is {'new' if was is None else 'no longer there'}"
