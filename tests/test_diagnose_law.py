@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import load
 from commands import compare
 from compare.diagnose.data.recording import MeasuredError
@@ -22,12 +21,11 @@ from compare.diagnose.rattle.law import Law, LawSearch, Room
 from compare.diagnose.rattle.statistics import Readings
 from compare.diagnose.sensitivities import candidates
 from compare.diagnose.workflow import diagnose
-from compare.evidence.scoreboard.files import Recording, write_files
 from compare.evidence.scoreboard.hidden import Hidden
 from compare.evidence.scoreboard.record import write_data
-from compare.files import output_folder
+from compare.evidence.validation.laws import CLEARANCE, LAWS, recorded, rig
 from diagnosis_rigs import experiment, four_bar, played, readings
-from sim_models.engine import Request, Unsupported, engine
+from sim_models.engine import Unsupported
 from test_diagnose_rattle import smooth, statistics, struck
 
 TRUE = Law(0.7, 3e6, 0.1)
@@ -179,42 +177,14 @@ def test_pins_that_keep_touching_tell_no_law() -> None:
 
 # ---------------------------------------------------------------- rigs (long)
 
-NOISE = {"crank_angle": 5e-5, "coupler_y": 8e-6, "reaction_A_x": 0.025, "reaction_A_y": 0.06, "drive_torque": 5e-4}
-SPEEDS = (32.0, -24.0, 22.0)  # rad/s
-CLEARANCE = 5e-4  # m
-
-
-def recorded(real: Mechanism, nominal: Mechanism, folder: Path) -> Path:
-    """Three runs of six revolutions, recorded by Exudyn, with noise; measured.toml's path."""
-    rng, runs = np.random.default_rng(1), []
-    for k, speed in enumerate(SPEEDS):
-        angle = 0.4 + k + np.sign(speed) * np.linspace(0.0, 12 * math.pi, 6 * 200)
-        assert real.drive is not None
-        turning = real.replace(drive=real.drive.model_copy(update={"speed": speed}))
-        seen = engine("exudyn").simulate(Request(turning, "contact", "driven", crank_angle=angle)).signals
-        read = {s: {**seen, "crank_angle": angle}[s] + e * rng.standard_normal(angle.size) for s, e in NOISE.items()}
-        fields = {"drive_speed": speed, "drive_angle": float(angle[0])}
-        runs.append(Recording(f"run-{k + 1}", (angle - angle[0]) / speed, read, fields))
-    write_files(output_folder(folder), nominal, runs, {}, NOISE)
-    return folder / "measured.toml"
-
-
-def rig(**law: float) -> tuple[Mechanism, Mechanism]:
-    """The crank-rocker with a light load, as it is, with this law of contact in B, and as it is believed to be."""
-    loads = (Load(body="coupler", force=(0.26, 0.4)),)
-    believed = load("crank-rocker").ideal().rigid().replace(gravity=(0.0, 0.0), loads=loads)
-    believed = believed.with_joint("B", restitution=None, pin_radius=0.01)
-    real = believed.with_joint("B", clearance=CLEARANCE, contact_law="kelvin-voigt", **law)
-    return real, believed
-
 
 @pytest.mark.slow
 @pytest.mark.exudyn
 @pytest.mark.mujoco
 def test_the_law_of_a_pin_whose_clearance_is_known_is_found(tmp_path: Path) -> None:
     """Restitution 0.750 and friction 0.101 were found by 48 trials, and 0.68 and 0.0995 on another rig."""
-    real, believed = rig(contact_stiffness=3e6, restitution=0.75, friction=0.1)
-    path = recorded(real, believed.with_joint("B", clearance=CLEARANCE), tmp_path)
+    made = rig("crank-rocker", LAWS["crank-rocker"])
+    path = recorded(made, made.believed.with_joint("B", clearance=CLEARANCE), tmp_path)
     found = diagnose(path, "mujoco", only=["contact_law"], others=False, workers=1)
     (effect,) = found.effects
     assert (effect.name, effect.where) == ("contact_law", "B")
@@ -238,9 +208,9 @@ def test_the_law_of_a_pin_is_found_with_its_joint_and_its_clearance(tmp_path: Pa
     """Without friction joint E does better than B, where the clearance is: 0.494 mm in B, 0.097 and 4.9e6 N/m were
     found.  What impacts give back these data do not tell.
     """
-    real, believed = rig(contact_stiffness=5e6, restitution=0.75, friction=0.1)
+    made = rig("crank-rocker", LAWS["crank-rocker"] | {"contact_stiffness": 5e6})
     asked = ["joint_clearance", "contact_law"]
-    found = diagnose(recorded(real, believed, tmp_path), "mujoco", only=asked, others=False, workers=1)
+    found = diagnose(recorded(made, made.believed, tmp_path), "mujoco", only=asked, others=False, workers=1)
     gap, law = found.effects
     assert (gap.name, gap.where, law.name, law.where) == ("joint_clearance", "B", "contact_law", "B")
     clearance, values = gap.parameters["radial_clearance"], law.parameters

@@ -12,75 +12,54 @@ The data are not in the repository; the environment variable MEASURED_DATA names
 
 from __future__ import annotations
 
-import math
 import os
-import shutil
-import subprocess
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 
+from compare.evidence.nonsmooth import time_stepping
+from compare.evidence.published.after_impact import (
+    FINER,
+    FRICTION,
+    GUIDE,
+    KINDS,
+    RESTITUTION,
+    START,
+    STEP,
+    SYSTEM_PYTHON,
+    WALLS,
+    Summary,
+    as_they_step,
+    ends,
+    energy,
+    on_walls_that_give,
+    read,
+    siconos,
+    siconos_here,
+    starts,
+    told,
+)
+from compare.evidence.published.flying_block import FOLDER
 from marks import slow
-from nonsmooth import Guide, compliant, time_stepping
 
-DATA = Path(os.environ.get("MEASURED_DATA", "")) / "siconos-slider-crank"
+DATA = Path(os.environ.get("MEASURED_DATA", ""))
 published = pytest.mark.skipif(
-    not (os.environ.get("MEASURED_DATA") and DATA.is_dir()),
+    not (os.environ.get("MEASURED_DATA") and (DATA / FOLDER).is_dir()),
     reason="MEASURED_DATA is not set, or has no siconos-slider-crank",
 )
-GUIDE = Guide(0.153, 0.306, (0.038, 0.038, 0.076), (7.4e-5, 5.9e-4, 2.7e-6), 0.05, 0.025, 0.001, 9.81)
-START = np.array([0.0, 0.0, 0.0, 150.0, -75.0, 0.0])
-END, RESTITUTION, FRICTION = 0.2, 0.4, 0.01
-FREE = 1e-6  # m: every gap above it
-SYSTEM_PYTHON = "/usr/bin/python3"
 
 
-def read(kind: str) -> np.ndarray:
-    """Rows of time, angles (rad), rates (rad/s) and gaps (m), (2001, 11)."""
-    rows = np.genfromtxt(DATA / f"{kind}.csv", delimiter=",", skip_header=1)
-    return np.column_stack([rows[:, 0], rows[:, 1] * 2 * np.pi, rows[:, 2:7], rows[:, 13:17]])
-
-
-def starts(count: int, size: float) -> np.ndarray:
-    """Starts (count, 6) that differ by ``size``: rad, and of the rates' own size."""
-    spread = np.random.default_rng(0).normal(scale=size, size=(count, 6))
-    return START + spread * np.array([1, 1, 1, 150, 75, 1])
-
-
-def summary(q: np.ndarray, v: np.ndarray, gaps: np.ndarray) -> tuple[float, float, float, float]:
-    """Turns of the crank, its and the rod's rate at the end (rad/s), share of samples that are free."""
-    return q[-1, 0] / (2 * np.pi), v[-1, 0], v[-1, 1], float(np.mean(gaps.min(axis=1) > FREE))
-
-
-def ends(begins: np.ndarray, step: float, **how: object) -> np.ndarray:
-    """Summaries (N, 4) of Moreau and Jean's steps from starts (N, 6)."""
-    runs = []
-    for begin in begins:
-        r = time_stepping(
-            GUIDE, begin[:3], begin[3:], step, round(END / step), restitution=RESTITUTION, friction=FRICTION, **how
-        )
-        runs.append(summary(r.q, r.v, r.gap))
-    return np.array(runs)
-
-
-def energy(q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Of motion and weight, (M,) J."""
-    g, (m1, m2, m3) = GUIDE, GUIDE.masses
-    joint = (m2 / 2 + m3) * g.crank * g.rod
-    own = (g.inertias[0] + (m1 / 4 + m2 + m3) * g.crank**2, g.inertias[1] + (m2 / 4 + m3) * g.rod**2, g.inertias[2])
-    motion = (v**2 @ np.array(own)) / 2 + joint * np.cos(q[:, 0] - q[:, 1]) * v[:, 0] * v[:, 1]
-    lift = (m1 / 2 + m2 + m3) * g.crank * np.sin(q[:, 0]) + (m2 / 2 + m3) * g.rod * np.sin(q[:, 1])
-    return motion + g.gravity * lift
+def summaries(found: list[Summary]) -> np.ndarray:
+    """Turns of the crank, its and the rod's rate at the end (rad/s), share of samples that are free: (N, 4)."""
+    return np.array(found)[:, :4]
 
 
 @published
 @pytest.mark.parametrize("kind", ["direct", "combined"])
 def test_published_samples_are_met_up_to_the_first_impact(kind: str) -> None:
     """2.7 ms, 28 samples: within 1e-3 is asked for; it is 4e-9 rad, 3e-6 rad/s, 1e-9 m."""
-    rows = read(kind)[:28]
+    rows = read(DATA, kind)[:28]
     mine = time_stepping(
         GUIDE, START[:3], START[3:], 1e-4, 27, restitution=RESTITUTION, friction=FRICTION, linearised=True
     )
@@ -95,7 +74,7 @@ def test_published_samples_are_met_up_to_the_first_impact(kind: str) -> None:
 @pytest.mark.parametrize("kind", ["direct", "combined"])
 def test_published_runs_gain_energy_that_nothing_gives(kind: str) -> None:
     """Walls and weight give none: it may only fall.  Steps by the midpoint keep it, and so part from the published."""
-    rows = read(kind)
+    rows = read(DATA, kind)
     kept = energy(rows[:, 1:4], rows[:, 4:7])
     assert kept[27] / kept[0] == pytest.approx(1.0099, abs=1e-4)
     assert kept[-1] > 1.1 * kept[0]
@@ -114,15 +93,11 @@ def test_published_ends_beside_ensembles_of_the_same_steps() -> None:
     Turns and rates of both published runs are within a thousandth and three hundredths of all of them together; free
     shares lie inside.  The ensembles' own spread is smaller than that: the rest is how corners are put back.
     """
-    every = []
-    for foresight in (0.0, 0.5):
-        for project in (False, True):
-            every.append(ends(starts(60, 1e-6), 1e-4, linearised=True, foresight=foresight, project=project))
-            assert np.ptp(every[-1][:, 0]) < 2e-3
-    low, high = np.vstack(every).min(axis=0), np.vstack(every).max(axis=0)
-    for kind in ("direct", "combined"):
-        rows = read(kind)
-        turns, crank, rod, free = summary(rows[:, 1:4], rows[:, 4:7], rows[:, 7:])
+    every = summaries(as_they_step(starts(60))).reshape(4, 60, 4)
+    assert (np.ptp(every[..., 0], axis=1) < 2e-3).all()
+    low, high = every.min(axis=(0, 1)), every.max(axis=(0, 1))
+    for kind in KINDS:
+        turns, crank, rod, free, *_ = told(DATA, kind)
         assert low[0] * (1 - 1e-3) < turns < high[0] * (1 + 1e-3)
         assert low[1] * 0.97 < crank < high[1] * 1.03
         assert low[2] * 1.03 < rod < high[2] * 0.97
@@ -134,16 +109,9 @@ def test_steps_that_keep_energy_agree_with_walls_that_give(step: float, count: i
     """Where the mechanism really goes: 2.879 turns and 71 rad/s, by rigid walls and by compliant ones of the same
     restitution delivered, stepped through each touch.
     """
-    rigid = ends(starts(count, 1e-6), step)
-    chi = brentq(
-        lambda x: x * (1 + RESTITUTION) - math.log((1 + x) / (1 - x * RESTITUTION)), 1e-6, (1 - 1e-12) / RESTITUTION
-    )
-    for stiffness, fine in ((1e7, 1e-6), (1e8, 2e-7))[: 1 if count == 5 else 2]:
-        count = round(END / fine)
-        states, gaps = compliant(
-            GUIDE, 4, START[:3], START[3:], fine, count, round(1e-4 / fine), stiffness, chi, FRICTION, 1e-3
-        )
-        turns, crank, *_ = summary(states[:, :3], states[:, 3:], gaps)
+    rigid = summaries(ends(starts(count), step))
+    for stiffness, fine in WALLS[: 1 if count == 5 else 2]:
+        turns, crank, *_ = on_walls_that_give(stiffness, fine)
         assert turns == pytest.approx(rigid[:, 0].mean(), abs=3e-3)
         assert crank == pytest.approx(rigid[:, 1].mean(), rel=0.03)
     assert rigid[:, 0].mean() == pytest.approx(2.879, abs=2e-3)
@@ -152,7 +120,7 @@ def test_steps_that_keep_energy_agree_with_walls_that_give(step: float, count: i
 @pytest.mark.slow
 def test_finer_steps_of_the_published_kind_tend_there_in_first_order() -> None:
     """3.053, 2.943, 2.900, 2.889 turns for 0.1, 0.05, 0.02, 0.01 ms."""
-    turns = [ends(starts(1, 0.0), h, linearised=True, foresight=0.0)[0, 0] for h in (1e-4, 5e-5, 2e-5, 1e-5)]
+    turns = [ends(starts(1, 0.0), h, linearised=True, foresight=0.0)[0].turns for h in (STEP, *FINER)]
     excess = np.array(turns) - 2.879
     assert (excess > 0).all()
     assert (np.diff(excess) < 0).all()
@@ -163,45 +131,25 @@ def test_finer_steps_of_the_published_kind_tend_there_in_first_order() -> None:
 # ---------------------------------------------------------------- Siconos itself
 
 
-@cache
-def siconos_here() -> bool:
-    """Whether the system's Python has Siconos, and there is a compiler for what it calls."""
-    if not (Path(SYSTEM_PYTHON).exists() and shutil.which("cc")):
-        return False
-    return subprocess.run([SYSTEM_PYTHON, "-c", "import siconos.kernel"], capture_output=True).returncode == 0
-
-
-def siconos(kind: str, begins: np.ndarray, folder: Path) -> np.ndarray:
-    """Summaries (N, 4) of Siconos' own runs."""
-    script = Path(__file__).with_name("siconos_slider_crank.py")
-    told = "\n".join(" ".join(repr(float(x)) for x in row) for row in begins)
-    ran = subprocess.run(
-        [SYSTEM_PYTHON, str(script), kind], input=told, cwd=folder, capture_output=True, text=True, check=True,
-        env={"PATH": os.environ["PATH"], "LD_LIBRARY_PATH": str(folder)},
-    )  # fmt: skip
-    return np.array([[float(x) for x in line.split()[1:]] for line in ran.stdout.splitlines() if line[:3] == "row"])
-
-
 @published
 @pytest.mark.slow
-def test_siconos_itself(tmp_path: Path) -> None:
+def test_siconos_itself() -> None:
     """4.4 by its Python: the direct integrator meets its published run to 1e-5 turns and lies around it in turns and
     rate of the crank; the combined one has changed since.  Both lie beside this project's own steps.
     """
     if not siconos_here():
         pytest.skip(f"{SYSTEM_PYTHON} has no siconos (Debian: python3-siconos), or there is no cc")
-    begins = starts(60, 1e-6)
-    direct, combined = (siconos(kind, begins, tmp_path) for kind in ("direct", "combined"))
+    begins = starts(60)
+    direct, combined = (summaries(siconos(kind, begins)) for kind in KINDS)
     assert len(direct) == len(combined) == 60
-    rows = read("direct")
-    turns, crank, rod, free = summary(rows[:, 1:4], rows[:, 4:7], rows[:, 7:])
+    turns, crank, rod, free, *_ = told(DATA, "direct")
     assert direct[:, 0].min() < turns < direct[:, 0].max()
     assert direct[:, 1].min() < crank < direct[:, 1].max()
     assert direct[:, 2].mean() == pytest.approx(rod, abs=0.02)
     assert direct[:, 3].mean() == pytest.approx(free, abs=5e-3)
     assert np.ptp(direct[:, 0]) < 1e-4
     assert np.ptp(combined[:, 0]) < 1e-4
-    mine = ends(begins[:10], 1e-4, linearised=True, foresight=0.0, project=True)
+    mine = summaries(ends(begins[:10], STEP, linearised=True, foresight=0.0, project=True))
     np.testing.assert_allclose(mine[:, 0].mean(), direct[:, 0].mean(), rtol=1e-3)
     np.testing.assert_allclose(mine[:, 1].mean(), direct[:, 1].mean(), rtol=0.02)
     np.testing.assert_allclose(mine[:, 3].mean(), direct[:, 3].mean(), atol=0.01)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,13 +15,16 @@ import pytest
 from analytic.mechanism.file import load, shipped_cases
 from commands import compare, without
 from compare.evidence.stored import other_versions, read, stale_page
-from compare.evidence.validation.check import REMEDY, differences, looked_at
+from compare.evidence.validation.beside import diagnosed, maps, with_beside
+from compare.evidence.validation.check import REMEDY, differences, looked_at, update_validation
 from compare.evidence.validation.files import apart
 from compare.evidence.validation.runs import first_order
 from compare.evidence.validation.scales import checked
 from compare.faults import OptionError
 from compare.report.validation import drawn, page
+from compare.results.scoreboard import Scoreboard
 from compare.results.validation import Validation, ValidationCheck
+from compare.results.validity import Validity
 from document_faults import faults
 from sample_result import as_document, sample_result
 from sim_models.engine import declared
@@ -118,6 +122,18 @@ TAMPERED: dict[str, tuple[tuple[Any, ...], Any, str]] = {
         0.5,
         "2r-arm exported from mujoco: simulated was 0.5, is",
     ),
+    "wear of a pin that strikes": (
+        ("struck", 0, "statistics", "wear", "value"),
+        2.0,
+        "crank-rocker by kelvin-voigt in equation, friction 0: wear was 2, is ",
+    ),
+    "a map of validity": (("maps", 0, "yielding"), 3, "map validity-crank-rocker: yielding was 3, is 96"),
+    "rigs that rattle": (("diagnosed", 1, "named"), 35, "scoreboard crank-rocker: named was 35, is 36"),
+    "where a published run ends": (
+        ("ended", 1, "crank", "high"),
+        71.0,
+        "published, combined, 0.1 ms: crank was 122.76 to 71, is 122.76 to 122.76",
+    ),
     "a published figure": (
         ("published", 0, "figures", 0, "apart", 0, "off"),
         9e-7,
@@ -187,6 +203,126 @@ def test_every_published_figure_of_the_committed_report_is_met() -> None:
     assert all(apart.off <= apart.allowed for s in STORED.published for held in s.figures for apart in held.apart)
 
 
+def test_maps_are_told_as_their_files_have_them() -> None:
+    assert STORED.maps == tuple(maps(REPORTS))
+    assert {"crank-rocker", "slider-crank", "paper"} <= {row.case for row in STORED.maps}
+    for row in STORED.maps:
+        said = " ".join(read(Validity, REPORTS / row.folder).words)
+        cells = (
+            f"predicts in {row.yielding} of {row.foretold} cells with the walls' give, and in {row.rigid} with rigid"
+        )
+        assert cells in said
+        assert f"the same verdict in {row.same_verdict} of {row.both} cells" in said
+        assert f"differ by at most {100 * row.free_share_spread:.2g} % of the cycle" in said
+        assert f"[{row.case}]({row.folder}/validity.md) | B | mujoco, exudyn | {row.lost} of " in page(STORED)
+
+
+def test_a_map_in_which_a_pin_leaves_after_all_is_told_otherwise(tmp_path: Path) -> None:
+    content = json.loads((REPORTS / "validity-paper" / "validity.json").read_text(encoding="utf-8"))
+    kept = [cell for cell in content["cells"] if not any(cell["free_share"].values())]
+    cell = next(cell for cell in kept if cell["leaving"]["yielding"] is None)
+    cell["free_share"]["B"] = 0.25
+    (tmp_path / "validity-paper").mkdir()
+    (tmp_path / "validity-paper" / "validity.json").write_text(json.dumps(content), encoding="utf-8")
+    said = list(differences(STORED, STORED.model_copy(update={"maps": tuple(maps(tmp_path))})))
+    assert [line for line in said if "validity-paper" in line] == [
+        "map validity-paper: lost was 6, is 7",
+        "map validity-paper: yielding was 92, is 91",
+        "map validity-paper: rigid was 94, is 93",
+    ]
+    assert "map validity-slider-crank: is no longer there" in said
+
+
+def test_rigs_that_rattle_are_counted_as_the_scoreboard_does(tmp_path: Path) -> None:
+    assert STORED.diagnosed == tuple(diagnosed(REPORTS))
+    board = read(Scoreboard, REPORTS / "scoreboard")
+    every = STORED.diagnosed[-1]
+    asked = {row.what: (row.count, row.of) for row in board.thresholds}
+    assert asked["rattling: the joint named, or a tie with it"] == (every.named, every.loose)
+    assert asked["still, sensors hum, spike or ring: no clearance named"] == (every.still - every.false, every.still)
+    (line,) = [line for line in board.files()["README.md"].splitlines() if line.startswith("| sets in all |")]
+    assert f"| {100 * every.size_off:.2g} % |" in line
+    for name in ("loose", "named", "steady", "steady_named", "still", "false"):
+        assert getattr(every, name) == sum(getattr(row, name) for row in STORED.diagnosed[:-1])
+    k = next(k for k, r in enumerate(board.results) if r.kind == "still")
+    mistaken = board.results[k].model_copy(update={"outcome": "false alarm"})
+    other = board.model_copy(update={"results": (*board.results[:k], mistaken, *board.results[k + 1 :])})
+    (tmp_path / "scoreboard").mkdir()
+    (tmp_path / "scoreboard" / "scoreboard.json").write_text(other.to_json(), encoding="utf-8")
+    said = list(differences(STORED, STORED.model_copy(update={"diagnosed": tuple(diagnosed(tmp_path))})))
+    assert "scoreboard all: false was 0, is 1" in said
+    assert len(said) == 2  # and of its linkage
+
+
+def test_a_folder_without_maps_and_scoreboard_has_neither_table(tmp_path: Path) -> None:
+    bare = with_beside(STORED, tmp_path)
+    assert (bare.maps, bare.diagnosed) == ((), ())
+    assert "Where contact is lost" not in page(bare)
+
+
+def test_pins_that_strike_have_peak_over_ideal_wear_and_penetration() -> None:
+    told = page(STORED)
+    for row in STORED.struck:
+        peak = row.statistics["peak_force"].value
+        assert peak is not None
+        assert row.ideal_peak is not None
+        assert row.peak_ratio == pytest.approx(peak / row.ideal_peak)
+        assert f" | {row.peak_ratio:.3g} | " in told
+        wear, deep = row.statistics["wear"].value or 0.0, row.statistics["penetration"].value or 0.0
+        assert wear > 0
+        assert 0 < deep < row.clearance
+        if row.friction:
+            assert row.statistics["friction_loss"].value == pytest.approx(row.friction * wear, rel=2e-3)
+    assert told.count("| over ideal |") == len({(row.case, row.friction) for row in STORED.struck})
+
+
+def test_rough_blocks_are_in_the_report_where_engines_have_them() -> None:
+    found = {(run.run, run.simulator): run.verdict for run in STORED.runs if ", friction " in run.run}
+    assert found == {
+        ("block flat in its guide, friction 0.2, contact, static", "mujoco"): "agrees",
+        ("block flat in its guide, friction 0.2, contact, driven", "mujoco"): "agrees",
+        ("block flat in its guide, friction 0.2, contact, driven", "exudyn"): "agrees",
+        ("block across its guide, friction 0.2, contact, static", "mujoco"): "agrees",
+    }
+
+
+def test_published_ends_of_a_flying_block_are_out_of_reach_of_what_keeps_energy() -> None:
+    theirs = [row for row in STORED.ended if row.by.startswith("published")]
+    keeping = [row for row in STORED.ended if row.by.startswith(("steps that keep", "walls"))]
+    assert len(theirs) == 2
+    assert len(keeping) == 3
+    for name in ("turns", "crank"):
+        most = max(getattr(row, name).high for row in keeping)
+        assert all(getattr(row, name).low > 1.05 * most for row in theirs)
+    assert all(row.touched.low > 0.005 and row.gained.low > 0.1 for row in theirs)
+    assert all(abs(row.touched.high) < 1e-4 and row.gained.high < 0.0 for row in keeping)
+    assert "| published, direct | 0.1 ms | 1 | 3.054 | 119 |" in page(STORED)
+
+
+def test_laws_of_contact_are_told_with_their_intervals() -> None:
+    assert [row.case for row in STORED.laws] == ["crank-rocker", "slider-crank"]
+    told = page(STORED).partition("### The law of contact found again")[2]
+    for row in STORED.laws:
+        assert row.parameters["friction"].covered
+        assert f"| {row.case}, 0.5 mm in B, 18 revolutions | is | {row.parameters['restitution'].true:g} |" in told
+    missed = STORED.laws[0].parameters["friction"].model_copy(update={"low": 0.5, "high": 0.6})
+    one = STORED.laws[0].model_copy(update={"parameters": {**STORED.laws[0].parameters, "friction": missed}})
+    assert "(0.5 to 0.6)** |" in page(STORED.model_copy(update={"laws": (one,)}))
+
+
+def test_an_update_keeps_what_it_does_not_make(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    copied(tmp_path)
+    again = STORED.ended[2].model_copy(update={"starts": 7})
+    bare = STORED.model_copy(update={"published": STORED.published[:1], "laws": (), "ended": (again,), "maps": ()})
+    monkeypatch.setattr("compare.evidence.validation.check.run_all", lambda *_, **__: bare)
+    update_validation(tmp_path)
+    found = read(Validation, tmp_path)
+    assert found.laws == STORED.laws
+    assert [source.name for source in found.published] == [source.name for source in STORED.published]
+    assert found.ended == (*STORED.ended[:2], again, *STORED.ended[3:])
+    assert found.maps == STORED.maps
+
+
 def test_real_contact_is_where_the_equilibrium_says_and_not_where_eq_8_does() -> None:
     """MuJoCo's contact hardly yields: what the equilibrium is off it is far less than what Eq. 8 is."""
     for case, rows in STORED.in_engines.items():
@@ -210,17 +346,17 @@ def test_what_is_rounding_may_differ() -> None:
 def test_an_engine_that_is_not_here_is_said_to_be_left_out() -> None:
     scales = len(STORED.scales)
     assert looked_at(STORED, STORED) == (
-        f"142 of 142 runs, {scales} of {scales} at scales, 4 of 4 published, first_order, workspaces and superposition"
+        f"146 of 146 runs, {scales} of {scales} at scales, 4 of 4 published, first_order, workspaces and superposition"
         " made again",
         (),
     )
     done, left_out = looked_at(STORED, only("mujoco"))
     assert done == (
-        f"39 of 142 runs, {scales // 28 * 8} of {scales} at scales, 4 of 4 published, first_order, workspaces made"
+        f"42 of 146 runs, {scales // 28 * 8} of {scales} at scales, 4 of 4 published, first_order, workspaces made"
         " again"
     )
     assert "; ".join(left_out) == (
-        "42 runs of exudyn; 31 runs of pybullet; 30 runs of dart; superposition, which takes exudyn"
+        "43 runs of exudyn; 31 runs of pybullet; 30 runs of dart; superposition, which takes exudyn"
     )
     assert list(differences(STORED, only("mujoco"))) == []
     assert list(other_versions(STORED.versions, {"mujoco": "5.0"}, "report")) == [
@@ -251,8 +387,11 @@ def test_a_damaged_report_is_refused_in_one_sentence(damage: str, tmp_path: Path
 
 
 def copied(folder: Path) -> None:
-    for name in ("README.md", "validation.json"):
-        (folder / name).write_text((REPORTS / name).read_text(encoding="utf-8"), encoding="utf-8")
+    """The committed report, with what is stored beside it."""
+    beside = ("scoreboard/scoreboard.json", *(f"{row.folder}/validity.json" for row in STORED.maps))
+    for name in ("README.md", "validation.json", *beside):
+        (folder / name).parent.mkdir(exist_ok=True)
+        shutil.copyfile(REPORTS / name, folder / name)
 
 
 @pytest.mark.slow
@@ -267,10 +406,10 @@ def test_the_command_makes_the_runs_of_the_engines_that_are_here_and_does_not_pa
     again, scales = len(checked()) * 8, len(STORED.scales)
     assert (
         done.stdout
-        == f"39 of 142 runs, {again} of {scales} at scales, 1 of 4 published, first_order, workspaces made again;"
+        == f"42 of 146 runs, {again} of {scales} at scales, 1 of 4 published, first_order, workspaces made again;"
         " 0 differ from validation.json\n"
     )
-    assert "not looked at: 42 runs of exudyn; 31 runs of pybullet; 30 runs of dart" in done.stderr
+    assert "not looked at: 43 runs of exudyn; 31 runs of pybullet; 30 runs of dart" in done.stderr
 
 
 @pytest.mark.mujoco

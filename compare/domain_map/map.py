@@ -21,7 +21,7 @@ from compare.faults import ArgumentError, no_pin
 from compare.judge.assumptions import ASSUMPTIONS
 from compare.judge.grid import default_angles, turns_fully
 from compare.judge.tolerances import Tolerances
-from compare.results.validity import Between, Boundary, Cell, Failed, Law, Limits, Meaning, Validity
+from compare.results.validity import Between, Boundary, Cell, Failed, Law, Limits, Meaning, Validity, foretold
 from sim_models.common.contact_laws import contact_parameters
 from sim_models.engine import declared, installed_version
 
@@ -238,15 +238,12 @@ def _lost_words(grid: Grid, found: Sequence[Cell | Failed]) -> tuple[str, ...]:
             f"where contact is first lost is not predicted, as {' and '.join(blocks)} has a block, which turns on one"
             " corner before it leaves: the boundary is that of the simulations",
         )
-    told = [(cell.left, cell.leaving) for cell in found if isinstance(cell, Cell) and cell.leaving is not None]
-    if not told:
+    told = foretold(found)
+    if not told.cells:
         return ()
-    yielding, rigid = (
-        sum(left == (getattr(one, kind) is not None) for left, one in told) for kind in ("yielding", "rigid")
-    )
     return (
-        f"contact is kept or lost as the reaction's turning predicts in {yielding} of {count(len(told), 'cell')} with"
-        f" the walls' give, and in {rigid} with rigid walls",
+        f"contact is kept or lost as the reaction's turning predicts in {told.yielding} of"
+        f" {count(told.cells, 'cell')} with the walls' give, and in {told.rigid} with rigid walls",
     )
 
 

@@ -16,7 +16,7 @@ from compare.evidence.scoreboard.rattling import BANDS
 from compare.evidence.scoreboard.score import DISTINCT, NAMED, NAMELESS, RATTLING, closed
 from compare.report.figures import Axis, Figure, Series
 from compare.report.svg import draw
-from compare.results.scoreboard import Hidden, Kind, Scoreboard, Scored, Threshold, Value
+from compare.results.scoreboard import Hidden, Kind, Scoreboard, Scored, Threshold, Value, relative_errors
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Plotted
@@ -277,12 +277,12 @@ def _flying(r: Scored) -> list[str]:
 
 def _sized(found: Sequence[Value]) -> tuple[str, ...]:
     """How many sizes there are, their errors (relative), and how many are in their intervals."""
-    errors = [100 * p.error for p in found if p.error is not None]
-    if not errors:
+    off = [100 * error for error in relative_errors(found)]
+    if not off:
         return ("0", "", "", "", "")
-    size = [abs(error) for error in errors]
-    middle = (f"{median(errors):+.2g} %", f"{median(size):.2g} %", f"{max(size):.2g} %")
-    return (str(len(errors)), *middle, str(sum(p.covered for p in found)))
+    size = [abs(error) for error in off]
+    middle = (f"{median(off):+.2g} %", f"{median(size):.2g} %", f"{max(size):.2g} %")
+    return (str(len(off)), *middle, str(sum(p.covered for p in found)))
 
 
 def _hidden_in(r: Scored) -> list[str]:

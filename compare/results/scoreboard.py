@@ -4,7 +4,7 @@ truth.json, what is hidden in one of them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, FiniteFloat
@@ -192,6 +192,11 @@ class Value(Part):
     found: float
     error: Annotated[Number, Field(description="Relative.")]
     covered: Annotated[bool, Field(description="Whether the 95 % interval has the true value.")]
+
+
+def relative_errors(values: Iterable[Value]) -> list[float]:
+    """The relative errors of those whose size is known to be off by so much."""
+    return [value.error for value in values if value.error is not None]
 
 
 class Gap(Part):

@@ -172,8 +172,15 @@ class Struck(Part):
     simulator: Annotated[str, Field(description="An engine's name, or equation: an ODE of its own.")]
     joint_model: JointModel
     revolutions: Annotated[int, Field(ge=1)]
+    ideal_peak: Annotated[Positive | None, Field(description="Largest reaction of the ideal linkage (N).")] = None
     missing: Annotated[NotNegative | None, Field(description="Of the energy that is turned over: what no account has.")]
     statistics: Mapping[StatisticName, Known]
+
+    @property
+    def peak_ratio(self) -> float | None:
+        """A revolution's peak force over the ideal linkage's largest reaction."""
+        peak = self.statistics["peak_force"].value
+        return None if peak is None or self.ideal_peak is None else peak / self.ideal_peak
 
     @property
     def key(self) -> tuple[str, str, float, str]:
@@ -189,6 +196,66 @@ class Delivered(Part):
     joint_model: JointModel | None
     asked: Annotated[tuple[float, ...], Field(description="Restitution asked for.")]
     delivered: Annotated[tuple[float | None, ...], Field(description="Of each; null where it cannot be asked.")]
+
+
+class Mapped(Part):
+    """A stored map of validity, in a line."""
+
+    folder: Annotated[str, Field(description="Its folder, beside this report.")]
+    case: str
+    joints: Annotated[tuple[str, ...], Field(description="Those with clearance.")]
+    simulators: tuple[str, ...]
+    cells: Annotated[int, Field(ge=1, description="Of all engines.")]
+    foretold: Annotated[int, Field(ge=0, description="In how many the analytic model says whether a pin leaves.")]
+    lost: Annotated[int, Field(ge=0, description="In how many of these one does.")]
+    yielding: Annotated[int, Field(ge=0, description="In how many that is as the model says, with walls that yield.")]
+    rigid: Annotated[int, Field(ge=0, description="The same with rigid walls.")]
+    both: Annotated[int, Field(ge=0, description="Places that two or more engines could simulate.")]
+    same_verdict: Annotated[int, Field(ge=0, description="Of these: where they say the same.")]
+    free_share_spread: Annotated[
+        NotNegative | None, Field(description="Largest difference of their shares without contact; null for one.")
+    ]
+
+
+class Diagnosed(Part):
+    """How the sets of the scoreboard were diagnosed whose pins rattle, only seem to, or have clearance all the same."""
+
+    case: Annotated[str, Field(description="The linkage, or all.")]
+    loose: Annotated[int, Field(ge=0, description="Sets that rattle.")]
+    named: Annotated[int, Field(ge=0, description="Of these: the right joint, or a tie with it.")]
+    size_off: Annotated[NotNegative | None, Field(description="Relative error of the clearance found: the median.")]
+    steady: Annotated[int, Field(ge=0, description="Sets with clearance that does not rattle.")]
+    steady_named: Annotated[int, Field(ge=0, description="Of these: named, or a tie with it.")]
+    still: Annotated[int, Field(ge=0, description="Sets without clearance whose sensors hum, spike or ring.")]
+    false: Annotated[int, Field(ge=0, description="Of these: clearance is named.")]
+
+
+class Sought(Part):
+    """A parameter of a law of contact, as it is and as it was found, SI, with its 95 % interval; null where an end is
+    open, or nothing was found.
+    """
+
+    true: FiniteFloat
+    found: Number
+    low: Number
+    high: Number
+
+    @property
+    def covered(self) -> bool:
+        """Whether it was found, and its interval has the true value."""
+        low, high = (-math.inf if self.low is None else self.low), (math.inf if self.high is None else self.high)
+        return self.found is not None and low <= self.true <= high
+
+
+class LawFound(Part):
+    """The law of contact of a pin with a known clearance that rattles: recorded by one engine, diagnosed by another."""
+
+    case: str
+    joint: str
+    clearance: Annotated[Positive, Field(description="Radial (m).")]
+    revolutions: Annotated[int, Field(ge=1, description="That were recorded.")]
+    verdict: Annotated[str, Field(description="Of the diagnosis.")]
+    parameters: Annotated[Mapping[str, Sought], Field(description="restitution, stiffness (N/m), friction")]
 
 
 class Apart(Part):
@@ -214,6 +281,36 @@ class Published(Part):
     name: str
     says: Annotated[str, Field(description="Where it is from and what was done, in sentences.")]
     figures: tuple[Held, ...]
+
+
+class Span(Part):
+    """From the least to the largest of several runs."""
+
+    low: FiniteFloat
+    high: FiniteFloat
+
+
+class Ended(Part):
+    """How a slider-crank with play in its guide ends after 0.2 s, by somebody's steps, from starts that are next to the
+    same.
+    """
+
+    by: str
+    step: Annotated[Positive, Field(description="s")]
+    starts: Annotated[int, Field(ge=1, description="How many.")]
+    turns: Annotated[Span, Field(description="Of the crank.")]
+    crank: Annotated[Span, Field(description="Its rate (rad/s).")]
+    rod: Annotated[Span, Field(description="The rod's rate (rad/s).")]
+    free: Annotated[Span, Field(description="Share of the samples at which no corner touches.")]
+    touched: Annotated[
+        Span, Field(description="Energy gained up to the first impact, as a share of that at the start.")
+    ]
+    gained: Annotated[Span, Field(description="The same up to the end.")]
+
+    @property
+    def key(self) -> tuple[str, float]:
+        """By whom, and the step."""
+        return self.by, self.step
 
 
 class Timed(Part):
@@ -273,8 +370,18 @@ class Validation(Stored):
     delivered: Annotated[
         tuple[Delivered, ...], Field(description="Restitution delivered against restitution asked for.")
     ] = ()
+    maps: Annotated[
+        tuple[Mapped, ...], Field(description="Maps of validity that are stored beside it, read from their files.")
+    ] = ()
+    diagnosed: Annotated[
+        tuple[Diagnosed, ...], Field(description="The stored scoreboard's sets with clearance, by linkage.")
+    ] = ()
+    laws: Annotated[tuple[LawFound, ...], Field(description="Laws of contact found again by the diagnosis.")] = ()
     published: Annotated[
         tuple[Published, ...], Field(description="Published figures, and how far this project is off them.")
+    ] = ()
+    ended: Annotated[
+        tuple[Ended, ...], Field(description="A slider-crank with play in its guide after its first impact.")
     ] = ()
     speed: Annotated[
         tuple[Timed, ...], Field(description="How fast it is; figures of one machine, which are not made again.")

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from typing import Annotated, ClassVar, Literal
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Annotated, ClassVar, Literal, NamedTuple
 
 from pydantic import Field
 
@@ -207,6 +207,28 @@ class Cell(Place):
     def first_order_is_enough(self) -> bool:
         """Whether the paper's formula itself is within tolerance of a simulation that agrees."""
         return self.agrees and "first-order" not in self.fails
+
+
+class Foretold(NamedTuple):
+    """Of how many cells the analytic model says whether a pin leaves, in how many of these one does, and in how many
+    that is as it says: with walls that yield, and with rigid ones.
+    """
+
+    cells: int
+    lost: int
+    yielding: int
+    rigid: int
+
+
+def foretold(cells: Iterable[Cell | Failed]) -> Foretold:
+    """Contact kept and lost beside what the analytic model says of it."""
+    told = [(cell.left, cell.leaving) for cell in cells if isinstance(cell, Cell) and cell.leaving is not None]
+    return Foretold(
+        cells=len(told),
+        lost=sum(left for left, _ in told),
+        yielding=sum(left == (one.yielding is not None) for left, one in told),
+        rigid=sum(left == (one.rigid is not None) for left, one in told),
+    )
 
 
 class Limits(Part):

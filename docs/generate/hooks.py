@@ -40,6 +40,7 @@ OUTSIDE = {
     "reports/validity-paper/validity.md": "evidence/validity-paper.md",
     "reports/validity-crank-rocker/validity.md": "evidence/validity-crank-rocker.md",
     "reports/validity-crank-rocker-loaded/validity.md": "evidence/validity-crank-rocker-loaded.md",
+    "reports/validity-slider-crank/validity.md": "evidence/validity-slider-crank.md",
 }
 PICTURES = ("reports/figures/*.svg", "reports/scoreboard/*.svg", "reports/validity-*/*.svg")
 

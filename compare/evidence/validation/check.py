@@ -9,12 +9,14 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from operator import attrgetter
 from pathlib import Path
 from typing import TypeVar
 
 from analytic.mechanism.one_line import count
 from compare.arguments import Simulators
 from compare.evidence.stored import asked, other_versions, read, stale_page, store
+from compare.evidence.validation.beside import with_beside
 from compare.evidence.validation.runs import run_all
 from compare.evidence.validation.scales import checked, scales
 from compare.files import output_folder
@@ -24,6 +26,7 @@ from compare.results.validation import (
     Bent,
     Carried,
     Delivered,
+    Ended,
     InEngine,
     Published,
     Struck,
@@ -46,6 +49,13 @@ CHANCE = 2.5  # half widths of 95 % intervals, in quadrature: by chance next to 
 REBOUND = 2e-3  # of restitution delivered
 BEAMS = 1e-5  # of the displacement: a tenth of the last digit of the page
 
+ENDS = 5e-3  # relative: of turns and rates at the end, by a processor's rounding; of energy and free shares absolute
+KEPT = {
+    "published": "name",
+    "ended": "key",
+    "laws": "case",
+}  # tables that rest on what is not everywhere, and how a row is known
+
 P = TypeVar("P", bound=Part)
 
 
@@ -59,8 +69,8 @@ def check_validation(
     """
     stored = read(Validation, folder)
     names, _ = asked(simulators)
-    found = run_all(names, checked(), data, whole=False)
     place = Path(folder)
+    found = with_beside(run_all(names, checked(), data, whole=False), place)
     made_again, left_out = looked_at(stored, found)
     return ValidationCheck(
         stored=str(place / Validation.file),
@@ -76,14 +86,21 @@ def update_validation(folder: str | Path = WHERE, data: Path | None = None) -> V
     ``data`` the figures that rest on it are those of the stored report.  Raises OutputError.
     """
     output_folder(Path(folder), "--reports")
-    stored = read(Validation, folder).published if (Path(folder) / Validation.file).is_file() else ()
+    stored = read(Validation, folder) if (Path(folder) / Validation.file).is_file() else None
     names, _ = asked("all")
     found = run_all(names, scales(), data, whole=True)
-    known = {source.name for source in found.published}
-    kept = tuple(source for source in stored if source.name not in known)
-    found = found.model_copy(update={"published": (*found.published, *kept)})
+    kept = {} if stored is None else {name: _or_stored(stored, found, name) for name in KEPT}
+    found = with_beside(found.model_copy(update=kept), Path(folder))
     store(found, folder, "--reports")
     return found
+
+
+def _or_stored(stored: Validation, found: Validation, name: str) -> tuple[Part, ...]:
+    """Rows of a table as they were found, in the stored order where they were stored, and those that were not found."""
+    key = attrgetter(KEPT[name])
+    again = {key(row): row for row in getattr(found, name)}
+    before = {key(row): row for row in getattr(stored, name)}
+    return tuple((before | again).values())
 
 
 def looked_at(stored: Validation, found: Validation) -> tuple[str, tuple[str, ...]]:
@@ -118,10 +135,13 @@ def differences(stored: Validation, found: Validation) -> Iterator[str]:
             was = there.get((row.simulator, row.motion))
             yield from (f"{case} in {row.simulator}, {row.motion}, {what}" for what in _along(was, row))
     yield from _held(stored.published, found.published)
+    yield from _ends(stored.ended, found.ended)
     yield from _bends(stored.bent, found.bent)
     yield from _in_files(stored.carried, found.carried)
     yield from _strikes(stored.struck, found.struck)
     yield from _rebounds(stored.delivered, found.delivered)
+    yield from _read_again("map", ("folder",), stored.maps, found.maps)
+    yield from _read_again("scoreboard", ("case",), stored.diagnosed, found.diagnosed)
     if found.superposition:
         keys = ("clearance", "crank_angle")
         yield from _table("superposition", stored.superposition, found.superposition, keys, 0.0, BEAMS)
@@ -172,8 +192,10 @@ def _strikes(stored: Sequence[Struck], found: Sequence[Struck]) -> Iterator[str]
             yield f"{where}: is new"
             continue
         for name, now in row.statistics.items():
-            was = before[row.key].statistics[name]
-            if abs((now.value or 0.0) - (was.value or 0.0)) > CHANCE * math.hypot(now.half_width, was.half_width):
+            was = before[row.key].statistics.get(name)
+            if was is None:
+                yield f"{where}: {name} is new"
+            elif abs((now.value or 0.0) - (was.value or 0.0)) > CHANCE * math.hypot(now.half_width, was.half_width):
                 yield f"{where}: {name} was {was.value:g}, is {now.value:g}"
 
 
@@ -192,6 +214,32 @@ def _rebounds(stored: Sequence[Delivered], found: Sequence[Delivered]) -> Iterat
             for e, was, now in pairs
             if abs((was or 0.0) - (now or 0.0)) > REBOUND
         )
+
+
+def _ends(stored: Sequence[Ended], found: Sequence[Ended]) -> Iterator[str]:
+    """Ends after many impacts that are not where they were."""
+    before = {row.key: row for row in stored}
+    for row in found:
+        where, old = f"{row.by}, {1e3 * row.step:g} ms", before.get(row.key)
+        if old is None:
+            yield f"{where}: is new"
+            continue
+        for name in ("turns", "crank", "rod", "free", "touched", "gained"):
+            was, now = getattr(old, name), getattr(row, name)
+            size = max(abs(was.low), abs(was.high), 1.0)
+            if max(abs(was.low - now.low), abs(was.high - now.high)) > ENDS * size:
+                yield f"{where}: {name} was {was.low:g} to {was.high:g}, is {now.low:g} to {now.high:g}"
+
+
+def _read_again(what: str, keys: tuple[str, ...], stored: Sequence[Part], found: Sequence[Part]) -> Iterator[str]:
+    """Rows that are read from other files, where any field is another one; a row is known by its keys."""
+    before, after = ({tuple(getattr(row, key) for key in keys): dict(row) for row in rows} for rows in (stored, found))
+    for key in sorted(before.keys() | after.keys()):
+        where, was, now = f"{what} {', '.join(map(str, key))}", before.get(key), after.get(key)
+        if was is None or now is None:
+            yield f"{where}: is {'new' if was is None else 'no longer there'}"
+        else:
+            yield from (f"{where}: {name} was {was[name]}, is {now[name]}" for name in was if was[name] != now[name])
 
 
 def _along(old: InEngine | None, new: InEngine) -> Iterator[str]:

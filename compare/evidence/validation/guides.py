@@ -1,4 +1,6 @@
-"""The slider-crank with clearance in its guide, its block flat on one wall or across on two corners."""
+"""The slider-crank with clearance in its guide, its block flat on one wall or across on two corners, smooth or
+rough.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,7 @@ from compare.arguments import cores
 from compare.crosscheck import Job, crosscheck_job
 from compare.judge.tolerances import Tolerances
 from compare.results.crosscheck import CrossCheck
-from sim_models.engine import JointModel, Motion, declared
+from sim_models.engine import JointModel, Motion, Request, Unsupported, check_supported, declared
 
 CASE, JOINT = "slider-crank", "S"
 CLEARANCE, INERTIA, SPEED = 1e-4, 5e-5, 10.0  # m; kg.m^2; rad/s
@@ -29,23 +31,35 @@ RUNS: tuple[tuple[str, Motion], ...] = (
     ("across its guide", "static"),
 )
 MODELS: tuple[JointModel, ...] = ("spring-damper", "contact")
+FRICTION = 0.2  # Coulomb's coefficient at the corners, of the rough block
 
 
-def block(pressed: str, motion: Motion) -> Mechanism:
+def block(pressed: str, motion: Motion, friction: float = 0.0) -> Mechanism:
     """The case with its block pressed so, turning slowly enough for it to rest."""
     m = load(CASE)
     bodies = tuple(b.model_copy(update={"inertia": INERTIA}) if b.name == "slider" else b for b in m.bodies)
     drive = m.drives[0].model_copy(update={"speed": SPEED})
     m = m.replace(bodies=bodies, loads=(PRESSED[pressed],), drive=drive).with_clearances({JOINT: CLEARANCE})
-    return m.with_joint(JOINT, contact_stiffness=STIFFNESS[motion])
+    return m.with_joint(JOINT, contact_stiffness=STIFFNESS[motion], friction=friction)
 
 
 def guided(names: Sequence[str], tolerances: Tolerances) -> Iterator[tuple[str, CrossCheck]]:
-    """What each run is called, and its cross-check."""
-    for (pressed, motion), model in product(RUNS, MODELS):
-        able = tuple(
-            n for n in names if ("guide_clearance", (model, motion)) in declared(n).capabilities.rigid.features
-        )
+    """What each run is called, and its cross-check: without friction by every joint model, with it in contact."""
+    smooth = [(*run, model, 0.0) for run, model in product(RUNS, MODELS)]
+    rough: list[tuple[str, Motion, JointModel, float]] = [(*run, "contact", FRICTION) for run in RUNS]
+    for pressed, motion, model, friction in [*smooth, *rough]:
+        m = block(pressed, motion, friction)
+        able = tuple(name for name in names if _can(name, Request(m, model, motion, ANGLES[motion])))
         if able:
-            job = Job(block(pressed, motion), able, tolerances, motion, ANGLES[motion], None, model, workers=cores())
-            yield f"block {pressed}, {model}, {motion}", crosscheck_job(job)
+            job = Job(m, able, tolerances, motion, ANGLES[motion], None, model, workers=cores())
+            words = f", friction {friction:g}" if friction else ""
+            yield f"block {pressed}{words}, {model}, {motion}", crosscheck_job(job)
+
+
+def _can(name: str, asked: Request) -> bool:
+    """Whether an engine has what a run asks of it."""
+    try:
+        check_supported(declared(name), asked)
+    except Unsupported:
+        return False
+    return True

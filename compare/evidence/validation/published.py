@@ -158,8 +158,7 @@ def _block(names: Sequence[str], data: Path) -> Published:
     return Published(
         name="A block with play in its guide",
         says="Flores, Leine and Glocker's slider-crank by Siconos, with steps of 0.1 ms in which it gains 1 % of the"
-        " energy: up to its first impact, at 2.7 ms. What it says after that rests on those steps"
-        " (`tests/test_siconos.py`).",
+        " energy: up to its first impact, at 2.7 ms. What it says after that rests on those steps, as is shown below.",
         figures=(
             Held(
                 figure="angle of the crank at 2.6 ms; it and the rod's off by", unit="rad",

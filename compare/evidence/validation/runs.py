@@ -14,10 +14,12 @@ from analytic.paper.superposition import total_displacement
 from compare.arguments import cores
 from compare.crosscheck import Job, crosscheck_job
 from compare.evidence.baseline.runs import not_run, setups
+from compare.evidence.published.after_impact import after_impact
 from compare.evidence.validation.bending import bending
 from compare.evidence.validation.files import carried
 from compare.evidence.validation.guides import CASE as GUIDED
 from compare.evidence.validation.guides import guided
+from compare.evidence.validation.laws import laws_found
 from compare.evidence.validation.published import published
 from compare.evidence.validation.rebounds import rebounds
 from compare.evidence.validation.scales import Scale, scale_rows
@@ -40,8 +42,8 @@ def run_all(names: tuple[str, ...], which: Sequence[Scale], data: Path | None, w
     """Every shipped case in these engines, as the baselines set it up; one linkage at these scales; how far Eq. 8 and
     superposition are off, also over the workspaces of platforms; published figures, with those of the folder ``data``.
 
-    Unless ``whole``, the engines move one platform alone, what takes minutes is left out of the published figures, and
-    nothing is timed.
+    Unless ``whole``, the engines move one platform alone, what takes minutes is left out of the published figures, no
+    law of contact is looked for, and nothing is timed.
     """
     tolerances = load_tolerances()
     rows: list[ValidationRun] = []
@@ -77,6 +79,8 @@ def run_all(names: tuple[str, ...], which: Sequence[Scale], data: Path | None, w
         struck=striking(names, LAWS, MORE) if whole else striking(names, (CHECKED,)),
         delivered=rebounds(names, LAWS if whole else (CHECKED,)),
         published=published(names, data, whole),
+        ended=tuple(after_impact(names, data, whole)),
+        laws=tuple(laws_found(names)) if whole else (),
         speed=timed() if whole else (),
     )
     found.checks.update(checks)

@@ -36,6 +36,8 @@ SHOWN: tuple[StatisticName, ...] = (
     "peak_force",
     "restitution_loss",
     "friction_loss",
+    "wear",
+    "penetration",
 )
 CHECKED: ContactLaw = "flores"  # is made again where the report is checked
 ODE = "equation"  # its name among the engines
@@ -83,6 +85,7 @@ def striking(
     cells = [(rattling, law, rattling.linkage(law)) for rattling in CASES for law in laws if law in rattling.laws]
     asked = [(i, name, _request(m, name, revolutions)) for i, (_, _, m) in enumerate(cells) for name in names]
     able = [(i, name, request) for i, name, request in asked if request is not None]
+    ideal = [ideal_peaks(m)[rattling.joint] for rattling, _, m in cells]
     found: dict[tuple[int, str], Struck] = {}
     for k, outcome in simulate_all([(name, request) for _, name, request in able], cores()):
         i, name, _ = able[k]
@@ -91,8 +94,11 @@ def striking(
             raise SimulationError(f"{rattling.case}, {law}, in {name}: {outcome.why}")
         assert isinstance(outcome, Counted)
         assert outcome.contact is not None
-        found[i, name] = _row(rattling, law, name, outcome.joint_model, outcome.contact)
-    equations = [_row(rattling, law, ODE, "contact", by_equation(m)) for rattling, law, m in cells]
+        found[i, name] = _row(rattling, law, name, outcome.joint_model, outcome.contact, ideal[i])
+    equations = [
+        _row(rattling, law, ODE, "contact", by_equation(m), peak)
+        for (rattling, law, m), peak in zip(cells, ideal, strict=True)
+    ]
     return tuple(
         row
         for i, equation in enumerate(equations)
@@ -133,7 +139,7 @@ def _request(m: Mechanism, name: str, revolutions: int = REVOLUTIONS) -> Request
     return None
 
 
-def _row(rattling: Rattling, law: ContactLaw, by: str, joint_model: JointModel, found: Contact) -> Struck:
+def _row(rattling: Rattling, law: ContactLaw, by: str, joint_model: JointModel, found: Contact, ideal: float) -> Struck:
     """The figures that the report shows, with their intervals."""
     told = [name for name in SHOWN if name != "friction_loss" or rattling.friction]
     figures = {name: found.joints[rattling.joint].statistics[name] for name in told}
@@ -150,6 +156,7 @@ def _row(rattling: Rattling, law: ContactLaw, by: str, joint_model: JointModel, 
         simulator=by,
         joint_model=joint_model,
         revolutions=round(found.revolutions),
+        ideal_peak=_four(ideal),
         missing=None if share is None else digits(share),
         statistics={
             name: Known(value=_four(s.value), low=_four(s.low), high=_four(s.high)) for name, s in figures.items()

@@ -162,6 +162,6 @@ class Spiral:
         return x + 1j * y
 
 
-def digits(value: float) -> float:
-    """A number to two digits."""
-    return float(f"{value:.1e}")
+def digits(value: float, count: int = 2) -> float:
+    """A number to two digits, or to so many."""
+    return float(f"{value:.{count - 1}e}")

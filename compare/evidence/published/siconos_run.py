@@ -1,9 +1,9 @@
 """Run by the system's Python, which has Siconos: the slider-crank with play in its guide, from many starts.
 
-    python3 siconos_slider_crank.py direct|combined SIZE RUNS < six numbers a line (angles, rates)
+    python3 siconos_run.py direct|combined < six numbers a line (angles, rates)
 
-In FOLDER, where it is run, it writes ``siconos_guide.c``, compiles it, and prints a row a start: the crank's turns, its
-and the rod's rates at the end (rad/s), and the share of samples with every gap above 1e-6 m.
+Where it is run it writes ``siconos_guide.c``, compiles it, and prints a row a start: angles and rates after FIRST
+steps, angles and rates at the end (rad, rad/s), and the share of samples with every gap above 1e-6 m.
 """
 
 import subprocess
@@ -13,6 +13,7 @@ import siconos.kernel as sk
 import siconos.numerics as sn
 
 STEP, END = 1e-4, 0.2  # s
+FIRST = 26  # steps, in which nothing is touched
 NUMBERS = """
 #include <math.h>
 #define L1 0.153
@@ -74,8 +75,8 @@ CORNER(1, -A, 1) CORNER(2, A, 1) CORNER(3, -A, -1) CORNER(4, A, -1)
 """
 
 
-def one_run(kind, start):
-    """Crank's turns, rates at the end, and share of free samples."""
+def one_run(kind: str, start: list[float]) -> list[float]:
+    """Angles and rates after FIRST steps and at the end, and share of free samples."""
     ds = sk.LagrangianDS(start[:3], start[3:], "siconos_guide:mass")
     ds.setComputeFGyrFunction("siconos_guide", "turning")
     ds.setComputeJacobianFGyrqFunction("siconos_guide", "turning_q")
@@ -109,16 +110,18 @@ def one_run(kind, start):
         steps.setProjectionMaxIteration(500)
     steps.setConstraintTolUnilateral(1e-10)
     steps.setConstraintTol(1e-10)
-    free = []
+    free, early = [], []
     while steps.hasNextEvent():
         steps.advanceToEvent()
         free.append(min(corner.y(0)[0] for corner in corners) > 1e-6)
         steps.processEvents()
-    q, v = ds.q(), ds.velocity()
-    return q[0] / 6.283185307179586, v[0], v[1], sum(free) / len(free)
+        if len(free) == FIRST:
+            early = [*ds.q(), *ds.velocity()]
+    return [*early, *ds.q(), *ds.velocity(), sum(free) / len(free)]
 
 
-def main():
+def main() -> None:
+    """Print a row a start."""
     with open("siconos_guide.c", "w") as file:
         file.write(NUMBERS)
     subprocess.run(["cc", "-O2", "-shared", "-fPIC", "-o", "siconos_guide.so", "siconos_guide.c", "-lm"], check=True)

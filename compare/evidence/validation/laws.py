@@ -1,0 +1,101 @@
+"""The law of contact of a pin that rattles, found again: rigs that one engine records and another one diagnoses."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from analytic.mechanism import Load, Mechanism
+from analytic.mechanism.file import load
+from compare.diagnose.effects.joints import ContactLaw
+from compare.diagnose.workflow import diagnose
+from compare.evidence.scoreboard.files import Recording, write_files
+from compare.evidence.validation.workspaces import digits
+from compare.files import output_folder
+from compare.results.diagnosis import Parameter
+from compare.results.validation import LawFound, Sought
+from sim_models.engine import Request, engine
+
+SOURCE, SIMULATOR = "exudyn", "mujoco"
+JOINT, CLEARANCE = "B", 5e-4  # m
+REVOLUTIONS, SAMPLES = 6, 200  # of each run, in each
+SPEEDS = (32.0, -24.0, 22.0)  # rad/s
+PLACES = {"crank-rocker": "coupler_y", "slider-crank": "slider_x"}  # measured, beside angle, forces and torque
+FORCES = {"reaction_A_x": 0.025, "reaction_A_y": 0.06, "drive_torque": 5e-4}  # N and N.m, one sigma
+ANGLE, PLACE = 5e-5, 8e-6  # rad, m
+LOADED = {"crank-rocker": "coupler", "slider-crank": "slider"}
+LAWS = {
+    "crank-rocker": {"restitution": 0.75, "contact_stiffness": 3e6, "friction": 0.1},
+    "slider-crank": {"restitution": 0.6, "contact_stiffness": 5e6, "friction": 0.05},
+}
+PARAMETERS = {"restitution": "restitution", "stiffness": "contact_stiffness", "friction": "friction"}
+
+
+@dataclass(frozen=True)
+class Rig:
+    """A linkage as it is, with a law of contact in JOINT, and as it is believed to be; its sensors' noise."""
+
+    real: Mechanism
+    believed: Mechanism
+    noise: Mapping[str, float]
+
+
+def rig(case: str, law: Mapping[str, float]) -> Rig:
+    """A case with a light load, which a pin with this law in JOINT leaves now and then; believed are neither its
+    clearance nor its law.
+    """
+    loads = (Load(body=LOADED[case], force=(0.26, 0.4)),)
+    believed = load(case).ideal().rigid().replace(gravity=(0.0, 0.0), loads=loads)
+    believed = believed.with_joint(JOINT, restitution=None, pin_radius=0.01)
+    real = believed.with_joint(JOINT, clearance=CLEARANCE, contact_law="kelvin-voigt", **law)
+    return Rig(real, believed, {"crank_angle": ANGLE, PLACES[case]: PLACE} | FORCES)
+
+
+def recorded(made: Rig, nominal: Mechanism, folder: Path) -> Path:
+    """Three runs of it by SOURCE, with noise, beside a nominal linkage; measured.toml's path."""
+    rng, runs = np.random.default_rng(1), []
+    for k, speed in enumerate(SPEEDS):
+        turned = np.linspace(0.0, 2 * math.pi * REVOLUTIONS, REVOLUTIONS * SAMPLES)
+        angle = 0.4 + k + np.sign(speed) * turned
+        assert made.real.drive is not None
+        turning = made.real.replace(drive=made.real.drive.model_copy(update={"speed": speed}))
+        seen = engine(SOURCE).simulate(Request(turning, "contact", "driven", crank_angle=angle)).signals
+        told = {**seen, "crank_angle": angle}
+        read = {s: told[s] + sigma * rng.standard_normal(angle.size) for s, sigma in made.noise.items()}
+        fields = {"drive_speed": speed, "drive_angle": float(angle[0])}
+        runs.append(Recording(f"run-{k + 1}", (angle - angle[0]) / speed, read, fields))
+    write_files(output_folder(folder), nominal, runs, {}, made.noise)
+    return folder / "measured.toml"
+
+
+def laws_found(names: Sequence[str]) -> Iterator[LawFound]:
+    """The law of each rig whose clearance is known, where both engines are here; a rig takes minutes."""
+    if not {SOURCE, SIMULATOR} <= set(names):
+        return
+    for case, law in LAWS.items():
+        made = rig(case, law)
+        with tempfile.TemporaryDirectory() as folder:
+            path = recorded(made, made.believed.with_joint(JOINT, clearance=CLEARANCE), Path(folder))
+            found = diagnose(path, SIMULATOR, only=[ContactLaw.name], others=False, workers=1)
+        said = {name: p for e in found.effects if e.name == ContactLaw.name for name, p in e.parameters.items()}
+        yield LawFound(
+            case=case,
+            joint=JOINT,
+            clearance=CLEARANCE,
+            revolutions=REVOLUTIONS * len(SPEEDS),
+            verdict=found.verdict,
+            parameters={name: _sought(law[of], said.get(name)) for name, of in PARAMETERS.items()},
+        )
+
+
+def _sought(true: float, said: Parameter | None) -> Sought:
+    """A parameter beside what was said of it, if anything was."""
+    if said is None:
+        return Sought(true=true, found=None, low=None, high=None)
+    low, high = (None if x is None or not math.isfinite(x) else digits(x, 3) for x in (said.low, said.high))
+    return Sought(true=true, found=digits(said.value, 3), low=low, high=high)
