@@ -300,11 +300,13 @@ def test_published_ends_of_a_flying_block_are_out_of_reach_of_what_keeps_energy(
 
 
 def test_laws_of_contact_are_told_with_their_intervals() -> None:
-    assert [row.case for row in STORED.laws] == ["crank-rocker", "slider-crank"]
+    cases = ("crank-rocker", "slider-crank")
+    assert [row.key for row in STORED.laws] == [(case, by) for by in ("exudyn", "equation") for case in cases]
     told = page(STORED).partition("### The law of contact found again")[2]
     for row in STORED.laws:
         assert row.parameters["friction"].covered
-        assert f"| {row.case}, 0.5 mm in B, 18 revolutions | is | {row.parameters['restitution'].true:g} |" in told
+        rig, true = f"{row.case}, 0.5 mm in B, 18 revolutions", row.parameters["restitution"].true
+        assert f"| {rig} | {row.recorded} | is | {true:g} |" in told
     missed = STORED.laws[0].parameters["friction"].model_copy(update={"low": 0.5, "high": 0.6})
     one = STORED.laws[0].model_copy(update={"parameters": {**STORED.laws[0].parameters, "friction": missed}})
     assert "(0.5 to 0.6)** |" in page(STORED.model_copy(update={"laws": (one,)}))

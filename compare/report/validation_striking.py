@@ -184,16 +184,17 @@ BOUNDS: Mapping[str, tuple[float | None, float | None]] = {
 
 
 def _laws(rows: Sequence[LawFound]) -> Iterator[str]:
-    yield f"Rigs with a pin that rattles, recorded by {SOURCE} with noise and diagnosed by {SIMULATOR} with"
-    yield "`--only contact_law`: what it is, and what is found with its 95 % interval, or that the data do not tell it."
+    yield f"Rigs with a pin that rattles, recorded by {SOURCE} or by the equation, with noise, and diagnosed by"
+    yield f"{SIMULATOR} with `--only contact_law`: what it is, and what is found with its 95 % interval, or that the"
+    yield "data do not tell it."
     yield "Bold is an interval that has not what it is. `compare validation check` does not make them again."
     yield ""
-    yield "| rig | | restitution | stiffness (N/m) | friction |"
-    yield "|---|---|--:|--:|--:|"
+    yield "| rig | recorded by | | restitution | stiffness (N/m) | friction |"
+    yield "|---|---|---|--:|--:|--:|"
     for r in rows:
         rig = f"{r.case}, {1e3 * r.clearance:g} mm in {r.joint}, {r.revolutions} revolutions"
-        yield f"| {rig} | is | {' | '.join(f'{r.parameters[name].true:g}' for name in BOUNDS)} |"
-        yield f"| | found | {' | '.join(_sought(name, r.parameters[name]) for name in BOUNDS)} |"
+        yield f"| {rig} | {r.recorded} | is | {' | '.join(f'{r.parameters[name].true:g}' for name in BOUNDS)} |"
+        yield f"| | | found | {' | '.join(_sought(name, r.parameters[name]) for name in BOUNDS)} |"
 
 
 def _sought(name: str, p: Sought) -> str:

@@ -248,14 +248,22 @@ class Sought(Part):
 
 
 class LawFound(Part):
-    """The law of contact of a pin with a known clearance that rattles: recorded by one engine, diagnosed by another."""
+    """The law of contact of a pin with a known clearance that rattles: recorded by an engine, or by an equation of
+    motion, and diagnosed by another engine.
+    """
 
     case: str
+    recorded: Annotated[str, Field(description="An engine's name, or equation.")] = "exudyn"
     joint: str
     clearance: Annotated[Positive, Field(description="Radial (m).")]
     revolutions: Annotated[int, Field(ge=1, description="That were recorded.")]
     verdict: Annotated[str, Field(description="Of the diagnosis.")]
     parameters: Annotated[Mapping[str, Sought], Field(description="restitution, stiffness (N/m), friction")]
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """Case, and by whom it was recorded."""
+        return self.case, self.recorded
 
 
 class Apart(Part):

@@ -229,14 +229,14 @@ def _run(rng: np.random.Generator, real: Mechanism, speed: float, joint: str | N
     real = real.replace(drive=real.drive.model_copy(update={"speed": speed}))
     if source == "ode":
         assert joint is not None
-        return _by_equation(real, joint, time, start)
+        return by_equation(real, joint, time, start)
     angle = start + speed * time
     trace = engine(source).simulate(Request(real, "ideal" if joint is None else "contact", "driven", crank_angle=angle))
     free = 0.0 if joint is None else float(trace.free_share[joint])
     return Played(time, {**trace.signals, "crank_angle": angle}, free)
 
 
-def _by_equation(real: Mechanism, joint: str, time: np.ndarray, start: float) -> Played:
+def by_equation(real: Mechanism, joint: str, time: np.ndarray, start: float) -> Played:
     """The same by the ordinary differential equation, which has the signals of the two bodies and the pin."""
     loop = contact_ode.loop_of(real, start)
     turn = abs(loop.speed) * float(time[-1])

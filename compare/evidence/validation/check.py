@@ -53,7 +53,7 @@ ENDS = 5e-3  # relative: of turns and rates at the end, by a processor's roundin
 KEPT = {
     "published": "name",
     "ended": "key",
-    "laws": "case",
+    "laws": "key",
 }  # tables that rest on what is not everywhere, and how a row is known
 
 P = TypeVar("P", bound=Part)

@@ -1,4 +1,6 @@
-"""The law of contact of a pin that rattles, found again: rigs that one engine records and another one diagnoses."""
+"""The law of contact of a pin that rattles, found again: rigs that one engine, or an equation of motion, records and
+another engine diagnoses.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +8,7 @@ import math
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -15,18 +18,21 @@ from analytic.mechanism.file import load
 from compare.diagnose.effects.joints import ContactLaw
 from compare.diagnose.workflow import diagnose
 from compare.evidence.scoreboard.files import Recording, write_files
+from compare.evidence.scoreboard.rattling import by_equation
 from compare.evidence.validation.workspaces import digits
 from compare.files import output_folder
 from compare.results.diagnosis import Parameter
 from compare.results.validation import LawFound, Sought
 from sim_models.engine import Request, engine
 
-SOURCE, SIMULATOR = "exudyn", "mujoco"
+SOURCE, EQUATION, SIMULATOR = "exudyn", "equation", "mujoco"
 JOINT, CLEARANCE = "B", 5e-4  # m
 REVOLUTIONS, SAMPLES = 6, 200  # of each run, in each
 SPEEDS = (32.0, -24.0, 22.0)  # rad/s
 PLACES = {"crank-rocker": "coupler_y", "slider-crank": "slider_x"}  # measured, beside angle, forces and torque
-FORCES = {"reaction_A_x": 0.025, "reaction_A_y": 0.06, "drive_torque": 5e-4}  # N and N.m, one sigma
+NOISE = {"x": 0.025, "y": 0.06}  # N, one sigma of a load cell, in a pin that the source tells of
+CELL = {SOURCE: "A", EQUATION: JOINT}
+TORQUE = {"drive_torque": 5e-4}  # N.m
 ANGLE, PLACE = 5e-5, 8e-6  # rad, m
 LOADED = {"crank-rocker": "coupler", "slider-crank": "slider"}
 LAWS = {
@@ -45,27 +51,27 @@ class Rig:
     noise: Mapping[str, float]
 
 
-def rig(case: str, law: Mapping[str, float]) -> Rig:
+def rig(case: str, law: Mapping[str, float], source: str = SOURCE) -> Rig:
     """A case with a light load, which a pin with this law in JOINT leaves now and then; believed are neither its
-    clearance nor its law.
+    clearance nor its law.  Its load cell is where the source tells of forces.
     """
     loads = (Load(body=LOADED[case], force=(0.26, 0.4)),)
     believed = load(case).ideal().rigid().replace(gravity=(0.0, 0.0), loads=loads)
     believed = believed.with_joint(JOINT, restitution=None, pin_radius=0.01)
     real = believed.with_joint(JOINT, clearance=CLEARANCE, contact_law="kelvin-voigt", **law)
-    return Rig(real, believed, {"crank_angle": ANGLE, PLACES[case]: PLACE} | FORCES)
+    forces = {f"reaction_{CELL[source]}_{axis}": sigma for axis, sigma in NOISE.items()}
+    return Rig(real, believed, {"crank_angle": ANGLE, PLACES[case]: PLACE} | forces | TORQUE)
 
 
-def recorded(made: Rig, nominal: Mechanism, folder: Path) -> Path:
-    """Three runs of it by SOURCE, with noise, beside a nominal linkage; measured.toml's path."""
+def recorded(made: Rig, nominal: Mechanism, folder: Path, source: str = SOURCE) -> Path:
+    """Three runs of it, with noise, beside a nominal linkage; measured.toml's path."""
     rng, runs = np.random.default_rng(1), []
     for k, speed in enumerate(SPEEDS):
         turned = np.linspace(0.0, 2 * math.pi * REVOLUTIONS, REVOLUTIONS * SAMPLES)
         angle = 0.4 + k + np.sign(speed) * turned
         assert made.real.drive is not None
         turning = made.real.replace(drive=made.real.drive.model_copy(update={"speed": speed}))
-        seen = engine(SOURCE).simulate(Request(turning, "contact", "driven", crank_angle=angle)).signals
-        told = {**seen, "crank_angle": angle}
+        told = dict(_seen(turning, angle, source)) | {"crank_angle": angle}
         read = {s: told[s] + sigma * rng.standard_normal(angle.size) for s, sigma in made.noise.items()}
         fields = {"drive_speed": speed, "drive_angle": float(angle[0])}
         runs.append(Recording(f"run-{k + 1}", (angle - angle[0]) / speed, read, fields))
@@ -73,18 +79,27 @@ def recorded(made: Rig, nominal: Mechanism, folder: Path) -> Path:
     return folder / "measured.toml"
 
 
+def _seen(turning: Mechanism, angle: np.ndarray, source: str) -> Mapping[str, np.ndarray]:
+    """Signals (N,) of a linkage at angles (N,) rad of its crank."""
+    if source == EQUATION:
+        assert turning.speed
+        return by_equation(turning, JOINT, (angle - angle[0]) / turning.speed, float(angle[0])).signals
+    return engine(source).simulate(Request(turning, "contact", "driven", crank_angle=angle)).signals
+
+
 def laws_found(names: Sequence[str]) -> Iterator[LawFound]:
     """The law of each rig whose clearance is known, where both engines are here; a rig takes minutes."""
     if not {SOURCE, SIMULATOR} <= set(names):
         return
-    for case, law in LAWS.items():
-        made = rig(case, law)
+    for source, (case, law) in product(CELL, LAWS.items()):
+        made = rig(case, law, source)
         with tempfile.TemporaryDirectory() as folder:
-            path = recorded(made, made.believed.with_joint(JOINT, clearance=CLEARANCE), Path(folder))
+            path = recorded(made, made.believed.with_joint(JOINT, clearance=CLEARANCE), Path(folder), source)
             found = diagnose(path, SIMULATOR, only=[ContactLaw.name], others=False, workers=1)
         said = {name: p for e in found.effects if e.name == ContactLaw.name for name, p in e.parameters.items()}
         yield LawFound(
             case=case,
+            recorded=source,
             joint=JOINT,
             clearance=CLEARANCE,
             revolutions=REVOLUTIONS * len(SPEEDS),
