@@ -23,7 +23,7 @@ from compare.crosscheck import Job, crosscheck_job
 from compare.judge.discrepancy import load_tolerances
 from compare.judge.grid import FREE_TIME, default_angles
 from compare.judge.tolerances import Known
-from compare.results.schemas import documents
+from compare.results.schemas import FOLDER, documents, schema
 from marks import slow
 from planted import Planted, turned
 from sim_models.engine import Motion
@@ -105,6 +105,11 @@ def test_every_command_that_prints_json_prints_a_document_with_a_schema() -> Non
     able = {name for name, command in every if any("--json" in parameter.opts for parameter in command.params)}
     assert able == set(JSON_OF)
     assert set(JSON_OF.values()) | OF_A_DIAGNOSIS <= set(documents()) == set(SCHEMAS)
+
+
+@pytest.mark.parametrize("name", SCHEMAS)
+def test_a_schema_is_that_of_its_document(name: str) -> None:
+    assert (FOLDER / name).read_text(encoding="utf-8") == schema(documents()[name])
 
 
 def test_json_is_printed_in_one_place_and_of_a_document() -> None:
