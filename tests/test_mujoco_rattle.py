@@ -18,6 +18,8 @@ from analytic.kinematics.motion import kinematics
 from analytic.mechanism import GROUND, Mechanism
 from analytic.mechanism.file import load
 from analytic.mechanism.parts import ContactLaw
+from analytic.paper.kinetostatics import kinetostatics
+from compare.crosscheck import crosscheck
 from compare.evidence.validation.rebounds import dropped, hanging, rebound
 from compare.evidence.validation.striking import LAWS
 from compare.judge.watched import Run, integral, taken
@@ -379,3 +381,20 @@ def test_a_slide_is_watched_too() -> None:
     m = m.replace(drive=m.drive.model_copy(update={"speed": SPEED}), gravity=(0.0, GRAVITY))
     assert GROUND in {body for joint in m.joints for body in joint.bodies if joint.prismatic}
     assert missing(turned(m, watched=True), m) < 1e-5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("restitution", [0.9, 0.999])
+def test_hard_contact_that_hardly_damps_rubs_by_its_coefficient(restitution: float) -> None:
+    """Friction of a pin pressed to its wall takes its coefficient times radius, reaction and turning between the two.
+    Once it took a quarter of that at a restitution of 0.999, and gave energy at 1.
+    """
+    m = load("crank-rocker").replace(gravity=(0.0, -9.81)).with_clearances({"B": 1e-4})
+    m = m.replace(drive=m.drive.model_copy(update={"speed": 3.0}))
+    m = m.with_joint("B", restitution=restitution, friction=0.03, pin_radius=0.02)
+    (run,) = crosscheck(m, "mujoco", joint_model="contact", revolutions=2, workers=1).runs
+    found = kinetostatics(kinematics(Assembly(m.ideal()), np.linspace(0, 2 * np.pi, 2001)[:-1], 3.0))
+    turning = np.abs(found.motion.slip(m.joint("B"))[0])
+    took = 0.03 * 0.02 * float(np.mean(np.abs(found.forces["B"]) * turning)) * 2 * np.pi / 3.0
+    assert run.contact is not None
+    assert run.contact.joints["B"].statistics["friction_loss"].value == pytest.approx(took, rel=5e-3)

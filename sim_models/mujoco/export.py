@@ -155,6 +155,7 @@ def _meaning(link: MujocoLinkage) -> dict[str, Any]:
                 "friction": float(rim.contact.friction[0]),
                 "soft": [rim.law.stiffness, rim.law.damping, rim.weight] if rim.second_order else None,
                 "solref": rim.contact.solref.tolist(),
+                "solreffriction": rim.contact.solreffriction.tolist(),
                 "solimp": rim.contact.solimp.tolist(),
             }
             for name, rim in link.rims.items()

@@ -19,7 +19,7 @@ from sim_models.common.start import Pose
 from sim_models.common.tree import Branch
 from sim_models.engine import Unsupported
 from sim_models.mujoco.block import Block
-from sim_models.mujoco.laws import Contact, spring
+from sim_models.mujoco.laws import RUBS, Contact, spring
 from sim_models.mujoco.mjcf import RIGID, Description, Setting
 from sim_models.mujoco.passive import Passive
 from sim_models.mujoco.rim import Rim
@@ -290,6 +290,8 @@ class MujocoLinkage:
         if law.hard:
             period, ratio = law.hard
             con.solref, con.solimp = [period / ratio, ratio], [float(x) for x in RIGID.split()]
+            if friction and ratio < RUBS:
+                con.solreffriction = [period / RUBS, RUBS]
         else:
             con.solref, con.solimp = spring(law, float(m.body_invweight0[m.geom_bodyid[geoms], 0].sum()))
         return con

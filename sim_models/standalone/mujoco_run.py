@@ -114,6 +114,7 @@ class Simulation:
             normal, point = (journal - bearing) / gap, mujoco.MjContact()
             at = bearing + normal * law["bearing_radius"]
             depth, point.solref, point.solimp = self.wall(joint, law, gap - law["clearance"])
+            point.solreffriction = law["solreffriction"]
             point.dist, point.pos = -depth, (at.real, at.imag, 0)
             point.frame = (
                 -normal.real,
