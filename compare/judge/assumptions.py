@@ -360,7 +360,7 @@ def failing_assumption(
     lost = {joint: share for joint, share in run.free_share.items() if share > 0}
     if lost:
         joint = max(lost, key=lambda name: lost[name])
-        turned = "the crank angles" if run.motion == "static" else "the turn"
+        turned = "the crank angles" if run.motion == "static" else "the motion that is compared"
         of = turned if mechanism.cranked else "the poses" if run.motion == "static" else "the motion"
         also = "".join(f", {name} for {100 * lost[name]:.2g} %" for name in lost if name != joint)
         words = (

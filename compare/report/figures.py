@@ -233,7 +233,7 @@ def journal_path(result: CrossCheck, summary: Summary, joint: str) -> Figure:
     points = Series(f"analytic, {model}", rim_x, rim_y, "analytic", "marker")
     unit = summary.signals[names[0]].unit
     share = [
-        f"{run.title} {number(dict(run.free).get(joint), 2)} % of the run without contact"
+        f"{run.title} {number(dict(run.free).get(joint), 2)} % of what is compared without contact"
         for run in summary.runs
         if joint in dict(run.free)
     ]

@@ -116,7 +116,7 @@ def _notes(runs: tuple[ShownRun, ...]) -> list[str]:
         if run.flags
     ]
     notes += [
-        f"{run.title}: {joint} without contact {plain(share, 2)} % of the run"
+        f"{run.title}: {joint} without contact {plain(share, 2)} % of what is compared"
         for run in runs
         for joint, share in run.free
         if share

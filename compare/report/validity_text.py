@@ -58,14 +58,15 @@ def sentence(cell: Cell | Failed, mechanism: Mechanism) -> str:
     if cell.agrees:
         return f"agrees; {costs.replace('other ', '')}"
     lost = [
-        f"{joint} is without contact for {percent(share)} % of the cycle"
+        f"{joint} is without contact for {percent(share)} % of the turn that is compared"
         for joint, share in cell.free_share.items()
         if share > 0
     ]
     struck = [_struck(cell)] if cell.watched is not None and cell.watched.impacts else []
     block = any(mechanism.joint(name).prismatic for name in cell.free_share)
     moves = "the block stays in contact and rocks" if block else "the pin stays in contact and swings along the rim"
-    swing = [moves] if cell.swings else []
+    another = cell.watched is not None and cell.watched.free > 0
+    swing = [f"{'in the turn that is compared ' * another}{moves}"] if cell.swings else []
     silent = sum(cell.flagged_share.values())
     flags = [f"no answer from the model at {percent(silent)} %"] if silent else []
     worst = [f"worst {_worst(cell.worst, mechanism)}"] if cell.worst else []
