@@ -152,7 +152,5 @@ def no_pin(name: str, pins: Sequence[str], linkage: Mechanism) -> str:
         )
     blocks = [other for other in linkage.may_be_loose if linkage.joint(other).prismatic]
     those = ", ".join([*pins, *(f"{other} (a block)" for other in blocks)])
-    return (
-        f"{name!r} is not a revolute joint of {linkage.name}{', nor one of its blocks in guides' * bool(blocks)}; "
-        + (f"they are {those}" if those else "it has none")
-    )
+    kinds = "a joint that may have clearance, revolute or with a block in its guide," if blocks else "a revolute joint"
+    return f"{name!r} is not {kinds} of {linkage.name}; " + (f"they are {those}" if those else "it has none")

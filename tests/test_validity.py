@@ -595,7 +595,7 @@ BAD_INPUT = {
     "unknown joint": ([*MAP, "--at", "Q"], ["--at Q", "D, A, B, E"]),
     "unknown joint beside a block": (
         [*MAP, "--case", "slider-crank", "--at", "Q"],
-        ["--at Q", "nor one of its blocks in guides", "O, A, B, S (a block)"],
+        ["--at Q", "not a joint that may have clearance", "a block in its guide", "O, A, B, S (a block)"],
     ),
     "ideal joints": ([*MAP, "--joint", "ideal"], ["--joint ideal", "contact"]),
     "unknown engine": ([*MAP, "--simulator", "adams"], ["'adams'", "mujoco"]),

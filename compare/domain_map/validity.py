@@ -162,9 +162,8 @@ def _restitutions(given: Numbers, joint_model: RealJoint) -> tuple[float, ...]:
     found = tuple(sorted(numbers(given, "restitutions", "1").tolist()))
     for value in found:
         if not LEAST_RESTITUTION <= value <= 1:
-            give = (
-                f"give restitutions from {LEAST_RESTITUTION:g} to 1, as it takes endless damping to give back nothing"
-            )
+            endless = ", as it takes endless damping to give back nothing" * (0 <= value < LEAST_RESTITUTION)
+            give = f"give restitutions from {LEAST_RESTITUTION:g} to 1{endless}"
             raise ArgumentError("restitutions", f"{value:g} cannot be used; {give}")
     if len(set(found)) < len(found):
         raise ArgumentError("restitutions", f"{quoted(list(found))} has a number twice; give each once")

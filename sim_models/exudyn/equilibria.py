@@ -130,7 +130,7 @@ class Equilibria:
         return linkage.now()
 
     def _failure(self, cause: Cause, what: str, theta: float) -> SimulationError:
-        remedy = ("load the linkage", "use a smaller clearance", ELSEWHERE, CENTRED)
+        remedy = () if cause is Cause.UNPRESSED else ("use a smaller clearance", ELSEWHERE, CENTRED)
         return no_start("exudyn", self.request, cause, what, theta, remedy)
 
     def _loads(self, theta: float, inertia: Inertia | None, speed: float) -> Loads:
