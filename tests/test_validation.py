@@ -22,6 +22,7 @@ from compare.evidence.validation.runs import first_order
 from compare.evidence.validation.scales import checked
 from compare.faults import OptionError
 from compare.report.validation import drawn, page
+from compare.report.validation_striking import beside
 from compare.results.scoreboard import Scoreboard
 from compare.results.validation import Validation, ValidationCheck
 from compare.results.validity import Validity
@@ -190,7 +191,8 @@ def test_the_report_says_how_fast_it_is_beside_what_is_wanted() -> None:
     assert {row.wanted for row in STORED.speed if row.unit == "us"} == {None, 10.0, 60.0}
     assert any("pylinkage" in row.what for row in STORED.speed)
     told = page(STORED).partition("## How fast it is")[2]
-    assert all(f"| {row.what} | {f'{row.value:g} {row.unit}'.strip()} |" in told for row in STORED.speed)
+    sizes = [f"{row.value:g} {row.unit}" if row.unit else f"x {row.value:g}" for row in STORED.speed]
+    assert all(f"| {row.what} | {size} |" in told for row, size in zip(STORED.speed, sizes, strict=True))
 
 
 def test_every_published_figure_of_the_committed_report_is_met() -> None:
@@ -296,7 +298,18 @@ def test_published_ends_of_a_flying_block_are_out_of_reach_of_what_keeps_energy(
         assert all(getattr(row, name).low > 1.05 * most for row in theirs)
     assert all(row.touched.low > 0.005 and row.gained.low > 0.1 for row in theirs)
     assert all(abs(row.touched.high) < 1e-4 and row.gained.high < 0.0 for row in keeping)
-    assert "| published, direct | 0.1 ms | 1 | 3.054 | 119 |" in page(STORED)
+    told = page(STORED)
+    assert "| published, direct | 0.1 ms | 1 | 3.054 | 119 |" in told
+    assert "*combined*, ends here at 120.1 rad/s of the crank" in told
+    assert "published are 122.8 rad/s of the crank, -56.54 rad/s of the rod and 66.8 % free." in told
+
+
+def test_half_widths_are_told_to_two_digits_and_what_is_beside_them_as_far() -> None:
+    assert beside(8736.4, 1234.5) == "8700 ± 1200"
+    assert beside(509.2, 12.4) == "509 ± 12"
+    assert beside(7.962, 0.996) == "8.0 ± 1.0"
+    assert beside(0.62848, 0.0059) == "0.6285 ± 0.0059"
+    assert beside(3.0, 0.0) == "3 ± 0"
 
 
 def test_laws_of_contact_are_told_with_their_intervals() -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from analytic.mechanism.one_line import count
-from compare.evidence.published.after_impact import NEARBY, PUBLISHED
+from compare.evidence.published.after_impact import KINDS, NEARBY, PUBLISHED, SICONOS
 from compare.evidence.validation.scales import CLEARANCE, EVERY
 from compare.evidence.validation.workspaces import CLEARANCE as LOOSE
 from compare.report.figures import reaction_directions
@@ -37,6 +37,12 @@ from compare.results.validation import (
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+PLAINER: Mapping[str, str] = {
+    "Held more often than it needs; its torques by": "It has more constraints than it needs; its torques are by",
+    "which knows a torque to some 2 N.m": "from which torques follow to some 2 N.m only",
+    "steps as it takes them": "Siconos' kind of steps, by this project",
+}  # words of a stored report, and what the page says for them
 
 
 def files(result: Validation) -> dict[str, str]:
@@ -204,12 +210,13 @@ def _in_engines(rows: Mapping[str, Sequence[InEngine]]) -> Iterator[str]:
 
 
 def _published(sources: Sequence[Published]) -> Iterator[str]:
-    yield "What is off is the largest difference of any such figure, in its unit; without one, a share of the figure."
+    yield "Each row is off by the largest difference of any value that it stands for from the published one, in the"
+    yield "unit that is given. Without a unit that is a share; the row or the text above it says of what."
     yield "`compare validation check --data DIR` makes all but the diagnosis again, where DIR has the files."
     yield ""
     for k, source in enumerate(sources):
         yield from ([""] if k else [])
-        yield f"**{source.name}.** {source.says}"
+        yield f"**{source.name}.** {_plainer(source.says)}"
         yield ""
         yield "| figure | published | by | off | allowed |"
         yield "|---|--:|---|--:|--:|"
@@ -222,15 +229,23 @@ def _published(sources: Sequence[Published]) -> Iterator[str]:
 def _ended(rows: Sequence[Ended]) -> Iterator[str]:
     theirs = [row for row in rows if row.by.startswith(PUBLISHED)]
     yield "Flores, Leine and Glocker's slider-crank again, with friction 0.01, to 0.2 s: from one start, or from many"
-    yield f"that differ by {NEARBY:g}, which end as far apart as is told. Energy gained is a share of that at the"
-    yield "start; nothing in the mechanism gives any."
+    yield f"that differ by some {NEARBY:g} rad in each angle and by a share of some {NEARBY:g} in each rate. A cell is"
+    yield "the range of where these end. Energy gained is a share of the energy at the start; nothing in the mechanism"
+    yield "gives any."
     if theirs:
         touched, least, most = (f"{100 * value:.2g} %" for value in _gained(theirs))
-        yield f"The published runs gain {touched} of it before anything is touched and {least} to {most} by the end,"
-        yield "by their steps: Siconos itself, and steps of that kind by this project, end beside them. Finer steps of"
-        yield "that kind tend to where steps that keep energy, walls that give and engines' own contact end. Turns and"
-        yield "rates of the published runs are outside what those spread over, and cannot be reached but by stepping as"
-        yield "they do."
+        yield ""
+        yield f"- The published runs gain {touched} before anything is touched and {least} to {most} by the end, by"
+        yield "  their steps of 0.1 ms."
+        yield from _beside_published(rows)
+        yield "- Finer steps of that kind tend, in turns and rates, to where steps that keep energy, walls that give"
+        yield "  and engines' own contact end. The published turns and rates are outside the range of all of these:"
+        yield "  only steps of the published kind and size end near them."
+        free = [row.free for row in rows if not row.by.startswith((PUBLISHED, SICONOS, *PLAINER))]
+        if free:
+            low, high = (f"{100 * value:.3g}" for value in (min(s.low for s in free), max(s.high for s in free)))
+            yield f"- Free shares do not tend to one value as turns and rates do: without those steps they are {low} to"
+            yield f"  {high} %."
     yield ""
     yield (
         "| by | step | starts | turns of the crank | its rate (rad/s) | the rod's (rad/s) | free share (%)"
@@ -240,7 +255,29 @@ def _ended(rows: Sequence[Ended]) -> Iterator[str]:
     for row in rows:
         spans = (row.turns, 1.0, 4), (row.crank, 1.0, 4), (row.rod, 1.0, 4), (row.free, 100.0, 3)
         cells = [_span(*each) for each in (*spans, (row.touched, 100.0, 2), (row.gained, 100.0, 2))]
-        yield f"| {row.by} | {1e3 * row.step:g} ms | {row.starts} | {' | '.join(cells)} |"
+        yield f"| {_plainer(row.by)} | {1e3 * row.step:g} ms | {row.starts} | {' | '.join(cells)} |"
+
+
+def _beside_published(rows: Sequence[Ended]) -> Iterator[str]:
+    """Where Siconos ends here, and where its published run of the same kind did."""
+    ends = {row.by: row for row in rows}
+    for kind in KINDS:
+        here, there = ends.get(f"{SICONOS}, {kind}"), ends.get(f"{PUBLISHED}, {kind}")
+        if here and there:
+            yield f"- Siconos itself, *{kind}*, ends here at {_rates(here)};"
+            yield f"  published are {_rates(there)}."
+
+
+def _rates(row: Ended) -> str:
+    """The rates and the share of free time at the end."""
+    crank, rod, free = _span(row.crank, 1.0, 4), _span(row.rod, 1.0, 4), _span(row.free, 100.0, 3)
+    return f"{crank} rad/s of the crank, {rod} rad/s of the rod and {free} % free"
+
+
+def _plainer(words: str) -> str:
+    for stored, said in PLAINER.items():
+        words = words.replace(stored, said)
+    return words
 
 
 def _gained(rows: Sequence[Ended]) -> tuple[float, float, float]:
@@ -261,11 +298,14 @@ def _timed(rows: Sequence[Timed]) -> Iterator[str]:
     )
     yield "them again. More, and against what: [benchmarks](../docs/benchmarks.md)."
     yield ""
-    yield "| what | takes | wanted, at most |"
+    yield "| what | measured | wanted, at most |"
     yield "|---|--:|--:|"
     for row in rows:
-        wanted = "" if row.wanted is None else f"{row.wanted:g} {row.unit}".strip()
-        yield f"| {row.what} | {f'{row.value:g} {row.unit}'.strip()} | {wanted} |"
+        measured, wanted = (
+            "" if value is None else f"{value:g} {row.unit}" if row.unit else f"x {value:g}"
+            for value in (row.value, row.wanted)
+        )
+        yield f"| {row.what} | {measured} | {wanted} |"
 
 
 def _size(held: Held) -> str:
