@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from analytic.mechanism.one_line import count
-from compare.evidence.published.after_impact import KINDS, NEARBY, PUBLISHED, SICONOS
+from compare.evidence.published.after_impact import AS_THEY_STEP, KINDS, NEARBY, PUBLISHED, SICONOS
 from compare.evidence.validation.scales import CLEARANCE, EVERY
 from compare.evidence.validation.workspaces import CLEARANCE as LOOSE
 from compare.report.figures import reaction_directions
@@ -37,12 +37,6 @@ from compare.results.validation import (
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-PLAINER: Mapping[str, str] = {
-    "Held more often than it needs; its torques by": "It has more constraints than it needs; its torques are by",
-    "which knows a torque to some 2 N.m": "from which torques follow to some 2 N.m only",
-    "steps as it takes them": "Siconos' kind of steps, by this project",
-}  # words of a stored report, and what the page says for them
 
 
 def files(result: Validation) -> dict[str, str]:
@@ -216,7 +210,7 @@ def _published(sources: Sequence[Published]) -> Iterator[str]:
     yield ""
     for k, source in enumerate(sources):
         yield from ([""] if k else [])
-        yield f"**{source.name}.** {_plainer(source.says)}"
+        yield f"**{source.name}.** {source.says}"
         yield ""
         yield "| figure | published | by | off | allowed |"
         yield "|---|--:|---|--:|--:|"
@@ -241,7 +235,7 @@ def _ended(rows: Sequence[Ended]) -> Iterator[str]:
         yield "- Finer steps of that kind tend, in turns and rates, to where steps that keep energy, walls that give"
         yield "  and engines' own contact end. The published turns and rates are outside the range of all of these:"
         yield "  only steps of the published kind and size end near them."
-        free = [row.free for row in rows if not row.by.startswith((PUBLISHED, SICONOS, *PLAINER))]
+        free = [row.free for row in rows if not row.by.startswith((PUBLISHED, SICONOS, AS_THEY_STEP))]
         if free:
             low, high = (f"{100 * value:.3g}" for value in (min(s.low for s in free), max(s.high for s in free)))
             yield f"- Free shares do not tend to one value as turns and rates do: without those steps they are {low} to"
@@ -255,7 +249,7 @@ def _ended(rows: Sequence[Ended]) -> Iterator[str]:
     for row in rows:
         spans = (row.turns, 1.0, 4), (row.crank, 1.0, 4), (row.rod, 1.0, 4), (row.free, 100.0, 3)
         cells = [_span(*each) for each in (*spans, (row.touched, 100.0, 2), (row.gained, 100.0, 2))]
-        yield f"| {_plainer(row.by)} | {1e3 * row.step:g} ms | {row.starts} | {' | '.join(cells)} |"
+        yield f"| {row.by} | {1e3 * row.step:g} ms | {row.starts} | {' | '.join(cells)} |"
 
 
 def _beside_published(rows: Sequence[Ended]) -> Iterator[str]:
@@ -272,12 +266,6 @@ def _rates(row: Ended) -> str:
     """The rates and the share of free time at the end."""
     crank, rod, free = _span(row.crank, 1.0, 4), _span(row.rod, 1.0, 4), _span(row.free, 100.0, 3)
     return f"{crank} rad/s of the crank, {rod} rad/s of the rod and {free} % free"
-
-
-def _plainer(words: str) -> str:
-    for stored, said in PLAINER.items():
-        words = words.replace(stored, said)
-    return words
 
 
 def _gained(rows: Sequence[Ended]) -> tuple[float, float, float]:

@@ -40,6 +40,7 @@ KEEPING = 1e-5  # s, of steps that keep energy
 WALLS = ((1e7, 1e-6), (1e8, 2e-7))  # N/m, and s of steps through each touch
 SYSTEM_PYTHON = "/usr/bin/python3"
 PUBLISHED, SICONOS = "published", "Siconos here"  # how rows begin
+AS_THEY_STEP = "Siconos' kind of steps, by this project"
 
 
 class Summary(NamedTuple):
@@ -200,9 +201,9 @@ def after_impact(names: Sequence[str], data: Path | None, whole: bool) -> Iterat
     if whole:
         for kind in KINDS if siconos_here() else ():
             yield _row(f"{SICONOS}, {kind}", STEP, siconos(kind, many))
-        yield _row("steps as it takes them", STEP, as_they_step(many), len(many))
+        yield _row(AS_THEY_STEP, STEP, as_they_step(many), len(many))
         for step in FINER:
-            yield _row("steps as it takes them", step, ends(starts(1, 0.0), step, linearised=True, foresight=0.0))
+            yield _row(AS_THEY_STEP, step, ends(starts(1, 0.0), step, linearised=True, foresight=0.0))
     yield _row("steps that keep energy", KEEPING, ends(starts(20), KEEPING))
     if whole:
         for stiffness, step in WALLS:

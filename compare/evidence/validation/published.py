@@ -109,10 +109,10 @@ def _robot(names: Sequence[str], data: Path) -> Published:
     allowed = _digits(0.01 * told.peak, 3)
     return Published(
         name="A parallel robot of two motors",
-        says="Held more often than it needs; its torques by MSC Adams. At rest, and in motion from"
+        says="It has more constraints than it needs; its torques are by MSC Adams. At rest, and in motion from"
         f" {robot.END_OF_SPLINE:g} s on, {robot.BESIDE:g} s on either side of two corners of its course left out;"
-        f" engines at every {robot.EVERY}th time. The recorded angles have seven decimals, which knows a torque"
-        " to some 2 N.m.",
+        f" engines at every {robot.EVERY}th time. The recorded angles have seven decimals, from which"
+        " torques follow to some 2 N.m only.",
         figures=(
             Held(
                 figure=f"torques in the first {robot.SMOOTH:g} s, from rest", unit="N.m", published=robot.AT_REST,
