@@ -53,7 +53,7 @@ def threads(run: Mapping[str, Any]) -> dict[str, Any]:
     return {name: os.environ.get(name) for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
 
 
-def die_on_spring_damper(numbered: tuple[int, str, Request], resolve: object) -> Any:
+def die_on_spring_damper(numbered: tuple[int, str, Request], resolve: object, offers: object) -> Any:
     """In place of a simulation: an engine that crashes in one joint model and otherwise answers with its name."""
     _, _, request = numbered
     if request.joint_model == "spring-damper":
