@@ -59,3 +59,11 @@ def test_coefficients_are_those_of_least_squares_and_nothing_is_told_by_columns_
         alone, _ = solved(np.full((SIZE, 1), 1e-160), right)
     assert abs(x[3]) < 1e-100
     assert alone[0] == 0.0
+
+
+def test_columns_beside_none_are_those_alone() -> None:
+    own = by_term([sensitivity("A", 2, np.random.default_rng(5), True)])
+    none = np.zeros((SIZE, 0))
+    beside, alone = Columns.of(RIG, {}, none).replaced(RIG, own), Columns.of(RIG, own, none)
+    np.testing.assert_array_equal(beside.gram, alone.gram)
+    np.testing.assert_array_equal(beside.onto(np.ones(SIZE)), alone.onto(np.ones(SIZE)))

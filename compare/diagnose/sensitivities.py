@@ -118,7 +118,7 @@ class Columns:
         new = {t: len(self.norm) + np.arange(*more.edges[i : i + 2]) for i, t in enumerate(own)}
         each = [(before | new)[t] for t in found]
         pick = np.concatenate(each)
-        across = np.array([self.onto(column) for column in more.parts[0].T]).reshape(-1, len(self.norm))
+        across = np.array([self.onto(column) for column in more.parts[0].T]).reshape(len(more.norm), len(self.norm))
         gram = np.block([[self.gram, across.T], [across, more.gram]])[np.ix_(pick, pick)]
         place = {t: i for i, t in enumerate(found)}
         terms = list(self.sensitivities)
