@@ -208,9 +208,14 @@ class _Reader:
                 f"{self.said}: {body_words(m, body)} has {m.body_jntnum[body]} joints; give each joint a body with mass"
                 " of its own, as a link lies between any two"
             )
-        curved = m.jnt_stiffnesspoly.any(axis=1) | (m.jnt_plasticadr >= 0)
+        curved = m.jnt_stiffnesspoly.any(axis=1) | ((m.jnt_plasticadr >= 0) & (m.jnt_stiffness != 0))
         for j in np.flatnonzero(curved).tolist():
             raise MjcfError(f"{self.said}: {joint_words(m, j)} has a spring that is not linear; give it a linear one")
+        for t in np.flatnonzero((m.tendon_plasticadr >= 0) & (m.tendon_stiffness != 0)).tolist():
+            raise MjcfError(
+                f"{self.said}: tendon {m.tendon(t).name!r} has a spring that yields (springyield), for which a mechanism"
+                " file has no word; take springyield out"
+            )
         for dof in np.flatnonzero(m.dof_dampingpoly.any(axis=1)).tolist():
             raise MjcfError(
                 f"{self.said}: {joint_words(m, int(m.dof_jntid[dof]))} has a damper that is not linear; give it a"
