@@ -29,6 +29,7 @@ from sim_models.mjcf.drive import (
     throttled,
 )
 from sim_models.mjcf.errors import MjcfError
+from sim_models.mjcf.known import unknown
 from sim_models.mjcf.laws import PointSpring, TendonLaw, acts, coefficients, law, point_spring
 from sim_models.mjcf.planar import Frames, Pin, Planar, read
 from sim_models.mjcf.plane import body_words, joint_words
@@ -85,7 +86,7 @@ class _Writer:
             if isinstance(error, StructureError | AssemblyError | MechanismError):
                 raise MjcfError(f"{p.said}: {error}") from None
             raise MjcfError(f"{p.said}: {_reason(error)}") from None
-        self.notes += left_out(p)
+        self.notes += [*left_out(p), *unknown(self.m)]
         self.notes.append("not in MJCF, and left out: sections, moduli of elasticity, clearances")
         return Imported(mechanism, tuple(self.notes))
 
