@@ -384,7 +384,7 @@ class _Reader:
                 joint=j,
                 slides=slides,
                 axis=along * cmath.exp(-1j * angles[first]),
-                angle=_near(angles[second] - angles[first]) if slides else 0.0,
+                angle=angles[second] - angles[first] if slides else 0.0,
                 turn=math.copysign(1.0, float(axis @ self.plane.normal)),
             )
 
@@ -408,8 +408,3 @@ class _Reader:
             flat = self.plane.flat
             points = self.frames.within(first, flat(at)), self.frames.within(second, flat(on))
             yield Pin((m.equality(e).name,), (first, second), points, equality=e)
-
-
-def _near(angle: float) -> float:
-    """An angle (rad) within half a turn."""
-    return math.remainder(angle, 2 * math.pi)
