@@ -1,7 +1,7 @@
 """Every number of a MuJoCo model that can change how a linkage moves is read with its right value, named, or refused.
 
-A row of the table changes something of a file in which it must matter: the two models' own arrays are compared, and what
-of them differs is what the row is about.  A number without a row fails, and so does one that only a newer MuJoCo has.
+A row of the table changes something of a file in which it must matter: the two models' own arrays are compared, and
+what of them differs is what the row is about.  A number without a row fails, and so does one of a newer MuJoCo.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ PLATE = '<body name="plate"><joint/><geom size="0.01" pos="1 0 0"/></body>'
 
 def linkage(
     option: str = 'gravity="0 0 -9.81"', flag: str = "", servo: str = '<velocity joint="D" kv="10"/>', more: str = "",
-    key: str = 'ctrl="6.25"', D: str = "", A: str = "", E: str = "", crank: str = "", follower: str = "", bar: str = BAR,
+    key: str = 'ctrl="6.25"', D: str = "", A: str = "", E: str = "", follower: str = "", bar: str = BAR,
     tendon: str = "", loop: str = LOOP, lump: str = "", world: str = "", compiler: str = "",
 ) -> str:  # fmt: skip
     """A four-bar that stands upright, with room for what is to be added."""
@@ -72,7 +72,7 @@ def linkage(
   <default><joint axis="0 -1 0"/><equality solref="8e-4 1" solimp="0.9999 0.9999 0.001"/></default>
   <worldbody>
     <site name="o"/><site name="w" pos="0.02 0 0.2"/>{world}
-    <body name="crank" {crank}>
+    <body name="crank">
       <joint name="D" {D}/>{bar} fromto="0 0 0 0.05 0 0"/>
       <body name="coupler" pos="0.05 0 0" euler="0 {-COUPLER} 0">
         <joint name="A" {A}/>{bar} fromto="0 0 0 0.12 0 0"/><site name="end" pos="0.12 0 0"/>
@@ -137,6 +137,8 @@ def spatial(more: str, ends: str = '<site site="w"/><site site="tip"/>') -> dict
 SPRING = 'stiffness="0.4" springref="20"'
 OTHER = "is neither the drive's nor a constant force"
 FOLLOWS = "is the drive's; how it follows its command"
+FLOOR, TOUCHING = '<geom type="plane" size="1 1 0.1" pos="0 0 -0.004"/>', BAR.replace('"0"', '"1"')
+PULLEY = '<site site="w"/><site site="tip"/><pulley divisor="2"/><site site="w"/><site site="end"/>'
 ROUND = '<site site="w"/><geom geom="g"/><site site="tip"/>'
 ROUNDED = '<geom name="g" type="sphere" size="0.03 0.1" pos="0.06 0 0.15" euler="90 0 0" contype="0" conaffinity="0"/>'
 OFF = "switched off"
@@ -154,14 +156,16 @@ ROWS = {
     ),
     "mocap": row({"world": '<body name="m" mocap="true" pos="0 1 0"/>'}, named="mocap bodies", idle=True),
     "contacts": row(
-        {"world": '<geom type="plane" size="1 1 0.1" pos="0 0 -0.004"/>', "bar": BAR.replace('"0"', '"1"') + ' margin="0.001"'},
+        {"world": FLOOR, "bar": TOUCHING + ' margin="0.001"'},
         named="contacts between geoms",
     ),
     # ---------------------------------------------------------------- joints
     "an axis": row({"D": 'axis="0 -2 0"', "E": SPRING + ' axis="0 1 0"'}, {"E": SPRING}),
     "a joint's place": row({"E": 'pos="0.001 0 0"'}),
     "a slide": row({"E": 'type="slide" axis="1 0 0"'}),
-    "two joints": row({"world": f'<body><joint/><joint type="slide" axis="1 0 0"/><geom size="1"/></body>'}, refused="2 joints"),
+    "two joints": row(
+        {"world": '<body><joint/><joint type="slide" axis="1 0 0"/><geom size="1"/></body>'}, refused="2 joints"
+    ),
     "damping": row({"E": 'damping="0.03"'}),
     "damping that is not linear": row({"E": 'damping="0.03 0.1"'}, refused="damper that is not linear"),
     "armature on the ground": row({"E": 'armature="0.001"'}),
@@ -171,7 +175,9 @@ ROWS = {
     "its rest": row({"E": 'stiffness="0.4" springref="-70"'}, {"E": SPRING}),
     "an offset of its angle": row({"E": SPRING + ' ref="50"'}, {"E": SPRING}),
     "a spring that is not linear": row({"E": 'stiffness="0.4 0.1"'}, refused="spring that is not linear"),
-    "a spring that yields": row({"E": SPRING + ' springyield="0.5"'}, {"E": SPRING}, refused="spring that is not linear"),
+    "a spring that yields": row(
+        {"E": SPRING + ' springyield="0.5"'}, {"E": SPRING}, refused="spring that is not linear"
+    ),
     "a limit": row({"E": 'range="-1 1" margin="0.5"'}, named="limits of joints"),
     "what actuators give in a joint": row(
         {"E": 'actuatorfrcrange="-0.01 0.01"', "A": 'actuatorfrcrange="-0.01 0.01"'}, push(), refused="actuatorfrcrange"
@@ -179,26 +185,27 @@ ROWS = {
     "what the drive's give in it": row({"D": 'actuatorfrcrange="-0.01 0.01"'}, named="(actuatorfrcrange)"),
     # ---------------------------------------------------------------- loops
     "a loop by bodies": row({"loop": '<connect body1="follower" body2="coupler" anchor="0.1 0 0"/>'}, idle=True),
-    "a loop that is off": row({"loop": '<connect site1="tip" site2="end" active="false"/>'}, refused="does not determine"),
+    "a loop that is off": row(
+        {"loop": '<connect site1="tip" site2="end" active="false"/>'}, refused="does not determine"
+    ),
     "a weld": row({"loop": LOOP + '<weld body1="plate"/>'}, {"world": PLATE, "loop": LOOP}),
     "a gear": row({"loop": '<joint joint1="D" joint2="E"/>'}, refused="of the kind joint"),
-    "a coupling of tendons": row(
-        {"loop": '<tendon tendon1="t"/>'}, fixed(""), refused="of the kind tendon"
-    ),
+    "a coupling of tendons": row({"loop": '<tendon tendon1="t"/>'}, fixed(""), refused="of the kind tendon"),
     "its sites the other way": row({"loop": '<connect site1="end" site2="tip"/>'}, idle=True),
     "a ball": row({"E": 'type="ball"'}, refused="is a ball joint"),
     "a free joint": row({"E": 'type="free"'}, refused="is a free joint"),
     # ---------------------------------------------------------------- tendons
     "a tendon": row(fixed('stiffness="0.3" springlength="1"')),
-    "its damper": row(fixed('damping="0.02"')),
+    "a tendon's damper": row(fixed('damping="0.02"')),
     "its friction": row(fixed('frictionloss="0.03"')),
-    "its rest": row(fixed('stiffness="0.3" springlength="2"'), fixed('stiffness="0.3" springlength="1"')),
+    "a tendon's rest": row(fixed('stiffness="0.3" springlength="2"'), fixed('stiffness="0.3" springlength="1"')),
     "its slack": row(fixed('stiffness="0.3" springlength="-2 -1"'), refused="tendon 't'"),
     "its armature": row(fixed('armature="0.001"'), refused="tendon 't'"),
     "its limit": row(fixed('range="-3 -1" limited="true" margin="0.1"'), refused="tendon 't'"),
     "its curve": row(fixed('stiffness="0.3 0.1" springlength="1" damping="0.1 0.1"'), refused="tendon 't'"),
     "its yield": row(
-        fixed('stiffness="0.3" springlength="1" springyield="0.1"'), fixed('stiffness="0.3" springlength="1"'),
+        fixed('stiffness="0.3" springlength="1" springyield="0.1"'),
+        fixed('stiffness="0.3" springlength="1"'),
         refused="springyield",
     ),
     "what actuators give in it": row(
@@ -206,7 +213,7 @@ ROWS = {
     ),
     "a spring between points": row(spatial('stiffness="30" springlength="0.1" damping="0.5"')),
     "one over a pulley": row(
-        spatial('stiffness="30"', '<site site="w"/><site site="tip"/><pulley divisor="2"/><site site="w"/><site site="end"/>'),
+        spatial('stiffness="30"', PULLEY),
         refused="tendon 't'",
     ),
     "one round a ball": row(spatial('stiffness="30"', ROUND) | {"world": ROUNDED}, refused="tendon 't'"),
@@ -218,12 +225,12 @@ ROWS = {
     "an actuator's armature": row({"more": '<motor joint="E" gear="2" armature="0.0005"/>'}),
     "one that is not linear": row({"more": '<motor joint="E" damping="0 0.1"/>'}, refused="damper that is not linear"),
     "one of a tendon": row(fixed("") | {"more": '<motor tendon="t" damping="0.01"/>'}, fixed("")),
-    "an inertia of a tendon": row(fixed("") | {"more": '<motor tendon="t" armature="0.01"/>'}, fixed(""), refused="'t'"),
+    "an inertia of a tendon": row(
+        fixed("") | {"more": '<motor tendon="t" armature="0.01"/>'}, fixed(""), refused="'t'"
+    ),
     "a servo": row({"more": '<position joint="E" kp="1" kv="0.1"/>'}, named=OTHER),
     "a servo with an integrator": row({"more": '<intvelocity joint="E" kp="1" actrange="-1 1"/>'}, named=OTHER),
-    "a servo that is late": row(
-        {"more": '<position joint="E" kp="1" delay="0.002" nsample="20"/>'}, named=OTHER
-    ),
+    "a servo that is late": row({"more": '<position joint="E" kp="1" delay="0.002" nsample="20"/>'}, named=OTHER),
     "a damper": row({"more": '<damper joint="E" kv="1" ctrlrange="0.5 1"/>'}, named=OTHER),
     "a cylinder": row({"more": '<cylinder joint="E" timeconst="0.1" bias="0.5 0 0"/>'}, named=OTHER),
     "a muscle": row({"more": '<muscle joint="E" lengthrange="-1 1" force="1"/>'}, named=OTHER, idle=True),
@@ -250,25 +257,25 @@ ROWS = {
     ),
     "all that act, switched off": row({"flag": 'actuation="disable"'}, push(), named=FREE, speed=0.0),
     "a range that is not heeded": row({"flag": 'clampctrl="disable"'}, push('ctrlrange="0.7 1"')),
-    "no range is of no force": row(
-        push('ctrlrange="0.7 1" gaintype="affine"', 'gainprm="0 0 2"'), named=OTHER
-    ),
+    "no range is of no force": row(push('ctrlrange="0.7 1" gaintype="affine"', 'gainprm="0 0 2"'), named=OTHER),
     # ---------------------------------------------------------------- the drive's
     "its speed": row({"key": 'ctrl="3"'}, speed=3.0),
     "its way round": row({"servo": '<velocity joint="D" kv="10" gear="-2"/>'}, speed=-3.125),
     "its range of speeds": row({"servo": '<velocity joint="D" kv="10" ctrlrange="-1 1"/>'}, speed=1.0),
     "its constant force": row(
         {"servo": '<general joint="D" biastype="affine" biasprm="5 0 -10" gainprm="10"/>'},
-        {"servo": '<general joint="D" biastype="affine" biasprm="0 0 -10" gainprm="10"/>'}, speed=6.75,
+        {"servo": '<general joint="D" biastype="affine" biasprm="0 0 -10" gainprm="10"/>'},
+        speed=6.75,
     ),
     "its damper": row({"servo": '<velocity joint="D" kv="10" damping="0.5"/>'}),
     "its strength": row({"servo": '<velocity joint="D" kv="10" forcerange="-0.001 0.001"/>'}, named=FOLLOWS),
-    "its group": row(
-        {"option": 'gravity="0 0 -9.81" actuatorgroupdisable="0"'}, named=OFF, speed=0.0
-    ),
+    "its group": row({"option": 'gravity="0 0 -9.81" actuatorgroupdisable="0"'}, named=OFF, speed=0.0),
     "a speed that a keyframe tells": row({"key": 'qvel="5 0 0"', "servo": '<motor joint="D"/>'}, speed=5.0),
     "activation in a keyframe": row(
-        {"key": 'ctrl="0" act="0.5"'}, {"servo": '<intvelocity joint="D" kp="1"/>', "key": 'ctrl="0"'}, named="is assumed", speed=1.0
+        {"key": 'ctrl="0" act="0.5"'},
+        {"servo": '<intvelocity joint="D" kp="1"/>', "key": 'ctrl="0"'},
+        named="is assumed",
+        speed=1.0,
     ),
     # ---------------------------------------------------------------- what acts everywhere
     "gravity": row({"option": 'gravity="1 0 -5"'}),
@@ -276,21 +283,24 @@ ROWS = {
     "air": row({"option": 'gravity="0 0 -9.81" density="100"'}, named="resistance of air"),
     "oil": row({"option": 'gravity="0 0 -9.81" viscosity="10"'}, named="resistance of air"),
     "wind": row(
-        {"option": 'gravity="0 0 -9.81" density="100" wind="9 0 0"'}, {"option": 'gravity="0 0 -9.81" density="100"'},
+        {"option": 'gravity="0 0 -9.81" density="100" wind="9 0 0"'},
+        {"option": 'gravity="0 0 -9.81" density="100"'},
         named="wind",
     ),
     "no springs": row({"flag": 'spring="disable"'}, {"E": SPRING}),
-    "no dampers": row({"flag": 'damper="disable"'}, {"E": 'damping="0.03"', "servo": '<velocity joint="D" damping="1"/>'}),
+    "no dampers": row(
+        {"flag": 'damper="disable"'}, {"E": 'damping="0.03"', "servo": '<velocity joint="D" damping="1"/>'}
+    ),
     "no dry friction": row({"flag": 'frictionloss="disable"'}, {"E": 'frictionloss="0.03"'}),
     "no gravity": row({"flag": 'gravity="disable"'}),
     "no limits": row({"flag": 'limit="disable"'}, {"E": 'range="-1 1" margin="0.5"'}),
     "no contacts": row(
         {"flag": 'contact="disable"'},
-        {"world": '<geom type="plane" size="1 1 0.1" pos="0 0 -0.004"/>', "bar": BAR.replace('"0"', '"1"')},
+        {"world": FLOOR, "bar": TOUCHING},
     ),
     "no loops": row({"flag": 'equality="disable"'}, refused="does not determine"),
     "no constraints": row({"flag": 'constraint="disable"'}, refused="does not determine"),
-}  # fmt: skip
+}
 
 # What of MuJoCo's words no file of rigid links in hinges and slides can have, and what is refused before it is compiled
 NEVER = {
@@ -299,7 +309,8 @@ NEVER = {
 }  # fmt: skip
 OF = {
     "actuator_trntype": mujoco.mjtTrn, "actuator_gaintype": mujoco.mjtGain, "actuator_biastype": mujoco.mjtBias,
-    "actuator_dyntype": mujoco.mjtDyn, "eq_type": mujoco.mjtEq, "jnt_type": mujoco.mjtJoint, "wrap_type": mujoco.mjtWrap,
+    "actuator_dyntype": mujoco.mjtDyn, "eq_type": mujoco.mjtEq, "jnt_type": mujoco.mjtJoint,
+    "wrap_type": mujoco.mjtWrap,
 }  # fmt: skip
 SOLVER_FLAGS = "WARMSTART FILTERPARENT REFSAFE SENSOR MIDPHASE EULERDAMP AUTORESET NATIVECCD ISLAND MULTICCD"
 
@@ -409,7 +420,14 @@ def test_it_is_used_named_or_refused(what: str, tmp_path: Path) -> None:
 
 UNREADABLE = ["air", "oil", "wind", "what actuators give in it", "one of a tendon", "glue", "a slider-crank's"]
 USED = [what for what, row in ROWS.items() if row.used and what not in UNREADABLE]
-QUICK = ["an actuator's damper", "an actuator's armature", "its damper", "its range of speeds", "its control's range"]
+QUICK = [
+    "an actuator's damper",
+    "an actuator's armature",
+    "its damper",
+    "a tendon's damper",
+    "its range of speeds",
+    "its control's range",
+]
 
 
 @pytest.mark.parametrize("what", [*UNREADABLE, *(what for what, row in ROWS.items() if row.refused)])

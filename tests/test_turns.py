@@ -16,6 +16,7 @@ import linkage_crosscheck as lc
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import dumps, loads
+from engines_here import missing
 from marks import slow
 from mjcf_raw import Raw
 from sim_models.mjcf.imported import imported
@@ -37,7 +38,7 @@ def swinging_cylinder(turns: tuple[int, int, int], written: int, **fields: objec
         "ground": {"points": {"D": (0.0, 0.0), "E": (PIVOT.real, PIVOT.imag)}},
         "body": [
             {"name": "crank", "points": {"D": (0, 0), "A": (0.08, 0)}, "mass": 0.2, "inertia": 3e-4},
-            {"name": "cylinder", "points": {"E": (0, 0), "S": (0, 0)}, "mass": 0.4, "com": (0.05, 0.02), "inertia": 8e-4},
+            {"name": "cylinder", "points": {"E": (0, 0), "S": (0, 0)}, "mass": 0.4, "com": (0.05, 0), "inertia": 8e-4},
             {"name": "rod", "points": {"A": (0, 0), "S": (0, 0)}, "mass": 0.3, "com": (0.03, -0.01), "inertia": 5e-4},
         ],
         "joint": [
@@ -66,7 +67,7 @@ def same_in_mujoco(m: Mechanism) -> str:
         for b in m.bodies
     }
     far = ARM - PIVOT
-    at, way = far * cmath.exp(-1j * told["cylinder"]), ALONG * cmath.exp(-1j * told["cylinder"])
+    at, way = far * cmath.exp(-1j * told["cylinder"]), ALONG * cmath.exp(-1j * told["rod"])
     turned = told["rod"] - told["cylinder"]  # a constant of the rod's angle, which is no coordinate
     rest = joints["A"].rest_angle - turned
     return f"""
@@ -79,8 +80,7 @@ def same_in_mujoco(m: Mechanism) -> str:
     <body name="cylinder" pos="{PIVOT.real!r} {PIVOT.imag!r} 0" euler="0 0 {told["cylinder"]!r}">
       <joint name="E" ref="{told["cylinder"]!r}"/>{inertial["cylinder"]}
       <body name="rod" pos="{at.real!r} {at.imag!r} 0" euler="0 0 {turned!r}">
-        <joint name="S" type="slide" axis="{(way * cmath.exp(-1j * turned)).real!r} {(way * cmath.exp(-1j * turned)).imag!r} 0"
-          ref="{abs(far)!r}"/>
+        <joint name="S" type="slide" axis="{way.real!r} {way.imag!r} 0" ref="{abs(far)!r}"/>
         {inertial["rod"]}<site name="end"/></body>
     </body>
   </worldbody>
@@ -132,7 +132,7 @@ def test_a_spring_at_rest_in_its_own_turn_gives_nothing() -> None:
 
 
 def test_a_body_of_which_the_assembly_is_silent_lies_behind_its_slide() -> None:
-    """It takes its neighbour's angle and the joint's, from either side; the next told one beyond it has its own turn."""
+    """It takes its neighbour's angle and the joint's, from either side; the next one has its own turn."""
     m = swinging_cylinder((0, 1, 0), written=-1)
     silent = m.replace(assembly={b: a for b, a in m.assembly.items() if b != "rod"}).with_joint("S", angle=TURN + 0.3)
     assert silent.joint("S").angle == TURN + 0.3
@@ -170,7 +170,7 @@ def test_wound_springs_push_as_in_a_model_written_for_mujoco(seed: int) -> None:
     found = lc.analyse(m, angles=np.array([m.assembly["crank"]])).signals
     assert found["drive_torque"] == pytest.approx([raw.torque(3.0)], rel=1e-6)
     rod = m.assembly["rod"] - m.assembly["cylinder"]
-    lengths = dict(zip("ESA", raw.d.ten_length + [0.0, 0.0, rod], strict=True))
+    lengths = dict(zip("ESA", raw.d.ten_length + np.array([0.0, 0.0, rod]), strict=True))
     for joint, length in lengths.items():
         assert found[f"position_{joint}"] == pytest.approx([length], abs=1e-9), joint
 
@@ -187,9 +187,51 @@ def test_an_imported_file_s_springs_are_in_its_turns(seed: int, tmp_path: Path) 
     assert found["drive_torque"] == pytest.approx([Raw(text, "D").torque(3.0)], rel=1e-6)
 
 
+def same_unwound(m: Mechanism) -> Mechanism:
+    """The same linkage with all bodies within half a turn, and springs that rest as many turns back."""
+    turns = {b: round((m.assembly[b] - SIDES[b]) / TURN) for b in SIDES} | {"ground": 0}
+    for name in "AE":
+        (first, second), rest = m.joint(name).bodies, m.joint(name).rest_angle
+        m = m.with_joint(name, rest_angle=rest - TURN * (turns[second] - turns[first]))
+    return m.replace(assembly=SIDES)
+
+
+@pytest.mark.parametrize("simulator", ["mujoco", *slow("exudyn", "pybullet", "dart")])
+def test_engines_hold_bodies_in_their_turns(simulator: str) -> None:
+    """Springs push as in the linkage unwound, in ideal joints and in a pin with clearance."""
+    if missing(simulator):
+        pytest.skip(missing(simulator))
+    m = sprung(wound(5))
+    assert {round((m.assembly[b] - SIDES[b]) / TURN) for b in SIDES} == {1, -1}
+    found = []
+    for one in (m, same_unwound(m)):
+        angles = one.assembly["crank"] + np.array([0.0, 0.3])
+        for joint_model, clearance in (("ideal", None), ("spring-damper", {"E": 1e-4})):
+            request = {"joint_model": joint_model, "clearance": clearance, "motion": "static"}
+            (run,) = lc.crosscheck(one, simulator, angles=angles, **request).runs
+            found.append(run.simulated)
+    for wound_up, unwound in zip(found[:2], found[2:], strict=True):
+        assert wound_up["drive_torque"] == pytest.approx(unwound["drive_torque"], rel=1e-6)
+        for body in SIDES:
+            assert wound_up[f"{body}_angle"][0] == pytest.approx(m.assembly[body], abs=1e-3)
+
+
+@pytest.mark.mujoco
+def test_a_run_of_somebody_s_file_has_its_springs_in_its_turns(tmp_path: Path) -> None:
+    """With the mechanism as it is imported, and with one that was written in other turns."""
+    stiff = '<default><equality solref="8e-4 1" solimp="0.9999 0.9999 0.001"/>'
+    m, path = sprung(wound(5)), tmp_path / "wound.xml"
+    text = same_in_mujoco(m).replace("<option ", '<option timestep="2e-4" ').replace("<default>", stiff)
+    path.write_text(text.replace("</mujoco>", '<actuator><velocity joint="D"/></actuator></mujoco>'), encoding="utf-8")
+    for one in (imported(path).mechanism.replace(drive={"joint": "D", "speed": 3.0}), m, same_unwound(m)):
+        result = lc.crosscheck(one, f"mjcf:{path}", angles=one.assembly["crank"] + np.array([0.0, 0.2]))
+        assert result.verdict == "agrees"
+
+
 MODELS = [
-    ("ideal", {}), *slow(("contact", {"E": 1e-4}), ("spring-damper", {"A": 1e-4, "E": 1e-4}), ("massless-link", {"E": 1e-4}))
-]  # fmt: skip
+    ("ideal", {}),
+    *slow(("contact", {"E": 1e-4}), ("spring-damper", {"A": 1e-4, "E": 1e-4}), ("massless-link", {"E": 1e-4})),
+]
 
 
 @pytest.mark.mujoco

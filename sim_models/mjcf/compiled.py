@@ -14,8 +14,8 @@ from sim_models.mjcf.scan import MEMORY, scan
 
 FIELDS = (
     "body_pos", "body_ipos", "body_mass", "body_inertia", "jnt_pos", "jnt_axis", "jnt_stiffness", "dof_damping",
-    "dof_armature", "dof_frictionloss", "qpos0", "qpos_spring", "eq_data", "site_pos", "key_qpos", "key_qvel", "key_ctrl",
-    "actuator_gear", "actuator_damping", "actuator_armature", "actuator_biasprm", "actuator_gainprm",
+    "dof_armature", "dof_frictionloss", "qpos0", "qpos_spring", "eq_data", "site_pos", "key_qpos", "key_qvel",
+    "key_ctrl", "actuator_gear", "actuator_damping", "actuator_armature", "actuator_biasprm", "actuator_gainprm",
 )  # fmt: skip
 AT_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 AT_TENDON = int(mujoco.mjtTrn.mjTRN_TENDON)

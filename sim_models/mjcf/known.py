@@ -12,11 +12,11 @@ import numpy as np
 KNOWN: Mapping[str, frozenset[str]] = {
     what: frozenset(names.split())
     for what, names in {
-        "body": """bvhadr bvhnum conaffinity contype dofadr dofnum geomadr geomnum gravcomp inertia invweight0 ipos iquat
-            jntadr jntnum margin mass mocapid parentid plugin pos quat rootid sameframe simple subtreemass treeid user
-            weldid""",
-        "jnt": """actfrclimited actfrcrange actgravcomp actuatorid axis bodyid dofadr group limited margin plasticadr pos
-            qposadr range solimp solref springyield stiffness stiffnesspoly type user""",
+        "body": """bvhadr bvhnum conaffinity contype dofadr dofnum geomadr geomnum gravcomp inertia invweight0 ipos
+            iquat jntadr jntnum margin mass mocapid parentid plugin pos quat rootid sameframe simple subtreemass treeid
+            user weldid""",
+        "jnt": """actfrclimited actfrcrange actgravcomp actuatorid axis bodyid dofadr group limited margin plasticadr
+            pos qposadr range solimp solref springyield stiffness stiffnesspoly type user""",
         "dof": """M0 Madr armature bodyid damping dampingpoly frictionloss invweight0 jntid length parentid simplenum
             solimp solref treeid""",
         "eq": "active0 data obj1id obj2id objtype solimp solref type",

@@ -156,8 +156,8 @@ class TheirLinkage:
             if joint or (site and (refsite < 0 or self.planar.sites[refsite].link == 0)):
                 if site and not switched_off(m, i) and steady_force(m, i) != 0.0 and throttled(m, i) is not None:
                     raise Unsupported(
-                        f"{said}: a joint's actuatorfrcrange limits what actuator {m.actuator(i).name!r} gives, which no"
-                        " reaction can be read with; take one of them out"
+                        f"{said}: a joint's actuatorfrcrange limits what actuator {m.actuator(i).name!r} gives, with"
+                        " which no reaction can be read; take one of them out"
                     )
                 continue
             raise Unsupported(

@@ -213,8 +213,8 @@ class _Reader:
             raise MjcfError(f"{self.said}: {joint_words(m, j)} has a spring that is not linear; give it a linear one")
         for t in np.flatnonzero((m.tendon_plasticadr >= 0) & (m.tendon_stiffness != 0)).tolist():
             raise MjcfError(
-                f"{self.said}: tendon {m.tendon(t).name!r} has a spring that yields (springyield), for which a mechanism"
-                " file has no word; take springyield out"
+                f"{self.said}: tendon {m.tendon(t).name!r} has a spring that yields (springyield), for which a"
+                " mechanism file has no word; take springyield out"
             )
         for dof in np.flatnonzero(m.dof_dampingpoly.any(axis=1)).tolist():
             raise MjcfError(
