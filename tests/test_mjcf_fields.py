@@ -121,9 +121,9 @@ def push(more: str = "", force: str = 'biastype="affine" biasprm="3 0 0" gainprm
     return {"more": f'<general site="tip" refsite="o" gear="1 0 0.5 0 0.1 0" {force} {more}/>'}
 
 
-def lump(pos: str = "0 0 0", euler: str = "0 0 0", middle: str = "0 0 0", axes: str = "0 0 0") -> str:
+def lump(pos: str = "0 0 0", euler: str = "0 0 0", middle: str = "0 0 0", axes: str = "0 0 0", seen: str = "") -> str:
     inertia = f'<inertial pos="{middle}" euler="{axes}" mass="0.3" diaginertia="4e-4 2e-4 3e-4"/>'
-    return f'<body pos="{pos}" euler="{euler}">{inertia}</body>'
+    return f'<body pos="{pos}" euler="{euler}">{inertia}{seen}</body>'
 
 
 def fixed(more: str) -> dict[str, str]:
@@ -139,6 +139,7 @@ OTHER = "is neither the drive's nor a constant force"
 FOLLOWS = "is the drive's; how it follows its command"
 FLOOR, TOUCHING = '<geom type="plane" size="1 1 0.1" pos="0 0 -0.004"/>', BAR.replace('"0"', '"1"')
 PULLEY = '<site site="w"/><site site="tip"/><pulley divisor="2"/><site site="w"/><site site="end"/>'
+SEEN = '<geom type="box" size="0.01 0.02 0.03" group="3" contype="0" conaffinity="0"/>'
 ROUND = '<site site="w"/><geom geom="g"/><site site="tip"/>'
 ROUNDED = '<geom name="g" type="sphere" size="0.03 0.1" pos="0.06 0 0.15" euler="90 0 0" contype="0" conaffinity="0"/>'
 OFF = "switched off"
@@ -159,6 +160,9 @@ ROWS = {
         {"world": FLOOR, "bar": TOUCHING + ' margin="0.001"'},
         named="contacts between geoms",
     ),
+    "the inertia of its geom": row({"compiler": 'inertiafromgeom="true"'}, {"lump": lump(seen=SEEN)}),
+    "that of a group": row({"compiler": 'inertiagrouprange="0 0"'}, {"lump": f'<body name="b">{SEEN}</body>'}),
+    "angles in another order": row({"compiler": 'eulerseq="zyx"'}, {"lump": lump("0.02 0 0.01", "40 30 20")}),
     # ---------------------------------------------------------------- joints
     "an axis": row({"D": 'axis="0 -2 0"', "E": SPRING + ' axis="0 1 0"'}, {"E": SPRING}),
     "a joint's place": row({"E": 'pos="0.001 0 0"'}),
@@ -173,6 +177,7 @@ ROWS = {
     "dry friction": row({"E": 'frictionloss="0.02"'}),
     "a spring": row({"E": SPRING}),
     "its rest": row({"E": 'stiffness="0.4" springref="-70"'}, {"E": SPRING}),
+    "a spring by its time": row({"E": 'springdamper="0.02 1"'}),
     "an offset of its angle": row({"E": SPRING + ' ref="50"'}, {"E": SPRING}),
     "a spring that is not linear": row({"E": 'stiffness="0.4 0.1"'}, refused="spring that is not linear"),
     "a spring that yields": row(
@@ -312,6 +317,22 @@ OF = {
     "actuator_dyntype": mujoco.mjtDyn, "eq_type": mujoco.mjtEq, "jnt_type": mujoco.mjtJoint,
     "wrap_type": mujoco.mjtWrap,
 }  # fmt: skip
+# Words of elements that a model keeps under other names, or that only say how it is written or compiled
+COMPILED = {
+    "joint": "align classname compiler frame id info name parent ref signature solimp_friction solimp_limit"
+    " solref_friction solref_limit springdamper springref userdata",
+    "tendon": "compiler id info material name path signature solimp_friction solimp_limit solref_friction solref_limit"
+    " springlength userdata",
+    "actuator": "actdim classname compiler ffrange id info inheritrange interp name nsample refsite signature"
+    " slidersite target type userdata velrange",
+    "equality": "active classname compiler id info name name1 name2 signature",
+    "body": "alt bodies cameras childclass classname compiler explicitinertial frame frames fullinertia fuse geoms ialt"
+    " id info joints lights mocap name parent signature sites sleep userdata",
+    "option": "",
+    "compiler": "LRopt alignfree authored autolimits balanceinertia boundinertia boundmass conflict degree"
+    " discardvisual eulerseq fitaabb fusestatic inertiafromgeom inertiagrouprange meshdir passthrough savecanonical"
+    " savecompiled saveinertial settotalmass texturedir usethread",
+}
 SOLVER_FLAGS = "WARMSTART FILTERPARENT REFSAFE SENSOR MIDPHASE EULERDAMP AUTORESET NATIVECCD ISLAND MULTICCD"
 
 
@@ -350,6 +371,20 @@ def test_every_number_of_a_model_is_known_and_has_its_row() -> None:
     covered = {name for row in ROWS.values() for name in differing(*row.texts)}
     assert there - covered - fields(STORED) - fields(SOLVED) == set()
     assert (fields(STORED) | fields(SOLVED)) - there == set()
+
+
+def test_every_word_of_an_element_is_a_number_of_the_model_or_is_compiled_into_one() -> None:
+    spec = mujoco.MjSpec()
+    body = spec.worldbody.add_body()
+    elements = {
+        "joint": body.add_joint(), "tendon": spec.add_tendon(), "actuator": spec.add_actuator(), "body": body,
+        "equality": spec.add_equality(), "option": spec.option, "compiler": spec.compiler,
+    }  # fmt: skip
+    kept = {"joint": ("jnt", "dof"), "equality": ("eq",), "option": ("opt",), "compiler": ()}
+    for what, element in elements.items():
+        words = {name for name in dir(element) if not name.startswith("_") and not callable(getattr(element, name))}
+        known = {name for of in kept.get(what, (what,)) for name in KNOWN[of]}
+        assert words - known == set(COMPILED[what].split()), what
 
 
 def test_every_kind_of_joint_loop_tendon_and_actuator_has_its_row() -> None:

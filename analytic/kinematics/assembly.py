@@ -389,9 +389,8 @@ class Assembly:
             angle = float(home[list(s.turned[b])].sum() + s.held_at[b])
             if abs(angle - told.get(name, angle)) > ASSEMBLY_SLACK:
                 raise AssemblyError(
-                    f"{self.mechanism.name}: the loop through {', '.join(bodies)} does not close near the"
-                    f" assembly angles: {name} would be at {angle:.4f} rad, assembly.{name} says {told[name]:.4f};"
-                    " correct it"
+                    f"{self.mechanism.name}: it does not close near the assembly angles: {name} would be at"
+                    f" {angle:.4f} rad, assembly.{name} says {told[name]:.4f}; correct it"
                 )
 
     def _check_moves(self) -> None:
