@@ -439,8 +439,9 @@ def test_it_is_used_named_or_refused(what: str, tmp_path: Path) -> None:
     row = ROWS[what]
     path = written(tmp_path, {"": row.texts[1]})
     if row.refused:
-        with pytest.raises(MjcfError, match=re.escape(row.refused)):
+        with pytest.raises(MjcfError, match=re.escape(row.refused)) as caught:
             imported(path)
+        assert str(caught.value).count(str(path)) == 1
         return
     found = imported(path)
     m = found.mechanism

@@ -82,6 +82,8 @@ class _Writer:
             fields = self._linkage() | {"drive": self._drives(driving, free), **{k: v for k, v in acting.items() if v}}
             mechanism = Mechanism.model_validate(fields)
             Assembly(mechanism)
+        except MjcfError:
+            raise
         except ValueError as error:
             if isinstance(error, StructureError | AssemblyError | MechanismError):
                 raise MjcfError(f"{p.said}: {error}") from None

@@ -212,9 +212,10 @@ class _Reader:
         for j in np.flatnonzero(curved).tolist():
             raise MjcfError(f"{self.said}: {joint_words(m, j)} has a spring that is not linear; give it a linear one")
         for t in np.flatnonzero((m.tendon_plasticadr >= 0) & (m.tendon_stiffness != 0)).tolist():
+            name = repr(m.tendon(t).name) if m.tendon(t).name else f"number {t + 1}"
             raise MjcfError(
-                f"{self.said}: tendon {m.tendon(t).name!r} has a spring that yields (springyield), for which a"
-                " mechanism file has no word; take springyield out"
+                f"{self.said}: tendon {name} has a spring that yields (springyield), for which a mechanism file has no"
+                " word; take springyield out"
             )
         for dof in np.flatnonzero(m.dof_dampingpoly.any(axis=1)).tolist():
             raise MjcfError(
