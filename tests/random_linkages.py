@@ -216,9 +216,8 @@ class _Skeleton:
         self.places[first][name] = z
         self.places[second][name] = z + real(self.choice, -1.0, 0.0, 1.0) * along
         axis = along / self.poses[first][1] * real(self.choice, 0.5, 1.0, 2.0)
-        angle = float(
-            np.angle(self.poses[second][1]) - np.angle(self.poses[first][1])
-        )  # as the assembly angles, whole turns included
+        turned = np.angle(self.poses[second][1]) - np.angle(self.poses[first][1])
+        angle = float(turned + 2 * math.pi * (len(self.joints) % 3 - 1))  # in a turn that is not the assembly's
         self.joints.append(
             {"name": name, "type": "prismatic", "bodies": [first, second], "axis": pair(axis), "angle": angle}
         )

@@ -12,7 +12,7 @@ no such table: :meth:`Assembly.follow` walks from one sample to the next.
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -355,6 +355,7 @@ class Assembly:
         for step in s.steps:
             if isinstance(step, int):
                 set_input(s, step, columns, u)
+                self._check_turned((s.bodies[s.hung.index(step)],), home)
                 continue
             group = step
             angles = [i for i in group.coordinates if s.coordinates[i].bodies]
@@ -375,16 +376,22 @@ class Assembly:
                 self._refuse(u, newton(s, group, columns, u, near) ** 2, group, False)
             for i in angles:
                 home[i] = turned_near(u[i, 0], guess[i])
-                if abs(home[i] - guess[i]) > ASSEMBLY_SLACK:
-                    name = s.bodies[s.coordinates[i].bodies[0]]
-                    raise AssemblyError(
-                        f"{self.mechanism.name}: the loop through {', '.join(group.bodies)} does not close near the"
-                        f" assembly angles: {name} would be at {home[i]:.4f} rad, assembly.{name} says {guess[i]:.4f};"
-                        " correct it"
-                    )
             for i in (*group.coordinates, *group.within):
                 home[i] = home[i] if i in angles else u[i, 0]
+            self._check_turned(group.bodies, home)
         return home
+
+    def _check_turned(self, bodies: Sequence[str], home: np.ndarray) -> None:
+        """Raise AssemblyError for a body that coordinates (n,) turn far from what the file's assembly says of it."""
+        s, told = self.structure, self.mechanism.assembly
+        for name in bodies:
+            b = s.body_column(name)
+            angle = float(home[list(s.turned[b])].sum() + s.held_at[b])
+            if abs(angle - told.get(name, angle)) > ASSEMBLY_SLACK:
+                raise AssemblyError(
+                    f"{self.mechanism.name}: it does not close near the assembly angles: {name} would be at"
+                    f" {angle:.4f} rad, assembly.{name} says {told[name]:.4f}; correct it"
+                )
 
     def _check_moves(self) -> None:
         """Raise StructureError where loops beyond those needed keep the inputs from moving: their lengths are no

@@ -7,6 +7,7 @@ SI units and radians throughout.  Every object is frozen and checked when it is 
 from __future__ import annotations
 
 import difflib
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from numbers import Real
 from typing import Annotated, TypeVar
@@ -331,11 +332,30 @@ class Mechanism(Part):
         check_loads(self.loads, self.moving)
         check_springs(self.springs, self.parts, self.joints)
         check_assembly(self.assembly, self.moving, self.driven if self.cranked else None)
+        object.__setattr__(self, "joints", _in_their_turns(self.joints, self.assembly))
         for body in self.bodies:
             check_body(body, self.joints)
         warn_of_millimetres(self.name, self.parts, self.joints)
         warn_of_degrees(self.name, self.assembly)
         return self
+
+
+def _in_their_turns(joints: Sequence[Joint], assembly: Mapping[str, float]) -> tuple[Joint, ...]:
+    """The joints, slides' angles by as many whole turns larger as ``assembly`` (rad) has their bodies apart.
+
+    A body that it does not name lies in the turn that its slide's own angle gives it.
+    """
+    about, found = {GROUND: 0.0, **assembly}, {joint.name: joint for joint in joints}
+    slides = [joint for joint in joints if joint.prismatic]
+    while slide := next((joint for joint in slides if {*joint.bodies} & {*about}), None):
+        slides.remove(slide)
+        first, second = slide.bodies
+        if first not in about:
+            about[first] = about[second] - slide.angle
+        turns = round((about.setdefault(second, about[first] + slide.angle) - about[first] - slide.angle) / math.tau)
+        if turns:
+            found[slide.name] = slide.model_copy(update={"angle": slide.angle + turns * math.tau})
+    return tuple(found.values())
 
 
 def _known(mechanism: Mechanism, kind: str, parts: Sequence[Body | Joint], names: Iterable[str]) -> None:

@@ -160,7 +160,7 @@ class Joint(Part):
     type: Literal["revolute", "prismatic"]
     bodies: Annotated[tuple[Name, Name], BeforeValidator(as_tuple)]
     axis: Vector | None = None  # prismatic: direction of sliding in the first body's frame
-    angle: Number = 0.0  # rad, prismatic: the second body's angle minus the first's
+    angle: Number = 0.0  # rad, prismatic: the second body's angle minus the first's, in any turn
     clearance: Annotated[NotNegative, AfterValidator(_divisible)] = 0.0  # m, radial; prismatic: half the block's play
     guide: Annotated[tuple[Positive, Positive], BeforeValidator(as_tuple)] | None = None  # m, prismatic: length, height
     pin_radius: Positive | None = None  # m

@@ -15,7 +15,10 @@ from sim_models.mjcf.scan import MEMORY, scan
 FIELDS = (
     "body_pos", "body_ipos", "body_mass", "body_inertia", "jnt_pos", "jnt_axis", "jnt_stiffness", "dof_damping",
     "dof_armature", "dof_frictionloss", "qpos0", "qpos_spring", "eq_data", "site_pos", "key_qpos", "key_qvel",
+    "key_ctrl", "actuator_gear", "actuator_damping", "actuator_armature", "actuator_biasprm", "actuator_gainprm",
 )  # fmt: skip
+AT_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+AT_TENDON = int(mujoco.mjtTrn.mjTRN_TENDON)
 SHORTEST = 1e-9  # s, of a time step
 LONGEST = 400  # characters of what MuJoCo says
 
@@ -42,4 +45,25 @@ def compiled(path: Path, notes: list[str]) -> mujoco.MjModel:
         if not np.all(values <= LARGEST):
             worst = values[int(np.argmin(values <= LARGEST))]
             raise MjcfError(f"{path}: {field} holds {worst:g} once it is compiled; give finite numbers, in SI units")
+    reflect(model)
     return model
+
+
+def reflect(model: mujoco.MjModel) -> None:
+    """Move armatures and dampers of actuators into the joints and tendons on which they act, whatever their controls
+    are, so that these say all that they have.
+    """
+    for i in range(model.nactuator):
+        target, gear = int(model.actuator_trnid[i, 0]), abs(float(model.actuator_gear[model.actuator_outadr[i], 0]))
+        if model.actuator_trntype[i] in AT_JOINT:
+            which, of = "dof", int(model.jnt_dofadr[target])
+        elif model.actuator_trntype[i] == AT_TENDON:
+            which, of = "tendon", target
+        else:
+            continue
+        for name in ("armature", "damping"):
+            getattr(model, f"{which}_{name}")[of] += gear**2 * getattr(model, f"actuator_{name}")[i]
+            getattr(model, f"actuator_{name}")[i] = 0.0
+        powers = gear ** (3.0 + np.arange(model.actuator_dampingpoly.shape[1]))
+        getattr(model, f"{which}_dampingpoly")[of] += powers * model.actuator_dampingpoly[i]
+        model.actuator_dampingpoly[i] = 0.0

@@ -13,11 +13,13 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from sim_models.mjcf.compiled import AT_JOINT
 from sim_models.mjcf.planar import Pin, Planar
 
-AT_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 AT_SITE = int(mujoco.mjtTrn.mjTRN_SITE)
-AFFINE, STATELESS = int(mujoco.mjtBias.mjBIAS_AFFINE), int(mujoco.mjtDyn.mjDYN_NONE)
+NO_BIAS, AFFINE = int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE)
+FIXED, STATELESS = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtDyn.mjDYN_NONE)
+NO_ACTUATION, NO_CLAMP = int(mujoco.mjtDisableBit.mjDSBL_ACTUATION), int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
 FLYWHEEL = 1e4  # times the inertia of the whole linkage: an armature that no reaction slows down
 ASSUMED = 1.0  # rad/s, where the file does not say how fast its motor turns
 ASSUMED_SLIDE = 0.1  # m/s
@@ -26,12 +28,11 @@ ASSUMED_SLIDE = 0.1  # m/s
 @dataclass(frozen=True)
 class Motor:
     """A drive: its joint, its speed (rad/s of the link on the ground, else of the second link relative to the first; of
-    a slide m/s; None: not said) and its actuator's number (or -1).
+    a slide m/s; None: not said).
     """
 
     pin: Pin
     speed: float | None
-    actuator: int
 
 
 @dataclass(frozen=True)
@@ -52,18 +53,25 @@ def motor(planar: Planar) -> Motor | None:
     m = planar.model
     for j, pin in grounded.items():
         if flywheel(planar, pin):
-            return Motor(pin, _turning(planar, pin, j), next(_acting(m, j), -1))
-    for i in range(m.nu):
-        if m.actuator_trntype[i] in AT_JOINT and m.actuator_trnid[i, 0] in grounded:
-            pin = grounded[int(m.actuator_trnid[i, 0])]
-            speed = _commanded(planar, i, pin)
-            return Motor(pin, speed or _turning(planar, pin, pin.joint), i)
+            return Motor(pin, _turning(planar, pin, j))
+    for i, joint in _acting(m):
+        if joint in grounded:
+            pin = grounded[joint]
+            return Motor(pin, _commanded(planar, i, pin) or _turning(planar, pin, joint))
     return None
 
 
-def _acting(m: mujoco.MjModel, j: int) -> Iterator[int]:
-    """The actuators of a joint."""
-    return (i for i in range(m.nu) if m.actuator_trntype[i] in AT_JOINT and m.actuator_trnid[i, 0] == j)
+def switched_off(m: mujoco.MjModel, i: int) -> bool:
+    """Whether an actuator gives no force: all are disabled, or its group is."""
+    group = int(m.actuator_group[i])
+    return bool(m.opt.disableflags & NO_ACTUATION) or (group >= 0 and bool(m.opt.disableactuator >> group & 1))
+
+
+def _acting(m: mujoco.MjModel) -> Iterator[tuple[int, int]]:
+    """The actuators of joints that are not switched off, and their joints."""
+    for i in range(m.nactuator):
+        if m.actuator_trntype[i] in AT_JOINT and not switched_off(m, i):
+            yield i, int(m.actuator_trnid[i, 0])
 
 
 def motors(planar: Planar) -> list[Motor]:
@@ -71,12 +79,11 @@ def motors(planar: Planar) -> list[Motor]:
     first, m, found = motor(planar), planar.model, []
     pins = {pin.joint: pin for pin in planar.pins if pin.joint >= 0}
     taken = set() if first is None else {first.pin.joint}
-    for i in range(m.nu):
-        joint = int(m.actuator_trnid[i, 0])
-        if m.actuator_trntype[i] in AT_JOINT and joint in pins and joint not in taken:
+    for i, joint in _acting(m):
+        if joint in pins and joint not in taken:
             pin = pins[joint]
             taken.add(joint)
-            found.append(Motor(pin, _commanded(planar, i, pin) or _turning(planar, pin, joint), i))
+            found.append(Motor(pin, _commanded(planar, i, pin) or _turning(planar, pin, joint)))
     return found if first is None else [first, *found]
 
 
@@ -107,29 +114,60 @@ def _driven_by(pin: Pin) -> float:
 
 
 def _commanded(planar: Planar, i: int, pin: Pin) -> float | None:
-    """The speed that a keyframe commands of a velocity servo."""
+    """The speed at which a velocity servo gives no force: that of the first keyframe whose command moves it, or of
+    control 0 where its range, or a constant force of its own, moves that.
+    """
     m = planar.model
-    gain, slope, damping = m.actuator_gainprm[i, 0], m.actuator_biasprm[i, 1], m.actuator_biasprm[i, 2]
+    gain, (bias, slope, damping) = m.actuator_gainprm[i, 0], m.actuator_biasprm[i, :3]
     servo = m.actuator_biastype[i] == AFFINE and not slope and gain and damping == -gain
-    commands = m.key_ctrl[:, m.actuator_ctrladr[i]] if m.nkey and m.actuator_ctrlnum[i] == 1 else np.zeros(0)
-    if not servo:
+    if not servo or m.actuator_gaintype[i] != FIXED or m.actuator_ctrlnum[i] != 1:
         return None
+    commands = (clamped(m, i, c) + bias / gain for c in (*m.key_ctrl[:, m.actuator_ctrladr[i]], 0.0))
     return next((_driven_by(pin) * float(c / m.actuator_gear[i, 0]) for c in commands if c), None)
 
 
+def clamped(m: mujoco.MjModel, i: int, control: float = 0.0) -> float:
+    """What an actuator with one control takes that for, within its range."""
+    at = int(m.actuator_ctrladr[i])
+    if not m.actuator_ctrllimited[at] or m.opt.disableflags & NO_CLAMP:
+        return control
+    return float(np.clip(control, *m.actuator_ctrlrange[at]))
+
+
+def steady_force(m: mujoco.MjModel, i: int) -> float | None:
+    """The force of an actuator with control 0, times whose gear it pushes; None where it is none that is constant."""
+    bias = m.actuator_biasprm[i, :3] if m.actuator_biastype[i] == AFFINE else np.zeros(3)
+    control = clamped(m, i) if m.actuator_ctrlnum[i] == 1 else 0.0
+    if m.actuator_dyntype[i] != STATELESS or m.actuator_biastype[i] not in (NO_BIAS, AFFINE) or bias[1:].any():
+        return None
+    if control and m.actuator_gaintype[i] != FIXED:
+        return None
+    force = float(bias[0] + (control and m.actuator_gainprm[i, 0] * control))
+    return float(np.clip(force, *m.actuator_forcerange[i])) if m.actuator_forcelimited[i] else force
+
+
+def throttled(m: mujoco.MjModel, i: int) -> int | None:
+    """A joint whose ``actuatorfrcrange`` may take some of what an actuator on a site gives; None where there is
+    none.
+    """
+    body = int(m.site_bodyid[m.actuator_trnid[i, 0]])
+    while body:
+        for j in range(m.body_jntadr[body], m.body_jntadr[body] + m.body_jntnum[body]):
+            if m.jnt_actfrclimited[j]:
+                return int(j)
+        body = int(m.body_parentid[body])
+    return None
+
+
 def push(planar: Planar, i: int) -> Push | None:
-    """What an actuator does if it is a constant force: on a site, in the directions of one that the ground has."""
+    """What an actuator does with control 0 if it is a constant force: on a site, in the directions of one that the
+    ground has.
+    """
     m = planar.model
-    steady = (
-        m.actuator_trntype[i] == AT_SITE
-        and m.actuator_biastype[i] == AFFINE
-        and m.actuator_dyntype[i] == STATELESS
-        and not m.actuator_biasprm[i, 1:3].any()
-        and not m.actuator_forcelimited[i]
-        and int(m.actuator_trnid[i, 1]) >= 0
-        and not m.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
-    )
-    if not steady:
+    if m.actuator_trntype[i] != AT_SITE or int(m.actuator_trnid[i, 1]) < 0 or switched_off(m, i):
+        return None
+    size = steady_force(m, i)
+    if not size:
         return None
     site, refsite = (planar.sites[int(k)] for k in m.actuator_trnid[i])
     if refsite.link != 0 or site.link == 0:
@@ -137,7 +175,7 @@ def push(planar: Planar, i: int) -> Push | None:
     data = mujoco.MjData(m)
     mujoco.mj_kinematics(m, data)
     turned = data.site_xmat[refsite.number].reshape(3, 3)
-    size, gear = float(m.actuator_biasprm[i, 0]), m.actuator_gear[i]
+    gear = m.actuator_gear[i]
     force, torque = planar.plane.flat(turned @ gear[:3]), float(planar.plane.normal @ (turned @ gear[3:]))
     return Push(i, site.link, site.name, site.point, force * size, torque * size)
 
@@ -149,12 +187,13 @@ def left_out(planar: Planar) -> Iterator[str]:
         ("sensors", m.nsensor),
         ("contacts between geoms", _may_touch(m)),
         ("limits of joints", int(m.jnt_limited.sum())),
+        ("limits of what actuators give in joints (actuatorfrcrange)", int(m.jnt_actfrclimited.sum())),
         ("cameras and lights", m.ncam + m.nlight),
         ("mocap bodies, which stand still", m.nmocap),
     )
     yield from (f"{what}: left out ({n})" for what, n in counted if n)
     if options.density or options.viscosity:
-        yield "the resistance of air or another fluid (option.density, viscosity): left out"
+        yield "the resistance of air or another fluid (option.density, viscosity, wind): left out"
     across = float(planar.plane.normal @ gravity(m))
     if abs(across) > 1e-9 * float(np.abs(options.gravity).max(initial=0.0)):
         yield f"gravity across the plane, {across:.6g} m/s^2: carried by the joints, and left out"

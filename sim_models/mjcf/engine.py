@@ -21,7 +21,8 @@ class MjcfEngine(Engine):
     Only the drives are imposed.  A hinge or slide that the mechanism drives gets an armature of a thousand times the
     linkage's inertia or mass, which is pushed as its course accelerates and against what the linkage does to it, and is
     put on its course after every step; actuators of that joint are switched off, so that a servo of the file does not
-    lag behind the request, and so are those of a drive that is free.  All others act with control 0.  A run begins in
+    lag behind the request, and so are those of a drive that is free; their dampers and armatures are the joint's, and
+    stay.  All others act with control 0.  A run begins in
     the state without transients that the file's own constraint rows give, or where something moves freely with loops
     closed; statics are that state at rest.
 

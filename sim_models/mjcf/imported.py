@@ -14,8 +14,22 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.structure import StructureError, structure
 from analytic.mechanism import Mechanism, MechanismError
-from sim_models.mjcf.drive import ASSUMED, ASSUMED_SLIDE, Motor, Push, flywheel, gravity, left_out, motors, push
+from sim_models.mjcf.compiled import AT_JOINT
+from sim_models.mjcf.drive import (
+    ASSUMED,
+    ASSUMED_SLIDE,
+    Motor,
+    Push,
+    flywheel,
+    gravity,
+    left_out,
+    motors,
+    push,
+    switched_off,
+    throttled,
+)
 from sim_models.mjcf.errors import MjcfError
+from sim_models.mjcf.known import unknown
 from sim_models.mjcf.laws import PointSpring, TendonLaw, acts, coefficients, law, point_spring
 from sim_models.mjcf.planar import Frames, Pin, Planar, read
 from sim_models.mjcf.plane import body_words, joint_words
@@ -68,11 +82,13 @@ class _Writer:
             fields = self._linkage() | {"drive": self._drives(driving, free), **{k: v for k, v in acting.items() if v}}
             mechanism = Mechanism.model_validate(fields)
             Assembly(mechanism)
+        except MjcfError:
+            raise
         except ValueError as error:
             if isinstance(error, StructureError | AssemblyError | MechanismError):
                 raise MjcfError(f"{p.said}: {error}") from None
             raise MjcfError(f"{p.said}: {_reason(error)}") from None
-        self.notes += left_out(p)
+        self.notes += [*left_out(p), *unknown(self.m)]
         self.notes.append("not in MJCF, and left out: sections, moduli of elasticity, clearances")
         return Imported(mechanism, tuple(self.notes))
 
@@ -217,17 +233,31 @@ class _Writer:
         return moved + [{"joint": name, "speed": "free"} for name in free]
 
     def _loads(self, driving: Sequence[Motor]) -> list[dict[str, Any]]:
-        """Constant forces by actuators; every other actuator but the drives' is noted."""
-        m, own = self.m, {one.actuator for one in driving}
+        """Constant forces by actuators; every other actuator is noted.  Raises MjcfError for a force that a joint may
+        take part of.
+        """
+        m, own = self.m, {one.pin.joint for one in driving}
         found = []
-        for i in range(m.nu):
+        for i in range(m.nactuator):
             name = m.actuator(i).name
             words = f"actuator {name!r}" if name else f"the actuator number {i + 1}"
             steady = push(self.p, i)
             if steady is not None:
+                taking = throttled(m, i)
+                if taking is not None:
+                    raise MjcfError(
+                        f"{self.p.said}: the actuatorfrcrange of {joint_words(m, taking)} limits what {words} gives, a"
+                        " constant force on a link, for which a mechanism file has no word; take one of them out"
+                    )
                 found.append(self._load(steady))
-            elif i in own:
-                self.notes.append(f"{words} is the drive's; how it follows its command is left out")
+            elif switched_off(m, i):
+                self.notes.append(
+                    f"{words} is switched off (option.actuatorgroupdisable, or its flag actuation), and gives nothing"
+                )
+            elif m.actuator_trntype[i] in AT_JOINT and int(m.actuator_trnid[i, 0]) in own:
+                self.notes.append(
+                    f"{words} is the drive's; how it follows its command, and what it can give at most, are left out"
+                )
             else:
                 self.notes.append(
                     f"{words} is neither the drive's nor a constant force on a site, and left out; in a run of the file"

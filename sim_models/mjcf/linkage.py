@@ -22,7 +22,8 @@ from analytic.mechanism.parts import Body
 from analytic.mechanism.signals import driving
 from sim_models.common.start import AT_REST, Pose, poses_along
 from sim_models.engine import Unsupported
-from sim_models.mjcf.drive import AT_JOINT, AT_SITE, flywheel
+from sim_models.mjcf.compiled import AT_JOINT
+from sim_models.mjcf.drive import AT_SITE, flywheel, gravity, steady_force, switched_off, throttled
 from sim_models.mjcf.laws import TendonLaw, acts, law, point_spring
 from sim_models.mjcf.match import Match, match
 from sim_models.mjcf.planar import Frames, Pin, Planar
@@ -103,7 +104,7 @@ class TheirLinkage:
                 )
             if pin.joint < 0:
                 continue
-            for i in range(m.nu):
+            for i in range(m.nactuator):
                 if int(m.actuator_trntype[i]) in AT_JOINT and int(m.actuator_trnid[i, 0]) == pin.joint:
                     m.actuator_gainprm[i] = m.actuator_biasprm[i] = 0.0
             dof = int(m.jnt_dofadr[pin.joint])
@@ -145,10 +146,19 @@ class TheirLinkage:
     def check_readable(self) -> None:
         """Raise Unsupported for forces that MuJoCo does not tell to which body they belong."""
         m, said = self.model, self.planar.said
-        for i in range(m.nu):
+        lifted = m.body_gravcomp.any() and self.planar.plane.flat(gravity(m))
+        if lifted or m.opt.density or m.opt.viscosity:
+            field = "gravcomp" if lifted else "option.density or viscosity"
+            raise Unsupported(f"{said}: has {field}, whose forces are in no reaction that can be read; take it out")
+        for i in range(m.nactuator):
             joint, site = int(m.actuator_trntype[i]) in AT_JOINT, int(m.actuator_trntype[i]) == AT_SITE
             refsite = int(m.actuator_trnid[i, 1])
             if joint or (site and (refsite < 0 or self.planar.sites[refsite].link == 0)):
+                if site and not switched_off(m, i) and steady_force(m, i) != 0.0 and throttled(m, i) is not None:
+                    raise Unsupported(
+                        f"{said}: a joint's actuatorfrcrange limits what actuator {m.actuator(i).name!r} gives, with"
+                        " which no reaction can be read; take one of them out"
+                    )
                 continue
             raise Unsupported(
                 f"{said}: actuator {m.actuator(i).name!r} acts on a tendon, a body or between bodies, which no reaction"
@@ -218,7 +228,7 @@ class TheirLinkage:
         """
         m, d, flat = self.model, self.data, self.planar.plane.flat
         found = []
-        for i in range(m.nu):
+        for i in range(m.nactuator):
             if int(m.actuator_trntype[i]) != AT_SITE or not d.actuator_force[i]:
                 continue
             site, refsite = (int(k) for k in m.actuator_trnid[i])

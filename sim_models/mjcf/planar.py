@@ -208,9 +208,15 @@ class _Reader:
                 f"{self.said}: {body_words(m, body)} has {m.body_jntnum[body]} joints; give each joint a body with mass"
                 " of its own, as a link lies between any two"
             )
-        curved = m.jnt_stiffnesspoly.any(axis=1) | (m.jnt_plasticadr >= 0)
+        curved = m.jnt_stiffnesspoly.any(axis=1) | ((m.jnt_plasticadr >= 0) & (m.jnt_stiffness != 0))
         for j in np.flatnonzero(curved).tolist():
             raise MjcfError(f"{self.said}: {joint_words(m, j)} has a spring that is not linear; give it a linear one")
+        for t in np.flatnonzero((m.tendon_plasticadr >= 0) & (m.tendon_stiffness != 0)).tolist():
+            name = repr(m.tendon(t).name) if m.tendon(t).name else f"number {t + 1}"
+            raise MjcfError(
+                f"{self.said}: tendon {name} has a spring that yields (springyield), for which a mechanism file has no"
+                " word; take springyield out"
+            )
         for dof in np.flatnonzero(m.dof_dampingpoly.any(axis=1)).tolist():
             raise MjcfError(
                 f"{self.said}: {joint_words(m, int(m.dof_jntid[dof]))} has a damper that is not linear; give it a"
@@ -379,7 +385,7 @@ class _Reader:
                 joint=j,
                 slides=slides,
                 axis=along * cmath.exp(-1j * angles[first]),
-                angle=_near(angles[second] - angles[first]) if slides else 0.0,
+                angle=angles[second] - angles[first] if slides else 0.0,
                 turn=math.copysign(1.0, float(axis @ self.plane.normal)),
             )
 
@@ -403,8 +409,3 @@ class _Reader:
             flat = self.plane.flat
             points = self.frames.within(first, flat(at)), self.frames.within(second, flat(on))
             yield Pin((m.equality(e).name,), (first, second), points, equality=e)
-
-
-def _near(angle: float) -> float:
-    """An angle (rad) within half a turn."""
-    return math.remainder(angle, 2 * math.pi)
