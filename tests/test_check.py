@@ -419,6 +419,47 @@ def test_tables_in_other_units_have_the_same_samples_and_of_other_rows_it_is_sai
     assert any(text.startswith("half: has other samples than right") for text in result.warnings)
 
 
+@pytest.mark.parametrize("left_out", ["", "time [s]"])
+def test_who_stands_apart_is_asked_of_angles_as_of_times(tmp_path: Path, left_out: str) -> None:
+    """The torque is 1.1 times the right one, in a table of crank angles as in one with times."""
+    columns = {name: values for name, values in turning(degrees=10.0).items() if name != left_out}
+    columns["drive_torque [N.m]"] = 1.1 * columns["drive_torque [N.m]"]
+    result = lc.check(written(tmp_path / "theirs.csv", columns), FOUR_BAR, simulators="mujoco")
+    assert result.odd_one_out == "theirs"
+    assert result.words.startswith("theirs stands apart, most clearly in drive_torque: off by -0.0428 N.m")
+    assert result.spread["drive_torque"].max == pytest.approx(0.0428, abs=1e-4)
+    assert result.warnings == ()
+
+
+def test_tables_of_one_motion_are_compared_whether_they_have_times_or_not(tmp_path: Path) -> None:
+    timed = turning(degrees=10.0)
+    files = [written(tmp_path / "timed.csv", timed)]
+    files.append(written(tmp_path / "angles.csv", {n: v for n, v in timed.items() if n != "time [s]"}))
+    result = lc.check(files, FOUR_BAR)
+    assert (result.verdict, result.words, result.warnings) == ("agrees", "all agree within the tolerances", ())
+
+
+def test_tables_with_the_same_times_of_another_motion_are_not_compared(tmp_path: Path) -> None:
+    time = np.linspace(0.0, 3.0, 150)
+    files = []
+    for name, size in (("wide", 0.8), ("narrow", 0.5)):
+        theta, rate = size * np.sin(4 * time), 4 * size * np.cos(4 * time)
+        files.append(written(tmp_path / f"{name}.csv", pendulum(time, theta, rate, -16 * theta)))
+    result = lc.check(files, MOTOR)
+    assert [run.verdict for run in result.runs] == ["agrees", "agrees"]
+    assert result.spread == {}
+    assert any(text.startswith("narrow: has other samples than wide") for text in result.warnings)
+
+
+def test_a_crank_at_its_speed_is_held_to_it_beside_one_that_is_not(tmp_path: Path) -> None:
+    """The table of angles was held to a crank at 1 rad/s, and disagreed by 987 times its forces."""
+    columns = turning(degrees=10.0)
+    files = [written(tmp_path / "angles.csv", {n: v for n, v in columns.items() if n != "time [s]"})]
+    files.append(written(tmp_path / "slow.csv", {**columns, "time [s]": 1.02 * columns["time [s]"]}))
+    result = lc.check(files, FOUR_BAR)
+    assert [run.verdict for run in result.runs] == ["agrees", "disagrees"]
+
+
 def test_a_table_of_a_few_equilibria_is_checked(tmp_path: Path) -> None:
     columns = {name: values[:: len(values) // 3] for name, values in turning().items() if not name.startswith("time")}
     columns = {name: values for name, values in columns.items() if "angle" in name}
