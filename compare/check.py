@@ -268,9 +268,9 @@ class _Asked:
         side = self.side(one)
         trace = _trace(one, self.mechanism(one), self.joint_model, self.job.motion)
         found = judged(self.job_of(one), _with_rounding(side, one), trace)
-        if not found.rules:
+        if not found.rules and not found.run.reason:
             why = "; ".join(_not_judged(one, side, found, self.mechanism(one))) or "no column has a number to compare"
-            found = replace(found, run=found.run.model_copy(update={"reason": f"{why}"}))
+            found = replace(found, run=found.run.model_copy(update={"reason": why}))
         return side, found
 
     def said(self, one: Recording, side: Reference, found: Judged) -> list[str]:

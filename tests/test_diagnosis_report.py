@@ -395,7 +395,7 @@ def test_a_sentence_of_an_effect_says_which_way(
     positive, negative = SENTENCES[f"{effect.name}.{p.name}"]
     for value, said in ((0.02, positive), (-0.02, negative)):
         given = {p.name: Parameter(value=value, unit=unit, low=value, high=value)}
-        told = effect.tells(place, amounts(result, effect.name, where, given))
+        told = effect.tells(place, amounts(result, effect, where, given))
         assert told.endswith(said)
         assert (told == said) is (value > 0)
         assert MINUS not in told
@@ -405,8 +405,8 @@ def test_a_direction_has_its_interval_counted_its_way(explained: dict[str, Any])
     result = as_document(explained)
     shorter = {"length_error": Parameter(value=-2.98e-4, unit="m", low=-3.01e-4, high=-2.95e-4)}
     unsure = {"length_error": Parameter(value=-2.98e-4, unit="m", low=-7e-4, high=1e-4)}
-    (sure_words,) = amounts(result, "link_length", "follower", shorter, intervals=True)
-    (unsure_words,) = amounts(result, "link_length", "follower", unsure, intervals=True)
+    (sure_words,) = amounts(result, VOCABULARY["link_length"], "follower", shorter, intervals=True)
+    (unsure_words,) = amounts(result, VOCABULARY["link_length"], "follower", unsure, intervals=True)
     assert sure_words == "0.2980 mm shorter than drawn (95 %: 0.2950 to 0.3010 mm)"
     assert unsure_words == f"0.30 mm shorter than drawn (95 %: {MINUS}0.10 to 0.70 mm)"
 
@@ -418,7 +418,7 @@ def test_a_link_that_is_drawn_backwards_is_longer_where_its_last_point_moves_bac
         moved = VOCABULARY["link_length"].on_mechanism(m, "follower", {"length_error": error})
         assert np.sign(moved.moving["follower"].length - 0.1) == -np.sign(error)
         given = {"length_error": Parameter(value=error, unit="m", low=error - 1e-5, high=error + 1e-5)}
-        assert amounts(result, "link_length", "follower", given) == [said]
+        assert amounts(result, VOCABULARY["link_length"], "follower", given) == [said]
 
 
 def test_values_of_each_run_are_a_range_and_have_one_unit(explained: dict[str, Any]) -> None:

@@ -33,7 +33,7 @@ def named(result: Diagnosis, n: Named) -> str:
         text = capital(f"{own.sentence(len(result.fitted))}.")
         kept = enumerated([run.name for run in result.validation])
         return f"{text} It was not applied to {kept}, for which it has no value." if kept else text
-    values = amounts(result, n.term.effect.name, n.term.where, parameters, intervals=True)
+    values = amounts(result, n.term.effect, n.term.where, parameters, intervals=True)
     return capital(f"{n.term.effect.tells(_place(result, n.term), values)}.")
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.quantities import setting
 from compare.results.diagnosis import Attempt, DiagnosedRun, Diagnosis, Effect, Engine, Located, Parameter, Place, Rival
 from compare.results.sentences import (
@@ -72,7 +73,7 @@ def of_effect(effect: Place) -> list[Row]:
 
 def values_of(result: Diagnosis, effect: Place, intervals: bool = False) -> list[str]:
     """The values of an effect as one says them, with their 95 % ``intervals`` on request."""
-    return amounts(result, effect.name, effect.where, _parameters(effect), intervals)
+    return amounts(result, VOCABULARY.get(effect.name), effect.where, _parameters(effect), intervals)
 
 
 def _parameters(effect: Place) -> Mapping[str, Parameter]:
