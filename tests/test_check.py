@@ -574,6 +574,23 @@ def test_the_command_writes_what_a_cross_check_writes(tmp_path: Path, case: Path
     assert compare("check", "bad.csv", "--case", str(case), "--quiet", cwd=tmp_path).returncode == 1
 
 
+def test_a_signal_that_is_not_judged_is_told_everywhere_and_ends_with_status_1(tmp_path: Path) -> None:
+    (tmp_path / "case.toml").write_text(dumps(FOUR_BAR))
+    columns = turning(degrees=10.0)
+    columns["drive_torque [N.m]"] = np.sign(columns["drive_torque [N.m]"])
+    written(tmp_path / "coarse.csv", columns)
+    ended = compare("check", "coarse.csv", "--case", "case.toml", "--out", "out", cwd=tmp_path)
+    assert ended.returncode == 1, ended.stderr
+    assert "crank-rocker: NOT JUDGED" in ended.stdout
+    assert "1 of 14 comparisons in 1 of 1 run is not judged: drive torque (coarse, ideal):" in " ".join(
+        ended.stdout.split()
+    )
+    told = {name: (tmp_path / "out" / name).read_text() for name in ("junit.xml", "report.md", "report.html")}
+    assert all("not told apart: the allowance is larger than the signal" in text for text in told.values())
+    assert 'tests="14" failures="1"' in told["junit.xml"]
+    assert 'type="not judged"' in told["junit.xml"]
+
+
 @pytest.mark.parametrize(
     ("columns", "says"),
     [
