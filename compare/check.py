@@ -74,6 +74,7 @@ from sim_models.engine import JOINT_MODELS, MOTIONS, JointModel, Motion, Request
 Results = str | PathLike[str] | Sequence[str | PathLike[str]] | Mapping[str, str | PathLike[str]]
 """A file of results, several, or several by the name of the program that wrote each."""
 
+NAMED = 4  # columns that are not judged, by name
 COARSE = 0.5  # of what a signal may differ by: where the course leaves it open by more, that is said
 
 
@@ -401,13 +402,17 @@ def _not_judged(one: Recording, side: Reference, found: Judged, mechanism: Mecha
     rest = [column.signal for column in one.table.columns if column.signal.name in full]
     rest = [s for s in rest if s not in mechanism.encoders and not _held_by(s, found.rules)]
     rest = [s for s in rest if s.kind != "reaction" or s.place not in side.undetermined]
-    crank = mechanism.driven if mechanism.cranked else ""
-    return [
-        f"{s.name} is not judged: the motion of the {s.place} is prescribed, and the analytic side follows it"
-        if (s.kind, s.place) == ("rate", crank)
-        else f"{s.name} is not judged: a run with {found.run.joint_model} joints is judged on other signals"
-        for s in rest
-    ]
+    crank = Signal("rate", mechanism.driven if mechanism.cranked else "", "angular_velocity")
+    others = [s.name for s in rest if s != crank]
+    why = f"the motion of the {crank.place} is prescribed, and the analytic side follows it"
+    said = [f"{crank.name} is not judged: {why}"] if crank in rest else []
+    if others:
+        named = ", ".join(others[:NAMED]) + (f" and {len(others) - NAMED} more" if len(others) > NAMED else "")
+        said.append(
+            f"{named} {'is' if len(others) == 1 else 'are'} not judged: a run with {found.run.joint_model} joints is"
+            " judged on other signals"
+        )
+    return said
 
 
 def _held_by(signal: Signal, rules: Mapping[str, Rule]) -> bool:

@@ -277,6 +277,17 @@ def test_the_speed_of_a_crank_is_said_not_to_be_judged(tmp_path: Path) -> None:
     assert [text for text in beside.warnings if text.startswith(f"all: {says}")]
 
 
+def test_columns_that_nothing_is_held_against_are_said(tmp_path: Path) -> None:
+    columns = turning(degrees=10.0)
+    columns |= {f"position_{joint} [rad]": columns["follower_angle [rad]"] for joint in ("A", "B", "E")}
+    columns |= {f"clearance_B_{axis} [m]": 0 * columns["follower_angle [rad]"] for axis in ("x", "y")}
+    (said,) = lc.check(written(tmp_path / "more.csv", columns), FOUR_BAR).warnings
+    assert said == (
+        "more: position_A, position_B, position_E, clearance_B_x and 1 more are not judged: a run with ideal joints is"
+        " judged on other signals"
+    )
+
+
 @pytest.mark.parametrize("given", [{}, [], 3, None, {"": "a.csv"}, {"x": 3}], ids=str)
 def test_results_that_are_no_files_are_one_sentence(given: Any) -> None:
     with pytest.raises(ArgumentError) as said:
