@@ -253,8 +253,10 @@ def looks(kind: Dimension, unit: str, model: np.ndarray, measured: np.ndarray) -
     if abs(slope - 1) < LIKE_UNIT:
         return None
     others = [(each, factor(each, kind)) for each in (*OFFERED[kind], *("rev/s",) * (kind == "angular velocity"))]
-    conversions = {f"in {each}": factor(unit, kind) / size for each, size in others}
-    conversions |= {f"converted from {each} twice": size for each, size in others} | {REVERSED: -1.0}
+    read = factor(unit, kind)
+    conversions = {f"in {each}": read / size for each, size in others} | {REVERSED: -1.0}
+    if read == 1:
+        conversions |= {f"converted from {each} twice": size for each, size in others}
     alike = (what for what, of in conversions.items() if abs(slope / of - 1) < LIKE_UNIT)
     return next(((slope, what) for what in alike), None)
 
