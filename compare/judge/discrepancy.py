@@ -376,6 +376,8 @@ def _told_apart(
     """Whether differences (N,) that are ``allowed`` say something of the signal: they are within its tolerance alone,
     or what the motion leaves open, which is allowed on top, is less than the signal.
     """
+    if not np.any(rule.unsure):
+        return True
     alone = difference(apart, replace(rule, unsure=0.0).tolerance(analytic), allowed[1])
     nothing = difference(np.where(np.isfinite(apart), rule.nothing(analytic), np.nan), *allowed)
     return alone is None or nothing is None or alone.share <= 1 or nothing.share > 1
