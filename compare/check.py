@@ -7,20 +7,20 @@ linkage where the file begins; engines may be asked for the same motion, so that
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
-from analytic.mechanism import GROUND, Mechanism
+from analytic.mechanism import Mechanism
 from analytic.mechanism.columns import PLAIN, Layout, read_map
 from analytic.mechanism.errors import quoted
 from analytic.mechanism.one_line import shown
-from analytic.mechanism.signals import Signal, driving, position
-from analytic.mechanism.units import dimension
+from analytic.mechanism.signals import Signal, driving
+from analytic.mechanism.units import dimension, readable
 from analytic.paper.clearance import MODELS, Model
 from compare.arguments import (
     Linkage,
@@ -41,7 +41,9 @@ from compare.arguments import (
 from compare.crosscheck import Job, Progress, Ran, concluded, judged, run_all
 from compare.diagnose.data.quality import REVERSED, looks
 from compare.faults import ArgumentError
+from compare.judge.closer import Judged
 from compare.judge.courses import Courses
+from compare.judge.discrepancy import Rule, difference
 from compare.judge.reference import (
     SURE,
     Reference,
@@ -52,6 +54,7 @@ from compare.judge.reference import (
     silenced,
     timed_reference,
 )
+from compare.judge.signals import UNITS
 from compare.recorded.errors import DataError
 from compare.recorded.motion import (
     LEAST,
@@ -62,17 +65,17 @@ from compare.recorded.motion import (
     evenly,
     released_from,
 )
+from compare.recorded.readings import Reading
 from compare.recorded.recording import Recording, recording
 from compare.recorded.table import Table, read_table, unused
-from compare.results.crosscheck import RECORDED, CrossCheck, Run
+from compare.results.crosscheck import RECORDED, CrossCheck
 from sim_models.engine import JOINT_MODELS, MOTIONS, JointModel, Motion, Request, Trace, engine
 
 Results = str | PathLike[str] | Sequence[str | PathLike[str]] | Mapping[str, str | PathLike[str]]
 """A file of results, several, or several by the name of the program that wrote each."""
 
+NAMED = 4  # columns that are not judged, by name
 COARSE = 0.5  # of what a signal may differ by: where the course leaves it open by more, that is said
-SAME = 1e-3  # of a step between samples, by which the same ones may differ
-ODD = 0.03  # relative, by which a speed may miss another one in other units
 
 
 def check(  # noqa: PLR0913 - what a person may ask, by name
@@ -112,9 +115,8 @@ def check(  # noqa: PLR0913 - what a person may ask, by name
         tables = _tables(result_files(results), given, layout, str(map), timed=motion == "driven" or not given.cranked)
         recordings = [recording(name, file, table, given, motion, model) for name, file, table in tables]
     uneven = any(one.kind == "course" for one in recordings)
-    m = _followed(given) if uneven and given.speed is not None else given
     job = Job(
-        m,
+        _followed(given) if uneven and given.speed is not None else given,
         names,
         read,
         motion,
@@ -123,32 +125,28 @@ def check(  # noqa: PLR0913 - what a person may ask, by name
         workers=processes(workers, cores() if len(names) > 1 else 1),
         warnings=(*warned, *left_out, *_warnings(given, recordings)),
     )
+    asked = _Asked(given, job, model)
     remarks: list[str] = []
     ran = Ran()
     for one in recordings:
-        side = _side(one, m, motion, model, analytic)
-        found = judged(
-            replace(job, theta=one.theta, time=_clock(one, m), courses=_courses(one)),
-            _with_rounding(side, one),
-            _trace(one, m, model, motion),
-        )
-        remarks += [*side.remarks, *_units(one, side, m)]
-        if motion == "driven":
-            remarks += _coarse(one, side, found.rules, m)
-        if found.run.verdict == "disagrees" and one.kind == "angles" and motion == "driven" and one.time is None:
-            remarks += _at_rest(one, m, model, analytic, job)
+        try:
+            side, found = asked.held(one)
+        except AssemblyError as error:
+            remedy = asked.meant(one) or "check the angles, their unit and their sign"
+            raise DataError(f"{Path(one.file).name}: {error}; {remedy}") from None
+        remarks += [*side.remarks, *asked.said(one, side, found)]
         ran += Ran((found,))
     if names:
-        ran += _engines(job, recordings[0], model, progress)
-    first = ran.judged[0].run
-    others = dict.fromkeys(one.run.simulator.name for one in ran.judged if not _alike(one.run, first))
+        ran += _engines(asked, recordings[0], progress)
+    first = ran.judged[0]
+    others = dict.fromkeys(one.run.simulator.name for one in ran.judged if not _alike(one, first))
     if others:
         remarks.append(
-            f"{', '.join(others)}: has other samples than {first.simulator.name}, so that who stands apart is asked of"
-            " the rest; give tables with the same rows"
+            f"{', '.join(others)}: has other samples than {first.run.simulator.name}, so that who stands apart is asked"
+            " of the rest; give tables of one motion with the same rows"
         )
     job = replace(job, warnings=(*job.warnings, *remarks))
-    return concluded(job, ran, lambda run: _alike(run, first))
+    return concluded(job, ran, lambda one: _alike(one, first))
 
 
 # ---------------------------------------------------------------- files
@@ -223,15 +221,7 @@ def _turning(one: Recording, speed: float) -> str:
     steady = evenly(one.table.time, one.theta, own, SURE * one.moved.errors.theta, np.zeros(1))
     if steady is None:
         return f"its crank does not turn evenly at drive.speed = {speed:g} rad/s"
-    said = f"its crank turns evenly, but at {own:.5g} rad/s where drive.speed = {speed:g}"
-    odd = {
-        math.pi / 180: "its angle in degrees, read as radians",
-        180 / math.pi: "its angle in radians, read as degrees",
-        1e3: "its time in seconds, read as milliseconds",
-        1e-3: "its time in milliseconds, read as seconds",
-    }
-    what = next((what for factor, what in odd.items() if abs(own / speed / factor - 1) < ODD), None)
-    return f"{said}: is {what}?" if what else said
+    return f"its crank turns evenly, but at {own:.5g} rad/s where drive.speed = {speed:g}"
 
 
 # ---------------------------------------------------------------- both sides
@@ -253,26 +243,107 @@ def _courses(one: Recording) -> Courses | None:
     return Courses(one.moved.knots) if isinstance(one.moved, FollowedDrives) else None
 
 
+@dataclass(frozen=True)
+class _Asked:
+    """What is asked of each file: the mechanism as it is given, and the job with the joint model that all have."""
+
+    given: Mechanism
+    job: Job
+    joint_model: JointModel
+
+    def mechanism(self, one: Recording) -> Mechanism:
+        """The mechanism as it moves in a recording: with a motor that follows it where it does not turn evenly."""
+        return _followed(self.given) if one.kind == "course" and self.given.speed is not None else self.given
+
+    def job_of(self, one: Recording) -> Job:
+        """The job for the samples of a recording."""
+        m = self.mechanism(one)
+        return replace(self.job, mechanism=m, theta=one.theta, time=_clock(one, m), courses=_courses(one))
+
+    def side(self, one: Recording) -> Reference:
+        """The analytic side at a recording's samples.  Raises AssemblyError."""
+        return _side(one, self.mechanism(one), self.job.motion, self.joint_model, self.job.model)
+
+    def held(self, one: Recording) -> tuple[Reference, Judged]:
+        """The analytic side of a recording, and the recording held to it.  Raises AssemblyError."""
+        side = self.side(one)
+        trace = _trace(one, self.mechanism(one), self.joint_model, self.job.motion)
+        found = judged(self.job_of(one), _with_rounding(side, one), trace)
+        if not found.rules and not found.run.reason:
+            why = "; ".join(_not_judged(one, side, found, self.mechanism(one))) or "no column has a number to compare"
+            found = replace(found, run=found.run.model_copy(update={"reason": why}))
+        return side, found
+
+    def said(self, one: Recording, side: Reference, found: Judged) -> list[str]:
+        """What a reader has to know of a file beside its verdict, in sentences."""
+        m, rules = self.mechanism(one), found.rules
+        said = [f"{one.name}: {why}" for why in _not_judged(one, side, found, m)] if rules else []
+        if self.job.motion == "driven":
+            said += _coarse(one, side, rules, m)
+        off = found.run.verdict == "disagrees"
+        if off and (meant := self.meant(one)):
+            return [*said, f"{one.name}: {meant}"]
+        said += _units(one, side)
+        if off and one.kind == "angles" and self.job.motion == "driven" and one.time is None and self.rests(one):
+            said.append(f"{one.name}: agrees with the linkage at rest; say --motion static")
+        return said
+
+    def rests(self, one: Recording) -> bool:
+        """Whether rows that have no time are as the linkage is at rest."""
+        still = replace(self, job=replace(self.job, motion="static"))
+        return still.held(one)[1].run.verdict == "agrees"
+
+    def meant(self, one: Recording) -> str:
+        """What a map has to say where most of what disagrees agrees once the clock or an encoder is read otherwise;
+        empty where nothing does.
+
+        Where bodies are depends on the encoders alone, so that these are right where no pose disagrees.
+        """
+        best, known = Reading.of(one.table), readable(self.given)
+        first = found = self._agreeing(one, best)
+        ways: list[Callable[[Reading], Iterable[Reading]]] = [lambda r: r.encoders(self.given), Reading.clocks]
+        poses = [agrees for name, agrees in first.items() if known[name].kind == "pose"]
+        for way in ways[1:] if poses and all(poses) else ways:
+            for reading in way(best):
+                if found and all(found.values()):
+                    break
+                other = self._agreeing(one, reading)
+                if sum(other.values()) > sum(found.values()):
+                    best, found = reading, other
+        agree, then, compared = sum(first.values()), sum(found.values()), len(first) or len(found)
+        if 2 * (then - agree) <= compared - agree:
+            return ""
+        now = f"{agree} as it is read" if first else "as it is read the linkage does not reach its angles"
+        said = f"{then} of {len(found)} comparisons agree with {best.words}, {now}"
+        return f"{said}: say {best.lines} under [columns] of a map"
+
+    def _agreeing(self, one: Recording, reading: Reading) -> dict[str, bool]:
+        """Whether each signal agrees; nothing where the linkage does not move so."""
+        try:
+            again = recording(one.name, one.file, reading.table, self.given, self.job.motion, self.joint_model)
+            found = self.held(again)[1].run.discrepancies
+        except (DataError, AssemblyError):
+            return {}
+        return {each.signal: each.verdict == "agrees" for each in found}
+
+
 def _side(one: Recording, mechanism: Mechanism, motion: Motion, joint_model: JointModel, model: Model) -> Reference:
-    """The analytic side at a recording's samples.  Raises AssemblyError with the file."""
+    """The analytic side at a recording's samples, by what is known of its motion.  Raises AssemblyError."""
     clearances = {} if joint_model == "ideal" else mechanism.clearances
     assembly = Assembly(mechanism)
-    try:
-        if isinstance(one.moved, Start):
-            since = one.table.time - one.table.time[0]
-            return released_reference(assembly, since, (one.moved.angle, one.moved.rate), one.moved.errors)
-        if isinstance(one.moved, Followed):
-            return followed_reference(assembly, one.moved.moving, one.moved.errors, model, clearances)
-        if isinstance(one.moved, FollowedDrives):
-            if motion == "static":
-                courses = Courses({n: (one.moved.time, each.moving.theta) for n, each in one.moved.drives.items()})
-                side = timed_reference(assembly, one.moved.time, courses, motion, model, clearances)
-                return silenced(side, _standing(one.moved, mechanism))
-            states = {name: (each.moving, each.errors) for name, each in one.moved.drives.items()}
-            return followed_drives_reference(assembly, states, model, clearances)
-        return reference(assembly, one.theta, motion, model, clearances, one.error)
-    except AssemblyError as error:
-        raise DataError(f"{Path(one.file).name}: {error}; check the angles, their unit and their sign") from None
+    if isinstance(one.moved, Start):
+        since = one.table.time - one.table.time[0]
+        return released_reference(assembly, since, (one.moved.angle, one.moved.rate), one.moved.errors)
+    if isinstance(one.moved, Followed):
+        return followed_reference(assembly, one.moved.moving, one.moved.errors, model, clearances)
+    if isinstance(one.moved, FollowedDrives):
+        if motion == "static":
+            courses = Courses({n: (one.moved.time, each.moving.theta) for n, each in one.moved.drives.items()})
+            side = timed_reference(assembly, one.moved.time, courses, motion, model, clearances)
+            return silenced(side, _standing(one.moved, mechanism))
+        states = {name: (each.moving, each.errors) for name, each in one.moved.drives.items()}
+        return followed_drives_reference(assembly, states, model, clearances)
+    return reference(assembly, one.theta, motion, model, clearances, one.error)
 
 
 def _standing(moved: FollowedDrives, mechanism: Mechanism) -> dict[str, np.ndarray]:
@@ -323,19 +394,52 @@ def _trace(one: Recording, mechanism: Mechanism, joint_model: JointModel, motion
     )
 
 
-def _coarse(one: Recording, side: Reference, rules: Mapping[str, object], mechanism: Mechanism) -> list[str]:
+def _not_judged(one: Recording, side: Reference, found: Judged, mechanism: Mechanism) -> list[str]:
+    """Why columns are held against nothing, in sentences; that encoders are not, as the analytic side follows them,
+    goes without saying, and what is empty is said elsewhere.
+    """
+    full = {name for name, values in one.table.values.items() if np.any(np.isfinite(values))}
+    rest = [column.signal for column in one.table.columns if column.signal.name in full]
+    rest = [s for s in rest if s not in mechanism.encoders and not _held_by(s, found.rules)]
+    rest = [s for s in rest if s.kind != "reaction" or s.place not in side.undetermined]
+    crank = Signal("rate", mechanism.driven if mechanism.cranked else "", "angular_velocity")
+    others = [s.name for s in rest if s != crank]
+    why = f"the motion of the {crank.place} is prescribed, and the analytic side follows it"
+    said = [f"{crank.name} is not judged: {why}"] if crank in rest else []
+    if others:
+        named = ", ".join(others[:NAMED]) + (f" and {len(others) - NAMED} more" if len(others) > NAMED else "")
+        said.append(
+            f"{named} {'is' if len(others) == 1 else 'are'} not judged: a run with {found.run.joint_model} joints is"
+            " judged on other signals"
+        )
+    return said
+
+
+def _held_by(signal: Signal, rules: Mapping[str, Rule]) -> bool:
+    """Whether a column is judged: by itself, or by what is derived of it: a reaction's size, a body's rotation."""
+    derived = {"reaction": signal.sibling("magnitude"), "pose": Signal("rotation", signal.place, "angle")}
+    return signal.name in rules or (signal.kind in derived and derived[signal.kind].name in rules)
+
+
+def _coarse(one: Recording, side: Reference, rules: Mapping[str, Rule], mechanism: Mechanism) -> list[str]:
     """A warning where the crank's recorded angles leave a signal open by more than it should differ by."""
     if not isinstance(one.moved, Followed | FollowedDrives) and not one.error:
         return []
-    worst, share = "", 0.0
-    for name in rules:
+    left_open, share = "", 1e-3 * COARSE
+    for name, rule in rules.items():
         peak = float(np.nanmax(np.abs(side.signals[name]), initial=0.0))
         open_by = SURE * float(np.max(side.unsure.get(name, np.zeros(1))))
-        if peak and open_by / peak > share and (one.error or not name.endswith("_angle")):
-            worst, share = name, open_by / peak
-    if share < 1e-3 * COARSE:
+        alone = float(np.nanmax(replace(rule, unsure=0.0).tolerance(side.signals), initial=0.0))
+        if open_by > max(share * peak, COARSE * alone) and (one.error or not rule.signal.wraps):
+            share = open_by / peak if peak else math.inf
+            much = (
+                f"{100 * share:.2g} % of its peak"
+                if share < 1
+                else f"{open_by:.2g} {UNITS[rule.kind]}, more than its peak"
+            )
+            left_open = f"{name} to {much}; that much is allowed on top"
+    if not left_open:
         return []
-    left_open = f"{worst} to {100 * share:.2g} % of its peak; that much is allowed on top"
     if not isinstance(one.moved, Followed | FollowedDrives):
         return [
             f"{one.name}: its crank's angles are rounded, by up to {np.degrees(SURE * one.error):.2g} deg, and so tell"
@@ -356,39 +460,9 @@ def _coarse(one: Recording, side: Reference, rules: Mapping[str, object], mechan
     ]
 
 
-def _at_rest(one: Recording, mechanism: Mechanism, joint_model: JointModel, model: Model, job: Job) -> list[str]:
-    """A warning where rows that have no time are as the linkage is at rest."""
-    side = _with_rounding(_side(one, mechanism, "static", joint_model, model), one)
-    trace = _trace(one, mechanism, joint_model, "static")
-    again = judged(replace(job, theta=one.theta, time=None, motion="static"), side, trace)
-    return [f"{one.name}: agrees with the linkage at rest; say --motion static"] * (again.run.verdict == "agrees")
-
-
-def _drives_read(one: Recording, mechanism: Mechanism) -> Iterator[str]:
-    """A warning for each driven pin whose position is not what its bodies' angles say, but in another unit or sign."""
-    values = one.table.values
-    for joint in mechanism.motors:
-        angles = [np.zeros(1) if body == GROUND else values.get(f"{body}_angle") for body in joint.bodies]
-        name = position(joint).name
-        if joint.prismatic or name not in values or any(each is None for each in angles):
-            continue
-        turned = np.asarray(angles[1]) - np.asarray(angles[0])
-        here = np.isfinite(turned) & np.isfinite(values[name])
-        told = looks("angle", turned[here], values[name][here]) if np.sum(here) >= LEAST else None
-        if told is not None:
-            remedy = "say sign = -1 in a map" if told[1] == REVERSED else "say its unit in its heading, or in a map"
-            bodies = " and ".join(body for body in joint.bodies if body != GROUND)
-            yield (
-                f"{one.name}: {name} is {told[0]:.4g} times what the angle of {bodies} says (second body less first):"
-                f" it looks {told[1]}; {remedy}"
-            )
-
-
-def _units(one: Recording, side: Reference, mechanism: Mechanism) -> list[str]:
+def _units(one: Recording, side: Reference) -> list[str]:
     """A warning for each signal that is the analytic one in another unit, or of the other sign."""
     found = []
-    if isinstance(one.moved, FollowedDrives) and (found := list(_drives_read(one, mechanism))):
-        return found  # what follows from them is off as well
     for column in one.table.columns:
         name, kind = column.signal.name, dimension(column.signal)
         values = one.table.values[name]
@@ -396,7 +470,7 @@ def _units(one: Recording, side: Reference, mechanism: Mechanism) -> list[str]:
         if np.sum(here) < LEAST:
             continue
         model, recorded = side.signals[name][here], values[here]
-        told = looks(kind, model, recorded)
+        told = looks(kind, column.unit, model, recorded)
         if told is not None:
             slope, what = told
             remedy = f", but is read in {column.unit}; say its unit in its heading, or in a map"
@@ -410,11 +484,12 @@ def _units(one: Recording, side: Reference, mechanism: Mechanism) -> list[str]:
 # ---------------------------------------------------------------- engines beside
 
 
-def _engines(job: Job, one: Recording, joint_model: JointModel, progress: Progress) -> Ran:
+def _engines(asked: _Asked, one: Recording, progress: Progress) -> Ran:
     """The first file's motion in engines."""
-    m = job.mechanism
+    m, joint_model = asked.mechanism(one), asked.joint_model
     if isinstance(one.moved, Followed | FollowedDrives):
         one = replace(one, moved=one.moved.smooth())
+    job = replace(asked.job_of(one), beside=tuple(one.table.values))
     side = _side(one, m, job.motion, joint_model, job.model)
     if isinstance(one.moved, FollowedDrives):
         request = one.moved.request(m, joint_model, job.motion)
@@ -428,14 +503,18 @@ def _engines(job: Job, one: Recording, joint_model: JointModel, progress: Progre
         request = Request(m, joint_model, job.motion, crank_angle=one.theta)
     pair = (joint_model, job.motion)
     tasks = [(name, request) for name in job.simulators if pair in engine(name).capabilities.runs]
-    job = replace(job, theta=one.theta, time=_clock(one, m), courses=_courses(one), beside=tuple(one.table.values))
     return run_all(job, tasks, lambda trace: side, engine, progress)
 
 
-def _alike(run: Run, first: Run) -> bool:
-    """Whether two runs have the same samples, but for what their times and angles are rounded to."""
-    if (run.time is None) != (first.time is None) or run.crank_angle.size != first.crank_angle.size:
+def _alike(one: Judged, first: Judged) -> bool:
+    """Whether the analytic model says the same at the samples of two runs, within what each signal may differ by: only
+    then is one held against the other.
+    """
+    if one.run.crank_angle.size != first.run.crank_angle.size:
         return False
-    one, other = ((r.crank_angle if r.time is None else r.time - r.time[0]) for r in (run, first))
-    step = float(np.median(np.abs(np.diff(other)))) if other.size > 1 else 1.0
-    return bool(np.max(np.abs(one - other)) <= SAME * step)
+    for name in one.rules.keys() & first.rules.keys():
+        allowed = np.fmax(*(each.rules[name].tolerance(each.run.analytic) for each in (one, first)))
+        apart = difference(one.rules[name].signal.apart(one.run.analytic[name], first.run.analytic[name]), allowed)
+        if apart is not None and apart.share > 1:
+            return False
+    return True

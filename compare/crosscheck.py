@@ -445,12 +445,11 @@ def run_all(
     return Ran(tuple(one for one in settled.values() if isinstance(one, Judged)), tuple(failed), tuple(left_out))
 
 
-def concluded(job: Job, ran: Ran, alike: Callable[[Run], bool] = lambda run: True) -> CrossCheck:
+def concluded(job: Job, ran: Ran, alike: Callable[[Judged], bool] = lambda one: True) -> CrossCheck:
     """The result of a job.  Which engine stands apart is asked of those of its runs that are ``alike``: that have the
     same samples.
     """
-    judged = [(one.run, one.rules) for one in ran.judged]
-    runs = tuple(run for run, _ in judged)
+    runs = tuple(one.run for one in ran.judged)
     statistics = held_together(runs, job.tolerances)
     result = CrossCheck(
         case=job.mechanism.name,
@@ -477,7 +476,7 @@ def concluded(job: Job, ran: Ran, alike: Callable[[Run], bool] = lambda run: Tru
         result = result.model_copy(update={"printed": printed})
     if statistics:
         result = result.model_copy(update={"statistics": statistics})
-    together = [(run, rules) for run, rules in judged if alike(run)]
+    together = [(one.run, one.rules) for one in ran.judged if alike(one)]
     if len({run.simulator.name for run, _ in together}) < 2:
         return result
     found = attribute(together)
@@ -581,7 +580,7 @@ def _run(job: Job, side: Reference, trace: Trace) -> tuple[Run, dict[str, Rule]]
         analytic=dict(side.signals),
         simulated=seen,
         discrepancies=tuple(_public(d, theta) for d in found),
-        verdict="disagrees" if any(d.verdict == "disagrees" for d in found) else "agrees" if found else "unjudged",
+        verdict=_of_run(found),
         order_difference=dict(side.order_difference),
         journal={name: Path(x=path[:, 0], y=path[:, 1]) for name, path in trace.journal.items()},
         free_share=dict(trace.free_share),
@@ -597,6 +596,14 @@ def _told_along(job: Job, trace: Trace) -> np.ndarray:
     if job.courses is not None and job.courses.knots and not job.mechanism.cranked:
         return next(iter(job.courses.at(job.time).values()))
     return trace.crank_angle
+
+
+def _of_run(found: Sequence[Discrepancy]) -> Verdict:
+    """Of one run: what cannot be told apart from nothing does not agree, and nor does a run without a comparison."""
+    verdicts = {each.verdict for each in found}
+    if "disagrees" in verdicts:
+        return "disagrees"
+    return "unjudged" if not found or "unjudged" in verdicts else "agrees"
 
 
 def _verdict(runs: Sequence[Run], failures: Sequence[Failure], statistics: Sequence[Compared] = ()) -> Verdict:

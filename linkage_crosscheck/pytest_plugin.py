@@ -193,8 +193,8 @@ def _differences(result: CrossCheck) -> Iterator[str]:
     summary = summarise(result)
     yield f"{result.case}: {WORDS[summary.verdict]}"
     for run in summary.runs:
-        yield from (f"{run.title}: {row.sentence}" for row in run.rows if row.verdict == "disagrees")
-        if run.verdict == "unjudged":
+        yield from (f"{run.title}: {row.sentence}" for row in run.rows if row.verdict in ("disagrees", "unjudged"))
+        if not run.rows:
             yield f"{run.title}: not judged: {run.reason or 'it has no signal to compare'}"
     yield from (f"failed: {why}" for why in summary.failures)
     yield from (text for text in (summary.why, summary.between) if text)

@@ -298,7 +298,7 @@ def test_the_preview_says_what_a_diagnosis_refuses(tmp_path: Path) -> None:
         (tmp_path / file.name).write_text(head.replace("follower_x [mm]", "follower_x [m]") + "".join(rest))
     (tmp_path / "measured.toml").write_text(text)
     found = [fault.text for fault in lc.preview(tmp_path).faults]
-    assert any("it looks in millimetres" in said and "a diagnosis refuses it" in said for said in found), found
+    assert any("it looks in mm" in said and "a diagnosis refuses it" in said for said in found), found
 
 
 @pytest.mark.slow

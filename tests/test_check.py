@@ -7,7 +7,6 @@ multipliers in maximal coordinates, an engine; or they come from a commercial pr
 from __future__ import annotations
 
 import json
-import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -30,6 +29,7 @@ from multiplier_oracle import Oracle
 FOLDER = os.environ.get("MEASURED_DATA", "")
 REAL = pytest.mark.skipif(not FOLDER, reason="MEASURED_DATA is not set: the folder with adams-fourbar, adams-pendulum")
 FOUR_BAR = load("crank-rocker").with_clearances({})
+FOLLOWED = FOUR_BAR.replace(drive={"joint": FOUR_BAR.drive_joint.name, "speed": "measured"})
 ARM = load("pendulum")
 MOTOR = ARM.replace(name="driven pendulum", drive={"joint": "O", "speed": "measured"})
 MASS, LENGTH, GRAVITY = 0.2355, 0.3, 9.81
@@ -128,25 +128,164 @@ def test_a_wrong_torque_is_found_in_a_file_of_three_digits(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(
-    ("column", "factor", "says"),
+    ("column", "factor", "heading", "says"),
     [
-        ("drive_torque [N.m]", 1e3, "drive_torque is 1000 times the analytic side's: it looks in newton millimetres"),
-        ("drive_torque [N.m]", -1.0, "it looks of the other sign; say sign = -1 in a map"),
-        ("reaction_B_x [N]", -1.0, "it looks of the other sign or is the force on the other body"),
-        (
-            "crank_angle [deg]",
-            math.pi / 180,
-            "evenly, but at 0.54831 rad/s where drive.speed = 31.4159: is its angle",
-        ),
-        ("time [s]", 1e3, "is its time in milliseconds, read as seconds?"),
+        ("drive_torque [N.m]", 1e3, "", "1000 times the analytic side's: it looks in N.mm, but is read in N.m; say"),
+        ("drive_torque [N.m]", -1.0, "", "it looks of the other sign; say sign = -1 in a map"),
+        ("reaction_B_x [N]", -1.0, "", "it looks of the other sign or is the force on the other body"),
+        ("reaction_B_x [N]", 1.0, "reaction_B_x [kN]", "it looks in N, but is read in kN"),
+        ("reaction_B_x [N]", 1e-3, "", "it looks in kN, but is read in N"),
+        ("coupler_x [mm]", 1e-3, "", "it looks in m, but is read in mm"),
+        ("follower_x [mm]", 1.0, "follower_x [m]", "it looks in mm, but is read in m"),
     ],
 )
-def test_a_column_in_another_unit_is_told(tmp_path: Path, column: str, factor: float, says: str) -> None:
-    columns = turning()
-    columns[column] = factor * columns[column]
+def test_a_column_in_another_unit_is_told(tmp_path: Path, column: str, factor: float, heading: str, says: str) -> None:
+    columns = turning(degrees=10.0)
+    columns[heading or column] = factor * columns.pop(column)
     result = lc.check(written(tmp_path / "odd.csv", columns), FOUR_BAR)
     assert result.verdict == "disagrees"
     assert [text for text in result.warnings if says in text], result.warnings
+
+
+OTHERWISE = {  # a clock or a crank that is not what its heading says: column, factor, heading, what a map has to say
+    "crank in degrees": ("crank_angle [deg]", 1.0, "crank_angle [rad]", 'signal = "crank_angle", unit = "deg"'),
+    "crank in radians": ("crank_angle [deg]", np.pi / 180, "crank_angle [deg]", 'signal = "crank_angle", unit = "rad"'),
+    "crank in turns": ("crank_angle [deg]", 1 / 360, "crank_angle [deg]", 'signal = "crank_angle", unit = "rev"'),
+    "crank reversed": ("crank_angle [deg]", -1.0, "crank_angle [deg]", 'crank_angle", unit = "deg", sign = -1'),
+    "clock in ms": ("time [s]", 1e3, "time [s]", 'signal = "time", unit = "ms"'),
+    "clock in s": ("time [s]", 1.0, "time [ms]", 'signal = "time", unit = "s"'),
+}
+QUICK = ("crank in degrees", "crank reversed", "clock in ms")
+
+
+@pytest.mark.parametrize("speed", ["measured", *slow("even")])
+@pytest.mark.parametrize("what", [*QUICK, *slow(*(what for what in OTHERWISE if what not in QUICK))])
+def test_a_clock_or_a_crank_that_is_meant_otherwise_is_told_with_the_line_that_mends_it(
+    tmp_path: Path, what: str, speed: str
+) -> None:
+    column, factor, heading, says = OTHERWISE[what]
+    m = FOLLOWED if speed == "measured" else FOUR_BAR
+    columns = {heading if name == column else name: values for name, values in turning(degrees=10.0).items()}
+    columns[heading] = factor * columns[heading]
+    path = written(tmp_path / "odd.csv", columns)
+    result = lc.check(path, m)
+    compared = len(result.run("odd").discrepancies)
+    assert result.verdict == "disagrees"
+    (told,) = [text for text in result.warnings if "under [columns] of a map" in text]
+    assert told.startswith(f"odd: {compared} of {compared} comparisons agree with {heading.split()[0]}")
+    assert says in told
+    assert not any("times the analytic side's" in text for text in result.warnings)
+    mended = tmp_path / "columns.toml"
+    mended.write_text(f"[columns]\n{told.partition(': say ')[2].removesuffix(' under [columns] of a map')}\n")
+    assert lc.check(path, m, map=mended).verdict == "agrees"
+
+
+def test_a_clock_and_a_crank_that_are_both_meant_otherwise_are_told_together(tmp_path: Path) -> None:
+    columns = {"time [s]": np.zeros(0), "crank_angle [rad]": np.zeros(0), **turning(degrees=10.0)}
+    columns["crank_angle [rad]"] = columns.pop("crank_angle [deg]")
+    columns["time [s]"] = 1e3 * columns["time [s]"]
+    (told,) = lc.check(written(tmp_path / "odd.csv", columns), FOLLOWED).warnings
+    assert 'agree with crank_angle in deg and time in ms, 0 as it is read: say "crank_angle [rad]" = {' in told
+
+
+def test_a_crank_in_degrees_that_the_linkage_does_not_reach_is_told_in_the_refusal(tmp_path: Path) -> None:
+    m = load("paper").with_clearances({})
+    angles = np.radians(np.arange(20.0, 161.0, 5.0))
+    run = lc.simulate(m, "mujoco", motion="static", angles=angles)
+    columns = {"crank_angle [rad]": np.degrees(angles), "follower_angle [rad]": run.signals["follower_angle"]}
+    with pytest.raises(DataError) as said:
+        lc.check(written(tmp_path / "odd.csv", columns), m, motion="static")
+    assert 'say "crank_angle [rad]" = { signal = "crank_angle", unit = "deg" } under [columns]' in str(said.value)
+
+
+@pytest.mark.parametrize("column", ["drive_torque [N.m]", "reaction_B_y [N]"])
+def test_a_wrong_force_is_no_matter_of_the_clock_or_the_crank(tmp_path: Path, column: str) -> None:
+    columns = turning(degrees=10.0)
+    columns[column] = 1.1 * columns[column]
+    result = lc.check(written(tmp_path / "odd.csv", columns), FOLLOWED)
+    assert result.verdict == "disagrees"
+    assert result.warnings == ()
+
+
+# ---------------------------------------------------------------- what a file cannot tell
+
+
+def test_a_column_that_agrees_only_as_its_allowance_hides_the_signal_is_not_judged(tmp_path: Path) -> None:
+    """A torque of no more than its sign, in newton metres, is known to 1 N.m; the true one has a peak of 0.43 N.m."""
+    columns = turning(degrees=10.0)
+    torque = columns["drive_torque [N.m]"]
+    exact = lc.check(written(tmp_path / "exact.csv", columns), FOUR_BAR)
+    columns["drive_torque [N.m]"] = np.sign(torque)
+    coarse = lc.check(written(tmp_path / "coarse.csv", columns), FOUR_BAR)
+    assert np.abs(torque).max() == pytest.approx(0.4277, abs=1e-4)
+    assert exact.verdict == "agrees"
+    assert coarse.verdict == coarse.run("coarse").verdict == "unjudged"
+    (hidden,) = [d for d in coarse.run("coarse").discrepancies if d.verdict != "agrees"]
+    assert (hidden.signal, hidden.verdict) == ("drive_torque", "unjudged")
+    assert hidden.tolerance is not None
+    assert hidden.tolerance > 0.4277
+    assert hidden.reason.startswith("not told apart: the allowance is larger than the signal (at most 0.42")
+
+
+def test_a_coarse_column_whose_signal_is_larger_than_its_step_still_agrees(tmp_path: Path) -> None:
+    columns = turning(degrees=10.0)
+    columns["drive_torque [N.m]"] = np.round(columns["drive_torque [N.m]"], 1)
+    result = lc.check(written(tmp_path / "coarse.csv", columns), FOUR_BAR)
+    assert result.verdict == "agrees"
+
+
+def test_a_torque_that_a_coarse_course_leaves_open_by_more_than_itself_is_not_judged(tmp_path: Path) -> None:
+    """With a course of eight rows the right torque agreed, and so did none."""
+    for size in (1.0, 0.0):
+        columns = {name: values for name, values in swung(8).items() if not name.startswith("reaction")}
+        columns["drive_torque [N.m]"] = size * columns["drive_torque [N.m]"]
+        result = lc.check(written(tmp_path / "eight.csv", columns), MOTOR)
+        verdicts = {d.signal: d.verdict for d in result.run("eight").discrepancies}
+        assert (verdicts["drive_torque"], verdicts["pendulum_x"]) == ("unjudged", "agrees")
+        assert result.verdict == "unjudged"
+
+
+def test_a_zero_torque_has_no_per_cent_of_its_peak(tmp_path: Path) -> None:
+    """A bar that turns evenly about its centre of mass needs no torque; a few rounded angles leave that open."""
+    balanced = Mechanism.model_validate(
+        {
+            "name": "balanced",
+            "ground": {"points": {"O": (0.0, 0.0)}},
+            "body": [{"name": "bar", "points": {"O": (0.0, 0.0), "tip": (0.2, 0.0)}, "com": (0.0, 0.0), "mass": 0.5}],
+            "joint": [{"name": "O", "type": "revolute", "bodies": ["ground", "bar"]}],
+            "drive": {"joint": "O", "speed": "measured"},
+            "assembly": {"bar": 0.0},
+        }
+    )
+    time = np.linspace(0.0, 1.0, 18)
+    columns = {"time [s]": time, "crank_angle [rad]": np.round(5 * time, 2), "drive_torque [N.m]": 0 * time}
+    (told,) = lc.check(written(tmp_path / "few.csv", columns), balanced).warnings
+    assert "% of its peak" not in told
+    assert "and so drive_torque to " in told
+    assert "N.m, more than its peak; that much is allowed on top" in told
+
+
+def test_the_speed_of_a_crank_is_said_not_to_be_judged(tmp_path: Path) -> None:
+    own = ("time [s]", "crank_angle [rad]", "pendulum_angular_velocity [rad/s]")
+    columns = {name: values for name, values in swung(100).items() if name in own}
+    alone = lc.check(written(tmp_path / "own.csv", columns), MOTOR)
+    says = "pendulum_angular_velocity is not judged: the motion of the pendulum is prescribed, and the analytic side"
+    assert alone.verdict == alone.run("own").verdict == "unjudged"
+    assert alone.run("own").reason.startswith(says)
+    beside = lc.check(written(tmp_path / "all.csv", swung(100)), MOTOR)
+    assert beside.verdict == "agrees"
+    assert [text for text in beside.warnings if text.startswith(f"all: {says}")]
+
+
+def test_columns_that_nothing_is_held_against_are_said(tmp_path: Path) -> None:
+    columns = turning(degrees=10.0)
+    columns |= {f"position_{joint} [rad]": columns["follower_angle [rad]"] for joint in ("A", "B", "E")}
+    columns |= {f"clearance_B_{axis} [m]": 0 * columns["follower_angle [rad]"] for axis in ("x", "y")}
+    (said,) = lc.check(written(tmp_path / "more.csv", columns), FOUR_BAR).warnings
+    assert said == (
+        "more: position_A, position_B, position_E, clearance_B_x and 1 more are not judged: a run with ideal joints is"
+        " judged on other signals"
+    )
 
 
 @pytest.mark.parametrize("given", [{}, [], 3, None, {"": "a.csv"}, {"x": 3}], ids=str)
@@ -291,6 +430,47 @@ def test_tables_in_other_units_have_the_same_samples_and_of_other_rows_it_is_sai
     assert any(text.startswith("half: has other samples than right") for text in result.warnings)
 
 
+@pytest.mark.parametrize("left_out", ["", "time [s]"])
+def test_who_stands_apart_is_asked_of_angles_as_of_times(tmp_path: Path, left_out: str) -> None:
+    """The torque is 1.1 times the right one, in a table of crank angles as in one with times."""
+    columns = {name: values for name, values in turning(degrees=10.0).items() if name != left_out}
+    columns["drive_torque [N.m]"] = 1.1 * columns["drive_torque [N.m]"]
+    result = lc.check(written(tmp_path / "theirs.csv", columns), FOUR_BAR, simulators="mujoco")
+    assert result.odd_one_out == "theirs"
+    assert result.words.startswith("theirs stands apart, most clearly in drive_torque: off by -0.0428 N.m")
+    assert result.spread["drive_torque"].max == pytest.approx(0.0428, abs=1e-4)
+    assert result.warnings == ()
+
+
+def test_tables_of_one_motion_are_compared_whether_they_have_times_or_not(tmp_path: Path) -> None:
+    timed = turning(degrees=10.0)
+    files = [written(tmp_path / "timed.csv", timed)]
+    files.append(written(tmp_path / "angles.csv", {n: v for n, v in timed.items() if n != "time [s]"}))
+    result = lc.check(files, FOUR_BAR)
+    assert (result.verdict, result.words, result.warnings) == ("agrees", "all agree within the tolerances", ())
+
+
+def test_tables_with_the_same_times_of_another_motion_are_not_compared(tmp_path: Path) -> None:
+    time = np.linspace(0.0, 3.0, 150)
+    files = []
+    for name, size in (("wide", 0.8), ("narrow", 0.5)):
+        theta, rate = size * np.sin(4 * time), 4 * size * np.cos(4 * time)
+        files.append(written(tmp_path / f"{name}.csv", pendulum(time, theta, rate, -16 * theta)))
+    result = lc.check(files, MOTOR)
+    assert [run.verdict for run in result.runs] == ["agrees", "agrees"]
+    assert result.spread == {}
+    assert any(text.startswith("narrow: has other samples than wide") for text in result.warnings)
+
+
+def test_a_crank_at_its_speed_is_held_to_it_beside_one_that_is_not(tmp_path: Path) -> None:
+    """The table of angles was held to a crank at 1 rad/s, and disagreed by 987 times its forces."""
+    columns = turning(degrees=10.0)
+    files = [written(tmp_path / "angles.csv", {n: v for n, v in columns.items() if n != "time [s]"})]
+    files.append(written(tmp_path / "slow.csv", {**columns, "time [s]": 1.02 * columns["time [s]"]}))
+    result = lc.check(files, FOUR_BAR)
+    assert [run.verdict for run in result.runs] == ["agrees", "disagrees"]
+
+
 def test_a_table_of_a_few_equilibria_is_checked(tmp_path: Path) -> None:
     columns = {name: values[:: len(values) // 3] for name, values in turning().items() if not name.startswith("time")}
     columns = {name: values for name, values in columns.items() if "angle" in name}
@@ -403,6 +583,23 @@ def test_the_command_writes_what_a_cross_check_writes(tmp_path: Path, case: Path
     assert "file = good.csv" in shown.stdout
     written(tmp_path / "bad.csv", swung(120, mass=1.1))
     assert compare("check", "bad.csv", "--case", str(case), "--quiet", cwd=tmp_path).returncode == 1
+
+
+def test_a_signal_that_is_not_judged_is_told_everywhere_and_ends_with_status_1(tmp_path: Path) -> None:
+    (tmp_path / "case.toml").write_text(dumps(FOUR_BAR))
+    columns = turning(degrees=10.0)
+    columns["drive_torque [N.m]"] = np.sign(columns["drive_torque [N.m]"])
+    written(tmp_path / "coarse.csv", columns)
+    ended = compare("check", "coarse.csv", "--case", "case.toml", "--out", "out", cwd=tmp_path)
+    assert ended.returncode == 1, ended.stderr
+    assert "crank-rocker: NOT JUDGED" in ended.stdout
+    assert "1 of 14 comparisons in 1 of 1 run is not judged: drive torque (coarse, ideal):" in " ".join(
+        ended.stdout.split()
+    )
+    told = {name: (tmp_path / "out" / name).read_text() for name in ("junit.xml", "report.md", "report.html")}
+    assert all("not told apart: the allowance is larger than the signal" in text for text in told.values())
+    assert 'tests="14" failures="1"' in told["junit.xml"]
+    assert 'type="not judged"' in told["junit.xml"]
 
 
 @pytest.mark.parametrize(

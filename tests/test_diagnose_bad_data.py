@@ -128,7 +128,7 @@ def all_empty(table: Table) -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (in_degrees, [RUN, "follower_angle", "degrees", "rad"]),
+        (in_degrees, [RUN, "follower_angle", "it looks in deg", "rad"]),
         (swapped, [RUN, "reaction_E_x and reaction_E_y", "swapped"]),
         (back_in_time, [RUN, "line 21", "time runs back"]),
         (one_sample, [RUN, "1 row"]),

@@ -79,7 +79,7 @@ def test_values_of_other_runs_do_not_apply_to_a_validation_run() -> None:
     (effect,) = found["effects"]
     assert effect["kind"] == "sensor"
     assert set(effect["parameters"]) == {"offset@slow", "offset@fast-reverse"}
-    assert "Each run has its own encoder zero, \N{MINUS SIGN}10 to +20 mrad." in found["statement"]
+    assert "Each run has its own encoder zero, 10 mrad too little to 20 mrad too much." in found["statement"]
     assert "It was not applied to kept, for which it has no value." in found["statement"]
     kept = by_name(found, "kept")
     assert gaps(kept, "after") == gaps(kept, "before")  # its own zero is not off

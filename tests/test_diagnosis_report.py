@@ -17,6 +17,10 @@ import jsonschema
 import numpy as np
 import pytest
 
+from analytic.mechanism.file import load
+from compare.diagnose.effects.effect import Effect as VocabularyEffect
+from compare.diagnose.effects.effect import Parameter as SignedParameter
+from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.files import to_json
 from compare.quantities import DASH, MINUS, TIMES, amount, fitting
 from compare.report.diagnosis import junit
@@ -26,6 +30,7 @@ from compare.report.diagnosis_text import diagnosis_md, terminal_lines
 from compare.report.diagnosis_words import attempts, next_steps, ties, waterfall
 from compare.results.diagnosis import Diagnosis, Effect, Located, Parameter
 from compare.results.sentences import (
+    amounts,
     data_sentences,
     explained_to,
     odds,
@@ -38,6 +43,7 @@ from compare.results.sentences import (
     sentence,
     separation,
     span,
+    spoken,
     wrapped,
 )
 from marks import slow
@@ -317,6 +323,104 @@ def test_a_number_is_written_as_one_writes_it(value: float | None, said: str) ->
     assert plainly(value) == said
 
 
+COORDINATES = ("rest_angle", "phase", "harmonic")  # whose sign is no direction of an error
+SIGNED = [
+    (effect, p)
+    for effect in VOCABULARY.values()
+    for p in effect.parameters
+    if p.lowest < 0 and p.name not in COORDINATES
+]
+SENTENCES = {  # of a value, of its negative, and what both begin with
+    "gravity.x": ("gravity acts on the linkage: 0.02 m/s^2 to the right", "0.02 m/s^2 to the left"),
+    "gravity.y": ("gravity acts on the linkage: 0.02 m/s^2 up", "0.02 m/s^2 down"),
+    "payload.along": (
+        "a payload rides on the follower: 20 mm ahead of its centre of mass along its x axis",
+        "20 mm behind its centre of mass along its x axis",
+    ),
+    "payload.normal": ("a payload rides on the follower: 20 mm to the left of it", "20 mm to the right of it"),
+    "com_offset.along": (
+        "the centre of mass of the follower is 20 mm farther along its x axis than drawn",
+        "20 mm less far along its x axis than drawn",
+    ),
+    "com_offset.normal": (
+        "the centre of mass of the follower is 20 mm farther to its left than drawn",
+        "20 mm farther to its right than drawn",
+    ),
+    "moment_of_inertia.inertia_error": (
+        "the moment of inertia of the follower is 0.02 kg·m² larger than modelled",
+        "0.02 kg·m² smaller than modelled",
+    ),
+    "link_length.length_error": ("the follower is 20 mm longer than drawn", "20 mm shorter than drawn"),
+    "pivot_position.x": (
+        "the ground pivot E sits 20 mm to the right from where it is drawn",
+        "20 mm to the left from where it is drawn",
+    ),
+    "pivot_position.y": (
+        "the ground pivot E sits 20 mm up from where it is drawn",
+        "20 mm down from where it is drawn",
+    ),
+    "nonlinear_spring.cubic": (
+        "a spring that is not linear acts in joint B: 0.02 N·m/rad3 of cubic stiffening",
+        "0.02 N·m/rad3 of cubic softening",
+    ),
+    "external_force.x": ("an unknown force acts on the follower: 20 mN to the right", "20 mN to the left"),
+    "external_force.y": ("an unknown force acts on the follower: 20 mN up", "20 mN down"),
+    "load_torque.torque": (
+        "an unknown torque acts on the follower: 0.02 N·m counter-clockwise",
+        "0.02 N·m clockwise",
+    ),
+    "encoder_offset.offset": ("the encoder follower angle reads 20 mrad too much", "20 mrad too little"),
+    "sensor_bias.bias": ("the sensor follower angle reads 20 mrad too much", "20 mrad too little"),
+    "sensor_drift.drift": ("the sensor follower angle drifts by 20 mrad/s upwards", "20 mrad/s downwards"),
+    "sensor_gain.gain_error": ("the sensor follower angle reads 2 % too much", "2 % too little"),
+    "sensor_frame.rotation": (
+        "the load cell at B is mounted turned by 20 mrad counter-clockwise",
+        "20 mrad clockwise",
+    ),
+    "clock_offset.offset": ("run slow is 20 ms late on its command", "20 ms ahead of its command"),
+}
+
+
+@pytest.mark.parametrize(("effect", "p"), SIGNED, ids=lambda v: v.name)
+def test_a_sentence_of_an_effect_says_which_way(
+    explained: dict[str, Any], effect: VocabularyEffect, p: SignedParameter
+) -> None:
+    """Each parameter that has a sign has a word for either, in every sentence that tells its value."""
+    result = as_document(explained)
+    where = {
+        "body": "follower", "joint": "B", "ground point": "E", "signal": "follower_angle", "run": "slow",
+    }.get(effect.place, effect.place)  # fmt: skip
+    unit = {"": "rad", "of the signal per s": "rad/s"}.get(p.unit, p.unit)
+    place = spoken(result, where) if effect.place == "signal" else where
+    positive, negative = SENTENCES[f"{effect.name}.{p.name}"]
+    for value, said in ((0.02, positive), (-0.02, negative)):
+        given = {p.name: Parameter(value=value, unit=unit, low=value, high=value)}
+        told = effect.tells(place, amounts(result, effect, where, given))
+        assert told.endswith(said)
+        assert (told == said) is (value > 0)
+        assert MINUS not in told
+
+
+def test_a_direction_has_its_interval_counted_its_way(explained: dict[str, Any]) -> None:
+    result = as_document(explained)
+    shorter = {"length_error": Parameter(value=-2.98e-4, unit="m", low=-3.01e-4, high=-2.95e-4)}
+    unsure = {"length_error": Parameter(value=-2.98e-4, unit="m", low=-7e-4, high=1e-4)}
+    (sure_words,) = amounts(result, VOCABULARY["link_length"], "follower", shorter, intervals=True)
+    (unsure_words,) = amounts(result, VOCABULARY["link_length"], "follower", unsure, intervals=True)
+    assert sure_words == "0.2980 mm shorter than drawn (95 %: 0.2950 to 0.3010 mm)"
+    assert unsure_words == f"0.30 mm shorter than drawn (95 %: {MINUS}0.10 to 0.70 mm)"
+
+
+def test_a_link_that_is_drawn_backwards_is_longer_where_its_last_point_moves_back(explained: dict[str, Any]) -> None:
+    m = load("crank-rocker").with_body("follower", points={"B": (0.1, 0.0), "E": (0.0, 0.0)}, com=(0.05, 0.0))
+    result = as_document(explained).model_copy(update={"mechanism": m})
+    for error, said in ((-3e-4, "0.300 mm longer than drawn"), (3e-4, "0.300 mm shorter than drawn")):
+        moved = VOCABULARY["link_length"].on_mechanism(m, "follower", {"length_error": error})
+        assert np.sign(moved.moving["follower"].length - 0.1) == -np.sign(error)
+        given = {"length_error": Parameter(value=error, unit="m", low=error - 1e-5, high=error + 1e-5)}
+        assert amounts(result, VOCABULARY["link_length"], "follower", given) == [said]
+
+
 def test_values_of_each_run_are_a_range_and_have_one_unit(explained: dict[str, Any]) -> None:
     given = {
         "offset@a": Parameter(value=-0.0297, unit="rad", low=-0.0302, high=-0.0292),
@@ -325,7 +429,7 @@ def test_values_of_each_run_are_a_range_and_have_one_unit(explained: dict[str, A
     result = as_document(explained)
     own = own_values(result, "encoder_offset", "crank_angle", given)
     assert own is not None
-    assert own.sentence(2) == f"each run has its own encoder zero, {MINUS}1.7 to +3.6 deg"
+    assert own.sentence(2) == "each run has its own encoder zero, 1.7 deg too little to 3.6 deg too much"
     assert own.sentence(6).startswith("two of six runs have their own encoder zero")
     assert own.runs[0] == ("a", f"{MINUS}1.702 deg", f"{MINUS}1.730 to {MINUS}1.673 deg")
     assert [value.split()[-1] for _, value, _ in own.runs] == ["deg", "deg"]  # the first alone would be in mrad
@@ -406,7 +510,7 @@ def test_small_errors_are_told_beside_the_effect_that_they_may_be(explained: dic
     }
     clearance = explained["effects"][0] | {"small_errors": [error, error | {"where": "coupler"}]}
     result = as_document(explained | {"verdict": "ambiguous", "effects": [clearance]})
-    said = "an error in the length of the crank (length error 0.100 mm) and an error in the length of the coupler"
+    said = "an error in the length of the crank (0.100 mm longer than drawn) and an error in the length of the coupler"
     assert any(line.startswith(f"or small errors of the rig together: {said}") for line in terminal_lines(result))
     assert said in diagnosis_md(result)
     assert said in diagnosis_html(result)
@@ -709,7 +813,7 @@ def test_a_power_of_ten_is_ascii_in_a_terminal(explained: dict[str, Any]) -> Non
 def test_the_waterfall_takes_effects_as_they_are_listed_and_ends_with_what_remains(partly: dict[str, Any]) -> None:
     bars = waterfall(as_document(partly))
     assert [bar.kind for bar in bars] == ["before", "sensor", "rig", "rest"]
-    assert bars[1].label == f"each run has its own encoder zero, {MINUS}1.7 to +3.6 deg"
+    assert bars[1].label == "each run has its own encoder zero, 1.7 deg too little to 3.6 deg too much"
     assert [bar.share for bar in bars] == pytest.approx([100, 60, 25, 15])
     assert [bar.left for bar in bars] == pytest.approx([0, 40, 15, 0])  # each begins where the one before it ends
     assert sum(bar.share for bar in bars[1:]) == pytest.approx(100)
@@ -751,11 +855,11 @@ def test_a_tie_has_its_odds(partly: dict[str, Any]) -> None:
 
 def test_a_sensor_with_a_zero_in_each_run_is_one_sentence_and_a_table(partly: dict[str, Any]) -> None:
     html = diagnosis_html(as_document(partly))
-    assert f"Each run has its own encoder zero, {MINUS}1.7 to +3.6 deg." in html
+    assert "Each run has its own encoder zero, 1.7 deg too little to 3.6 deg too much." in html
     assert re.search(r'<tr><th scope="row">slow-reverse</th><td class="number">3\.600 deg</td>', html)
     assert "Not applied to the validation runs, for which it has no value." in html
     lines = terminal_lines(as_document(partly))
-    assert "missing: each run has its own encoder zero, -1.7 to +3.6 deg" in lines
+    assert "missing: each run has its own encoder zero, 1.7 deg too little to 3.6 deg too much" in lines
 
 
 def test_a_validation_run_is_shown_and_never_counts(partly: dict[str, Any]) -> None:

@@ -92,6 +92,52 @@ def test_a_drawn_effect_grows_from_nothing_and_stays_physical(case: str, effect:
     assert 0 < sizes[0] < 1e-2 * sizes[-1]
 
 
+MORE = {  # what a positive value makes larger: a number of the mechanism, or of the readings, that has its direction
+    "gravity.x": lambda m, r: m.gravity[0],
+    "gravity.y": lambda m, r: m.gravity[1],
+    "payload.along": lambda m, r: m.moving["follower"].centre.real,
+    "payload.normal": lambda m, r: m.moving["follower"].centre.imag,
+    "com_offset.along": lambda m, r: m.moving["follower"].centre.real,
+    "com_offset.normal": lambda m, r: m.moving["follower"].centre.imag,
+    "moment_of_inertia.inertia_error": lambda m, r: m.moving["follower"].moment_of_inertia,
+    "link_length.length_error": lambda m, r: m.moving["follower"].length,
+    "pivot_position.x": lambda m, r: m.ground.points["E"][0],
+    "pivot_position.y": lambda m, r: m.ground.points["E"][1],
+    "nonlinear_spring.cubic": lambda m, r: m.joint("B").cubic or 0.0,
+    "external_force.x": lambda m, r: sum(load.force[0] for load in m.loads),
+    "external_force.y": lambda m, r: sum(load.force[1] for load in m.loads),
+    "load_torque.torque": lambda m, r: sum(load.torque for load in m.loads),
+    "encoder_offset.offset": lambda m, r: r["crank_angle"][0],
+    "sensor_bias.bias": lambda m, r: r["follower_angle"][0],
+    "sensor_gain.gain_error": lambda m, r: r["follower_angle"][0],
+    "sensor_frame.rotation": lambda m, r: -r["reaction_B_y"][0],  # a force along x is clockwise of a cell turned so
+}
+
+
+@pytest.mark.parametrize("parameter", MORE)
+def test_a_positive_value_is_more_of_what_its_words_say(parameter: str) -> None:
+    """A word for each direction is right only if values have it: held to what they do to mechanism and readings."""
+    name, _, key = parameter.partition(".")
+    effect, m = VOCABULARY[name], four_bar(loads=())
+    where = {"body": "follower", "joint": "B", "ground point": "E", "linkage": "linkage"}.get(effect.place)
+    where = where or ("crank_angle" if name == "encoder_offset" else "follower_angle")
+    readings = {
+        "crank_angle": np.array([1.0]), "follower_angle": np.array([1.0]),
+        "reaction_B_x": np.array([10.0]), "reaction_B_y": np.array([0.0]),
+    }  # fmt: skip
+    sizes = []
+    for value in (-1e-5, 0.0, 1e-5):
+        values = {p.name: value if p.name == key else 1e-2 * (p.lowest == 0) for p in effect.parameters}
+        changed = effect.on_mechanism(m, where, values), effect.on_readings(readings, "slow", where, values)
+        sizes.append(MORE[parameter](*changed))
+    assert sizes[0] < sizes[1] < sizes[2]
+
+
+def test_a_drift_upwards_and_a_late_clock_are_positive() -> None:
+    assert VOCABULARY["sensor_drift"].drift("slow", "follower_angle", "follower_angle", {"drift": 0.1}) == 0.1
+    assert VOCABULARY["clock_offset"].delay("slow", "follower_angle", "slow", {"offset": 0.1}) == 0.1
+
+
 def test_a_joint_has_one_spring() -> None:
     """A linear one would take the place of stiffness and rest, and leave the other's cubic term about that rest."""
     bent = four_bar().with_joint("B", stiffness=0.1, cubic=0.3, rest_angle=1.0)

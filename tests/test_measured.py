@@ -17,7 +17,7 @@ from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import kinematics
 from analytic.mechanism.columns import PLAIN
 from analytic.mechanism.file import dumps, load
-from analytic.mechanism.units import ACCEPTED, SI, UnitError, factor, readable
+from analytic.mechanism.units import OFFERED, SI, Dimension, UnitError, factor, readable
 from analytic.paper.kinetostatics import kinetostatics
 from compare.diagnose.data import measured, quality
 from compare.diagnose.data.clipping import clipped
@@ -107,13 +107,13 @@ def test_units_of_the_right_dimension_are_converted(unit: str, kind: str, expect
     ],
 )
 def test_other_units_are_refused_with_those_accepted(unit: str, kind: str) -> None:
-    with pytest.raises(UnitError, match=ACCEPTED[kind].split(",")[0]):
+    with pytest.raises(UnitError, match=", ".join(OFFERED[kind][:-1])):
         factor(unit, kind)
 
 
 def test_every_offered_unit_is_accepted() -> None:
-    for kind, text in ACCEPTED.items():
-        for unit in text.replace(" or ", ", ").split(", "):
+    for kind, units in OFFERED.items():
+        for unit in units:
             assert factor(unit, kind) > 0
 
 
@@ -519,8 +519,36 @@ def test_swapped_columns_and_wrong_units_are_seen_with_a_model(tmp_path: Path) -
         "follower_angle",
         "drive_torque",
     }  # a load cell upside down is an effect, not a slip
-    assert "millimetres" in units["coupler_x"]
-    assert "degrees" in units["follower_angle"]
+    assert "it looks in mm" in units["coupler_x"]
+    assert "it looks in deg" in units["follower_angle"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "unit", "slope", "what"),
+    [
+        ("force", "N", 1e3, "in mN"),
+        ("force", "kN", 1e3, "in N"),
+        ("force", "N", 1e-3, "in kN"),
+        ("force", "kN", 1e-3, None),
+        ("length", "m", 1e3, "in mm"),
+        ("length", "mm", 1e-3, "in m"),
+        ("length", "m", 1e-3, "converted from mm twice"),
+        ("angle", "rad", 180 / np.pi, "in deg"),
+        ("angle", "deg", np.pi / 180, "in rad"),
+        ("angle", "rad", np.pi / 180, "converted from deg twice"),
+        ("angular velocity", "rad/s", 0.5 / np.pi, "in rev/s"),
+        ("torque", "N.m", 1 / 0.1129848, "in lbf.in"),
+        ("torque", "N.m", -1.0, "of the other sign"),
+        ("torque", "N.m", 1.02, None),
+        ("torque", "N.m", 1.3, None),
+    ],
+)
+def test_a_slope_is_told_by_the_unit_that_a_column_is_read_in(
+    kind: Dimension, unit: str, slope: float, what: str | None
+) -> None:
+    model = np.sin(np.linspace(0.0, 5.0, 50))
+    told = quality.looks(kind, unit, model, slope * model)
+    assert told == (None if what is None else (pytest.approx(slope), what))
 
 
 def test_right_columns_raise_no_suspicion(tmp_path: Path) -> None:

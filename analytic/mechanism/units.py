@@ -29,13 +29,13 @@ SI: dict[Dimension, Unit] = {
 }
 DIMENSIONS: dict[Unit, Dimension] = {unit: kind for kind, unit in SI.items()}
 # What messages offer; any other unit of the dimension that pint knows is accepted as well.
-ACCEPTED: dict[Dimension, str] = {
-    "time": "s, ms, us or min",
-    "angle": "rad, mrad, deg or rev",
-    "angular velocity": "rad/s, deg/s or rpm",
-    "length": "m, mm, um or in",
-    "force": "N, kN, mN, kgf or lbf",
-    "torque": "N.m, N.mm, kN.m or lbf.in",
+OFFERED: dict[Dimension, tuple[str, ...]] = {
+    "time": ("s", "ms", "us", "min"),
+    "angle": ("rad", "mrad", "deg", "rev"),
+    "angular velocity": ("rad/s", "deg/s", "rpm"),
+    "length": ("m", "mm", "um", "in"),
+    "force": ("N", "kN", "mN", "kgf", "lbf"),
+    "torque": ("N.m", "N.mm", "kN.m", "lbf.in"),
 }
 _FACTOR = r"[A-Za-zµμ°]+(\^?-?\d)?"
 _UNIT = re.compile(rf"(1|{_FACTOR})([./*·⋅ -]{_FACTOR}){{0,3}}")  # no numbers and no towers of powers reach pint
@@ -60,7 +60,8 @@ def factor(unit: str, kind: Dimension) -> float:
     """What a number in ``unit`` is multiplied by to be SI.  Raises UnitError."""
     if unit == SI[kind]:
         return 1.0
-    accepted = f"{_article(kind)} {kind} is given in {ACCEPTED[kind]}"
+    *units, last = OFFERED[kind]
+    accepted = f"{_article(kind)} {kind} is given in {listed(units)} or {last}"
     if not unit:
         raise UnitError(f"no unit; {accepted}")
     if not _UNIT.fullmatch(unit):

@@ -9,6 +9,7 @@ from compare.diagnose.explain import Explanation, Interval, Named
 from compare.diagnose.predict import Term
 from compare.results.diagnosis import Diagnosis, Parameter
 from compare.results.sentences import (
+    amounts,
     called,
     capital,
     enumerated,
@@ -16,7 +17,6 @@ from compare.results.sentences import (
     in_words,
     own_values,
     plainly,
-    rows,
     small_errors,
     spoken,
 )
@@ -33,17 +33,19 @@ def named(result: Diagnosis, n: Named) -> str:
         text = capital(f"{own.sentence(len(result.fitted))}.")
         kept = enumerated([run.name for run in result.validation])
         return f"{text} It was not applied to {kept}, for which it has no value." if kept else text
-    values = [
-        f"{name} {value}" + (f" (95 %: {interval})" if i.low < i.high else "")
-        for (name, value, interval), i in zip(rows(parameters), n.parameters.values(), strict=True)
-    ]
-    return capital(f"{meaning(result, n.term)}: {'; '.join(values)}.")
+    values = amounts(result, n.term.effect, n.term.where, parameters, intervals=True)
+    return capital(f"{n.term.effect.tells(_place(result, n.term), values)}.")
 
 
 def meaning(result: Diagnosis, term: Term) -> str:
     """What an effect at its place means: ``joint B has clearance``; one outside the vocabulary says it itself."""
+    return term.effect.says(_place(result, term))
+
+
+def _place(result: Diagnosis, term: Term) -> str:
+    """Where an effect is, as its sentences say it."""
     ours = term.effect.name in VOCABULARY and term.effect.place == "signal"
-    return term.effect.says(spoken(result, term.where) if ours else term.where)
+    return spoken(result, term.where) if ours else term.where
 
 
 def tied(result: Diagnosis, n: Named) -> str:

@@ -94,7 +94,7 @@ def attribute(judged: Sequence[tuple[Run, Mapping[str, Rule]]]) -> Attribution:
     """What only several engines can say: how far they are spread, and which party stands apart.
 
     ``judged`` are the result's runs with the rules by which each was held to the analytic side; engines are compared
-    within each joint model, by the widest rule among them.
+    within each joint model, by the widest rule among them, each by what it is off its own analytic side.
     """
     runs = [run for run, _ in judged]
     widest: dict[str, Widest] = {}
@@ -109,7 +109,9 @@ def attribute(judged: Sequence[tuple[Run, Mapping[str, Rule]]]) -> Attribution:
             signal, tolerance = having[0].signal, np.max([rule.tolerance(analytic) for rule in having], axis=0)
             tolerance = np.where(alike, tolerance, np.nan)
             engines = {
-                run.simulator.name: run.simulated[name] for run, rule in zip(group, rules, strict=True) if name in rule
+                run.simulator.name: run.simulated[name] - run.analytic[name] + analytic[name]
+                for run, rule in zip(group, rules, strict=True)
+                if name in rule
             }
             wide = spread(signal, engines, tolerance)
             if wide is None:

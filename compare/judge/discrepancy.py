@@ -27,7 +27,8 @@ __all__ = [
     "run_rules",
 ]  # fmt: skip
 
-Verdict = Literal["agrees", "disagrees", "known"]
+Verdict = Literal["agrees", "disagrees", "known", "unjudged"]
+HIDDEN = "not told apart: the allowance is larger than the signal"
 UNCOMPARED = "at no angle of the run has the signal a number, or its force a direction, to compare"
 
 
@@ -227,6 +228,15 @@ class Rule:
             peak = np.fmax(peak, self.arm * self._largest(force, analytic[force]))
         return np.maximum(max(self.absolute, self._noise), self.relative * peak) + self.unsure
 
+    def nothing(self, analytic: Mapping[str, np.ndarray]) -> np.ndarray:
+        """How far (N,) a column would be off that says nothing: no force, no torque, no speed; a direction that is the
+        opposite one, a place a body's length away.
+        """
+        values = analytic[self.signal.name]
+        if self.kind in ("angle", "position"):
+            return np.full(values.shape, np.pi)
+        return np.full(values.shape, self.scales.length) if self.kind == "place" else -values
+
     def allowed(self, analytic: Mapping[str, np.ndarray], theta: np.ndarray | None) -> tuple[np.ndarray, Tube]:
         """What each sample (N,) may differ by, and the window's tube at crank angles theta (N,) rad."""
         return self.tolerance(analytic), Tube.around(analytic[self.signal.name], theta, self.window)
@@ -350,10 +360,27 @@ def judge(
     if found is None:
         return None
     if known is None:
-        return _discrepancy(rule, found, "agrees" if found.share <= 1 else "disagrees")
+        if found.share > 1 or _told_apart(rule, analytic, apart, (tolerance, tube)):
+            return _discrepancy(rule, found, "agrees" if found.share <= 1 else "disagrees")
+        peak = f"{np.nanmax(np.abs(other)):.3g} {UNITS[rule.kind]}"
+        why = f"{HIDDEN} (at most {peak}); a column that says nothing would agree as well"
+        return _discrepancy(rule, found, "unjudged", why)
     bound = difference(apart, np.where(np.isnan(tolerance), np.nan, known.bound))
     verdict, why = _judge_known(known, found, bound or found, UNITS[rule.kind])
     return _discrepancy(rule, found, verdict, why)
+
+
+def _told_apart(
+    rule: Rule, analytic: Mapping[str, np.ndarray], apart: np.ndarray, allowed: tuple[np.ndarray, Tube]
+) -> bool:
+    """Whether differences (N,) that are ``allowed`` say something of the signal: they are within its tolerance alone,
+    or what the motion leaves open, which is allowed on top, is less than the signal.
+    """
+    if not np.any(rule.unsure):
+        return True
+    alone = difference(apart, replace(rule, unsure=0.0).tolerance(analytic), allowed[1])
+    nothing = difference(np.where(np.isfinite(apart), rule.nothing(analytic), np.nan), *allowed)
+    return alone is None or nothing is None or alone.share <= 1 or nothing.share > 1
 
 
 def _judge_known(known: Known, found: Difference, widest: Difference, unit: str) -> tuple[Verdict, str]:

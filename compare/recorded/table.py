@@ -29,12 +29,13 @@ class Table:
     map among them.
     """
 
-    columns: tuple[Column, ...]  # time apart
+    columns: tuple[Column, ...]  # time apart, which is the clock's
     time: np.ndarray
     values: dict[str, np.ndarray]
     notes: tuple[str, ...] = ()
     headings: tuple[str, ...] = ()
     used: frozenset[str] = frozenset()
+    clock: Column | None = None
 
     def rounding(self, signal: str) -> np.ndarray:
         """By how much a signal (N,) may be off as its numbers are rounded, in SI; 0 for one that is not there."""
@@ -131,7 +132,7 @@ def _table(path: Path, found: Headings, notes: Sequence[str], read: _Read, timed
     if faults:
         raise DataError(*faults)
     said = [f"{path.name}: {note}" for note in found.notes]
-    return Table(found.columns, time, values, (*notes, *said), found.cells, found.used)
+    return Table(found.columns, time, values, (*notes, *said), found.cells, found.used, found.time)
 
 
 def unused(where: str, entry: str, headings: Sequence[str]) -> str:

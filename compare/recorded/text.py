@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from analytic.mechanism.one_line import count, shown
-from analytic.mechanism.units import ACCEPTED, UnitError, factor
+from analytic.mechanism.units import OFFERED, UnitError, factor
 from compare.recorded.errors import DataError
 from compare.recorded.headings import BRACKETS, Column, Names
 
@@ -231,7 +231,7 @@ def _units(cells: Sequence[str], columns: int) -> dict[int, str]:
 
 
 def _is_unit(text: str) -> bool:
-    for kind in ACCEPTED:
+    for kind in OFFERED:
         try:
             factor(text, kind)
         except UnitError:

@@ -26,6 +26,7 @@ from compare.report.diagnosis_words import (
     simulated_by,
     ties,
     unsettled,
+    values_of,
     waterfall,
     worst_first,
 )
@@ -94,7 +95,7 @@ def _effect_lines(result: Diagnosis, group: Sequence[Place]) -> list[str]:
     for i, effect in enumerate(group):
         lead = "missing" if len(group) == 1 else "either" if i == 0 else "or"
         own = of_runs(result, effect)
-        values = ", ".join(f"{name} {value} (95 %: {interval})" for name, value, interval in of_effect(effect))
+        values = ", ".join(values_of(result, effect, intervals=True))
         said = headline(result, effect) if own else phrase(result, effect.name, effect.where)
         odds = rival_odds(result, group, effect)
         tail = [f", {values}"] if values and not own else [f" (odds {odds})"] if i and odds else []

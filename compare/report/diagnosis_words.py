@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.quantities import setting
 from compare.results.diagnosis import Attempt, DiagnosedRun, Diagnosis, Effect, Engine, Located, Parameter, Place, Rival
 from compare.results.sentences import (
     OwnValues,
     Row,
+    amounts,
     called,
     enumerated,
     odds,
@@ -67,6 +69,11 @@ def of_runs(result: Diagnosis, effect: Place) -> OwnValues | None:
 def of_effect(effect: Place) -> list[Row]:
     """Name, value and interval of each parameter; nothing for an effect that is only tied."""
     return rows(_parameters(effect))
+
+
+def values_of(result: Diagnosis, effect: Place, intervals: bool = False) -> list[str]:
+    """The values of an effect as one says them, with their 95 % ``intervals`` on request."""
+    return amounts(result, VOCABULARY.get(effect.name), effect.where, _parameters(effect), intervals)
 
 
 def _parameters(effect: Place) -> Mapping[str, Parameter]:
@@ -160,7 +167,7 @@ def attempts(result: Diagnosis) -> list[tuple[str, str, str, str, str]]:
 
 def _attempt(result: Diagnosis, attempt: Attempt) -> tuple[str, str, str, str, str]:
     own = of_runs(result, attempt)
-    values = own.reach if own else ", ".join(f"{name} {value}" for name, value, _ in of_effect(attempt))
+    values = own.reach if own else ", ".join(values_of(result, attempt))
     share = "" if attempt.share is None else percent(attempt.share)
     return phrase(result, attempt.name, attempt.where), values, share, " → ".join(_gaps(attempt)), attempt.failed
 
@@ -227,7 +234,7 @@ def next_steps(result: Diagnosis) -> list[str]:
 
 def _values(result: Diagnosis, effect: Effect) -> str:
     own = of_runs(result, effect)
-    return own.reach if own else ", ".join(f"{name} {value}" for name, value, _ in of_effect(effect))
+    return own.reach if own else ", ".join(values_of(result, effect))
 
 
 def remaining(result: Diagnosis) -> dict[tuple[str, str], str]:

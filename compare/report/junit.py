@@ -68,7 +68,7 @@ def _text(name: str, suites: list[ElementTree.Element]) -> str:
 
 
 def _suite(case: str, run: ShownRun) -> ElementTree.Element:
-    cases = [_case(case, run, row) for row in run.rows] + [_unjudged(case, run)] * (run.verdict == "unjudged")
+    cases = [_case(case, run, row) for row in run.rows] + [_unjudged(case, run)] * (not run.rows)
     failures = sum(each.find("failure") is not None for each in cases)
     counts = {"tests": str(len(cases)), "failures": str(failures), "errors": "0"}
     suite = ElementTree.Element("testsuite", _clean({"name": f"{run.title}, {run.motion}", **counts}))
@@ -124,8 +124,9 @@ def _place(case: str, run: ShownRun) -> str:
 
 def _case(case: str, run: ShownRun, row: Row) -> ElementTree.Element:
     element = ElementTree.Element("testcase", _clean({"classname": _place(case, run), "name": row.quantity.signal}))
-    if row.verdict == "disagrees":
-        message = _clean({"message": row.sentence, "type": "disagreement"})
+    if row.verdict in ("disagrees", "unjudged"):
+        kind = "disagreement" if row.verdict == "disagrees" else "not judged"
+        message = _clean({"message": row.sentence, "type": kind})
         ElementTree.SubElement(element, "failure", message).text = message["message"]
     else:
         known = "known difference: " if row.verdict == "known" else ""

@@ -148,7 +148,7 @@ class Summary:
             row.quantity.signal
             for run in self.runs
             for row in run.rows
-            if row.verdict == "disagrees" or run.version == results.RECORDED
+            if row.verdict in ("disagrees", "unjudged") or run.version == results.RECORDED
         }
         loose = any(run.clearance != "none" for run in self.runs)
         chosen = [s for s in key_signals(mechanism, joints, loose) if s in present]
@@ -369,7 +369,8 @@ def _sentences(runs: tuple[ShownRun, ...], failures: int, say: Callable[..., str
     exceeding = [(run, row) for run, row in wrong if not row.reason]
     otherwise = [(run, row) for run, row in wrong if row.reason]
     agreeing = [(run, row) for run, row in rows if row.verdict == "agrees"]
-    known = len(rows) - len(wrong) - len(agreeing)
+    hidden = [(run, row) for run, row in rows if row.verdict == "unjudged"]
+    known = len(rows) - len(wrong) - len(agreeing) - len(hidden)
     silent = [run for run in runs if run.reason or not run.rows]
     if failures:
         yield f"{failures} of {count(failures + len(runs), 'run')} failed."
@@ -385,6 +386,10 @@ def _sentences(runs: tuple[ShownRun, ...], failures: int, say: Callable[..., str
         yield f"{all_of} of {count(compared, 'run')} {verb} within tolerance."
     if known:
         yield f"{known} of {count(len(rows), 'comparison')} {'differs' if known == 1 else 'differ'} as known."
+    if hidden:
+        run, row = hidden[0]
+        first = "is" if len(hidden) == 1 else "are"
+        yield f"{_share(hidden, rows, runs)} {first} not judged: {row.quantity.label} ({run.title}): {row.reason}."
     if exceeding:
         yield f"Worst: {_most(exceeding, say)}."
     elif agreeing and not wrong:

@@ -53,7 +53,10 @@ class Discrepancy(Part):
     """Simulated minus analytic where it is the largest share of its tolerance."""
 
     model_config = ConfigDict(
-        json_schema_extra={"if": {"properties": {"verdict": {"const": "known"}}}, "then": {"required": ["reason"]}}
+        json_schema_extra={
+            "if": {"properties": {"verdict": {"enum": ["known", "unjudged"]}}},
+            "then": {"required": ["reason"]},
+        }
     )
 
     signal: str
@@ -63,11 +66,15 @@ class Discrepancy(Part):
     rms: Number
     at_crank_angle: Number
     tolerance: Number
-    verdict: Literal["agrees", "disagrees", "known"]
+    verdict: Annotated[
+        Literal["agrees", "disagrees", "known", "unjudged"],
+        Field(description="unjudged if what is allowed is larger than the signal, so that anything would agree."),
+    ]
     reason: Annotated[
         str,
         Field(
-            min_length=1, description="Why a difference is known, or why it disagrees for another reason than its size."
+            min_length=1,
+            description="Why a difference is known or unjudged, or why it disagrees for another reason than its size.",
         ),
     ] = ""
 
@@ -146,10 +153,8 @@ class Run(Part):
     analytic: Signals
     simulated: Signals
     discrepancies: tuple[Discrepancy, ...]
-    verdict: Annotated[Verdict, Field(description="unjudged if nothing could be compared.")]
-    reason: Annotated[
-        str, Field(min_length=1, description="Why the analytic model has no answer anywhere in the run.")
-    ] = ""
+    verdict: Annotated[Verdict, Field(description="unjudged if nothing could be compared, or a signal of it is.")]
+    reason: Annotated[str, Field(min_length=1, description="Why nothing could be compared in the run.")] = ""
     because: Annotated[Because | None, Field(description="Why it disagrees, where it does.")] = None
     order_difference: Annotated[
         Mapping[str, OrderDifference], Field(description="The paper's first order minus the equilibrium, by signal.")

@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 
 from analytic.mechanism.one_line import count
+from compare.diagnose.effects.effect import Effect as Kind
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.quantities import DASH, MINUS, Quantity, fitting, number, quantities, shown
 from compare.results.diagnosis import DiagnosedRun, Diagnosis, Effect, Located, Parameter, Proposed, SamePlace
@@ -144,11 +145,47 @@ def rows(parameters: Mapping[str, Parameter]) -> list[Row]:
     ]
 
 
+def amounts(
+    result: Diagnosis,
+    effect: Kind | None,
+    where: str,
+    parameters: Mapping[str, Parameter],
+    intervals: bool = False,
+) -> list[str]:
+    """Each value of an effect (None: one that is not known here) as one says it: ``0.298 mm longer than drawn``, or by
+    its name where no direction has a word: ``radial clearance 0.15 mm``; with its 95 % ``intervals`` on request.
+    """
+    out = []
+    for key, found in parameters.items():
+        way = _direction_word(result, effect, where, key, found.value)
+        like = [p for other, p in parameters.items() if _base(other) == _base(key)]
+        called, value, interval = parameter(key, _minus(found) if way and found.value < 0 else found, like)
+        run = called.partition(" in run ")[1:] if "@" in key else ("", "")
+        open_ended = found.low is None or found.high is None
+        known = f" (95 %: {interval})" if intervals and (open_ended or found.low != found.high) else ""
+        out.append((f"{value} {way}{''.join(run)}" if way else f"{called} {value}") + known)
+    return out
+
+
+def _direction_word(result: Diagnosis, effect: Kind | None, where: str, key: str, value: float) -> str:
+    """What follows the size of a parameter of this sign: ``longer than drawn``; empty where no direction has a word."""
+    known = next((p for p in effect.parameters if p.name == _base(key)), None) if effect else None
+    if effect is None or known is None:
+        return ""
+    return known.less if effect.sense(result.mechanism, where) * value < 0 else known.more
+
+
+def _minus(p: Parameter) -> Parameter:
+    """A parameter of the other sign."""
+    low, high = (None if end is None else -end for end in (p.high, p.low))
+    return p.model_copy(update={"value": -p.value, "low": low, "high": high})
+
+
 def errors_in_words(result: Diagnosis, effect: Effect) -> str:
     """The small errors of the rig that together would do as well in place of an effect, with their values."""
     said = []
     for error in effect.small_errors:
-        values = ", ".join(f"{name} {value}" for name, value, _ in rows(error.parameters))
+        values = ", ".join(amounts(result, VOCABULARY.get(error.name), error.where, error.parameters))
         said.append(f"{phrase(result, error.name, error.where)} ({values})")
     return enumerated(said)
 
@@ -190,13 +227,17 @@ def own_values(result: Diagnosis, name: str, where: str, parameters: Mapping[str
         return None
     what = _base(next(iter(parameters)))
     unit, factor = _unit(what, tuple(found.values()))
-    signed = any(p.value < 0 for p in found.values())
-    ends = [plainly(factor * end(p.value for p in found.values()), 2, signed) for end in (min, max)]
+    low, high = (factor * end(p.value for p in found.values()) for end in (min, max))
+    less, more = (_direction_word(result, VOCABULARY.get(name), where, what, end) for end in (low, high))
     sensor = spoken(result, where) if name in VOCABULARY and VOCABULARY[name].place == "signal" else where
     called = ZEROS.get(name, name.replace("_", " ") + " of {}")
     called = called.format(sensor) + f" for {sensor}" * (result.mechanism.several and "{}" not in called)
     own = tuple((run, value, interval) for run, (_, value, interval) in zip(found, rows(parameters), strict=True))
-    return OwnValues(called, f"{ends[0]} to {ends[1]}" + ("" if unit == "1" else f" {unit}"), own)
+    suffix = "" if unit == "1" else f" {unit}"
+    if less == more:
+        low, high = sorted((abs(low), abs(high))) if more else (low, high)
+        return OwnValues(called, f"{plainly(low, 2)} to {plainly(high, 2)}{suffix} {more}".strip(), own)
+    return OwnValues(called, f"{plainly(-low, 2)}{suffix} {less} to {plainly(high, 2)}{suffix} {more}", own)
 
 
 def separation(text: str) -> tuple[str, str]:

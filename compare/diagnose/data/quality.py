@@ -14,7 +14,7 @@ from itertools import combinations
 import numpy as np
 
 from analytic.mechanism.signals import turned_near
-from analytic.mechanism.units import dimension
+from analytic.mechanism.units import OFFERED, Dimension, dimension, factor
 from compare.diagnose.data.recording import Fault, MeasuredRun
 
 ORDERS = (3, 4, 6, 8, 10)  # of differences, tried for the noise
@@ -31,42 +31,7 @@ GAP = 5.0  # median intervals
 TELLING = 5.0  # how much better another column's prediction must fit, and by how many sigmas the own one must fail
 ESTIMATED_FROM = 50_000  # samples that noise is estimated from
 REVERSED = "of the other sign"
-# Slopes of a channel on its prediction that are conversions, and what the reader may have done.
-CONVERSIONS: dict[str, dict[str, float]] = {
-    "angle": {
-        "in degrees": 180 / math.pi,
-        "converted from degrees twice": math.pi / 180,
-        "in turns": 0.5 / math.pi,
-        REVERSED: -1.0,
-    },
-    "length": {
-        "in millimetres": 1e3,
-        "divided by 1000 twice": 1e-3,
-        "in inches": 1 / 0.0254,
-        REVERSED: -1.0,
-    },
-    "force": {
-        "in millinewtons": 1e3,
-        "in kilonewtons": 1e-3,
-        "in kilogram-force": 1 / 9.80665,
-        "in pound-force": 1 / 4.4482216,
-        REVERSED: -1.0,
-    },
-    "torque": {
-        "in newton millimetres": 1e3,
-        "in kilonewton metres": 1e-3,
-        "in pound-force inches": 1 / 0.1129848,
-        REVERSED: -1.0,
-    },
-    "angular velocity": {
-        "in degrees per second": 180 / math.pi,
-        "converted from degrees twice": math.pi / 180,
-        "in revolutions per minute": 30 / math.pi,
-        "converted from rpm twice": math.pi / 30,
-        "in revolutions per second": 0.5 / math.pi,
-        REVERSED: -1.0,
-    },
-}
+LIKE_UNIT = 0.03  # relative, by which a channel's slope on its prediction may miss a conversion of units
 
 
 def noise(time: np.ndarray, values: np.ndarray) -> float:
@@ -267,7 +232,7 @@ def suspicious_units(run: MeasuredRun, predicted: Mapping[str, np.ndarray]) -> l
         if here.size < 3:
             continue
         kind = dimension(channel.signal)
-        found = looks(kind, predicted[signal][here], channel.values[here])
+        found = looks(kind, channel.unit, predicted[signal][here], channel.values[here])
         if found is not None and (kind, found[1]) != ("force", REVERSED):
             slope, what = found
             text = (
@@ -278,16 +243,22 @@ def suspicious_units(run: MeasuredRun, predicted: Mapping[str, np.ndarray]) -> l
     return faults
 
 
-def looks(kind: str, model: np.ndarray, measured: np.ndarray) -> tuple[float, str] | None:
-    """By what measured values (N,) are the model's (N,), and what they look, if that is a conversion of this kind of
-    quantity.
+def looks(kind: Dimension, unit: str, model: np.ndarray, measured: np.ndarray) -> tuple[float, str] | None:
+    """By what measured values (N,), read in this unit, are the model's (N,), and what they look, if that is a
+    conversion of this kind of quantity: in another unit, converted twice, or of the other sign.
     """
     if np.std(model) == 0 or np.std(measured) == 0 or abs(np.corrcoef(model, measured)[0, 1]) < 0.99:
         return None
     slope = float(np.polyfit(model, measured, 1)[0])
-    return next(
-        ((slope, what) for what, factor in CONVERSIONS.get(kind, {}).items() if abs(slope / factor - 1) < 0.03), None
-    )
+    if abs(slope - 1) < LIKE_UNIT:
+        return None
+    others = [(each, factor(each, kind)) for each in (*OFFERED[kind], *("rev/s",) * (kind == "angular velocity"))]
+    read = factor(unit, kind)
+    conversions = {f"in {each}": read / size for each, size in others} | {REVERSED: -1.0}
+    if read == 1:
+        conversions |= {f"converted from {each} twice": size for each, size in others}
+    alike = (what for what, of in conversions.items() if abs(slope / of - 1) < LIKE_UNIT)
+    return next(((slope, what) for what in alike), None)
 
 
 def _misfit(run: MeasuredRun, signal: str, prediction: np.ndarray) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 from analytic.mechanism import GROUND, Body, Mechanism
 from compare.diagnose.effects.effect import Draw, Effect, Growth, Hiding, Parameter, Rig, Values
 
+CENTRE = "its centre of mass along its x axis"
 HEAVY = 0.3  # of a body's mass: a payload from which a fit finds one of any mass
 
 
@@ -20,7 +21,10 @@ class Gravity(Effect):
     label = "gravity"
     meaning = "gravity acts on the linkage"
     hiding = Hiding(with_beams=True)
-    parameters = (Parameter("x", "m/s^2", "gravity"), Parameter("y", "m/s^2", "gravity"))
+    parameters = (
+        Parameter("x", "m/s^2", "gravity", more="to the right", less="to the left"),
+        Parameter("y", "m/s^2", "gravity", more="up", less="down"),
+    )
 
     def places(self, rig: Rig) -> Sequence[str]:
         return ["linkage"]
@@ -51,8 +55,8 @@ class Payload(Effect):
     meaning = "a payload rides on the {}"
     parameters = (
         Parameter("mass", "kg", "mass", 0.0),
-        Parameter("along", "m", "position"),
-        Parameter("normal", "m", "position"),
+        Parameter("along", "m", "position", more=f"ahead of {CENTRE}", less=f"behind {CENTRE}"),
+        Parameter("normal", "m", "position", more="to the left of it", less="to the right of it"),
     )
 
     def places(self, rig: Rig) -> Sequence[str]:
@@ -107,7 +111,13 @@ class ComOffset(Effect):
     place = "body"
     label = "an offset centre of mass of the {}"
     meaning = "the centre of mass of the {} is off"
-    parameters = (Parameter("along", "m", "com"), Parameter("normal", "m", "com"))
+    found = "the centre of mass of the {} is {}"
+    parameters = (
+        Parameter(
+            "along", "m", "com", more="farther along its x axis than drawn", less="less far along its x axis than drawn"
+        ),
+        Parameter("normal", "m", "com", more="farther to its left than drawn", less="farther to its right than drawn"),
+    )
     workmanship = 5.0
 
     def places(self, rig: Rig) -> Sequence[str]:
@@ -134,7 +144,10 @@ class MomentOfInertia(Effect):
     place = "body"
     label = "an error in the moment of inertia of the {}"
     meaning = "the moment of inertia of the {} is off"
-    parameters = (Parameter("inertia_error", "kg.m^2", "inertia"),)
+    found = "the moment of inertia of the {} is {}"
+    parameters = (
+        Parameter("inertia_error", "kg.m^2", "inertia", more="larger than modelled", less="smaller than modelled"),
+    )
     special_case_of = ("payload",)
     workmanship = 5.0
 
@@ -164,8 +177,9 @@ class LinkLength(Effect):
     name = "link_length"
     place = "body"
     label = "an error in the length of the {}"
-    meaning = "the {} is not as long as thought"
-    parameters = (Parameter("length_error", "m", "length"),)
+    meaning = "the {} is longer or shorter than drawn"
+    found = "the {} is {}"
+    parameters = (Parameter("length_error", "m", "length", more="longer than drawn", less="shorter than drawn"),)
     workmanship = 100.0
     special_case_of = ("pivot_position",)
 
@@ -175,6 +189,10 @@ class LinkLength(Effect):
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (1e-5 * rig.length,)
+
+    def sense(self, mechanism: Mechanism, where: str) -> int:
+        *others, last = (x for x, _ in body_of(mechanism, where).points.values())
+        return 1 if last >= sum(others) / len(others) else -1  # drawn backwards, its end moves towards it
 
     def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
         body = body_of(mechanism, where)
@@ -196,7 +214,11 @@ class PivotPosition(Effect):
     place = "ground point"
     label = "a displaced ground pivot {}"
     meaning = "the ground pivot {} is not where it is thought to be"
-    parameters = (Parameter("x", "m", "length"), Parameter("y", "m", "length"))
+    found = "the ground pivot {} sits {} from where it is drawn"
+    parameters = (
+        Parameter("x", "m", "length", more="to the right", less="to the left"),
+        Parameter("y", "m", "length", more="up", less="down"),
+    )
     workmanship = 100.0
 
     def places(self, rig: Rig) -> Sequence[str]:

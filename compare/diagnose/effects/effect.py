@@ -43,7 +43,8 @@ class Parameter:
 
     ``unit`` is SI, empty for the unit of the signal where the effect is; ``quantity`` is what kind it is, for
     ``tolerance``; ``lowest`` is its smallest physical value.  A ``discrete`` one has whole values only, and values of a
-    ``circular`` one that are a turn (rad) apart are the same.  People read a ``percent`` one in %.
+    ``circular`` one that are a turn (rad) apart are the same.  People read a ``percent`` one in %.  ``more`` and
+    ``less`` follow the size of a positive and of a negative value: ``longer than drawn``.
     """
 
     name: str
@@ -53,6 +54,8 @@ class Parameter:
     discrete: bool = False
     circular: bool = False
     percent: bool = False
+    more: str = ""
+    less: str = ""
 
 
 @dataclass(frozen=True)
@@ -176,15 +179,17 @@ class Hiding:
 class Effect(ABC):
     """A missing effect.  Subclasses say all that there is to say of it; everything it does is pure.
 
-    ``label`` is what it is called and ``meaning`` what it means, each with ``{}`` for the place; ``special_case_of``
-    are richer effects, which must earn their further parameter against this one; ``needs`` what an engine must declare
-    to simulate it in full: one of its ``effects``, or a joint model in driven motion.
+    ``label`` is what it is called and ``meaning`` what it means, each with ``{}`` for the place; ``found`` says it with
+    its values, which have a ``{}`` after the place's (left out: they follow the meaning); ``special_case_of`` are
+    richer effects, which must earn their further parameter against this one; ``needs`` what an engine must declare to
+    simulate it in full: one of its ``effects``, or a joint model in driven motion.
     """
 
     name: ClassVar[str]
     place: ClassVar[Place] = "linkage"  # the kind of place where it can be
     label: ClassVar[str] = ""
     meaning: ClassVar[str] = ""
+    found: ClassVar[str] = ""
     parameters: ClassVar[tuple[Parameter, ...]]
     special_case_of: ClassVar[tuple[str, ...]] = ()
     sensor: ClassVar[bool] = False  # of the measurement, not of the mechanism
@@ -212,6 +217,17 @@ class Effect(ABC):
     def says(cls, where: str) -> str:
         """What the effect at a place means: ``joint B has clearance``."""
         return (cls.meaning or cls._plain()).format(where)
+
+    @classmethod
+    def tells(cls, where: str, values: Sequence[str]) -> str:
+        """The effect at a place with its values in words: ``the crank is 0.3 mm longer than drawn``."""
+        if not cls.found:
+            return f"{cls.says(where)}: {'; '.join(values)}"
+        return cls.found.format(where, " and ".join(values))
+
+    def sense(self, mechanism: Mechanism, where: str) -> int:
+        """1 where a positive value is ``more`` of it, as nearly everywhere, else -1."""
+        return 1
 
     @classmethod
     def _plain(cls) -> str:

@@ -393,7 +393,7 @@ class NonlinearSpring(Effect):
     hiding = Hiding(sets="machines")
     parameters = (
         Parameter("stiffness", "N.m/rad", "stiffness", 0.0),
-        Parameter("cubic", "N.m/rad3", "stiffness"),
+        Parameter("cubic", "N.m/rad3", "stiffness", more="of cubic stiffening", less="of cubic softening"),
         Parameter("rest_angle", "rad", "angle"),
     )
 

@@ -20,7 +20,10 @@ class ExternalForce(Effect):
     label = "an external force on the {}"
     meaning = "an unknown force acts on the {}"
     hiding = Hiding(with_beams=True)
-    parameters = (Parameter("x", "N", "force"), Parameter("y", "N", "force"))
+    parameters = (
+        Parameter("x", "N", "force", more="to the right", less="to the left"),
+        Parameter("y", "N", "force", more="up", less="down"),
+    )
 
     def places(self, rig: Rig) -> Sequence[str]:
         return bodies(rig)
@@ -44,7 +47,7 @@ class LoadTorque(Effect):
     label = "a load torque on the {}"
     meaning = "an unknown torque acts on the {}"
     hiding = Hiding(with_beams=True)
-    parameters = (Parameter("torque", "N.m", "torque"),)
+    parameters = (Parameter("torque", "N.m", "torque", more="counter-clockwise", less="clockwise"),)
     special_case_of = ("joint_spring", "nonlinear_spring")
 
     def places(self, rig: Rig) -> Sequence[str]:

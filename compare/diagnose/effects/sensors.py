@@ -73,7 +73,8 @@ class EncoderOffset(EachRun):
     label = "an offset of the encoder for {}"
     meaning = "the encoder {} has an offset"
     hiding = Hiding(sensors=("encoder",))
-    parameters = (Parameter("offset", "rad", "angle"),)
+    found = "the encoder {} reads {}"
+    parameters = (Parameter("offset", "rad", "angle", more="too much", less="too little"),)
 
     def places(self, rig: Rig) -> Sequence[str]:
         return [encoder for encoder in rig.encoders if encoder in rig.signals]
@@ -176,7 +177,8 @@ class SensorBias(OnSensor, EachRun):
     name = "sensor_bias"
     label = "a bias of the sensor for {}"
     meaning = "the sensor {} has a bias"
-    parameters = (Parameter("bias", "", "bias"),)
+    found = "the sensor {} reads {}"
+    parameters = (Parameter("bias", "", "bias", more="too much", less="too little"),)
 
     def unit(self, rig: Rig, where: str, parameter: str) -> str:
         return rig.known[where].unit
@@ -201,7 +203,8 @@ class SensorDrift(OnSensor, EachRun):
     label = "a drift of the sensor for {}"
     meaning = "the sensor {} drifts"
     hiding = Hiding(sets=None)
-    parameters = (Parameter("drift", "of the signal per s", "drift"),)
+    found = "the sensor {} drifts by {}"
+    parameters = (Parameter("drift", "of the signal per s", "drift", more="upwards", less="downwards"),)
 
     def places(self, rig: Rig) -> Sequence[str]:
         return [s for s in rig.signals if s not in rig.encoders]
@@ -226,7 +229,8 @@ class SensorGain(OnSensor):
     name = "sensor_gain"
     label = "a gain error of the sensor for {}"
     meaning = "the sensor {} has a wrong gain"
-    parameters = (Parameter("gain_error", "1", "gain", percent=True),)
+    found = "the sensor {} reads {}"
+    parameters = (Parameter("gain_error", "1", "gain", percent=True, more="too much", less="too little"),)
 
     def places(self, rig: Rig) -> Sequence[str]:
         return _judged(rig)
@@ -298,7 +302,8 @@ class SensorFrame(Effect):
     label = "a turned load cell at joint {}"
     meaning = "the load cell at {} is mounted turned"
     hiding = Hiding(sensors=("cell",))
-    parameters = (Parameter("rotation", "rad", "angle", circular=True),)
+    found = "the load cell at {} is mounted turned by {}"
+    parameters = (Parameter("rotation", "rad", "angle", circular=True, more="counter-clockwise", less="clockwise"),)
     sensor = True
 
     def places(self, rig: Rig) -> Sequence[str]:
@@ -343,7 +348,8 @@ class ClockOffset(Effect):
     label = "a clock offset of run {}"
     meaning = "the clock of run {} is off against its command"
     hiding = Hiding(commanded=True)
-    parameters = (Parameter("offset", "s", "time"),)
+    found = "run {} is {}"
+    parameters = (Parameter("offset", "s", "time", more="late on its command", less="ahead of its command"),)
     sensor = True
 
     def places(self, rig: Rig) -> Sequence[str]:

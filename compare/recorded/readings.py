@@ -1,0 +1,97 @@
+"""How else the clock and the encoders of a file may be meant: in other units, or turning the other way."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from analytic.mechanism import Mechanism
+from analytic.mechanism.columns import Meaning
+from analytic.mechanism.units import OFFERED, dimension, factor
+from compare.recorded.headings import Column
+from compare.recorded.table import Table
+
+ROWS = 200  # of a file, by which it is told
+Change = tuple[Column, Column]  # a column as it is read, and as it may be meant
+
+
+@dataclass(frozen=True)
+class Reading:
+    """The first rows of a table, with some columns as they may be meant; with none, as they are read."""
+
+    table: Table
+    changes: tuple[Change, ...] = ()
+
+    @classmethod
+    def of(cls, table: Table) -> Reading:
+        """A table as it is read."""
+        values = {name: each[:ROWS] for name, each in table.values.items()}
+        return cls(replace(table, time=table.time[:ROWS], values=values))
+
+    @property
+    def words(self) -> str:
+        """What is meant: ``crank_angle in deg and time in ms``."""
+        return " and ".join(_words(*change) for change in self.changes)
+
+    @property
+    def lines(self) -> str:
+        """The same as a map has it."""
+        headings = (json.dumps(self.table.headings[c.place].strip(), ensure_ascii=False) for _, c in self.changes)
+        entries = (_entry(meant) for _, meant in self.changes)
+        return " and ".join(f"{heading} = {entry}" for heading, entry in zip(headings, entries, strict=True))
+
+    def encoders(self, mechanism: Mechanism) -> Iterator[Reading]:
+        """The same with an encoder in each other unit, and turning either way; of several one of them, or all alike."""
+        found = [list(_meanings(c, (1, -1))) for c in self.table.columns if c.signal in mechanism.encoders]
+        yield from (self._with(change) for changes in found for change in changes)
+        if len(found) > 1:
+            yield from (self._with(*changes) for changes in zip(*found, strict=True))
+
+    def clocks(self) -> Iterator[Reading]:
+        """The same with the clock in each other unit."""
+        if self.table.clock is not None:
+            yield from (self._with(change) for change in _meanings(self.table.clock, (1,)))
+
+    def _with(self, *changes: Change) -> Reading:
+        time, values, columns = self.table.time, dict(self.table.values), list(self.table.columns)
+        for read, meant in changes:
+            if read is self.table.clock:
+                time = meant.si(read.readings(time))
+            else:
+                values[meant.signal.name] = meant.si(read.readings(values[read.signal.name]))
+                columns[columns.index(read)] = meant
+        table = replace(self.table, time=time, values=values, columns=tuple(columns))
+        return Reading(table, (*self.changes, *changes))
+
+
+def _meanings(column: Column, signs: Sequence[int]) -> Iterator[Change]:
+    """A column in each other unit of its kind, with either of these signs."""
+    kind = dimension(column.signal)
+    before = column.meaning or Meaning(signal=column.signal.name)
+    for sign in signs:
+        for unit in dict.fromkeys((column.unit, *OFFERED[kind])):
+            size = factor(unit, kind)
+            if sign == 1 and size == column.factor:
+                continue
+            update = {"unit": unit, "sign": sign * before.sign, "offset": sign * before.offset}
+            yield column, replace(column, unit=unit, factor=size, meaning=before.model_copy(update=update))
+
+
+def _words(read: Column, meant: Column) -> str:
+    """``crank_angle in deg, of the other sign``."""
+    signs = [column.meaning.sign if column.meaning else 1 for column in (read, meant)]
+    said = [f"in {meant.unit}"] * (meant.factor != read.factor) + ["of the other sign"] * (signs[0] != signs[1])
+    return f"{meant.signal.name} {', '.join(said)}"
+
+
+def _entry(meant: Column) -> str:
+    """A column's entry in a map."""
+    fields = {"signal": json.dumps(meant.signal.name), "unit": json.dumps(meant.unit)}
+    if meant.meaning is not None:
+        others = meant.meaning.model_dump(exclude_defaults=True, exclude=set(fields))
+        fields |= {name: f"{value:.12g}" for name, value in others.items()}
+    return f"{{ {', '.join(f'{name} = {value}' for name, value in fields.items())} }}"
+
+
+__all__ = ["Reading"]
