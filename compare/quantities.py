@@ -168,14 +168,15 @@ def setting(value: SettingValue) -> str:
 
 
 def assumptions(assumed: Iterable[Assumed]) -> list[str]:
-    """Numbers that were left out, a line for each field: ``body.com (the middle of the body's points): crank 100, 0
-    mm``.
+    """Numbers that were left out, a line for each field: ``body.com (the middle of the body's points): crank (100,
+    0) mm``.
     """
     lines: dict[str, list[str]] = {}
     for each in assumed:
         table, name, field = re.match(r"(\w+)(?:\[(.+?)\])?\.(.+)", each.field).groups()  # type: ignore[union-attr]
         unit, factor = shown(each.unit) if each.unit in ("m", "rad") else (each.unit.removeprefix("1"), 1.0)
         values = each.value if isinstance(each.value, tuple) else (each.value,)
-        size = f"{', '.join(plain(factor * value, 4) for value in values)} {unit}".strip()
+        numbers = ", ".join(plain(factor * value, 4) for value in values)
+        size = f"{f'({numbers})' if len(values) > 1 else numbers} {unit}".strip()
         lines.setdefault(f"{table}.{field} ({each.why})", []).append(f"{name} {size}" if name else size)
     return [f"{what}: {'; '.join(sizes)}" for what, sizes in lines.items()]

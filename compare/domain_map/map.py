@@ -206,7 +206,7 @@ def summarised(grid: Grid, tasks: Sequence[Task], found: Sequence[Cell | Failed]
         holds_up_to={name: _holds(grid, [c for c in found if c.simulator == name]) for name in grid.simulators},
         words=(*_words(grid, found, between), *_lost_words(grid, found)),
         command="",
-        warnings=tuple(_too_soft(found)),
+        warnings=tuple(too_soft(found)),
         assumed=(*assumed(grid.mechanism), *_assumed(grid, found)),
     )
     optional = {"between_simulators": between, "restitutions": grid.restitutions, "boundary": edge}
@@ -263,7 +263,7 @@ def _assumed(grid: Grid, found: Sequence[Cell | Failed]) -> Iterator[Assumed]:
     yield from dict.fromkeys(each for one in contact for each in one)
 
 
-def _too_soft(found: Sequence[Cell | Failed]) -> Iterator[str]:
+def too_soft(found: Sequence[Cell | Failed]) -> Iterator[str]:
     """A warning for each engine in whose cells the contact gives so much that the clearance is hidden."""
     soft = [cell for cell in found if isinstance(cell, Cell) and cell.give > SOFT * cell.clearance]
     for name in dict.fromkeys(cell.simulator for cell in soft):
