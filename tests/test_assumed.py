@@ -16,6 +16,7 @@ from analytic.mechanism.bars import division
 from analytic.mechanism.file import load, loads
 from commands import compare
 from compare.quantities import assumptions
+from compare.results.analysis import Analysis
 from engines_here import missing, present
 from linkages import shaper
 from marks import slow
@@ -370,6 +371,7 @@ def test_every_command_lists_what_is_assumed(tmp_path: Path) -> None:
     for k, (command, fields) in enumerate(commands.items()):
         said = compare(*command, "--json", "--out", str(tmp_path / str(k)), cwd=tmp_path)
         assert [each["field"] for each in json.loads(said.stdout)["assumed"]] == fields, command
+    assert Analysis.read(tmp_path / "0" / "analysis.json").assumed == assumed(loads(PRESSED))
     told = compare("analyse", "--case", str(file), "--out", str(tmp_path / "0"), cwd=tmp_path).stdout
     assert "assumed: body.com (the middle of the body's points): crank (25, 0) mm; coupler (60, 0) mm" in told
     for page in ("report.html", "report.md"):

@@ -68,7 +68,7 @@ Vector = Annotated[tuple[Number, Number], BeforeValidator(as_tuple)]
 Name = Annotated[str, BeforeValidator(_named)]
 MOST_WAVES = 1000  # in a turn, of a motor's unevenness or of a torque
 WIDEST = 0.5  # rad, half of a gap in a drive
-ROUNDING = 2.0**-30  # of a body's length: points that are nearer to each other are at one place
+ROUNDING = 2.0**-30  # of a body's size: points that are nearer to each other are at one place
 Positive = Annotated[float, Field(gt=0, le=LARGEST), AfterValidator(_divisible)]
 NotNegative = Annotated[float, Field(ge=0, le=LARGEST)]
 
@@ -132,7 +132,8 @@ class Body(Part):
     @property
     def middle(self) -> complex:
         """The middle of the points (m, body frame), of which those at one place count once."""
-        near = ROUNDING * self.length or 1.0
+        xs, ys = zip(*self.points.values(), strict=True)
+        near = ROUNDING * max(max(xs) - min(xs), max(ys) - min(ys)) or 1.0
         places = {(round(x / near), round(y / near)): complex(x, y) for x, y in self.points.values()}
         return sum(places.values(), 0j) / len(places)
 
