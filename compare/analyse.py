@@ -10,6 +10,7 @@ import numpy as np
 
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
+from analytic.mechanism.assumed import assumed
 from analytic.mechanism.signals import position
 from analytic.paper.clearance import MODELS, Model
 from compare.arguments import (
@@ -28,6 +29,7 @@ from compare.arguments import (
     timed,
 )
 from compare.faults import ArgumentError
+from compare.judge.closer import too_soft
 from compare.judge.courses import Courses
 from compare.judge.grid import FREE_TIME, turns_fully
 from compare.judge.reference import (
@@ -40,6 +42,7 @@ from compare.judge.reference import (
 from compare.judge.signals import with_derived
 from compare.results.analysis import Analysis, Simulation
 from compare.results.crosscheck import Path, Simulator
+from sim_models.common.contact_laws import assumed_of_contact
 from sim_models.common.simulate import answered
 from sim_models.engine import JOINT_MODELS, MOTIONS, JointModel, Motion, Request, engine
 
@@ -120,6 +123,7 @@ def _analysed(m: Mechanism, side: Reference, model: Model, warned: Sequence[str]
         flags={str(i): why for i, why in sorted(side.flags.items())},
         order_difference=dict(side.order_difference),
         warnings=(*warned, *side.remarks),
+        assumed=assumed(m),
     )
     return found if time is None else found.model_copy(update={"time": time})
 
@@ -161,7 +165,9 @@ def simulate(  # noqa: PLR0913 - what a person may ask, by name
         journal={name: Path(x=path[:, 0], y=path[:, 1]) for name, path in trace.journal.items()},
         free_share=dict(trace.free_share),
         warnings=tuple(warned),
+        assumed=(*assumed(m), *assumed_of_contact(m, trace.clearance, trace.settings)),
     )
+    found = found.model_copy(update={"warnings": (*found.warnings, *too_soft(found))})
     return found if trace.time is None else found.model_copy(update={"time": trace.time})
 
 

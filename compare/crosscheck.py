@@ -17,6 +17,7 @@ import numpy as np
 
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Joint, Mechanism
+from analytic.mechanism.assumed import Assumed, assumed
 from analytic.mechanism.signals import Signal
 from analytic.paper.clearance import MODELS, Model
 from analytic.paper.printed import printed_figures
@@ -46,7 +47,7 @@ from compare.arguments import (
 from compare.faults import ArgumentError
 from compare.judge.assumptions import failing_assumption
 from compare.judge.attribution import attribute
-from compare.judge.closer import SOFT, Judged, beyond_rim, settle, stiff_enough
+from compare.judge.closer import Judged, settle, too_soft
 from compare.judge.contact import TURN
 from compare.judge.courses import Courses
 from compare.judge.discrepancy import (
@@ -78,6 +79,7 @@ from compare.results.contact import Compared
 from compare.results.crosscheck import CrossCheck, Failure, Path, Printed, Run, Simulator, Verdict, without
 from compare.results.crosscheck import Discrepancy as Judgement
 from compare.runs import Counted, Resolve, simulate_all
+from sim_models.common.contact_laws import assumed_of_contact
 from sim_models.engine import (
     JOINT_MODELS,
     MOTIONS,
@@ -457,7 +459,13 @@ def concluded(job: Job, ran: Ran, alike: Callable[[Judged], bool] = lambda one: 
         command=job.command,
         versions=_versions(runs),
         mechanism=job.mechanism,
-        warnings=(*job.warnings, *(f"left out: {why}" for why in ran.left_out), *_too_soft(runs), *_their_own(runs)),
+        warnings=(
+            *job.warnings,
+            *(f"left out: {why}" for why in ran.left_out),
+            *(why for run in runs for why in too_soft(run)),
+            *_their_own(runs),
+        ),
+        assumed=tuple(_assumed(job.mechanism, runs)),
         runs=tuple(_explained(job, run) for run in runs),
         failures=ran.failures,
     )
@@ -482,6 +490,13 @@ def concluded(job: Job, ran: Ran, alike: Callable[[Judged], bool] = lambda one: 
     found = attribute(together)
     several = {"spread": found.spread, "odd_one_out": found.odd_one_out, "words": found.words}
     return result.model_copy(update=several)
+
+
+def _assumed(mechanism: Mechanism, runs: Sequence[Run]) -> Iterator[Assumed]:
+    """What the linkage takes on, and the contact in each of its runs."""
+    yield from assumed(mechanism)
+    contact = [assumed_of_contact(mechanism, run.clearance, run.settings) for run in runs]
+    yield from dict.fromkeys(each for found in contact for each in found)
 
 
 def judged(job: Job, side: Reference, trace: Trace) -> Judged:
@@ -674,21 +689,6 @@ def _discrepancies(
         analytic = {s: np.where(np.isnan(simulated.get(s, 0.0)), np.nan, values) for s, values in analytic.items()}
     judged = (judge(rule, simulated, analytic, theta, known.get(name)) for name, rule in rules.items())
     return [one for one in judged if one is not None]
-
-
-def _too_soft(runs: Sequence[Run]) -> Iterator[str]:
-    """A warning for each pin whose path was seen to go so far beyond its clearance that this is hidden, whatever its
-    contact is made of.
-    """
-    for run in runs:
-        for joint, depth in beyond_rim(run).items():
-            clearance = run.clearance[joint]
-            if depth > SOFT * clearance:
-                yield (
-                    f"{run.title}: the pin of joint {joint} is seen"
-                    f" {1e3 * depth:.2g} mm beyond its rim, {depth / clearance:.1f} times its clearance: too soft to"
-                    f" see this clearance; {stiff_enough(run, joint)}"
-                )
 
 
 def _their_own(runs: Sequence[Run]) -> Iterator[str]:

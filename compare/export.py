@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 
 from analytic.kinematics.assembly import Assembly
@@ -11,7 +13,7 @@ from compare.arguments import Linkage, Metres, Numbers, linkage, one_engine, rig
 from compare.arguments import path as named
 from compare.faults import ArgumentError
 from compare.files import OutputError, output_folder, write_together
-from sim_models.engine import JointModel, Motion, declared, engine, engine_names
+from sim_models.engine import JointModel, Motion, SettingValue, declared, engine, engine_names
 
 
 def export(  # noqa: PLR0913 - what a person may ask, by name
@@ -78,3 +80,9 @@ def exported(  # noqa: PLR0913 - what a person may ask, by name
             f"{tempfile.gettempdir()}, where the files are drafted: cannot be written ({error.strerror}); free space"
             " there, or give TMPDIR another folder"
         ) from None
+
+
+def used_in(texts: Mapping[str, str]) -> dict[str, SettingValue]:
+    """The numbers that the engine used, as an export's files have them."""
+    (model,) = [text for name, text in texts.items() if name.endswith(".json")]
+    return dict(json.loads(model)["settings"])

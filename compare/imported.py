@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from analytic.mechanism.assumed import assumed
 from compare.arguments import path
 from compare.results.imported import Imported
 from sim_models.engine import SimulatorMissing, broken
@@ -23,4 +24,5 @@ def import_mjcf(file: str | Path) -> Imported:
     from sim_models.mjcf.imported import imported
 
     found = imported(source)
-    return Imported(case=found.mechanism.name, source=str(source), mechanism=found.mechanism, notes=found.notes)
+    m = found.mechanism
+    return Imported(case=m.name, source=str(source), mechanism=m, notes=found.notes, assumed=assumed(m))

@@ -15,6 +15,7 @@ from analytic.kinematics.inverse import Coordinate
 from analytic.kinematics.motion import kinematics
 from analytic.kinematics.workspace import Workspace, workspace
 from analytic.mechanism import Mechanism
+from analytic.mechanism.assumed import assumed
 from analytic.mechanism.errors import quoted
 from analytic.mechanism.one_line import count
 from analytic.paper.clearance import Displaced, displaced
@@ -259,6 +260,7 @@ def _result(
         outputs={d.name: error for d, error in errors.items()},
         points={x.place: _point(told, x, y, spread) for x, y in planes},
         first_order_off={d.name: _off(errors[d]) for d in outputs if moved and m.clearances},
+        assumed=assumed(m),
     )
 
 

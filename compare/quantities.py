@@ -5,10 +5,12 @@ metres.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from analytic.mechanism import GROUND, Mechanism
+from analytic.mechanism.assumed import Assumed
 from analytic.mechanism.signals import driving, position
 from sim_models.engine import SettingValue
 
@@ -163,3 +165,18 @@ def setting(value: SettingValue) -> str:
     if isinstance(value, Mapping):
         return ", ".join(f"{key} {setting(one)}" for key, one in value.items())
     return DASH if value is None else plain(value, 6) if isinstance(value, float) else str(value)
+
+
+def assumptions(assumed: Iterable[Assumed]) -> list[str]:
+    """Numbers that were left out, a line for each field: ``body.com (the middle of the body's points): crank (100,
+    0) mm``.
+    """
+    lines: dict[str, list[str]] = {}
+    for each in assumed:
+        table, name, field = re.match(r"(\w+)(?:\[(.+?)\])?\.(.+)", each.field).groups()  # type: ignore[union-attr]
+        unit, factor = shown(each.unit) if each.unit in ("m", "rad") else (each.unit.removeprefix("1"), 1.0)
+        values = each.value if isinstance(each.value, tuple) else (each.value,)
+        numbers = ", ".join(plain(factor * value, 4) for value in values)
+        size = f"{f'({numbers})' if len(values) > 1 else numbers} {unit}".strip()
+        lines.setdefault(f"{table}.{field} ({each.why})", []).append(f"{name} {size}" if name else size)
+    return [f"{what}: {'; '.join(sizes)}" for what, sizes in lines.items()]

@@ -278,3 +278,83 @@ def jansen_leg(push: float = 0.0) -> Mechanism:
     """
     m = loads(JANSEN)
     return m.replace(loads=[{"body": "foot", "point": "X", "force": (0.0, push)}]) if push else m
+
+
+SHAPER = """
+name = "shaper"
+gravity = [0.0, -9.81]
+[ground]
+points = { O = [0.0, 0.0], P = [0.0, -0.25], S = [0.0, 0.2] }
+[[body]]
+name = "crank"
+points = { O = [0.0, 0.0], A = [0.08, 0.0] }
+mass = 2.0
+[[body]]
+name = "block"
+points = { A = [0.0, 0.0], Q = [0.0, 0.0] }
+mass = 0.5
+inertia = 1e-4
+[[body]]
+name = "lever"
+points = { P = [0.0, 0.0], Q = [0.0, 0.0], C = [0.4, 0.0] }
+mass = 4.0
+[[body]]
+name = "link"
+points = { C = [0.0, 0.0], B = [0.15, 0.0] }
+mass = 1.0
+[[body]]
+name = "ram"
+points = { B = [0.0, 0.0], S = [0.0, 0.0] }
+mass = 10.0
+inertia = 0.05
+[[joint]]
+name = "O"
+type = "revolute"
+bodies = ["ground", "crank"]
+[[joint]]
+name = "A"
+type = "revolute"
+bodies = ["crank", "block"]
+[[joint]]
+name = "Q"
+type = "prismatic"
+bodies = ["lever", "block"]
+axis = [1.0, 0.0]
+[[joint]]
+name = "P"
+type = "revolute"
+bodies = ["ground", "lever"]
+[[joint]]
+name = "C"
+type = "revolute"
+bodies = ["lever", "link"]
+[[joint]]
+name = "B"
+type = "revolute"
+bodies = ["link", "ram"]
+[[joint]]
+name = "S"
+type = "prismatic"
+bodies = ["ground", "ram"]
+axis = [1.0, 0.0]
+[drive]
+joint = "O"
+speed = 6.283185307179586
+[[load]]
+body = "ram"
+force = [-3300.0, 0.0]
+[assembly]
+crank = 0.0
+block = 1.26
+lever = 1.26
+link = 0.3
+ram = 0.0
+"""
+
+
+def shaper() -> Mechanism:
+    """Whitworth's quick return at 60 rpm: a crank's block turns a slotted lever, which pushes a ram against 3.3 kN.
+
+    The slot has its point where the lever turns on the ground.
+    """
+    return loads(SHAPER)

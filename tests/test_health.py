@@ -11,8 +11,9 @@ import pytest
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load, shipped_cases
-from compare.crosscheck import Job, _too_soft, crosscheck_job
+from compare.crosscheck import Job, crosscheck_job
 from compare.evidence.baseline.runs import setups
+from compare.judge.closer import too_soft
 from compare.judge.discrepancy import load_tolerances
 from linkages import inverted_slider, jansen_leg
 from marks import slow
@@ -312,7 +313,7 @@ def test_a_pin_seen_far_beyond_its_rim_is_warned_of_whatever_its_settings_say() 
         for settings in (result.runs[0].settings, {}):
             warned = [
                 w
-                for w in _too_soft([result.runs[0].model_copy(update={"settings": settings})])
+                for w in too_soft(result.runs[0].model_copy(update={"settings": settings}))
                 if "beyond its rim" in w and "joint B" in w
             ]
             assert len(warned) == (stiffness is not None)

@@ -227,7 +227,13 @@ def test_a_run_takes_from_the_mechanism_what_it_leaves_out(tmp_path: Path) -> No
         RunTable("followed", time, columns, {"drive": "measured", "load": [{"body": "follower", "torque": 0.5}]}),
         RunTable("released", time, columns, {"drive": "free", "start": {"crank_angle": 0.25}}),
     ]
-    own, given, followed, released = load_measured(write_measured(tmp_path, TEXT, runs)).runs
+    measured = load_measured(write_measured(tmp_path, TEXT, runs))
+    own, given, followed, released = measured.runs
+    assert [(each.field, each.value) for each in measured.assumed] == [
+        ("run[own speed].drive_speed", SPEED),
+        ("run[own speed].drive_angle", CRANK_ROCKER.assembly["crank"]),
+        ("run[released].start.crank_angular_velocity", released.start["crank_angular_velocity"]),
+    ]
     assert (own.drive, own.speed, own.angle, own.loads, own.from_rest) == (
         "speed",
         SPEED,

@@ -16,9 +16,9 @@ from compare.crosscheck import Job, crosscheck_job
 from compare.evidence.baseline.runs import setups
 from compare.evidence.validation.scales import Scale, linkage, scale_rows, scales
 from compare.judge.discrepancy import load_tolerances
-from linkages import inverted_slider
+from linkages import inverted_slider, shaper
 from marks import slow
-from sim_models.common.contact_laws import DRIVEN_STIFFNESS, STATIC_STIFFNESS, default_stiffness
+from sim_models.common.contact_laws import DRIVEN_STIFFNESS, STATIC_STIFFNESS, TURNS, carried, default_stiffness
 from sim_models.common.units import OF_UNIT, SI, Units
 from sim_models.common.weights import with_equal_masses
 from sim_models.engine import ENGINES, Request, SimulationError, Trace, engine
@@ -190,6 +190,22 @@ def test_default_stiffness_is_that_of_shipped_cases_and_grows_with_the_forces_of
     assert light < 1e-3 * DRIVEN_STIFFNESS
     assert heavy > 1e3 * DRIVEN_STIFFNESS
     assert math.log2(heavy / DRIVEN_STIFFNESS).is_integer()
+
+
+def test_default_stiffness_lets_weights_and_loads_turn_no_link_by_more_than_a_cross_check_allows() -> None:
+    """The ram of 3.3 kN and 17.5 kg of links, on a crank of 80 mm: 2.48e8 N/m, whatever the motion and its speed."""
+    m = shaper()
+    wanted = (3300.0 + 17.5 * 9.81) / (1.75e-4 * 0.08)
+    assert wanted == pytest.approx(2.4798e8, rel=1e-4)
+    for speed in (1.0, 6.283, -20.0):
+        turned = m.replace(drive=m.drive.model_copy(update={"speed": speed}))  # type: ignore[union-attr]
+        assert default_stiffness(turned, "driven") == pytest.approx(wanted, rel=1e-12)
+    assert default_stiffness(m, "static") == pytest.approx(wanted, rel=1e-12)
+    assert default_stiffness(m.replace(loads=()), "static") == STATIC_STIFFNESS  # its weights alone want 1.2e7
+    assert default_stiffness(m.replace(loads=()), "driven") == pytest.approx(17.5 * 9.81 / (1.75e-4 * 0.08))
+    twisted = m.replace(gravity=(0.0, 0.0), loads=(Load(body="lever", torque=-600.0),))  # 1.5 kN on 0.4 m
+    assert carried(twisted) == pytest.approx(1500.0)
+    assert load_tolerances().line("static", "contact", "angle").absolute == TURNS
 
 
 def test_an_error_in_other_units_says_which() -> None:

@@ -31,7 +31,7 @@ from analytic.mechanism.parts import Load
 from commands import Ended, compare, compare_alone, without
 from compare.crosscheck import Job, crosscheck_job
 from compare.domain_map.cell import Task, examined, judged
-from compare.domain_map.map import RPM, Grid, cells, clearance_joints, summarised, versions
+from compare.domain_map.map import RPM, Grid, cells, clearance_joints, summarised, too_soft, versions
 from compare.files import to_json
 from compare.judge.assumptions import Examined
 from compare.judge.courses import Courses, at_their_speeds
@@ -40,14 +40,16 @@ from compare.judge.grid import default_angles
 from compare.report.validity_figure import BOUNDARIES, PREDICTED, draw
 from compare.report.validity_text import brief, percent
 from compare.results.validity import Boundary, Cell, Failed, Validity
+from linkages import shaper
 from marks import slow
 from planted import Planted, truth, turned
 from sim_models.common.contact_laws import restitution
-from sim_models.engine import ENGINES, Motion, declared, installed_version
+from sim_models.engine import ENGINES, Cause, Motion, declared, installed_version
 
 SCHEMA = json.loads(resources.files("compare").joinpath("schemas", "validity.json").read_text(encoding="utf-8"))
 TOLERANCES = load_tolerances()
 DRIVEN = frozenset({("contact", "driven")})
+TURN = 2 * math.pi  # rad/s, of 60 rpm
 POSIX = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="this system has no SIGKILL")
 
 
@@ -117,6 +119,76 @@ def test_a_contact_that_yields_more_than_the_clearance_is_the_cause() -> None:
     again = examined(run).model_dump()
     assert again["give"] < found["give"] / 50
     assert again["cost"]["rigid"] < found["cost"]["rigid"] / 10
+
+
+SLOTTED = {
+    "joint_model": "spring-damper",
+    "motion": "static",
+    "clearance": {"B": 5e-5},
+    "angles": np.radians([0.0, 120.0]),
+}
+
+
+@pytest.mark.mujoco
+def test_a_map_has_the_walls_that_every_other_command_has() -> None:
+    """A shaper's ram of 3.3 kN: walls of 2.48e8 N/m, which give 15 um, whoever asks."""
+    over = Grid(shaper(), ("B",), (TURN,), (5e-5,), ("mujoco",), "spring-damper", TOLERANCES)
+    (run,) = cells(over)
+    wall = run.mechanism.joint("B").contact_stiffness
+    assert wall == pytest.approx(2.4798e8, rel=1e-4)
+    alone = lc.simulate(shaper(), **SLOTTED)
+    (beside,) = lc.crosscheck(shaper(), revolutions=0, **SLOTTED).runs
+    assert alone.settings["contact_stiffness"] == beside.settings["contact_stiffness"] == wall
+    assert beside.verdict == "agrees"
+    assert "refinements" not in beside.settings
+    assert np.hypot(alone["clearance_B_x"], alone["clearance_B_y"]).max() - 5e-5 == pytest.approx(
+        alone["reaction_B_magnitude"].max() / wall, rel=2e-2
+    )
+    assert alone.warnings == ()
+    assert alone.assumed[-2].value == wall
+
+
+@pytest.mark.mujoco
+def test_a_give_that_hides_the_clearance_is_warned_of() -> None:
+    """Walls of 1e7 N/m give 0.38 mm under 3.8 kN, 7.6 times the clearance: 7.6e8 N/m would give a tenth of it."""
+    soft = shaper().with_joint("B", contact_stiffness=1e7)
+    (said,) = lc.simulate(soft, **SLOTTED).warnings
+    assert said.startswith("mujoco, spring-damper: the pin of joint B is seen 0.3")
+    assert "too soft to see this clearance; give joint B contact_stiffness = 7." in said
+    cell = Cell.model_construct(
+        simulator="mujoco", speed=TURN, clearance=5e-5, give=3.8e-4, settings={"contact_stiffness": 1e7}
+    )
+    (told,) = too_soft([cell, cell.model_copy(update={"give": 2.5e-5})])
+    assert told == (
+        "mujoco: the contact gives by more than half of the clearance in 1 cell, at most by 0.38 mm, 7.6 times it, at"
+        " 60 rpm and 0.05 mm: too soft to see this clearance; give contact_stiffness = 7.6e+08 (N/m) or more"
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.mujoco
+@pytest.mark.parametrize(
+    ("wall", "verdict", "cause", "checked"),
+    [(None, "agrees", None, "agrees"), (1e7, "disagrees", "rigid", "unjudged")],
+)
+def test_a_map_and_a_cross_check_say_the_same_of_a_loaded_shaper(
+    wall: float | None, verdict: str, cause: str | None, checked: str
+) -> None:
+    """Walls that are stated too soft are judged in a map, and refused by a cross-check."""
+    m = shaper().with_joint("B", contact_stiffness=wall)
+    found = lc.validity(m, speeds=[TURN], clearances=[5e-5], joints=["B"], workers=1)
+    (cell,) = found.cells
+    assert isinstance(cell, Cell)
+    assert (cell.verdict, cell.cause) == (verdict, cause)
+    assert cell.give == pytest.approx(3.82e3 / (wall or 2.4798e8), rel=1e-2)
+    assert cell.settings["contact_stiffness"] == pytest.approx(wall or 2.4798e8, rel=1e-4)
+    assert len(found.warnings) == (wall is not None)
+    assert [each.field for each in found.assumed if "stiffness" in each.field] == (
+        ["joint[B].contact_stiffness"] if wall is None else []
+    )
+    beside = lc.crosscheck(m, clearance={"B": 5e-5}, joint_model="contact", revolutions=0)
+    assert beside.verdict == checked
+    assert [failure.cause for failure in beside.failures] == [Cause.TOO_SOFT] * (wall is not None)
 
 
 @pytest.mark.mujoco

@@ -16,6 +16,11 @@ SAME_PLACE = 1e-3  # of a body's length: nearer points share a node
 POISSON = 0.3  # of a body without a shear modulus: G = E / 2.6
 
 
+def shear_modulus(body: Body) -> float:
+    """Shear modulus (Pa) of a body that bends: as given, or that of an isotropic link; 0 of a rigid one."""
+    return body.shear_modulus or (body.youngs_modulus or 0.0) / (2 * (1 + POISSON))
+
+
 @dataclass(frozen=True)
 class Division:
     """A body as bars (m, body frame).
@@ -51,7 +56,7 @@ def division(body: Body) -> Division:
         nodes = tuple(sorted(_distinct(feet.values(), body.length), key=lambda p: beyond(p).real))
         bars = tuple(pairwise(range(len(nodes))))
     else:
-        hub = sum(named, 0j) / len(named)
+        hub = body.middle
         feet = points | {"com": hub, MASS_CENTRE: hub}
         nodes = _distinct([hub, *named], body.length)
         bars = tuple((0, i) for i in range(1, len(nodes)))

@@ -68,6 +68,7 @@ Vector = Annotated[tuple[Number, Number], BeforeValidator(as_tuple)]
 Name = Annotated[str, BeforeValidator(_named)]
 MOST_WAVES = 1000  # in a turn, of a motor's unevenness or of a torque
 WIDEST = 0.5  # rad, half of a gap in a drive
+ROUNDING = 2.0**-30  # of a body's size: points that are nearer to each other are at one place
 Positive = Annotated[float, Field(gt=0, le=LARGEST), AfterValidator(_divisible)]
 NotNegative = Annotated[float, Field(ge=0, le=LARGEST)]
 
@@ -126,9 +127,15 @@ class Body(Part):
     @property
     def centre(self) -> complex:
         """The centre of mass (m, body frame): ``com``, or the middle of the points."""
-        if self.com is not None:
-            return complex(*self.com)
-        return sum((complex(*p) for p in self.points.values()), 0j) / len(self.points)
+        return self.middle if self.com is None else complex(*self.com)
+
+    @property
+    def middle(self) -> complex:
+        """The middle of the points (m, body frame), of which those at one place count once."""
+        xs, ys = zip(*self.points.values(), strict=True)
+        near = ROUNDING * max(max(xs) - min(xs), max(ys) - min(ys)) or 1.0
+        places = {(round(x / near), round(y / near)): complex(x, y) for x, y in self.points.values()}
+        return sum(places.values(), 0j) / len(places)
 
     @property
     def length(self) -> float:

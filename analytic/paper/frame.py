@@ -11,7 +11,7 @@ import numpy as np
 
 from analytic.errors import Error
 from analytic.mechanism import MASS_CENTRE, Body
-from analytic.mechanism.bars import POISSON, division
+from analytic.mechanism.bars import division, shear_modulus
 
 
 class ComplianceError(Error, ValueError):
@@ -112,4 +112,4 @@ def _bar(body: Body, youngs_modulus: float, length: float) -> Bar:
             " needs the height and depth of its bar, both above zero; give them, or leave youngs_modulus out for a"
             " rigid body"
         )
-    return Bar(length, height, depth, youngs_modulus, body.shear_modulus or youngs_modulus / (2 * (1 + POISSON)))
+    return Bar(length, height, depth, youngs_modulus, shear_modulus(body))

@@ -40,12 +40,14 @@ def export(
     Exit status: 0 written, 2 bad input, 3 the simulator is missing or failed.
     """
     with complaints(context):
+        from analytic.mechanism.assumed import assumed
         from compare.arguments import one_engine
-        from compare.export import exported
+        from compare.export import exported, used_in
         from compare.files import made_folder, write_together
         from compare.judge.courses import parse_times
         from compare.judge.grid import parse_angles
         from compare.results.export import Exported
+        from sim_models.common.contact_laws import assumed_of_contact
         from sim_models.engine import declared
 
         mechanism, simulator = load_case(case, clearance), one_engine(simulator)
@@ -61,6 +63,7 @@ def export(
                 path=path,
                 clearance=None,
             )
+            settings = used_in(texts)
             refuse_others(folder, texts, overwrite)
             paths = tuple(str(path) for path in write_together(folder, texts))
         found = Exported(
@@ -71,5 +74,7 @@ def export(
             paths=paths,
             needs=(declared(simulator).package, "numpy"),
             run=f"python {shlex.quote(str(folder / 'run.py'))}",
+            settings=settings,
+            assumed=(*assumed(mechanism), *assumed_of_contact(mechanism, mechanism.clearances, settings)),
         )
         show(found, json=json, quiet=quiet)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analytic.mechanism.assumed import assumed
 from analytic.mechanism.one_line import count
 from compare.diagnose.data.recording import Fault as RecordedFault
 from compare.diagnose.data.recording import MeasuredRun
@@ -119,6 +120,7 @@ def as_document(
         explained=found.explained,
         steps=(),
         notes=(*problem.notes, *([LANDED.format(count(landed, "sample"))] if landed else [])),
+        assumed=(*assumed(problem.measured.mechanism), *problem.measured.assumed),
         complete=problem.complete,
     )
     cut = "" if problem.complete else f" {BUDGET.format(problem.options.budget)}"

@@ -132,7 +132,8 @@ def judged(task: Task, held: Examined) -> Cell:
         settings={
             name: value
             for name, value in held.run.settings.items()
-            if name in ("contact_law", "step") and not isinstance(value, Mapping)
+            if name in ("contact_law", "contact_stiffness", "contact_damping", "step")
+            and not isinstance(value, Mapping)
         },
     )
 

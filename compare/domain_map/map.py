@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import platform
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any, Literal
@@ -14,15 +14,18 @@ import numpy as np
 
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, Mechanism
+from analytic.mechanism.assumed import Assumed, assumed
 from analytic.mechanism.one_line import count
 from compare.domain_map.cell import Task
 from compare.domain_map.leaving import boundary
 from compare.faults import ArgumentError, no_pin
 from compare.judge.assumptions import ASSUMPTIONS
+from compare.judge.closer import SOFT
 from compare.judge.grid import default_angles, turns_fully
 from compare.judge.tolerances import Tolerances
 from compare.results.validity import Between, Boundary, Cell, Failed, Law, Limits, Meaning, Validity, foretold
-from sim_models.common.contact_laws import contact_parameters
+from sim_models.common.contact_laws import assumed_of_contact, contact_parameters
+from sim_models.common.failed_starts import STIFF
 from sim_models.engine import declared, installed_version
 
 RealJoint = Literal["massless-link", "spring-damper", "contact"]
@@ -68,19 +71,23 @@ class Grid:
 
         With a ``restitution`` the damping follows from it, or the law that a joint names is asked for it.
         """
+        found = self.asked(speed, clearance, restitution)
+        for name in self.joints if self.joint_model != "massless-link" else ():
+            joint = found.joint(name)
+            law, named = contact_parameters(found, joint, "driven"), joint.contact_law not in (None, "kelvin-voigt")
+            damping = None if named else law.damping
+            found = found.with_joint(name, contact_stiffness=law.stiffness, contact_damping=damping)
+        return found
+
+    def asked(self, speed: float, clearance: float, restitution: float | None = None) -> Mechanism:
+        """The same with the contact that the mechanism gives, and this ``restitution``."""
         assert self.mechanism.drive is not None
         assert self.mechanism.speed is not None
         turning = {"speed": math.copysign(speed, self.mechanism.speed)}
         found = self.mechanism.replace(drive=self.mechanism.drive.model_copy(update=turning))
         found = found.with_clearances(dict.fromkeys(self.joints, clearance))
-        for name in self.joints if self.joint_model != "massless-link" else ():
-            joint = found.joint(name)
-            if restitution is not None:
-                joint = joint.model_copy(update={"restitution": restitution, "contact_damping": None})
-            law, named = contact_parameters(found, joint, "driven"), joint.contact_law not in (None, "kelvin-voigt")
-            asked = {} if restitution is None else {"restitution": restitution}
-            damping = None if named else law.damping
-            found = found.with_joint(name, **asked, contact_stiffness=law.stiffness, contact_damping=damping)
+        for name in self.joints if self.joint_model != "massless-link" and restitution is not None else ():
+            found = found.with_joint(name, restitution=restitution, contact_damping=None)
         return found
 
 
@@ -199,7 +206,8 @@ def summarised(grid: Grid, tasks: Sequence[Task], found: Sequence[Cell | Failed]
         holds_up_to={name: _holds(grid, [c for c in found if c.simulator == name]) for name in grid.simulators},
         words=(*_words(grid, found, between), *_lost_words(grid, found)),
         command="",
-        warnings=(),
+        warnings=tuple(too_soft(found)),
+        assumed=(*assumed(grid.mechanism), *_assumed(grid, found)),
     )
     optional = {"between_simulators": between, "restitutions": grid.restitutions, "boundary": edge}
     return result.model_copy(update={name: value for name, value in optional.items() if value})
@@ -245,6 +253,29 @@ def _lost_words(grid: Grid, found: Sequence[Cell | Failed]) -> tuple[str, ...]:
         f"contact is kept or lost as the reaction's turning predicts in {told.yielding} of"
         f" {count(told.cells, 'cell')} with the walls' give, and in {told.rigid} with rigid walls",
     )
+
+
+def _assumed(grid: Grid, found: Sequence[Cell | Failed]) -> Iterator[Assumed]:
+    """What contact is made of in the cells that the mechanism does not say."""
+    asked = grid.asked(grid.speeds[0], grid.clearances[0], grid.layers[0])
+    cells = [cell for cell in found if isinstance(cell, Cell)]
+    contact = [assumed_of_contact(asked, grid.joints, cell.settings) for cell in cells]
+    yield from dict.fromkeys(each for one in contact for each in one)
+
+
+def too_soft(found: Sequence[Cell | Failed]) -> Iterator[str]:
+    """A warning for each engine in whose cells the contact gives so much that the clearance is hidden."""
+    soft = [cell for cell in found if isinstance(cell, Cell) and cell.give > SOFT * cell.clearance]
+    for name in dict.fromkeys(cell.simulator for cell in soft):
+        mine = [cell for cell in soft if cell.simulator == name]
+        cell = max(mine, key=lambda cell: cell.give / cell.clearance)
+        times, stiffness = cell.give / cell.clearance, cell.settings.get("contact_stiffness")
+        remedy = f" = {stiffness * times / STIFF:.1e} (N/m) or more" if isinstance(stiffness, float) else ""
+        yield (
+            f"{name}: the contact gives by more than half of the clearance in {count(len(mine), 'cell')}, at most by"
+            f" {1e3 * cell.give:.2g} mm, {times:.1f} times it, at {cell.speed / RPM:.5g} rpm and"
+            f" {1e3 * cell.clearance:.4g} mm: too soft to see this clearance; give contact_stiffness{remedy}"
+        )
 
 
 def _contact(grid: Grid) -> dict[str, Law]:

@@ -152,7 +152,8 @@ def mapped(
     kept = None if records is None else path(records, "records")
     with tempfile.TemporaryDirectory() as scratch:
         found = _swept(tasks, kept or Path(scratch) / "runs", spread_over, dask, progress)
-    return summarised(grid, tasks, found).model_copy(update={"warnings": grid.warnings})
+    result = summarised(grid, tasks, found)
+    return result.model_copy(update={"warnings": (*grid.warnings, *result.warnings)})
 
 
 def _restitutions(given: Numbers, joint_model: RealJoint) -> tuple[float, ...]:

@@ -11,13 +11,14 @@ stiffness; the run has failed where the mechanism gives the stiffness, or the co
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from analytic.mechanism.signals import AXES, Signal
 from compare.judge.discrepancy import Rule
+from compare.results.analysis import Simulation
 from compare.results.crosscheck import Discrepancy, Failure, Run
 from compare.runs import failure
 from sim_models.common.contact_laws import default_stiffness
@@ -109,7 +110,21 @@ def settle(
     return ended, asked
 
 
-def beyond_rim(run: Run) -> dict[str, float]:
+def too_soft(run: Run | Simulation) -> Iterator[str]:
+    """A warning for each pin whose path was seen to go so far beyond its clearance that this is hidden, whatever its
+    contact is made of.
+    """
+    for joint, depth in beyond_rim(run).items():
+        clearance = run.clearance[joint]
+        if depth > SOFT * clearance:
+            yield (
+                f"{run.title}: the pin of joint {joint} is seen"
+                f" {1e3 * depth:.2g} mm beyond its rim, {depth / clearance:.1f} times its clearance: too soft to"
+                f" see this clearance; {stiff_enough(run, joint)}"
+            )
+
+
+def beyond_rim(run: Run | Simulation) -> dict[str, float]:
     """How far (m) each pin of a run is seen beyond the rim of its bearing, at its samples and on the way
     between them.
     """
@@ -124,7 +139,7 @@ def beyond_rim(run: Run) -> dict[str, float]:
     return found
 
 
-def stiff_enough(run: Run, joint: str) -> str:
+def stiff_enough(run: Run | Simulation, joint: str) -> str:
     """The contact stiffness that would let a pin by no more than STIFF of its clearance beyond its rim, in words for a
     remedy.
     """

@@ -9,7 +9,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from compare.quantities import DASH, MINUS
+from compare.quantities import DASH, MINUS, assumptions
 from compare.report import diagnosis_figures as figures
 from compare.report import diagnosis_words as words
 from compare.report import proposed
@@ -104,6 +104,7 @@ def diagnosis_html(result: Diagnosis) -> str:
         "explained": toml(explained),
         "changes": changes(result),
         "settings": words.settings(result),
+        "assumed": assumptions(result.assumed),
         "band": figures.BAND,
         "css": _static("report.css") + _static("diagnosis.css"),
         "scripts": _static("chart.js") + _static("diagnosis.js"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from compare.quantities import DASH, MINUS, SUPERSCRIPT, TIMES
+from compare.quantities import DASH, MINUS, SUPERSCRIPT, TIMES, assumptions
 from compare.report import proposed
 from compare.report.diagnosis_words import (
     GAP,
@@ -171,6 +171,8 @@ def diagnosis_md(result: Diagnosis) -> str:
     out += ["## Provenance", "", code_block(result.command, "sh"), "", f"Versions: {versions}", ""]
     rows = [[md(cell) for cell in row] for row in settings(result)]
     out += _table(["Engine", "Setting", "Value (SI)"], rows, ()) if rows else []
+    taken = [f"- {md(line)}" for line in assumptions(result.assumed)]
+    out += ["Left out where linkage and runs are described, and assumed:", "", *taken, ""] if taken else []
     return "\n".join(out)
 
 

@@ -12,7 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from analytic.mechanism import Mechanism
-from compare.quantities import number, setting
+from compare.quantities import assumptions, number, setting
 from compare.report.figures import Figure
 from compare.report.linkage import explorer
 from compare.report.summary import MODELS, REAL, WORDS, ShownRun, Summary, frame_and_signs, released
@@ -63,6 +63,7 @@ def render(
         "free": any(run.free for run in runs),
         "flagged": any(run.flags for run in runs),
         "setting_names": _once(name for run in runs for name in run.settings),
+        "assumed": assumptions(result.assumed),
     }
     page = _environment(True).get_template("report.html.j2")
     html = page.render(

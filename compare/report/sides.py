@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from compare.quantities import drive_signals, plain, quantities
+from compare.quantities import assumptions, drive_signals, plain, quantities
 from compare.results.analysis import Analysis, Simulation
 
 if TYPE_CHECKING:
@@ -44,6 +44,8 @@ def print_table(result: Side, console: Console) -> None:
     for row in _ranges(result):
         table.add_row(*map(escape, row))
     console.print(table)
+    for line in assumptions(result.assumed):
+        console.print(escape(f"assumed: {line}"), highlight=False, soft_wrap=True)
     console.print(escape(repr(result)), highlight=False, soft_wrap=True)
 
 
@@ -51,7 +53,8 @@ def summary_html(result: Side) -> str:
     """The same for a notebook."""
     rows = "".join("<tr>" + "".join(f"<td>{html.escape(c)}</td>" for c in row) + "</tr>" for row in _ranges(result))
     head = "<tr><th>signal</th><th>unit</th><th>smallest</th><th>largest</th></tr>"
-    return f"<p>{html.escape(repr(result))}</p><table>{head}{rows}</table>"
+    taken = "".join(f"<li>assumed: {html.escape(line)}</li>" for line in assumptions(result.assumed))
+    return f"<p>{html.escape(repr(result))}</p><table>{head}{rows}</table><ul>{taken}</ul>"
 
 
 def plot(result: Side, figure: Figure) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import count
-from compare.quantities import plain, quantities
+from compare.quantities import assumptions, plain, quantities
 from compare.results.validity import Boundary, Cell, Costing, Failed, Validity, Worst
 
 if TYPE_CHECKING:
@@ -295,6 +295,7 @@ def markdown(result: Validity) -> str:
     """The text of validity.md."""
     out = [f"# Where the analytic model holds: {_md(result.case)}", "", f"{_md(about(result))}.", ""]
     out += [f"- {_md(line)}" for line in result.words]
+    out += [f"- **Warning:** {_md(line)}" for line in result.warnings]
     out += ["", "![map of speed and clearance](validity.svg)", ""]
     out += [
         "A cell says at which share of the crank angles the equilibrium and the simulation agree within tolerance, and",
@@ -328,6 +329,9 @@ def markdown(result: Validity) -> str:
             for w in result.speeds
             for c in result.clearances
         ]
+    if result.assumed:
+        out += ["", "The mechanism gives no number for these:", ""]
+        out += [f"- {_md(line)}" for line in assumptions(result.assumed)]
     out += [
         "",
         (

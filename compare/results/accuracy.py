@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from analytic.mechanism.one_line import count
-from compare.results.document import Document, Grid, Mechanism, Part, Row, Series, listed
+from compare.results.document import Document, Filled, Grid, Mechanism, Part, Row, Series, listed
 
 MetresByJoint = Mapping[str, Annotated[float, Field(ge=0)]]
 Reasons = Mapping[Annotated[str, Field(pattern="^[0-9]+$")], str]
@@ -143,6 +143,7 @@ class Accuracy(Document):
     ]
     command: str
     warnings: tuple[str, ...]
+    assumed: Filled = ()
 
     def rows(self) -> list[Row]:
         """A row for each output and crank angle."""

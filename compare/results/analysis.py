@@ -14,7 +14,7 @@ from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal, named
 from analytic.paper.clearance import Model
 from compare.results.crosscheck import Index, MetresByJoint, OrderDifference, Path, Signals, Simulator
-from compare.results.document import Document, Grid, Mechanism, Row, Share, Text, listed
+from compare.results.document import Document, Filled, Grid, Mechanism, Row, Share, Text, listed
 from sim_models.engine import JointModel, Motion, SettingValue
 
 
@@ -32,6 +32,7 @@ class _Side(Document):
     signals: Signals
     command: str = ""
     warnings: tuple[str, ...] = ()
+    assumed: Filled = ()
 
     @cached_property
     def kinds(self) -> dict[str, Signal]:
@@ -111,6 +112,16 @@ class Simulation(_Side):
         Mapping[str, Share],
         Field(description="Share of the time (static: of the angles) that each pin is without contact."),
     ]
+
+    @property
+    def title(self) -> str:
+        """How the run is called, as one of a cross-check is."""
+        return f"{self.simulator.name}, {self.joint_model}"
+
+    @property
+    def simulated(self) -> Mapping[str, np.ndarray]:
+        """Its signals, as a run of a cross-check calls them."""
+        return self.signals
 
     def __repr__(self) -> str:
         return f"Simulation({self.case} in {self.simulator.name}, {self.joint_model}, {self.motion}, {self._over()})"

@@ -13,7 +13,7 @@ from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal, named
 from analytic.paper.clearance import Model
 from compare.results.contact import Compared, Contact
-from compare.results.document import Document, Grid, Mechanism, Number, Part, Row, Series, Share, Text, listed
+from compare.results.document import Document, Filled, Grid, Mechanism, Number, Part, Row, Series, Share, Text, listed
 from sim_models.engine import Cause, JointModel, Motion, SettingValue
 
 Verdict = Literal["agrees", "disagrees", "unjudged"]
@@ -271,6 +271,7 @@ class CrossCheck(Document):
     versions: Annotated[Mapping[str, str], Field(description="Version by package.", min_length=1)]
     mechanism: Mechanism
     warnings: tuple[str, ...]
+    assumed: Filled = ()
     runs: tuple[Run, ...]
     failures: Annotated[tuple[Failure, ...], Field(description="Simulations that have no result.")]
     spread: Annotated[

@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, Field, FiniteFloat, model_validator
 from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal, named, wrapped
 from compare.results.crosscheck import Simulator
-from compare.results.document import Amount, Document, Grid, Mechanism, Number, Part, Row, Series, Text, listed
+from compare.results.document import Amount, Document, Filled, Grid, Mechanism, Number, Part, Row, Series, Text, listed
 from sim_models.engine import SettingValue
 
 Verdict = Literal["no gap", "explained", "partly explained", "unexplained", "ambiguous"]
@@ -383,6 +383,7 @@ class Diagnosis(Document):
     explained: Annotated[Mechanism, Field(description="The linkage with the named effects.")]
     steps: Annotated[tuple[Step, ...], Field(description="How the verdict was come to, in order.")]
     notes: Annotated[tuple[str, ...], Field(description="What was assumed, and found of the noise, in sentences.")] = ()
+    assumed: Filled = ()
     complete: Annotated[bool, Field(description="false: the budget ended the search, and this is the best so far.")] = (
         True
     )

@@ -30,6 +30,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from analytic.errors import Error
 from analytic.mechanism import Mechanism as _Mechanism
+from analytic.mechanism.assumed import Assumed
 from analytic.mechanism.file import describe
 from analytic.mechanism.reading import ReadingError, read_json
 from compare.files import check_replaceable, output_folder, to_json, write_atomically, write_together
@@ -107,6 +108,10 @@ def as_written(mechanism: _Mechanism) -> dict[str, object]:
 
 
 Mechanism = Annotated[_Mechanism, PlainSerializer(as_written), Field(description="The linkage as in its TOML file.")]
+Filled = Annotated[
+    tuple[Assumed, ...],
+    Field(description="Every number that was left out where the linkage is described, and what stands for it (SI)."),
+]
 
 
 class Part(BaseModel):

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, ClassVar
 
 from pydantic import Field
 
 from analytic.mechanism.one_line import count
-from compare.results.document import Document, Row
-from sim_models.engine import JointModel, Motion
+from compare.results.document import Document, Filled, Row
+from sim_models.engine import JointModel, Motion, SettingValue
 
 
 class Exported(Document):
@@ -26,6 +27,8 @@ class Exported(Document):
     paths: Annotated[tuple[str, ...], Field(min_length=1, description="Every file that was written.")]
     needs: Annotated[tuple[str, ...], Field(description="Python packages that the script imports.")]
     run: Annotated[str, Field(min_length=1, description="The command that runs the model without this project.")]
+    settings: Annotated[Mapping[str, SettingValue], Field(description="The numbers that the engine used.")] = {}
+    assumed: Filled = ()
 
     def rows(self) -> list[Row]:
         """A row for each file."""

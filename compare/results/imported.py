@@ -8,7 +8,7 @@ from pydantic import Field
 
 from analytic.mechanism.file import dumps
 from analytic.mechanism.one_line import count
-from compare.results.document import Document, Mechanism, Row
+from compare.results.document import Document, Filled, Mechanism, Row
 
 
 class Imported(Document):
@@ -26,6 +26,7 @@ class Imported(Document):
         tuple[str, ...], Field(description="What of the file is left out, taken on or assumed, a sentence each.")
     ] = ()
     path: Annotated[str, Field(description="The mechanism file that was written.")] = ""
+    assumed: Filled = ()
 
     @property
     def text(self) -> str:

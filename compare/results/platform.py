@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from analytic.mechanism.one_line import count
 from compare.results.accuracy import MetresByJoint, Reasons
-from compare.results.document import Document, Grid, Mechanism, Part, Row, Series, listed
+from compare.results.document import Document, Filled, Grid, Mechanism, Part, Row, Series, listed
 
 
 class PoseError(Part):
@@ -113,6 +113,7 @@ class PlatformAccuracy(Document):
     ]
     command: str = ""
     warnings: tuple[str, ...] = ()
+    assumed: Filled = ()
 
     @model_validator(mode="after")
     def _whole(self) -> PlatformAccuracy:

@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 from pydantic import Field
 
 from analytic.mechanism.one_line import count
-from compare.results.document import Amount, Document, Grid, Mechanism, Number, Part, Row, Share
+from compare.results.document import Amount, Document, Filled, Grid, Mechanism, Number, Part, Row, Share
 
 Assumption = Literal["contact", "first-order", "quasi-static", "rigid"]
 Costing = Literal["first-order", "quasi-static", "quasi-static-corrected", "rigid"]
@@ -21,7 +21,9 @@ Names = Annotated[tuple[str, ...], Field(min_length=1)]
 class Law(Part):
     """Contact law of a joint: max(0, stiffness d + damping d'), or the ``law`` that it names."""
 
-    stiffness: Annotated[float, Field(gt=0, description="N/m")]
+    stiffness: Annotated[
+        float, Field(gt=0, description="N/m, at the slowest speed; the settings of each cell have its own.")
+    ]
     damping: Annotated[
         NotNegative | None, Field(description="N.s/m; null where each cell's restitution says it, or the law has none.")
     ]
@@ -179,7 +181,11 @@ class Cell(Place):
     ]
     give: Annotated[float, Field(ge=0, description="How far the contact yields under the peak force (m).")]
     settings: Annotated[
-        Mapping[str, str | float | None], Field(description="The engine's contact law and time step (s).")
+        Mapping[str, str | float | None],
+        Field(
+            description="The engine's contact law, contact_stiffness (N/m) and contact_damping (N.s/m), where these are"
+            " numbers, and time step (s)."
+        ),
     ]
     watched: Annotated[
         Watched | None, Field(description="Absent where the engine's steps were not watched, or nothing can leave.")
@@ -296,6 +302,7 @@ class Validity(Document):
     words: Annotated[tuple[str, ...], Field(min_length=1)]
     command: str
     warnings: tuple[str, ...]
+    assumed: Filled = ()
 
     def of(self, simulator: str, restitution: float | None = None) -> dict[tuple[float, float], Cell | Failed]:
         """An engine's cells by speed (rad/s) and clearance (m), of one restitution: the first, if none is given."""

@@ -8,12 +8,13 @@ restitution that it is asked for is :func:`delivered`.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from analytic.mechanism import Body, Joint, Mechanism
+from analytic.mechanism.assumed import Assumed
 from analytic.mechanism.parts import ContactLaw
-from sim_models.engine import Motion, SettingValue
+from sim_models.engine import Motion, Request, SettingValue
 
 STATIC_STIFFNESS = 1e8  # N/m, where the mechanism gives none and nothing moves
 DRIVEN_STIFFNESS = 1e7  # N/m, where the mechanism gives none and the crank turns
@@ -22,6 +23,8 @@ SUITED = (
     2.0**14,
 )  # N/m, of force over length of the linkages that these suit; for others they are harder or softer in proportion
 STIFFEST = 1e30  # N/m, of those
+TURNS = 1.75e-4  # rad, 0.01 deg: what a wall's give under weights and loads may turn a link by, the least that a
+# cross-check of contact allows a direction (static.contact in compare/judge/tolerances.toml)
 DAMPING_RATIO = 0.5  # of the lighter link on that stiffness, where the mechanism gives neither damping nor restitution
 BEARING_RATIO = 0.01  # the same of a soft bearing
 TOO_DEEP = 0.1  # of the shortest link at a joint: a pin that is deeper in its bearing is in none
@@ -168,6 +171,44 @@ def contact_parameters(mechanism: Mechanism, joint: Joint, motion: Motion) -> Ke
     return KelvinVoigt(stiffness, 2 * ratio * math.sqrt(stiffness * lighter_mass(mechanism, joint)))
 
 
+def assumed_of_contact(
+    mechanism: Mechanism, loose: Iterable[str], settings: Mapping[str, SettingValue]
+) -> tuple[Assumed, ...]:
+    """What the contact of a run's ``loose`` joints is made of that the mechanism does not say, as far as an engine has
+    used it, which the run's ``settings`` tell.
+    """
+    return tuple(each for name in loose for each in _assumed_at(mechanism.joint(name), settings))
+
+
+def _assumed_at(joint: Joint, settings: Mapping[str, SettingValue]) -> Iterator[Assumed]:
+    where = f"joint[{joint.name}]"
+
+    def used(name: str) -> float | None:
+        value = settings.get(name)
+        found = value.get(joint.name) if isinstance(value, Mapping) else value
+        return found if isinstance(found, float) else None
+
+    stiffness, damping, bounce = used("contact_stiffness"), used("contact_damping"), used("restitution")
+    if used("pin_radius") is not None and joint.pin_radius is None:
+        yield Assumed(f"{where}.pin_radius", PIN_RADIUS, "m", "the arm of the friction in its contact")
+    if stiffness is not None and joint.contact_stiffness is None and joint.radial_stiffness is None:
+        yield Assumed(f"{where}.contact_stiffness", stiffness, "N/m", "a hard wall for the forces of the linkage")
+    if joint.contact_damping is not None or joint.restitution is not None:
+        return
+    half = f"damping of {DAMPING_RATIO:g} of critical, of the lighter link"
+    if bounce is not None or used("bounce_time") is not None:
+        yield Assumed(f"{where}.restitution", bounce or restitution(DAMPING_RATIO), "1", f"what {half} gives back")
+    elif damping is not None:
+        yield Assumed(f"{where}.contact_damping", damping, "N.s/m", half)
+
+
+def rims(request: Request) -> dict[str, SettingValue]:
+    """For a trace's settings: the radius (m) of each pin that rubs in its bearing's contact."""
+    joints = [request.mechanism.joint(name) for name in request.clearances if request.joint_model == "contact"]
+    found = {j.name: j.pin_radius or PIN_RADIUS for j in joints if j.rough and not j.prismatic}
+    return {"pin_radius": found} if found else {}
+
+
 def bearing(mechanism: Mechanism, joint: Joint) -> KelvinVoigt:
     """What stands between the pin centres of a soft bearing without clearance: its spring, and a damper that lets the
     linkage's sway in it die away but takes next to no force from a steady motion.
@@ -180,13 +221,21 @@ def default_stiffness(mechanism: Mechanism, motion: Motion) -> float:
     """Contact stiffness (N/m) of a joint that gives none.
 
     A linkage whose forces over its length lie outside SUITED has it multiplied by the power of two that brings them
-    into the middle.
+    into the middle.  Under the weights and loads that the linkage carries no wall gives more than TURNS of the shortest
+    link.  What it carries is in its file; what its motion adds is not, and a wall does not change with the speed.
     """
     ordinary = STATIC_STIFFNESS if motion == "static" else DRIVEN_STIFFNESS
-    return min(
-        ordinary * power_of_two(sum(b.mass for b in mechanism.bodies) * turning_rate(mechanism, motion) ** 2, SUITED),
-        STIFFEST,
+    scaled = ordinary * power_of_two(
+        sum(b.mass for b in mechanism.bodies) * turning_rate(mechanism, motion) ** 2, SUITED
     )
+    return min(max(scaled, carried(mechanism) / (TURNS * shortest(mechanism))), STIFFEST)
+
+
+def carried(mechanism: Mechanism) -> float:
+    """Size (N) of all weights and loads of a linkage; of a torque, on an arm as long as its body."""
+    weights = sum(b.mass for b in mechanism.bodies) * math.hypot(*mechanism.gravity)
+    arms = {b.name: b.length or longest(mechanism) for b in mechanism.bodies}
+    return weights + sum(math.hypot(*load.force) + abs(load.torque) / arms[load.body] for load in mechanism.loads)
 
 
 def turning_rate(mechanism: Mechanism, motion: Motion) -> float:
@@ -207,6 +256,11 @@ def turning_rate(mechanism: Mechanism, motion: Motion) -> float:
 def longest(mechanism: Mechanism) -> float:
     """Length (m) of the longest body; of one with a single point, from there to its centre of mass."""
     return max(max(b.length, *(abs(b.point(name) - b.centre) for name in b.points)) for b in mechanism.bodies) or 1.0
+
+
+def shortest(mechanism: Mechanism) -> float:
+    """Length (m) of the shortest body that has one; if none has, of the longest."""
+    return min((b.length for b in mechanism.bodies if b.length > 0), default=longest(mechanism))
 
 
 def shortest_link(mechanism: Mechanism, joint: Joint) -> float:

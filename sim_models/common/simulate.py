@@ -13,6 +13,7 @@ import numpy as np
 from analytic.kinematics.closure import AssemblyError
 from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import signals
+from sim_models.common.contact_laws import rims
 from sim_models.common.health import Implausible, check
 from sim_models.common.requests import check_request
 from sim_models.common.travel import with_positions
@@ -47,7 +48,7 @@ def simulate(engine: Engine, request: Request, run: Callable[[Request], Trace], 
     check_supported(engine, request)
     check_request(request)
     run = partial(answered, engine.name, run=run)
-    trace = with_positions(request.mechanism, in_own_units(run, request, seconds))
+    trace = _run(run, request, seconds)
     try:
         check(request, trace)
         return trace
@@ -60,6 +61,11 @@ def simulate(engine: Engine, request: Request, run: Callable[[Request], Trace], 
             if found is not None:
                 return found
         raise implausible from None
+
+
+def _run(run: Callable[[Request], Trace], request: Request, seconds: bool) -> Trace:
+    trace = with_positions(request.mechanism, in_own_units(run, request, seconds))
+    return replace(trace, settings={**trace.settings, **rims(request)})
 
 
 def answered(name: str, request: Request, run: Callable[[Request], Trace]) -> Trace:
@@ -121,7 +127,7 @@ def _lacking(request: Request, trace: Trace) -> Iterator[str]:
 def _finer(run: Callable[[Request], Trace], request: Request, seconds: bool) -> Trace | None:
     """The trace of a run in a given step; None where it cannot be made, or is implausible too."""
     try:
-        trace = with_positions(request.mechanism, in_own_units(run, request, seconds))
+        trace = _run(run, request, seconds)
         check(request, trace)
     except SimulationError:
         return None

@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint, Mechanism, Spring
-from analytic.mechanism.bars import POISSON, division
+from analytic.mechanism.bars import division, shear_modulus
 from analytic.mechanism.signals import turned_near
 from sim_models.common.contact_laws import PIN_RADIUS
 from sim_models.common.start import AT_REST, Pose
@@ -208,7 +208,6 @@ class BeamModel:
     def _element(self, body: Body, nodes: list[Any], length: float) -> None:
         height, depth = body.section
         modulus, area = body.youngs_modulus or 0.0, height * depth
-        shear = body.shear_modulus or modulus / (2 * (1 + POISSON))
         common = {"nodeNumbers": nodes, "length": length, "massPerLength": body.mass / body.length}
         self._axial.append(modulus * area / length)
         common |= {"bendingStiffness": modulus * depth * height**3 / 12, "axialStiffness": modulus * area}
@@ -218,7 +217,7 @@ class BeamModel:
             inertia = body.mass / body.length * height**2 / 12
             self.mbs.AddObject(
                 self.items.ObjectBeamGeometricallyExact2D(
-                    **common, crossSectionInertia=inertia, shearStiffness=SHEAR_FACTOR * shear * area
+                    **common, crossSectionInertia=inertia, shearStiffness=SHEAR_FACTOR * shear_modulus(body) * area
                 )
             )
 

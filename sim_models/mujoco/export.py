@@ -52,6 +52,7 @@ def write(request: Request, folder: Path) -> list[Path]:
         "title": f"{request.mechanism.name}, {request.joint_model} joints, {request.motion}",
         "version": f"{trace.simulator} {trace.version}",
         "units": trace.settings["units"],
+        "settings": dict(trace.settings),
         "motion": request.motion,
     }
     files = {

@@ -128,7 +128,7 @@ def write(request: Request, folder: Path) -> list[Path]:
     if start["yielding"]:  # where the crank is, not its motor
         trace = replace(trace, crank_angle=trace.signals[f"{request.mechanism.driven}_angle"])
     files = parts | {
-        "start.json": lines(start | {"units": trace.settings["units"]}),
+        "start.json": lines(start | {"units": trace.settings["units"], "settings": dict(trace.settings)}),
         "expected.csv": expected(trace, request, order),
     }
     return written(folder, files, "pybullet_run.py")

@@ -10,7 +10,7 @@ from __future__ import annotations
 import difflib
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -20,6 +20,7 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.structure import StructureError
 from analytic.mechanism import Mechanism
+from analytic.mechanism.assumed import Assumed
 from analytic.mechanism.columns import Layout
 from analytic.mechanism.file import MechanismError, load, shipped_cases
 from analytic.mechanism.one_line import count, shown
@@ -84,8 +85,29 @@ def load_measured(path: str | Path) -> Measured:
     if wrong:
         raise MeasuredError(*dict.fromkeys(wrong))
     return Measured(
-        mechanism, tuple(run for run, _ in read), tolerance, tuple(f for _, faults in read for f in faults), str(path)
+        mechanism,
+        tuple(run for run, _ in read),
+        tolerance,
+        tuple(f for _, faults in read for f in faults),
+        str(path),
+        tuple(
+            each for entry, (run, _) in zip(file.runs, read, strict=True) for each in _assumed(entry, run, mechanism)
+        ),
     )
+
+
+def _assumed(entry: Entry, run: MeasuredRun, mechanism: Mechanism) -> Iterator[Assumed]:
+    """What a run takes on of how it is driven, or let go."""
+    where = f"run[{run.name}]"
+    if run.speed is not None and entry.drive_speed is None:
+        yield Assumed(f"{where}.drive_speed", run.speed, "rad/s", "drive.speed of the mechanism")
+    if run.angle is not None and entry.drive_angle is None:
+        yield Assumed(f"{where}.drive_angle", run.angle, "rad", "the driven body's angle of [assembly]")
+    given = {canonical(name, mechanism) for name in entry.start or {}}
+    for name, value in run.start.items():
+        if name not in given:
+            unit = "rad" if name == mechanism.encoder.name else "rad/s"
+            yield Assumed(f"{where}.start.{name}", value, unit, "as its readings begin, else assembled and at rest")
 
 
 class _Tables:

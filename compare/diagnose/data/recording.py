@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from analytic.mechanism import Load, Mechanism
+from analytic.mechanism.assumed import Assumed
 from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal, named
 from compare.recorded.errors import DataError
@@ -110,7 +111,7 @@ class MeasuredRun:
 @dataclass(frozen=True, repr=False)
 class Measured:
     """A nominal mechanism, the runs measured on it, what may be blamed at most (``tolerance``, by quantity, parameter
-    or effect.parameter, SI), and what was wrong with the data.
+    or effect.parameter, SI), what was wrong with the data, and what is ``assumed`` of the runs.
     """
 
     mechanism: Mechanism
@@ -118,6 +119,7 @@ class Measured:
     tolerance: Mapping[str, float]
     faults: tuple[Fault, ...]
     source: str
+    assumed: tuple[Assumed, ...] = ()
 
     @cached_property
     def sensors(self) -> frozenset[tuple[str, str]]:
