@@ -140,7 +140,7 @@ class Maximal:
             if np.abs(step).max() < 1e-13 * max(1.0, np.abs(q).max()):
                 break
         if np.abs(self.residual(q, positions)).max() > 1e-9:
-            raise ValueError(f"{self.m.name} does not close at {dict(positions)}")
+            raise ValueError("not closed")
         return q
 
     def positions(self, q: np.ndarray) -> dict[str, float]:
