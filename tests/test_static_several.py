@@ -14,7 +14,7 @@ import pytest
 
 import linkage_crosscheck as lc
 from analytic.kinematics.assembly import Assembly, AssemblyError
-from analytic.mechanism import MASS_CENTRE, Joint, Mechanism
+from analytic.mechanism import MASS_CENTRE, Mechanism
 from analytic.mechanism.file import load
 from compare.analyse import request
 from compare.arguments import timed
