@@ -115,7 +115,7 @@ class _Inverse:
             passed = passes_zero(np.arange(len(sizes)) if time is None else time, size)
             if passed is not None:
                 k, part = passed
-                what = "is singular, or too near to a singular pose for the rows of the path to tell: two ways to go on"
+                what = "is singular, or the path's rows are too far apart to tell that it is not: two ways to go on"
                 pose = poses[:, k] + part * (poses[:, k + 1] - poses[:, k])
                 raise self.failed(pose, f"{_told(time, k + part)}{what} meet there")
         return Followed(np.stack(found, axis=1))
