@@ -37,7 +37,11 @@ class Posed:
 
 
 class Maximal:
-    """A mechanism; bodies without an assembly angle start at 0.  ``driven`` joints have a row of their own."""
+    """A mechanism; bodies without an assembly angle start at 0.  ``driven`` joints have a row of their own; pins may be
+    off their bearings' centres by ``gaps`` (m), first pin less second.
+    """
+
+    gaps: Mapping[str, complex] = {}
 
     def __init__(self, mechanism: Mechanism, driven: tuple[str, ...]) -> None:
         self.m, self.driven = mechanism, driven
@@ -45,6 +49,18 @@ class Maximal:
         self.mass = np.array([x for b in mechanism.bodies for x in (b.mass, b.mass, b.moment_of_inertia)])
         self.rows = [(joint, kind) for joint in mechanism.joints for kind in (0, 1)]
         self.rows += [(mechanism.joint(name), 2) for name in driven]
+        self._locals: dict[tuple[str, str], complex] = {}
+        names = [*self.index, GROUND]  # the ground is the last of all poses
+        joints = [joint for joint, _ in self.rows]
+        slides = np.array([joint.prismatic for joint in joints], bool)
+        kinds = np.array([kind for _, kind in self.rows])
+        self.ends = np.array([[names.index(j.bodies[side]) for j in joints] for side in (0, 1)])
+        self.arms = np.array([[self._local(j.bodies[side], j.name) for j in joints] for side in (0, 1)])
+        self.turns = np.where(slides, kinds == 1, kinds == 2)  # rows of an angle between bodies; the others of a place
+        self.rides = slides & ~self.turns  # along or across an axis that turns with the first body
+        axes = np.array([j.direction if j.prismatic else 1.0 for j in joints])
+        self.along = np.where(slides, np.where(kinds == 0, 1j, 1.0), np.where(kinds == 1, 1j, 1.0)) * axes
+        self.angles = np.array([j.angle if j.prismatic and kind == 1 else 0.0 for j, kind in self.rows])
 
     def home(self, positions: Mapping[str, float]) -> np.ndarray:
         """The closed posture nearest to the assembly angles with the driven joints there.  Raises ValueError."""
@@ -59,61 +75,62 @@ class Maximal:
 
     def point(self, q: np.ndarray, body: str, point: str) -> complex:
         """A body's point (m), or the ground's."""
-        return self.m.body(body).point(point) if body == GROUND else self._centre(q, body) + self.arm(q, body, point)
+        return self._local(body, point) if body == GROUND else self._centre(q, body) + self.arm(q, body, point)
 
     def arm(self, q: np.ndarray, body: str, point: str) -> complex:
         """From a body's centre of mass to its point (m)."""
-        if body == GROUND:
-            return 0j
-        own = self.m.body(body)
-        return complex((own.point(point) - own.point(MASS_CENTRE)) * np.exp(1j * q[self.index[body] + 2]))
+        return 0j if body == GROUND else complex(self._local(body, point) * np.exp(1j * q[self.index[body] + 2]))
 
     def angle(self, q: np.ndarray, body: str) -> float:
         """A body's angle (rad)."""
         return 0.0 if body == GROUND else float(q[self.index[body] + 2])
 
+    def _local(self, body: str, point: str) -> complex:
+        """A point in its body's frame, from the centre of mass (m); of the ground as it is."""
+        if (body, point) not in self._locals:
+            own = self.m.body(body)
+            centre = 0.0 if body == GROUND else own.point(MASS_CENTRE)
+            self._locals[body, point] = complex(own.point(point) - centre)
+        return self._locals[body, point]
+
     def _centre(self, q: np.ndarray, body: str) -> complex:
         k = self.index[body]
         return complex(q[k], q[k + 1])
 
-    def _apart(self, q: np.ndarray, joint: Joint) -> tuple[complex, complex]:
-        first, second = joint.bodies
-        axis = joint.direction * np.exp(1j * self.angle(q, first)) if joint.prismatic else 1 + 0j
-        return self.point(q, second, joint.name) - self.point(q, first, joint.name), complex(axis)
+    def _turned(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Each row's arms (2, rows), its second point less its first, and its direction (m, complex)."""
+        poses = np.append(q, (0.0, 0.0, 0.0)).reshape(-1, 3)
+        phasors = np.exp(1j * poses[:, 2])[self.ends]
+        arms = self.arms * phasors
+        (near, far) = (poses[:, 0] + 1j * poses[:, 1])[self.ends] + arms
+        apart = far - near + [self.gaps.get(joint.name, 0j) for joint, _ in self.rows]
+        return arms, apart, self.along * np.where(self.rides, phasors[0], 1.0)
 
     def residual(self, q: np.ndarray, positions: Mapping[str, float]) -> np.ndarray:
         """What the rows miss (rows,)."""
-        out = []
-        for joint, kind in self.rows:
-            apart, axis = self._apart(q, joint)
-            turn = self.angle(q, joint.bodies[1]) - self.angle(q, joint.bodies[0])
-            if kind == 2:
-                own = (np.conj(axis) * apart).real if joint.prismatic else turn
-                out.append(own - positions[joint.name])
-            elif joint.prismatic:
-                out.append((np.conj(axis) * apart).imag if kind == 0 else turn - joint.angle)
-            else:
-                out.append((apart.real, apart.imag)[kind])
-        return np.array(out)
+        _, apart, along = self._turned(q)
+        first, second = np.append(q[2::3], 0.0)[self.ends]
+        out = np.where(self.turns, second - first - self.angles, (np.conj(along) * apart).real)
+        out[len(out) - len(self.driven) :] -= [positions[name] for name in self.driven]
+        return out
 
     def jacobian(self, q: np.ndarray) -> np.ndarray:
         """Their derivative (rows, 3 bodies)."""
-        out = np.zeros((len(self.rows), q.size))
-        for row, (joint, kind) in enumerate(self.rows):
-            apart, axis = self._apart(q, joint)
-            for body, sign in zip(joint.bodies, (-1.0, 1.0), strict=True):
-                if body == GROUND:
-                    continue
-                k, arm = self.index[body], self.arm(q, body, joint.name)
-                if (joint.prismatic and kind == 1) or (kind == 2 and not joint.prismatic):
-                    out[row, k + 2] += sign
-                    continue
-                along = axis if kind == 2 else 1j * axis if joint.prismatic else (1 + 0j, 1j)[kind]
-                out[row, k], out[row, k + 1] = sign * along.real, sign * along.imag
-                out[row, k + 2] += sign * (np.conj(along) * 1j * arm).real
-                if joint.prismatic and sign < 0:  # the axis turns with the first body
-                    out[row, k + 2] += (np.conj(1j * along) * apart).real
-        return out
+        arms, apart, along = self._turned(q)
+        out, every = np.zeros((len(self.rows), q.size + 3)), np.arange(len(self.rows))
+        for ends, arm, sign in zip(3 * self.ends, arms, (-1.0, 1.0), strict=True):
+            places = np.where(self.turns, 0.0, sign * along)
+            out[every, ends] += places.real
+            out[every, ends + 1] += places.imag
+            out[every, ends + 2] += np.where(self.turns, sign, (np.conj(places) * 1j * arm).real)
+        out[every, 3 * self.ends[0] + 2] += np.where(self.rides, (np.conj(1j * along) * apart).real, 0.0)
+        return out[:, : q.size]
+
+    def _apart(self, q: np.ndarray, joint: Joint) -> tuple[complex, complex]:
+        """A slide's second point less its first, and its axis (m, complex)."""
+        first, second = joint.bodies
+        apart = self.point(q, second, joint.name) - self.point(q, first, joint.name)
+        return apart, complex(joint.direction * np.exp(1j * self.angle(q, first)))
 
     def closed(self, q: np.ndarray, positions: Mapping[str, float]) -> np.ndarray:
         """The posture near q that the rows ask for.  Raises ValueError."""
@@ -123,13 +140,24 @@ class Maximal:
             if np.abs(step).max() < 1e-13 * max(1.0, np.abs(q).max()):
                 break
         if np.abs(self.residual(q, positions)).max() > 1e-9:
-            raise ValueError(f"{self.m.name} does not close at {dict(positions)}")
+            raise ValueError("not closed")
         return q
 
+    def positions(self, q: np.ndarray) -> dict[str, float]:
+        """Where the driven joints are (rad, m)."""
+        told = self.residual(q, dict.fromkeys(self.driven, 0.0))[len(self.rows) - len(self.driven) :]
+        return dict(zip(self.driven, told.tolist(), strict=True))
+
     def bent(self, q: np.ndarray, rates: np.ndarray) -> np.ndarray:
-        """d/dt(J) q' (rows,), by a central difference along the motion."""
-        h = 1e-5 / max(1.0, np.abs(rates).max())
-        return (self.jacobian(q + h * rates) - self.jacobian(q - h * rates)) @ rates / (2 * h)
+        """d/dt(J) q' (rows,): what the rows' second derivatives are while nothing accelerates."""
+        arms, apart, along = self._turned(q)
+        moves = np.append(rates, (0.0, 0.0, 0.0)).reshape(-1, 3)
+        spins = moves[:, 2][self.ends]
+        near, far = (moves[:, 0] + 1j * moves[:, 1])[self.ends] + 1j * spins * arms
+        bend = spins[0] ** 2 * arms[0] - spins[1] ** 2 * arms[1]
+        # seen from a first body that turns: its spin takes off what turns with it, and Coriolis'
+        bend = bend - np.where(self.rides, 2j * spins[0] * (far - near) + spins[0] ** 2 * apart, 0.0)
+        return np.where(self.turns, 0.0, (np.conj(along) * bend).real)
 
     def forces(self, q: np.ndarray, rates: np.ndarray) -> np.ndarray:
         """Weights, loads, springs between points, and the laws of joints but for dry friction (3 bodies,)."""
@@ -188,14 +216,20 @@ class Maximal:
         return complex(rates[k], rates[k + 1]) + 1j * rates[k + 2] * self.arm(q, body, point)
 
     def driven_at(self, q: np.ndarray, motors: Mapping[str, tuple[float, float, float]]) -> Posed:
-        """The instant near q at which each driven joint has a position, rate and acceleration, all else by balance."""
+        """The instant near q at which each driven joint, which with the others leave no freedom, has a position, rate
+        and acceleration.
+        """
         q = self.closed(q, {name: state[0] for name, state in motors.items()})
         j, own = self.jacobian(q), len(self.rows) - len(self.driven)
         asked = np.zeros((2, len(self.rows)))
         for k, name in enumerate(self.driven):
             asked[:, own + k] = motors[name][1:]
         rates = np.linalg.lstsq(j, asked[0], rcond=SAME)[0]
-        return self.balanced(q, rates, asked[1])
+        accelerations = np.linalg.lstsq(j, asked[1] - self.bent(q, rates), rcond=SAME)[0]
+        pushed = self.mass * accelerations - self.forces(q, rates)
+        _, size, own = np.linalg.svd(j.T)
+        idle = own[np.count_nonzero(size > SAME * size[0]) :]
+        return self._posed(q, rates, accelerations, np.linalg.lstsq(j.T, pushed, rcond=SAME)[0], idle)
 
     def balanced(self, q: np.ndarray, rates: np.ndarray, asked: np.ndarray | None = None) -> Posed:
         """Accelerations and multipliers at a state: M q'' = forces + J^T l, J q'' = asked - J' q'."""
@@ -205,10 +239,15 @@ class Maximal:
         compliance = j / self.mass @ j.T
         scale = np.sqrt(np.diag(compliance))
         shared = np.linalg.svd(compliance / scale / scale[:, None])
-        idle = shared[2][shared[1] < SAME * shared[1][0]] / scale  # multipliers that do nothing
         needed = (right - j / self.mass @ applied) / scale
         multipliers = np.linalg.lstsq(compliance / scale / scale[:, None], needed, rcond=SAME)[0] / scale
         accelerations = (applied + j.T @ multipliers) / self.mass
+        return self._posed(q, rates, accelerations, multipliers, shared[2][shared[1] < SAME * shared[1][0]] / scale)
+
+    def _posed(
+        self, q: np.ndarray, rates: np.ndarray, accelerations: np.ndarray, multipliers: np.ndarray, idle: np.ndarray
+    ) -> Posed:
+        """An instant; ``idle`` (M, rows) are multipliers that do nothing."""
         loose = frozenset(self.rows[r][0].name for r in np.flatnonzero(np.abs(idle).max(axis=0, initial=0.0) > 1e-6))
         return Posed(q, rates, accelerations, *self._told(q, rates, multipliers), loose)
 
@@ -218,16 +257,17 @@ class Maximal:
         forces: dict[str, complex] = {}
         moments: dict[str, float] = {}
         motors: dict[str, float] = {}
+        along = self._turned(q)[2]
         for row, (joint, kind) in enumerate(self.rows):
-            apart, axis = self._apart(q, joint)
             first, second = joint.bodies
             if kind == 2:
                 motors[joint.name] = float(multipliers[row])
                 if joint.prismatic:  # a slide's reaction is all that its first body does to the second
-                    forces[joint.name] += multipliers[row] * axis
+                    forces[joint.name] += multipliers[row] * complex(along[row])
             elif not joint.prismatic:
-                forces[joint.name] = forces.get(joint.name, 0j) + multipliers[row] * (1, 1j)[kind]
+                forces[joint.name] = forces.get(joint.name, 0j) + multipliers[row] * complex(along[row])
             elif kind == 0:
+                apart, axis = self._apart(q, joint)
                 forces[joint.name] = multipliers[row] * 1j * axis
                 slip = self.velocity(q, rates, second, joint.name) - self.velocity(q, rates, first, joint.name)
                 slip -= 1j * self.spin(rates, first) * apart

@@ -1,9 +1,10 @@
 """Random planar linkages that close by construction: poses first, then lengths and frames from the poses.
 
 A linkage begins with a crank on the ground; dyads and groups of four bodies are added to it, each pinned to (or sliding
-on) what is there already.  Where every joint is in the ground frame is chosen; the points of the bodies follow from
-random body frames.  Every choice goes through :class:`Choice`, so that hypothesis shrinks a linkage to a plain one, and
-a seed makes the same linkage again.
+on) what is there already.  A manipulator begins with a platform on one to three legs, and has no drives yet.  Where
+every joint is in the ground frame is chosen; the points of the bodies follow from random body frames.  Every choice
+goes through :class:`Choice`, so that hypothesis shrinks a linkage to a plain one, and a seed makes the same linkage
+again.
 """
 
 from __future__ import annotations
@@ -70,6 +71,7 @@ class Ranges:
 
 
 WIDE = Ranges()
+ARMS = Ranges(length=(-2.0, -0.5, 0.5), speed=(-1.0, 0.0, 1.0), mass=(-1.0, 0.0, 1.0), spread=0.7, friction=False)
 HUMAN = Ranges(
     length=(-1.3, -1.0, -0.7), speed=(0.0, 1.0, 1.5), mass=(-1.0, 0.0, 0.5), spread=0.5, gravity=(0.0, 0.99, 1.0),
     load=(-1.0, 0.0, 0.7), clearance=(-3.0, -2.5, -2.0), groups=(1, 2), friction=False,
@@ -93,6 +95,19 @@ def linkage(choice: Choice, ranges: Ranges = WIDE, name: str = "random linkage")
     frame.crank()
     for _ in range(choice.whole(*ranges.groups)):
         (frame.dyad, frame.dyad, frame.dyad, frame.dyad, frame.three_legs, frame.square)[choice.whole(0, 5)]()
+    return Mechanism.model_validate({"name": name} | _Flesh(choice, ranges, frame).fields())
+
+
+def manipulator(seed: int, ranges: Ranges = ARMS) -> Mechanism:
+    """That seed's platform, which moves in three ways, assembled exactly at its assembly angles and driven nowhere."""
+    choice = Seeded(np.random.default_rng(seed))
+    frame = _Skeleton(choice)
+    frame.platform(choice.whole(1, 3))
+    for _ in range(choice.whole(0, 1)):
+        frame.dyad()
+    if _chance(choice, 25):
+        frame.twin()
+    name = f"manipulator {seed}"
     return Mechanism.model_validate({"name": name} | _Flesh(choice, ranges, frame).fields())
 
 
@@ -168,6 +183,36 @@ class _Skeleton:
             self.join(bool(slides & 1), plate, leg, knee)
             self.join(bool(slides & 2), holder, leg, knee + polar(c, 0.5, 1.2, 3.0))
 
+    def platform(self, legs: int) -> None:
+        """A link on RRR, RPR, PRR or RRP legs from the ground, or from another leg."""
+        c = self.choice
+        middle = polar(c, 0.0, 1.0, 2.0)
+        plate = self.body("platform")
+        for k in range(legs):
+            holder = self.pick([b for b in self.poses if b != plate]) if k and _chance(c, 30) else "ground"
+            knee = middle + real(c, 0.3, 0.6, 1.5) * np.exp(1j * (2 * math.pi * k / legs + real(c, -0.8, 0.0, 0.8)))
+            foot = knee + polar(c, 0.8, 1.5, 3.0)
+            elbow = (knee + foot) / 2 + polar(c, 0.3, 0.7, 1.5)
+            slides = (0, 0, 2, 1, 4)[c.whole(0, 4)]  # one bit a joint
+            upper, lower = self.body(), self.body()
+            for j, (a, b, z) in enumerate(((holder, upper, foot), (upper, lower, elbow), (lower, plate, knee))):
+                self.join(bool(slides >> j & 1), a, b, z)
+
+    def twin(self) -> None:
+        """A second link on the two pins of one: one more than the linkage needs.  What it joins has other pins too."""
+        pins: dict[str, set[complex]] = {b: set() for b in self.poses}
+        near = {b: [j for j in self.joints if b in j["bodies"]] for b in self.poses if b != "ground"}
+        for joint in (j for j in self.joints if j["type"] == "revolute"):
+            for b in joint["bodies"]:
+                pins[b].add(self.places[b][joint["name"]])
+        held = {b: {other for j in own for other in j["bodies"]} - {"ground"} for b, own in near.items()}
+        rods = [b for b, own in near.items() if len(own) == 2 and all(len(pins[other]) > 1 for other in held[b])]
+        if rods:
+            rod, twin = self.pick(rods), self.body()
+            for joint in near[rod]:
+                other = next(b for b in joint["bodies"] if b != rod)
+                self.pin(other, twin, self.places[rod][joint["name"]])
+
     def square(self) -> None:
         """Four bodies in a loop of their own, two opposite ones of which hang on the rest."""
         c = self.choice
@@ -199,7 +244,8 @@ class _Skeleton:
         slides = any(
             j["type"] == "prismatic" and body in j["bodies"] for j in self.joints
         )  # with two pins in one place it would have no length
-        return at + polar(self.choice, 0.3, 0.5, 2.0) if slides or _chance(self.choice, 60) else at
+        lone = body != "ground" and len(self.places[body]) == 1
+        return at + polar(self.choice, 0.3, 0.5, 2.0) if slides or lone or _chance(self.choice, 60) else at
 
     def join(self, slides: bool, first: str, second: str, z: complex) -> None:
         (self.slide if slides else self.pin)(first, second, z)
@@ -237,17 +283,19 @@ class _Flesh:
         gravity = power(c, *r.gravity) * turn(c) if _chance(c, 70) else 0j
         self.force = self.mass * (abs(gravity) + self.length * speed**2)
         self.speed = speed
-        drive = self.drive(speed)
-        driven = next(b for j in s.joints if j["name"] == drive["joint"] for b in j["bodies"] if b != "ground")
+        cranked = "crank" in s.poses
+        drive = self.drive(speed) if cranked else None
+        driven = {b for j in s.joints if drive and j["name"] == drive["joint"] for b in j["bodies"]}
         return {
             "gravity": pair(gravity),
             "ground": {"points": self.points("ground")},
             "body": [self.body(b) for b in s.poses if b != "ground"],
             "joint": [self.laws(j) for j in s.joints],
-            "drive": drive,
+            "drive": drive or [],
             "load": [self.load() for _ in range(c.whole(0, 3))],
+            "spring": [] if cranked else [self.spring() for _ in range(c.whole(0, 2))],
             "assembly": {
-                b: float(np.angle(x)) + (b != driven) * real(c, -0.01, 0.0, 0.01)
+                b: float(np.angle(x)) + (cranked and b not in driven) * real(c, -0.01, 0.0, 0.01)
                 for b, (_, x) in s.poses.items()
                 if b != "ground"
             },
@@ -309,6 +357,16 @@ class _Flesh:
         return load | (
             {"torque": _either(c, 1) * size * self.length} if _chance(c, 30) else {"force": pair(size * turn(c))}
         )
+
+    def spring(self) -> dict[str, Any]:
+        """Between points of two bodies that lie apart, not in one joint, with a damper beside it."""
+        c = self.choice
+        points = [(b, name, z) for b, own in self.skeleton.places.items() for name, z in own.items()]
+        one = self.skeleton.pick(points)
+        ends = [one, self.skeleton.pick([p for p in points if not {*p[:2]} & {*one[:2]} and abs(p[2] - one[2]) > 0.1])]
+        law = {"stiffness": self.force / self.length, "damping": 0.3 * self.force / self.length / self.speed}
+        bodies, names, _ = zip(*ends, strict=True)
+        return {"bodies": bodies, "points": names, "length": self.length * power(c, -1.0, 0.0, 0.5)} | law
 
     def drive(self, speed: float) -> dict[str, Any]:
         """At the crank, or at another pin on the ground, which makes other groups of the same joints."""

@@ -81,6 +81,25 @@ drive = [{ joint = "X", speed = 0.1 }, { joint = "Y", speed = 0.05 }]
 assembly = { car = 0.0, tool = 0.0 }
 """  # slides alone
 
+PISTON_PIN = """
+name = "press driven at its piston's pin"
+gravity = [0.0, -9.81]
+ground = { points = { O = [0.0, 0.0], G = [0.0, 0.0] } }
+body = [
+    { name = "arm", points = { O = [0.0, 0.0], K = [0.1, 0.0] }, mass = 1.0 },
+    { name = "rod", points = { K = [0.0, 0.0], P = [0.3, 0.0] }, mass = 2.0 },
+    { name = "piston", points = { P = [0.0, 0.0], G = [0.0, 0.0] }, mass = 3.0, inertia = 0.01 }
+]
+joint = [
+    { name = "O", type = "revolute", bodies = ["ground", "arm"] },
+    { name = "K", type = "revolute", bodies = ["arm", "rod"] },
+    { name = "P", type = "revolute", bodies = ["piston", "rod"] },
+    { name = "G", type = "prismatic", bodies = ["ground", "piston"], axis = [1.0, 0.0] }
+]
+drive = { joint = "P", speed = 0.1 }
+assembly = { arm = 0.3, rod = -0.098666, piston = 0.0 }
+"""  # the driven pin is on a block that slides by itself
+
 CASES: dict[str, Mechanism] = {name: load(name) for name in SHIPPED}
 CASES |= {m.name: m for m in (sprung(load(name)) for name in SHIPPED)}
 CASES["parallelogram"] = third_bar()

@@ -9,23 +9,25 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, event, given, settings
 
+from analytic.compiled import run
 from analytic.kinematics.assembly import Assembly, AssemblyError
-from analytic.kinematics.motion import kinematics
+from analytic.kinematics.motion import Gap, kinematics, kinematics_by_numpy
 from analytic.kinematics.reach import turns_fully
-from analytic.mechanism import Mechanism
+from analytic.mechanism import MASS_CENTRE, Mechanism
 from analytic.mechanism.file import load
 from analytic.paper.clearance import displaced
-from analytic.paper.kinetostatics import kinetostatics
+from analytic.paper.kinetostatics import Reactions, kinetostatics, kinetostatics_by_numpy
 from linkages import dyad_on_a_triad
+from maximal import SAME, Maximal, Posed
 from multiplier_oracle import JUMP, TINY, WORST_CONDITION, LeftOut, Oracle, Solved
-from random_linkages import WIDE, Ranges, linkages, seeded
+from random_linkages import WIDE, Ranges, Seeded, linkages, manipulator, seeded, turn
 
 pytestmark = pytest.mark.filterwarnings("ignore::analytic.mechanism.MechanismWarning")
 
@@ -36,6 +38,7 @@ SAMPLES = 5
 FAINT = 1e-6  # of the largest force; a slope that is good to 1e-9 of that says little of the curvature of less
 # condition above which the pins may follow their reactions into postures that do not close, from those that do
 REFUSED = 100.0
+STEP = 0.06  # rad, or spans, of a manipulator's body between two instants
 SOFT = replace(WIDE, soft=True, groups=(1, 2))
 STATIONARY = 1e-9  # of clearance times the largest force
 STILL = (
@@ -179,6 +182,182 @@ def test_random_linkages_move_and_push_as_multipliers_say(m: Mechanism) -> None:
 @given(linkages(CURVED))
 def test_drag_friction_and_springs_that_are_not_linear_push_as_multipliers_say(m: Mechanism) -> None:
     event(assert_the_same_motion_and_forces(m))
+
+
+# ---------------------------------------------------------------- several drives
+
+
+@dataclass(frozen=True)
+class Task:
+    """A manipulator with drives that determine it, what they are asked for (position, rate, acceleration by joint) at
+    two instants, where it is assembled and then not far from there, and what the referee says of it.
+    """
+
+    mechanism: Mechanism
+    judge: Maximal
+    asked: tuple[Mapping[str, tuple[float, float, float]], ...]
+    posed: tuple[Posed, ...]
+    span: float
+    gaps: Mapping[str, complex]
+
+
+def scaled(rows: np.ndarray, span: float) -> np.ndarray:
+    """Rows of a derivative by poses, lengths in spans, each of size 1."""
+    rows = rows * np.tile([span, span, 1.0], rows.shape[1] // 3)
+    return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
+
+
+def well(judge: Maximal, q: np.ndarray, span: float) -> np.ndarray:
+    """The pose again, if it is well conditioned.  Raises LeftOut."""
+    sizes = np.linalg.svd(scaled(judge.jacobian(q), span), compute_uv=False)
+    if not sizes[0] < WORST_CONDITION * sizes[q.size - 1]:
+        raise LeftOut("near a singular posture")
+    return q
+
+
+def motors_of(m: Mechanism, rng: np.random.Generator, span: float) -> list[str]:
+    """Joints at random, as many as the manipulator has freedoms, each of which moves it in a way of its own."""
+    q, names = Maximal(m, ()).home({}), [j.name for j in m.joints]
+    rows, joints = scaled(Maximal(m, tuple(names)).jacobian(q), span), 2 * len(names)
+    _, sizes, ways = np.linalg.svd(rows[:joints])
+    moved = rows[joints:] @ ways[np.count_nonzero(sizes > SAME * sizes[0]) :].T  # of each joint, by each freedom
+    chosen, known = [], np.zeros((0, moved.shape[1]))
+    for k in rng.permutation(len(names)):
+        new = moved[k] - moved[k] @ known.T @ known
+        size = np.linalg.norm(new)
+        if size > 0.01 and size > 0.2 * np.linalg.norm(moved[k]):
+            chosen.append(names[k])
+            known = np.vstack([known, new / size])
+    if len(chosen) < moved.shape[1]:
+        raise LeftOut("no drives that move it well")
+    return chosen
+
+
+def task(seed: int) -> Task:
+    """A random manipulator, its assembly angles exact or, of bodies that no drive asks for theirs, not quite; a third
+    of them with a pin off its bearing's centre.  Raises LeftOut.
+    """
+    m, rng = manipulator(seed).with_clearances({}), np.random.default_rng([seed, 1])
+    span, angles = max(body.length for body in m.bodies), [m.assembly[b.name] for b in m.bodies]
+    motors = motors_of(m, rng, span)
+    m = m.replace(drives=[{"joint": name, "speed": 1.0} for name in motors])
+    told = {b for name in motors for b in m.joint(name).bodies}
+    if not any(joint.prismatic for joint in m.motors):
+        off = {b: float(rng.uniform(-0.05, 0.05)) * (b not in told) for b in m.assembly}
+        m = m.replace(assembly={b: angle + off[b] for b, angle in m.assembly.items()})
+    judge, start = Maximal(m, tuple(motors)), Assembly(m).positions
+    q = well(judge, judge.home(start), span)
+    if np.abs(q[2::3] - angles).max() > 1e-9:
+        raise LeftOut("another assembly mode is as near to angles that are a little off")
+    size, unit = np.array([span if j.prismatic else 1.0 for j in m.motors]), np.tile([span, span, 1.0], len(m.bodies))
+    way = size * rng.uniform(-1.0, 1.0, size.size)
+    moved = np.linalg.lstsq(judge.jacobian(q), np.append(np.zeros(2 * len(m.joints)), way), rcond=SAME)[0] / unit
+    end = {name: start[name] + x for name, x in zip(motors, STEP * way / np.abs(moved).max(), strict=True)}
+    asked = tuple(
+        {n: (at[n], *(x * rng.uniform(-1.0, 1.0, 2))) for n, x in zip(motors, size, strict=True)} for at in (start, end)
+    )
+    pins = [j.name for j in m.joints if not j.prismatic]
+    gaps = {str(rng.choice(pins)): 1e-3 * span * turn(Seeded(rng))} if pins and seed % 3 == 0 else {}
+    posed = []
+    for motion in asked:
+        judge.gaps, at, before = {}, {name: x for name, (x, _, _) in motion.items()}, q
+        try:
+            q = well(judge, judge.closed(q, at), span)  # what is followed is the ideal linkage
+            judge.gaps = gaps
+            posed.append(judge.driven_at(well(judge, judge.closed(q, at), span), motion))
+        except ValueError as why:
+            raise LeftOut(str(why)) from None
+        if max(np.abs((there - before) / unit).max() for there in (q, posed[-1].q)) > STEP + JUMP:
+            raise LeftOut("far from where its rates lead")
+    return Task(m, judge, asked, tuple(posed), span, gaps)
+
+
+def farthest(t: Task, found: Reactions) -> float:
+    """Largest difference of anything that both sides say, over the manipulator's own largest length, rate or force."""
+    m, motion, posed = t.mechanism, found.motion, t.posed
+    off = [float(found.undetermined != posed[0].undetermined)]
+
+    def compare(ours: np.ndarray, theirs: Sequence[object], size: float) -> None:
+        off.append(float(np.abs(ours - np.array(theirs)).max() / size))
+
+    for what, place, turned in (
+        ("q", motion.position, motion.angle),
+        ("rates", motion.velocity, motion.angular_velocity),
+        ("accelerations", motion.acceleration, motion.angular_acceleration),
+    ):
+        moved = np.array([getattr(p, what) for p in posed]).reshape(len(posed), -1, 3)
+        size = 1.0 if what == "q" else np.abs(moved / [t.span, t.span, 1.0]).max()
+        for body, one in zip(m.bodies, moved.swapaxes(0, 1), strict=True):
+            compare(place(body.name, MASS_CENTRE), one[:, 0] + 1j * one[:, 1], size * t.span)
+            compare(turned(body.name), one[:, 2], size)
+    inertia = max(np.abs(t.judge.mass * p.accelerations).reshape(-1, 3)[:, :2].max() for p in posed)
+    force = max(inertia, *(abs(f) for p in posed for f in p.forces.values()))
+    for joint in m.joints:
+        if joint.name not in found.undetermined:
+            compare(found.forces[joint.name], [p.forces[joint.name] for p in posed], force)
+            if joint.prismatic:
+                compare(found.moments[joint.name], [p.moments[joint.name] for p in posed], force * t.span)
+    for joint in m.motors:
+        size = force if joint.prismatic else force * t.span
+        compare(found.drive_loads[joint.name], [p.motors[joint.name] for p in posed], size)
+    return max(off)
+
+
+def solved(t: Task, m: Mechanism, compiled: bool) -> Reactions:
+    """What the analytic model says of a task's motion, of a mechanism with its drives."""
+    assembly = Assembly(m)
+    inputs = (
+        assembly.inputs_at({name: np.array([at[name][order] for at in t.asked]) for name in t.asked[0]})
+        for order in range(3)
+    )
+    still = np.ones(len(t.asked), complex)
+    moved = (kinematics if compiled else kinematics_by_numpy)(
+        assembly, *inputs, gaps={name: Gap(gap * still) for name, gap in t.gaps.items()}
+    )
+    assert moved.compiled == compiled
+    return (kinetostatics if compiled else kinetostatics_by_numpy)(moved)
+
+
+def assert_a_manipulator_moves_and_pushes_as_multipliers_say(seed: int) -> str:
+    """By numpy and by compiled code; says in a word what became of it."""
+    try:
+        t = task(seed)
+    except LeftOut as why:
+        return f"left out: {why}"
+    for compiled in (False, True):
+        error = farthest(t, solved(t, t.mechanism, compiled))
+        assert error < ACCURACY, f"{t.mechanism.name}: {error:.2g} of its own size, {'compiled' * compiled or 'numpy'}"
+    return "compared"
+
+
+@pytest.fixture
+def always_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The compiled code serves at the first call."""
+    monkeypatch.setattr(run, "POSES", 0)
+
+
+@pytest.mark.usefixtures("always_compiled")
+@pytest.mark.parametrize("first", range(0, 300, 25))
+def test_manipulators_move_and_push_as_multipliers_say(first: int) -> None:
+    """Legs RRR, RPR, PRR and RRP, from the ground and from other legs, drives anywhere, springs, links too many."""
+    assert_all_are(assert_a_manipulator_moves_and_pushes_as_multipliers_say, range(first, first + 25))
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("always_compiled")
+@pytest.mark.parametrize("first", range(1000 + FIRST, 1000 + FIRST + 10 * LINKAGES, 10 * CHUNK))
+def test_a_thousand_manipulators_move_and_push_as_multipliers_say(first: int) -> None:
+    assert_all_are(assert_a_manipulator_moves_and_pushes_as_multipliers_say, range(first, first + 10 * CHUNK))
+
+
+def test_a_manipulators_disagreement_would_be_seen() -> None:
+    """A body that is a millionth heavier, and a joint a billionth of the span away."""
+    t = task(0)
+    heavier = t.mechanism.with_body("platform", mass=t.mechanism.moving["platform"].mass * (1 + 1e-6))
+    assert farthest(t, solved(t, t.mechanism, False)) < ACCURACY < farthest(t, solved(t, heavier, False))
+    points = t.mechanism.moving["platform"].points
+    moved = {name: (x + 1e-8 * t.span * (name == min(points)), y) for name, (x, y) in points.items()}
+    assert farthest(t, solved(t, t.mechanism.with_body("platform", points=moved), False)) > ACCURACY
 
 
 # ---------------------------------------------------------------- clearance
@@ -377,13 +556,17 @@ def test_most_random_soft_bearings_are_compared() -> None:
     ids=["forces", "clearance"],
 )
 def test_a_hundred_linkages(judge: Callable[[Mechanism], str], first: int) -> None:
+    assert_all_are(lambda seed: judge(seeded(seed)), range(first, min(first + CHUNK, FIRST + LINKAGES)))
+
+
+def assert_all_are(judge: Callable[[int], str], seeds: range) -> None:
     """Every failing seed is listed; less than a quarter of the linkages may be left out."""
     became, failed = Counter[str](), []
-    for seed in range(first, min(first + CHUNK, FIRST + LINKAGES)):
+    for seed in seeds:
         try:
-            became[judge(seeded(seed))] += 1
+            became[judge(seed)] += 1
         except Exception as error:  # noqa: BLE001 - whatever goes wrong is listed with its seed
             failed.append(f"seed {seed}: {type(error).__name__}: {error}")
     print("; ".join(f"{count} {what}" for what, count in became.most_common()))
     assert not failed, "\n".join(failed)
-    assert sum(count for what, count in became.items() if what.startswith("left out")) < CHUNK / 4
+    assert sum(count for what, count in became.items() if what.startswith("left out")) < len(seeds) / 4

@@ -87,6 +87,84 @@ def test_a_pose_that_is_out_of_reach_or_singular_is_named() -> None:
         inverse(assembly, wanted[:1], np.array([[0.3]]))
 
 
+def hand(upper: np.ndarray, elbow: np.ndarray) -> np.ndarray:
+    """Where the hand of the 2R arm is (2, N), m, at these joint angles (N,) rad."""
+    place = 0.3 * np.exp(1j * upper) + 0.25 * np.exp(1j * (upper + elbow))
+    return np.array([place.real, place.imag])
+
+
+@pytest.mark.parametrize("rows", [8, 10, 41, 42, 300])
+@pytest.mark.parametrize("swing", ["even", "faster and faster"])
+def test_a_path_through_a_straight_arm_is_refused_at_its_singular_pose(rows: int, swing: str) -> None:
+    """The elbow goes from 1.1 to -1.1 rad or so; it is straight within rows, or at one of them."""
+    time = np.linspace(0.0, 1.0, rows)
+    elbow = 1.1 - 2.2 * time if swing == "even" else 1.1 - 1.7 * time - 0.5 * time**3
+    upper = 0.5 + 0.3 * time
+    straight = float(np.interp(0.0, -elbow, time))
+    with pytest.raises(AssemblyError, match=r"forearm.T_x = .* is singular") as refused:
+        inverse(Assembly(load("2r-arm")), POSE["2r-arm"], hand(upper, elbow), time)
+    named = float(str(refused.value).partition(" at ")[2].split()[0])  # s
+    assert abs(named - straight) < 0.6 * time[1]
+
+
+@pytest.mark.parametrize("rows", [12, 42, 300])
+@pytest.mark.parametrize("nearest", [0.05, -0.05], ids=["as assembled", "folded"])
+def test_a_path_that_turns_back_before_the_arm_is_straight_or_folded_is_followed(rows: int, nearest: float) -> None:
+    time = np.linspace(0.0, 1.0, rows)
+    upper, away = 0.5 + 0.3 * time, 4.2 * (time - 0.5) ** 2
+    elbow = nearest + away if nearest > 0 else np.pi + nearest - away
+    found = inverse(Assembly(load("2r-arm")), POSE["2r-arm"], hand(upper, elbow), time)
+    assert np.abs(found.coordinates - [upper, elbow]).max() < 1e-9
+
+
+FIVE_BAR = {"left": (0.0, 1.0), "right": (0.12, -1.0)}  # m: a pivot; to which side of its leg the crank is
+STRETCHED = 0.26  # m
+
+
+def to_and_fro(leg: str, short: float, time: np.ndarray) -> np.ndarray:
+    """A path (N,) of the five-bar's point P that comes to ``short`` (m) of a leg's end of reach at 0.5 s and turns; of
+    both legs at once.
+    """
+    far = STRETCHED - short - 0.2 * (time - 0.5) ** 2
+    if leg == "both":
+        return 0.06 + 1j * np.sqrt(far**2 - 0.06**2)
+    pivot, side = FIVE_BAR[leg]
+    turned = np.pi / 2 - side * (0.3 + 0.1 * (time - 0.5))
+    return np.asarray(pivot + far * np.exp(1j * turned))
+
+
+@pytest.mark.parametrize("rows", [10, 41, 42])
+@pytest.mark.parametrize("leg", ["left", "right", "both"])
+def test_a_five_bars_path_that_stretches_a_leg_is_refused_and_one_beside_it_is_followed(leg: str, rows: int) -> None:
+    assembly, time = Assembly(load("five-bar")), np.linspace(0.0, 1.0, rows)
+    through = to_and_fro(leg, 0.0, time)
+    with pytest.raises(AssemblyError, match=r"P_x = .* at 0\.[45]\d* s is singular"):
+        inverse(assembly, POSE["five-bar"], np.array([through.real, through.imag]), time)
+    beside = to_and_fro(leg, 0.002, time)
+    found = inverse(assembly, POSE["five-bar"], np.array([beside.real, beside.imag]), time)
+    for k, (pivot, side) in enumerate(FIVE_BAR.values()):
+        far = np.abs(beside - pivot)
+        crank = np.angle(beside - pivot) + side * np.arccos((far**2 + 0.10**2 - 0.16**2) / (2 * far * 0.10))
+        assert np.abs(found.coordinates[assembly.structure.inputs[k]] - crank).max() < 1e-9
+
+
+def test_what_a_path_cannot_say_at_a_straight_arm_a_course_does(tmp_path: Path) -> None:
+    time = np.linspace(0.0, 1.0, 42)
+    upper, elbow = 0.5 + 0.3 * time, 1.1 - 2.2 * time
+    wrist = 0.3 * np.exp(1j * upper) + 0.19 * np.exp(1j * (upper + elbow))  # the forearm's centre of mass
+    path, course = tmp_path / "path.csv", tmp_path / "course.csv"
+    for file, header, columns in (
+        (path, "time [s],forearm_x [m],forearm_y [m]", (time, wrist.real, wrist.imag)),
+        (course, "time [s],position_O [rad],position_K [rad]", (time, upper, elbow)),
+    ):
+        np.savetxt(file, np.column_stack(columns), "%.17g", ",", header=header, comments="")
+    with pytest.raises(lc.Error, match=r"path.csv: .*forearm_x = 390.0\d* mm, .* at 0.5 s is singular.* a course"):
+        lc.analyse("2r-arm", path=path)
+    found = lc.analyse("2r-arm", course=course)
+    assert found.signals["position_K"][[0, -1]] == pytest.approx([1.1, -1.1])
+    np.testing.assert_allclose(found.signals["forearm_x"], wrist.real, atol=1e-9)
+
+
 def heavy(m: Mechanism) -> Mechanism:
     """The linkage with all that has a potential: weights and constant forces."""
     return m.with_clearances({"A": 4e-4, "P": 6e-4})

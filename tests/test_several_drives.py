@@ -20,7 +20,7 @@ from analytic.paper.clearance import displaced
 from analytic.paper.kinetostatics import Reactions, kinetostatics
 from compare.judge.signals import compared
 from maximal import Maximal
-from several_linkages import CASES, SHIPPED, TIMES, referee, splines, sprung, third_bar, waved
+from several_linkages import CASES, PISTON_PIN, SHIPPED, TIMES, referee, splines, sprung, third_bar, waved
 from sim_models.engine import ENGINES, MOTIONS, Motion
 
 POSE = (("x", "m"), ("y", "m"), ("angle", "rad"))
@@ -60,6 +60,32 @@ def test_positions_rates_and_all_that_is_determined_of_the_forces_are_the_refere
         motors = np.array([p.motors[drive.joint] for p in posed])
         assert np.abs(found.drive_loads[drive.joint] - motors).max() < ROUNDING * max(1.0, np.abs(motors).max())
     assert found.undetermined == posed[0].undetermined
+
+
+@pytest.mark.parametrize("instants", [3, 2001])
+def test_a_pin_that_is_driven_on_a_passive_slide_has_the_torque_of_its_energies(instants: int) -> None:
+    """By hand: the arm's angle a of the rod's b is asin(-3 sin b), and at an even rate w the torque is M' w^2 / 2 + V'
+    of the masses' M w^2 / 2 and of weights.  At first -4.4006 N.m, the arm at 17.19 deg, the piston at 394.07 mm.
+    """
+    found = lc.analyse(loads(PISTON_PIN), times=np.linspace(0.0, 0.2, instants)).signals
+
+    def energies(b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        a = np.arcsin(-3.0 * np.sin(b))
+        turned = -3.0 * np.cos(b) / np.cos(a)  # of the arm, by the rod's angle
+        place = (0.1 * np.cos(a) + 0.15 * np.cos(b), 0.1 * np.sin(a) + 0.15 * np.sin(b))  # of the rod's middle
+        speed = (-0.1 * np.sin(a) * turned - 0.15 * np.sin(b), 0.1 * np.cos(a) * turned + 0.15 * np.cos(b))
+        piston = -0.1 * np.sin(a) * turned - 0.3 * np.sin(b)
+        mass = 0.1**2 / 3 * turned**2 + 2.0 * (speed[0] ** 2 + speed[1] ** 2 + 0.3**2 / 12) + 3.0 * piston**2
+        return mass, 9.81 * (0.05 * np.sin(a) + 2.0 * place[1])
+
+    rod = -0.098666 + 0.1 * np.linspace(0.0, 0.2, instants)
+    mass, weight = (value.imag / 1e-30 for value in energies(rod + 1e-30j))
+    torque = mass * 0.1**2 / 2 + weight
+    assert torque[0] == pytest.approx(-4.4006, abs=5e-5)
+    np.testing.assert_allclose(found["drive_torque"], torque, rtol=1e-9)
+    arm = np.arcsin(-3.0 * np.sin(rod))
+    np.testing.assert_allclose(found["arm_angle"], arm, rtol=1e-12)
+    np.testing.assert_allclose(found["piston_x"], 0.1 * np.cos(arm) + 0.3 * np.cos(rod), rtol=1e-12)
 
 
 def test_a_third_bar_leaves_the_torque_determined_and_the_reactions_not() -> None:

@@ -14,7 +14,7 @@ import pytest
 
 import linkage_crosscheck as lc
 from analytic.kinematics.assembly import Assembly, AssemblyError
-from analytic.mechanism import MASS_CENTRE, Joint, Mechanism
+from analytic.mechanism import MASS_CENTRE, Mechanism
 from analytic.mechanism.file import load
 from compare.analyse import request
 from compare.arguments import timed
@@ -40,16 +40,6 @@ LOOSE: Mapping[str, Mapping[str, float]] = {
     "2r-arm": {"K": 1e-4},
 }  # m
 TORQUE, FORCE = 0.05, 2.0  # N.m, N: dry friction
-
-
-class Loose(Maximal):
-    """The referee of a linkage whose pins are off their bearings' centres by ``gaps`` (m): first pin less second."""
-
-    gaps: Mapping[str, complex] = {}
-
-    def _apart(self, q: np.ndarray, joint: Joint) -> tuple[complex, complex]:
-        apart, axis = super()._apart(q, joint)
-        return apart + self.gaps.get(joint.name, 0j), axis
 
 
 class Rubbing(Maximal):
@@ -301,8 +291,8 @@ def test_pins_lie_on_their_rims_where_the_referee_has_their_reactions_point(name
     """Of a massless link, or of rigid contact: its gap is along the multipliers of the linkage that it displaces."""
     m = load(case).with_clearances(dict(LOOSE[case]))
     model: JointModel = "massless-link" if ("massless-link", "static") in engine(name).capabilities.runs else "contact"
-    trace, judge = rest(name, m, waved(m), model=model), Loose(m, tuple(waved(m)))
-    near, posed = Maximal(m, tuple(waved(m))).home(Assembly(m).positions), []
+    trace, judge = rest(name, m, waved(m), model=model), Maximal(m, tuple(waved(m)))
+    near, posed = judge.home(Assembly(m).positions), []
     for k, t in enumerate(TIMES):
         judge.gaps = {joint: complex(vector(trace, f"clearance_{joint}")[k]) for joint in LOOSE[case]}
         posed += held(judge, waved(m), np.array([t]), near)
@@ -323,7 +313,8 @@ def test_the_analytic_pin_is_where_the_referees_reaction_presses_it(model: str) 
     m = load("3-rrr").with_clearances({"C1": 1e-4})
     side = timed_reference(Assembly(m), TIMES, Courses(waved(m)), "static", model, m.clearances).signals
     gaps = side["clearance_C1_x"] + 1j * side["clearance_C1_y"]
-    judge, near = Loose(m, tuple(waved(m))), Maximal(m, tuple(waved(m))).home(Assembly(m).positions)
+    judge = Maximal(m, tuple(waved(m)))
+    near = judge.home(Assembly(m).positions)
     for t, gap in zip(TIMES, gaps, strict=True):
         judge.gaps = {} if model == "first_order" else {"C1": complex(gap)}
         posed = held(judge, waved(m), np.array([t]), near)[0]

@@ -288,7 +288,7 @@ class Motion(Linkage):
         s, w = self.s, self.w
         own = (*group.coordinates, *group.within)
         stacked = s.stacked[s.groups.index(group)]
-        loose = [b for i in group.coordinates for b in s.coordinates[i].bodies if self.alone[b]]
+        loose = [b for i in own for b in s.coordinates[i].bodies if self.alone[b]]
         slides = [i for i in own if not s.coordinates[i].bodies]
         for i in slides:  # what a travel is along, and is not this group's, is known
             if self.along(i) not in (*loose, *stacked):
@@ -297,7 +297,7 @@ class Motion(Linkage):
         residual = [w.complex_row() for _ in group.loops]
         w.add(op.GUESS_ROOTS, len(w.groups))
         begin = len(w.operations)
-        for i in group.coordinates:
+        for i in own:
             if s.coordinates[i].bodies:
                 self.place(i)
         for b in stacked:

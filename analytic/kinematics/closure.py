@@ -202,13 +202,13 @@ def newton(s: Structure, group: Group, columns: np.ndarray, u: np.ndarray, near:
 
 
 def _set_group(s: Structure, group: Group, columns: np.ndarray, u: np.ndarray) -> None:
-    """Write a group's coordinates u (n, N) into the columns."""
-    for i in group.coordinates:
-        for b in s.coordinates[i].bodies:
-            if len(s.turned[b]) == 1:
-                columns[b] = np.exp(1j * (u[i] + s.held_at[b]))
+    """Write all coordinates u (n, N) that act within a group into the columns: angles, then travels along them."""
+    within = (*group.coordinates, *group.within)
+    for i in within:
+        if s.coordinates[i].bodies:
+            set_coordinate(s, i, columns, u[i])
     set_bodies(s, s.stacked[s.groups.index(group)], columns, u)
-    for i in (*group.coordinates, *group.within):
+    for i in within:
         if not s.coordinates[i].bodies:
             set_coordinate(s, i, columns, u[i])
 

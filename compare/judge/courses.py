@@ -179,7 +179,7 @@ def of_path(path: Path, assembly: Assembly) -> Courses:
         values, angle = table.values[signal.name], coordinate.axis == "angle"
         told.append(_turned(float(coordinate.value(home)[0]), values) if angle else values)
     try:
-        found = inverse(assembly, wanted, np.array(told))
+        found = inverse(assembly, wanted, np.array(told), table.time)
     except AssemblyError as error:
         raise DataError(f"{path.name}: {error}") from None
     moved = {s.coordinates[i].joint: s.signs[i] * found.coordinates[i] for i in s.inputs}
