@@ -74,6 +74,7 @@ def test_bad_input_gets_one_sentence_and_status_2(
     ("old", "new", "words"),
     [
         ("mass = 0.157", "mass = -0.157", ["mine.toml", "body[crank].mass", "-0.157"]),
+        ("mass = 0.157", "mass = 0", ["mine.toml", "body[crank].mass = 0", "counts as massless", "1e-6 kg"]),
         ("mass = 0.157", "weight = 0.157", ["mine.toml", "body[crank].weight", "not a field"]),
         ("gravity", "gravy", ["mine.toml", "gravy", "gravity"]),
     ],
