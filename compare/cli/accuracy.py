@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from compare.cli.folders import Overwrite, result_folder
+from compare.cli.folders import Overwrite, named_after, result_folder
 from compare.cli.options import (
     CourseFile,
     Json,
@@ -93,7 +93,7 @@ def accuracy(
 
         mechanism = load_case(case, clearance)
         folder = result_folder(
-            context, f"{mechanism.name}-accuracy", "accuracy.json", out, overwrite, ("accuracy.csv", "accuracy.html")
+            context, f"{named_after(case)}-accuracy", "accuracy.json", out, overwrite, ("accuracy.csv", "accuracy.html")
         )
         named = listed_once(",".join(output), "--output") if output else None
         over_time = any(each is not None for each in (workspace, angle, encoder_step, times, course, path))
@@ -111,7 +111,7 @@ def accuracy(
                 workspace=parse_workspace(workspace) if workspace is not None else None,
                 angle=None if angle is None else math.radians(angle),
             )
-            publish(finished(several, caught), folder, json=json, quiet=quiet, overwrite=overwrite)
+            publish(finished(several, caught), folder, json=json, quiet=quiet, overwrite=overwrite, context=context)
             return
         option = "--clearance-tolerance"
         found = asked(
@@ -126,7 +126,7 @@ def accuracy(
             seed=seed,
             nonlinear=nonlinear,
         )
-        publish(finished(found, caught), folder, json=json, quiet=quiet, overwrite=overwrite)
+        publish(finished(found, caught), folder, json=json, quiet=quiet, overwrite=overwrite, context=context)
 
 
 def refuse_of_a_crank(context: typer.Context) -> None:

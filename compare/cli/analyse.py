@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from compare.cli.folders import Overwrite, result_folder
+from compare.cli.folders import Overwrite, named_after, result_folder
 from compare.cli.options import (
     CourseFile,
     JointChoice,
@@ -61,7 +61,9 @@ def analyse(
         from compare.judge.grid import parse_angles
 
         mechanism = load_case(case, clearance)
-        folder = result_folder(context, f"{mechanism.name}-analysis", "analysis.json", out, overwrite, ("signals.csv",))
+        folder = result_folder(
+            context, f"{named_after(case)}-analysis", "analysis.json", out, overwrite, ("signals.csv",)
+        )
         found = asked(
             mechanism,
             angles=parse_angles(angles) if angles is not None else None,
@@ -72,7 +74,7 @@ def analyse(
             motion=motion.value,
             compliance=compliance,
         )
-        publish(finished(found, caught), folder, json=json, quiet=quiet, overwrite=overwrite)
+        publish(finished(found, caught), folder, json=json, quiet=quiet, overwrite=overwrite, context=context)
 
 
 def simulate(
@@ -102,7 +104,7 @@ def simulate(
 
         mechanism = load_case(case, clearance)
         folder = result_folder(
-            context, f"{mechanism.name}-simulation", "simulation.json", out, overwrite, ("signals.csv",)
+            context, f"{named_after(case)}-simulation", "simulation.json", out, overwrite, ("signals.csv",)
         )
         found = asked(
             mechanism,
@@ -114,4 +116,4 @@ def simulate(
             course=course,
             path=path,
         )
-        publish(finished(found, caught), folder, json=json, quiet=quiet, overwrite=overwrite)
+        publish(finished(found, caught), folder, json=json, quiet=quiet, overwrite=overwrite, context=context)

@@ -17,7 +17,7 @@ from compare.cli.baseline import baseline
 from compare.cli.check import check
 from compare.cli.diagnose import diagnose
 from compare.cli.export import export
-from compare.cli.folders import Overwrite, result_folder
+from compare.cli.folders import Overwrite, named_after, result_folder
 from compare.cli.imported import import_
 from compare.cli.listing import cases, effects, runs, simulators
 from compare.cli.options import (
@@ -163,11 +163,11 @@ def compare(
             revolutions=revolutions,
         )
         beside = ("junit.xml", "signals.csv")
-        with made_folder(result_folder(context, mechanism.name, "result.json", out, overwrite, beside)) as folder:
+        with made_folder(result_folder(context, named_after(case), "result.json", out, overwrite, beside)) as folder:
             with progress_bar() as progress:
                 found = crosscheck_job(job, progress)
             result = finished(found, caught)
-            publish(result, folder, json=json, quiet=quiet, overwrite=overwrite)
+            publish(result, folder, json=json, quiet=quiet, overwrite=overwrite, context=context)
         for failure in result.failures:  # the status is theirs even where the others agree
             typer.echo(f"compare: {failure.why}", err=True)
         if result.failures:

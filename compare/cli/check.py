@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from compare.cli.folders import Overwrite, result_folder
+from compare.cli.folders import Overwrite, named_after, result_folder
 from compare.cli.options import JointChoice, Json, ModelChoice, MotionChoice, Quiet, load_case, place
 from compare.cli.progress import progress_bar
 from compare.cli.publish import finished, publish
@@ -60,7 +60,7 @@ def check(
         from compare.judge.discrepancy import load_tolerances
 
         tolerances, mechanism = load_tolerances(tolerance), load_case(case, clearance)
-        stem = "-".join([mechanism.name, *(file.stem for file in results[:3])])
+        stem = "-".join([named_after(case), *(file.stem for file in results[:3])])
         beside = ("junit.xml", "signals.csv")
         with made_folder(result_folder(context, stem, "result.json", out, overwrite, beside)) as folder:
             with progress_bar() as progress:
@@ -76,7 +76,7 @@ def check(
                     progress=progress,
                 )
             result = finished(found, caught)
-            publish(result, folder, json=json, quiet=quiet, overwrite=overwrite)
+            publish(result, folder, json=json, quiet=quiet, overwrite=overwrite, context=context)
         for failure in result.failures:
             typer.echo(f"compare: {failure.why}", err=True)
         if result.failures:

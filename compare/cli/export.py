@@ -42,7 +42,7 @@ def export(
     with complaints(context):
         from compare.arguments import one_engine
         from compare.export import exported
-        from compare.files import made_folder, write_together
+        from compare.files import alone_in, made_folder, write_together
         from compare.judge.courses import parse_times
         from compare.judge.grid import parse_angles
         from compare.results.export import Exported
@@ -61,8 +61,9 @@ def export(
                 path=path,
                 clearance=None,
             )
-            refuse_others(folder, texts, overwrite)
-            paths = tuple(str(path) for path in write_together(folder, texts))
+            with alone_in(folder):
+                refuse_others(folder, texts, overwrite)
+                paths = tuple(str(path) for path in write_together(folder, texts))
         found = Exported(
             case=mechanism.name,
             simulator=simulator,

@@ -11,12 +11,12 @@ from typing import Annotated
 
 import typer
 
-from compare.cli.folders import Overwrite, result_folder
+from compare.cli.folders import Overwrite, named_after, result_folder
 from compare.cli.options import JointChoice, Json, Quiet, listed_once, load_case, place
 from compare.cli.progress import progress_bar
-from compare.cli.publish import finished, resumed, show
+from compare.cli.publish import finished, put, resumed, show
 from compare.faults import Exit, OptionError, complaints, stop
-from compare.files import alone_in, made_folder, write_together
+from compare.files import alone_in, made_folder
 
 
 def validity(
@@ -83,12 +83,12 @@ def validity(
             tolerances=load_tolerances(tolerance),
         )
         beside = ("validity.csv", "validity.md", "validity.svg")
-        place = result_folder(context, f"{mechanism.name}-validity", "validity.json", out, overwrite, beside)
+        place = result_folder(context, f"{named_after(case)}-validity", "validity.json", out, overwrite, beside)
         with made_folder(place) as folder, resumed():
             with alone_in(folder, patience=0.0), progress_bar() as bar:  # two maps would take each other's records away
                 found = mapped(grid, workers=workers, dask=dask, records=folder / "runs", progress=bar)
                 result = finished(found, caught)
-                write_together(folder, result.files())
+                put(result, folder, result.files(), overwrite, context)
         show(result, json=json, quiet=quiet, place=folder)
         failed = [cell.failure for cell in found.cells if isinstance(cell, Failed)]
         if len(failed) == len(found.cells):
