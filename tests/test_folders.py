@@ -4,6 +4,7 @@ it is told to.
 
 from __future__ import annotations
 
+import io
 import json
 import shlex
 import sys
@@ -12,6 +13,7 @@ from typing import Any
 
 import pytest
 import typer
+from rich.console import Console
 from typer.testing import CliRunner
 
 import linkage_crosscheck as lc
@@ -341,3 +343,45 @@ def test_a_list_replaces_only_a_list(tmp_path: Path) -> None:
     (tmp_path / "cases.json").write_text("{}", encoding="utf-8")
     with pytest.raises(OutputError, match=r"a cases\.json that does not say which command made it"):
         lc.cases().write(tmp_path)
+
+
+ODD = "[/x] :smiley: [red]"  # would be an end without a beginning, a picture and nothing, if they were markup
+
+
+@pytest.mark.mujoco
+@pytest.mark.parametrize(
+    "line",
+    [
+        f"{QUICK} --case mine.toml",
+        "compare accuracy --case mine.toml --samples 50",
+        "compare analyse --case mine.toml",
+        "compare simulate --case mine.toml --motion static",
+        "compare export --case mine.toml --simulator mujoco --motion static --angles 30:60:30",
+        "compare list",
+    ],
+)
+def test_brackets_and_colons_of_names_and_paths_are_printed_as_they_are(
+    line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("mine.toml").write_text(dumps(load("paper").replace(name=ODD)), encoding="utf-8")
+    place = "[/x]/:smiley:/[red]"
+    if line == "compare list":
+        lc.crosscheck("mine.toml", joint_model="ideal", angles=[0.5, 0.6]).write(place)
+        words = ["list", place]
+    else:
+        words = [*shlex.split(line)[1:], "--out", place]
+    monkeypatch.setattr(sys, "argv", ["compare", *words])
+    done = CliRunner().invoke(app, words)
+    assert (done.exit_code, done.stderr) == (0, "")
+    assert place in done.stdout
+    assert line.startswith("compare export") or ODD in done.stdout
+
+
+def test_a_persons_own_console_is_not_told_to_read_markup_either() -> None:
+    console = Console(file=io.StringIO(), width=200)
+    with console.capture() as printed:
+        lc.analyse(load("paper").replace(name=ODD), motion="static").print_to(console)
+    assert ODD in printed.get()
+    console.print("[bold]:smiley:")
+    assert console.file.getvalue() == "\U0001f603\n"  # type: ignore[attr-defined]

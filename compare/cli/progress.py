@@ -23,14 +23,18 @@ def progress_bar() -> Iterator[Callable[[str, int, int | None], None]]:
 
     columns = (
         SpinnerColumn("line"),
-        TextColumn("{task.description:24}"),
+        TextColumn("{task.description:24}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
     )
     with os.fdopen(os.dup(sys.stderr.fileno()), "w", encoding=sys.stderr.encoding) as terminal:
         with Progress(
-            *columns, console=Console(file=terminal), transient=True, redirect_stdout=False, redirect_stderr=False
+            *columns,
+            console=Console(file=terminal),
+            transient=True,
+            redirect_stdout=False,
+            redirect_stderr=False,
         ) as bar:
             task = bar.add_task("", total=None)
             yield lambda what, done, total: bar.update(task, description=what, completed=done, total=total)

@@ -100,7 +100,7 @@ def show(document: Document, *, json: bool, quiet: bool, place: Path | None = No
 
 
 def console_of(width: int | None) -> Console:
-    """A console on standard output."""
+    """A console on standard output, which prints names and paths as they are."""
     from rich.console import Console
 
-    return Console(width=width)
+    return Console(width=width, markup=False, emoji=False)

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
 from compare.quantities import drive_signals, plain, quantities
@@ -42,9 +41,9 @@ def print_table(result: Side, console: Console) -> None:
     for heading in ("signal", "unit", "smallest", "largest"):
         table.add_column(heading, justify="left" if heading in ("signal", "unit") else "right")
     for row in _ranges(result):
-        table.add_row(*map(escape, row))
+        table.add_row(*row)
     console.print(table)
-    console.print(escape(repr(result)), highlight=False, soft_wrap=True)
+    console.print(repr(result), highlight=False, soft_wrap=True)
 
 
 def summary_html(result: Side) -> str:

@@ -12,6 +12,7 @@ import io
 import math
 import os
 from collections.abc import Mapping, Sequence
+from copy import copy
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, Self, cast, overload
 
@@ -264,8 +265,10 @@ class Document(Part):
         return getattr(there, "command", None) == getattr(self, "command", None)
 
     def print_to(self, console: Console) -> None:
-        """Print what matters as a table for a terminal."""
-        self._shown().print_table(self, console)
+        """Print what matters as a table for a terminal; names and paths as they are, brackets and colons too."""
+        literal = copy(console)  # its output is the console's
+        literal._markup = literal._emoji = False
+        self._shown().print_table(self, literal)
 
     def _repr_html_(self) -> str:
         return self._shown().summary_html(self)
