@@ -29,6 +29,7 @@ from compare.arguments import (
     ToleranceFile,
     cores,
     engines,
+    flag,
     laid_over,
     linkage,
     loose,
@@ -84,6 +85,7 @@ def check(  # noqa: PLR0913 - what a person may ask, by name
     joint_model: JointModel | None = None,
     motion: Motion = "driven",
     clearance: Metres | None = None,
+    large: bool = False,
     analytic: Model = "equilibrium",
     tolerances: ToleranceFile | None = None,
     workers: int | None = None,
@@ -105,7 +107,7 @@ def check(  # noqa: PLR0913 - what a person may ask, by name
     chosen = None if joint_model is None else one_of(joint_model, JOINT_MODELS, "joint_model")
     read, layout = laid_over(tolerances), map if isinstance(map, Layout) else layout_of(map)
     with noted() as warned:
-        given = rigidly_and_evenly_driven(linkage(mechanism, clearance))
+        given = rigidly_and_evenly_driven(linkage(mechanism, clearance, large=flag(large, "large")))
         names, left_out = engines(simulators) if simulators is not None else ((), [])
         loose(given, chosen)
         model: JointModel = chosen or ("contact" if given.clearances else "ideal")

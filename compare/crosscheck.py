@@ -141,6 +141,7 @@ def crosscheck(  # noqa: PLR0913 - what a person may ask, by name
     joint_model: JointModel | None = None,
     motion: Motion = "driven",
     clearance: Metres | None = None,
+    large: bool = False,
     angles: Numbers | None = None,
     times: Numbers | None = None,
     course: str | FilePath | None = None,
@@ -155,7 +156,8 @@ def crosscheck(  # noqa: PLR0913 - what a person may ask, by name
 ) -> CrossCheck:
     """Hold the analytic model of a linkage against simulations of it.
 
-    ``clearance`` (m by joint) replaces the case's own; ``angles`` (N,) are crank angles in rad, by default those of the
+    ``clearance`` (m by joint) replaces the case's own; one of more than a tenth of the shortest body that meets in its
+    joint is refused unless ``large`` ones are meant.  ``angles`` (N,) are crank angles in rad, by default those of the
     case.  A linkage with several drives, or with one that turns no crank, is compared at ``times`` (N,) s: all drives
     start at the assembly's angles and go on at their speeds, or follow a ``course``, a file of time and
     ``position_<joint>``, or move a platform along a ``path``, a file of time and its ``<body>_x``, ``<body>_y``,
@@ -177,6 +179,7 @@ def crosscheck(  # noqa: PLR0913 - what a person may ask, by name
         mechanism,
         simulators,
         clearance=clearance,
+        large=large,
         joint_model=joint_model,
         motion=motion,
         angles=angles,
@@ -198,6 +201,7 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
     simulators: Simulators,
     *,
     clearance: Metres | None = None,
+    large: bool = False,
     joint_model: JointModel | None = None,
     motion: Motion = "driven",
     angles: Numbers | None = None,
@@ -216,7 +220,7 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
     joint_model = None if joint_model is None else one_of(joint_model, JOINT_MODELS, "joint_model")
     flexible, read = flag(flexible, "flexible"), laid_over(tolerances)
     with noted() as warned:
-        given = linkage(mechanism, clearance)
+        given = linkage(mechanism, clearance, large=flag(large, "large"))
         simulators = with_map(simulators, map)
         names, left_out = engines(simulators)
         spread_over = processes(workers, cores() if len(names) > 1 else 1)

@@ -39,6 +39,7 @@ class Options(TypedDict, total=False):
     joint_model: JointModel | None
     motion: Motion
     clearance: Metres | None
+    large: bool
     angles: Numbers | None
     analytic: Model
     flexible: bool

@@ -12,6 +12,7 @@ from compare.cli.folders import Overwrite, named_after, result_folder
 from compare.cli.options import (
     CourseFile,
     Json,
+    Large,
     MotionChoice,
     PathFile,
     Quiet,
@@ -34,6 +35,7 @@ def accuracy(
     clearance: Annotated[
         str | None, typer.Option(metavar="JOINT=M,...", help="Radial clearances (m) in place of the case's own.")
     ] = None,
+    large: Large = False,
     clearance_tolerance: Annotated[
         str | None,
         typer.Option(metavar="JOINT=M,...", help="Clearances are uniform within +- this (m) in the Monte Carlo [0]."),
@@ -91,7 +93,7 @@ def accuracy(
         from compare.judge.courses import parse_times
         from compare.judge.grid import parse_angles, parse_workspace
 
-        mechanism = load_case(case, clearance)
+        mechanism = load_case(case, clearance, large=large)
         folder = result_folder(
             context, f"{named_after(case)}-accuracy", "accuracy.json", out, overwrite, ("accuracy.csv", "accuracy.html")
         )
@@ -103,6 +105,7 @@ def accuracy(
             refuse_of_a_crank(context)
             several = platform_accuracy(
                 mechanism,
+                large=large,
                 encoder_step=steps_by_joint(encoder_step, "--encoder-step", mechanism) if encoder_step else None,
                 outputs=named,
                 times=parse_times(times) if times is not None else None,
@@ -116,6 +119,7 @@ def accuracy(
         option = "--clearance-tolerance"
         found = asked(
             mechanism,
+            large=large,
             clearance_tolerance=metres_by_joint(clearance_tolerance, option, mechanism)
             if clearance_tolerance
             else None,

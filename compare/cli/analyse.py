@@ -12,6 +12,7 @@ from compare.cli.options import (
     CourseFile,
     JointChoice,
     Json,
+    Large,
     ModelChoice,
     MotionChoice,
     PathFile,
@@ -39,6 +40,7 @@ def analyse(
     context: typer.Context,
     case: Case = "paper",
     clearance: Clearance = None,
+    large: Large = False,
     model: Annotated[ModelChoice, typer.Option(help="First order (Eq. 8) or equilibrium.")] = ModelChoice.equilibrium,
     motion: Motion = MotionChoice.driven,
     compliance: Annotated[bool, typer.Option("--compliance", help="Let links and joints yield as well.")] = False,
@@ -60,12 +62,13 @@ def analyse(
         from compare.judge.courses import parse_times
         from compare.judge.grid import parse_angles
 
-        mechanism = load_case(case, clearance)
+        mechanism = load_case(case, clearance, large=large)
         folder = result_folder(
             context, f"{named_after(case)}-analysis", "analysis.json", out, overwrite, ("signals.csv",)
         )
         found = asked(
             mechanism,
+            large=large,
             angles=parse_angles(angles) if angles is not None else None,
             times=parse_times(times) if times is not None else None,
             course=course,
@@ -84,6 +87,7 @@ def simulate(
     joint: Annotated[JointChoice, typer.Option(help="What the joints with clearance are.")] = JointChoice.ideal,
     motion: Motion = MotionChoice.driven,
     clearance: Clearance = None,
+    large: Large = False,
     angles: Angles = None,
     times: Times = None,
     course: CourseFile = None,
@@ -102,7 +106,7 @@ def simulate(
         from compare.judge.courses import parse_times
         from compare.judge.grid import parse_angles
 
-        mechanism = load_case(case, clearance)
+        mechanism = load_case(case, clearance, large=large)
         folder = result_folder(
             context, f"{named_after(case)}-simulation", "simulation.json", out, overwrite, ("signals.csv",)
         )
@@ -110,6 +114,7 @@ def simulate(
             mechanism,
             simulator,
             joint_model=joint.value,
+            large=large,
             motion=motion.value,
             angles=parse_angles(angles) if angles is not None else None,
             times=parse_times(times) if times is not None else None,

@@ -24,6 +24,7 @@ from compare.cli.options import (
     CourseFile,
     JointChoice,
     Json,
+    Large,
     ModelChoice,
     MotionChoice,
     PathFile,
@@ -86,6 +87,7 @@ def compare(
     clearance: Annotated[
         str | None, typer.Option(metavar="JOINT=M,...", help="Radial clearances (m) in place of the case's own.")
     ] = None,
+    large: Large = False,
     angles: Annotated[str | None, typer.Option(metavar="START:STOP:STEP", help="Crank angles (deg).")] = None,
     times: Times = None,
     course: CourseFile = None,
@@ -146,12 +148,13 @@ def compare(
         from compare.judge.grid import parse_angles
 
         tolerances = load_tolerances(tolerance)
-        mechanism = load_case(case, clearance)
+        mechanism = load_case(case, clearance, large=large)
         job = question(
             mechanism,
             simulator,
             joint_model=joint.value if joint else None,
             motion=motion.value,
+            large=large,
             angles=parse_angles(angles) if angles is not None else None,
             times=parse_times(times) if times is not None else None,
             course=course,

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from compare.cli.folders import Overwrite, named_after, result_folder
-from compare.cli.options import JointChoice, Json, ModelChoice, MotionChoice, Quiet, load_case, place
+from compare.cli.options import JointChoice, Json, Large, ModelChoice, MotionChoice, Quiet, load_case, place
 from compare.cli.progress import progress_bar
 from compare.cli.publish import finished, publish
 from compare.faults import Exit, complaints
@@ -38,6 +38,7 @@ def check(
     clearance: Annotated[
         str | None, typer.Option(metavar="JOINT=M,...", help="Radial clearances (m) in place of the case's own.")
     ] = None,
+    large: Large = False,
     analytic: Annotated[ModelChoice, typer.Option(help="Analytic model to hold the results to.")] = (
         ModelChoice.equilibrium
     ),
@@ -59,7 +60,7 @@ def check(
         from compare.check import check as asked
         from compare.judge.discrepancy import load_tolerances
 
-        tolerances, mechanism = load_tolerances(tolerance), load_case(case, clearance)
+        tolerances, mechanism = load_tolerances(tolerance), load_case(case, clearance, large=large)
         stem = "-".join([named_after(case), *(file.stem for file in results[:3])])
         beside = ("junit.xml", "signals.csv")
         with made_folder(result_folder(context, stem, "result.json", out, overwrite, beside)) as folder:
@@ -71,6 +72,7 @@ def check(
                     simulators=simulator,
                     joint_model=joint.value if joint else None,
                     motion=motion.value,
+                    large=large,
                     analytic=analytic.value,
                     tolerances=tolerances,
                     progress=progress,

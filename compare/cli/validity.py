@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from compare.cli.folders import Overwrite, named_after, result_folder
-from compare.cli.options import JointChoice, Json, Quiet, listed_once, load_case, place
+from compare.cli.options import JointChoice, Json, Large, Quiet, listed_once, load_case, place
 from compare.cli.progress import progress_bar
 from compare.cli.publish import finished, put, resumed, show
 from compare.faults import Exit, OptionError, complaints, stop
@@ -27,6 +27,7 @@ def validity(
     simulator: Annotated[
         str, typer.Option(metavar="NAME,...", help="Engines to compare with, or all that are installed.")
     ] = "mujoco",
+    large: Large = False,
     joint: Annotated[JointChoice, typer.Option(help="Joint model.")] = JointChoice.contact,
     at: Annotated[
         str | None,
@@ -68,7 +69,7 @@ def validity(
         from compare.judge.tolerances import load_tolerances
         from compare.results.validity import Failed
 
-        mechanism = load_case(case)
+        mechanism = load_case(case, large=True)  # its own clearances are not of the map
         rpm = positive(speeds, "--speeds", "rpm")
         gaps = positive(clearances, "--clearances", "m")
         grid = gridded(
@@ -77,6 +78,7 @@ def validity(
             clearances=gaps,
             simulators="all" if simulator == "all" else listed_once(simulator, "--simulator"),
             joint_model=joint.value,
+            large=large,
             joints=listed_once(at, "--at") if at is not None else None,
             restitutions=None if restitutions is None else several(restitutions, "--restitutions"),
             revolutions=revolutions,

@@ -24,6 +24,7 @@ from compare.arguments import (
     cores,
     engines,
     every_one,
+    flag,
     laid_over,
     linkage,
     names,
@@ -32,6 +33,7 @@ from compare.arguments import (
     one_of,
     path,
     processes,
+    refuse_large,
     rigidly_and_evenly_driven,
     whole,
     with_clearance,
@@ -58,6 +60,7 @@ def validity(  # noqa: PLR0913 - what a person may ask, by name
     simulators: Simulators = "mujoco",
     joint_model: JointModel = "contact",
     joints: Names | None = None,
+    large: bool = False,
     restitutions: Numbers | None = None,
     revolutions: int = 1,
     tolerances: ToleranceFile | None = None,
@@ -69,7 +72,8 @@ def validity(  # noqa: PLR0913 - what a person may ask, by name
     """At which ``speeds`` (rad/s) and ``clearances`` (m; radial, or half the play of a block) the analytic model holds,
     where contact is lost, and which assumption fails.
 
-    ``joints`` have the clearance: by default the case's, else the one farthest from the ground.  With ``restitutions``
+    ``joints`` have the clearance: by default the case's, else the one farthest from the ground; one of more than a
+    tenth of the shortest body that meets there is refused unless ``large`` ones are meant.  With ``restitutions``
     there is a map for each; left out, contact is the mechanism's own.  What contact does (peak force, time without it,
     energy lost) is watched over so many ``revolutions`` of the crank, after one that is not.  Cells are done in
     ``workers`` processes, one a core by default, or on a Dask cluster whose scheduler is at ``dask``.  A folder of
@@ -84,6 +88,7 @@ def validity(  # noqa: PLR0913 - what a person may ask, by name
         simulators=simulators,
         joint_model=joint_model,
         joints=joints,
+        large=large,
         restitutions=restitutions,
         revolutions=revolutions,
         tolerances=tolerances,
@@ -100,6 +105,7 @@ def gridded(  # noqa: PLR0913 - as validity
     joint_model: JointModel,
     joints: Names | None,
     tolerances: ToleranceFile | None,
+    large: bool = False,
     restitutions: Numbers | None = None,
     revolutions: int = 1,
 ) -> Grid:
@@ -109,7 +115,7 @@ def gridded(  # noqa: PLR0913 - as validity
     watched = whole(revolutions, "revolutions", 0) if joint_model in STRIKING else 0
     named = None if joints is None else names(joints, "joints", least=1)
     with noted() as warned:
-        m = rigidly_and_evenly_driven(linkage(mechanism))
+        m = rigidly_and_evenly_driven(linkage(mechanism, large=True))  # its own clearances are not of the map
         if m.speed is None:
             alone = "no drive of constant speed that alone turns a crank"
             why = f"{m.name} has {alone}; a map is over its speeds, so give it one"
@@ -117,6 +123,8 @@ def gridded(  # noqa: PLR0913 - as validity
         at, chosen = clearance_joints(m, named)
         bouncing = None if restitutions is None else _restitutions(restitutions, joint_model)
         widest = with_clearance(m, dict.fromkeys(at, gaps[-1]), "clearances")
+        if not flag(large, "large"):
+            refuse_large(widest, "clearances")
         blocks = [name for name in at if m.joint(name).prismatic]
         if blocks:
             check_request(Request(widest, joint_model, crank_angle=np.zeros(1)))

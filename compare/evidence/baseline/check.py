@@ -92,7 +92,9 @@ def _each(work: Work, cases: Cases | None, simulators: Simulators, folder: Path,
         wanted: Sequence[Linkage] = shipped_cases()
     else:
         wanted = [cases] if isinstance(cases, Mechanism | str) or not isinstance(cases, Sequence) else cases
-    mechanisms = [(linkage(case), case.name if isinstance(case, Mechanism) else str(case)) for case in wanted]
+    mechanisms = [
+        (linkage(case, large=True), case.name if isinstance(case, Mechanism) else str(case)) for case in wanted
+    ]
     names, left_out = asked(simulators)
     entries = []
     for mechanism, typed in mechanisms:
@@ -106,7 +108,7 @@ def _recorded(work: Work, cases: Cases | None, results: Results, map: str | Path
     """The baselines of results that another program has recorded of one case."""
     if cases is None or not isinstance(cases, Mechanism | str | Path):
         raise ArgumentError("cases", "results are of one case; give it")
-    mechanism = linkage(cases)
+    mechanism = linkage(cases, large=True)
     files, layout = result_files(results), layout_of(map)
 
     def made(m: Mechanism, simulator: str, resolve: Resolve) -> tuple[str, list[StoredRun]]:
