@@ -119,6 +119,34 @@ def test_a_folder_that_may_only_be_read(what: str, tmp_path: Path) -> None:
     assert contents(tmp_path) == {"out/earlier.txt": b"whole"}
 
 
+REFUSED = [
+    "--simulator mujoco --case crank-rocker --joint contact --out out",
+    "accuracy --clearance B=0.05 --out out",
+    "analyse --angles 20:200:5 --out out",
+    "simulate --simulator mujoco --joint contact --case crank-rocker --out out",
+    "validity --speeds 60 --clearances 0.05 --out out",
+    "check none.csv --out out",
+    "export --simulator mujoco --joint contact --case crank-rocker --out out/deep",
+    "import none.xml --out out/linkage.toml",
+    "diagnose none.toml --out out",
+    "diagnose --init none.csv --case paper --out out",
+    "baseline update --case none.toml --baselines out",
+    "baseline update --case paper --simulator adams --baselines out/deep",
+    "baseline update --case paper --results none.csv --baselines out",
+    "baseline check --case none.toml --junit out/junit.xml",
+    "scoreboard update --minutes 0 --reports out",
+    "validation update --data none --reports out",
+]
+
+
+@pytest.mark.mujoco
+@pytest.mark.parametrize("line", REFUSED)
+def test_a_command_that_is_refused_leaves_no_folder(line: str, tmp_path: Path) -> None:
+    done = commands.compare(*line.split(), cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, ""), done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
 # ---------------------------------------------------------------- no room
 
 

@@ -42,7 +42,7 @@ from compare.crosscheck import STRIKING, warn_of_friction
 from compare.domain_map.cell import Task, examine
 from compare.domain_map.map import Grid, RealJoint, cells, clearance_joints, summarised
 from compare.faults import ArgumentError
-from compare.files import output_folder
+from compare.files import made_folder
 from compare.results.validity import Cell, Failed, Validity
 from compare.sweep import sweep
 from sim_models.common.requests import check_request
@@ -227,7 +227,6 @@ def _swept(
     tasks: Sequence[Task], records: Path, workers: int, dask: str | None, progress: Progress
 ) -> list[Cell | Failed]:
     """The cells, in order; what an interrupted map has left in the folder is not done again."""
-    output_folder(records, "records")
     found: list[Cell | Failed | None] = [None] * len(tasks)
     lost = False
     runs = [task.plain() for task in tasks]
@@ -235,10 +234,11 @@ def _swept(
     def told(done: int, total: int | None) -> None:
         progress("cells", done, total)
 
-    for end in sweep(examine, runs, records, workers=workers, dask=dask, progress=told):
-        task = tasks[end.index]
-        found[end.index] = task.failed(end.failure) if end.failure else CELL.validate_python(end.result)
-        lost |= bool(end.failure)
-    if not lost:  # else the same command tries again what was lost, and only that
-        shutil.rmtree(records)
+    with made_folder(records, "records"):
+        for end in sweep(examine, runs, records, workers=workers, dask=dask, progress=told):
+            task = tasks[end.index]
+            found[end.index] = task.failed(end.failure) if end.failure else CELL.validate_python(end.result)
+            lost |= bool(end.failure)
+        if not lost:  # else the same command tries again what was lost, and only that
+            shutil.rmtree(records)
     return [cell for cell in found if cell is not None]

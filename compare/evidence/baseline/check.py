@@ -20,7 +20,7 @@ from compare.evidence.baseline.moved import fits, moved
 from compare.evidence.baseline.runs import of_results, simulated
 from compare.evidence.stored import asked
 from compare.faults import ArgumentError, Exit, OptionError
-from compare.files import OutputError, file_name, output_folder, write_atomically
+from compare.files import OutputError, file_name, made_folder, write_atomically
 from compare.recorded.errors import DataError
 from compare.recorded.table import read_table
 from compare.results.baselines import Baselines, Entry, Moved, Status
@@ -76,10 +76,10 @@ def update_baselines(
     """Write the baseline of every case in every engine; numbers that have not moved, and files without any that have,
     stay as they are.  Raises OutputError, and what :func:`check_baselines` does.
     """
-    output_folder(Path(folder), "--baselines")
-    if results is not None:
-        return _recorded(update_one, cases, results, map, Path(folder))
-    return _each(update_one, cases, simulators, Path(folder), progress)
+    with made_folder(Path(folder), "--baselines") as place:
+        if results is not None:
+            return _recorded(update_one, cases, results, map, place)
+        return _each(update_one, cases, simulators, place, progress)
 
 
 def status(found: Baselines) -> Exit:
