@@ -39,7 +39,7 @@ from compare.arguments import (
     processes,
     rigidly_and_evenly_driven,
 )
-from compare.crosscheck import Job, Progress, Ran, concluded, judged, run_all
+from compare.crosscheck import Job, Ran, concluded, judged, run_all
 from compare.diagnose.data.quality import REVERSED, looks
 from compare.faults import ArgumentError
 from compare.judge.courses import Courses
@@ -53,6 +53,7 @@ from compare.judge.reference import (
     silenced,
     timed_reference,
 )
+from compare.progress import Progress, progress_bar
 from compare.recorded.errors import DataError
 from compare.recorded.motion import (
     LEAST,
@@ -89,7 +90,7 @@ def check(  # noqa: PLR0913 - what a person may ask, by name
     analytic: Model = "equilibrium",
     tolerances: ToleranceFile | None = None,
     workers: int | None = None,
-    progress: Progress = lambda what, done, total: None,
+    progress: Progress | None = None,
 ) -> CrossCheck:
     """Hold the analytic model of a linkage against what another program has computed of it.
 
@@ -141,7 +142,8 @@ def check(  # noqa: PLR0913 - what a person may ask, by name
             remarks += _at_rest(one, m, model, analytic, job)
         ran += Ran((found,))
     if names:
-        ran += _engines(job, recordings[0], model, progress)
+        with progress_bar(progress) as told:
+            ran += _engines(job, recordings[0], model, told)
     first = ran.judged[0].run
     others = dict.fromkeys(one.run.simulator.name for one in ran.judged if not _alike(one.run, first))
     if others:

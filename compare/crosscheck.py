@@ -74,6 +74,7 @@ from compare.judge.reference import (
 from compare.judge.signals import compared, recorded, with_derived, with_rotations
 from compare.judge.statistics import held_together
 from compare.judge.tolerances import Tolerances
+from compare.progress import Progress, progress_bar
 from compare.results.contact import Compared
 from compare.results.crosscheck import CrossCheck, Failure, Path, Printed, Run, Simulator, Verdict, without
 from compare.results.crosscheck import Discrepancy as Judgement
@@ -95,7 +96,6 @@ from sim_models.engine import (
 
 STRIKING: tuple[JointModel, ...] = ("contact", "spring-damper")  # whose pins and blocks may leave their walls
 REVOLUTIONS = 32  # at the utmost, of a run whose pins strike
-Progress = Callable[[str, int, int], None]
 Measure = Callable[[Assembly, np.ndarray, Motion, Model, Mapping[str, float]], Reference]
 
 
@@ -152,7 +152,7 @@ def crosscheck(  # noqa: PLR0913 - what a person may ask, by name
     map: str | FilePath | None = None,
     revolutions: int = REVOLUTIONS,
     workers: int | None = None,
-    progress: Progress = lambda what, done, total: None,
+    progress: Progress | None = None,
 ) -> CrossCheck:
     """Hold the analytic model of a linkage against simulations of it.
 
@@ -171,6 +171,9 @@ def crosscheck(  # noqa: PLR0913 - what a person may ask, by name
 
     A run in which pins strike their walls goes on for as many revolutions as its statistics need to converge, at most
     ``revolutions``; engines are then compared by these (``result.statistics``).
+
+    ``progress`` is told what is being done, how many runs are done, and how many there are; left out, a bar on standard
+    error tells it, on a terminal only.
 
     Raises MechanismError, ArgumentError, ToleranceError, AssemblyError, Unsupported or SimulatorMissing; a simulation
     that fails is among the result's ``failures``.
@@ -193,7 +196,8 @@ def crosscheck(  # noqa: PLR0913 - what a person may ask, by name
         revolutions=revolutions,
         workers=workers,
     )
-    return crosscheck_job(job, progress)
+    with progress_bar(progress) as told:
+        return crosscheck_job(job, told)
 
 
 def question(  # noqa: PLR0913 - what a person may ask, by name

@@ -34,7 +34,6 @@ from compare.cli.options import (
     place,
 )
 from compare.cli.pipe import reader_may_go
-from compare.cli.progress import progress_bar
 from compare.cli.publish import finished, publish
 from compare.cli.scoreboard import scoreboard
 from compare.cli.show import show
@@ -42,6 +41,7 @@ from compare.cli.validation import validation
 from compare.cli.validity import validity
 from compare.faults import Exit, complaints
 from compare.files import made_folder
+from compare.progress import progress_bar
 
 app = typer.Typer(
     rich_markup_mode=None,

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from compare.cli.options import Json, Quiet, place, said
-from compare.cli.progress import progress_bar
 from compare.cli.publish import show
 from compare.faults import OptionError, complaints, printable
 from compare.files import made_folder, write_atomically
+from compare.progress import progress_bar
 
 if TYPE_CHECKING:
     from compare.results.baselines import Baselines

@@ -9,10 +9,10 @@ import typer
 
 from compare.cli.folders import Overwrite, named_after, result_folder
 from compare.cli.options import JointChoice, Json, Large, ModelChoice, MotionChoice, Quiet, load_case, place
-from compare.cli.progress import progress_bar
 from compare.cli.publish import finished, publish
 from compare.faults import Exit, complaints
 from compare.files import made_folder
+from compare.progress import progress_bar
 
 
 def check(

@@ -10,10 +10,10 @@ import typer
 
 from compare.cli.folders import Overwrite, named_after, result_folder
 from compare.cli.options import Json, Quiet, place
-from compare.cli.progress import progress_bar
 from compare.cli.publish import command_line, publish
 from compare.faults import Exit, OptionError, complaints
 from compare.files import OutputError, alone_in, made_folder, write_atomically
+from compare.progress import progress_bar
 
 
 class Others(StrEnum):

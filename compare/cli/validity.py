@@ -13,10 +13,10 @@ import typer
 
 from compare.cli.folders import Overwrite, named_after, result_folder
 from compare.cli.options import JointChoice, Json, Large, Quiet, listed_once, load_case, place
-from compare.cli.progress import progress_bar
 from compare.cli.publish import finished, put, resumed, show
 from compare.faults import Exit, OptionError, complaints, stop
 from compare.files import alone_in, made_folder
+from compare.progress import progress_bar
 
 
 def validity(

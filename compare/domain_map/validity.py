@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import shutil
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
 
@@ -43,12 +43,12 @@ from compare.domain_map.cell import Task, examine
 from compare.domain_map.map import Grid, RealJoint, cells, clearance_joints, summarised
 from compare.faults import ArgumentError
 from compare.files import made_folder
+from compare.progress import Progress, progress_bar
 from compare.results.validity import Cell, Failed, Validity
 from compare.sweep import sweep
 from sim_models.common.requests import check_request
 from sim_models.engine import JOINT_MODELS, JointModel, Request, SimulatorMissing, Unsupported, check_supported, engine
 
-Progress = Callable[[str, int, int | None], None]
 CELL: TypeAdapter[Cell | Failed] = TypeAdapter(Cell | Failed)
 
 
@@ -67,7 +67,7 @@ def validity(  # noqa: PLR0913 - what a person may ask, by name
     workers: int | None = None,
     dask: str | None = None,
     records: str | PathLike[str] | None = None,
-    progress: Progress = lambda what, done, total: None,
+    progress: Progress | None = None,
 ) -> Validity:
     """At which ``speeds`` (rad/s) and ``clearances`` (m; radial, or half the play of a block) the analytic model holds,
     where contact is lost, and which assumption fails.
@@ -93,7 +93,8 @@ def validity(  # noqa: PLR0913 - what a person may ask, by name
         revolutions=revolutions,
         tolerances=tolerances,
     )
-    return mapped(grid, workers=workers, dask=dask, records=records, progress=progress)
+    with progress_bar(progress) as told:
+        return mapped(grid, workers=workers, dask=dask, records=records, progress=told)
 
 
 def gridded(  # noqa: PLR0913 - as validity

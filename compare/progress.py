@@ -1,4 +1,4 @@
-"""A progress bar on standard error, on a terminal only."""
+"""A progress bar on standard error, on a terminal only, of commands and of the functions that a person calls."""
 
 from __future__ import annotations
 
@@ -7,15 +7,21 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+Progress = Callable[[str, int, int | None], None]
+
 
 @contextmanager
-def progress_bar() -> Iterator[Callable[[str, int, int | None], None]]:
-    """Tell what this gives (what is being done, how many are done, how many there are).
+def progress_bar(given: Progress | None = None) -> Iterator[Progress]:
+    """Tell what this gives (what is being done, how many are done, how many there are); it is what was ``given``, if
+    anything was.
 
     Its clock ticks while a run is under way, also where an engine is kept off the standard streams: the bar has a
     stream of its own.
     """
-    if not sys.stderr.isatty():
+    if given is not None:
+        yield given
+        return
+    if sys.stderr is None or not sys.stderr.isatty():
         yield lambda what, done, total: None
         return
     from rich.console import Console
