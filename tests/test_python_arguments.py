@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import pickle
 import re
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -368,3 +372,38 @@ def test_a_moment_that_is_no_number_is_refused() -> None:
     with pytest.raises(ArgumentError) as caught:
         lc.show(result, "drive_torque", at="x")
     one_sentence(caught.value, "at: 'x'", "rad")
+
+
+# ------------------------------------------------------------------ progress
+
+
+SLOWLY = """
+import sys, linkage_crosscheck as lc
+lc.crosscheck("paper", motion="static", angles=[0.6, 0.7], workers=1, **eval(sys.argv[1]))
+"""
+
+
+@pytest.mark.mujoco
+@pytest.mark.skipif(os.name != "posix", reason="has pseudo-terminals as POSIX does")
+@pytest.mark.parametrize(
+    ("given", "told"), [({}, True), ({"progress": print}, False)], ids=["by itself", "to a function"]
+)
+def test_python_tells_its_progress_on_a_terminal_and_only_there(given: dict[str, object], told: bool) -> None:
+    words = "dict(progress=print)" if given else "{}"
+    command = [sys.executable, "-c", SLOWLY, words]
+    ours, theirs = os.openpty()
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1]), "TERM": "xterm"}
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=theirs, env=environment) as process:
+        os.close(theirs)
+        seen = b""
+        with contextlib.suppress(OSError):  # its end
+            while piece := os.read(ours, 4096):
+                seen += piece
+        assert process.stdout is not None
+        printed = process.stdout.read().decode()
+    os.close(ours)
+    assert process.returncode == 0
+    assert (b"mujoco" in seen and b"/4" in seen) == told
+    assert printed.splitlines()[:1] == ([] if told else ["mujoco 0 4"])
+    quiet = subprocess.run(command, capture_output=True, text=True, env=environment, check=True)
+    assert quiet.stderr == ""
