@@ -115,7 +115,7 @@ class Body(Part):
 
     name: Name
     points: Mapping[Name, Vector]
-    mass: Mass
+    mass: Mass  # kg, above 0
     com: Vector | None = None  # left out: the middle of the points
     marker: Vector | None = None  # where <body>_x, <body>_y and loads at "com" are taken; left out: the com
     section: Annotated[tuple[NotNegative, NotNegative], BeforeValidator(as_tuple)] = (
