@@ -39,6 +39,7 @@ def accuracy(  # noqa: PLR0913 - what a person may ask, by name
     mechanism: Linkage = "paper",
     *,
     clearance: Metres | None = None,
+    large: bool = False,
     clearance_tolerance: Metres | None = None,
     outputs: Names | None = None,
     motion: Motion | None = None,
@@ -49,10 +50,11 @@ def accuracy(  # noqa: PLR0913 - what a person may ask, by name
 ) -> Accuracy:
     """How accurate a linkage with clearance can be: nominal, worst case, by joint, Monte Carlo, compliance.
 
-    ``clearance`` (m by joint) replaces the case's own; in the Monte Carlo each is uniform within +-
-    ``clearance_tolerance`` (m).  ``outputs`` are names such as ``coupler`` (its com and angle), ``coupler.B`` or
-    ``follower.angle``, by default every body.  Reactions have inertia forces in ``driven`` motion, the default where
-    the drive has a speed.  ``angles`` (N,) rad.  With ``nonlinear`` the linkage is closed again for every sample.
+    ``clearance`` (m by joint) replaces the case's own (``large`` is as in a cross-check); in the Monte Carlo each is
+    uniform within +-``clearance_tolerance`` (m).  ``outputs`` are names such as ``coupler`` (its com and angle),
+    ``coupler.B`` or ``follower.angle``, by default every body.  Reactions have inertia forces in ``driven`` motion, the
+    default where the drive has a speed.  ``angles`` (N,) rad.  With ``nonlinear`` the linkage is closed again for every
+    sample.
 
     Raises MechanismError, ArgumentError, AssemblyError or ComplianceError.
     """
@@ -60,7 +62,7 @@ def accuracy(  # noqa: PLR0913 - what a person may ask, by name
     nonlinear, motion = flag(nonlinear, "nonlinear"), None if motion is None else one_of(motion, MOTIONS, "motion")
     named = None if outputs is None else names(outputs, "outputs")
     with noted() as warned:
-        m = linkage(mechanism, clearance)
+        m = linkage(mechanism, clearance, large=flag(large, "large"))
         assembly = Assembly(m)
         found = accuracy_at(
             assembly,

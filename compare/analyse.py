@@ -57,16 +57,17 @@ def analyse(  # noqa: PLR0913 - what a person may ask, by name
     course: str | FilePath | None = None,
     path: str | FilePath | None = None,
     clearance: Metres | None = None,
+    large: bool = False,
     model: Model = "equilibrium",
     motion: Motion = "driven",
     compliance: bool = False,
 ) -> Analysis:
     """Kinetostatics and clearance of a linkage over its crank angle (N,) rad, and its compliance where asked for.
 
-    ``clearance`` (m by joint) replaces the case's own.  The model is the paper's ``first_order`` (Eq. 8) or the
-    self-consistent ``equilibrium``.  ``static`` motion has no inertia forces; without a speed of the drive it is the
-    only one.  With ``compliance`` links that have a modulus of elasticity and joints that have an elasticity yield as
-    well (Eqs. 1-7), superposed as in Fig. 7c, in static motion.
+    ``clearance`` (m by joint) replaces the case's own; ``large`` is as in a cross-check.  The model is the paper's
+    ``first_order`` (Eq. 8) or the self-consistent ``equilibrium``.  ``static`` motion has no inertia forces; without a
+    speed of the drive it is the only one.  With ``compliance`` links that have a modulus of elasticity and joints that
+    have an elasticity yield as well (Eqs. 1-7), superposed as in Fig. 7c, in static motion.
 
     A linkage that no single crank moves is analysed at ``times`` (N,) s, its drives at their speeds, along the
     ``course`` of a file or such that a platform follows a ``path``, as in :func:`compare.crosscheck.crosscheck`; in
@@ -76,7 +77,7 @@ def analyse(  # noqa: PLR0913 - what a person may ask, by name
     model, motion = one_of(model, MODELS, "model"), one_of(motion, MOTIONS, "motion")
     compliance = flag(compliance, "compliance")
     with noted() as warned:
-        given = linkage(mechanism, clearance)
+        given = linkage(mechanism, clearance, large=flag(large, "large"))
         m = given if compliance else rigidly_and_evenly_driven(given)
         assembly = Assembly(m)
         moved = timed(assembly, times, course, path)
@@ -139,15 +140,16 @@ def simulate(  # noqa: PLR0913 - what a person may ask, by name
     course: str | FilePath | None = None,
     path: str | FilePath | None = None,
     clearance: Metres | None = None,
+    large: bool = False,
 ) -> Simulation:
     """One run of one engine: the signals of a linkage over its crank angle (N,) rad, or over time if it swings freely.
 
-    The run is the one that a cross-check makes.  Raises MechanismError, ArgumentError, AssemblyError, Unsupported,
-    SimulatorMissing or SimulationError.
+    The run is the one that a cross-check makes; ``large`` is as there.  Raises MechanismError, ArgumentError,
+    AssemblyError, Unsupported, SimulatorMissing or SimulationError.
     """
     joint_model, motion = one_of(joint_model, JOINT_MODELS, "joint_model"), one_of(motion, MOTIONS, "motion")
     with noted() as warned:
-        m = rigidly_and_evenly_driven(linkage(mechanism, clearance))
+        m = rigidly_and_evenly_driven(linkage(mechanism, clearance, large=flag(large, "large")))
         name = one_engine(simulator)
         moved = timed(Assembly(m), times, course, path)
         asked = request(m, joint_model, motion, angles, moved)

@@ -55,6 +55,7 @@ Metres = Mapping[str, float]
 """Radial clearance (m) by joint."""
 
 MOST = 1_000_000  # crank angles, and samples of a Monte Carlo: what a memory holds
+SMALL = 0.1  # of a body's length: a clearance up to this is small, as the paper's displacements are
 TURNS = 4 * math.pi  # rad; crank angles beyond two turns were probably given in degrees
 
 T = TypeVar("T")
@@ -146,17 +147,41 @@ def processes(given: object, default: int) -> int:
     return default if given is None else whole(given, "workers", 1)
 
 
-def linkage(given: Linkage, clearance: Metres | None = None) -> Mechanism:
+def linkage(given: Linkage, clearance: Metres | None = None, *, large: bool) -> Mechanism:
     """The mechanism that is meant, with these clearances in place of its own if any are given; proven to assemble.
 
-    Raises MechanismError with what was given, or ArgumentError for a clearance that no joint can have.
+    Raises MechanismError with what was given, or ArgumentError for a clearance that no joint can have, or that only a
+    person can want who allows ``large`` ones.
     """
     mechanism = given if isinstance(given, Mechanism) else load(given)
     try:
         Assembly(mechanism)
     except (AssemblyError, StructureError) as error:
         raise MechanismError(f"{mechanism.name if isinstance(given, Mechanism) else given}: {error}") from None
-    return mechanism if clearance is None else with_clearance(mechanism, clearance)
+    found = mechanism if clearance is None else with_clearance(mechanism, clearance)
+    if not large:
+        refuse_large(found, "mechanism" if clearance is None else "clearance")
+    return found
+
+
+def refuse_large(mechanism: Mechanism, called: str) -> None:
+    """Raises ArgumentError for a clearance of more than a tenth of the shortest length that meets in its joint.
+
+    These are the lengths of the moving bodies, but for those that have none, and of a block in its guide.
+    """
+    for joint in mechanism.joints:
+        if not joint.clearance:
+            continue
+        lengths = {f"body {name!r}": mechanism.moving[name].length for name in joint.bodies if name in mechanism.moving}
+        if joint.guide is not None:
+            lengths["its block"] = joint.guide[0]
+        size, what = min(((size, what) for what, size in lengths.items() if size > 0), default=(math.inf, ""))
+        if joint.clearance > SMALL * size and not math.isclose(joint.clearance, SMALL * size):
+            raise ArgumentError(
+                called,
+                f"joint {joint.name!r} has clearance = {joint.clearance:g} m, more than a tenth of {what} ({size:g} m);"
+                " give the radial clearance in m, or `large` where so much is meant",
+            )
 
 
 def with_clearance(mechanism: Mechanism, clearance: Metres, called: str = "clearance") -> Mechanism:

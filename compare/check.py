@@ -29,6 +29,7 @@ from compare.arguments import (
     ToleranceFile,
     cores,
     engines,
+    flag,
     laid_over,
     linkage,
     loose,
@@ -38,7 +39,7 @@ from compare.arguments import (
     processes,
     rigidly_and_evenly_driven,
 )
-from compare.crosscheck import Job, Progress, Ran, concluded, judged, run_all
+from compare.crosscheck import Job, Ran, concluded, judged, run_all
 from compare.diagnose.data.quality import REVERSED, looks
 from compare.faults import ArgumentError
 from compare.judge.closer import Judged
@@ -55,6 +56,7 @@ from compare.judge.reference import (
     timed_reference,
 )
 from compare.judge.signals import UNITS
+from compare.progress import Progress, progress_bar
 from compare.recorded.errors import DataError
 from compare.recorded.motion import (
     LEAST,
@@ -87,10 +89,11 @@ def check(  # noqa: PLR0913 - what a person may ask, by name
     joint_model: JointModel | None = None,
     motion: Motion = "driven",
     clearance: Metres | None = None,
+    large: bool = False,
     analytic: Model = "equilibrium",
     tolerances: ToleranceFile | None = None,
     workers: int | None = None,
-    progress: Progress = lambda what, done, total: None,
+    progress: Progress | None = None,
 ) -> CrossCheck:
     """Hold the analytic model of a linkage against what another program has computed of it.
 
@@ -108,7 +111,7 @@ def check(  # noqa: PLR0913 - what a person may ask, by name
     chosen = None if joint_model is None else one_of(joint_model, JOINT_MODELS, "joint_model")
     read, layout = laid_over(tolerances), map if isinstance(map, Layout) else layout_of(map)
     with noted() as warned:
-        given = rigidly_and_evenly_driven(linkage(mechanism, clearance))
+        given = rigidly_and_evenly_driven(linkage(mechanism, clearance, large=flag(large, "large")))
         names, left_out = engines(simulators) if simulators is not None else ((), [])
         loose(given, chosen)
         model: JointModel = chosen or ("contact" if given.clearances else "ideal")
@@ -137,7 +140,8 @@ def check(  # noqa: PLR0913 - what a person may ask, by name
         remarks += [*side.remarks, *asked.said(one, side, found)]
         ran += Ran((found,))
     if names:
-        ran += _engines(asked, recordings[0], progress)
+        with progress_bar(progress) as told:
+            ran += _engines(asked, recordings[0], told)
     first = ran.judged[0]
     others = dict.fromkeys(one.run.simulator.name for one in ran.judged if not _alike(one, first))
     if others:

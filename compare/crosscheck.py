@@ -75,6 +75,7 @@ from compare.judge.reference import (
 from compare.judge.signals import compared, recorded, with_derived, with_rotations
 from compare.judge.statistics import held_together
 from compare.judge.tolerances import Tolerances
+from compare.progress import Progress, progress_bar
 from compare.results.contact import Compared
 from compare.results.crosscheck import CrossCheck, Failure, Path, Printed, Run, Simulator, Verdict, without
 from compare.results.crosscheck import Discrepancy as Judgement
@@ -97,7 +98,6 @@ from sim_models.engine import (
 
 STRIKING: tuple[JointModel, ...] = ("contact", "spring-damper")  # whose pins and blocks may leave their walls
 REVOLUTIONS = 32  # at the utmost, of a run whose pins strike
-Progress = Callable[[str, int, int], None]
 Measure = Callable[[Assembly, np.ndarray, Motion, Model, Mapping[str, float]], Reference]
 
 
@@ -143,6 +143,7 @@ def crosscheck(  # noqa: PLR0913 - what a person may ask, by name
     joint_model: JointModel | None = None,
     motion: Motion = "driven",
     clearance: Metres | None = None,
+    large: bool = False,
     angles: Numbers | None = None,
     times: Numbers | None = None,
     course: str | FilePath | None = None,
@@ -153,11 +154,12 @@ def crosscheck(  # noqa: PLR0913 - what a person may ask, by name
     map: str | FilePath | None = None,
     revolutions: int = REVOLUTIONS,
     workers: int | None = None,
-    progress: Progress = lambda what, done, total: None,
+    progress: Progress | None = None,
 ) -> CrossCheck:
     """Hold the analytic model of a linkage against simulations of it.
 
-    ``clearance`` (m by joint) replaces the case's own; ``angles`` (N,) are crank angles in rad, by default those of the
+    ``clearance`` (m by joint) replaces the case's own; one of more than a tenth of the shortest body that meets in its
+    joint is refused unless ``large`` ones are meant.  ``angles`` (N,) are crank angles in rad, by default those of the
     case.  A linkage with several drives, or with one that turns no crank, is compared at ``times`` (N,) s: all drives
     start at the assembly's angles and go on at their speeds, or follow a ``course``, a file of time and
     ``position_<joint>``, or move a platform along a ``path``, a file of time and its ``<body>_x``, ``<body>_y``,
@@ -172,6 +174,9 @@ def crosscheck(  # noqa: PLR0913 - what a person may ask, by name
     A run in which pins strike their walls goes on for as many revolutions as its statistics need to converge, at most
     ``revolutions``; engines are then compared by these (``result.statistics``).
 
+    ``progress`` is told what is being done, how many runs are done, and how many there are; left out, a bar on standard
+    error tells it, on a terminal only.
+
     Raises MechanismError, ArgumentError, ToleranceError, AssemblyError, Unsupported or SimulatorMissing; a simulation
     that fails is among the result's ``failures``.
     """
@@ -179,6 +184,7 @@ def crosscheck(  # noqa: PLR0913 - what a person may ask, by name
         mechanism,
         simulators,
         clearance=clearance,
+        large=large,
         joint_model=joint_model,
         motion=motion,
         angles=angles,
@@ -192,7 +198,8 @@ def crosscheck(  # noqa: PLR0913 - what a person may ask, by name
         revolutions=revolutions,
         workers=workers,
     )
-    return crosscheck_job(job, progress)
+    with progress_bar(progress) as told:
+        return crosscheck_job(job, told)
 
 
 def question(  # noqa: PLR0913 - what a person may ask, by name
@@ -200,6 +207,7 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
     simulators: Simulators,
     *,
     clearance: Metres | None = None,
+    large: bool = False,
     joint_model: JointModel | None = None,
     motion: Motion = "driven",
     angles: Numbers | None = None,
@@ -218,7 +226,7 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
     joint_model = None if joint_model is None else one_of(joint_model, JOINT_MODELS, "joint_model")
     flexible, read = flag(flexible, "flexible"), laid_over(tolerances)
     with noted() as warned:
-        given = linkage(mechanism, clearance)
+        given = linkage(mechanism, clearance, large=flag(large, "large"))
         simulators = with_map(simulators, map)
         names, left_out = engines(simulators)
         spread_over = processes(workers, cores() if len(names) > 1 else 1)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from analytic.kinematics.assembly import Assembly
 from compare.analyse import Angles, request
-from compare.arguments import Linkage, Metres, Numbers, linkage, one_engine, rigidly_and_evenly_driven, timed
+from compare.arguments import Linkage, Metres, Numbers, flag, linkage, one_engine, rigidly_and_evenly_driven, timed
 from compare.arguments import path as named
 from compare.faults import ArgumentError
 from compare.files import OutputError, output_folder, write_together
@@ -28,6 +28,7 @@ def export(  # noqa: PLR0913 - what a person may ask, by name
     course: str | Path | None = None,
     path: str | Path | None = None,
     clearance: Metres | None = None,
+    large: bool = False,
 ) -> list[Path]:
     """Write an engine's own model of a linkage into a folder, with ``run.py``, which runs it without this project, and
     ``expected.csv``, what it gave here; the files.
@@ -48,6 +49,7 @@ def export(  # noqa: PLR0913 - what a person may ask, by name
         course=course,
         path=path,
         clearance=clearance,
+        large=large,
     )
     return write_together(output_folder(place, "folder"), texts)
 
@@ -63,6 +65,7 @@ def exported(  # noqa: PLR0913 - what a person may ask, by name
     course: str | Path | None,
     path: str | Path | None,
     clearance: Metres | None,
+    large: bool,
 ) -> dict[str, str]:
     """The files of an export: text by name."""
     simulator = one_engine(simulator)
@@ -70,7 +73,7 @@ def exported(  # noqa: PLR0913 - what a person may ask, by name
     if chosen.capabilities.export is None:
         can = ", ".join(name for name in engine_names() if declared(name).capabilities.export is not None)
         raise ArgumentError("simulator", f"{simulator}: its model cannot be exported; that of {can} can")
-    m = rigidly_and_evenly_driven(linkage(mechanism, clearance))
+    m = rigidly_and_evenly_driven(linkage(mechanism, clearance, large=flag(large, "large")))
     asked = request(m, joint_model, motion, angles, timed(Assembly(m), times, course, path))
     try:
         with tempfile.TemporaryDirectory() as draft:  # all of it is there before the first file is put in place

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import secrets
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -93,7 +94,7 @@ def _made_by(path: Path) -> str | None:
 
 
 @contextmanager
-def alone_in(folder: Path, patience: float = PATIENCE) -> Iterator[None]:
+def alone_in(folder: Path, patience: float = PATIENCE, option: str = "--out") -> Iterator[None]:
     """Hold a folder, of those processes that ask for it like this, for this one; a process that ends lets it go.
 
     Raises OutputError where another one holds it for longer than ``patience`` (s).  Does nothing where the system has
@@ -102,13 +103,15 @@ def alone_in(folder: Path, patience: float = PATIENCE) -> Iterator[None]:
     if fcntl is None:
         yield
         return
-    handle, until = os.open(folder, os.O_RDONLY), time.monotonic() + patience
+    elsewhere = "choose another folder" + f" with {option}" * option.startswith("--")
+    try:
+        handle, until = os.open(folder, os.O_RDONLY), time.monotonic() + patience
+    except OSError as error:
+        raise OutputError(f"{option} {folder}: cannot write there ({error.strerror}); {elsewhere}") from None
     try:
         while not _locked(handle):
             if time.monotonic() > until:
-                raise OutputError(
-                    f"--out {folder}: another run is writing there; wait for it, or choose another folder with --out"
-                )
+                raise OutputError(f"{option} {folder}: another run is writing there; wait for it, or {elsewhere}")
             time.sleep(0.05)
         yield
     finally:
@@ -129,24 +132,26 @@ def write_atomically(path: Path, text: str) -> Path:
     return write_together(path.parent, {path.name: text})[0]
 
 
-def write_together(folder: Path, texts: Mapping[str, str]) -> list[Path]:
+def write_together(folder: Path, texts: Mapping[str, str], gone: Iterable[str] = ()) -> list[Path]:
     """Write files into a folder by their names: all of them, or none where one cannot be written, and never half of
-    one.
+    one; those that are to be ``gone`` go when all are there.
 
     Each is written to a temporary neighbour; when all are, they are renamed.  Raises OutputError.
     """
-    drafts: dict[Path, str] = {}
+    drafts: dict[Path, Path] = {}
     path = folder
     try:
         for name, text in texts.items():
             path = folder / name
-            handle, drafts[path] = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-            with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
+            draft = path.parent / f".{path.name}.{secrets.token_hex(4)}"
+            with open(draft, "x", encoding="utf-8", newline="\n") as file:  # readable by whom the umask lets
+                drafts[path] = draft
                 file.write(text)
-            os.chmod(drafts[path], 0o644)
         for path in list(drafts):
             os.replace(drafts[path], path)
             del drafts[path]
+        for path in (folder / name for name in gone):
+            path.unlink(missing_ok=True)
     except OSError as error:
         raise OutputError(
             f"{path}: cannot be written ({error.strerror}); free space there, or choose another folder"

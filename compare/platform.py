@@ -24,7 +24,7 @@ from analytic.paper.envelope import Output
 from analytic.paper.frame import ComplianceError
 from analytic.paper.kinetostatics import kinetostatics
 from compare.accuracy import named_outputs, versions
-from compare.arguments import Linkage, Metres, Names, Numbers, linkage, names, noted, number, timed
+from compare.arguments import Linkage, Metres, Names, Numbers, flag, linkage, names, noted, number, timed
 from compare.faults import ArgumentError
 from compare.judge.courses import Courses
 from compare.judge.grid import parse_workspace
@@ -41,6 +41,7 @@ def platform_accuracy(  # noqa: PLR0913 - what a person may ask, by name
     mechanism: Linkage,
     *,
     clearance: Metres | None = None,
+    large: bool = False,
     encoder_step: Mapping[str, float] | None = None,
     outputs: Names | None = None,
     times: Numbers | None = None,
@@ -51,10 +52,10 @@ def platform_accuracy(  # noqa: PLR0913 - what a person may ask, by name
 ) -> PlatformAccuracy:
     """How accurate the outputs of a linkage with several drives are, along a motion or at rest over a workspace.
 
-    ``clearance`` (m by joint) replaces the case's own; ``encoder_step`` (rad, m) is by driven joint.  ``outputs`` are
-    names such as ``platform`` (its com and angle) or ``left-arm.P``, by default every body; the first of them is what
-    is moved over a ``workspace``, ``((x0, x1, nx), (y0, y1, ny))``: lowest, highest (m) and number of its x and of its
-    y, with its ``angle`` (rad; that of the assembly) where there are three drives.
+    ``clearance`` (m by joint) replaces the case's own; ``large`` is as in a cross-check, ``encoder_step`` (rad, m) by
+    driven joint.  ``outputs`` are names such as ``platform`` (its com and angle) or ``left-arm.P``, by default every
+    body; the first of them is what is moved over a ``workspace``, ``((x0, x1, nx), (y0, y1, ny))``: lowest, highest (m)
+    and number of its x and of its y, with its ``angle`` (rad; that of the assembly) where there are three drives.
     Without a workspace the drives move over ``times`` (s), along a ``course`` or such that a platform follows a
     ``path``, as in :func:`compare.crosscheck.crosscheck`.
 
@@ -62,7 +63,7 @@ def platform_accuracy(  # noqa: PLR0913 - what a person may ask, by name
     """
     named = None if outputs is None else names(outputs, "outputs")
     with noted() as warned:
-        m = linkage(mechanism, clearance)
+        m = linkage(mechanism, clearance, large=flag(large, "large"))
         assembly = Assembly(m)
         if assembly.structure.free:
             raise ArgumentError("mechanism", f"{m.name} has freedoms without a drive; give each one a drive")

@@ -39,6 +39,7 @@ class Options(TypedDict, total=False):
     joint_model: JointModel | None
     motion: Motion
     clearance: Metres | None
+    large: bool
     angles: Numbers | None
     analytic: Model
     flexible: bool
@@ -136,7 +137,7 @@ class LinkageCheck:
         from compare.arguments import engines
         from compare.evidence.baseline.check import check_file, file_of, update_file
         from compare.faults import ArgumentError
-        from compare.files import output_folder
+        from compare.files import made_folder
 
         names, _ = engines(simulators)
         if stored.suffix == ".toml" and len(names) > 1:
@@ -145,8 +146,8 @@ class LinkageCheck:
         for name in names:
             path = stored if stored.suffix == ".toml" else file_of(stored, mechanism.name, name)
             if update:
-                output_folder(path.parent, "baseline")
-                entry = update_file(path, mechanism, name, f"pytest {test}")
+                with made_folder(path.parent, "baseline"):
+                    entry = update_file(path, mechanism, name, f"pytest {test}")
                 self.test.user_properties.append((STORED, f"{path}: {entry.status}"))
                 continue
             for moved in check_file(path, mechanism, name, f"pytest {UPDATE} {test}").moved:

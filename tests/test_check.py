@@ -574,7 +574,7 @@ def test_the_command_writes_what_a_cross_check_writes(tmp_path: Path, case: Path
     written(tmp_path / "good.csv", swung(120))
     ended = compare("check", "good.csv", "--case", str(case), cwd=tmp_path)
     assert ended.returncode == 0, ended.stderr
-    folder = tmp_path / "reports" / "driven-pendulum-good"
+    folder = tmp_path / "reports" / "case-good"
     assert {"result.json", "report.html", "report.md", "junit.xml", "signals.csv"} <= {p.name for p in folder.iterdir()}
     fields: dict[str, Any] = json.loads((folder / "result.json").read_text())
     assert fields["runs"][0]["simulator"] == {"name": "good", "version": "recorded"}

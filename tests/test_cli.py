@@ -42,6 +42,14 @@ BAD_INPUT = {
     "a clearance without a number": (["--clearance", "B"], ["--clearance B", "JOINT=metres"]),
     "a negative clearance": (["--clearance", "B=-1e-4"], ["B=-1e-4", "0 or more"]),
     "a clearance larger than a link": (["--clearance", "B=0.5"], ["joint 'B'", "0.5", "not smaller than body"]),
+    "a clearance that is large beside a link": (
+        ["--case", "crank-rocker", "--clearance", "D=0.0051"],
+        [
+            "--clearance D=0.0051: joint 'D'",
+            "0.0051 m, more than a tenth of body 'crank' (0.05 m)",
+            "--large",
+        ],
+    ),
     "a clearance joint model for a linkage that swings freely": (
         ["--case", "pendulum", "--clearance", "O=1e-4", "--joint", "contact"],
         ["--joint contact", "pendulum swings freely", "leave the joint model out"],
@@ -74,6 +82,7 @@ def test_bad_input_gets_one_sentence_and_status_2(
     ("old", "new", "words"),
     [
         ("mass = 0.157", "mass = -0.157", ["mine.toml", "body[crank].mass", "-0.157"]),
+        ("mass = 0.157", "mass = 0", ["mine.toml", "body[crank].mass = 0", "counts as massless", "1e-6 kg"]),
         ("mass = 0.157", "weight = 0.157", ["mine.toml", "body[crank].weight", "not a field"]),
         ("gravity", "gravy", ["mine.toml", "gravy", "gravity"]),
     ],

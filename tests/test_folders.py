@@ -4,6 +4,7 @@ it is told to.
 
 from __future__ import annotations
 
+import io
 import json
 import shlex
 import sys
@@ -12,12 +13,13 @@ from typing import Any
 
 import pytest
 import typer
+from rich.console import Console
 from typer.testing import CliRunner
 
 import linkage_crosscheck as lc
 from analytic.mechanism.file import dumps, load
 from compare.cli.app import app
-from compare.cli.folders import result_folder
+from compare.cli.folders import named_after, result_folder
 from compare.cli.publish import publish
 from compare.files import OutputError
 from test_readme import COMMANDS
@@ -149,15 +151,17 @@ def test_the_same_command_replaces_its_own_report_and_another_only_when_it_is_to
 
 
 @pytest.mark.mujoco
-def test_two_files_of_one_name_do_not_share_a_default_folder_silently(compare: Any, tmp_path: Path) -> None:
-    for name, mass in (("one", 0.2), ("two", 0.3)):
+def test_a_default_folder_follows_the_file_and_not_the_name_in_it(compare: Any, tmp_path: Path) -> None:
+    (tmp_path / "rig").mkdir()
+    for name, mass in (("one", 0.2), ("two", 0.3), ("rig/one", 0.4)):
         Path(f"{name}.toml").write_text(dumps(load("paper").with_body("crank", mass=mass)), encoding="utf-8")
-    assert compare(f"{QUICK} --case one.toml")[0] == 0
-    assert [path.name for path in (tmp_path / "reports").iterdir()] == ["paper-mujoco-ideal-static-angles=30_60_30"]
-    status, said = compare(f"{QUICK} --case two.toml")
-    assert status == 2
-    assert "--case one.toml" in said
-    assert compare(f"{QUICK} --case one.toml")[0] == 0
+    for file in ("one.toml", "two.toml", "rig/one.toml", "one.toml"):
+        assert compare(f"compare analyse --case {file}")[0] == 0
+    names = {path.name for path in (tmp_path / "reports").iterdir()}
+    assert names == {"one-analysis", "two-analysis", "rig-one-analysis"}
+    assert named_after(tmp_path / "rig" / "one.toml") == named_after("./rig/one.toml") == "rig-one"
+    assert named_after("../my.rig/one.toml") == "my.rig-one"
+    assert named_after("paper") == "paper"
 
 
 @pytest.mark.mujoco
@@ -238,6 +242,68 @@ def test_the_signals_of_a_report_are_not_replaced_by_those_of_one_side(compare: 
     assert contents(tmp_path / "here")["signals.csv"] != before["signals.csv"]
 
 
+def test_of_two_commands_that_begin_in_one_folder_the_second_to_end_is_refused(compare: Any, tmp_path: Path) -> None:
+    asked = context("compare analyse --motion static --out here")
+    place = result_folder(asked, "paper-analysis", "analysis.json", tmp_path / "here", overwrite=False)
+    assert compare("compare analyse --case crank-rocker --motion static --out here")[0] == 0
+    before = contents(tmp_path / "here")
+    found = lc.analyse("paper", motion="static")
+    with pytest.raises(
+        OutputError, match=r"its analysis\.json is of another command \(compare analyse --case crank-rock"
+    ):
+        publish(found, place, json=False, quiet=True, context=asked)
+    assert contents(tmp_path / "here") == before
+
+
+def test_of_one_command_that_is_given_twice_at_once_the_last_to_end_stays(compare: Any, tmp_path: Path) -> None:
+    asked = context("compare analyse --out=here --motion=static")
+    place = result_folder(asked, "paper-analysis", "analysis.json", tmp_path / "here", overwrite=False)
+    assert compare("compare analyse --motion static --out here")[0] == 0
+    before = contents(tmp_path / "here")
+    publish(lc.analyse("paper", motion="static"), place, json=False, quiet=True, context=asked)
+    after = contents(tmp_path / "here")
+    assert set(after) == set(before)
+    assert after["signals.csv"] == before["signals.csv"]
+
+
+OTHERS = {"notes.txt": "mine\n", "gamma_Z.svg": "<svg/>", "run.py": "print(1)\n"}  # of a person
+
+
+@pytest.mark.mujoco
+def test_a_report_that_is_replaced_goes_with_all_its_pictures_and_nothing_else(compare: Any, tmp_path: Path) -> None:
+    assert compare(f"{QUICK} --case slider-crank --out alone")[0] == 0
+    assert compare(f"{QUICK} --case crank-rocker --out here")[0] == 0
+    assert set(contents(tmp_path / "here")) - set(contents(tmp_path / "alone"))
+    for name, text in OTHERS.items():
+        (tmp_path / "here" / name).write_text(text, encoding="utf-8")
+    assert compare("compare accuracy --samples 50 --out here")[0] == 0
+    assert compare(f"{QUICK} --case slider-crank --out here --overwrite") == (0, "")
+    own = {"accuracy.json", "accuracy.csv", *OTHERS}  # a whole result that lost nothing stays
+    assert set(contents(tmp_path / "here")) == set(contents(tmp_path / "alone")) | own
+    assert compare("compare analyse --motion static --out here --overwrite")[0] == 0  # takes signals.csv
+    assert set(contents(tmp_path / "here")) == {"analysis.json", "signals.csv"} | own
+    lc.accuracy("crank-rocker", samples=50).write("here", overwrite=True)
+    assert set(contents(tmp_path / "here")) == {"analysis.json", "signals.csv"} | own
+
+
+@pytest.mark.mujoco
+def test_a_file_that_is_edited_replaces_its_own_report_with_all_its_pictures(compare: Any, tmp_path: Path) -> None:
+    for case in ("crank-rocker", "slider-crank"):
+        Path("mine.toml").write_text(dumps(load(case)), encoding="utf-8")
+        assert compare(f"{QUICK} --case mine.toml")[0] == 0
+    assert compare(f"{QUICK} --case slider-crank --out alone")[0] == 0
+    (mine,) = (tmp_path / "reports").iterdir()
+    assert set(contents(mine)) == set(contents(tmp_path / "alone"))
+
+
+def test_what_cannot_be_read_is_replaced_alone(tmp_path: Path) -> None:
+    """Nobody knows which files are a stranger's own."""
+    (tmp_path / "analysis.json").write_text('{"schema": 1, "case": "mine"}', encoding="utf-8")
+    (tmp_path / "gamma_A.svg").write_text("<svg/>", encoding="utf-8")
+    publish(lc.analyse("paper", motion="static"), tmp_path, json=False, quiet=True, overwrite=True)
+    assert set(contents(tmp_path)) == {"analysis.json", "signals.csv", "gamma_A.svg"}
+
+
 def test_a_file_that_shows_up_while_a_command_computes_is_not_replaced(tmp_path: Path) -> None:
     found = lc.analyse("paper", motion="static")
     (tmp_path / "signals.csv").write_text("mine\n", encoding="utf-8")
@@ -277,3 +343,45 @@ def test_a_list_replaces_only_a_list(tmp_path: Path) -> None:
     (tmp_path / "cases.json").write_text("{}", encoding="utf-8")
     with pytest.raises(OutputError, match=r"a cases\.json that does not say which command made it"):
         lc.cases().write(tmp_path)
+
+
+ODD = "[/x] :smiley: [red]"  # would be an end without a beginning, a picture and nothing, if they were markup
+
+
+@pytest.mark.mujoco
+@pytest.mark.parametrize(
+    "line",
+    [
+        f"{QUICK} --case mine.toml",
+        "compare accuracy --case mine.toml --samples 50",
+        "compare analyse --case mine.toml",
+        "compare simulate --case mine.toml --motion static",
+        "compare export --case mine.toml --simulator mujoco --motion static --angles 30:60:30",
+        "compare list",
+    ],
+)
+def test_brackets_and_colons_of_names_and_paths_are_printed_as_they_are(
+    line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("mine.toml").write_text(dumps(load("paper").replace(name=ODD)), encoding="utf-8")
+    place = "[/x]/:smiley:/[red]"
+    if line == "compare list":
+        lc.crosscheck("mine.toml", joint_model="ideal", angles=[0.5, 0.6]).write(place)
+        words = ["list", place]
+    else:
+        words = [*shlex.split(line)[1:], "--out", place]
+    monkeypatch.setattr(sys, "argv", ["compare", *words])
+    done = CliRunner().invoke(app, words)
+    assert (done.exit_code, done.stderr) == (0, "")
+    assert place in done.stdout
+    assert line.startswith("compare export") or ODD in done.stdout
+
+
+def test_a_persons_own_console_is_not_told_to_read_markup_either() -> None:
+    console = Console(file=io.StringIO(), width=200)
+    with console.capture() as printed:
+        lc.analyse(load("paper").replace(name=ODD), motion="static").print_to(console)
+    assert ODD in printed.get()
+    console.print("[bold]:smiley:")
+    assert console.file.getvalue() == "\U0001f603\n"  # type: ignore[attr-defined]

@@ -18,7 +18,7 @@ from typing import Any
 import pytest
 
 import commands
-from compare.files import OutputError, alone_in, write_atomically, write_together
+from compare.files import OutputError, alone_in, made_folder, write_atomically, write_together
 from marks import slow
 
 ROOT = Path(__file__).parents[1]
@@ -119,6 +119,34 @@ def test_a_folder_that_may_only_be_read(what: str, tmp_path: Path) -> None:
     assert contents(tmp_path) == {"out/earlier.txt": b"whole"}
 
 
+REFUSED = [
+    "--simulator mujoco --case crank-rocker --joint contact --out out",
+    "accuracy --clearance B=0.05 --out out",
+    "analyse --angles 20:200:5 --out out",
+    "simulate --simulator mujoco --joint contact --case crank-rocker --out out",
+    "validity --speeds 60 --clearances 0.05 --out out",
+    "check none.csv --out out",
+    "export --simulator mujoco --joint contact --case crank-rocker --out out/deep",
+    "import none.xml --out out/linkage.toml",
+    "diagnose none.toml --out out",
+    "diagnose --init none.csv --case paper --out out",
+    "baseline update --case none.toml --baselines out",
+    "baseline update --case paper --simulator adams --baselines out/deep",
+    "baseline update --case paper --results none.csv --baselines out",
+    "baseline check --case none.toml --junit out/junit.xml",
+    "scoreboard update --minutes 0 --reports out",
+    "validation update --data none --reports out",
+]
+
+
+@pytest.mark.mujoco
+@pytest.mark.parametrize("line", REFUSED)
+def test_a_command_that_is_refused_leaves_no_folder(line: str, tmp_path: Path) -> None:
+    done = commands.compare(*line.split(), cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, ""), done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
 # ---------------------------------------------------------------- no room
 
 
@@ -202,17 +230,18 @@ def test_two_cross_checks_into_one_folder_leave_one_of_them_whole(tmp_path: Path
         compare(tmp_path / name, command)
         whole[name] = set(contents(tmp_path / name))
     ends = both(tmp_path, one, other)
-    for status, words in ends:  # one may come when the other has gone, and finds its result
-        assert status == 0 or (status == 2 and "its result.json is of another command" in words), words
-    wrote = [name for name, (status, _) in zip(whole, ends, strict=True) if status == 0]
-    assert wrote
+    assert sorted(status for status, _ in ends) == [0, 2], ends
+    assert ["its result.json is of another command" in words for _, words in ends] == [
+        status == 2 for status, _ in ends
+    ]
+    (wrote,) = [name for name, (status, _) in zip(whole, ends, strict=True) if status == 0]
     result = json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))
     case = result["case"]
     assert all(
         case in (tmp_path / "out" / name).read_text(encoding="utf-8")
         for name in ("report.md", "report.html", "junit.xml")
     )
-    assert {name for name in contents(tmp_path) if name.startswith("out/")} == set().union(*(whole[n] for n in wrote))
+    assert {name for name in contents(tmp_path) if name.startswith("out/")} == whole[wrote]
 
 
 @pytest.mark.slow
@@ -255,6 +284,21 @@ def test_a_folder_is_held_by_one_at_a_time_and_let_go(tmp_path: Path) -> None:
     assert release.is_set()
 
 
+@posix
+@pytest.mark.parametrize("mask", [0o077, 0o022, 0o002])
+def test_who_may_read_a_file_is_left_to_the_umask(mask: int, tmp_path: Path) -> None:
+    before = os.umask(mask)
+    try:
+        write_together(tmp_path, {"new": "1", "old": "1"})
+        write_together(tmp_path, {"old": "2"})
+        with made_folder(tmp_path / "made" / "deep") as folder:
+            write_atomically(folder / "inside", "1")
+    finally:
+        os.umask(before)
+    for path in tmp_path.rglob("*"):
+        assert path.stat().st_mode & 0o777 == (0o777 if path.is_dir() else 0o666) & ~mask
+
+
 def test_files_that_are_written_together_are_never_half_and_never_litter(tmp_path: Path) -> None:
     (tmp_path / "second").mkdir()
     write_atomically(tmp_path / "first", "old")
@@ -263,3 +307,5 @@ def test_files_that_are_written_together_are_never_half_and_never_litter(tmp_pat
     assert contents(tmp_path) == {"first": b"old"}
     write_together(tmp_path, {"first": "new", "third": "new"})
     assert contents(tmp_path) == {"first": b"new", "third": b"new"}
+    write_together(tmp_path, {"first": "newer"}, gone=["third", "fourth"])
+    assert contents(tmp_path) == {"first": b"newer"}

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import pickle
 import re
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,12 +20,12 @@ import linkage_crosscheck as lc
 from analytic.kinematics.closure import AssemblyError
 from analytic.kinematics.structure import StructureError
 from analytic.mechanism import MechanismError
-from analytic.mechanism.file import dumps
+from analytic.mechanism.file import dumps, load
 from analytic.paper.frame import ComplianceError
-from compare.arguments import engines, every_one, names, numbers
+from compare.arguments import engines, every_one, names, numbers, refuse_large
 from compare.cli.app import app
 from compare.diagnose.data.recording import MeasuredError
-from compare.domain_map.validity import increasing
+from compare.domain_map.validity import gridded, increasing
 from compare.evidence.baseline.file import BaselineError
 from compare.faults import ArgumentError
 from compare.files import OutputError
@@ -147,6 +151,7 @@ WRONG = [
     ("analyse", {"clearance": {"B": None}}, "B = None"),
     ("analyse", {"clearance": {"B": True}}, "B = True"),
     ("analyse", {"clearance": {"B": 1.0}}, "not smaller"),
+    ("analyse", {"large": 1}, "True or False"),
     ("analyse", {"clearance": ["B"]}, "metres by joint"),
     ("analyse", {"clearance": 1e-3}, "metres by joint"),
     ("analyse", {"model": "second"}, "'first_order' or 'equilibrium'"),
@@ -202,6 +207,60 @@ def test_a_wrong_argument_is_one_sentence_that_names_it(call: str, given: dict[s
         CALLS[call](**given)
     assert [caught.value.argument] == list(given)
     one_sentence(caught.value, f"{next(iter(given))}: ", word)
+
+
+LOOSE: dict[str, Callable[..., object]] = {
+    "analyse": lambda **given: lc.analyse("paper", **({"angles": ANGLES} | given)),
+    "simulate": lambda **given: lc.simulate("paper", joint_model="contact", **({"angles": ANGLES} | given)),
+    "crosscheck": lambda **given: lc.crosscheck("paper", joint_model="contact", **({"angles": ANGLES} | given)),
+    "accuracy": lambda **given: lc.accuracy("paper", **({"angles": ANGLES, "samples": 10} | given)),
+    "platform_accuracy": lambda **given: lc.platform_accuracy("paper", times=[0.0, 0.1], **given),
+    "export": lambda **given: lc.export("paper", joint_model="contact", folder="out", **({"angles": ANGLES} | given)),
+    "check": lambda **given: lc.check("rested.csv", "paper", motion="static", **given),
+}
+
+
+@pytest.mark.mujoco
+@pytest.mark.parametrize("call", LOOSE)
+def test_a_clearance_of_more_than_a_tenth_of_a_body_is_taken_only_where_it_is_meant(
+    call: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Crank and follower of the paper are 200 mm long, its coupler is 400 mm long."""
+    monkeypatch.chdir(tmp_path)
+    Path("rested.csv").write_text("crank_angle [deg],drive_torque [N.m]\n57,0\n58,0\n", encoding="utf-8")
+    what, still = LOOSE[call], {} if call == "platform_accuracy" else {"motion": "static"}
+    if call == "check":
+        still = {}
+    with pytest.raises(ArgumentError) as caught:
+        what(clearance={"B": 0.0201}, **still)
+    said = "joint 'B' has clearance = 0.0201 m, more than a tenth of body 'follower' (0.2 m)"
+    one_sentence(caught.value, "clearance: ", said, "`large`")
+    what(clearance={"B": 0.02}, **still)
+    what(clearance={"B": 0.0201}, large=True, **still)
+
+
+def test_a_map_takes_large_clearances_only_where_they_are_meant() -> None:
+    asked = {"speeds": [60.0], "simulators": "mujoco", "joint_model": "contact", "joints": None, "tolerances": None}
+    with pytest.raises(
+        ArgumentError, match=r"^clearances: joint 'B' has clearance = 0\.0201 m, more than a tenth of body"
+    ):
+        gridded("paper", clearances=[1e-4, 0.0201], **asked)
+    assert gridded("paper", clearances=[1e-4, 0.0201], large=True, **asked).clearances == (1e-4, 0.0201)
+    assert gridded("paper", clearances=[1e-4, 0.02], **asked).clearances == (1e-4, 0.02)
+
+
+def test_what_has_no_length_sets_no_limit_and_a_block_is_as_long_as_in_its_guide() -> None:
+    m = load("slider-crank")  # its slider is a point in pin B
+    limit = min(m.moving[name].length for name in m.joint("B").bodies if m.moving[name].length > 0) / 10
+    refuse_large(m.with_clearances({"B": limit}), "clearance")
+    with pytest.raises(ArgumentError, match="more than a tenth of body"):
+        refuse_large(m.with_clearances({"B": 1.01 * limit}), "clearance")
+    m = m.with_joint("S", guide=(0.06, 0.002), clearance=0.006)  # a flat block may turn little, whatever its height
+    refuse_large(m, "mechanism")
+    with pytest.raises(
+        ArgumentError, match=r"joint 'S' has clearance = 0\.0061 m, more than a tenth of its block \(0\.06 m\)"
+    ):
+        refuse_large(m.with_joint("S", clearance=0.0061), "mechanism")
 
 
 @pytest.mark.parametrize("what", [5, None])
@@ -313,3 +372,38 @@ def test_a_moment_that_is_no_number_is_refused() -> None:
     with pytest.raises(ArgumentError) as caught:
         lc.show(result, "drive_torque", at="x")
     one_sentence(caught.value, "at: 'x'", "rad")
+
+
+# ------------------------------------------------------------------ progress
+
+
+SLOWLY = """
+import sys, linkage_crosscheck as lc
+lc.crosscheck("paper", motion="static", angles=[0.6, 0.7], workers=1, **eval(sys.argv[1]))
+"""
+
+
+@pytest.mark.mujoco
+@pytest.mark.skipif(os.name != "posix", reason="has pseudo-terminals as POSIX does")
+@pytest.mark.parametrize(
+    ("given", "told"), [({}, True), ({"progress": print}, False)], ids=["by itself", "to a function"]
+)
+def test_python_tells_its_progress_on_a_terminal_and_only_there(given: dict[str, object], told: bool) -> None:
+    words = "dict(progress=print)" if given else "{}"
+    command = [sys.executable, "-c", SLOWLY, words]
+    ours, theirs = os.openpty()
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1]), "TERM": "xterm"}
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=theirs, env=environment) as process:
+        os.close(theirs)
+        seen = b""
+        with contextlib.suppress(OSError):  # its end
+            while piece := os.read(ours, 4096):
+                seen += piece
+        assert process.stdout is not None
+        printed = process.stdout.read().decode()
+    os.close(ours)
+    assert process.returncode == 0
+    assert (b"mujoco" in seen and b"/4" in seen) == told
+    assert printed.splitlines()[:1] == ([] if told else ["mujoco 0 4"])
+    quiet = subprocess.run(command, capture_output=True, text=True, env=environment, check=True)
+    assert quiet.stderr == ""

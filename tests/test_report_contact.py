@@ -200,6 +200,26 @@ def test_friction_that_is_an_engine_s_rounding_is_no_disagreement(agreeing: Cros
         assert next(row.verdict for row in held if row.statistic == "friction_loss") == verdict
 
 
+def test_a_loss_below_nothing_is_read_as_nothing_known_that_well(agreeing: CrossCheck) -> None:
+    """What integration or rounding leaves: a wall gives back no more than it took."""
+    run = in_contact(agreeing)[0]
+    assert run.contact is not None
+    joint = run.contact.joints["B"]
+    for low, high, missed in ((None, None, 1e-6), (-3e-6, -1e-7, 3e-6)):
+        below = Statistic(value=-1e-6, low=low, high=high, by_revolution=np.full(9, -1e-6))
+        joints = {"B": joint.model_copy(update={"statistics": {**joint.statistics, "restitution_loss": below}})}
+        contact = run.contact.model_copy(update={"joints": joints})
+        quiet = agreeing.model_copy(update={"runs": (run.model_copy(update={"contact": contact}),), "statistics": ()})
+        _, (value,) = told(quiet).tables[0].of("restitution_loss")
+        assert value.value == 0.0
+        assert (value.low, value.high) == pytest.approx((-1e3 * missed, 1e3 * missed), rel=1e-12)  # mJ
+        assert f"{1e3 * missed:g}" in printed(quiet)
+        assert "-0.001" not in printed(quiet).replace("+-0.001", "")
+    compared = next(each for each in agreeing.statistics if each.statistic == "restitution_loss")
+    row = told(agreeing.model_copy(update={"statistics": (compared.model_copy(update={"values": (-1e-6, 2e-6)}),)}))
+    assert row.pairs[0].rows[0].values == pytest.approx((0.0, 2e-3))
+
+
 # ------------------------------------------------------------------ figures
 
 

@@ -699,12 +699,14 @@ def test_an_engine_that_is_not_installed_is_status_3_with_the_install_command(tm
 
 @pytest.mark.mujoco
 def test_a_map_without_a_single_cell_is_status_3(tmp_path: Path) -> None:
-    done = validity("--case", "crank-rocker", "--speeds", "60", "--clearances", "0.099", "--workers", "1", cwd=tmp_path)
+    done = validity(
+        "--case", "crank-rocker", "--speeds", "60", "--clearances", "0.099", "--large", "--workers", "1", cwd=tmp_path
+    )
     assert done.returncode == 3
     assert "every cell failed" in done.stderr
     assert "cannot be reached" in done.stderr
     result = json.loads(
-        (tmp_path / "reports" / "crank-rocker-validity-speeds=60-clearances=0.099" / "validity.json").read_text(
+        (tmp_path / "reports" / "crank-rocker-validity-speeds=60-clearances=0.099-large" / "validity.json").read_text(
             encoding="utf-8"
         )
     )

@@ -56,6 +56,16 @@ def _divisible(value: float) -> float:
     return value
 
 
+def _heavy(value: object) -> object:
+    """A mass, unless it is none.  Raises ValueError."""
+    if isinstance(value, int | float) and value == 0 and not isinstance(value, bool):
+        raise ValueError(
+            "a moving body has mass; for one that counts as massless give little, such as"
+            " 1e-6 kg (contact takes smaller steps the lighter it is)"
+        )
+    return value
+
+
 ContactLaw = Literal["kelvin-voigt", "hunt-crossley", "lankarani-nikravesh", "flores", "gonthier"]
 LARGEST = 1e40  # in any SI unit: beyond all linkages, and its powers that occur are still finite
 FARTHEST = 1e4  # rad, of an assembly angle: 1600 turns
@@ -70,6 +80,7 @@ MOST_WAVES = 1000  # in a turn, of a motor's unevenness or of a torque
 WIDEST = 0.5  # rad, half of a gap in a drive
 ROUNDING = 2.0**-30  # of a body's size: points that are nearer to each other are at one place
 Positive = Annotated[float, Field(gt=0, le=LARGEST), AfterValidator(_divisible)]
+Mass = Annotated[Positive, BeforeValidator(_heavy)]  # kg
 NotNegative = Annotated[float, Field(ge=0, le=LARGEST)]
 
 
@@ -105,7 +116,7 @@ class Body(Part):
 
     name: Name
     points: Mapping[Name, Vector]
-    mass: Positive  # kg
+    mass: Mass  # kg, above 0
     com: Vector | None = None  # left out: the middle of the points
     marker: Vector | None = None  # where <body>_x, <body>_y and loads at "com" are taken; left out: the com
     section: Annotated[tuple[NotNegative, NotNegative], BeforeValidator(as_tuple)] = (
@@ -140,8 +151,7 @@ class Body(Part):
     @property
     def length(self) -> float:
         """The largest distance between two of the body's points (m)."""
-        points = [complex(*p) for p in self.points.values()]
-        return max(abs(p - q) for p in points for q in points)
+        return _largest_distance([complex(*p) for p in self.points.values()])
 
     @property
     def moment_of_inertia(self) -> float:
@@ -151,6 +161,40 @@ class Body(Part):
         if self.inertia is not None:
             return self.inertia
         return self.mass * (self.length**2 + self.section[0] ** 2) / 12
+
+
+def _largest_distance(points: list[complex]) -> float:
+    """The largest distance between two of the points (x + iy): rotating calipers, which turn once around their convex
+    hull.
+    """
+    hull = _convex_hull(points)
+    largest, far = 0.0, 1 % len(hull)
+    for here, ahead in zip(hull, hull[1:] + hull[:1], strict=True):
+        while _turn(ahead - here, hull[(far + 1) % len(hull)] - hull[far]) > 0:
+            far = (far + 1) % len(hull)
+        largest = max(largest, abs(here - hull[far]), abs(ahead - hull[far]))
+    return largest
+
+
+def _convex_hull(points: list[complex]) -> list[complex]:
+    """Corners of the convex hull, anticlockwise (Andrew's monotone chain); of points on one line its two ends."""
+    ordered = sorted(set(points), key=lambda p: (p.real, p.imag))
+    if len(ordered) < 3:
+        return ordered
+    corners: list[complex] = []
+    for way in (ordered, ordered[::-1]):
+        chain: list[complex] = []
+        for p in way:
+            while len(chain) > 1 and _turn(chain[-1] - chain[-2], p - chain[-1]) <= 0:
+                chain.pop()
+            chain.append(p)
+        corners += chain[:-1]
+    return corners
+
+
+def _turn(a: complex, b: complex) -> float:
+    """Positive where ``b`` is turned anticlockwise from ``a`` (cross product)."""
+    return a.real * b.imag - a.imag * b.real
 
 
 class Elasticity(Part):

@@ -94,11 +94,9 @@ def frame(body: Body) -> Frame:
     Raises ComplianceError for bars without a section.
     """
     if body.youngs_modulus is None:
-        return Frame(
-            (body.centre,),
-            (),
-            {name: (0, body.point(name) - body.centre) for name in (*body.points, "com", MASS_CENTRE)},
-        )
+        centre = body.centre
+        arms = {name: (0, body.point(name) - centre) for name in (*body.points, "com", MASS_CENTRE)}
+        return Frame((centre,), (), arms)
     parts = division(body)
     bars = tuple((i, j, _bar(body, body.youngs_modulus, abs(parts.nodes[j] - parts.nodes[i]))) for i, j in parts.bars)
     return Frame(parts.nodes, bars, parts.places)

@@ -8,10 +8,11 @@ from typing import Annotated
 
 import typer
 
-from compare.cli.folders import Overwrite, result_folder
+from compare.cli.folders import Overwrite, named_after, result_folder
 from compare.cli.options import (
     CourseFile,
     Json,
+    Large,
     MotionChoice,
     PathFile,
     Quiet,
@@ -34,6 +35,7 @@ def accuracy(
     clearance: Annotated[
         str | None, typer.Option(metavar="JOINT=M,...", help="Radial clearances (m) in place of the case's own.")
     ] = None,
+    large: Large = False,
     clearance_tolerance: Annotated[
         str | None,
         typer.Option(metavar="JOINT=M,...", help="Clearances are uniform within +- this (m) in the Monte Carlo [0]."),
@@ -91,9 +93,9 @@ def accuracy(
         from compare.judge.courses import parse_times
         from compare.judge.grid import parse_angles, parse_workspace
 
-        mechanism = load_case(case, clearance)
+        mechanism = load_case(case, clearance, large=large)
         folder = result_folder(
-            context, f"{mechanism.name}-accuracy", "accuracy.json", out, overwrite, ("accuracy.csv", "accuracy.html")
+            context, f"{named_after(case)}-accuracy", "accuracy.json", out, overwrite, ("accuracy.csv", "accuracy.html")
         )
         named = listed_once(",".join(output), "--output") if output else None
         over_time = any(each is not None for each in (workspace, angle, encoder_step, times, course, path))
@@ -103,6 +105,7 @@ def accuracy(
             refuse_of_a_crank(context)
             several = platform_accuracy(
                 mechanism,
+                large=large,
                 encoder_step=steps_by_joint(encoder_step, "--encoder-step", mechanism) if encoder_step else None,
                 outputs=named,
                 times=parse_times(times) if times is not None else None,
@@ -111,11 +114,12 @@ def accuracy(
                 workspace=parse_workspace(workspace) if workspace is not None else None,
                 angle=None if angle is None else math.radians(angle),
             )
-            publish(finished(several, caught), folder, json=json, quiet=quiet, overwrite=overwrite)
+            publish(finished(several, caught), folder, json=json, quiet=quiet, overwrite=overwrite, context=context)
             return
         option = "--clearance-tolerance"
         found = asked(
             mechanism,
+            large=large,
             clearance_tolerance=metres_by_joint(clearance_tolerance, option, mechanism)
             if clearance_tolerance
             else None,
@@ -126,7 +130,7 @@ def accuracy(
             seed=seed,
             nonlinear=nonlinear,
         )
-        publish(finished(found, caught), folder, json=json, quiet=quiet, overwrite=overwrite)
+        publish(finished(found, caught), folder, json=json, quiet=quiet, overwrite=overwrite, context=context)
 
 
 def refuse_of_a_crank(context: typer.Context) -> None:

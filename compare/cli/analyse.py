@@ -7,11 +7,12 @@ from typing import Annotated
 
 import typer
 
-from compare.cli.folders import Overwrite, result_folder
+from compare.cli.folders import Overwrite, named_after, result_folder
 from compare.cli.options import (
     CourseFile,
     JointChoice,
     Json,
+    Large,
     ModelChoice,
     MotionChoice,
     PathFile,
@@ -39,6 +40,7 @@ def analyse(
     context: typer.Context,
     case: Case = "paper",
     clearance: Clearance = None,
+    large: Large = False,
     model: Annotated[ModelChoice, typer.Option(help="First order (Eq. 8) or equilibrium.")] = ModelChoice.equilibrium,
     motion: Motion = MotionChoice.driven,
     compliance: Annotated[bool, typer.Option("--compliance", help="Let links and joints yield as well.")] = False,
@@ -60,10 +62,13 @@ def analyse(
         from compare.judge.courses import parse_times
         from compare.judge.grid import parse_angles
 
-        mechanism = load_case(case, clearance)
-        folder = result_folder(context, f"{mechanism.name}-analysis", "analysis.json", out, overwrite, ("signals.csv",))
+        mechanism = load_case(case, clearance, large=large)
+        folder = result_folder(
+            context, f"{named_after(case)}-analysis", "analysis.json", out, overwrite, ("signals.csv",)
+        )
         found = asked(
             mechanism,
+            large=large,
             angles=parse_angles(angles) if angles is not None else None,
             times=parse_times(times) if times is not None else None,
             course=course,
@@ -72,7 +77,7 @@ def analyse(
             motion=motion.value,
             compliance=compliance,
         )
-        publish(finished(found, caught), folder, json=json, quiet=quiet, overwrite=overwrite)
+        publish(finished(found, caught), folder, json=json, quiet=quiet, overwrite=overwrite, context=context)
 
 
 def simulate(
@@ -82,6 +87,7 @@ def simulate(
     joint: Annotated[JointChoice, typer.Option(help="What the joints with clearance are.")] = JointChoice.ideal,
     motion: Motion = MotionChoice.driven,
     clearance: Clearance = None,
+    large: Large = False,
     angles: Angles = None,
     times: Times = None,
     course: CourseFile = None,
@@ -100,18 +106,19 @@ def simulate(
         from compare.judge.courses import parse_times
         from compare.judge.grid import parse_angles
 
-        mechanism = load_case(case, clearance)
+        mechanism = load_case(case, clearance, large=large)
         folder = result_folder(
-            context, f"{mechanism.name}-simulation", "simulation.json", out, overwrite, ("signals.csv",)
+            context, f"{named_after(case)}-simulation", "simulation.json", out, overwrite, ("signals.csv",)
         )
         found = asked(
             mechanism,
             simulator,
             joint_model=joint.value,
+            large=large,
             motion=motion.value,
             angles=parse_angles(angles) if angles is not None else None,
             times=parse_times(times) if times is not None else None,
             course=course,
             path=path,
         )
-        publish(finished(found, caught), folder, json=json, quiet=quiet, overwrite=overwrite)
+        publish(finished(found, caught), folder, json=json, quiet=quiet, overwrite=overwrite, context=context)

@@ -17,13 +17,14 @@ from compare.cli.baseline import baseline
 from compare.cli.check import check
 from compare.cli.diagnose import diagnose
 from compare.cli.export import export
-from compare.cli.folders import Overwrite, result_folder
+from compare.cli.folders import Overwrite, named_after, result_folder
 from compare.cli.imported import import_
 from compare.cli.listing import cases, effects, runs, simulators
 from compare.cli.options import (
     CourseFile,
     JointChoice,
     Json,
+    Large,
     ModelChoice,
     MotionChoice,
     PathFile,
@@ -33,7 +34,6 @@ from compare.cli.options import (
     place,
 )
 from compare.cli.pipe import reader_may_go
-from compare.cli.progress import progress_bar
 from compare.cli.publish import finished, publish
 from compare.cli.scoreboard import scoreboard
 from compare.cli.show import show
@@ -41,6 +41,7 @@ from compare.cli.validation import validation
 from compare.cli.validity import validity
 from compare.faults import Exit, complaints
 from compare.files import made_folder
+from compare.progress import progress_bar
 
 app = typer.Typer(
     rich_markup_mode=None,
@@ -86,6 +87,7 @@ def compare(
     clearance: Annotated[
         str | None, typer.Option(metavar="JOINT=M,...", help="Radial clearances (m) in place of the case's own.")
     ] = None,
+    large: Large = False,
     angles: Annotated[str | None, typer.Option(metavar="START:STOP:STEP", help="Crank angles (deg).")] = None,
     times: Times = None,
     course: CourseFile = None,
@@ -146,12 +148,13 @@ def compare(
         from compare.judge.grid import parse_angles
 
         tolerances = load_tolerances(tolerance)
-        mechanism = load_case(case, clearance)
+        mechanism = load_case(case, clearance, large=large)
         job = question(
             mechanism,
             simulator,
             joint_model=joint.value if joint else None,
             motion=motion.value,
+            large=large,
             angles=parse_angles(angles) if angles is not None else None,
             times=parse_times(times) if times is not None else None,
             course=course,
@@ -163,11 +166,11 @@ def compare(
             revolutions=revolutions,
         )
         beside = ("junit.xml", "signals.csv")
-        with made_folder(result_folder(context, mechanism.name, "result.json", out, overwrite, beside)) as folder:
+        with made_folder(result_folder(context, named_after(case), "result.json", out, overwrite, beside)) as folder:
             with progress_bar() as progress:
                 found = crosscheck_job(job, progress)
             result = finished(found, caught)
-            publish(result, folder, json=json, quiet=quiet, overwrite=overwrite)
+            publish(result, folder, json=json, quiet=quiet, overwrite=overwrite, context=context)
         for failure in result.failures:  # the status is theirs even where the others agree
             typer.echo(f"compare: {failure.why}", err=True)
         if result.failures:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from compare.cli.options import Json, Quiet, place, said
-from compare.cli.progress import progress_bar
 from compare.cli.publish import show
 from compare.faults import OptionError, complaints, printable
-from compare.files import output_folder, write_atomically
+from compare.files import made_folder, write_atomically
+from compare.progress import progress_bar
 
 if TYPE_CHECKING:
     from compare.results.baselines import Baselines
@@ -51,16 +52,15 @@ def check(
     with complaints():
         from compare.evidence.baseline.check import check_baselines
 
-        if junit is not None:
-            output_folder(junit.parent, "--junit")
-        with progress_bar() as progress:
-            found = check_baselines(
-                case, simulator or "all", folder, results=_recorded(results, case), map=map_, progress=progress
-            )
-        if junit is not None:
-            from compare.report.baselines import junit as junit_of
+        with nullcontext() if junit is None else made_folder(junit.parent, "--junit"):
+            with progress_bar() as progress:
+                found = check_baselines(
+                    case, simulator or "all", folder, results=_recorded(results, case), map=map_, progress=progress
+                )
+            if junit is not None:
+                from compare.report.baselines import junit as junit_of
 
-            write_atomically(junit, junit_of(found))
+                write_atomically(junit, junit_of(found))
     _end(found, json, quiet)
 
 

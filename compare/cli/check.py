@@ -7,12 +7,12 @@ from typing import Annotated
 
 import typer
 
-from compare.cli.folders import Overwrite, result_folder
-from compare.cli.options import JointChoice, Json, ModelChoice, MotionChoice, Quiet, load_case, place
-from compare.cli.progress import progress_bar
+from compare.cli.folders import Overwrite, named_after, result_folder
+from compare.cli.options import JointChoice, Json, Large, ModelChoice, MotionChoice, Quiet, load_case, place
 from compare.cli.publish import finished, publish
 from compare.faults import Exit, complaints
 from compare.files import made_folder
+from compare.progress import progress_bar
 
 
 def check(
@@ -38,6 +38,7 @@ def check(
     clearance: Annotated[
         str | None, typer.Option(metavar="JOINT=M,...", help="Radial clearances (m) in place of the case's own.")
     ] = None,
+    large: Large = False,
     analytic: Annotated[ModelChoice, typer.Option(help="Analytic model to hold the results to.")] = (
         ModelChoice.equilibrium
     ),
@@ -59,8 +60,8 @@ def check(
         from compare.check import check as asked
         from compare.judge.discrepancy import load_tolerances
 
-        tolerances, mechanism = load_tolerances(tolerance), load_case(case, clearance)
-        stem = "-".join([mechanism.name, *(file.stem for file in results[:3])])
+        tolerances, mechanism = load_tolerances(tolerance), load_case(case, clearance, large=large)
+        stem = "-".join([named_after(case), *(file.stem for file in results[:3])])
         beside = ("junit.xml", "signals.csv")
         with made_folder(result_folder(context, stem, "result.json", out, overwrite, beside)) as folder:
             with progress_bar() as progress:
@@ -71,12 +72,13 @@ def check(
                     simulators=simulator,
                     joint_model=joint.value if joint else None,
                     motion=motion.value,
+                    large=large,
                     analytic=analytic.value,
                     tolerances=tolerances,
                     progress=progress,
                 )
             result = finished(found, caught)
-            publish(result, folder, json=json, quiet=quiet, overwrite=overwrite)
+            publish(result, folder, json=json, quiet=quiet, overwrite=overwrite, context=context)
         for failure in result.failures:
             typer.echo(f"compare: {failure.why}", err=True)
         if result.failures:

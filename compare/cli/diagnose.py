@@ -8,12 +8,12 @@ from typing import Annotated
 
 import typer
 
-from compare.cli.folders import Overwrite, result_folder
+from compare.cli.folders import Overwrite, named_after, result_folder
 from compare.cli.options import Json, Quiet, place
-from compare.cli.progress import progress_bar
 from compare.cli.publish import command_line, publish
 from compare.faults import Exit, OptionError, complaints
-from compare.files import OutputError, write_atomically
+from compare.files import OutputError, alone_in, made_folder, write_atomically
+from compare.progress import progress_bar
 
 
 class Others(StrEnum):
@@ -55,7 +55,7 @@ def diagnose(
     out: Annotated[
         Path | None,
         typer.Option(
-            parser=place, metavar="PATH", help="Folder of the report [reports/<mechanism>-diagnosis, then the options]."
+            parser=place, metavar="PATH", help="Folder of the report [reports/<MEASURED>-diagnosis, then the options]."
         ),
     ] = None,
     overwrite: Overwrite = False,
@@ -92,7 +92,7 @@ def diagnose(
 
         data = load_measured(measured[0])
         folder = result_folder(
-            context, f"{data.mechanism.name}-diagnosis", "diagnosis.json", out, overwrite, ("junit.xml",)
+            context, f"{named_after(measured[0])}-diagnosis", "diagnosis.json", out, overwrite, ("junit.xml",)
         )
         with progress_bar() as progress:
             found = run(
@@ -106,9 +106,8 @@ def diagnose(
                 budget=budget,
                 progress=progress,
             )
-        publish(
-            found.model_copy(update={"command": command_line()}), folder, json=json, quiet=quiet, overwrite=overwrite
-        )
+        told = found.model_copy(update={"command": command_line()})
+        publish(told, folder, json=json, quiet=quiet, overwrite=overwrite, context=context)
     raise typer.Exit(Exit.AGREES if found.settled else Exit.DISAGREES)
 
 
@@ -127,9 +126,9 @@ def _check(context: typer.Context, measured: Path, out: Path | None, overwrite: 
 
     _only(context, "--check", "check", "out", "overwrite", "json", "quiet")
     data = load_measured(measured)
-    folder = result_folder(context, f"{data.mechanism.name}-data", "data.json", out, overwrite, ("data.html",))
+    folder = result_folder(context, f"{named_after(measured)}-data", "data.json", out, overwrite, ("data.html",))
     found = preview(data).model_copy(update={"command": command_line()})
-    publish(found, folder, json=json, quiet=quiet, overwrite=overwrite)
+    publish(found, folder, json=json, quiet=quiet, overwrite=overwrite, context=context)
 
 
 def _init(
@@ -142,10 +141,11 @@ def _init(
     if case is None:
         raise OptionError("--init: give the nominal mechanism with --case, a shipped case or a mechanism file")
     target = (out or Path()) / "measured.toml" if out is None or out.suffix != ".toml" else out
-    if not overwrite and target.exists():
-        raise OutputError(f"{target}: is there already; choose another with --out, or add --overwrite")
     begun = begin(files, case, target.parent)
-    write_atomically(target, begun.text)
+    with made_folder(target.parent) as folder, alone_in(folder):
+        if not overwrite and target.exists():
+            raise OutputError(f"{target}: is there already; choose another with --out, or add --overwrite")
+        write_atomically(target, begun.text)
     for note in begun.notes if not quiet else ():
         typer.echo(note, err=True)
     if not quiet:

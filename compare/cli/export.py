@@ -9,7 +9,18 @@ from typing import Annotated
 import typer
 
 from compare.cli.folders import Overwrite, refuse_others
-from compare.cli.options import CourseFile, JointChoice, Json, MotionChoice, PathFile, Quiet, Times, load_case, place
+from compare.cli.options import (
+    CourseFile,
+    JointChoice,
+    Json,
+    Large,
+    MotionChoice,
+    PathFile,
+    Quiet,
+    Times,
+    load_case,
+    place,
+)
 from compare.cli.publish import show
 from compare.faults import complaints
 
@@ -26,6 +37,7 @@ def export(
     clearance: Annotated[
         str | None, typer.Option(metavar="JOINT=M,...", help="Radial clearances (m) in place of the case's own.")
     ] = None,
+    large: Large = False,
     angles: Annotated[str | None, typer.Option(metavar="START:STOP:STEP", help="Crank angles (deg).")] = None,
     times: Times = None,
     course: CourseFile = None,
@@ -43,14 +55,14 @@ def export(
         from analytic.mechanism.assumed import assumed
         from compare.arguments import one_engine
         from compare.export import exported, used_in
-        from compare.files import made_folder, write_together
+        from compare.files import alone_in, made_folder, write_together
         from compare.judge.courses import parse_times
         from compare.judge.grid import parse_angles
         from compare.results.export import Exported
         from sim_models.common.contact_laws import assumed_of_contact
         from sim_models.engine import declared
 
-        mechanism, simulator = load_case(case, clearance), one_engine(simulator)
+        mechanism, simulator = load_case(case, clearance, large=large), one_engine(simulator)
         with made_folder(out) as folder:
             texts = exported(
                 mechanism,
@@ -62,10 +74,12 @@ def export(
                 course=course,
                 path=path,
                 clearance=None,
+                large=large,
             )
             settings = used_in(texts)
-            refuse_others(folder, texts, overwrite)
-            paths = tuple(str(path) for path in write_together(folder, texts))
+            with alone_in(folder):
+                refuse_others(folder, texts, overwrite)
+                paths = tuple(str(path) for path in write_together(folder, texts))
         found = Exported(
             case=mechanism.name,
             simulator=simulator,

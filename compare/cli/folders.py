@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import shlex
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any
@@ -41,19 +41,21 @@ def result_folder(
     """
     folder = Path("reports") / _named(context, stem) if out is None else out
     if not overwrite:
-        question = (context.info_name if context.parent else "", _question(context.params))
-        check_replaceable(
-            folder, file, beside, lambda line: line is not None and _asked(context, line) == question, "--out", REMEDY
-        )
+        check_replaceable(folder, file, beside, same_question(context), "--out", REMEDY)
     return folder
 
 
-def refuse_strangers(folder: Path, file: str, names: Iterable[str], overwrite: bool) -> None:
-    """Raises OutputError if one of the files that are to be written is there without the result ``file``, which
-    :func:`result_folder` has looked at.
-    """
-    if not overwrite:
-        check_replaceable(folder, file, names, lambda line: True, "--out", REMEDY)
+def named_after(file: str | Path) -> str:
+    """What a default folder is named after: a shipped case, or the path of a file from here, without its suffix."""
+    path = Path(file).with_suffix("")
+    path = path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
+    return "-".join(part for part in path.parts if part not in (path.anchor, ".."))
+
+
+def same_question(context: typer.Context) -> Callable[[str | None], bool]:
+    """Whether a line, as it was typed, asks what the command of a context asks, however it is written."""
+    question = (context.info_name if context.parent else "", _question(context.params))
+    return lambda line: line is not None and _asked(context, line) == question
 
 
 def refuse_others(folder: Path, texts: Mapping[str, str], overwrite: bool) -> None:

@@ -29,13 +29,13 @@ def import_(
     Exit status: 0 written, 2 bad input, 3 MuJoCo is missing.
     """
     with complaints(context):
-        from compare.files import OutputError, made_folder, write_atomically
+        from compare.files import OutputError, alone_in, made_folder, write_atomically
         from compare.imported import import_mjcf
 
         found = import_mjcf(file)
         if out.is_dir():
             raise OutputError(f"--out {out}: it is a folder; name the file to write, such as {out / 'linkage.toml'}")
-        with made_folder(out.parent) as folder:
+        with made_folder(out.parent) as folder, alone_in(folder):
             refuse_others(folder, {out.name: found.text}, overwrite)
             write_atomically(out, found.text)
         show(found.model_copy(update={"path": str(out)}), json=json, quiet=quiet)

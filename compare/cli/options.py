@@ -23,6 +23,11 @@ Quiet = Annotated[
 ]
 
 
+Large = Annotated[
+    bool, typer.Option("--large", help="Take clearances of more than a tenth of the shortest body at their joint.")
+]
+
+
 Times = Annotated[
     str | None,
     typer.Option(metavar="START:STOP:STEP", help="Times (s), of several drives or of one that turns no crank."),
@@ -112,23 +117,26 @@ def listed_once(text: str, option: str) -> list[str]:
     return parts
 
 
-def load_case(case: str, clearance: str | None = None) -> Mechanism:
+def load_case(case: str, clearance: str | None = None, *, large: bool) -> Mechanism:
     """The mechanism that a command line names, with the radial clearances of its option --clearance in place of its
     own.
 
-    It is proven here that it can be assembled, where the file is known that says it.  Raises MechanismError or
-    OptionError.
+    It is proven here that it can be assembled, where the file is known that says it, and that its clearances are small
+    unless ``large`` ones are meant.  Raises MechanismError or OptionError.
     """
-    from compare.arguments import linkage
+    from compare.arguments import linkage, refuse_large
 
-    mechanism = linkage(case)
+    mechanism = linkage(case, large=large or clearance is not None)
     if clearance is None:
         return mechanism
     given = metres_by_joint(clearance, "--clearance", mechanism)
     try:
-        return mechanism.with_clearances(given)
+        found = mechanism.with_clearances(given)
     except ValueError as error:  # pydantic's is one
         raise OptionError(f"--clearance {clearance}: {reason(error)}") from None
+    if not large:
+        refuse_large(found, "clearance")
+    return found
 
 
 def said(sentences: Iterable[str]) -> None:

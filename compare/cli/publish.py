@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 import typer
 
-from compare.cli.folders import refuse_strangers
-from compare.files import alone_in, output_folder, write_together
+from compare.cli.folders import REMEDY, same_question
+from compare.files import alone_in, check_replaceable, made_folder
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -37,16 +37,44 @@ def finished(document: D, warned: Iterable[str]) -> D:
     return document.model_copy(update={"command": command_line(), "warnings": tuple(told)})
 
 
-def publish(document: Document, folder: Path, *, json: bool, quiet: bool, overwrite: bool = False) -> None:
+def publish(
+    document: Document,
+    folder: Path,
+    *,
+    json: bool,
+    quiet: bool,
+    overwrite: bool = False,
+    context: typer.Context | None = None,
+) -> None:
     """Write a document and its report, and print what was asked for.
 
-    Raises OutputError, also where a file is there that is not this result's, unless it is to ``overwrite``.
+    Raises OutputError, also where a file is there that is not of the command of the ``context``, unless it is to
+    ``overwrite``.
     """
-    place, texts = output_folder(folder), document.files()
-    with alone_in(place):
-        refuse_strangers(place, document.file, texts, overwrite)
-        write_together(place, texts)
-    show(document, json=json, quiet=quiet, place=place)
+    texts = document.files()
+    with made_folder(folder) as place, alone_in(place):
+        put(document, place, texts, overwrite, context)
+    show(document, json=json, quiet=quiet, place=folder)
+
+
+def put(
+    document: Document, folder: Path, texts: Mapping[str, str], overwrite: bool, context: typer.Context | None
+) -> None:
+    """Write a document's files into a folder that is held for it.  Raises OutputError, as :func:`publish` does.
+
+    A command has asked whose the folder is when it began (:func:`compare.cli.folders.result_folder`); another one may
+    have come in between.
+    """
+    from compare.results.document import replace_result
+
+    if not overwrite:
+        same = _same_line(document) if context is None else same_question(context)
+        check_replaceable(folder, document.file, texts, same, "--out", REMEDY)
+    replace_result(folder, texts)
+
+
+def _same_line(document: Document) -> Callable[[str | None], bool]:
+    return lambda line: line == getattr(document, "command", None)
 
 
 @contextmanager
@@ -72,7 +100,7 @@ def show(document: Document, *, json: bool, quiet: bool, place: Path | None = No
 
 
 def console_of(width: int | None) -> Console:
-    """A console on standard output."""
+    """A console on standard output, which prints names and paths as they are."""
     from rich.console import Console
 
-    return Console(width=width)
+    return Console(width=width, markup=False, emoji=False)

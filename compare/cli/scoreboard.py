@@ -12,10 +12,10 @@ from typing import Annotated
 import typer
 
 from compare.cli.options import Json, Quiet, place
-from compare.cli.progress import progress_bar
 from compare.cli.publish import resumed
 from compare.cli.publish import show as show_document
 from compare.faults import OptionError, complaints
+from compare.progress import progress_bar
 
 scoreboard = typer.Typer(
     help="The diagnosis on data in which effects are hidden: scores and thresholds.", no_args_is_help=True

@@ -11,12 +11,12 @@ from typing import Annotated
 
 import typer
 
-from compare.cli.folders import Overwrite, result_folder
-from compare.cli.options import JointChoice, Json, Quiet, listed_once, load_case, place
-from compare.cli.progress import progress_bar
-from compare.cli.publish import finished, resumed, show
+from compare.cli.folders import Overwrite, named_after, result_folder
+from compare.cli.options import JointChoice, Json, Large, Quiet, listed_once, load_case, place
+from compare.cli.publish import finished, put, resumed, show
 from compare.faults import Exit, OptionError, complaints, stop
-from compare.files import alone_in, made_folder, write_together
+from compare.files import alone_in, made_folder
+from compare.progress import progress_bar
 
 
 def validity(
@@ -27,6 +27,7 @@ def validity(
     simulator: Annotated[
         str, typer.Option(metavar="NAME,...", help="Engines to compare with, or all that are installed.")
     ] = "mujoco",
+    large: Large = False,
     joint: Annotated[JointChoice, typer.Option(help="Joint model.")] = JointChoice.contact,
     at: Annotated[
         str | None,
@@ -68,7 +69,7 @@ def validity(
         from compare.judge.tolerances import load_tolerances
         from compare.results.validity import Failed
 
-        mechanism = load_case(case)
+        mechanism = load_case(case, large=True)  # its own clearances are not of the map
         rpm = positive(speeds, "--speeds", "rpm")
         gaps = positive(clearances, "--clearances", "m")
         grid = gridded(
@@ -77,18 +78,19 @@ def validity(
             clearances=gaps,
             simulators="all" if simulator == "all" else listed_once(simulator, "--simulator"),
             joint_model=joint.value,
+            large=large,
             joints=listed_once(at, "--at") if at is not None else None,
             restitutions=None if restitutions is None else several(restitutions, "--restitutions"),
             revolutions=revolutions,
             tolerances=load_tolerances(tolerance),
         )
         beside = ("validity.csv", "validity.md", "validity.svg")
-        place = result_folder(context, f"{mechanism.name}-validity", "validity.json", out, overwrite, beside)
+        place = result_folder(context, f"{named_after(case)}-validity", "validity.json", out, overwrite, beside)
         with made_folder(place) as folder, resumed():
             with alone_in(folder, patience=0.0), progress_bar() as bar:  # two maps would take each other's records away
                 found = mapped(grid, workers=workers, dask=dask, records=folder / "runs", progress=bar)
                 result = finished(found, caught)
-                write_together(folder, result.files())
+                put(result, folder, result.files(), overwrite, context)
         show(result, json=json, quiet=quiet, place=folder)
         failed = [cell.failure for cell in found.cells if isinstance(cell, Failed)]
         if len(failed) == len(found.cells):

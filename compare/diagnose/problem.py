@@ -30,6 +30,7 @@ from compare.diagnose.residuals import Data
 from compare.diagnose.search import Search, costs
 from compare.diagnose.sensitivities import candidates, sensitivities
 from compare.diagnose.simulate import Simulated
+from compare.progress import Progress
 from compare.quantities import amount
 from compare.results.sentences import NOISE
 from sim_models.engine import SimulationError, SimulatorMissing, engine, engine_names
@@ -43,7 +44,6 @@ OVERSTATED = 0.9  # of the noise: a smaller gap says that the noise is less than
 RECOLOURED = 2  # times that the colours of noise are estimated anew
 REMEMBERED = 3  # simulations of all runs that are kept beside the last
 REFITS = 2  # to the engine's own difference from the analytic model
-Progress = Callable[[str, int, int | None], None]
 Noise = Mapping[tuple[str, str], float]  # 1-sigma, SI, by run and signal
 
 

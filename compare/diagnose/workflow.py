@@ -15,13 +15,14 @@ from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import Measured
 from compare.diagnose.effects.effect import Effect
 from compare.diagnose.prepare import on_one_turn
-from compare.diagnose.problem import Options, Problem, Progress, Verified, silent
+from compare.diagnose.problem import Options, Problem, Verified
 from compare.diagnose.propose.adopted import Unadoptable, adopted
 from compare.diagnose.propose.document import as_proposed
 from compare.diagnose.propose.proposal import Proposal, proposal, simpler
 from compare.diagnose.result import as_document
 from compare.diagnose.validation import parted, validated
 from compare.faults import ArgumentError
+from compare.progress import Progress, progress_bar
 from compare.results.diagnosis import Diagnosis
 
 MANY = 4  # named effects that explain: one unknown at one place may be simpler
@@ -47,7 +48,7 @@ def diagnose(  # noqa: PLR0913 - what a person may ask, by name
     others: bool = True,
     workers: int | None = None,
     budget: float | None = None,
-    progress: Progress = silent,
+    progress: Progress | None = None,
 ) -> Diagnosis:
     """Find which effects the data want that the mechanism lacks.
 
@@ -63,19 +64,23 @@ def diagnose(  # noqa: PLR0913 - what a person may ask, by name
     """
     if not isinstance(own, Sequence) or not all(isinstance(each, Effect) for each in own):
         raise ArgumentError("own", f"{quoted(own)} cannot be used; give a list of effects")
-    options = Options(
-        modelling(one_engine(simulator)),
-        names(only, "only"),
-        names(exclude, "exclude"),
-        own,
-        flag(others, "others"),
-        None if workers is None else whole(workers, "workers", 1),
-        progress,
-        None if budget is None else seconds(budget, "budget"),
-    )
-    data = measured if isinstance(measured, Measured) else load_measured(path(measured, "measured"))
-    if not flag(adopt, "adopt"):
-        return _diagnosed(data, options)[0]
+    with progress_bar(progress) as told:
+        options = Options(
+            modelling(one_engine(simulator)),
+            names(only, "only"),
+            names(exclude, "exclude"),
+            own,
+            flag(others, "others"),
+            None if workers is None else whole(workers, "workers", 1),
+            told,
+            None if budget is None else seconds(budget, "budget"),
+        )
+        data = measured if isinstance(measured, Measured) else load_measured(path(measured, "measured"))
+        return _with_adopted(data, options) if flag(adopt, "adopt") else _diagnosed(data, options)[0]
+
+
+def _with_adopted(data: Measured, options: Options) -> Diagnosis:
+    """A diagnosis, made again with what the first one proposes."""
     first, best = _diagnosed(data, options)
     if best is None:
         return first.model_copy(update={"notes": (*first.notes, "Nothing is proposed that could be adopted.")})

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import shutil
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
 
@@ -24,6 +24,7 @@ from compare.arguments import (
     cores,
     engines,
     every_one,
+    flag,
     laid_over,
     linkage,
     names,
@@ -32,6 +33,7 @@ from compare.arguments import (
     one_of,
     path,
     processes,
+    refuse_large,
     rigidly_and_evenly_driven,
     whole,
     with_clearance,
@@ -40,13 +42,13 @@ from compare.crosscheck import STRIKING, warn_of_friction
 from compare.domain_map.cell import Task, examine
 from compare.domain_map.map import Grid, RealJoint, cells, clearance_joints, summarised
 from compare.faults import ArgumentError
-from compare.files import output_folder
+from compare.files import made_folder
+from compare.progress import Progress, progress_bar
 from compare.results.validity import Cell, Failed, Validity
 from compare.sweep import sweep
 from sim_models.common.requests import check_request
 from sim_models.engine import JOINT_MODELS, JointModel, Request, SimulatorMissing, Unsupported, check_supported, engine
 
-Progress = Callable[[str, int, int | None], None]
 CELL: TypeAdapter[Cell | Failed] = TypeAdapter(Cell | Failed)
 
 
@@ -58,18 +60,20 @@ def validity(  # noqa: PLR0913 - what a person may ask, by name
     simulators: Simulators = "mujoco",
     joint_model: JointModel = "contact",
     joints: Names | None = None,
+    large: bool = False,
     restitutions: Numbers | None = None,
     revolutions: int = 1,
     tolerances: ToleranceFile | None = None,
     workers: int | None = None,
     dask: str | None = None,
     records: str | PathLike[str] | None = None,
-    progress: Progress = lambda what, done, total: None,
+    progress: Progress | None = None,
 ) -> Validity:
     """At which ``speeds`` (rad/s) and ``clearances`` (m; radial, or half the play of a block) the analytic model holds,
     where contact is lost, and which assumption fails.
 
-    ``joints`` have the clearance: by default the case's, else the one farthest from the ground.  With ``restitutions``
+    ``joints`` have the clearance: by default the case's, else the one farthest from the ground; one of more than a
+    tenth of the shortest body that meets there is refused unless ``large`` ones are meant.  With ``restitutions``
     there is a map for each; left out, contact is the mechanism's own.  What contact does (peak force, time without it,
     energy lost) is watched over so many ``revolutions`` of the crank, after one that is not.  Cells are done in
     ``workers`` processes, one a core by default, or on a Dask cluster whose scheduler is at ``dask``.  A folder of
@@ -84,11 +88,13 @@ def validity(  # noqa: PLR0913 - what a person may ask, by name
         simulators=simulators,
         joint_model=joint_model,
         joints=joints,
+        large=large,
         restitutions=restitutions,
         revolutions=revolutions,
         tolerances=tolerances,
     )
-    return mapped(grid, workers=workers, dask=dask, records=records, progress=progress)
+    with progress_bar(progress) as told:
+        return mapped(grid, workers=workers, dask=dask, records=records, progress=told)
 
 
 def gridded(  # noqa: PLR0913 - as validity
@@ -100,6 +106,7 @@ def gridded(  # noqa: PLR0913 - as validity
     joint_model: JointModel,
     joints: Names | None,
     tolerances: ToleranceFile | None,
+    large: bool = False,
     restitutions: Numbers | None = None,
     revolutions: int = 1,
 ) -> Grid:
@@ -109,7 +116,7 @@ def gridded(  # noqa: PLR0913 - as validity
     watched = whole(revolutions, "revolutions", 0) if joint_model in STRIKING else 0
     named = None if joints is None else names(joints, "joints", least=1)
     with noted() as warned:
-        m = rigidly_and_evenly_driven(linkage(mechanism))
+        m = rigidly_and_evenly_driven(linkage(mechanism, large=True))  # its own clearances are not of the map
         if m.speed is None:
             alone = "no drive of constant speed that alone turns a crank"
             why = f"{m.name} has {alone}; a map is over its speeds, so give it one"
@@ -117,6 +124,8 @@ def gridded(  # noqa: PLR0913 - as validity
         at, chosen = clearance_joints(m, named)
         bouncing = None if restitutions is None else _restitutions(restitutions, joint_model)
         widest = with_clearance(m, dict.fromkeys(at, gaps[-1]), "clearances")
+        if not flag(large, "large"):
+            refuse_large(widest, "clearances")
         blocks = [name for name in at if m.joint(name).prismatic]
         if blocks:
             check_request(Request(widest, joint_model, crank_angle=np.zeros(1)))
@@ -220,7 +229,6 @@ def _swept(
     tasks: Sequence[Task], records: Path, workers: int, dask: str | None, progress: Progress
 ) -> list[Cell | Failed]:
     """The cells, in order; what an interrupted map has left in the folder is not done again."""
-    output_folder(records, "records")
     found: list[Cell | Failed | None] = [None] * len(tasks)
     lost = False
     runs = [task.plain() for task in tasks]
@@ -228,10 +236,11 @@ def _swept(
     def told(done: int, total: int | None) -> None:
         progress("cells", done, total)
 
-    for end in sweep(examine, runs, records, workers=workers, dask=dask, progress=told):
-        task = tasks[end.index]
-        found[end.index] = task.failed(end.failure) if end.failure else CELL.validate_python(end.result)
-        lost |= bool(end.failure)
-    if not lost:  # else the same command tries again what was lost, and only that
-        shutil.rmtree(records)
+    with made_folder(records, "records"):
+        for end in sweep(examine, runs, records, workers=workers, dask=dask, progress=told):
+            task = tasks[end.index]
+            found[end.index] = task.failed(end.failure) if end.failure else CELL.validate_python(end.result)
+            lost |= bool(end.failure)
+        if not lost:  # else the same command tries again what was lost, and only that
+            shutil.rmtree(records)
     return [cell for cell in found if cell is not None]

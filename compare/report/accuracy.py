@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
 from analytic.mechanism.one_line import count
@@ -87,7 +86,7 @@ def print_table(result: Accuracy, console: Console) -> None:
 
         slope, joint = max((float(values.max()), joint) for joint, values in row.sensitivity.items())
         table.add_row(
-            escape(name),
+            name,
             unit,
             cell(row.equilibrium),
             _at(row.equilibrium, theta),
@@ -100,7 +99,7 @@ def print_table(result: Accuracy, console: Console) -> None:
         )
     console.print(table)
     for line in _notes(result):
-        console.print(escape(line), highlight=False, soft_wrap=True)
+        console.print(line, highlight=False, soft_wrap=True)
 
 
 def _largest(values: np.ndarray) -> int | None:

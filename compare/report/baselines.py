@@ -36,7 +36,7 @@ def print_table(result: Baselines, console: Console) -> None:
     """Print what became of every baseline."""
     for entry in result.entries:
         for line in lines(entry):
-            console.print(line, soft_wrap=True, highlight=False, markup=False)
+            console.print(line, soft_wrap=True, highlight=False)
 
 
 def junit(result: Baselines) -> str:

@@ -47,7 +47,7 @@ def print_table(result: Listed, console: Console) -> None:
             gaps = ", ".join(f"{joint} {c * 1000:g} mm" for joint, c in case.clearance.items()) or "none"
             bodies = f"{len(case.bodies)} {'body' if len(case.bodies) == 1 else 'bodies'}"
             line = f"{case.name:14} {bodies}, {count(len(case.joints), 'joint')}, clearance: {gaps}"
-            console.print(line, soft_wrap=True, highlight=False, markup=False)
+            console.print(line, soft_wrap=True, highlight=False)
     elif isinstance(result, Simulators):
         _print_simulators(result, console)
     else:
@@ -55,7 +55,7 @@ def print_table(result: Listed, console: Console) -> None:
             values = ", ".join(f"{p.name} [{p.unit}]" for p in effect.parameters)
             said = f"{effect.name:<18} {effect.says}\n{'':<18} {values}; simulated by {', '.join(effect.simulators)}"
             said += f"; tried only with --only {effect.name}" if effect.asked_for else ""
-            console.print(said, soft_wrap=True, highlight=False, markup=False)
+            console.print(said, soft_wrap=True, highlight=False)
 
 
 def _print_simulators(result: Simulators, console: Console) -> None:
@@ -74,7 +74,7 @@ def _print_simulators(result: Simulators, console: Console) -> None:
     for engine in result.simulators:
         if engine.fault:
             fault = f"{engine.name} is installed but cannot be imported: {engine.fault}"
-            console.print(fault, soft_wrap=True, markup=False, highlight=False)
+            console.print(fault, soft_wrap=True, highlight=False)
     console.print(f"effects: {', '.join(known)}; see compare effects", soft_wrap=True, highlight=False)
     console.print(
         f"somebody's own model is one too: {', '.join(f'{each}:FILE' for each in SCHEMES)}",

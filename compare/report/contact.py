@@ -40,6 +40,7 @@ LARGER = {"N": "kN", "mN·s": "N·s", "mm/s": "m/s", "mJ": "J", "N·mm": "N·m",
 LEAST_TO_REPEAT = 5  # revolutions, below which nothing tells whether a motion repeats itself
 ASCII = str.maketrans({"·": ".", "µ": "u"})  # of units
 BALANCED = 0.001  # per cent of an energy: what is missing below is nothing
+LOSSES = ("restitution_loss", "friction_loss")  # contact gives no energy: what is below 0 is 0, known that well
 ROUNDING = 1e-6  # of the energy lost in contact: a smaller loss is an engine's rounding, and read as 0
 
 
@@ -300,6 +301,9 @@ def _ends(joint: JointContact, name: StatisticName) -> tuple[float | None, ...]:
     found, loss = joint.statistics[name], joint.statistics["restitution_loss"].value
     if name == "friction_loss" and abs(found.value or 0.0) < ROUNDING * abs(loss or 0.0):
         return (0.0,)
+    if name in LOSSES and (found.value or 0.0) < 0 and (found.high is None or found.high < 0):
+        missed = max(abs(end) for end in (found.value, found.low) if end is not None)
+        return 0.0, -missed, missed
     return found.value, found.low, found.high
 
 
@@ -320,9 +324,12 @@ def _lost(rows: Iterable[Compared]) -> float:
 
 
 def _held(one: Compared, lost: float, block: bool) -> Held:
-    values, measure = one.values, _measure(one.statistic, block).fitting(*one.values, one.allowed)
+    values: Sequence[float | None] = one.values
+    measure = _measure(one.statistic, block).fitting(*one.values, one.allowed)
     if one.statistic == "friction_loss" and all(abs(v or 0.0) < ROUNDING * lost for v in values):
         values = 0.0, 0.0
+    if one.statistic in LOSSES:
+        values = [None if value is None else max(value, 0.0) for value in values]
     a, b, allowed = map(measure.read, (*values, one.allowed))
     difference = None if a is None or b is None else a - b
     return Held(measure, one.joint, (a, b), difference, allowed, one.verdict, one.reason)

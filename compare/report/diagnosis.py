@@ -57,7 +57,7 @@ def junit(result: Diagnosis) -> str:
 def print_table(result: Diagnosis, console: Console) -> None:
     """Print the verdict in a few lines: what is missing, with intervals; the gap; where it shows."""
     for line in terminal_lines(result):
-        console.print(line, soft_wrap=True, highlight=False, markup=False)
+        console.print(line, soft_wrap=True, highlight=False)
 
 
 def summary_html(result: Diagnosis) -> str:

@@ -21,10 +21,10 @@ def files(result: Remade) -> dict[str, str]:
 def print_table(result: Remade, console: Console) -> None:
     """Print each difference and note, and how much was made again."""
     for line in (*result.differences, *result.notes):
-        console.print(line, soft_wrap=True, highlight=False, markup=False)
+        console.print(line, soft_wrap=True, highlight=False)
     count = len(result.differences)
     summary = f"{result.made_again}; {count} {'differs' if count == 1 else 'differ'} from {result.stored}"
-    console.print(summary, soft_wrap=True, highlight=False, markup=False)
+    console.print(summary, soft_wrap=True, highlight=False)
 
 
 def summary_html(result: Remade) -> str:

@@ -22,7 +22,7 @@ def print_table(result: Exported, console: Console) -> None:
     """Print each path, and the command that runs the model."""
     how = f"run it in an environment that has {' and '.join(result.needs)}: {result.run}"
     for line in (*result.paths, how):
-        console.print(line, soft_wrap=True, highlight=False, markup=False)
+        console.print(line, soft_wrap=True, highlight=False)
 
 
 def summary_html(result: Exported) -> str:

@@ -22,7 +22,7 @@ def files(result: Truth | HiddenSet) -> dict[str, str]:
 def print_table(result: Truth | HiddenSet, console: Console) -> None:
     """Print what is hidden, and beneath it what was said."""
     for line in lines(result):
-        console.print(line, soft_wrap=True, highlight=False, markup=False)
+        console.print(line, soft_wrap=True, highlight=False)
 
 
 def summary_html(result: Truth | HiddenSet) -> str:

@@ -28,10 +28,8 @@ def print_table(result: Runs, console: Console) -> None:
     if result.runs:
         console.print(table)
     for line in result.unreadable:
-        console.print(line, soft_wrap=True, highlight=False, markup=False)
-    console.print(
-        f"{result.folder}: {count(len(result.runs), 'result')}", soft_wrap=True, highlight=False, markup=False
-    )
+        console.print(line, soft_wrap=True, highlight=False)
+    console.print(f"{result.folder}: {count(len(result.runs), 'result')}", soft_wrap=True, highlight=False)
 
 
 def _made_by(run: EarlierRun) -> str:

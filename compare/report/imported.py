@@ -22,7 +22,7 @@ def print_table(result: Imported, console: Console) -> None:
     """Print the mechanism, the notes, and where the file is."""
     lines = [repr(result.mechanism), *(f"note: {note}" for note in result.notes)]
     for line in (*lines, *([f"written: {result.path}"] if result.path else [])):
-        console.print(line, soft_wrap=True, highlight=False, markup=False)
+        console.print(line, soft_wrap=True, highlight=False)
 
 
 def summary_html(result: Imported) -> str:

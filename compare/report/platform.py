@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
 from analytic.mechanism.one_line import count
@@ -163,14 +162,14 @@ def print_table(result: PlatformAccuracy, console: Console) -> None:
     for heading in HEADS:
         table.add_column(heading, justify="left" if heading in ("output", "unit") else "right", no_wrap=True)
     for row in _rows(result):
-        table.add_row(*map(escape, row))
+        table.add_row(*row)
     console.print(table)
     told = [f"{what} {value}" for what, value in _facts(result).items()]
-    console.print(escape("largest over the poses, to either side; " + "; ".join(told)), highlight=False, soft_wrap=True)
+    console.print("largest over the poses, to either side; " + "; ".join(told), highlight=False, soft_wrap=True)
     for first, why in list(result.flags.items())[:1]:
         what = f"{count(len(result.flags), 'pose')} without an equilibrium, first number {first}: {why}"
-        console.print(escape(what), highlight=False, soft_wrap=True)
-    console.print(escape(repr(result)), highlight=False, soft_wrap=True)
+        console.print(what, highlight=False, soft_wrap=True)
+    console.print(repr(result), highlight=False, soft_wrap=True)
 
 
 def summary_html(result: PlatformAccuracy) -> str:

@@ -12,7 +12,6 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
 from analytic.mechanism.one_line import count
@@ -186,7 +185,7 @@ def print_table(result: Preview, console: Console) -> None:
     for head in HEADS:
         table.add_column(head)
     for row in _sensors(result):
-        table.add_row(*map(escape, row))
+        table.add_row(*row)
     console.print(table)
     told = [f"data: run {f.run}, {_spoken(result, f.signal)}: {f.text}" for f in result.faults]
     told += [_facts(result, run) for run in result.runs]
@@ -196,7 +195,7 @@ def print_table(result: Preview, console: Console) -> None:
         f" {len(result.invisible)} would not show at all: the page lists them"
     )
     for line in told:
-        console.print(line, soft_wrap=True, highlight=False, markup=False)
+        console.print(line, soft_wrap=True, highlight=False)
 
 
 def summary_html(result: Preview) -> str:

@@ -29,7 +29,7 @@ def files(result: Provenance) -> dict[str, str]:
 def print_table(result: Provenance, console: Console) -> None:
     """Print both sides in each run, and what each comes from."""
     for line in lines(result):
-        console.print(line, soft_wrap=True, highlight=False, markup=False, emoji=False)
+        console.print(line, soft_wrap=True, highlight=False)
 
 
 def summary_html(result: Provenance) -> str:

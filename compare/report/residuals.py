@@ -27,7 +27,7 @@ def files(result: SignalResiduals) -> dict[str, str]:
 def print_table(result: SignalResiduals, console: Console) -> None:
     """Print the residuals of each run in a few numbers."""
     for line in lines(result):
-        console.print(line, soft_wrap=True, highlight=False, markup=False, emoji=False)
+        console.print(line, soft_wrap=True, highlight=False)
 
 
 def lines(result: SignalResiduals) -> Iterator[str]:

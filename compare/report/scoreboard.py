@@ -38,12 +38,12 @@ def files(result: Scoreboard) -> dict[str, str]:
 def print_table(result: Scoreboard, console: Console) -> None:
     """Print how many sets there are, and the thresholds that they miss."""
     for row in result.missed:
-        console.print(f"missed: {row.what}: {row.count} of {row.of}", soft_wrap=True, highlight=False, markup=False)
+        console.print(f"missed: {row.what}: {row.count} of {row.of}", soft_wrap=True, highlight=False)
     other = len(result.results) - sum(result.codes.get(result.code, {}).values()) if result.codes else 0
     if other:
-        console.print(f"{count(other, 'set')} as other code left them", soft_wrap=True, highlight=False, markup=False)
+        console.print(f"{count(other, 'set')} as other code left them", soft_wrap=True, highlight=False)
     thresholds = f"{len(result.missed)} of {count(len(result.thresholds), 'threshold')} missed"
-    console.print(f"{count(len(result.results), 'set')}, {thresholds}", soft_wrap=True, highlight=False, markup=False)
+    console.print(f"{count(len(result.results), 'set')}, {thresholds}", soft_wrap=True, highlight=False)
 
 
 def summary_html(result: Scoreboard) -> str:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
 from compare.quantities import assumptions, drive_signals, plain, quantities
@@ -42,11 +41,11 @@ def print_table(result: Side, console: Console) -> None:
     for heading in ("signal", "unit", "smallest", "largest"):
         table.add_column(heading, justify="left" if heading in ("signal", "unit") else "right")
     for row in _ranges(result):
-        table.add_row(*map(escape, row))
+        table.add_row(*row)
     console.print(table)
     for line in assumptions(result.assumed):
-        console.print(escape(f"assumed: {line}"), highlight=False, soft_wrap=True)
-    console.print(escape(repr(result)), highlight=False, soft_wrap=True)
+        console.print(f"assumed: {line}", highlight=False, soft_wrap=True)
+    console.print(repr(result), highlight=False, soft_wrap=True)
 
 
 def summary_html(result: Side) -> str:

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import Literal
 
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
@@ -50,12 +49,12 @@ def print_table(result: CrossCheck, console: Console) -> None:
     if summary.runs:
         console.print(table)
     for line in _notes(summary.runs):
-        console.print(escape(line), soft_wrap=False)
+        console.print(line, soft_wrap=False)
     _print_contact(summary.contact, console)
     if summary.between:
-        console.print(escape(f"between engines: {summary.between}"))
+        console.print(f"between engines: {summary.between}")
     for why in summary.failures:
-        console.print(escape(f"failed: {why}"))
+        console.print(f"failed: {why}")
     said = headline(summary.runs, len(summary.failures), plain, summary.contact).translate(ASCII)
     because = f" {summary.why}" if summary.why else ""
     console.print(Text.assemble((f"{summary.case}: ", "bold"), _word(summary.verdict), f".{because} {said}"))
@@ -64,7 +63,7 @@ def print_table(result: CrossCheck, console: Console) -> None:
 def _print_contact(contact: Contact, console: Console) -> None:
     """Contact in each run in a line, its main figures joint by joint where a pin strikes, and what disagrees."""
     for run in contact.runs:
-        console.print(escape(f"{run.run}: {run.sentence}"))
+        console.print(f"{run.run}: {run.sentence}")
     striking = {run.run for run in contact.runs if run.struck}
     for table in contact.tables:
         rows = [k for k, run in enumerate(table.runs) if run in striking]
@@ -78,9 +77,9 @@ def _print_contact(contact: Contact, console: Console) -> None:
         if rows:
             console.print(shown)
     for pair in contact.pairs:
-        console.print(escape(f"statistics of {pair.title}: {pair.sentence}"))
+        console.print(f"statistics of {pair.title}: {pair.sentence}")
         for row in pair.wrong:
-            console.print(escape(f"  {row.sentence().translate(ASCII)}: "), _word(row.verdict), sep="")
+            console.print(f"  {row.sentence().translate(ASCII)}: ", _word(row.verdict), sep="")
 
 
 def _within(value: Value) -> str:

@@ -238,7 +238,6 @@ def about(result: Validity) -> str:
 
 def print_table(result: Validity, console: Console) -> None:
     """Print each engine's map as a small table, then what it comes to; ASCII but for names."""
-    from rich.markup import escape
     from rich.table import Table
 
     def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
@@ -273,7 +272,7 @@ def print_table(result: Validity, console: Console) -> None:
         console.print("clearance (mm) at which contact is first lost")
         table(head, rows)
     for line in [*legend(result), about(result), *result.words]:
-        console.print(escape(line), highlight=False, soft_wrap=True)
+        console.print(line, highlight=False, soft_wrap=True)
 
 
 def _contact_tables(result: Validity) -> list[tuple[str, Callable[[Cell | Failed], str]]]:

@@ -10,7 +10,9 @@ import csv
 import importlib
 import io
 import math
+import os
 from collections.abc import Mapping, Sequence
+from copy import copy
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, Self, cast, overload
 
@@ -33,7 +35,7 @@ from analytic.mechanism import Mechanism as _Mechanism
 from analytic.mechanism.assumed import Assumed
 from analytic.mechanism.file import describe
 from analytic.mechanism.reading import ReadingError, read_json
-from compare.files import check_replaceable, output_folder, to_json, write_atomically, write_together
+from compare.files import alone_in, check_replaceable, made_folder, to_json, write_atomically, write_together
 
 if TYPE_CHECKING:
     import pandas
@@ -249,14 +251,14 @@ class Document(Part):
     def write(self, folder: str | Path, overwrite: bool = False) -> Path:
         """Write the JSON file and the report into a folder, whole or not at all; the folder.
 
-        What a document of the same type and ``command`` has left there is replaced; anything else only to
+        What a document of the same type and ``command`` has left there is replaced, all of it; anything else only to
         ``overwrite``.  Raises OutputError.
         """
-        place, texts = output_folder(Path(folder), "folder"), self.files()
-        if not overwrite:
-            remedy = "choose another folder, or give overwrite=True"
-            check_replaceable(place, self.file, texts, lambda _: self._is_mine(place), "folder", remedy)
-        write_together(place, texts)
+        texts, remedy = self.files(), "choose another folder, or give overwrite=True"
+        with made_folder(Path(folder), "folder") as place, alone_in(place, option="folder"):
+            if not overwrite:
+                check_replaceable(place, self.file, texts, lambda _: self._is_mine(place), "folder", remedy)
+            replace_result(place, texts)
         return place
 
     def _is_mine(self, folder: Path) -> bool:
@@ -268,11 +270,42 @@ class Document(Part):
         return getattr(there, "command", None) == getattr(self, "command", None)
 
     def print_to(self, console: Console) -> None:
-        """Print what matters as a table for a terminal."""
-        self._shown().print_table(self, console)
+        """Print what matters as a table for a terminal; names and paths as they are, brackets and colons too."""
+        literal = copy(console)  # its output is the console's
+        literal._markup = literal._emoji = False
+        self._shown().print_table(self, literal)
 
     def _repr_html_(self) -> str:
         return self._shown().summary_html(self)
 
     def _shown(self) -> Presentation:
         return cast(Presentation, importlib.import_module(f"compare.report.{self.presentation}"))
+
+
+def replace_result(folder: Path, texts: Mapping[str, str]) -> None:
+    """Write the files of a result into a folder, by name, that is held for it (:func:`compare.files.alone_in`).
+
+    An earlier result that loses a file to them goes as a whole, as far as its JSON file tells which files are its own;
+    nothing else is touched.  Raises OutputError.
+    """
+    write_together(folder, texts, _left_over(folder, set(texts)))
+
+
+def _left_over(folder: Path, names: set[str]) -> set[str]:
+    """The other files of those earlier results in a folder of which one file is replaced."""
+    if set(os.listdir(folder)) <= names:
+        return set()
+    from compare.results.kinds import read_as
+    from compare.results.schemas import documents
+
+    left: set[str] = set()
+    for file in {kind.file for kind in documents().values()}:
+        if not (folder / file).is_file():
+            continue
+        try:
+            earlier = set(read_as(folder / file, [kind for kind in documents().values() if kind.file == file]).files())
+        except DocumentError:
+            continue  # a stranger's, or of another version: nobody knows what is its own
+        if earlier & names:
+            left |= earlier - names
+    return left

@@ -88,8 +88,8 @@ class Pin(Part):
 
     @property
     def lost(self) -> float:
-        """Energy (J) that contact took in a revolution."""
-        return (self.restitution_loss or 0.0) + (self.friction_loss or 0.0)
+        """Energy (J) that contact took in a revolution; it gives none, so that one below 0 is not known from 0."""
+        return max(self.restitution_loss or 0.0, 0.0) + max(self.friction_loss or 0.0, 0.0)
 
 
 class Watched(Part):

@@ -255,7 +255,8 @@ def turning_rate(mechanism: Mechanism, motion: Motion) -> float:
 
 def longest(mechanism: Mechanism) -> float:
     """Length (m) of the longest body; of one with a single point, from there to its centre of mass."""
-    return max(max(b.length, *(abs(b.point(name) - b.centre) for name in b.points)) for b in mechanism.bodies) or 1.0
+    centres = [(b, b.centre) for b in mechanism.bodies]
+    return max(max(b.length, *(abs(b.point(name) - centre) for name in b.points)) for b, centre in centres) or 1.0
 
 
 def shortest(mechanism: Mechanism) -> float:

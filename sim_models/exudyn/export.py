@@ -178,13 +178,13 @@ def _parts(link: ExudynLinkage) -> dict[str, Any]:
 
 
 def _body(link: ExudynLinkage, body: Body) -> dict[str, Any]:
-    node = link.item(f"Coordinates {body.name}")
+    node, centre = link.item(f"Coordinates {body.name}"), body.centre
     return {
         "mass": body.mass,
         "inertia": body.moment_of_inertia,
         "start": node["initialCoordinates"].tolist(),
         "rates": node["initialVelocities"].tolist(),
-        "points": {name: _pair(body.point(name) - body.centre) for name in (*body.points, "com", MASS_CENTRE)},
+        "points": {name: _pair(body.point(name) - centre) for name in (*body.points, "com", MASS_CENTRE)},
     }
 
 

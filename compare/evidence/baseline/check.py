@@ -20,7 +20,8 @@ from compare.evidence.baseline.moved import fits, moved
 from compare.evidence.baseline.runs import of_results, simulated
 from compare.evidence.stored import asked
 from compare.faults import ArgumentError, Exit, OptionError
-from compare.files import OutputError, file_name, output_folder, write_atomically
+from compare.files import OutputError, file_name, made_folder, write_atomically
+from compare.progress import Progress, progress_bar
 from compare.recorded.errors import DataError
 from compare.recorded.table import read_table
 from compare.results.baselines import Baselines, Entry, Moved, Status
@@ -31,7 +32,6 @@ from sim_models.engine import SimulationError, SimulatorMissing, Unsupported, en
 WHERE = Path("reports") / "baselines"
 Cases = Linkage | Sequence[Linkage]
 """One linkage or several: mechanisms, names of shipped cases, or mechanism files."""
-Progress = Callable[[str, int, int | None], None]
 Made = Callable[[Mechanism, str, Resolve], tuple[str, list[StoredRun]]]
 Work = Callable[[Mechanism, str, Path, Resolve, str, Made], Entry]
 GRAVITY: dict[Status, Exit] = {
@@ -48,7 +48,7 @@ def check_baselines(
     *,
     results: Results | None = None,
     map: str | Path | None = None,
-    progress: Progress = lambda what, done, total: None,
+    progress: Progress | None = None,
 ) -> Baselines:
     """Run every case in every engine, and find all reaction forces that are not where the baseline has them.
 
@@ -61,7 +61,8 @@ def check_baselines(
     where = checked_path(folder, "folder")
     if results is not None:
         return _recorded(check_one, cases, results, map, where)
-    return _each(check_one, cases, simulators, where, progress)
+    with progress_bar(progress) as told:
+        return _each(check_one, cases, simulators, where, told)
 
 
 def update_baselines(
@@ -71,15 +72,15 @@ def update_baselines(
     *,
     results: Results | None = None,
     map: str | Path | None = None,
-    progress: Progress = lambda what, done, total: None,
+    progress: Progress | None = None,
 ) -> Baselines:
     """Write the baseline of every case in every engine; numbers that have not moved, and files without any that have,
     stay as they are.  Raises OutputError, and what :func:`check_baselines` does.
     """
-    output_folder(Path(folder), "--baselines")
-    if results is not None:
-        return _recorded(update_one, cases, results, map, Path(folder))
-    return _each(update_one, cases, simulators, Path(folder), progress)
+    with made_folder(Path(folder), "--baselines") as place, progress_bar(progress) as told:
+        if results is not None:
+            return _recorded(update_one, cases, results, map, place)
+        return _each(update_one, cases, simulators, place, told)
 
 
 def status(found: Baselines) -> Exit:
@@ -92,7 +93,9 @@ def _each(work: Work, cases: Cases | None, simulators: Simulators, folder: Path,
         wanted: Sequence[Linkage] = shipped_cases()
     else:
         wanted = [cases] if isinstance(cases, Mechanism | str) or not isinstance(cases, Sequence) else cases
-    mechanisms = [(linkage(case), case.name if isinstance(case, Mechanism) else str(case)) for case in wanted]
+    mechanisms = [
+        (linkage(case, large=True), case.name if isinstance(case, Mechanism) else str(case)) for case in wanted
+    ]
     names, left_out = asked(simulators)
     entries = []
     for mechanism, typed in mechanisms:
@@ -106,7 +109,7 @@ def _recorded(work: Work, cases: Cases | None, results: Results, map: str | Path
     """The baselines of results that another program has recorded of one case."""
     if cases is None or not isinstance(cases, Mechanism | str | Path):
         raise ArgumentError("cases", "results are of one case; give it")
-    mechanism = linkage(cases)
+    mechanism = linkage(cases, large=True)
     files, layout = result_files(results), layout_of(map)
 
     def made(m: Mechanism, simulator: str, resolve: Resolve) -> tuple[str, list[StoredRun]]:

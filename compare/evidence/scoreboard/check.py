@@ -12,7 +12,7 @@ from compare.arguments import cores
 from compare.evidence.scoreboard.board import FULL, board, digest, in_turn, kept, run_all, seeds
 from compare.evidence.stored import read, store
 from compare.faults import OptionError
-from compare.files import output_folder
+from compare.files import made_folder
 from compare.results.document import DocumentError
 from compare.results.scoreboard import Scoreboard, ScoreboardCheck
 
@@ -78,9 +78,9 @@ def update_scoreboard(
         known = {}  # there is none, or it cannot be read and is written anew
     code = digest()
     todo = in_turn((seed for seed in wanted if seed not in known or known[seed].code != code), known)
-    records = output_folder(output_folder(Path(folder), "--reports") / "runs", "--reports")
-    known |= {r.seed: r for r in run_all(todo, records, workers or cores(), progress, minutes)}
-    found = board([known[seed] for seed in wanted if seed in known])
-    store(found, folder, "--reports")
-    shutil.rmtree(records)
+    with made_folder(Path(folder) / "runs", "--reports") as records:
+        known |= {r.seed: r for r in run_all(todo, records, workers or cores(), progress, minutes)}
+        found = board([known[seed] for seed in wanted if seed in known])
+        store(found, folder, "--reports")
+        shutil.rmtree(records)
     return found

@@ -19,7 +19,7 @@ from compare.evidence.stored import asked, other_versions, read, stale_page, sto
 from compare.evidence.validation.beside import with_beside
 from compare.evidence.validation.runs import run_all
 from compare.evidence.validation.scales import checked, scales
-from compare.files import output_folder
+from compare.files import made_folder
 from compare.results.document import Part
 from compare.results.validation import (
     Apart,
@@ -85,13 +85,13 @@ def update_validation(folder: str | Path = WHERE, data: Path | None = None) -> V
     """Make everything in every engine that is installed, and write the report and its page; without the folder of
     ``data`` the figures that rest on it are those of the stored report.  Raises OutputError.
     """
-    output_folder(Path(folder), "--reports")
-    stored = read(Validation, folder) if (Path(folder) / Validation.file).is_file() else None
-    names, _ = asked("all")
-    found = run_all(names, scales(), data, whole=True)
-    kept = {} if stored is None else {name: _or_stored(stored, found, name) for name in KEPT}
-    found = with_beside(found.model_copy(update=kept), Path(folder))
-    store(found, folder, "--reports")
+    with made_folder(Path(folder), "--reports"):
+        stored = read(Validation, folder) if (Path(folder) / Validation.file).is_file() else None
+        names, _ = asked("all")
+        found = run_all(names, scales(), data, whole=True)
+        kept = {} if stored is None else {name: _or_stored(stored, found, name) for name in KEPT}
+        found = with_beside(found.model_copy(update=kept), Path(folder))
+        store(found, folder, "--reports")
     return found
 
 
