@@ -46,10 +46,9 @@ def result_folder(
 
 
 def named_after(file: str | Path) -> str:
-    """What a default folder is named after: a shipped case, or the path of a file from here, without its suffix."""
-    path = Path(file).with_suffix("")
-    path = path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
-    return "-".join(part for part in path.parts if part not in (path.anchor, ".."))
+    """What a default folder is named after: a shipped case, a file without its suffix, the folder of a measured.toml."""
+    path = Path(file).absolute()
+    return path.stem if path.name != "measured.toml" else path.parent.name or path.stem
 
 
 def same_question(context: typer.Context) -> Callable[[str | None], bool]:
