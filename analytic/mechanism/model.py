@@ -7,7 +7,7 @@ SI units and radians throughout.  Every object is frozen and checked when it is 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from numbers import Real
 from typing import Annotated, TypeVar
 
@@ -212,9 +212,8 @@ class Mechanism(Part):
         return [j.name for j in self.joints if not j.prismatic or j.guide is not None]
 
     def without_corner_friction(self) -> Mechanism:
-        """A copy whose blocks have no friction in their guides but their joints' own laws."""
-        guided = [j.model_copy(update={"friction": 0.0}) if j.guide is not None else j for j in self.joints]
-        return self.replace(joints=tuple(guided))
+        """A copy whose blocks with clearance have no friction in their guides but their joints' own laws."""
+        return self._without_friction(lambda joint: joint.prismatic)
 
     @property
     def loose_guides(self) -> dict[str, float]:
@@ -233,8 +232,8 @@ class Mechanism(Part):
 
     @property
     def load_rubbed(self) -> list[Joint]:
-        """The joints whose friction grows with their reaction."""
-        return [j for j in self.joints if j.friction_radius]
+        """The joints whose friction grows with their reaction, but for that in the contact of those with clearance."""
+        return [j for j in self.joints if j.load_coefficient]
 
     @property
     def bends(self) -> bool:
@@ -246,9 +245,19 @@ class Mechanism(Part):
         return self.replace(bodies=tuple(_rigid(b) for b in self.bodies))
 
     def ideal(self) -> Mechanism:
-        """A checked copy whose joints have neither clearance nor soft bearings."""
+        """A checked copy whose joints have neither clearance, with its contacts and their friction, nor soft
+        bearings.
+        """
         tight = {"clearance": 0.0, "radial_stiffness": None}
-        return self.replace(joints=tuple(j.model_copy(update=tight) if j.displaced else j for j in self.joints))
+        smooth = self._without_friction(lambda joint: True).joints
+        return self.replace(joints=tuple(j.model_copy(update=tight) if j.displaced else j for j in smooth))
+
+    def _without_friction(self, which: Callable[[Joint], bool]) -> Mechanism:
+        """A copy without the friction in the contacts of those of its joints with clearance."""
+        off = {"friction": 0.0}
+        return self.replace(
+            joints=tuple(j.model_copy(update=off) if j.rough and which(j) else j for j in self.joints)
+        )
 
     def replace(self, **fields: object) -> Mechanism:
         """A checked copy with top-level fields replaced; ``drive`` is the only one.  Raises MechanismError."""

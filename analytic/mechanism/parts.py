@@ -164,7 +164,8 @@ class Joint(Part):
     clearance: Annotated[NotNegative, AfterValidator(_divisible)] = 0.0  # m, radial; prismatic: half the block's play
     guide: Annotated[tuple[Positive, Positive], BeforeValidator(as_tuple)] | None = None  # m, prismatic: length, height
     pin_radius: Positive | None = None  # m
-    friction: NotNegative = 0.0  # Coulomb coefficient in contact; prismatic without guide: N, as friction_torque
+    # Coulomb coefficient of the pin in its bearing or the block in its guide; prismatic without guide: N, a constant force
+    friction: NotNegative = 0.0
     contact_stiffness: Positive | None = None  # N/m
     contact_damping: NotNegative | None = None  # N.s/m
     restitution: Annotated[float, Field(ge=0, le=1)] | None = None
@@ -232,7 +233,21 @@ class Joint(Part):
     @property
     def rubs(self) -> bool:
         """Whether there is dry friction."""
-        return self.stiction > 0 or self.friction_radius > 0
+        return self.stiction > 0 or self.load_coefficient > 0
+
+    @property
+    def load_coefficient(self) -> float:
+        """What dry friction (N.m; prismatic: N) grows with by N of what presses the joint: the radius (m) of a pin's
+        friction circle, ``friction_radius`` or ``friction`` times ``pin_radius``; of a block in its guide its
+        coefficient.  With clearance the contact has its friction itself.
+        """
+        friction = 0.0 if self.clearance or (self.prismatic and self.guide is None) else self.friction
+        return friction if self.prismatic else self.friction_radius or friction * (self.pin_radius or 0.0)
+
+    @property
+    def load_law(self) -> str:
+        """The field that gives it that friction, in words."""
+        return f"{'friction_radius' if self.friction_radius else 'friction'} of joint {self.name!r}"
 
     @property
     def damped(self) -> bool:
@@ -258,8 +273,19 @@ class Joint(Part):
         return self.coulomb + (self.stiction - self.coulomb) * np.exp(-((rate / self.stribeck_speed) ** 2))
 
     def load_friction(self, load: Amount) -> Amount:
-        """Size (N.m) of the dry friction that a reaction of this size (N) gives."""
-        return self.friction_radius * load
+        """Size (N.m; prismatic: N) of the dry friction of a joint that is pressed so hard (N): a pin by its reaction, a
+        block by :meth:`corner_load`.
+        """
+        return self.load_coefficient * load
+
+    def corner_load(self, across: Amount, moment: Amount, slip: Amount) -> Amount:
+        """Sum (N) of what a guide pushes the corners of a block without clearance, from the force (N) across and the
+        moment (N.m) about the block's point of its reaction; ``slip`` is the sign of its sliding.
+
+        The moment of friction, which acts at the corners too, is the walls' to bear: M + s mu (h/2) N.
+        """
+        length, height = self.guide or (1.0, 0.0)
+        return np.maximum(abs(across), 2 / length * abs(moment + slip * self.friction * height / 2 * across))
 
     def damper(self, rate: Amount) -> Amount:
         """Torque (N.m; prismatic: force, N) of viscous friction and drag on the second body at a rate (rad/s; m/s)."""

@@ -30,7 +30,6 @@ from analytic.kinematics.reach import usual_angles
 from analytic.mechanism.one_line import angles, clearances, one_line
 from analytic.mechanism.signals import Signal, wrapped
 from analytic.paper.guide import Block, placed
-from analytic.paper.guide_friction import rubbed
 from analytic.paper.kinetostatics import Reactions, kinetostatics, pieced
 
 Model = Literal["first_order", "equilibrium"]
@@ -191,7 +190,8 @@ class _Solve:
         k = len(self.assembly.structure.inputs)
         theta, omega, alpha, here = np.split(drive[: self.rows], (k, 2 * k, 3 * k))
         motion = kinematics(linkage, theta, omega, alpha, gaps, self.path or Followed(here))
-        return rubbed(motion, self.inertia, tuple(self.blocks.values()), how if self.finite else None)
+        loose = tuple(self.blocks.values())
+        return kinetostatics(motion, self.inertia, loose=loose, how=how if self.finite else None)
 
 
 def _with_blocks(pins: _Pins, drive: np.ndarray, found: Displaced, turning: bool) -> Displaced:
@@ -271,10 +271,27 @@ def faint_reactions(assembly: Assembly, omega: np.ndarray, alpha: np.ndarray, in
     """By revolute joint the reaction (N) up to which it has no direction, at the fastest of these speeds (rad/s) and
     accelerations (rad/s^2).
 
-    It is a share of the joint's largest at the linkage's usual crank angles.
+    It is a share of the joint's largest at the linkage's usual crank angles, but for those at which it locks.
+    """
+    return _faint(_usually(assembly, omega, alpha, inertia), np.max)
+
+
+def _usually(
+    assembly: Assembly, omega: np.ndarray, alpha: np.ndarray, inertia: bool, loose: Sequence[Block] = ()
+) -> Reactions:
+    """Reactions at the linkage's usual crank angles at the fastest of these speeds (rad/s) and accelerations (rad/s^2);
+    none at those at which friction locks it, whatever angles are asked for.
     """
     fastest, hardest = (float(x[np.argmax(np.abs(x))]) for x in (omega, alpha))
-    return _faint(kinetostatics(kinematics(assembly, usual_angles(assembly), fastest, hardest), inertia), np.max)
+    motion = kinematics(assembly, usual_angles(assembly), fastest, hardest)
+    found = kinetostatics(motion, inertia, loose=loose, locked="blank")
+    moves = np.isfinite(found.drive_torque)
+    return replace(
+        found,
+        motion=motion.part(moves),
+        forces={name: force[moves] for name, force in found.forces.items()},
+        moments={name: moment[moves] for name, moment in found.moments.items()},
+    )
 
 
 def _on_the_border(solve: _Solve, ideal: Reactions, drive: np.ndarray) -> dict[int, str]:
@@ -283,14 +300,12 @@ def _on_the_border(solve: _Solve, ideal: Reactions, drive: np.ndarray) -> dict[i
     """
     usual = ideal
     if solve.path is not None:
-        fastest, hardest = (float(x[np.argmax(np.abs(x))]) for x in drive[1:3])
-        motion = kinematics(solve.assembly, usual_angles(solve.assembly), fastest, hardest)
-        usual = rubbed(motion, solve.inertia, tuple(solve.blocks.values()))
+        usual = _usually(solve.assembly, drive[1], drive[2], solve.inertia, tuple(solve.blocks.values()))
     flags: dict[int, str] = {}
-    largest = max(float(np.abs(force).max()) for force in usual.forces.values())
+    largest = max(float(np.abs(force).max(initial=0.0)) for force in usual.forces.values())
     for name, block in solve.blocks.items():
         work = np.maximum(*block.work(usual))
-        peak = float(np.median(work) if solve.path is None else work.max())
+        peak = float(np.median(work) if solve.path is None else work.max(initial=0.0))
         apart = np.abs(np.subtract(*block.work(ideal)))
         for i in np.flatnonzero(apart <= max(NO_DIRECTION * peak, ROUNDING * largest * block.clearance)):
             flags.setdefault(
