@@ -383,7 +383,7 @@ def crosscheck_job(
     job = replace(job, warnings=(*job.warnings, *(f"left out: {name} has no {lacks}" for name in idle)))
     smooth = {model: _smooth(job.mechanism, model) for model in JOINT_MODELS}
     sides = {
-        key: _side(job, Assembly(job.mechanism.without_corner_friction()) if key[1] else assembly, key[0], measure)
+        key: _side(job, Assembly(job.mechanism.without_contact_friction()) if key[1] else assembly, key[0], measure)
         for key in {(request.joint_model == "ideal", smooth[request.joint_model]) for _, request in tasks}
     }
     job = replace(job, warnings=(*job.warnings, *dict.fromkeys(r for side in sides.values() for r in side.remarks)))

@@ -7,7 +7,7 @@ SI units and radians throughout.  Every object is frozen and checked when it is 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from numbers import Real
 from typing import Annotated, TypeVar
 
@@ -211,9 +211,10 @@ class Mechanism(Part):
         """The joints that may have clearance: those that turn, and blocks whose size is known in their guides."""
         return [j.name for j in self.joints if not j.prismatic or j.guide is not None]
 
-    def without_corner_friction(self) -> Mechanism:
-        """A copy whose blocks with clearance have no friction in their guides but their joints' own laws."""
-        return self._without_friction(lambda joint: joint.prismatic)
+    def without_contact_friction(self) -> Mechanism:
+        """A copy whose joints with clearance have no friction but their own laws'."""
+        off = {"friction": 0.0}
+        return self.replace(joints=tuple(j.model_copy(update=off) if j.rough else j for j in self.joints))
 
     @property
     def loose_guides(self) -> dict[str, float]:
@@ -249,15 +250,8 @@ class Mechanism(Part):
         bearings.
         """
         tight = {"clearance": 0.0, "radial_stiffness": None}
-        smooth = self._without_friction(lambda joint: True).joints
+        smooth = self.without_contact_friction().joints
         return self.replace(joints=tuple(j.model_copy(update=tight) if j.displaced else j for j in smooth))
-
-    def _without_friction(self, which: Callable[[Joint], bool]) -> Mechanism:
-        """A copy without the friction in the contacts of those of its joints with clearance."""
-        off = {"friction": 0.0}
-        return self.replace(
-            joints=tuple(j.model_copy(update=off) if j.rough and which(j) else j for j in self.joints)
-        )
 
     def replace(self, **fields: object) -> Mechanism:
         """A checked copy with top-level fields replaced; ``drive`` is the only one.  Raises MechanismError."""

@@ -273,19 +273,29 @@ class Joint(Part):
         return self.coulomb + (self.stiction - self.coulomb) * np.exp(-((rate / self.stribeck_speed) ** 2))
 
     def load_friction(self, load: Amount) -> Amount:
-        """Size (N.m; prismatic: N) of the dry friction of a joint that is pressed so hard (N): a pin by its reaction, a
-        block by :meth:`corner_load`.
-        """
+        """Size (N.m; prismatic: N) of the dry friction of a joint that is pressed so hard (N), see :meth:`pressed`."""
         return self.load_coefficient * load
 
-    def corner_load(self, across: Amount, moment: Amount, slip: Amount) -> Amount:
-        """Sum (N) of what a guide pushes the corners of a block without clearance, from the force (N) across and the
-        moment (N.m) about the block's point of its reaction; ``slip`` is the sign of its sliding.
+    def pressed(
+        self,
+        force: complex | np.ndarray,
+        moment: float | np.ndarray,
+        angle: float | np.ndarray,
+        slip: float | np.ndarray,
+    ) -> np.ndarray:
+        """How hard (N) a joint without clearance is pressed by its reaction, a force (N, x + iy) on its second body: a
+        pin by all of it, a block by the sum of what walls push its corners, of the force N across and the ``moment`` M
+        (N.m) about its point.
 
-        The moment of friction, which acts at the corners too, is the walls' to bear: M + s mu (h/2) N.
+        ``angle`` (rad) is the first body's, ``slip`` the sign s of the sliding: friction acts at the corners too, and
+        its moment is the walls' to bear, M + s mu (h/2) N.
         """
-        length, height = self.guide or (1.0, 0.0)
-        return np.maximum(abs(across), 2 / length * abs(moment + slip * self.friction * height / 2 * across))
+        if not self.prismatic or self.guide is None:
+            return np.abs(force)
+        length, height = self.guide
+        across = (np.conj(1j * self.direction * np.exp(1j * angle)) * force).real
+        turned = moment + slip * self.friction * height / 2 * across
+        return np.maximum(np.abs(across), 2 / length * np.abs(turned))
 
     def damper(self, rate: Amount) -> Amount:
         """Torque (N.m; prismatic: force, N) of viscous friction and drag on the second body at a rate (rad/s; m/s)."""

@@ -233,7 +233,7 @@ class Examined:
     def assembly(self) -> Assembly:
         """The ideal linkage, assembled once; with the friction of blocks' corners that the run has."""
         rubs = self.run.joint_model == "contact" or not self.blocks
-        return Assembly(self.mechanism if rubs else self.mechanism.without_corner_friction())
+        return Assembly(self.mechanism if rubs else self.mechanism.without_contact_friction())
 
     @cached_property
     def costs(self) -> dict[Costing, float]:

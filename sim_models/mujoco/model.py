@@ -36,7 +36,7 @@ CONTACT_ROWS = (ROW.mjCNSTR_CONTACT_FRICTIONLESS, ROW.mjCNSTR_CONTACT_ELLIPTIC)
 
 def _curved(j: Joint) -> bool:
     """Whether a joint has a law that a tendon has no words for."""
-    return bool(j.cubic or j.drag or j.stribeck_speed or j.friction_radius)
+    return bool(j.cubic or j.drag or j.stribeck_speed or j.load_coefficient)
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ class MujocoLinkage:
         crank = mechanism.driven if mechanism.periodic_torque else GROUND
         curved = [j for j in mechanism.joints if j.name in self.laws and _curved(j)]
         laws = {self.laws[j.name]: (j, self.between(j)) for j in curved}
-        self.loads = {j.name: 0.0 for j in mechanism.load_rubbed}  # N: reactions as last heeded
+        self.loads = {j.name: 0.0 for j in mechanism.load_rubbed}  # N: how hard they are pressed, as last heeded
         passive = Passive(laws, self.loads, mechanism.periodic_torque, self.fixed_angle[crank], self.form[crank])
         self.passive = passive if laws or mechanism.periodic_torque else None
         self.present: np.ndarray | None = None  # velocities of this instant, where the data's are older
