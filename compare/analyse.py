@@ -26,6 +26,7 @@ from compare.arguments import (
     over_time,
     rigidly_and_evenly_driven,
     timed,
+    warn_of_friction,
 )
 from compare.faults import ArgumentError
 from compare.judge.courses import Courses
@@ -75,6 +76,7 @@ def analyse(  # noqa: PLR0913 - what a person may ask, by name
     with noted() as warned:
         given = linkage(mechanism, clearance)
         m = given if compliance else rigidly_and_evenly_driven(given)
+        warn_of_friction(m, None, motion, analytic=True, engines=False)
         assembly = Assembly(m)
         moved = timed(assembly, times, course, path)
         if moved is not None:
@@ -145,6 +147,7 @@ def simulate(  # noqa: PLR0913 - what a person may ask, by name
     with noted() as warned:
         m = rigidly_and_evenly_driven(linkage(mechanism, clearance))
         name = one_engine(simulator)
+        warn_of_friction(m, joint_model, motion, analytic=False)
         moved = timed(Assembly(m), times, course, path)
         asked = request(m, joint_model, motion, angles, moved)
         trace = answered(name, asked, engine(name).simulate)

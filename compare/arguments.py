@@ -21,7 +21,7 @@ import numpy as np
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.structure import StructureError
-from analytic.mechanism import Mechanism
+from analytic.mechanism import Joint, Mechanism
 from analytic.mechanism.errors import MechanismError, quoted
 from analytic.mechanism.file import load
 from compare.faults import ArgumentError, DegreesWarning, no_pin
@@ -29,6 +29,7 @@ from compare.judge.courses import Courses, at_their_speeds, of_file, of_path, ti
 from compare.judge.discrepancy import load_tolerances
 from compare.judge.grid import FARTHEST, chosen_angles
 from compare.judge.tolerances import Tolerances
+from sim_models.common.contact_laws import PIN_RADIUS
 from sim_models.engine import (
     MAPPED,
     SEPARATOR,
@@ -172,6 +173,38 @@ def loose(mechanism: Mechanism, joint_model: JointModel | None) -> None:
     if joint_model not in (None, "ideal") and not mechanism.clearances:
         why = f"{joint_model} joints need clearance; {mechanism.name} has none; give `clearance` (m by joint)"
         raise ArgumentError("joint_model", why)
+
+
+def warn_of_friction(
+    mechanism: Mechanism, joint_model: JointModel | None, motion: Motion, *, analytic: bool, engines: bool = True
+) -> None:
+    """Warn of friction in the contact of joints with clearance that is left out, by ``engines``, whose other joint
+    models have no contact that rubs, and of pins by the ``analytic`` model; of what is assumed of it; and of blocks
+    that jam by it.
+    """
+    name = mechanism.name
+    if engines and motion == "driven" and joint_model in (None, "contact"):
+        for joint in jamming(mechanism):
+            text = f"{name}: friction = {joint.friction:g} of joint {joint.name} is no less than its block is"
+            lever = f"longer than high ({joint.jams_from:g}), and turns it harder than its walls turn it back"
+            warnings.warn(f"{text} {lever}: it tips, and may bounce, jam or come apart", stacklevel=4)
+    rough = [joint for joint in mechanism.joints if joint.rough]
+    pins = [joint for joint in rough if not joint.prismatic]
+    if engines and rough and joint_model != "contact":
+        text = f"{name}: friction of {', '.join(j.name for j in rough)} is in contact joints only"
+        warnings.warn(f"{text}; the other joint models leave it out", stacklevel=4)
+    if analytic and pins:
+        text = f"{name}: friction of {', '.join(j.name for j in pins)} is in the contact of a pin with clearance"
+        warnings.warn(f"{text}, and the analytic model leaves it out", stacklevel=4)
+    if engines and joint_model in (None, "contact"):
+        for joint in (pin for pin in pins if pin.pin_radius is None):
+            text = f"{name}: joint {joint.name} has friction and no pin_radius; its contact rubs at"
+            warnings.warn(f"{text} {1e3 * PIN_RADIUS:g} mm, which is assumed", stacklevel=4)
+
+
+def jamming(mechanism: Mechanism) -> list[Joint]:
+    """The blocks with clearance whose corners rub so hard that they may jam."""
+    return [joint for joint in mechanism.joints if joint.rough and joint.friction >= joint.jams_from]
 
 
 def metres(given: object, mechanism: Mechanism, called: str) -> dict[str, float]:

@@ -37,6 +37,7 @@ from compare.arguments import (
     path,
     processes,
     rigidly_and_evenly_driven,
+    warn_of_friction,
 )
 from compare.crosscheck import Job, Progress, Ran, concluded, judged, run_all
 from compare.diagnose.data.quality import REVERSED, looks
@@ -109,6 +110,7 @@ def check(  # noqa: PLR0913 - what a person may ask, by name
         names, left_out = engines(simulators) if simulators is not None else ((), [])
         loose(given, chosen)
         model: JointModel = chosen or ("contact" if given.clearances else "ideal")
+        warn_of_friction(given, model, motion, analytic=True)
         tables = _tables(result_files(results), given, layout, str(map), timed=motion == "driven" or not given.cranked)
         recordings = [recording(name, file, table, given, motion, model) for name, file, table in tables]
     uneven = any(one.kind == "course" for one in recordings)
@@ -256,7 +258,8 @@ def _courses(one: Recording) -> Courses | None:
 def _side(one: Recording, mechanism: Mechanism, motion: Motion, joint_model: JointModel, model: Model) -> Reference:
     """The analytic side at a recording's samples.  Raises AssemblyError with the file."""
     clearances = {} if joint_model == "ideal" else mechanism.clearances
-    assembly = Assembly(mechanism)
+    rubs = joint_model in ("ideal", "contact")
+    assembly = Assembly(mechanism if rubs else mechanism.without_contact_friction())
     try:
         if isinstance(one.moved, Start):
             since = one.table.time - one.table.time[0]

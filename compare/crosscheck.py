@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
-from analytic.mechanism import Joint, Mechanism
+from analytic.mechanism import Mechanism
 from analytic.mechanism.signals import Signal
 from analytic.paper.clearance import MODELS, Model
 from analytic.paper.printed import printed_figures
@@ -31,6 +31,7 @@ from compare.arguments import (
     engines,
     every_one,
     flag,
+    jamming,
     laid_over,
     linkage,
     loose,
@@ -40,6 +41,7 @@ from compare.arguments import (
     processes,
     rigidly_and_evenly_driven,
     timed,
+    warn_of_friction,
     whole,
     with_map,
 )
@@ -224,7 +226,7 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
             names, without = _with_beams(names, every_one(simulators), given, motion)
             left_out += without
         m = rigidly_and_evenly_driven(given)
-        warn_of_friction(m, joint_model, motion)
+        warn_of_friction(m, joint_model, motion, analytic=True)
         assembly = Assembly(m)
         moved = timed(assembly, times, course, path)
         released = moved is None and m.speed is None and motion == "driven"
@@ -254,34 +256,9 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
     )
 
 
-def warn_of_friction(mechanism: Mechanism, joint_model: JointModel | None, motion: Motion = "driven") -> None:
-    """Warn of friction coefficients that do nothing: they act between a pin and its bearing, or a block's corners and
-    their guide, in contact joints; and of those with which a block jams.
-    """
-    if motion == "driven" and joint_model in (None, "contact"):
-        for joint in _jamming(mechanism):
-            text = f"{mechanism.name}: friction = {joint.friction:g} of joint {joint.name} is no less than its block is"
-            lever = f"longer than high ({joint.jams_from:g}), and turns it harder than its walls turn it back"
-            warnings.warn(f"{text} {lever}: it tips, and may bounce, jam or come apart", stacklevel=4)
-    touching = [j for j in mechanism.joints if j.friction and (not j.prismatic or j.guide is not None)]
-    for joint in (j for j in touching if not j.clearance):
-        name, unit = joint.name, "N" if joint.prismatic else "N.m"
-        text = f"{mechanism.name}: friction of joint {name} does nothing, as {name} has no clearance"
-        warnings.warn(f"{text}; give it clearance (m), or friction_torque ({unit}) in place of friction", stacklevel=4)
-    rough = ", ".join(j.name for j in touching if j.rough)
-    if rough and joint_model != "contact":
-        text = f"{mechanism.name}: friction of {rough} is in contact joints only; the other joint models leave it out"
-        warnings.warn(text, stacklevel=4)
-
-
-def _jamming(mechanism: Mechanism) -> list[Joint]:
-    """The blocks with clearance whose corners rub so hard that they may jam."""
-    return [joint for joint in mechanism.joints if joint.rough and joint.friction >= joint.jams_from]
-
-
 def _with_jam(failed: Failure, mechanism: Mechanism, motion: Motion) -> Failure:
     """A failure of a run in which a block may have jammed, with what helps then."""
-    blocks = _jamming(mechanism) if motion == "driven" and failed.joint_model == "contact" else []
+    blocks = jamming(mechanism) if motion == "driven" and failed.joint_model == "contact" else []
     less = "".join(
         f"; or give joint {joint.name} friction below {joint.jams_from:g}, its block's length over its height, from"
         " which on it jams"

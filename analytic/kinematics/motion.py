@@ -409,7 +409,7 @@ def self_stresses(jacobian: np.ndarray, group: Group) -> np.ndarray:
 
 
 def slip_direction(rate: np.ndarray, pace: np.ndarray) -> np.ndarray:
-    """The sign (N,) of a joint's rate (rad/s, m/s) in a motion whose fastest input has this pace; 0 at a dead centre."""
+    """The sign (N,) of a joint's rate (rad/s, m/s) whose motion's fastest input has this pace; 0 at a dead centre."""
     return np.asarray(np.sign(rate) * (np.abs(rate) > DEAD_CENTRE * np.abs(pace)))
 
 

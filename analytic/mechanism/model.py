@@ -246,12 +246,16 @@ class Mechanism(Part):
         return self.replace(bodies=tuple(_rigid(b) for b in self.bodies))
 
     def ideal(self) -> Mechanism:
-        """A checked copy whose joints have neither clearance, with its contacts and their friction, nor soft
-        bearings.
+        """A checked copy whose joints have neither clearance (see :meth:`tight`) nor soft bearings."""
+        stiff = {"radial_stiffness": None}
+        joints = self.tight().joints
+        return self.replace(joints=tuple(j.model_copy(update=stiff) if j.displaced else j for j in joints))
+
+    def tight(self) -> Mechanism:
+        """A checked copy whose joints have no clearance, and so no contact, nor its friction: the ideal linkage of
+        these joints, which :meth:`with_clearances` does not give, as pins and blocks rub without clearance too.
         """
-        tight = {"clearance": 0.0, "radial_stiffness": None}
-        smooth = self.without_contact_friction().joints
-        return self.replace(joints=tuple(j.model_copy(update=tight) if j.displaced else j for j in smooth))
+        return self.without_contact_friction().with_clearances({})
 
     def replace(self, **fields: object) -> Mechanism:
         """A checked copy with top-level fields replaced; ``drive`` is the only one.  Raises MechanismError."""
@@ -273,6 +277,13 @@ class Mechanism(Part):
     def with_joint(self, name: str, **fields: object) -> Mechanism:
         """A checked copy with fields of one joint replaced.  Raises MechanismError."""
         return self.replace(joints=self._edited("joint", self.joints, name, fields))
+
+    def with_friction_circle(self, name: str, radius: float) -> Mechanism:
+        """A checked copy with a pin's friction circle of this radius (m), in place of one by a coefficient.  Raises
+        MechanismError.
+        """
+        own = {} if self.joint(name).rough else {"friction": 0.0}
+        return self.with_joint(name, friction_radius=radius, **own)
 
     def with_body(self, name: str, **fields: object) -> Mechanism:
         """A checked copy with fields of one body replaced.  Raises MechanismError."""

@@ -164,7 +164,7 @@ class Joint(Part):
     clearance: Annotated[NotNegative, AfterValidator(_divisible)] = 0.0  # m, radial; prismatic: half the block's play
     guide: Annotated[tuple[Positive, Positive], BeforeValidator(as_tuple)] | None = None  # m, prismatic: length, height
     pin_radius: Positive | None = None  # m
-    # Coulomb coefficient of the pin in its bearing or the block in its guide; prismatic without guide: N, a constant force
+    # Coulomb coefficient of a pin in its bearing or a block in its guide; prismatic without guide: N, a constant force
     friction: NotNegative = 0.0
     contact_stiffness: Positive | None = None  # N/m
     contact_damping: NotNegative | None = None  # N.s/m

@@ -39,7 +39,7 @@ class Rubbing:
         return self.joint.load_coefficient if self.block is None else self.joint.friction
 
     def load(self, found: Reactions) -> np.ndarray:
-        """What presses the joint (N,) N, complex: the pin's reaction, or across a block and, over L/2, what turns it."""
+        """What presses it (N,) N, complex: the pin's reaction, or across a block and, over L/2, what turns it."""
         if self.block is None:
             return found.forces[self.joint.name]
         return self.block.pushed(found, None if self.way is None else self.block.aside(self.way))

@@ -173,8 +173,8 @@ def _rubbed(
             rubbed[each.joint.name][block] = own
             efforts[:, block] += own * unit.efforts
             for whole, answer in ((forces, unit.forces), (moments, unit.moments)):
-                for joint, values in answer.items():
-                    whole[joint][block] += own * values
+                for place, values in answer.items():
+                    whole[place][block] += own * values
     return replace(_told(found.motion, forces, moments, efforts, found.undetermined), rubbed=rubbed)
 
 

@@ -251,7 +251,7 @@ class Run:
         for joint in self.m.joints:
             if not joint.has_law:
                 continue
-            if joint.friction_radius:
+            if joint.load_coefficient:
                 return None
             position, rate = self._moved(joint)
             dry = joint.dry(rate) * np.clip(rate / (SLOW * float(np.abs(rate).max()) or 1.0), -1, 1)
