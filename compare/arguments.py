@@ -178,9 +178,9 @@ def loose(mechanism: Mechanism, joint_model: JointModel | None) -> None:
 def warn_of_friction(
     mechanism: Mechanism, joint_model: JointModel | None, motion: Motion, *, analytic: bool, engines: bool = True
 ) -> None:
-    """Warn of friction in the contact of joints with clearance that is left out, by ``engines``, whose other joint
-    models have no contact that rubs, and of pins by the ``analytic`` model; of what is assumed of it; and of blocks
-    that jam by it.
+    """Warn of a coefficient of friction that does nothing; of friction in the contact of joints with clearance that is
+    left out, by ``engines``, whose other joint models have no contact that rubs, and of pins by the ``analytic`` model;
+    of what is assumed of it; and of blocks that jam by it.
     """
     name = mechanism.name
     if engines and motion == "driven" and joint_model in (None, "contact"):
@@ -188,6 +188,17 @@ def warn_of_friction(
             text = f"{name}: friction = {joint.friction:g} of joint {joint.name} is no less than its block is"
             lever = f"longer than high ({joint.jams_from:g}), and turns it harder than its walls turn it back"
             warnings.warn(f"{text} {lever}: it tips, and may bounce, jam or come apart", stacklevel=4)
+    for joint in mechanism.joints:
+        if (
+            joint.friction
+            and not (joint.prismatic or joint.clearance)
+            and (joint.friction_radius or not joint.pin_radius)
+        ):
+            why = (
+                "beside its friction_radius" if joint.friction_radius else "as it has neither clearance nor pin_radius"
+            )
+            text = f"{name}: friction of joint {joint.name} does nothing, {why}"
+            warnings.warn(f"{text}; give pin_radius (m) or friction_radius (m), the one or the other", stacklevel=4)
     rough = [joint for joint in mechanism.joints if joint.rough]
     pins = [joint for joint in rough if not joint.prismatic]
     if engines and rough and joint_model != "contact":

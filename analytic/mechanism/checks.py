@@ -56,8 +56,6 @@ def check_joint(joint: Joint, parts: Parts) -> None:
         _check_prismatic(joint, where)
     elif joint.axis is not None or joint.angle or joint.guide is not None:
         raise ValueError(f"{where}axis, angle and guide belong to a prismatic joint; leave them out of a revolute one")
-    elif joint.friction and not joint.clearance:
-        _check_pin_friction(joint, where)
     _check_stribeck(joint, where)
     _check_contact_law(joint, where)
     for body in (parts[name] for name in joint.bodies):
@@ -66,20 +64,6 @@ def check_joint(joint: Joint, parts: Parts) -> None:
                 f"{where}clearance = {joint.clearance} m is not smaller than body {body.name!r} ({body.length:g} m);"
                 " give the radial clearance in m"
             )
-
-
-def _check_pin_friction(joint: Joint, where: str) -> None:
-    """A coefficient of a pin without clearance makes one friction circle."""
-    if joint.friction_radius:
-        raise ValueError(
-            f"{where}friction = {joint.friction:g} and friction_radius = {joint.friction_radius:g} m are both given;"
-            " without clearance both mean the pin's friction circle, keep one"
-        )
-    if joint.pin_radius is None:
-        raise ValueError(
-            f"{where}friction = {joint.friction:g} of a pin without clearance acts at its radius; give pin_radius (m),"
-            " or friction_radius (m) in place of friction"
-        )
 
 
 def _check_contact_law(joint: Joint, where: str) -> None:

@@ -164,8 +164,7 @@ class Joint(Part):
     clearance: Annotated[NotNegative, AfterValidator(_divisible)] = 0.0  # m, radial; prismatic: half the block's play
     guide: Annotated[tuple[Positive, Positive], BeforeValidator(as_tuple)] | None = None  # m, prismatic: length, height
     pin_radius: Positive | None = None  # m
-    # Coulomb coefficient of a pin in its bearing or a block in its guide; prismatic without guide: N, a constant force
-    friction: NotNegative = 0.0
+    friction: NotNegative = 0.0  # Coulomb coefficient of pin or block; prismatic without guide: N, as friction_torque
     contact_stiffness: Positive | None = None  # N/m
     contact_damping: NotNegative | None = None  # N.s/m
     restitution: Annotated[float, Field(ge=0, le=1)] | None = None
@@ -238,7 +237,7 @@ class Joint(Part):
     @property
     def load_coefficient(self) -> float:
         """What dry friction (N.m; prismatic: N) grows with by N of what presses the joint: the radius (m) of a pin's
-        friction circle, ``friction_radius`` or ``friction`` times ``pin_radius``; of a block in its guide its
+        friction circle, ``friction_radius`` or else ``friction`` times ``pin_radius``; of a block in its guide its
         coefficient.  With clearance the contact has its friction itself.
         """
         friction = 0.0 if self.clearance or (self.prismatic and self.guide is None) else self.friction
