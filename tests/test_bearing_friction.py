@@ -125,7 +125,7 @@ def test_a_released_linkage_with_friction_circles_is_refused() -> None:
     m = rubbed(load("pendulum"), {"O": 1e-3})
     with pytest.raises(AssemblyError, match="no released motion with friction that grows with reactions; leave it out"):
         released(Assembly(m), np.linspace(0.0, 0.1, 3))
-    with pytest.raises(AssemblyError, match=r"friction_radius of joint 'O' is 0\.001 m"):
+    with pytest.raises(AssemblyError, match="friction_radius of joint 'O' is given"):
         Freedom.of(Assembly(m))
 
 
