@@ -61,7 +61,7 @@ def accuracy(  # noqa: PLR0913 - what a person may ask, by name
     named = None if outputs is None else names(outputs, "outputs")
     with noted() as warned:
         m = linkage(mechanism, clearance)
-        warn_of_friction(m, None, motion or "driven", analytic=True, engines=False)
+        warn_of_friction(m, None, motion or "driven", engines=False)
         assembly = Assembly(m)
         found = accuracy_at(
             assembly,

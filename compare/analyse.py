@@ -76,7 +76,7 @@ def analyse(  # noqa: PLR0913 - what a person may ask, by name
     with noted() as warned:
         given = linkage(mechanism, clearance)
         m = given if compliance else rigidly_and_evenly_driven(given)
-        warn_of_friction(m, None, motion, analytic=True, engines=False)
+        warn_of_friction(m, None, motion, engines=False)
         assembly = Assembly(m)
         moved = timed(assembly, times, course, path)
         if moved is not None:
@@ -147,7 +147,7 @@ def simulate(  # noqa: PLR0913 - what a person may ask, by name
     with noted() as warned:
         m = rigidly_and_evenly_driven(linkage(mechanism, clearance))
         name = one_engine(simulator)
-        warn_of_friction(m, joint_model, motion, analytic=False)
+        warn_of_friction(m, joint_model, motion)
         moved = timed(Assembly(m), times, course, path)
         asked = request(m, joint_model, motion, angles, moved)
         trace = answered(name, asked, engine(name).simulate)

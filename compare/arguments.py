@@ -29,7 +29,6 @@ from compare.judge.courses import Courses, at_their_speeds, of_file, of_path, ti
 from compare.judge.discrepancy import load_tolerances
 from compare.judge.grid import FARTHEST, chosen_angles
 from compare.judge.tolerances import Tolerances
-from sim_models.common.contact_laws import PIN_RADIUS
 from sim_models.engine import (
     MAPPED,
     SEPARATOR,
@@ -176,41 +175,33 @@ def loose(mechanism: Mechanism, joint_model: JointModel | None) -> None:
 
 
 def warn_of_friction(
-    mechanism: Mechanism, joint_model: JointModel | None, motion: Motion, *, analytic: bool, engines: bool = True
+    mechanism: Mechanism, joint_model: JointModel | None, motion: Motion, *, engines: bool = True
 ) -> None:
-    """Warn of a coefficient of friction that does nothing; of friction in the contact of joints with clearance that is
-    left out, by ``engines``, whose other joint models have no contact that rubs, and of pins by the ``analytic`` model;
-    of what is assumed of it; and of blocks that jam by it.
+    """Warn of a coefficient of friction that does nothing; of friction in the contact of joints with clearance that the
+    other joint models of ``engines`` leave out, as they have no contact that rubs; of the radius that is assumed of a
+    pin; and of blocks that jam.
     """
-    name = mechanism.name
-    if engines and motion == "driven" and joint_model in (None, "contact"):
+    name, touching = mechanism.name, joint_model in (None, "contact")
+    if engines and motion == "driven" and touching:
         for joint in jamming(mechanism):
             text = f"{name}: friction = {joint.friction:g} of joint {joint.name} is no less than its block is"
             lever = f"longer than high ({joint.jams_from:g}), and turns it harder than its walls turn it back"
             warnings.warn(f"{text} {lever}: it tips, and may bounce, jam or come apart", stacklevel=4)
-    for joint in mechanism.joints:
-        if (
-            joint.friction
-            and not (joint.prismatic or joint.clearance)
-            and (joint.friction_radius or not joint.pin_radius)
-        ):
+    pins = [joint for joint in mechanism.joints if joint.friction and not joint.prismatic]
+    for joint in pins:
+        if not joint.clearance and (joint.friction_radius or not joint.pin_radius):
             why = (
                 "beside its friction_radius" if joint.friction_radius else "as it has neither clearance nor pin_radius"
             )
             text = f"{name}: friction of joint {joint.name} does nothing, {why}"
             warnings.warn(f"{text}; give pin_radius (m) or friction_radius (m), the one or the other", stacklevel=4)
-    rough = [joint for joint in mechanism.joints if joint.rough]
-    pins = [joint for joint in rough if not joint.prismatic]
-    if engines and rough and joint_model != "contact":
-        text = f"{name}: friction of {', '.join(j.name for j in rough)} is in contact joints only"
-        warnings.warn(f"{text}; the other joint models leave it out", stacklevel=4)
-    if analytic and pins:
-        text = f"{name}: friction of {', '.join(j.name for j in pins)} is in the contact of a pin with clearance"
-        warnings.warn(f"{text}, and the analytic model leaves it out", stacklevel=4)
-    if engines and joint_model in (None, "contact"):
-        for joint in (pin for pin in pins if pin.pin_radius is None):
+        if joint.clearance and joint.pin_radius is None and touching:
             text = f"{name}: joint {joint.name} has friction and no pin_radius; its contact rubs at"
-            warnings.warn(f"{text} {1e3 * PIN_RADIUS:g} mm, which is assumed", stacklevel=4)
+            warnings.warn(f"{text} {1e3 * joint.rim:g} mm, which is assumed", stacklevel=4)
+    rough = ", ".join(joint.name for joint in mechanism.joints if joint.rough)
+    if engines and rough and joint_model != "contact":
+        text = f"{name}: friction of {rough} is in contact joints only; the other joint models leave it out"
+        warnings.warn(text, stacklevel=4)
 
 
 def jamming(mechanism: Mechanism) -> list[Joint]:

@@ -110,7 +110,7 @@ def check(  # noqa: PLR0913 - what a person may ask, by name
         names, left_out = engines(simulators) if simulators is not None else ((), [])
         loose(given, chosen)
         model: JointModel = chosen or ("contact" if given.clearances else "ideal")
-        warn_of_friction(given, model, motion, analytic=True)
+        warn_of_friction(given, model, motion)
         tables = _tables(result_files(results), given, layout, str(map), timed=motion == "driven" or not given.cranked)
         recordings = [recording(name, file, table, given, motion, model) for name, file, table in tables]
     uneven = any(one.kind == "course" for one in recordings)

@@ -226,7 +226,7 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
             names, without = _with_beams(names, every_one(simulators), given, motion)
             left_out += without
         m = rigidly_and_evenly_driven(given)
-        warn_of_friction(m, joint_model, motion, analytic=True)
+        warn_of_friction(m, joint_model, motion)
         assembly = Assembly(m)
         moved = timed(assembly, times, course, path)
         released = moved is None and m.speed is None and motion == "driven"
@@ -373,8 +373,8 @@ def crosscheck_job(
 
 
 def _smooth(mechanism: Mechanism, joint_model: JointModel) -> bool:
-    """Whether joints of this model leave out the friction of blocks' corners, which the mechanism has."""
-    return joint_model not in ("ideal", "contact") and any(mechanism.joint(n).rough for n in mechanism.loose_guides)
+    """Whether joints of this model leave out the friction of contacts, which the mechanism has."""
+    return joint_model not in ("ideal", "contact") and any(joint.rough for joint in mechanism.joints)
 
 
 @dataclass(frozen=True)

@@ -78,7 +78,7 @@ def exported(  # noqa: PLR0913 - what a person may ask, by name
         can = ", ".join(name for name in engine_names() if declared(name).capabilities.export is not None)
         raise ArgumentError("simulator", f"{simulator}: its model cannot be exported; that of {can} can")
     m = rigidly_and_evenly_driven(linkage(mechanism, clearance))
-    warn_of_friction(m, joint_model, motion, analytic=False)
+    warn_of_friction(m, joint_model, motion)
     asked = request(m, joint_model, motion, angles, timed(Assembly(m), times, course, path))
     try:
         with tempfile.TemporaryDirectory() as draft:  # all of it is there before the first file is put in place

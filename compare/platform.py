@@ -62,7 +62,7 @@ def platform_accuracy(  # noqa: PLR0913 - what a person may ask, by name
     named = None if outputs is None else names(outputs, "outputs")
     with noted() as warned:
         m = linkage(mechanism, clearance)
-        warn_of_friction(m, None, "driven", analytic=True, engines=False)
+        warn_of_friction(m, None, "driven", engines=False)
         assembly = Assembly(m)
         if assembly.structure.free:
             raise ArgumentError("mechanism", f"{m.name} has freedoms without a drive; give each one a drive")

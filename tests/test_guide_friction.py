@@ -242,7 +242,7 @@ def test_a_block_at_rest_or_with_less_friction_is_not_said_to_jam() -> None:
     for mu, motion in cases:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            warn_of_friction(rocking(mu), "contact", motion, analytic=True)
+            warn_of_friction(rocking(mu), "contact", motion)
 
 
 def rocking(mu: float = 0.1) -> Mechanism:
@@ -533,10 +533,8 @@ def test_other_joint_models_leave_it_out_on_both_sides() -> None:
 
 
 @pytest.mark.mujoco
-def test_every_command_says_that_a_pin_in_its_bearing_rubs_in_contact_alone(tmp_path: Path) -> None:
-    """And at which radius, where none is given."""
+def test_every_command_says_which_joint_models_leave_friction_out_and_what_radius_it_assumes(tmp_path: Path) -> None:
     m = load("crank-rocker").replace(gravity=(0.0, -9.81)).with_clearances({"B": 1e-4}).with_joint("B", friction=0.1)
-    left_out = "friction of B is in the contact of a pin with clearance, and the analytic model leaves it out"
     others = "friction of B is in contact joints only; the other joint models leave it out"
     assumed = "joint B has friction and no pin_radius; its contact rubs at 10 mm, which is assumed"
     angles = np.radians([20.0, 40.0])
@@ -547,21 +545,21 @@ def test_every_command_says_that_a_pin_in_its_bearing_rubs_in_contact_alone(tmp_
             warnings.simplefilter("always")
             ask()
         said = " ".join(str(each.message) for each in caught)
-        return {name for name, text in (("left", left_out), ("other", others), ("assumed", assumed)) if text in said}
+        return {name for name, text in (("other", others), ("assumed", assumed)) if text in said}
 
     static: dict[str, Any] = {"motion": "static", "angles": angles}
-    assert told(lambda: analyse(m, **static)) == {"left"}
-    assert told(lambda: accuracy(m, angles=angles, samples=2)) == {"left"}
+    assert told(lambda: analyse(m, **static)) == {"assumed"}
+    assert told(lambda: accuracy(m, angles=angles, samples=2)) == {"assumed"}
     assert told(lambda: simulate(m, "mujoco", **static)) == {"other"}
     assert told(lambda: simulate(m, "mujoco", joint_model="contact", **static)) == {"assumed"}
-    assert told(lambda: crosscheck(m, "mujoco", joint_model="contact", **static)) == {"left", "assumed"}
-    assert told(lambda: crosscheck(m, "mujoco", workers=1, **static)) == {"left", "other", "assumed"}
-    assert told(lambda: check(tmp_path / "torque.csv", m, motion="static")) == {"left", "assumed"}
+    assert told(lambda: crosscheck(m, "mujoco", joint_model="contact", **static)) == {"assumed"}
+    assert told(lambda: crosscheck(m, "mujoco", workers=1, **static)) == {"other", "assumed"}
+    assert told(lambda: check(tmp_path / "torque.csv", m, motion="static")) == {"assumed"}
     assert told(lambda: export(m, "mujoco", folder=tmp_path / "out", joint_model="massless-link", **static)) == {
         "other"
     }
     grid = {"speeds": [1.0], "clearances": [1e-4], "joint_model": "contact", "workers": 1, "revolutions": 0}
-    assert told(lambda: validity(m, simulators="mujoco", **grid)) == {"left", "assumed"}
+    assert told(lambda: validity(m, simulators="mujoco", **grid)) == {"assumed"}
 
 
 def test_a_coefficient_of_a_pin_without_clearance_acts_at_its_radius() -> None:

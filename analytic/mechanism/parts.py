@@ -68,6 +68,7 @@ Vector = Annotated[tuple[Number, Number], BeforeValidator(as_tuple)]
 Name = Annotated[str, BeforeValidator(_named)]
 MOST_WAVES = 1000  # in a turn, of a motor's unevenness or of a torque
 WIDEST = 0.5  # rad, half of a gap in a drive
+PIN_RADIUS = 0.01  # m, where the mechanism gives none; matters only with friction in contact
 Positive = Annotated[float, Field(gt=0, le=LARGEST), AfterValidator(_divisible)]
 NotNegative = Annotated[float, Field(ge=0, le=LARGEST)]
 
@@ -216,6 +217,11 @@ class Joint(Part):
     def rough(self) -> bool:
         """Whether its contact has friction: of a pin with clearance in its bearing, or of a block's corners."""
         return self.friction > 0 and self.clearance > 0
+
+    @property
+    def rim(self) -> float:
+        """Radius (m) at which the contact of a pin with clearance rubs it."""
+        return self.pin_radius or PIN_RADIUS
 
     @property
     def jams_from(self) -> float:

@@ -1,7 +1,9 @@
 """Coulomb friction that grows with reactions, which depend on it in their turn: of pins, and of blocks in their guides.
 
 A pin that is pressed by its reaction F is rubbed by a torque t = -s r |F|, s the sign of its slip and r the radius of
-its friction circle.  A block is rubbed by a force t = -s mu sum(P) along its guide, P the pushes of its corners (see
+its friction circle.  One with clearance c touches its bearing where friction, mu N along the rim, and push N make F:
+the angle of friction to the side of F.  It is rubbed at its radius r by s mu/sqrt(1 + mu^2) r |F|, and the bearing at
+r + c.  A block is rubbed by a force t = -s mu sum(P) along its guide, P the pushes of its corners (see
 :mod:`analytic.paper.guide`); one without clearance is that of a clearance that goes to 0.
 
 Reactions answer linearly to every t: with each joint's load w_i, of which a size |w_i| rubs it, w_i = w0_i + sum of
@@ -11,11 +13,13 @@ with a positive determinant of its derivative; where there is none the linkage l
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from analytic.kinematics.motion import Motion
 from analytic.mechanism import Joint
 from analytic.paper.guide import FLAT, Block, Reactions
 
@@ -25,18 +29,28 @@ PASSES = 60  # of Newton's method
 
 @dataclass(frozen=True)
 class Rubbing:
-    """A joint that rubs: its pin, or its block, which rests one ``way`` in its guide with the levers of its finite
-    clearance; without one as its reaction asks it to, to first order.
+    """A joint that rubs: its pin, with clearance (m) or without, or its block, which rests one ``way`` in its guide
+    with the levers of its finite clearance; without one as its reaction asks it to, to first order.
     """
 
     joint: Joint
     block: Block | None = None
     way: float | None = None
+    clearance: float = 0.0
 
     @property
     def coefficient(self) -> float:
         """Friction (N.m; block: N) by N of the load."""
-        return self.joint.load_coefficient if self.block is None else self.joint.friction
+        if self.block is not None:
+            return self.joint.friction
+        if not self.clearance:
+            return self.joint.load_coefficient
+        return self.joint.rim * math.sin(math.atan(self.joint.friction))
+
+    @property
+    def sides(self) -> tuple[float, float]:
+        """What a unit of it does on the first body and on the second."""
+        return -1.0, 1.0 + self.clearance / self.joint.rim
 
     def load(self, found: Reactions) -> np.ndarray:
         """What presses it (N,) N, complex: the pin's reaction, or across a block and, over L/2, what turns it."""
@@ -53,6 +67,11 @@ class Rubbing:
             return np.where(flat, np.copysign(1.0, load.real), 1j * np.copysign(1.0, load.imag))
         lever = 1.0 if abs(self.way) == FLAT else 1j * self.block.length / 2 / self.block.lever
         return np.full(load.shape, np.copysign(1.0, self.way) * lever, complex)
+
+
+def lean(motion: Motion, joint: Joint) -> np.ndarray:
+    """Angle (N,) rad by which a pin with clearance lies beside its reaction: that of the friction in its contact."""
+    return math.atan(joint.friction) * motion.slip_sign(joint)
 
 
 def friction(

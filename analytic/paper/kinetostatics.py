@@ -99,8 +99,7 @@ def kinetostatics(
     inertia: bool = True,
     grip: np.ndarray | None = None,
     *,
-    loose: Sequence[Block] = (),
-    how: np.ndarray | None = None,
+    loose: Sequence[Rubbing] = (),
     locked: Literal["refused", "blank"] = "refused",
 ) -> Reactions:
     """Reactions and drive torque for gravity, loads, joint springs, friction, dampers and, with ``inertia``, motion.
@@ -108,8 +107,8 @@ def kinetostatics(
     Without ``inertia`` the linkage is in static equilibrium at each angle; the motion's velocities then only give
     dry friction its direction and dampers do nothing.  ``grip`` (N,) is the share of the friction that acts: 1
     unless the linkage sticks.  A motion that compiled code has found is balanced by compiled code, every other by
-    :func:`kinetostatics_by_numpy`; they differ by rounding.  ``loose`` are blocks with clearance, whose corners rub if
-    they have friction, and which rest ``how`` (blocks,); left out, as these reactions ask them to.
+    :func:`kinetostatics_by_numpy`; they differ by rounding.  ``loose`` are joints whose contacts have friction, in
+    clearances that the motion may have as gaps; all others rub that have no clearance.
     Raises AssemblyError where friction that grows with reactions locks the linkage, unless that is to be left
     ``blank``: NaN.
     """
@@ -121,9 +120,7 @@ def kinetostatics(
         forces = dict(zip([j.name for j in s.mechanism.joints], balanced.forces, strict=True))
         moments = dict(zip(s.slides, balanced.moments, strict=True))
         found = _told(motion, forces, moments, balanced.drives, _loose(motion))
-    ways = [None] * len(loose) if how is None else how.tolist()
-    rubbing = [Rubbing(b.joint, b, way) for b, way in zip(loose, ways, strict=True) if b.joint.friction]
-    return _rubbed(found, [*rubbing, *_tight(motion, {b.joint.name for b in loose})], grip, locked)
+    return _rubbed(found, [*loose, *_tight(motion, {each.joint.name for each in loose})], grip, locked)
 
 
 def _tight(motion: Motion, loose: Collection[str]) -> list[Rubbing]:
@@ -158,7 +155,7 @@ def _rubbed(
             forces={joint: force[block] for joint, force in forces.items()},
             moments={joint: moment[block] for joint, moment in moments.items()},
         )
-        units = [_of_a_unit(part.motion, each.joint) for each in rubbing]
+        units = [_of_a_unit(part.motion, each) for each in rubbing]
         size, locks = friction(part, units, rubbing, 1.0 if grip is None else grip[block])
         if locks.any() and locked == "refused":
             at, fields = float(part.motion.theta[locks][0]), " or ".join(each.joint.load_law for each in rubbing)
@@ -178,9 +175,15 @@ def _rubbed(
     return replace(_told(found.motion, forces, moments, efforts, found.undetermined), rubbed=rubbed)
 
 
-def _of_a_unit(motion: Motion, joint: Joint) -> Reactions:
-    """Reactions to a unit of a joint's friction, N.m or N along its guide, on its second body."""
-    return of_springs(motion, {joint.name: np.ones(motion.theta.size)}, ())
+def _of_a_unit(motion: Motion, rubbing: Rubbing) -> Reactions:
+    """Reactions to a unit of a joint's friction, N.m or N along its guide."""
+    s, n, joint = motion.structure, motion.theta.size, rubbing.joint
+    work, turning = np.zeros((s.n_columns, n), complex), np.zeros((len(s.bodies), n))
+    along = {name: np.full(n, float(name == joint.name)) for name in s.slides}
+    if not joint.prismatic:
+        for body, side in zip(joint.bodies, rubbing.sides, strict=True):
+            turning[s.body_column(body)] += side
+    return _told(motion, *_carried(motion, work, turning, along), _loose(motion))
 
 
 def kinetostatics_by_numpy(motion: Motion, inertia: bool = True, grip: np.ndarray | None = None) -> Reactions:

@@ -111,7 +111,7 @@ def _diagnosed(data: Measured, options: Options) -> tuple[Diagnosis, Proposal | 
     data, unfitted = parted(on_one_turn(data))
     rigid = data.mechanism.rigid()
     with noted() as warned:
-        warn_of_friction(data.mechanism, "contact", "driven", analytic=True)
+        warn_of_friction(data.mechanism, "contact", "driven")
     problem = Problem.of(data, rigid, options)
     explanation = problem.explanation()
     if rigid != data.mechanism and not rigid.cranked:

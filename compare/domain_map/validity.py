@@ -122,7 +122,7 @@ def gridded(  # noqa: PLR0913 - as validity
         if blocks:
             check_request(Request(widest, joint_model, crank_angle=np.zeros(1)))
         able, left_out = capable(simulators, joint_model, widest if blocks else m)
-        warn_of_friction(widest, joint_model, "driven", analytic=True)
+        warn_of_friction(widest, joint_model, "driven")
     return Grid(
         m,
         at,

@@ -25,7 +25,6 @@ STIFFEST = 1e30  # N/m, of those
 DAMPING_RATIO = 0.5  # of the lighter link on that stiffness, where the mechanism gives neither damping nor restitution
 BEARING_RATIO = 0.01  # the same of a soft bearing
 TOO_DEEP = 0.1  # of the shortest link at a joint: a pin that is deeper in its bearing is in none
-PIN_RADIUS = 0.01  # m, where the mechanism gives none; matters only with friction
 SLOWEST_TOUCH = 1e-3  # of the linkage's length times its rate: slower touches are damped as one of that speed
 
 

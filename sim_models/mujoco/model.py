@@ -13,7 +13,7 @@ import numpy as np
 
 from analytic.mechanism import GROUND, Body, Joint, Mechanism
 from analytic.mechanism.signals import driving
-from sim_models.common.contact_laws import PIN_RADIUS, bearing, lighter_mass
+from sim_models.common.contact_laws import bearing, lighter_mass
 from sim_models.common.guide import Guide
 from sim_models.common.start import Pose
 from sim_models.common.tree import Branch
@@ -173,11 +173,7 @@ class MujocoLinkage:
         }
         self.size = max(b.length for b in self.mechanism.bodies) or 1.0  # m
         self.touching: list[str] = []  # joints in contact, in the order of MuJoCo's contacts
-        self.radii = {
-            n: (j.clearance, (j.pin_radius or PIN_RADIUS) + j.clearance)
-            for n in self.contacts
-            for j in [self.mechanism.joint(n)]
-        }
+        self.radii = {n: (j.clearance, j.rim + j.clearance) for n in self.contacts for j in [self.mechanism.joint(n)]}
         self.rubbing = [(j, self.between(j)) for j in joints if j.rubs]  # each with the form of its coordinate
 
     def _drives(self) -> dict[str, Drive]:

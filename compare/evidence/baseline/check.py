@@ -95,7 +95,7 @@ def _each(work: Work, cases: Cases | None, simulators: Simulators, folder: Path,
     mechanisms = [(linkage(case), case.name if isinstance(case, Mechanism) else str(case)) for case in wanted]
     names, left_out = asked(simulators)
     for mechanism, _ in mechanisms:
-        warn_of_friction(mechanism, None, "static", analytic=False)
+        warn_of_friction(mechanism, None, "static")
     entries = []
     for mechanism, typed in mechanisms:
         for name in names:
