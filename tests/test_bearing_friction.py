@@ -139,6 +139,9 @@ def test_a_pin_with_clearance_lies_beside_its_reaction_and_is_rubbed_where_it_to
     moment = (np.conj(span * arm) * wide).imag + (np.conj(centre * arm) * weight).imag
     rub = -slip * (r + c) * np.sin(np.arctan(mu)) * np.abs(wide)
     np.testing.assert_allclose(moment + rub, 0.0, atol=1e-10)
+    both = displaced(Assembly(m.with_joint("B", friction_radius=2e-3)), theta, m.speed or 1.0, inertia=False).ideal
+    circle = 2e-3 + r * np.sin(np.arctan(mu))
+    np.testing.assert_allclose(np.abs(both.rubbed["B"]), circle * np.abs(both.forces["B"]), rtol=1e-11)
 
 
 @pytest.mark.mujoco

@@ -9,9 +9,11 @@ such pin on the rim of its clearance circle and close the linkage again with tho
 A bearing of radial stiffness k lets its pin give by reaction over k beside: gap = (c / |F| + 1 / k) F.  It does so as
 fast as the reaction changes, for its own vibration is left out.
 
+A pin that rubs lies beside its reaction by the angle of friction (:mod:`analytic.paper.friction`).
+
 Both presume contact at all times.  Where a reaction passes near zero it has no direction: such angles are flagged.
-"Near" is relative to the joint's largest reaction at the linkage's usual crank angles: whether an angle is flagged does
-not depend on the other angles asked for.
+"Near" is relative to the joint's largest reaction at the linkage's usual crank angles, but for those at which friction
+locks it: whether an angle is flagged does not depend on the other angles asked for.
 """
 
 from __future__ import annotations
@@ -308,13 +310,7 @@ def _usually(
     fastest, hardest = (float(x[np.argmax(np.abs(x))]) for x in (omega, alpha))
     motion = kinematics(assembly, usual_angles(assembly), fastest, hardest)
     found = kinetostatics(motion, inertia, loose=loose, locked="blank")
-    moves = np.isfinite(found.drive_torque)
-    return replace(
-        found,
-        motion=motion.part(moves),
-        forces={name: force[moves] for name, force in found.forces.items()},
-        moments={name: moment[moves] for name, moment in found.moments.items()},
-    )
+    return found.part(np.isfinite(found.drive_torque))
 
 
 def _on_the_border(solve: _Solve, ideal: Reactions, drive: np.ndarray) -> dict[int, str]:

@@ -45,12 +45,17 @@ class Rubbing:
             return self.joint.friction
         if not self.clearance:
             return self.joint.load_coefficient
-        return self.joint.rim * math.sin(math.atan(self.joint.friction))
+        return self.joint.friction_radius + self.joint.rim * self.beside
+
+    @property
+    def beside(self) -> float:
+        """Sine of the angle of friction."""
+        return math.sin(math.atan(self.joint.friction))
 
     @property
     def sides(self) -> tuple[float, float]:
-        """What a unit of it does on the first body and on the second."""
-        return -1.0, 1.0 + self.clearance / self.joint.rim
+        """What a unit of a pin's does on the first body and on the second."""
+        return -1.0, 1.0 + self.clearance * self.beside / self.coefficient
 
     def load(self, found: Reactions) -> np.ndarray:
         """What presses it (N,) N, complex: the pin's reaction, or across a block and, over L/2, what turns it."""

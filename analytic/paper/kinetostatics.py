@@ -60,6 +60,23 @@ class Reactions:
         torque = f"drive torque {largest(self.drive_torque, 'N.m')}"
         return one_line(self, self.motion.structure.mechanism.name, angles(self.motion.theta), forces, torque)
 
+    def part(self, at: slice | np.ndarray) -> Reactions:
+        """The same at some of its instants (a slice: views of its arrays; or indices, or which)."""
+
+        def some(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+            return {name: values[at] for name, values in arrays.items()}
+
+        return Reactions(
+            self.motion.part(at),
+            some(self.forces),
+            some(self.moments),
+            self.drive_torque[at],
+            some(self.drive_loads),
+            self.undetermined,
+            self.efforts[:, at],
+            some(self.rubbed),
+        )
+
     def signals(self) -> dict[str, np.ndarray]:
         """Every signal of the contract that an ideal or displaced configuration has, by name (SI units)."""
         return {one.name: values for one, values in self._signals()}
@@ -149,12 +166,7 @@ def _rubbed(
     forces, moments = dict(found.forces), dict(found.moments)
     efforts, rubbed = found.efforts.copy(), {each.joint.name: np.empty(found.efforts.shape[1]) for each in rubbing}
     for block in blocks(found.motion.theta.size):
-        part = replace(
-            found,
-            motion=found.motion.part(block),
-            forces={joint: force[block] for joint, force in forces.items()},
-            moments={joint: moment[block] for joint, moment in moments.items()},
-        )
+        part = found.part(block)
         units = [_of_a_unit(part.motion, each) for each in rubbing]
         size, locks = friction(part, units, rubbing, 1.0 if grip is None else grip[block])
         if locks.any() and locked == "refused":
