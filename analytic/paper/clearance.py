@@ -12,8 +12,8 @@ fast as the reaction changes, for its own vibration is left out.
 A pin that rubs lies beside its reaction by the angle of friction (:mod:`analytic.paper.friction`).
 
 Both presume contact at all times.  Where a reaction passes near zero it has no direction: such angles are flagged.
-"Near" is relative to the joint's largest reaction at the linkage's usual crank angles, but for those at which friction
-locks it: whether an angle is flagged does not depend on the other angles asked for.
+"Near" is relative to the joint's largest reaction at the linkage's usual crank angles, without the friction that grows
+with it and may lock the linkage there: whether an angle is flagged does not depend on the other angles asked for.
 """
 
 from __future__ import annotations
@@ -197,11 +197,9 @@ class _Solve:
         k = len(self.assembly.structure.inputs)
         theta, omega, alpha, here = np.split(drive[: self.rows], (k, 2 * k, 3 * k))
         motion = kinematics(linkage, theta, omega, alpha, gaps, self.path or Followed(here))
-        return kinetostatics(motion, self.inertia, loose=self.rubbing(how if self.finite else None))
-
-    def rubbing(self, how: np.ndarray | None = None) -> list[Rubbing]:
-        """What rubs in these clearances; blocks as they rest ``how`` (blocks,)."""
-        return loose_friction(self.assembly.mechanism, self.sizes, self.blocks, how)
+        ways = how if self.finite else None
+        loose = loose_friction(self.assembly.mechanism, self.sizes, self.blocks, ways)
+        return kinetostatics(motion, self.inertia, loose=loose)
 
 
 def _with_blocks(pins: _Pins, drive: np.ndarray, found: Displaced, turning: bool) -> Displaced:
@@ -296,21 +294,17 @@ def faint_reactions(assembly: Assembly, omega: np.ndarray, alpha: np.ndarray, in
     """By revolute joint the reaction (N) up to which it has no direction, at the fastest of these speeds (rad/s) and
     accelerations (rad/s^2).
 
-    It is a share of the joint's largest at the linkage's usual crank angles, but for those at which it locks.
+    It is a share of the joint's largest at the linkage's usual crank angles.
     """
     return _faint(_usually(assembly, omega, alpha, inertia), np.max)
 
 
-def _usually(
-    assembly: Assembly, omega: np.ndarray, alpha: np.ndarray, inertia: bool, loose: Sequence[Rubbing] = ()
-) -> Reactions:
+def _usually(assembly: Assembly, omega: np.ndarray, alpha: np.ndarray, inertia: bool) -> Reactions:
     """Reactions at the linkage's usual crank angles at the fastest of these speeds (rad/s) and accelerations (rad/s^2);
-    none at those at which friction locks it, whatever angles are asked for.
+    without the friction that grows with them, which may lock it at some, and is beyond measure beside those.
     """
     fastest, hardest = (float(x[np.argmax(np.abs(x))]) for x in (omega, alpha))
-    motion = kinematics(assembly, usual_angles(assembly), fastest, hardest)
-    found = kinetostatics(motion, inertia, loose=loose, locked="blank")
-    return found.part(np.isfinite(found.drive_torque))
+    return kinetostatics(kinematics(assembly, usual_angles(assembly), fastest, hardest), inertia, rubs=False)
 
 
 def _on_the_border(solve: _Solve, ideal: Reactions, drive: np.ndarray) -> dict[int, str]:
@@ -319,12 +313,12 @@ def _on_the_border(solve: _Solve, ideal: Reactions, drive: np.ndarray) -> dict[i
     """
     usual = ideal
     if solve.path is not None:
-        usual = _usually(solve.assembly, drive[1], drive[2], solve.inertia, solve.rubbing())
+        usual = _usually(solve.assembly, drive[1], drive[2], solve.inertia)
     flags: dict[int, str] = {}
-    largest = max(float(np.abs(force).max(initial=0.0)) for force in usual.forces.values())
+    largest = max(float(np.abs(force).max()) for force in usual.forces.values())
     for name, block in solve.blocks.items():
         work = np.maximum(*block.work(usual))
-        peak = float(np.median(work) if solve.path is None else work.max(initial=0.0))
+        peak = float(np.median(work) if solve.path is None else work.max())
         apart = np.abs(np.subtract(*block.work(ideal)))
         for i in np.flatnonzero(apart <= max(NO_DIRECTION * peak, ROUNDING * largest * block.clearance)):
             flags.setdefault(

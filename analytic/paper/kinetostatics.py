@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Literal
 
 import numpy as np
 
@@ -117,7 +116,7 @@ def kinetostatics(
     grip: np.ndarray | None = None,
     *,
     loose: Sequence[Rubbing] = (),
-    locked: Literal["refused", "blank"] = "refused",
+    rubs: bool = True,
 ) -> Reactions:
     """Reactions and drive torque for gravity, loads, joint springs, friction, dampers and, with ``inertia``, motion.
 
@@ -125,9 +124,9 @@ def kinetostatics(
     dry friction its direction and dampers do nothing.  ``grip`` (N,) is the share of the friction that acts: 1
     unless the linkage sticks.  A motion that compiled code has found is balanced by compiled code, every other by
     :func:`kinetostatics_by_numpy`; they differ by rounding.  ``loose`` are joints whose contacts have friction, in
-    clearances that the motion may have as gaps; all others rub that have no clearance.
-    Raises AssemblyError where friction that grows with reactions locks the linkage, unless that is to be left
-    ``blank``: NaN.
+    clearances that the motion may have as gaps; all others rub that have no clearance.  Unless the linkage ``rubs``,
+    friction that grows with reactions is left out.
+    Raises AssemblyError where that friction locks the linkage.
     """
     balanced = run.balanced(motion.assembly, motion.moved, inertia, grip) if motion.compiled else None
     if balanced is None:
@@ -137,7 +136,7 @@ def kinetostatics(
         forces = dict(zip([j.name for j in s.mechanism.joints], balanced.forces, strict=True))
         moments = dict(zip(s.slides, balanced.moments, strict=True))
         found = _told(motion, forces, moments, balanced.drives, _loose(motion))
-    return _rubbed(found, [*loose, *_tight(motion, {each.joint.name for each in loose})], grip, locked)
+    return _rubbed(found, [*loose, *_tight(motion, {each.joint.name for each in loose})], grip) if rubs else found
 
 
 def _tight(motion: Motion, loose: Collection[str]) -> list[Rubbing]:
@@ -150,9 +149,7 @@ def _tight(motion: Motion, loose: Collection[str]) -> list[Rubbing]:
     ]
 
 
-def _rubbed(
-    found: Reactions, rubbing: Sequence[Rubbing], grip: np.ndarray | None, locked: Literal["refused", "blank"]
-) -> Reactions:
+def _rubbed(found: Reactions, rubbing: Sequence[Rubbing], grip: np.ndarray | None) -> Reactions:
     """Reactions with the friction of joints that rub, from those without.  Raises AssemblyError."""
     if not rubbing:
         return found
@@ -169,7 +166,7 @@ def _rubbed(
         part = found.part(block)
         units = [_of_a_unit(part.motion, each) for each in rubbing]
         size, locks = friction(part, units, rubbing, 1.0 if grip is None else grip[block])
-        if locks.any() and locked == "refused":
+        if locks.any():
             at, fields = float(part.motion.theta[locks][0]), " or ".join(each.joint.load_law for each in rubbing)
             raise AssemblyError(
                 f"{name}: the friction that its reactions give locks the linkage at crank angle {np.degrees(at):.6g}"
@@ -177,7 +174,6 @@ def _rubbed(
                 at,
                 f"make {fields} smaller, or keep clear of that angle",
             )
-        size[:, locks] = np.nan
         for each, own, unit in zip(rubbing, size, units, strict=True):
             rubbed[each.joint.name][block] = own
             efforts[:, block] += own * unit.efforts
@@ -200,7 +196,7 @@ def _of_a_unit(motion: Motion, rubbing: Rubbing) -> Reactions:
 
 def kinetostatics_by_numpy(motion: Motion, inertia: bool = True, grip: np.ndarray | None = None) -> Reactions:
     """What :func:`kinetostatics` gives, by numpy alone: what the compiled code is held against."""
-    return _rubbed(_by_numpy(motion, inertia, grip), _tight(motion, ()), grip, "refused")
+    return _rubbed(_by_numpy(motion, inertia, grip), _tight(motion, ()), grip)
 
 
 def _by_numpy(motion: Motion, inertia: bool, grip: np.ndarray | None) -> Reactions:

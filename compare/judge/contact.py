@@ -102,19 +102,19 @@ def contact(
 
 
 def ideal_peaks(mechanism: Mechanism) -> dict[str, float]:
-    """The largest reaction (N) by joint of the ideal linkage in motion, at its usual crank angles at which friction
-    does not lock it; of a block with clearance, the largest force that this and its moment put on one of its corners.
+    """The largest reaction (N) by joint of the ideal linkage in motion, at its usual crank angles, without friction
+    that grows with it; of a block with clearance, the largest force that this and its moment put on one of its corners.
     """
     assembly = Assembly(mechanism.ideal())
     motion = kinematics(assembly, usual_angles(assembly), mechanism.speed or 1.0)
-    found = kinetostatics(motion, locked="blank")
+    found = kinetostatics(motion, rubs=False)
     forces = {name: np.abs(force) for name, force in found.forces.items()}
     for joint in (mechanism.joint(name) for name in mechanism.loose_guides):
         guide = Guide.of(joint)
         assert guide is not None  # of all that have clearance
         across = dot(1j * joint.direction * np.exp(1j * motion.angle(joint.bodies[0])), found.forces[joint.name])
         forces[joint.name] = guide.hardest(across, found.moments[joint.name])
-    return {name: float(force[np.isfinite(force)].max(initial=0.0)) for name, force in forces.items()}
+    return {name: float(force.max()) for name, force in forces.items()}
 
 
 def revolutions(turned: np.ndarray) -> np.ndarray:
