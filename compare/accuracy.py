@@ -27,6 +27,7 @@ from compare.arguments import (
     names,
     noted,
     one_of,
+    warn_of_friction,
     whole,
 )
 from compare.faults import ArgumentError
@@ -63,6 +64,7 @@ def accuracy(  # noqa: PLR0913 - what a person may ask, by name
     named = None if outputs is None else names(outputs, "outputs")
     with noted() as warned:
         m = linkage(mechanism, clearance, large=flag(large, "large"))
+        warn_of_friction(m, None, motion or "driven", engines=False)
         assembly = Assembly(m)
         found = accuracy_at(
             assembly,

@@ -27,6 +27,7 @@ from compare.arguments import (
     over_time,
     rigidly_and_evenly_driven,
     timed,
+    warn_of_friction,
 )
 from compare.faults import ArgumentError
 from compare.judge.closer import too_soft
@@ -79,6 +80,7 @@ def analyse(  # noqa: PLR0913 - what a person may ask, by name
     with noted() as warned:
         given = linkage(mechanism, clearance, large=flag(large, "large"))
         m = given if compliance else rigidly_and_evenly_driven(given)
+        warn_of_friction(m, None, motion, engines=False)
         assembly = Assembly(m)
         moved = timed(assembly, times, course, path)
         if moved is not None:
@@ -151,6 +153,7 @@ def simulate(  # noqa: PLR0913 - what a person may ask, by name
     with noted() as warned:
         m = rigidly_and_evenly_driven(linkage(mechanism, clearance, large=flag(large, "large")))
         name = one_engine(simulator)
+        warn_of_friction(m, joint_model, motion)
         moved = timed(Assembly(m), times, course, path)
         asked = request(m, joint_model, motion, angles, moved)
         trace = answered(name, asked, engine(name).simulate)

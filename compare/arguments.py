@@ -21,7 +21,7 @@ import numpy as np
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.structure import StructureError
-from analytic.mechanism import Mechanism
+from analytic.mechanism import Joint, Mechanism
 from analytic.mechanism.errors import MechanismError, quoted
 from analytic.mechanism.file import load
 from compare.faults import ArgumentError, DegreesWarning, no_pin
@@ -197,6 +197,41 @@ def loose(mechanism: Mechanism, joint_model: JointModel | None) -> None:
     if joint_model not in (None, "ideal") and not mechanism.clearances:
         why = f"{joint_model} joints need clearance; {mechanism.name} has none; give `clearance` (m by joint)"
         raise ArgumentError("joint_model", why)
+
+
+def warn_of_friction(
+    mechanism: Mechanism, joint_model: JointModel | None, motion: Motion, *, engines: bool = True
+) -> None:
+    """Warn of a coefficient of friction that does nothing; of friction in the contact of joints with clearance that the
+    other joint models of ``engines`` leave out, as they have no contact that rubs; of the radius that is assumed of a
+    pin; and of blocks that jam.
+    """
+    name, touching = mechanism.name, joint_model in (None, "contact")
+    if engines and motion == "driven" and touching:
+        for joint in jamming(mechanism):
+            text = f"{name}: friction = {joint.friction:g} of joint {joint.name} is no less than its block is"
+            lever = f"longer than high ({joint.jams_from:g}), and turns it harder than its walls turn it back"
+            warnings.warn(f"{text} {lever}: it tips, and may bounce, jam or come apart", stacklevel=4)
+    pins = [joint for joint in mechanism.joints if joint.friction and not joint.prismatic]
+    for joint in pins:
+        if not joint.clearance and (joint.friction_radius or not joint.pin_radius):
+            why = (
+                "beside its friction_radius" if joint.friction_radius else "as it has neither clearance nor pin_radius"
+            )
+            text = f"{name}: friction of joint {joint.name} does nothing, {why}"
+            warnings.warn(f"{text}; give pin_radius (m) or friction_radius (m), the one or the other", stacklevel=4)
+        if joint.clearance and joint.pin_radius is None and touching:
+            text = f"{name}: joint {joint.name} has friction and no pin_radius; its contact rubs at"
+            warnings.warn(f"{text} {1e3 * joint.rim:g} mm, which is assumed", stacklevel=4)
+    rough = ", ".join(joint.name for joint in mechanism.joints if joint.rough)
+    if engines and rough and joint_model != "contact":
+        text = f"{name}: friction of {rough} is in contact joints only; the other joint models leave it out"
+        warnings.warn(text, stacklevel=4)
+
+
+def jamming(mechanism: Mechanism) -> list[Joint]:
+    """The blocks with clearance whose corners rub so hard that they may jam."""
+    return [joint for joint in mechanism.joints if joint.rough and joint.friction >= joint.jams_from]
 
 
 def metres(given: object, mechanism: Mechanism, called: str) -> dict[str, float]:

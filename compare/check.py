@@ -38,6 +38,7 @@ from compare.arguments import (
     path,
     processes,
     rigidly_and_evenly_driven,
+    warn_of_friction,
 )
 from compare.crosscheck import Job, Ran, concluded, judged, run_all
 from compare.diagnose.data.quality import REVERSED, looks
@@ -115,6 +116,7 @@ def check(  # noqa: PLR0913 - what a person may ask, by name
         names, left_out = engines(simulators) if simulators is not None else ((), [])
         loose(given, chosen)
         model: JointModel = chosen or ("contact" if given.clearances else "ideal")
+        warn_of_friction(given, model, motion)
         tables = _tables(result_files(results), given, layout, str(map), timed=motion == "driven" or not given.cranked)
         recordings = [recording(name, file, table, given, motion, model) for name, file, table in tables]
     uneven = any(one.kind == "course" for one in recordings)
@@ -334,7 +336,8 @@ class _Asked:
 def _side(one: Recording, mechanism: Mechanism, motion: Motion, joint_model: JointModel, model: Model) -> Reference:
     """The analytic side at a recording's samples, by what is known of its motion.  Raises AssemblyError."""
     clearances = {} if joint_model == "ideal" else mechanism.clearances
-    assembly = Assembly(mechanism)
+    rubs = joint_model in ("ideal", "contact")
+    assembly = Assembly(mechanism if rubs else mechanism.without_contact_friction())
     if isinstance(one.moved, Start):
         since = one.table.time - one.table.time[0]
         return released_reference(assembly, since, (one.moved.angle, one.moved.rate), one.moved.errors)

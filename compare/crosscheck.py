@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
-from analytic.mechanism import Joint, Mechanism
+from analytic.mechanism import Mechanism
 from analytic.mechanism.assumed import Assumed, assumed
 from analytic.mechanism.signals import Signal
 from analytic.paper.clearance import MODELS, Model
@@ -32,6 +32,7 @@ from compare.arguments import (
     engines,
     every_one,
     flag,
+    jamming,
     laid_over,
     linkage,
     loose,
@@ -41,6 +42,7 @@ from compare.arguments import (
     processes,
     rigidly_and_evenly_driven,
     timed,
+    warn_of_friction,
     whole,
     with_map,
 )
@@ -264,34 +266,9 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
     )
 
 
-def warn_of_friction(mechanism: Mechanism, joint_model: JointModel | None, motion: Motion = "driven") -> None:
-    """Warn of friction coefficients that do nothing: they act between a pin and its bearing, or a block's corners and
-    their guide, in contact joints; and of those with which a block jams.
-    """
-    if motion == "driven" and joint_model in (None, "contact"):
-        for joint in _jamming(mechanism):
-            text = f"{mechanism.name}: friction = {joint.friction:g} of joint {joint.name} is no less than its block is"
-            lever = f"longer than high ({joint.jams_from:g}), and turns it harder than its walls turn it back"
-            warnings.warn(f"{text} {lever}: it tips, and may bounce, jam or come apart", stacklevel=4)
-    touching = [j for j in mechanism.joints if j.friction and (not j.prismatic or j.guide is not None)]
-    for joint in (j for j in touching if not j.clearance):
-        name, unit = joint.name, "N" if joint.prismatic else "N.m"
-        text = f"{mechanism.name}: friction of joint {name} does nothing, as {name} has no clearance"
-        warnings.warn(f"{text}; give it clearance (m), or friction_torque ({unit}) in place of friction", stacklevel=4)
-    rough = ", ".join(j.name for j in touching if j.rough)
-    if rough and joint_model != "contact":
-        text = f"{mechanism.name}: friction of {rough} is in contact joints only; the other joint models leave it out"
-        warnings.warn(text, stacklevel=4)
-
-
-def _jamming(mechanism: Mechanism) -> list[Joint]:
-    """The blocks with clearance whose corners rub so hard that they may jam."""
-    return [joint for joint in mechanism.joints if joint.rough and joint.friction >= joint.jams_from]
-
-
 def _with_jam(failed: Failure, mechanism: Mechanism, motion: Motion) -> Failure:
     """A failure of a run in which a block may have jammed, with what helps then."""
-    blocks = _jamming(mechanism) if motion == "driven" and failed.joint_model == "contact" else []
+    blocks = jamming(mechanism) if motion == "driven" and failed.joint_model == "contact" else []
     less = "".join(
         f"; or give joint {joint.name} friction below {joint.jams_from:g}, its block's length over its height, from"
         " which on it jams"
@@ -393,7 +370,7 @@ def crosscheck_job(
     job = replace(job, warnings=(*job.warnings, *(f"left out: {name} has no {lacks}" for name in idle)))
     smooth = {model: _smooth(job.mechanism, model) for model in JOINT_MODELS}
     sides = {
-        key: _side(job, Assembly(job.mechanism.without_corner_friction()) if key[1] else assembly, key[0], measure)
+        key: _side(job, Assembly(job.mechanism.without_contact_friction()) if key[1] else assembly, key[0], measure)
         for key in {(request.joint_model == "ideal", smooth[request.joint_model]) for _, request in tasks}
     }
     job = replace(job, warnings=(*job.warnings, *dict.fromkeys(r for side in sides.values() for r in side.remarks)))
@@ -406,8 +383,8 @@ def crosscheck_job(
 
 
 def _smooth(mechanism: Mechanism, joint_model: JointModel) -> bool:
-    """Whether joints of this model leave out the friction of blocks' corners, which the mechanism has."""
-    return joint_model not in ("ideal", "contact") and any(mechanism.joint(n).rough for n in mechanism.loose_guides)
+    """Whether joints of this model leave out the friction of contacts, which the mechanism has."""
+    return joint_model not in ("ideal", "contact") and any(joint.rough for joint in mechanism.joints)
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,19 @@ from analytic.paper.envelope import Output
 from analytic.paper.frame import ComplianceError
 from analytic.paper.kinetostatics import kinetostatics
 from compare.accuracy import named_outputs, versions
-from compare.arguments import Linkage, Metres, Names, Numbers, flag, linkage, names, noted, number, timed
+from compare.arguments import (
+    Linkage,
+    Metres,
+    Names,
+    Numbers,
+    flag,
+    linkage,
+    names,
+    noted,
+    number,
+    timed,
+    warn_of_friction,
+)
 from compare.faults import ArgumentError
 from compare.judge.courses import Courses
 from compare.judge.grid import parse_workspace
@@ -64,6 +76,7 @@ def platform_accuracy(  # noqa: PLR0913 - what a person may ask, by name
     named = None if outputs is None else names(outputs, "outputs")
     with noted() as warned:
         m = linkage(mechanism, clearance, large=flag(large, "large"))
+        warn_of_friction(m, None, "driven", engines=False)
         assembly = Assembly(m)
         if assembly.structure.free:
             raise ArgumentError("mechanism", f"{m.name} has freedoms without a drive; give each one a drive")

@@ -29,7 +29,7 @@ JointModel = Literal["ideal", "massless-link", "spring-damper", "contact"]
 Motion = Literal["driven", "static"]
 Start = Literal["steady", "centred"]
 Feature = Literal[
-    "prismatic", "coulomb_friction", "stribeck_friction", "load_friction", "viscous_friction", "drag",
+    "prismatic", "coulomb_friction", "stribeck_friction", "load_friction", "guide_friction", "viscous_friction", "drag",
     "joint_spring", "nonlinear_spring", "contact_friction", "drive_compliance", "backlash", "periodic_torque",
     "soft_bearing", "course", "released", "several_drives", "point_spring",
     "contact_law", "guide_clearance",
@@ -44,6 +44,7 @@ IN_WORDS: Mapping[Feature, str] = {
     "coulomb_friction": "Coulomb friction of joints",
     "stribeck_friction": "Stribeck friction of joints",
     "load_friction": "friction of joints that grows with their reactions",
+    "guide_friction": "friction of blocks without clearance in their guides",
     "viscous_friction": "dampers in joints",
     "drag": "drag in joints",
     "joint_spring": "springs in joints",
@@ -588,14 +589,17 @@ def needed(request: Request) -> dict[Feature, str]:
     for joint in m.joints:
         at = f"of joint {joint.name!r}"
         soft = joint.radial_stiffness
-        rubs = touching and joint.rough
+        rubs, grows = touching and joint.rough, bool(joint.load_coefficient)
+        circle = joint.friction_radius
+        grown = f"friction_radius = {circle:g} {at}" if circle else f"friction = {joint.friction:g} {at}"
         block = joint.prismatic and joint.name in request.clearances
         named = moving and joint.contact_law is not None and joint.name in request.clearances
         asked: tuple[tuple[Feature, bool, str], ...] = (
             ("prismatic", joint.prismatic, f"the prismatic joint {joint.name!r}"),
             ("coulomb_friction", bool(joint.coulomb), f"friction_torque = {joint.coulomb:g} {at}"),
             ("stribeck_friction", joint.static_torque is not None, f"static_torque = {joint.stiction:g} {at}"),
-            ("load_friction", bool(joint.friction_radius), f"friction_radius = {joint.friction_radius:g} {at}"),
+            ("load_friction", grows and not joint.prismatic, grown),
+            ("guide_friction", grows and joint.prismatic, grown),
             ("viscous_friction", moving and bool(joint.damping), f"damping = {joint.damping:g} {at}"),
             ("drag", moving and bool(joint.drag), f"drag = {joint.drag:g} {at}"),
             ("joint_spring", bool(joint.stiffness), f"stiffness = {joint.stiffness:g} {at}"),

@@ -223,7 +223,7 @@ class Oracle:
             on = np.linalg.solve(matrix.transpose(0, 2, 1), -pushed[:, 1:].reshape(n, -1)[..., None])
             return on[..., 0]
 
-        on_bodies = self._rubbed(pushed, balanced, slips, omega)
+        on_bodies, rubbed = self._rubbed(q, pushed, balanced, slips, omega)
         forces, moments = {}, {}
         for k, j in enumerate(self.pins):  # the rows are first minus second
             forces[j.name] = -(on_bodies[:, 2 * k] + 1j * on_bodies[:, 2 * k + 1])
@@ -231,8 +231,9 @@ class Oracle:
         for k, j in enumerate(self.slides):
             across, hold = on_bodies[:, 2 * (len(self.pins) + k)], on_bodies[:, 2 * (len(self.pins) + k) + 1]
             along = -1j * (normal[:, k, 0] + 1j * normal[:, k, 1])
-            forces[j.name] = 1j * along * across + along * self._law(j, q, rate, omega, inertia)[0]
-            moments[j.name] = hold * self.span  # the force across passes through the second's point
+            drag, couple = rubbed.get(j.name, (0.0, 0.0))
+            forces[j.name] = 1j * along * across + along * (self._law(j, q, rate, omega, inertia)[0] + drag)
+            moments[j.name] = (hold + couple) * self.span  # the force across passes through the second's point
         reactions = [np.abs(f).max() for f in forces.values()]
         parts = applied[:, 1:], (self.masses * second * self.span * omega**2 * inertia)[:, 1:]
         largest = max([np.abs(on_bodies).max(), *reactions, *(np.abs(p).max() for p in parts)])
@@ -247,31 +248,64 @@ class Oracle:
 
     def _rubbed(
         self,
+        q: np.ndarray,
         pushed: np.ndarray,
         balanced: Callable[[np.ndarray], np.ndarray],
         slips: Mapping[str, np.ndarray],
         omega: float,
-    ) -> np.ndarray:
+    ) -> tuple[np.ndarray, dict[str, tuple[np.ndarray, np.ndarray]]]:
         """What balances these forces (N, bodies, 3) and the friction that reactions give, by repeating it with the last
-        one's.  Raises LeftOut where that does not settle.
+        one's; and by slide the force along it and the couple over the span (N,) N that this is.  Raises LeftOut where
+        that does not settle.
         """
-        last, joints = balanced(pushed), [(k, j) for k, j in enumerate(self.pins) if j.friction_radius]
-        for _ in range(400 if joints else 0):
+        last, radii = balanced(pushed), [j.friction_radius or j.friction * (j.pin_radius or 0.0) for j in self.pins]
+        blocks = [(k, j) for k, j in enumerate(self.slides) if j.guide is not None and j.friction]
+        ways = {name: np.where(np.abs(slip) > 1e-9, np.sign(slip * omega), 0.0) for name, slip in slips.items()}
+        found: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+        if not (any(radii) or blocks):
+            return last, found
+        for _ in range(400):
             rubbed = pushed.copy()
-            for k, joint in joints:
-                slip = slips[joint.name]
-                size = joint.friction_radius * np.hypot(last[:, 2 * k], last[:, 2 * k + 1]) / self.span
-                law = -size * np.where(np.abs(slip) > 1e-9, np.sign(slip * omega), 0.0)
-                first, second = (self.names.index(b) for b in joint.bodies)
-                rubbed[:, second, 2] += law
-                rubbed[:, first, 2] -= law
+            for k, (joint, radius) in enumerate(zip(self.pins, radii, strict=True)):
+                if radius:
+                    size = radius * np.hypot(last[:, 2 * k], last[:, 2 * k + 1]) / self.span
+                    first, second = (self.names.index(b) for b in joint.bodies)
+                    rubbed[:, second, 2] -= size * ways[joint.name]
+                    rubbed[:, first, 2] += size * ways[joint.name]
+            for k, joint in blocks:
+                across, hold = last[:, 2 * (len(self.pins) + k)], last[:, 2 * (len(self.pins) + k) + 1]
+                found[joint.name] = self._corners(joint, across, hold, ways[joint.name])
+                self._push_along(rubbed, q, joint, *found[joint.name])
             now = balanced(rubbed)
             change, last = np.abs(now - last).max(), now
-            if not change > 1e-14 * np.abs(now).max():
-                return last
-        if joints:
-            raise LeftOut("friction that grows with reactions does not settle")
-        return last
+            if change <= 1e-14 * np.abs(now).max():
+                return last, found
+        raise LeftOut("friction that grows with reactions does not settle")
+
+    def _corners(self, joint, across: np.ndarray, hold: np.ndarray, way: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Friction along a guide and its couple over the span (N,) N on a block whose walls push with a force across
+        and a couple over the span (N,): corner by corner, each rubbed where it is.
+        """
+        length, height = (size / self.span for size in joint.guide)
+        push = np.zeros((4, across.size))  # of the corners behind and in front, on the wall below and on that above
+        behind, front = across / 2 - hold / length, across / 2 + hold / length
+        for end, force in enumerate((behind, front)):
+            push[end] = np.maximum(force, 0.0)
+            push[2 + end] = np.maximum(-force, 0.0)
+        rub = -joint.friction * way * push
+        return rub.sum(axis=0), height / 2 * (rub[:2].sum(axis=0) - rub[2:].sum(axis=0))
+
+    def _push_along(self, out: np.ndarray, q: np.ndarray, joint, force: np.ndarray, couple: np.ndarray) -> None:
+        """Add a force along a slide at its second body's point, and a couple over the span, to what acts on both
+        bodies (N, bodies, 3).
+        """
+        first, second = (self.names.index(b) for b in joint.bodies)
+        along, _ = _turned(q[:, first, 2], np.array([joint.direction.real, joint.direction.imag]))
+        for sign, i, name in ((1, second, joint.bodies[1]), (-1, first, joint.bodies[0])):
+            arm = _turned(q[:, i, 2], np.array(self._arm(name, joint.name)))[0]
+            push = sign * force[:, None] * along
+            out[:, i, :2] += push
+            out[:, i, 2] += arm[:, 0] * push[:, 1] - arm[:, 1] * push[:, 0] + sign * couple
 
     def _complex(self, z: np.ndarray) -> np.ndarray:
         return (z[..., 0] + 1j * z[..., 1]) * self.span
@@ -296,7 +330,7 @@ class Oracle:
         size = self.span if joint.prismatic else 1.0
         rubs = np.where(np.abs(slip) > 1e-9 * size, np.sign(slip * omega), 0.0)
         stretch, speed = self._position(joint, q) - joint.rest_angle, slip * omega if moving else 0.0 * slip
-        dry = np.full(slip.shape, joint.friction_torque or joint.friction * joint.prismatic)
+        dry = np.full(slip.shape, joint.friction_torque or joint.friction * (joint.prismatic and joint.guide is None))
         if joint.stribeck_speed is not None:
             dry = dry + (joint.static_torque - dry) * np.exp(-((speed / joint.stribeck_speed) ** 2))
         law = -joint.stiffness * stretch - joint.cubic * stretch**3 - dry * rubs
@@ -321,24 +355,14 @@ class Oracle:
             out[:, driven, 2] += wave.amplitude * np.sin(wave.harmonic * q[:, driven, 2] + wave.phase) / self.span
         for joint in m.joints:
             law, slip = self._law(joint, q, rate, omega, moving)
-            if (
-                joint.friction_torque
-                or joint.friction * joint.prismatic
-                or joint.static_torque
-                or joint.friction_radius
-            ):
+            if joint.friction_torque or joint.friction or joint.static_torque or joint.friction_radius:
                 slips[joint.name] = slip
             first, second = (self.names.index(b) for b in joint.bodies)
             if not joint.prismatic:
                 out[:, second, 2] += law / self.span
                 out[:, first, 2] -= law / self.span
                 continue
-            along, _ = _turned(q[:, first, 2], np.array([joint.direction.real, joint.direction.imag]))
-            for sign, i, name in ((1, second, joint.bodies[1]), (-1, first, joint.bodies[0])):
-                arm = _turned(q[:, i, 2], np.array(self._arm(name, joint.name)))[0]
-                force = sign * law[:, None] * along
-                out[:, i, :2] += force
-                out[:, i, 2] += arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]
+            self._push_along(out, q, joint, law, np.zeros(law.shape))
         return out, slips
 
     def kinetic(self, rate: np.ndarray) -> np.ndarray:

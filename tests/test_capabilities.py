@@ -58,7 +58,7 @@ def mechanism(model: JointModel, feature: Feature | None) -> Mechanism:
     """A linkage with this feature, and clearance in joint B unless all joints are ideal."""
     if feature == "several_drives":
         return load("five-bar").with_clearances({} if model == "ideal" else {"P": 5e-4})
-    m = loaded("slider-crank" if feature in ("prismatic", "guide_clearance") else "paper")
+    m = loaded("slider-crank" if feature in ("prismatic", "guide_clearance", "guide_friction") else "paper")
     m = m.with_clearances({} if model == "ideal" else {"S" if feature == "guide_clearance" else "B": 5e-4})
     if feature == "guide_clearance":
         m = m.replace(bodies=(*m.bodies[:-1], m.bodies[-1].model_copy(update={"inertia": 1e-4})))
@@ -75,8 +75,9 @@ def mechanism(model: JointModel, feature: Feature | None) -> Mechanism:
     laws["soft_bearing"] = {"radial_stiffness": 1e5}
     if feature == "point_spring":
         return m.replace(springs=[{"bodies": ("crank", "follower"), "points": ("A", "E"), **SPRING}])
+    laws["guide_friction"] = {"friction": 0.3}
     if feature in laws:
-        return m.with_joint("A", **laws[feature])
+        return m.with_joint("S" if feature == "guide_friction" else "A", **laws[feature])
     drive = m.drive.model_dump(exclude_unset=True)
     drives = {
         "periodic_torque": {"periodic_torque": {"amplitude": 0.2, "harmonic": 7, "phase": 0.4}},
@@ -209,7 +210,7 @@ def test_what_is_declared_runs_and_shows(
             "drive_compliance",
             "backlash",
         )
-        plain = replace(request(pair, None), start=asked.start)
+        plain = replace(request(pair, "prismatic" if feature == "guide_friction" else None), start=asked.start)
         without = answer(name, what, plain, tmp_path / "without") if alters else {}
         assert shows(feature, pair, seen, without)
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, event, given, settings
+from hypothesis import strategies as st
 
 from analytic.compiled import run
 from analytic.kinematics.assembly import Assembly, AssemblyError
@@ -25,9 +26,10 @@ from analytic.mechanism.file import load
 from analytic.paper.clearance import displaced
 from analytic.paper.kinetostatics import Reactions, kinetostatics, kinetostatics_by_numpy
 from linkages import dyad_on_a_triad
+from marks import slow
 from maximal import SAME, Maximal, Posed
 from multiplier_oracle import JUMP, TINY, WORST_CONDITION, LeftOut, Oracle, Solved
-from random_linkages import WIDE, Ranges, Seeded, linkages, manipulator, seeded, turn
+from random_linkages import HUMAN, WIDE, Ranges, Seeded, linkages, manipulator, seeded, turn
 
 pytestmark = pytest.mark.filterwarnings("ignore::analytic.mechanism.MechanismWarning")
 
@@ -175,6 +177,36 @@ def test_what_random_linkages_have_found_stays_mended(seed: int) -> None:
 @given(linkages())
 def test_random_linkages_move_and_push_as_multipliers_say(m: Mechanism) -> None:
     event(assert_the_same_motion_and_forces(m))
+
+
+def rough(m: Mechanism, seed: int) -> Mechanism:
+    """The same whose pins and blocks rub by a coefficient, in place of all other dry friction of its slides."""
+    rng, size = np.random.default_rng(seed), max(b.length for b in m.bodies)
+    for joint in m.joints:
+        given = {"friction": float(rng.uniform(0.0, 0.15)), "friction_torque": 0.0, "clearance": 0.0}
+        if joint.prismatic:
+            guide = tuple(float(side) for side in size * rng.uniform((0.1, 0.02), (0.6, 0.1)))
+            m = m.with_joint(joint.name, guide=guide, **given)
+        elif not joint.friction_radius:
+            m = m.with_joint(joint.name, pin_radius=float(size * rng.uniform(0.001, 0.03)), **given)
+    return m
+
+
+ROUGH = (7, 9, 26, 32, 45, 49, 12, 16, 33, 44, 48, 51, 55, 57, 60, 64, 66)  # linkages with slides
+
+
+@pytest.mark.parametrize("seed", [*ROUGH[:6], *slow(*ROUGH[6:])])
+def test_pins_and_blocks_without_clearance_rub_as_multipliers_and_their_corners_say(seed: int) -> None:
+    m = rough(seeded(seed, HUMAN), seed)
+    assert any(joint.prismatic for joint in m.joints)
+    assert assert_the_same_motion_and_forces(m) == "compared"
+
+
+@pytest.mark.slow
+@QUICK
+@given(linkages(HUMAN), st.integers(0, 10**6))
+def test_random_pins_and_blocks_rub_as_multipliers_and_their_corners_say(m: Mechanism, seed: int) -> None:
+    event(assert_the_same_motion_and_forces(rough(m, seed)))
 
 
 @pytest.mark.slow

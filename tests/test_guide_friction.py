@@ -3,17 +3,30 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from analytic.beyond_paper.freedom import Freedom
+from analytic.beyond_paper.released import released
 from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.kinematics.motion import kinematics
 from analytic.mechanism import Load, Mechanism, MechanismError
 from analytic.mechanism.file import load, loads
-from analytic.paper.clearance import displaced
+from analytic.paper.clearance import Model, displaced, faint_reactions
+from analytic.paper.compliance import compliance
 from analytic.paper.guide import FLAT, TILTED
-from compare.crosscheck import crosscheck, warn_of_friction
+from analytic.paper.kinetostatics import kinetostatics
+from compare.accuracy import accuracy
+from compare.analyse import analyse, simulate
+from compare.arguments import warn_of_friction
+from compare.check import check
+from compare.crosscheck import crosscheck
 from compare.domain_map.validity import validity
+from compare.export import export
 from compare.judge.assumptions import failing_assumption
 from compare.judge.discrepancy import Scales, load_tolerances, run_rules
 from compare.judge.rocking import rocking as left_rocking
@@ -21,7 +34,8 @@ from compare.judge.signals import with_derived
 from compare.results.validity import Cell
 from marks import slow
 from sim_models.engine import JointModel, Motion, Request, Unsupported, declared, engine
-from test_guide_contact import ANGLES, FALLING, LOADS, STIFFNESS, check, slider_crank
+from test_guide_contact import ANGLES, FALLING, LOADS, STIFFNESS, slider_crank
+from test_guide_contact import check as assert_alike
 
 MU = 0.2
 BOTH = pytest.mark.parametrize("name", ["mujoco", "exudyn"])
@@ -121,19 +135,64 @@ def test_engines_and_the_analytic_model_have_the_same_friction(name: str, motion
     seen = dict(engine(name).simulate(asked).signals)
     found = displaced(Assembly(m), ANGLES, 10.0, inertia=motion == "driven")
     assert np.nanmax(np.abs(found.signals()["reaction_S_x"])) > 5.0
-    check(seen, found.signals(), set(found.flags), 3e-3 if name == "mujoco" else 0.06)
+    assert_alike(seen, found.signals(), set(found.flags), 3e-3 if name == "mujoco" else 0.06)
 
 
 def test_friction_that_locks_the_linkage_says_so() -> None:
     m = loaded(0.0, -10.0).with_joint("S", friction=4.0)
-    with pytest.raises(AssemblyError, match="friction at its block's corners locks the linkage at crank angle"):
+    with pytest.raises(AssemblyError, match="friction that its reactions give locks the linkage at crank angle"):
         displaced(Assembly(m), np.radians([20.0, 70.0, 130.0]), -10.0, inertia=False)
 
 
-def test_two_kinds_of_friction_that_grow_with_reactions_are_refused() -> None:
-    m = loaded(0.0, 10.0).with_joint("B", friction_radius=1e-3)
-    with pytest.raises(AssemblyError, match="friction_radius of joint 'B' and friction of the block of 'S' both grow"):
-        displaced(Assembly(m), np.radians([20.0]), 10.0, inertia=False)
+SHORT_ROD = """
+name = "short rod"
+ground = { points = { D = [0.0, 0.0], S = [0.0, 0.0] } }
+body = [
+  { name = "crank", points = { D = [0.0, 0.0], A = [0.1, 0.0] }, mass = 0.2 },
+  { name = "rod", points = { A = [0.0, 0.0], B = [0.105, 0.0] }, mass = 0.2 },
+  { name = "slider", points = { B = [0.0, 0.0], S = [0.0, 0.0] }, mass = 0.3, inertia = 1e-4 },
+]
+joint = [
+  { name = "D", type = "revolute", bodies = ["ground", "crank"] },
+  { name = "A", type = "revolute", bodies = ["crank", "rod"] },
+  { name = "B", type = "revolute", bodies = ["rod", "slider"] },
+  { name = "S", type = "prismatic", bodies = ["ground", "slider"], axis = [1.0, 0.0], guide = [0.05, 0.02] },
+]
+drive = { joint = "D", speed = -1.0 }
+load = [{ body = "slider", force = [-50.0, 0.0] }]
+assembly = { crank = 0.2, rod = -0.1903, slider = 0.0 }
+"""
+
+
+@pytest.mark.parametrize("model", ["equilibrium", "first_order"])
+def test_friction_that_locks_a_linkage_elsewhere_is_no_matter_here(model: Model) -> None:
+    """A weightless rod at the angle b: R cos b = 50 + mu R sin b; it locks where tan b = 1/mu, near 70 deg of crank."""
+    m = loads(SHORT_ROD).with_joint("S", clearance=1e-4, friction=0.5)
+    theta = np.radians([10.0, 15.0, 20.0])
+    found = displaced(Assembly(m), theta, -1.0, inertia=False, model=model)
+    assert not found.flags
+    if model == "equilibrium":
+        np.testing.assert_allclose(found.reactions.drive_torque, [-1.855, -2.898, -4.031], atol=5e-4)
+    gap = -1e-4 if model == "equilibrium" else 0.0  # by which the block is off the middle of its guide
+    lean = np.arcsin((0.1 * np.sin(theta) - gap) / 0.105)
+    torque = -50.0 / (np.cos(lean) - 0.5 * np.sin(lean)) * 0.1 * np.sin(theta + lean)
+    np.testing.assert_allclose(found.reactions.drive_torque, torque, rtol=1e-9)
+    with pytest.raises(AssemblyError, match="locks the linkage at crank angle 70 deg"):
+        displaced(Assembly(m), np.radians([10.0, 70.0]), -1.0, inertia=False, model=model)
+
+
+def test_pins_may_rest_in_their_clearance_where_friction_locks_a_linkage_elsewhere() -> None:
+    """What is too faint to have a direction is told by reactions that no friction makes grow beyond measure."""
+    m = loads(SHORT_ROD).with_clearances({"B": 1e-5}).with_joint("S", friction=0.5)
+    theta = np.radians([10.0, 15.0, 20.0])
+    found = displaced(Assembly(m), theta, -1.0, inertia=False)
+    assert not found.flags
+    lean = np.arcsin(0.1 * np.sin(theta) / 0.105)
+    torque = -50.0 / (np.cos(lean) - 0.5 * np.sin(lean)) * 0.1 * np.sin(theta + lean)
+    np.testing.assert_allclose(found.reactions.drive_torque, torque, rtol=1e-3)
+    lean = np.arcsin(0.1 / 0.105)
+    faint = faint_reactions(Assembly(m), np.array([-1.0]), np.zeros(1), False)["B"]
+    assert faint == pytest.approx(0.01 * 50.0 / np.cos(lean), rel=1e-3)  # of the smooth linkage, at 90 deg
 
 
 @pytest.mark.parametrize(("name", "motion"), [("mujoco", "static"), ("mujoco", "driven"), ("exudyn", "driven")])
@@ -263,7 +322,156 @@ def test_a_block_that_nothing_damps_rocks_for_ever_and_that_is_why_it_disagrees(
         assert (cell.cause, cell.swings) == ("quasi-static", True)
 
 
+# ------------------------------------------------------------------ without clearance
+
+PRESS = """
+name = "press"
+ground = { points = { O = [0.0, 0.0], S = [0.0, 0.0] } }
+body = [
+  { name = "crank", points = { O = [0.0, 0.0], A = [0.2, 0.0] }, mass = 1e-6 },
+  { name = "rod", points = { A = [0.0, 0.0], B = [0.8, 0.0] }, mass = 1e-6 },
+  { name = "slider", points = { B = [0.0, 0.0], S = [0.0, 0.0] }, mass = 1e-6 },
+]
+joint = [
+  { name = "O", type = "revolute", bodies = ["ground", "crank"] },
+  { name = "A", type = "revolute", bodies = ["crank", "rod"] },
+  { name = "B", type = "revolute", bodies = ["rod", "slider"] },
+  { name = "S", type = "prismatic", bodies = ["ground", "slider"], axis = [1, 0], guide = [0.1, 0.05], friction = 0.1 },
+]
+drive = { joint = "O", speed = -1.0 }
+load = [{ body = "slider", force = [-100.0, 0.0] }]
+assembly = { crank = 0.96, rod = -0.2, slider = 0.0 }
+"""
+AT_55 = np.radians([55.0])
+BLOCKS = [pytest.param(name, marks=getattr(pytest.mark, name)) for name in ("mujoco", "pybullet", "dart")]
+
+
+def pressed_by_hand() -> tuple[float, float]:
+    """Force (N) across on the block at 55 deg, and the crank's torque (N.m): N = R sin b, R cos b = 100 + mu N."""
+    lean = np.arcsin(0.2 * np.sin(AT_55[0]) / 0.8)
+    rod = 100.0 / (np.cos(lean) - 0.1 * np.sin(lean))
+    return rod * np.sin(lean), -0.2 * rod * np.sin(AT_55[0] + lean)
+
+
+def test_a_block_without_clearance_rubs() -> None:
+    across, torque = pressed_by_hand()
+    assert (across, torque) == (pytest.approx(20.922 / (1 - 0.02092), rel=2e-4), pytest.approx(-19.18, abs=0.005))
+    found = analyse(loads(PRESS), motion="static", angles=AT_55)
+    assert not found.warnings
+    assert found.signals["drive_torque"][0] == pytest.approx(torque, rel=1e-9)
+    assert found.signals["reaction_S_y"][0] == pytest.approx(across, rel=1e-9)
+    assert found.signals["reaction_S_x"][0] == pytest.approx(-0.1 * across, rel=1e-9)
+    smooth = analyse(loads(PRESS).with_joint("S", friction=0.0), motion="static", angles=AT_55)
+    assert smooth.signals["drive_torque"][0] == pytest.approx(-18.78, abs=0.005)
+
+
+@pytest.mark.parametrize("name", BLOCKS)
+def test_engines_rub_a_block_without_clearance_and_commands_agree(name: str, tmp_path: Path) -> None:
+    across, torque = pressed_by_hand()
+    m = loads(PRESS)
+    seen = simulate(m, name, motion="static", angles=AT_55)
+    assert seen.signals["drive_torque"][0] == pytest.approx(torque, rel=1e-6)
+    assert seen.signals["reaction_S_y"][0] == pytest.approx(across, rel=1e-6)
+    (run,) = crosscheck(m, name, motion="static", angles=AT_55, workers=1).runs
+    assert run.verdict == "agrees"
+    assert run.analytic["drive_torque"][0] == pytest.approx(torque, rel=1e-9)
+    (tmp_path / "press.csv").write_text(f"crank_angle [deg],drive_torque [N.m]\n55,{float(torque)!r}\n")
+    assert check(tmp_path / "press.csv", m, motion="static").verdict == "agrees"
+    (tmp_path / "press.csv").write_text("crank_angle [deg],drive_torque [N.m]\n55,-18.78\n")
+    assert check(tmp_path / "press.csv", m, motion="static").verdict == "disagrees"
+
+
+@pytest.mark.parametrize("moving", [True, False])
+def test_a_block_with_clearance_tends_to_one_without(moving: bool) -> None:
+    m, theta = loaded(0.0475, 10.0).with_clearances({}), np.radians([20.0, 70.0, 130.0, 200.0, 290.0, 340.0])
+    ideal = kinetostatics(kinematics(Assembly(m), theta, 10.0), moving).drive_torque
+    for clearance in (1e-5, 1e-6, 1e-7):
+        found = displaced(Assembly(m.with_clearances({"S": clearance})), theta, 10.0, inertia=moving)
+        off = np.abs(found.reactions.drive_torque - ideal).max()
+        assert 0 < off < 30.0 * clearance / 1e-5 * 1e-3
+
+
+@pytest.mark.parametrize("turning", [10.0, -10.0])
+@pytest.mark.parametrize("aside", [0.0, 0.0475, 0.07])
+@pytest.mark.parametrize("name", ["", *BLOCKS])
+def test_a_block_without_clearance_is_rubbed_on_the_corners_that_bear_it(
+    aside: float, turning: float, name: str
+) -> None:
+    m = loaded(aside, turning).with_clearances({})
+    theta = np.radians([20.0, 70.0, 130.0, 200.0, 290.0, 340.0])
+    across, along, _ = by_hand(m, aside, theta)
+    if name:
+        seen = engine(name).simulate(Request(m, "ideal", "static", theta)).signals
+    else:
+        seen = kinetostatics(kinematics(Assembly(m), theta, turning), inertia=False).signals()
+    np.testing.assert_allclose(seen["reaction_S_y"], across, rtol=1e-5)
+    np.testing.assert_allclose(seen["reaction_S_x"], along, rtol=1e-5)
+    np.testing.assert_allclose(seen["reaction_S_moment"], 50 * aside, atol=5e-5)
+
+
+def rough_all_over() -> Mechanism:
+    """A slider-crank whose pins and block all rub by a coefficient."""
+    m = load("slider-crank").replace(gravity=(0.0, -9.81)).with_joint("S", friction=0.2, friction_torque=0.0)
+    for name in "OAB":
+        m = m.with_joint(name, friction=0.1, pin_radius=0.01)
+    return m
+
+
+def test_the_drive_pays_what_pins_and_block_take() -> None:
+    """Over a turn kinetic and potential energy come back: its work is the friction's, of the reactions' sizes."""
+    m = rough_all_over()
+    theta = np.arange(3600) * 2 * np.pi / 3600 + 1e-4
+    found = kinetostatics(kinematics(Assembly(m), theta, m.speed or 1.0))
+    work = np.mean(found.drive_torque) * 2 * np.pi
+    slips = {name: found.motion.slip(m.joint(name))[0] / (m.speed or 1.0) for name in "OABS"}
+    across, moment = found.forces["S"].imag, found.moments["S"]
+    walls = moment + np.sign(slips["S"]) * 0.2 * 0.05 / 2 * across  # of a block of 0.1 m by 0.05 m
+    corners = np.abs(across / 2 - walls / 0.1) + np.abs(across / 2 + walls / 0.1)
+    lost = {name: 0.1 * 0.01 * np.abs(found.forces[name]) for name in "OAB"} | {"S": 0.2 * corners}
+    paid = {name: np.mean(lost[name] * np.abs(slips[name])) * 2 * np.pi for name in lost}
+    assert work == pytest.approx(sum(paid.values()), rel=1e-3)
+    assert min(paid.values()) > 0.01 * work
+    for name, size in lost.items():
+        np.testing.assert_allclose(np.abs(found.rubbed[name]), size, atol=1e-12 * size.max())
+
+
+@pytest.mark.parametrize("name", BLOCKS)
+@pytest.mark.parametrize("motion", [*slow("driven"), "static"])
+def test_engines_rub_all_pins_and_the_block_at_once(name: str, motion: Motion) -> None:
+    m, theta = rough_all_over(), np.radians(np.arange(5.0, 365.0, 20.0))
+    expected = kinetostatics(kinematics(Assembly(m), theta, m.speed or 1.0), motion == "driven").signals()
+    seen = engine(name).simulate(Request(m, "ideal", motion, theta)).signals
+    for signal in ("drive_torque", "reaction_S_x", "reaction_S_y", "reaction_B_x"):
+        largest = np.abs(expected[signal]).max()
+        np.testing.assert_allclose(seen[signal], expected[signal], atol=5e-4 * largest, err_msg=signal)
+
+
+def test_a_springy_drive_yields_to_the_friction_of_a_block_too() -> None:
+    """Rigid links held by a spring: compliance turns the crank back by the drive torque over the stiffness."""
+    m = rough_all_over()
+    m = m.replace(drive=m.drives[0].model_copy(update={"stiffness": 1e4}))
+    motion = kinematics(Assembly(m), np.radians([20.0, 70.0, 130.0, 200.0]), m.speed or 1.0)
+    turned = compliance(motion).rotation("crank", "A")
+    np.testing.assert_allclose(turned, -kinetostatics(motion, inertia=False).drive_torque / 1e4, atol=1e-15)
+
+
 # ------------------------------------------------------------------ who has it
+
+
+@pytest.mark.exudyn
+def test_what_has_no_friction_of_blocks_refuses_it(tmp_path: Path) -> None:
+    m = loads(PRESS)
+    words = r"no friction of blocks without clearance in their guides.*: leave out friction = 0.1 of joint 'S'"
+    with pytest.raises(Unsupported, match=words):
+        simulate(m, "exudyn", motion="static", angles=AT_55)
+    for name in ("mujoco", "pybullet"):
+        pytest.importorskip(name)
+        with pytest.raises(Unsupported, match=words.replace("guides", "guides in its exports")):
+            export(m, name, folder=tmp_path / name, motion="static", angles=AT_55)
+    for swings in (released, Freedom.of):
+        arguments = (np.linspace(0.0, 0.1, 3),) if swings is released else ()
+        with pytest.raises(AssemblyError, match="friction of joint 'S' is given, and the analytic model knows no"):
+            swings(Assembly(m), *arguments)
 
 
 def test_the_coefficient_is_a_block_s_and_newtons_are_a_slide_s() -> None:
@@ -325,8 +533,53 @@ def test_other_joint_models_leave_it_out_on_both_sides() -> None:
     assert np.abs(found.runs[-1].analytic["reaction_S_x"]).max() < 1e-9
 
 
-def test_friction_without_clearance_does_nothing_and_says_so() -> None:
-    pytest.importorskip("mujoco")
-    m = load("slider-crank").with_clearances({}).with_joint("S", friction=MU)
-    with pytest.warns(match=r"friction of joint S does nothing, as S has no clearance.*friction_torque \(N\)"):
-        crosscheck(m, "mujoco", joint_model="ideal", motion="static", angles=ANGLES[:2], workers=1)
+@pytest.mark.mujoco
+def test_every_command_says_which_joint_models_leave_friction_out_and_what_radius_it_assumes(tmp_path: Path) -> None:
+    m = load("crank-rocker").replace(gravity=(0.0, -9.81)).with_clearances({"B": 1e-4}).with_joint("B", friction=0.1)
+    others = "friction of B is in contact joints only; the other joint models leave it out"
+    assumed = "joint B has friction and no pin_radius; its contact rubs at 10 mm, which is assumed"
+    angles = np.radians([20.0, 40.0])
+    (tmp_path / "torque.csv").write_text("crank_angle [deg],drive_torque [N.m]\n20,0\n40,0\n")
+
+    def told(ask: Callable[[], object]) -> set[str]:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            ask()
+        said = " ".join(str(each.message) for each in caught)
+        return {name for name, text in (("other", others), ("assumed", assumed)) if text in said}
+
+    static: dict[str, Any] = {"motion": "static", "angles": angles}
+    assert told(lambda: analyse(m, **static)) == {"assumed"}
+    assert told(lambda: accuracy(m, angles=angles, samples=2)) == {"assumed"}
+    assert told(lambda: simulate(m, "mujoco", **static)) == {"other"}
+    assert told(lambda: simulate(m, "mujoco", joint_model="contact", **static)) == {"assumed"}
+    assert told(lambda: crosscheck(m, "mujoco", joint_model="contact", **static)) == {"assumed"}
+    assert told(lambda: crosscheck(m, "mujoco", workers=1, **static)) == {"other", "assumed"}
+    assert told(lambda: check(tmp_path / "torque.csv", m, motion="static")) == {"assumed"}
+    assert told(lambda: export(m, "mujoco", folder=tmp_path / "out", joint_model="massless-link", **static)) == {
+        "other"
+    }
+    grid = {"speeds": [1.0], "clearances": [1e-4], "joint_model": "contact", "workers": 1, "revolutions": 0}
+    assert told(lambda: validity(m, simulators="mujoco", **grid)) == {"assumed"}
+
+
+def test_a_coefficient_of_a_pin_without_clearance_acts_at_its_radius() -> None:
+    m = load("crank-rocker")
+    for fields in ({"friction": 0.1}, {"friction": 0.1, "pin_radius": 0.02, "friction_radius": 1e-3}):
+        given = m.with_joint("B", **fields)
+        assert given.joint("B").load_coefficient == given.joint("B").friction_radius
+        why = "beside its friction_radius" if len(fields) > 1 else "as it has neither clearance nor pin_radius"
+        for ask in (analyse, simulate):
+            with pytest.warns(match=f"friction of joint B does nothing, {why}; give pin_radius"):
+                ask(given, motion="static", angles=[1.0])
+    rough = m.with_joint("B", friction=0.1, pin_radius=0.01)
+    theta = np.radians([20.0, 140.0])
+    same = m.with_joint("B", friction_radius=1e-3)
+    torques = [kinetostatics(kinematics(Assembly(each), theta, 1.0), False).drive_torque for each in (rough, same)]
+    np.testing.assert_array_equal(*torques)
+    assert rough.with_friction_circle("B", 2e-3) == m.with_joint(
+        "B", friction=0.0, pin_radius=0.01, friction_radius=2e-3
+    )
+    loose = rough.with_clearances({"B": 1e-4})
+    assert (loose.load_rubbed, loose.tight().joint("B").friction, loose.ideal().joint("B").friction) == ([], 0.0, 0.0)
+    assert rough.ideal().joint("B").friction == 0.1

@@ -52,10 +52,9 @@ def _check(assembly: Assembly) -> None:
     m = assembly.mechanism
     for joint in m.joints:
         if joint.rubs:
-            field = "friction_radius" if joint.friction_radius else "friction_torque"
+            field = joint.load_law if joint.load_coefficient else f"friction_torque of joint {joint.name!r}"
             raise AssemblyError(
-                f"{m.name}: the analytic model knows no free motion of several freedoms with dry friction ({field} of"
-                f" joint {joint.name!r})",
+                f"{m.name}: the analytic model knows no free motion of several freedoms with dry friction ({field})",
                 remedy="leave it out, or give each freedom a drive",
             )
 

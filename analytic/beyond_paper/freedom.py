@@ -78,8 +78,8 @@ def coefficients(assembly: Assembly, theta: np.ndarray) -> np.ndarray:
     """
     for joint in assembly.mechanism.load_rubbed:
         raise AssemblyError(
-            f"{assembly.mechanism.name}: friction_radius of joint {joint.name!r} is {joint.friction_radius:g} m, and"
-            " the analytic model knows no released motion with friction that grows with reactions",
+            f"{assembly.mechanism.name}: {joint.load_law} is given, and the analytic model knows no released motion"
+            " with friction that grows with reactions",
             remedy="leave it out, or give the drive a speed",
         )
     omega, alpha = np.array([0.0, 0.0, 1.0, -1.0]), np.array([0.0, 1.0, 0.0, 0.0])

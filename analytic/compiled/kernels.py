@@ -25,7 +25,7 @@ from numba.np.arrayobj import populate_array
 LANES = 120  # not a power of two: rows so far apart would share their places in the processor's cache
 CHANGE_POINT = 1e-5  # as analytic.kinematics.assembly's, of the sine itself
 AGREE = 1e-6  # as analytic.kinematics.closure's
-DEAD_CENTRE = 1e-12  # as analytic.paper.kinetostatics'
+DEAD_CENTRE = 1e-12  # as analytic.kinematics.motion's
 ITERATIONS = 30  # of Newton's method, as analytic.kinematics.closure's
 ZOOM, ZOOMS = 41, 5  # samples in which a change point between two steps is looked for, and how often
 

@@ -199,7 +199,7 @@ def balanced(assembly: Assembly, motion: Moved, inertia: bool, grip: np.ndarray 
     """
     s, own, n = assembly.structure, programs_of(assembly), motion.coordinates[0].shape[1]
     shapes = {x.shape for x in motion.coordinates}, {x.shape for x in motion.columns}
-    if s.mechanism.load_rubbed or shapes != ({(len(s.coordinates), n)}, {(s.n_columns, n)}):
+    if shapes != ({(len(s.coordinates), n)}, {(s.n_columns, n)}):
         return None
     kind = bool(inertia), motion.displaced, grip is not None
     if kind not in own.balances:

@@ -19,6 +19,7 @@ from analytic.mechanism import Joint
 from analytic.mechanism.one_line import angles, count, largest, one_line
 
 BLOCK = 4096  # crank angles worked on at once: their temporary arrays stay in the processor's cache
+DEAD_CENTRE = 1e-12  # of the crank's rate: a smaller rate of a joint (rad/s; prismatic: m/s) is rounding error
 # glibc keeps freed memory for the next array, but only up to twice the largest block freed so far; the rest goes back
 # to the system and returns page by page, which takes longer than the computation itself.  Freeing 16 MB once raises
 # that limit; nothing is written to them.
@@ -147,6 +148,10 @@ class Motion:
             self.angular_velocity(second) - self.angular_velocity(first),
             self.angular_acceleration(second) - self.angular_acceleration(first),
         )
+
+    def slip_sign(self, joint: Joint) -> np.ndarray:
+        """The sign (N,) of that rate, against which friction acts; 0 at a dead centre of the joint."""
+        return slip_direction(self.slip(joint)[0], self.pace)
 
     @property
     def pace(self) -> np.ndarray:
@@ -401,6 +406,11 @@ def self_stresses(jacobian: np.ndarray, group: Group) -> np.ndarray:
     q, _ = np.linalg.qr(matrix, mode="complete")
     idle = q[:, :, len(jacobian) :].transpose(2, 1, 0)
     return np.asarray(idle[:, :n] + 1j * idle[:, n:])
+
+
+def slip_direction(rate: np.ndarray, pace: np.ndarray) -> np.ndarray:
+    """The sign (N,) of a joint's rate (rad/s, m/s) whose motion's fastest input has this pace; 0 at a dead centre."""
+    return np.asarray(np.sign(rate) * (np.abs(rate) > DEAD_CENTRE * np.abs(pace)))
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -212,10 +212,10 @@ class Mechanism(Part):
         """The joints that may have clearance: those that turn, and blocks whose size is known in their guides."""
         return [j.name for j in self.joints if not j.prismatic or j.guide is not None]
 
-    def without_corner_friction(self) -> Mechanism:
-        """A copy whose blocks have no friction in their guides but their joints' own laws."""
-        guided = [j.model_copy(update={"friction": 0.0}) if j.guide is not None else j for j in self.joints]
-        return self.replace(joints=tuple(guided))
+    def without_contact_friction(self) -> Mechanism:
+        """A copy whose joints with clearance have no friction but their own laws'."""
+        off = {"friction": 0.0}
+        return self.replace(joints=tuple(j.model_copy(update=off) if j.rough else j for j in self.joints))
 
     @property
     def loose_guides(self) -> dict[str, float]:
@@ -234,8 +234,8 @@ class Mechanism(Part):
 
     @property
     def load_rubbed(self) -> list[Joint]:
-        """The joints whose friction grows with their reaction."""
-        return [j for j in self.joints if j.friction_radius]
+        """The joints whose friction grows with their reaction, but for that in the contact of those with clearance."""
+        return [j for j in self.joints if j.load_coefficient]
 
     @property
     def bends(self) -> bool:
@@ -247,9 +247,16 @@ class Mechanism(Part):
         return self.replace(bodies=tuple(_rigid(b) for b in self.bodies))
 
     def ideal(self) -> Mechanism:
-        """A checked copy whose joints have neither clearance nor soft bearings."""
-        tight = {"clearance": 0.0, "radial_stiffness": None}
-        return self.replace(joints=tuple(j.model_copy(update=tight) if j.displaced else j for j in self.joints))
+        """A checked copy whose joints have neither clearance (see :meth:`tight`) nor soft bearings."""
+        stiff = {"radial_stiffness": None}
+        joints = self.tight().joints
+        return self.replace(joints=tuple(j.model_copy(update=stiff) if j.displaced else j for j in joints))
+
+    def tight(self) -> Mechanism:
+        """A checked copy whose joints have no clearance, and so no contact, nor its friction: the ideal linkage of
+        these joints, which :meth:`with_clearances` does not give, as pins and blocks rub without clearance too.
+        """
+        return self.without_contact_friction().with_clearances({})
 
     def replace(self, **fields: object) -> Mechanism:
         """A checked copy with top-level fields replaced; ``drive`` is the only one.  Raises MechanismError."""
@@ -271,6 +278,13 @@ class Mechanism(Part):
     def with_joint(self, name: str, **fields: object) -> Mechanism:
         """A checked copy with fields of one joint replaced.  Raises MechanismError."""
         return self.replace(joints=self._edited("joint", self.joints, name, fields))
+
+    def with_friction_circle(self, name: str, radius: float) -> Mechanism:
+        """A checked copy with a pin's friction circle of this radius (m), in place of one by a coefficient.  Raises
+        MechanismError.
+        """
+        own = {} if self.joint(name).rough else {"friction": 0.0}
+        return self.with_joint(name, friction_radius=radius, **own)
 
     def with_body(self, name: str, **fields: object) -> Mechanism:
         """A checked copy with fields of one body replaced.  Raises MechanismError."""

@@ -79,6 +79,7 @@ Name = Annotated[str, BeforeValidator(_named)]
 MOST_WAVES = 1000  # in a turn, of a motor's unevenness or of a torque
 WIDEST = 0.5  # rad, half of a gap in a drive
 ROUNDING = 2.0**-30  # of a body's size: points that are nearer to each other are at one place
+PIN_RADIUS = 0.01  # m, where the mechanism gives none; matters only with friction in contact
 Positive = Annotated[float, Field(gt=0, le=LARGEST), AfterValidator(_divisible)]
 Mass = Annotated[Positive, BeforeValidator(_heavy)]  # kg
 NotNegative = Annotated[float, Field(ge=0, le=LARGEST)]
@@ -215,7 +216,7 @@ class Joint(Part):
     clearance: Annotated[NotNegative, AfterValidator(_divisible)] = 0.0  # m, radial; prismatic: half the block's play
     guide: Annotated[tuple[Positive, Positive], BeforeValidator(as_tuple)] | None = None  # m, prismatic: length, height
     pin_radius: Positive | None = None  # m
-    friction: NotNegative = 0.0  # Coulomb coefficient in contact; prismatic without guide: N, as friction_torque
+    friction: NotNegative = 0.0  # Coulomb coefficient of pin or block; prismatic without guide: N, as friction_torque
     contact_stiffness: Positive | None = None  # N/m
     contact_damping: NotNegative | None = None  # N.s/m
     restitution: Annotated[float, Field(ge=0, le=1)] | None = None
@@ -269,6 +270,11 @@ class Joint(Part):
         return self.friction > 0 and self.clearance > 0
 
     @property
+    def rim(self) -> float:
+        """Radius (m) at which the contact of a pin with clearance rubs it."""
+        return self.pin_radius or PIN_RADIUS
+
+    @property
     def jams_from(self) -> float:
         """Coefficient of friction at its block's corners, length over height, from which on a corner turns the block
         harder by its friction than its wall's push turns it back: the block cannot lie flat, tips, and may jam.
@@ -283,7 +289,21 @@ class Joint(Part):
     @property
     def rubs(self) -> bool:
         """Whether there is dry friction."""
-        return self.stiction > 0 or self.friction_radius > 0
+        return self.stiction > 0 or self.load_coefficient > 0
+
+    @property
+    def load_coefficient(self) -> float:
+        """What dry friction (N.m; prismatic: N) grows with by N of what presses the joint: the radius (m) of a pin's
+        friction circle, ``friction_radius`` or else ``friction`` times ``pin_radius``; of a block in its guide its
+        coefficient.  With clearance the contact has its friction itself.
+        """
+        friction = 0.0 if self.clearance or (self.prismatic and self.guide is None) else self.friction
+        return friction if self.prismatic else self.friction_radius or friction * (self.pin_radius or 0.0)
+
+    @property
+    def load_law(self) -> str:
+        """The field that gives it that friction, in words."""
+        return f"{'friction_radius' if self.friction_radius else 'friction'} of joint {self.name!r}"
 
     @property
     def damped(self) -> bool:
@@ -309,8 +329,29 @@ class Joint(Part):
         return self.coulomb + (self.stiction - self.coulomb) * np.exp(-((rate / self.stribeck_speed) ** 2))
 
     def load_friction(self, load: Amount) -> Amount:
-        """Size (N.m) of the dry friction that a reaction of this size (N) gives."""
-        return self.friction_radius * load
+        """Size (N.m; prismatic: N) of the dry friction of a joint that is pressed so hard (N), see :meth:`pressed`."""
+        return self.load_coefficient * load
+
+    def pressed(
+        self,
+        force: complex | np.ndarray,
+        moment: float | np.ndarray,
+        angle: float | np.ndarray,
+        slip: float | np.ndarray,
+    ) -> np.ndarray:
+        """How hard (N) a joint without clearance is pressed by its reaction, a force (N, x + iy) on its second body: a
+        pin by all of it, a block by the sum of what walls push its corners, of the force N across and the ``moment`` M
+        (N.m) about its point.
+
+        ``angle`` (rad) is the first body's, ``slip`` the sign s of the sliding: friction acts at the corners too, and
+        its moment is the walls' to bear, M + s mu (h/2) N.
+        """
+        if not self.prismatic or self.guide is None:
+            return np.abs(force)
+        length, height = self.guide
+        across = (np.conj(1j * self.direction * np.exp(1j * angle)) * force).real
+        turned = moment + slip * self.friction * height / 2 * across
+        return np.maximum(np.abs(across), 2 / length * np.abs(turned))
 
     def damper(self, rate: Amount) -> Amount:
         """Torque (N.m; prismatic: force, N) of viscous friction and drag on the second body at a rate (rad/s; m/s)."""

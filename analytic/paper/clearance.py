@@ -9,9 +9,11 @@ such pin on the rim of its clearance circle and close the linkage again with tho
 A bearing of radial stiffness k lets its pin give by reaction over k beside: gap = (c / |F| + 1 / k) F.  It does so as
 fast as the reaction changes, for its own vibration is left out.
 
+A pin that rubs lies beside its reaction by the angle of friction (:mod:`analytic.paper.friction`).
+
 Both presume contact at all times.  Where a reaction passes near zero it has no direction: such angles are flagged.
-"Near" is relative to the joint's largest reaction at the linkage's usual crank angles: whether an angle is flagged does
-not depend on the other angles asked for.
+"Near" is relative to the joint's largest reaction at the linkage's usual crank angles, without the friction that grows
+with it and may lock the linkage there: whether an angle is flagged does not depend on the other angles asked for.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, reduce
+from types import MappingProxyType
 from typing import Literal, get_args
 
 import numpy as np
@@ -27,10 +30,11 @@ from analytic.compiled import run
 from analytic.kinematics.assembly import Assembly, AssemblyError, Followed, Path
 from analytic.kinematics.motion import Gap, kinematics
 from analytic.kinematics.reach import usual_angles
+from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import angles, clearances, one_line
 from analytic.mechanism.signals import Signal, wrapped
+from analytic.paper.friction import Rubbing, lean
 from analytic.paper.guide import Block, placed
-from analytic.paper.guide_friction import rubbed
 from analytic.paper.kinetostatics import Reactions, kinetostatics, pieced
 
 Model = Literal["first_order", "equilibrium"]
@@ -52,6 +56,7 @@ ON_ITS_WAY = "is on its way from one rest to another"  # of a block, in a flag
 UNSTABLE = "the equilibrium found is not stable: the pins would leave it"
 TRIES = 6  # of how blocks rest
 LANDS = 1.5  # times as long as a block is on its way, until it rests
+NO_BLOCKS: Mapping[str, Block] = MappingProxyType({})
 SHORTER = 6  # times that a step of the search is halved at most
 
 
@@ -137,7 +142,7 @@ def displaced(  # noqa: PLR0913 - a motion, and what may replace the linkage's o
 
     if loose or give:
         run.foresee(assembly, SOLVED * drive.shape[1])
-    solve = _Solve(assembly, inertia, path, blocks, model == "equilibrium", len(drive))
+    solve = _Solve(assembly, inertia, path, sizes, blocks, model == "equilibrium", len(drive))
     ideal = solve(drive)
     if not (loose or give):
         return Displaced(model, {}, ideal, ideal, ideal, {}, {})
@@ -165,6 +170,7 @@ class _Solve:
     assembly: Assembly
     inertia: bool
     path: Path | None
+    sizes: Mapping[str, float]  # m, radial clearance of pins
     blocks: Mapping[str, Block]
     finite: bool  # whether a tilted block touches with its finite clearance, or to first order
     rows: int
@@ -191,7 +197,9 @@ class _Solve:
         k = len(self.assembly.structure.inputs)
         theta, omega, alpha, here = np.split(drive[: self.rows], (k, 2 * k, 3 * k))
         motion = kinematics(linkage, theta, omega, alpha, gaps, self.path or Followed(here))
-        return rubbed(motion, self.inertia, tuple(self.blocks.values()), how if self.finite else None)
+        ways = how if self.finite else None
+        loose = loose_friction(self.assembly.mechanism, self.sizes, self.blocks, ways)
+        return kinetostatics(motion, self.inertia, loose=loose)
 
 
 def _with_blocks(pins: _Pins, drive: np.ndarray, found: Displaced, turning: bool) -> Displaced:
@@ -267,14 +275,36 @@ def check_determined(found: Reactions, joints: Iterable[str]) -> None:
         )
 
 
+def loose_friction(
+    mechanism: Mechanism,
+    sizes: Mapping[str, float],
+    blocks: Mapping[str, Block] = NO_BLOCKS,
+    how: np.ndarray | None = None,
+) -> list[Rubbing]:
+    """What rubs in the contacts of pins with these clearances (m), and of blocks, which rest ``how`` (blocks,), or as
+    their reactions ask them to.
+    """
+    ways = [None] * len(blocks) if how is None else how.tolist()
+    pins = [Rubbing(mechanism.joint(name), clearance=c) for name, c in sizes.items() if c > 0]
+    rubbing = [*pins, *(Rubbing(b.joint, b, way) for b, way in zip(blocks.values(), ways, strict=True))]
+    return [each for each in rubbing if each.joint.friction]
+
+
 def faint_reactions(assembly: Assembly, omega: np.ndarray, alpha: np.ndarray, inertia: bool) -> dict[str, float]:
     """By revolute joint the reaction (N) up to which it has no direction, at the fastest of these speeds (rad/s) and
     accelerations (rad/s^2).
 
     It is a share of the joint's largest at the linkage's usual crank angles.
     """
+    return _faint(_usually(assembly, omega, alpha, inertia), np.max)
+
+
+def _usually(assembly: Assembly, omega: np.ndarray, alpha: np.ndarray, inertia: bool) -> Reactions:
+    """Reactions at the linkage's usual crank angles at the fastest of these speeds (rad/s) and accelerations (rad/s^2);
+    without the friction that grows with them, which may lock it at some, and is beyond measure beside those.
+    """
     fastest, hardest = (float(x[np.argmax(np.abs(x))]) for x in (omega, alpha))
-    return _faint(kinetostatics(kinematics(assembly, usual_angles(assembly), fastest, hardest), inertia), np.max)
+    return kinetostatics(kinematics(assembly, usual_angles(assembly), fastest, hardest), inertia, rubs=False)
 
 
 def _on_the_border(solve: _Solve, ideal: Reactions, drive: np.ndarray) -> dict[int, str]:
@@ -283,9 +313,7 @@ def _on_the_border(solve: _Solve, ideal: Reactions, drive: np.ndarray) -> dict[i
     """
     usual = ideal
     if solve.path is not None:
-        fastest, hardest = (float(x[np.argmax(np.abs(x))]) for x in drive[1:3])
-        motion = kinematics(solve.assembly, usual_angles(solve.assembly), fastest, hardest)
-        usual = rubbed(motion, solve.inertia, tuple(solve.blocks.values()))
+        usual = _usually(solve.assembly, drive[1], drive[2], solve.inertia)
     flags: dict[int, str] = {}
     largest = max(float(np.abs(force).max()) for force in usual.forces.values())
     for name, block in solve.blocks.items():
@@ -361,11 +389,18 @@ class _Pins:
     def told(self, found: Reactions) -> np.ndarray:
         """x (N, K) by these reactions."""
         forces, scaled = found.forces, {name: give / self.length for name, give in self.give.items()}
-        columns = [np.angle(forces[name]) for name in self.sizes]
+        columns = [np.angle(push) for push in self.pushes(found).values()]
         columns += [np.abs(forces[name]) * scaled[name] for name in self.both]
         for name in self.tight:
             columns += [forces[name].real * scaled[name], forces[name].imag * scaled[name]]
         return np.stack(columns, axis=-1)
+
+    def pushes(self, found: Reactions) -> dict[str, np.ndarray]:
+        """The reactions (N,) N of pins with clearance, turned to where they are in contact: by the angle of friction
+        if they rub.
+        """
+        m = found.motion.structure.mechanism
+        return {name: found.forces[name] * np.exp(1j * lean(found.motion, m.joint(name))) for name in self.sizes}
 
     def places(self, x: np.ndarray) -> dict[str, np.ndarray]:
         """Gaps (N,) m, complex."""
@@ -452,8 +487,9 @@ class _Pins:
 
     def miss(self, drive: np.ndarray, x: np.ndarray, rates: np.ndarray | None) -> np.ndarray:
         """From x (N, K) to what it is by the reactions there."""
-        forces, n = self.solve(drive, self.gaps(x, rates)).forces, len(self.sizes)
-        along = {name: forces[name] * np.exp(-1j * x[:, k]) for k, name in enumerate(self.sizes)}
+        found, n = self.solve(drive, self.gaps(x, rates)), len(self.sizes)
+        forces = found.forces
+        along = {name: push * np.exp(-1j * x[:, k]) for k, (name, push) in enumerate(self.pushes(found).items())}
         columns = [np.angle(along[name]) for name in self.sizes]
         columns += [along[name].real * self.give[name] / self.length - x[:, n + k] for k, name in enumerate(self.both)]
         for k, name in enumerate(self.tight):
@@ -563,8 +599,8 @@ def _further(pins: _Pins, drive: np.ndarray, sways: np.ndarray, flagged: Sequenc
 def _unsettled(pins: _Pins, found: Reactions, x: np.ndarray) -> dict[int, str]:
     flags: dict[int, str] = {}
     places = pins.places(x)
-    for name in pins.sizes:
-        miss = np.abs(np.angle(found.forces[name] / places[name]))
+    for name, push in pins.pushes(found).items():
+        miss = np.abs(np.angle(push / places[name]))
         for i in np.flatnonzero(~(miss < 1e-6)):
             flags.setdefault(int(i), f"no steady contact direction was found at {name}")
     for name, give in pins.give.items():

@@ -25,7 +25,7 @@ from analytic.kinematics.motion import Motion
 from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint, Mechanism, Spring
 from analytic.mechanism.one_line import angles, count, largest, one_line
 from analytic.paper.frame import Bar, ComplianceError, beam_stiffness, frame
-from analytic.paper.kinetostatics import joint_law, kinetostatics, of_springs, slip_sign
+from analytic.paper.kinetostatics import joint_law, kinetostatics, of_springs
 
 BLOCK = 128  # crank angles solved at once: their matrices stay in the processor's cache
 DEPENDENT = 1e-10  # of the largest singular value: constraints below it say nothing new
@@ -98,10 +98,9 @@ def compliance(
     """
     structure = _Structure(motion, beam)
     if structure.mechanism.load_rubbed and (forces or torques):
-        joint = structure.mechanism.load_rubbed[0]
         raise ComplianceError(
-            f"{structure.mechanism.name}: friction_radius of joint {joint.name!r} is {joint.friction_radius:g} m, and"
-            " further forces would change its friction; give them as loads of the mechanism"
+            f"{structure.mechanism.name}: {structure.mechanism.load_rubbed[0].load_law} makes friction that further"
+            " forces would change; give them as loads of the mechanism"
         )
     load = structure.loads(inertia, forces or {}, torques or {})
     n = motion.theta.size
@@ -127,7 +126,6 @@ class _Structure:
             self.size += len(self.kept) * len(f.nodes)
         self.bars = [bar for body in self.mechanism.bodies for bar in self.bars_of(body, beam)]
         self.slips = {joint.name: self.slip(joint) for joint in self.mechanism.joints}
-        self.reactions: Mapping[str, np.ndarray] = {}  # N, of the rigid linkage, where friction grows with them
 
     def bars_of(
         self, body: Body, beam: Callable[[Bar], np.ndarray]
@@ -275,30 +273,25 @@ class _Structure:
         periodic = self.mechanism.periodic_torque
         if periodic is not None:
             add(self.mechanism.driven, MASS_CENTRE, 0.0, periodic.at(self.motion.theta))
-        if self.mechanism.load_rubbed:
-            self.reactions = kinetostatics(self.motion, inertia).forces
+        rubbed = kinetostatics(self.motion, inertia).rubbed if self.mechanism.load_rubbed else {}
         for joint in self.mechanism.joints:
-            load += (
-                self.joint_torque(joint, inertia)[:, None] * self.slips[joint.name][:, self.kept.index(_free(joint))]
-            )
+            law = self.joint_torque(joint, inertia) + rubbed.get(joint.name, 0.0)
+            load += law[:, None] * self.slips[joint.name][:, self.kept.index(_free(joint))]
         return load
 
     def joint_torque(self, joint: Joint, inertia: bool) -> np.ndarray:
-        """Torque (N.m; prismatic: force, N) of a joint's spring, friction and damper on its second body."""
+        """Torque (N.m; prismatic: force, N) of a joint's spring, constant friction and damper on its second body."""
         m = self.motion
         if joint.prismatic:
             return joint_law(joint, *m.travel(joint.name), m.pace, moving=inertia)
         first, second = joint.bodies
-        law = joint_law(
+        return joint_law(
             joint,
             m.angle(second) - m.angle(first),
             m.angular_velocity(second) - m.angular_velocity(first),
             m.pace,
             moving=inertia,
         )
-        if joint.friction_radius:
-            law = law - joint.load_friction(np.abs(self.reactions[joint.name])) * slip_sign(m, joint)
-        return law
 
     def solve(self, block: slice, load: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Displacements (N, n) and strain energy (N,) of a block of crank angles."""

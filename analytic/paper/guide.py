@@ -30,15 +30,26 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
 from analytic.kinematics.motion import Motion
 from analytic.kinematics.structure import Rest, Rests
 from analytic.mechanism import Joint, Mechanism, MechanismError
-from analytic.paper.kinetostatics import Reactions, slip_sign
 
 FLAT, TILTED = 1.0, 2.0  # how a block rests: times the sign of the force, or of the moment
+
+
+class Reactions(Protocol):
+    """What a block has to know of :class:`analytic.paper.kinetostatics.Reactions`."""
+
+    @property
+    def motion(self) -> Motion: ...
+    @property
+    def forces(self) -> Mapping[str, np.ndarray]: ...
+    @property
+    def moments(self) -> Mapping[str, np.ndarray]: ...
 
 
 @dataclass(frozen=True)
@@ -100,7 +111,7 @@ class Block:
         """Force (N,) along the guide that friction takes from the block, of a unit push of a wall: the coefficient with
         the sign of the sliding.
         """
-        return self.joint.friction * slip_sign(motion, self.joint)
+        return self.joint.friction * motion.slip_sign(self.joint)
 
     def work(self, found: Reactions) -> tuple[np.ndarray, np.ndarray]:
         """Work (N,) N.m that force and moment do on the way from the middle to where they rest flat, and tilted."""

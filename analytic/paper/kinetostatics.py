@@ -8,7 +8,7 @@ reaction as the dual of its joint's gap.  For the four-bar this is Eq. 11 with i
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -16,17 +16,26 @@ import numpy as np
 from analytic.compiled import run
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.closure import AssemblyError
-from analytic.kinematics.motion import BLOCK, Motion, Pieced, blocks, joined, self_stresses, solve_forces
+from analytic.kinematics.motion import (
+    BLOCK,
+    DEAD_CENTRE,
+    Motion,
+    Pieced,
+    blocks,
+    joined,
+    self_stresses,
+    slip_direction,
+    solve_forces,
+)
 from analytic.kinematics.structure import Group, Structure
 from analytic.mechanism import MASS_CENTRE, Joint, Spring
 from analytic.mechanism.one_line import angles, largest, one_line
 from analytic.mechanism.signals import Signal, driving, position
+from analytic.paper.friction import Rubbing, friction
+from analytic.paper.guide import Block
 
-SETTLED = 1e-12  # of the largest reaction's friction: the last step that is worth taking
-PASSES = 60  # of Newton's method
 FAINT = 1e-7  # of a self-stress of 1 N: what of it reaches a joint is rounding error
 LOOKS = 8  # samples of a motion, about as many, at which self-stresses are looked at
-DEAD_CENTRE = 1e-12  # of the crank's rate: a smaller rate of a joint (rad/s; prismatic: m/s) is rounding error
 
 
 @dataclass(frozen=True)
@@ -42,11 +51,30 @@ class Reactions:
     drive_loads: Mapping[str, np.ndarray] = field(default_factory=dict)
     undetermined: frozenset[str] = frozenset()
     efforts: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))  # (inputs, N) N.m, N along each input
+    # N.m; prismatic: N, along the guide: what each joint whose friction grows with reactions does by it on its second
+    rubbed: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         forces = largest(np.array(list(self.forces.values())), "N")
         torque = f"drive torque {largest(self.drive_torque, 'N.m')}"
         return one_line(self, self.motion.structure.mechanism.name, angles(self.motion.theta), forces, torque)
+
+    def part(self, at: slice | np.ndarray) -> Reactions:
+        """The same at some of its instants (a slice: views of its arrays; or indices, or which)."""
+
+        def some(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+            return {name: values[at] for name, values in arrays.items()}
+
+        return Reactions(
+            self.motion.part(at),
+            some(self.forces),
+            some(self.moments),
+            self.drive_torque[at],
+            some(self.drive_loads),
+            self.undetermined,
+            self.efforts[:, at],
+            some(self.rubbed),
+        )
 
     def signals(self) -> dict[str, np.ndarray]:
         """Every signal of the contract that an ideal or displaced configuration has, by name (SI units)."""
@@ -82,38 +110,103 @@ class Reactions:
             yield from zip(driving(joints), self.drive_loads.values(), strict=True)
 
 
-def kinetostatics(motion: Motion, inertia: bool = True, grip: np.ndarray | None = None) -> Reactions:
+def kinetostatics(
+    motion: Motion,
+    inertia: bool = True,
+    grip: np.ndarray | None = None,
+    *,
+    loose: Sequence[Rubbing] = (),
+    rubs: bool = True,
+) -> Reactions:
     """Reactions and drive torque for gravity, loads, joint springs, friction, dampers and, with ``inertia``, motion.
 
     Without ``inertia`` the linkage is in static equilibrium at each angle; the motion's velocities then only give
     dry friction its direction and dampers do nothing.  ``grip`` (N,) is the share of the friction that acts: 1
     unless the linkage sticks.  A motion that compiled code has found is balanced by compiled code, every other by
-    :func:`kinetostatics_by_numpy`; they differ by rounding.
-    Raises AssemblyError where friction that grows with reactions locks the linkage.
+    :func:`kinetostatics_by_numpy`; they differ by rounding.  ``loose`` are joints whose contacts have friction, in
+    clearances that the motion may have as gaps; all others rub that have no clearance.  Unless the linkage ``rubs``,
+    friction that grows with reactions is left out.
+    Raises AssemblyError where that friction locks the linkage.
     """
-    if motion.compiled:
-        found = run.balanced(motion.assembly, motion.moved, inertia, grip)
-        if found is not None:
-            s = motion.structure
-            forces = dict(zip([j.name for j in s.mechanism.joints], found.forces, strict=True))
-            return _told(motion, forces, dict(zip(s.slides, found.moments, strict=True)), found.drives, _loose(motion))
-    return kinetostatics_by_numpy(motion, inertia, grip)
+    balanced = run.balanced(motion.assembly, motion.moved, inertia, grip) if motion.compiled else None
+    if balanced is None:
+        found = _by_numpy(motion, inertia, grip)
+    else:
+        s = motion.structure
+        forces = dict(zip([j.name for j in s.mechanism.joints], balanced.forces, strict=True))
+        moments = dict(zip(s.slides, balanced.moments, strict=True))
+        found = _told(motion, forces, moments, balanced.drives, _loose(motion))
+    return _rubbed(found, [*loose, *_tight(motion, {each.joint.name for each in loose})], grip) if rubs else found
+
+
+def _tight(motion: Motion, loose: Collection[str]) -> list[Rubbing]:
+    """Pins and blocks that rub without clearance, but for those that are ``loose``."""
+    m = motion.structure.mechanism
+    return [
+        Rubbing(joint, Block.of(m, joint.name, 0.0) if joint.prismatic else None)
+        for joint in m.load_rubbed
+        if joint.name not in loose
+    ]
+
+
+def _rubbed(found: Reactions, rubbing: Sequence[Rubbing], grip: np.ndarray | None) -> Reactions:
+    """Reactions with the friction of joints that rub, from those without.  Raises AssemblyError."""
+    if not rubbing:
+        return found
+    name = found.motion.structure.mechanism.name
+    for joint in (each.joint for each in rubbing):
+        if joint.name in found.undetermined:
+            raise AssemblyError(
+                f"{name}: {joint.load_law} makes friction grow with a reaction that is statically undetermined; leave"
+                " it out, or a joint that is not needed"
+            )
+    forces, moments = dict(found.forces), dict(found.moments)
+    efforts, rubbed = found.efforts.copy(), {each.joint.name: np.empty(found.efforts.shape[1]) for each in rubbing}
+    for block in blocks(found.motion.theta.size):
+        part = found.part(block)
+        units = [_of_a_unit(part.motion, each) for each in rubbing]
+        size, locks = friction(part, units, rubbing, 1.0 if grip is None else grip[block])
+        if locks.any():
+            at, fields = float(part.motion.theta[locks][0]), " or ".join(each.joint.load_law for each in rubbing)
+            raise AssemblyError(
+                f"{name}: the friction that its reactions give locks the linkage at crank angle {np.degrees(at):.6g}"
+                " deg",
+                at,
+                f"make {fields} smaller, or keep clear of that angle",
+            )
+        for each, own, unit in zip(rubbing, size, units, strict=True):
+            rubbed[each.joint.name][block] = own
+            efforts[:, block] += own * unit.efforts
+            for whole, answer in ((forces, unit.forces), (moments, unit.moments)):
+                for place, values in answer.items():
+                    whole[place][block] += own * values
+    return replace(_told(found.motion, forces, moments, efforts, found.undetermined), rubbed=rubbed)
+
+
+def _of_a_unit(motion: Motion, rubbing: Rubbing) -> Reactions:
+    """Reactions to a unit of a joint's friction, N.m or N along its guide."""
+    s, n, joint = motion.structure, motion.theta.size, rubbing.joint
+    work, turning = np.zeros((s.n_columns, n), complex), np.zeros((len(s.bodies), n))
+    along = {name: np.full(n, float(name == joint.name)) for name in s.slides}
+    if not joint.prismatic:
+        for body, side in zip(joint.bodies, rubbing.sides, strict=True):
+            turning[s.body_column(body)] += side
+    return _told(motion, *_carried(motion, work, turning, along), _loose(motion))
 
 
 def kinetostatics_by_numpy(motion: Motion, inertia: bool = True, grip: np.ndarray | None = None) -> Reactions:
     """What :func:`kinetostatics` gives, by numpy alone: what the compiled code is held against."""
+    return _rubbed(_by_numpy(motion, inertia, grip), _tight(motion, ()), grip)
+
+
+def _by_numpy(motion: Motion, inertia: bool, grip: np.ndarray | None) -> Reactions:
+    """The same without friction that grows with reactions."""
     s, n = motion.structure, motion.theta.size
     order = [j.name for j in s.mechanism.joints]
     found = {name: np.empty(n, complex) for name in order}, {name: np.empty(n) for name in s.slides}
     drives = np.empty((len(s.inputs), n))
     work = np.empty((s.n_columns, min(n, BLOCK)), complex)  # the same memory for every block
     loose = _loose(motion)
-    for joint in s.mechanism.load_rubbed:
-        if joint.name in loose:
-            raise AssemblyError(
-                f"{s.mechanism.name}: friction_radius of joint {joint.name!r} is {joint.friction_radius:g} m, and its"
-                " reaction is statically undetermined; leave it out, or a joint that is not needed"
-            )
     for block in blocks(n):
         share = 1.0 if grip is None else grip[block]
         *parts, drives[:, block] = _balance(motion.part(block), inertia, share, work[:, : block.stop - block.start])
@@ -142,6 +235,7 @@ def pieced(assembly: Assembly, pieces: Sequence[tuple[np.ndarray, Reactions]]) -
         each(lambda found: found.drive_loads),
         frozenset().union(*(found.undetermined for _, found in pieces)),
         whole(lambda found: found.efforts),
+        each(lambda found: found.rubbed),
     )
 
 
@@ -242,8 +336,6 @@ def _balance(
         for j in s.mechanism.joints
         if j.prismatic
     }
-    if s.mechanism.load_rubbed:
-        torque += _bearing_friction(motion, grip, work, torque, travel_force)
     return _carried(motion, work, torque, travel_force)
 
 
@@ -275,60 +367,6 @@ def _carried(
         moment = _turning_work(motion, tuple(carried), riding, work, torque)
         moments[name] = -moment if far_is_second else moment
     return forces, moments, np.array([-_generalised(motion, i, work, torque, travel_force) for i in s.inputs])
-
-
-def _bearing_friction(
-    motion: Motion,
-    grip: np.ndarray | float,
-    work: np.ndarray,
-    torque: np.ndarray,
-    travel_force: Mapping[str, np.ndarray],
-) -> np.ndarray:
-    """(bodies, N) torques (N.m) on each body of the friction that joints' reactions give, beside all else that acts.
-
-    Reactions answer linearly to torques: F_i = F0_i + sum of D_ij t_j.  Newton's method from t = 0 finds
-    t_i + r_i |F_i| = 0, r the friction circle's radius with the sign of the slip.  The solution that grows out of
-    r = 0 is the one with a positive determinant of its derivative; where there is none the linkage locks itself.
-    Raises AssemblyError there.
-    """
-    s, n, joints = motion.structure, motion.theta.size, motion.structure.mechanism.load_rubbed
-    names = [j.name for j in joints]
-
-    def forces(work: np.ndarray, torque: np.ndarray, along: Mapping[str, np.ndarray]) -> np.ndarray:
-        found = _carried(motion, work.copy(), torque, along)[0]
-        return np.stack([found[name] for name in names], axis=-1)
-
-    units = np.zeros((len(names), *torque.shape))
-    for unit, joint in zip(units, joints, strict=True):
-        first, second = joint.bodies
-        unit[s.body_column(second)] += 1.0
-        unit[s.body_column(first)] -= 1.0
-    still = {name: np.zeros(n) for name in travel_force}
-    given = forces(work, torque, travel_force)
-    answers = np.stack([forces(np.zeros_like(work), unit, still) for unit in units], axis=-1)
-    radius = np.stack([j.friction_radius * grip * slip_sign(motion, j) for j in joints], axis=-1)
-    size = np.abs(radius * np.abs(given)).max(axis=1, initial=0.0)
-    friction = np.zeros((n, len(names)))
-    for _ in range(PASSES):
-        force = given + np.einsum("nij,nj->ni", answers, friction)
-        toward = force / np.maximum(np.abs(force), np.finfo(float).tiny)
-        slope = np.eye(len(names)) + radius[..., None] * (np.conj(toward)[..., None] * answers).real
-        miss = friction + radius * np.abs(force)
-        with np.errstate(all="ignore"):
-            growing = np.linalg.det(slope)
-            change = np.linalg.solve(np.where((growing > 0)[:, None, None], slope, np.eye(len(names))), miss[..., None])
-        friction = friction - change[..., 0]
-        settled = (np.abs(change[..., 0]).max(axis=1) <= SETTLED * size) & (growing > 0)
-        if settled.all():
-            return np.asarray(np.einsum("jbn,nj->bn", units, friction))
-        size = np.maximum(size, np.abs(radius * np.abs(force)).max(axis=1))
-    at = float(motion.theta[~settled][0])
-    raise AssemblyError(
-        f"{s.mechanism.name}: the friction that its reactions give locks the linkage at crank angle"
-        f" {np.degrees(at):.6g} deg",
-        at,
-        f"make friction_radius of joint {' or '.join(map(repr, names))} smaller, or keep clear of that angle",
-    )
 
 
 def _work_of_forces(motion: Motion, inertia: bool, work: np.ndarray) -> None:
@@ -398,21 +436,10 @@ def joint_law(
     ``position`` (rad, m) and ``rate`` are the second body's on the first, ``crank`` (rad/s) is the crank's rate, or the
     fastest input's; at a dead centre, where the joint rests and the crank turns, there is no friction.
     """
-    slip = _direction(rate, crank)
+    slip = slip_direction(rate, crank)
     if not moving:
         return joint.spring(position) - joint.stiction * grip * slip
     return joint.spring(position) + joint.damper(rate) - joint.dry(rate) * grip * slip
-
-
-def slip_sign(motion: Motion, joint: Joint) -> np.ndarray:
-    """The sign (N,) of the rate of a joint's second body on its first, against which friction acts; 0 at a dead centre
-    of the joint.
-    """
-    return _direction(motion.slip(joint)[0], motion.pace)
-
-
-def _direction(rate: np.ndarray, crank: np.ndarray) -> np.ndarray:
-    return np.asarray(np.sign(rate) * (np.abs(rate) > DEAD_CENTRE * np.abs(crank)))
 
 
 def friction_turns(motion: Motion, within: float = 0.0, rough: Collection[str] = ()) -> dict[str, np.ndarray]:

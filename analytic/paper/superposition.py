@@ -13,7 +13,7 @@ from analytic.kinematics.assembly import Assembly, Followed, Path
 from analytic.kinematics.motion import kinematics
 from analytic.mechanism.one_line import angles, clearances, count, one_line
 from analytic.mechanism.signals import Signal, named
-from analytic.paper.clearance import Displaced, Model, displaced
+from analytic.paper.clearance import Displaced, Model, displaced, loose_friction
 from analytic.paper.compliance import Compliance, compliance
 from analytic.paper.envelope import (
     Output,
@@ -26,6 +26,7 @@ from analytic.paper.envelope import (
     unit_reactions,
     worst_case,
 )
+from analytic.paper.friction import lean
 from analytic.paper.guide import Block, direction
 from analytic.paper.kinetostatics import kinetostatics
 
@@ -214,15 +215,15 @@ def accuracy(
     """
     total = total_displacement(assembly, theta, omega, model="equilibrium", inertia=inertia, clearances=clearances)
     sweep = _closely(theta)
-    path = assembly.path(sweep[0], sweep[-1])
+    path, m = assembly.path(sweep[0], sweep[-1]), assembly.mechanism
+    sizes = {name: c for name, c in clearances.items() if not m.joint(name).prismatic}
     moved = total.clearance
     changes = side_changes(
-        kinetostatics(kinematics(assembly, sweep, omega, path=path), inertia),
-        {name: c for name, c in clearances.items() if not assembly.mechanism.joint(name).prismatic},
+        kinetostatics(kinematics(assembly, sweep, omega, path=path), inertia, loose=loose_friction(m, sizes)),
+        sizes,
         moved.faint,
         _whole_turn(theta),
     )
-    m = assembly.mechanism
     blocks = {name: Block.of(m, name, c) for name, c in clearances.items() if c > 0 and m.joint(name).prismatic}
     pins = (*assembly.structure.pins, *blocks)
     crossings = np.array([change.crank_angle for change in changes])
@@ -239,6 +240,7 @@ def accuracy(
                 direction(blocks[pin].rests(moved.ideal))
                 if pin in blocks
                 else _directions(moved.ideal.forces[pin], moved.faint[pin])
+                * np.exp(1j * lean(moved.ideal.motion, m.joint(pin)))
                 if pin in moved.faint and clearances.get(pin)
                 else np.zeros(theta.size)
                 for pin in pins

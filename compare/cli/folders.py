@@ -46,7 +46,7 @@ def result_folder(
 
 
 def named_after(file: str | Path) -> str:
-    """What a default folder is named after: a shipped case, a file without its suffix, the folder of a measured.toml."""
+    """What a default folder is named after: a shipped case, a file's stem, the folder of a measured.toml."""
     path = Path(file).absolute()
     return path.stem if path.name != "measured.toml" else path.parent.name or path.stem
 

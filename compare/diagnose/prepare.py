@@ -264,7 +264,7 @@ def _explain_impossible(measured: Measured, mechanism: Mechanism, model: Model) 
     for run in measured.runs:
         try:
             if run.drive == "free":
-                Freedom.of(Assembly(model.altered(run, []).with_clearances({})))
+                Freedom.of(Assembly(model.altered(run, []).ideal()))
             else:
                 model.signals(run, [], run.time)
         except (AssemblyError, StructureError) as error:

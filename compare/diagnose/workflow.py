@@ -10,7 +10,18 @@ from pathlib import Path
 
 from analytic.mechanism import MechanismWarning
 from analytic.mechanism.errors import quoted
-from compare.arguments import Names, flag, modelling, names, one_engine, path, seconds, whole
+from compare.arguments import (
+    Names,
+    flag,
+    modelling,
+    names,
+    noted,
+    one_engine,
+    path,
+    seconds,
+    warn_of_friction,
+    whole,
+)
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import Measured
 from compare.diagnose.effects.effect import Effect
@@ -104,6 +115,8 @@ def _diagnosed(data: Measured, options: Options) -> tuple[Diagnosis, Proposal | 
     """A diagnosis, and what it proposes as an object."""
     data, unfitted = parted(on_one_turn(data))
     rigid = data.mechanism.rigid()
+    with noted() as warned:
+        warn_of_friction(data.mechanism, "contact", "driven")
     problem = Problem.of(data, rigid, options)
     explanation = problem.explanation()
     if rigid != data.mechanism and not rigid.cranked:
@@ -119,6 +132,7 @@ def _diagnosed(data: Measured, options: Options) -> tuple[Diagnosis, Proposal | 
             f"The links' stated moduli of elasticity are {'used' if nearer else 'left out'}: that explains the data"
             " with less."
         )
+    problem.notes += warned
     found = problem.verified(explanation)
     best = proposed(problem, found)
     told = () if best is None else (as_proposed(best),)

@@ -80,7 +80,7 @@ def reaction(mechanism: Mechanism, joint: str, theta: np.ndarray) -> Reaction:
     The crank's way is that of a run at the angles theta (N,) rad: along them, or TURNS of them, the second of which
     begins at the first, where it turns fully.  Raises AssemblyError.
     """
-    ideal, speed = Assembly(mechanism.with_clearances({})), mechanism.speed
+    ideal, speed = Assembly(mechanism.ideal()), mechanism.speed
     assert speed is not None
     around = turns_fully(ideal)
     low, high = (float(theta[0]), float(theta[0]) + 2 * math.pi) if around else (float(theta.min()), float(theta.max()))

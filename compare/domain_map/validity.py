@@ -35,10 +35,11 @@ from compare.arguments import (
     processes,
     refuse_large,
     rigidly_and_evenly_driven,
+    warn_of_friction,
     whole,
     with_clearance,
 )
-from compare.crosscheck import STRIKING, warn_of_friction
+from compare.crosscheck import STRIKING
 from compare.domain_map.cell import Task, examine
 from compare.domain_map.map import Grid, RealJoint, cells, clearance_joints, summarised
 from compare.faults import ArgumentError
@@ -130,7 +131,7 @@ def gridded(  # noqa: PLR0913 - as validity
         if blocks:
             check_request(Request(widest, joint_model, crank_angle=np.zeros(1)))
         able, left_out = capable(simulators, joint_model, widest if blocks else m)
-        warn_of_friction(widest, joint_model)
+        warn_of_friction(widest, joint_model, "driven")
     return Grid(
         m,
         at,

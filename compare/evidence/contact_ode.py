@@ -23,7 +23,7 @@ import numpy as np
 from numba import njit
 
 from analytic.mechanism import GROUND, Body, Mechanism
-from sim_models.common.contact_laws import PIN_RADIUS, NamedLaw, named_law
+from sim_models.common.contact_laws import NamedLaw, named_law
 from sim_models.engine import Watched
 
 # ---------------------------------------------------------------- the linkage's numbers
@@ -136,7 +136,7 @@ def loop_of(mechanism: Mechanism, theta: float = 0.0, law: NamedLaw | None = Non
         second.mass if base.prismatic else second.moment_of_inertia + second.mass * abs(com2) ** 2,
         push2, force2, torque2,
         gravity, 1 if joint.bodies[0] == who.first else -1,
-        clearance, (joint.pin_radius or PIN_RADIUS) + clearance, joint.friction,
+        clearance, joint.rim + clearance, joint.friction,
         law.stiffness, law.damping, law.hysteresis, law.slowest,
     )  # fmt: skip
 

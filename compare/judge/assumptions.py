@@ -33,7 +33,7 @@ from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import Gap, kinematics
 from analytic.mechanism import Joint, Mechanism
 from analytic.mechanism.signals import Signal
-from analytic.paper.clearance import ON_ITS_WAY, STENCIL, Displaced, Model, displaced
+from analytic.paper.clearance import ON_ITS_WAY, STENCIL, Displaced, Model, displaced, loose_friction
 from analytic.paper.kinetostatics import Reactions, kinetostatics
 from compare.judge.courses import Courses
 from compare.judge.discrepancy import (
@@ -231,9 +231,9 @@ class Examined:
 
     @cached_property
     def assembly(self) -> Assembly:
-        """The ideal linkage, assembled once; with the friction of blocks' corners that the run has."""
-        rubs = self.run.joint_model == "contact" or not self.blocks
-        return Assembly(self.mechanism if rubs else self.mechanism.without_corner_friction())
+        """The ideal linkage, assembled once; with the friction of contacts that the run has."""
+        rubs = self.run.joint_model == "contact"
+        return Assembly(self.mechanism if rubs else self.mechanism.without_contact_friction())
 
     @cached_property
     def costs(self) -> dict[Costing, float]:
@@ -274,7 +274,8 @@ class Examined:
     def with_gaps(self, gaps: Mapping[str, Gap]) -> Reactions:
         """Reactions of the linkage whose gaps move as given."""
         at = self.turned()
-        return kinetostatics(kinematics(self.assembly, at.theta, at.omega, at.alpha, gaps))
+        motion = kinematics(self.assembly, at.theta, at.omega, at.alpha, gaps)
+        return kinetostatics(motion, loose=loose_friction(self.assembly.mechanism, self.run.clearance))
 
     @cached_property
     def step(self) -> float:
@@ -369,10 +370,6 @@ def failing_assumption(
         return Because(assumption="contact", joint=joint, words=words)
     if run.analytic_model == "first_order" and _first_order_costs(run):
         return Because(assumption="first-order", joint=None, words=_first_order_words(run))
-    rubs = [name for name in run.clearance if _friction_turns(run, mechanism.joint(name))]
-    if rubs:
-        words = f"the pin of {rubs[0]} rubs in its bearing, and friction in that contact is in no analytic answer"
-        return Because(assumption="unknown", joint=rubs[0], words=words)
     if run.motion != "driven" or len(run.flags) == run.crank_angle.size:
         return None
     examined = Examined(mechanism, run.crank_angle, run, tolerances, courses)
@@ -409,17 +406,6 @@ def _rocking(examined: Examined) -> Because | None:
     lasts = "for ever, as nothing damps its contact" if forever else "for a while after its friction turns round"
     words = f"the block of {name} stays on its walls and rocks there {lasts}; the analytic model has it at rest"
     return Because(assumption="quasi-static", joint=name, words=words)
-
-
-def _friction_turns(run: Run, joint: Joint) -> bool:
-    """Whether friction of a pin in its bearing is why it lies elsewhere: off (rms) by about the angle of friction."""
-    if run.joint_model != "contact" or joint.prismatic or not joint.rough:
-        return False
-    x, y = (Signal.of("clearance", joint.name, axis).name for axis in ("x", "y"))
-    ours, theirs = (side[x] + 1j * side[y] for side in (run.analytic, run.simulated))
-    off = np.angle(theirs * ours.conj())
-    off = off[np.isfinite(off)]
-    return bool(off.size and 0.5 < math.sqrt(float(np.mean(off**2))) / math.atan(joint.friction) < 1.5)
 
 
 def _first_order_costs(run: Run) -> bool:

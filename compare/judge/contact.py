@@ -102,12 +102,12 @@ def contact(
 
 
 def ideal_peaks(mechanism: Mechanism) -> dict[str, float]:
-    """The largest reaction (N) by joint of the ideal linkage in motion, at its usual crank angles; of a block with
-    clearance, the largest force that this and its moment put on one of its corners.
+    """The largest reaction (N) by joint of the ideal linkage in motion, at its usual crank angles, without friction
+    that grows with it; of a block with clearance, the largest force that this and its moment put on one of its corners.
     """
-    assembly = Assembly(mechanism.with_clearances({}))
+    assembly = Assembly(mechanism.ideal())
     motion = kinematics(assembly, usual_angles(assembly), mechanism.speed or 1.0)
-    found = kinetostatics(motion)
+    found = kinetostatics(motion, rubs=False)
     forces = {name: np.abs(force) for name, force in found.forces.items()}
     for joint in (mechanism.joint(name) for name in mechanism.loose_guides):
         guide = Guide.of(joint)

@@ -209,7 +209,7 @@ def _side(
             unit, where = UNITS[kind_of(signal)], float(_told(found.ideal.motion)[most.at])
             order[signal.name] = OrderDifference(unit=unit, max=most.max, rms=most.rms, at_crank_angle=where)
     ideal = _angles(found.ideal.motion)
-    rough = [name for name in clearances if mechanism.joint(name).prismatic and mechanism.joint(name).friction]
+    rough = [name for name in clearances if mechanism.joint(name).friction]
     turning = friction_turns(found.ideal.motion, REVERSAL if inertia else 0.0, rough)
     turning = {name: here for name, here in turning.items() if name not in held}
     own = _own_friction(mechanism, turning)

@@ -11,7 +11,6 @@ from functools import cached_property
 import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism
-from sim_models.common.contact_laws import PIN_RADIUS
 from sim_models.common.guide import Guide
 from sim_models.common.journal import OFF_WALL
 from sim_models.engine import Watched
@@ -159,7 +158,7 @@ class Run:
         gap = self.place(first, joint.name) - self.place(second, joint.name)
         drift = self.velocity(first, arms[0]) - self.velocity(second, arms[1])
         outwards = gap / np.maximum(np.abs(gap), TINY)
-        rim = outwards * ((joint.pin_radius or PIN_RADIUS) + joint.clearance)
+        rim = outwards * (joint.rim + joint.clearance)
         slip = self.velocity(second, arms[1] + rim) - self.velocity(first, arms[0] - gap + rim)
         force = self.watched.force[joint.name]
         touch = Touch(
@@ -251,7 +250,7 @@ class Run:
         for joint in self.m.joints:
             if not joint.has_law:
                 continue
-            if joint.friction_radius:
+            if joint.load_coefficient:
                 return None
             position, rate = self._moved(joint)
             dry = joint.dry(rate) * np.clip(rate / (SLOW * float(np.abs(rate).max()) or 1.0), -1, 1)

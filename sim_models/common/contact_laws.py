@@ -28,7 +28,6 @@ TURNS = 1.75e-4  # rad, 0.01 deg: what a wall's give under weights and loads may
 DAMPING_RATIO = 0.5  # of the lighter link on that stiffness, where the mechanism gives neither damping nor restitution
 BEARING_RATIO = 0.01  # the same of a soft bearing
 TOO_DEEP = 0.1  # of the shortest link at a joint: a pin that is deeper in its bearing is in none
-PIN_RADIUS = 0.01  # m, where the mechanism gives none; matters only with friction
 SLOWEST_TOUCH = 1e-3  # of the linkage's length times its rate: slower touches are damped as one of that speed
 
 
@@ -190,7 +189,7 @@ def _assumed_at(joint: Joint, settings: Mapping[str, SettingValue]) -> Iterator[
 
     stiffness, damping, bounce = used("contact_stiffness"), used("contact_damping"), used("restitution")
     if used("pin_radius") is not None and joint.pin_radius is None:
-        yield Assumed(f"{where}.pin_radius", PIN_RADIUS, "m", "the arm of the friction in its contact")
+        yield Assumed(f"{where}.pin_radius", joint.rim, "m", "the arm of the friction in its contact")
     if stiffness is not None and joint.contact_stiffness is None and joint.radial_stiffness is None:
         yield Assumed(f"{where}.contact_stiffness", stiffness, "N/m", "a hard wall for the forces of the linkage")
     if joint.contact_damping is not None or joint.restitution is not None:
@@ -205,7 +204,7 @@ def _assumed_at(joint: Joint, settings: Mapping[str, SettingValue]) -> Iterator[
 def rims(request: Request) -> dict[str, SettingValue]:
     """For a trace's settings: the radius (m) of each pin that rubs in its bearing's contact."""
     joints = [request.mechanism.joint(name) for name in request.clearances if request.joint_model == "contact"]
-    found = {j.name: j.pin_radius or PIN_RADIUS for j in joints if j.rough and not j.prismatic}
+    found = {j.name: j.rim for j in joints if j.rough and not j.prismatic}
     return {"pin_radius": found} if found else {}
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint
 from analytic.mechanism.signals import driving, wrapped
-from sim_models.common.contact_laws import PIN_RADIUS, contact_parameters, longest
+from sim_models.common.contact_laws import contact_parameters, longest
 from sim_models.common.guide import Guide
 from sim_models.engine import Request, Trace
 
@@ -177,7 +177,7 @@ class Seen:
             return second
         if self.rubs(joint):
             gap = self.gap(joint)
-            return second + gap / np.maximum(np.abs(gap), TINY) * ((joint.pin_radius or PIN_RADIUS) + joint.clearance)
+            return second + gap / np.maximum(np.abs(gap), TINY) * (joint.rim + joint.clearance)
         return self.place(body, joint.name)
 
     def rubs(self, joint: Joint) -> bool:

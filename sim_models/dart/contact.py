@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analytic.mechanism import Mechanism
-from sim_models.common.contact_laws import PIN_RADIUS, lighter_mass, restitution
+from sim_models.common.contact_laws import lighter_mass, restitution
 from sim_models.leapfrog.parts import Pin
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ class Bearing:
         restitution, ``level`` (m) the place of the shapes along z.
         """
         self.pin, self.restitution, self.level = pin, rebound, level
-        self.reach = (pin.joint.pin_radius or PIN_RADIUS) + ANVIL
+        self.reach = pin.joint.rim + ANVIL
         self.first, second = bodies
         self.centre, at = points
         self.held = False  # whether the journal was pressed to the rim in the last step

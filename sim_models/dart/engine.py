@@ -7,9 +7,10 @@ from sim_models.dart.world import DartWorld
 from sim_models.engine import FEATURES, MOTIONS, Capabilities, Engine, Feature, JointModel, Pair, Request, Scope, Trace
 from sim_models.leapfrog.runs import run
 
-# A pin that moves in its bearing changes its reaction, and with it such friction, too much from step to step.
+# A pin that moves in its bearing changes reactions, and with them such friction, too much from step to step.
+GROWN: tuple[Feature, ...] = ("load_friction", "guide_friction")
 QUICKER: frozenset[tuple[Feature, Pair]] = frozenset(
-    {("load_friction", ("spring-damper", "driven")), ("load_friction", ("contact", "driven"))}
+    (feature, (model, "driven")) for feature in GROWN for model in ("spring-damper", "contact")
 )
 # DART's own contact is rigid, and knows no law but Newton's restitution; nor do blocks have it.
 RIGID: frozenset[tuple[Feature, Pair]] = frozenset(

@@ -13,7 +13,6 @@ import numpy as np
 from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint, Mechanism, Spring
 from analytic.mechanism.bars import division, shear_modulus
 from analytic.mechanism.signals import turned_near
-from sim_models.common.contact_laws import PIN_RADIUS
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import travel
 from sim_models.engine import Unsupported
@@ -226,7 +225,7 @@ class BeamModel:
             return self._add_slide(joint)
         markers = [self._marker[body, joint.name] for body in joint.bodies]
         if joint.name in self.clearance:
-            radius = joint.pin_radius or PIN_RADIUS
+            radius = joint.rim
             data = self.mbs.AddNode(
                 self.items.NodeGenericData(initialCoordinates=[-1e-12, 0.0, 0.0, 0.0], numberOfDataCoordinates=4)
             )

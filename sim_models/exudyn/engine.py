@@ -30,7 +30,7 @@ from sim_models.exudyn.settings import console_off
 RUNS: tuple[Pair, ...] = tuple((model, motion) for model in JOINT_MODELS for motion in MOTIONS)
 BENDING: tuple[Pair, ...] = tuple((model, motion) for model in ("ideal", "contact") for motion in MOTIONS)
 # No law of a joint sees another's reaction; one-sided laws between a motor and its crank would be slow in Python.
-HAS: frozenset[Feature] = frozenset(FEATURES) - {"load_friction", "backlash"}
+HAS: frozenset[Feature] = frozenset(FEATURES) - {"load_friction", "guide_friction", "backlash"}
 WRITTEN = HAS - {"contact_law", "guide_clearance"}  # in exports: functions of the run's own are no part of a model file
 BEYOND: frozenset[Feature] = frozenset(
     {"contact_law", "contact_friction", "drive_compliance", "guide_clearance", "soft_bearing", "released"}

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism, Spring
-from sim_models.common.contact_laws import PIN_RADIUS, NamedLaw, bearing, contact_parameters, named_law
+from sim_models.common.contact_laws import NamedLaw, bearing, contact_parameters, named_law
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import travel
 from sim_models.engine import JointModel, Motion, Request
@@ -217,7 +217,7 @@ class ExudynModel:
         self._sense(f"force {joint.name}", self.items.SensorObject, "Force", objectNumber=number)
 
     def _add_contact(self, joint: Joint, markers: list[Any], separation: float, spin: float) -> Any:
-        law, radius = self.laws[joint.name], joint.pin_radius or PIN_RADIUS
+        law, radius = self.laws[joint.name], joint.rim
         if joint.contact_damping is not None:
             impact = {"impactModel": 0, "contactDamping": law.damping}
         else:
@@ -300,7 +300,7 @@ class ExudynModel:
 
     def _add_rub(self, joint: Joint, law: NamedLaw, memory: Memory | None) -> None:
         """Friction of a pin in its bearing beside a law by name."""
-        rim = (joint.pin_radius or PIN_RADIUS) + joint.clearance
+        rim = joint.rim + joint.clearance
         rub = Rub(law, memory, joint.clearance, joint.friction, rim, self._ends(joint))
         number = add_forces(self.exu, self.mbs, self.items, self._moving_nodes(joint), rub.force)
         self.rubs[joint.name] = rub

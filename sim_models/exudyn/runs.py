@@ -327,7 +327,7 @@ class ExudynRun(Run):
         start = poses(self.assembly, theta, float(motor.rate(0.0)) if motor else r.start_speed)
         stiffness = m.drive_stiffness if motor else None
         if stiffness is not None or ((self.clearance or self.bearings) and r.start == "steady"):
-            resting = r if r.start == "steady" else Request(m.with_clearances({}), motion="driven")
+            resting = r if r.start == "steady" else Request(m.tight(), motion="driven")
             equilibria = Equilibria(resting, self.path, 0.0, joint_creep([motor] if motor else []))
             if motor:
                 start, here = steady_start(equilibria, motor, stiffness)

@@ -85,7 +85,7 @@ def passing(equilibria: Equilibria, time: np.ndarray, crank: np.ndarray) -> tupl
 
 
 def _ideal(equilibria: Equilibria) -> Request:
-    return Request(equilibria.m.with_clearances({}), motion="driven")
+    return Request(equilibria.m.tight(), motion="driven")
 
 
 def crank_behind(equilibria: Equilibria, motor: RunMotor, stiffness: float, time: np.ndarray) -> np.ndarray:

@@ -106,7 +106,7 @@ class LeapfrogWorld(ABC):
         self.walls: dict[str, tuple[Touch, ...]] = {}
         self.block_seats: dict[str, complex] = {}  # m, and i times rad, as the last step began
         self.pin_gaps: dict[str, complex] = {}  # m, of the driven pins as the last step began
-        self.loads = {j.name: 0.0 for j in m.load_rubbed}  # N: reactions as last heeded, with which friction grows
+        self.loads = {j.name: 0.0 for j in m.load_rubbed}  # N: how hard they are pressed, as last heeded
         self.heeding = False  # whether every step heeds its own
         self.slide_forces: dict[str, complex] = {}  # of the prismatic joints' laws, on their second bodies
         self.late: dict[str, np.ndarray] = {}  # rates of each body's coordinates as the engine has them
@@ -223,19 +223,19 @@ class LeapfrogWorld(ABC):
         along = [each.sign * path_of(path, each.joint.name).angles(times) for each in self.steered]
         return list(zip(*(where.tolist() for where in along), strict=True))
 
-    def settled(self, evaluate: Callable[[], T], forces: Callable[[T], Mapping[str, complex]]) -> T:
-        """What an evaluation gives once the friction in it is that of its own reactions (N).  Raises SimulationError
-        where that does not settle.
+    def settled(self, evaluate: Callable[[], T], pressing: Callable[[T], Mapping[str, float]]) -> T:
+        """What an evaluation gives once the friction in it is that of its own reactions, which press joints so hard
+        (N).  Raises SimulationError where that does not settle.
         """
         for _ in range(HEEDINGS):
             found = evaluate()
-            if not self.loads or self.heed(forces(found)):
+            if not self.loads or self.heed(pressing(found)):
                 return found
         raise SimulationError(
             f"{self.engine}: {self.mechanism.name}: the friction that its reactions give does not settle: it is about"
             " to lock the linkage",
             Cause.NO_EQUILIBRIUM,
-            "use a smaller friction_radius",
+            f"use a smaller {' or '.join(joint.load_law for joint in self.mechanism.load_rubbed)}",
         )
 
     def before_observing(self) -> None:
@@ -312,7 +312,7 @@ class LeapfrogWorld(ABC):
             self.before_observing()
         self.advance(h)
         if self.heeding:
-            self.heed(self.reactions()[0])
+            self.heed(self.pressing(*self.reactions()[:2]))
 
     def _load(self) -> None:
         """Apply loads, joint laws and clearance forces at the positions now."""
@@ -362,9 +362,22 @@ class LeapfrogWorld(ABC):
             force = self.pin_forces[name] = pin.spring(*self.gap(name))
             self.pull(pin.joint, force)
 
-    def heed(self, forces: Mapping[str, complex]) -> bool:
-        """Take in the reactions (N) that the next steps' friction grows with; says whether they were known already."""
-        now = {name: abs(forces[name]) for name in self.loads}
+    def pressing(self, forces: Mapping[str, complex], moments: Mapping[str, float]) -> dict[str, float]:
+        """How hard (N) the joints whose friction grows with it are pressed by these reactions (N) and moments (N.m), as
+        the step began that was read last.
+        """
+        at, found = {GROUND: AT_REST, **self.before}, dict[str, float]()
+        for joint in map(self.mechanism.joint, self.loads):
+            first, second = (at[body] for body in joint.bodies)
+            slip = self.laws.slip(joint, travel(self.mechanism, joint, first, second)[1])
+            pressed = joint.pressed(forces[joint.name], moments.get(joint.name, 0.0), first.angle, slip)
+            found[joint.name] = float(pressed)
+        return found
+
+    def heed(self, now: Mapping[str, float]) -> bool:
+        """Take in how hard joints are pressed (N), with which the next steps' friction grows; says whether that was
+        known already.
+        """
         change = max((abs(now[name] - load) for name, load in self.loads.items()), default=0.0)
         self.loads.update(now)
         return change <= HEEDED * max(now.values(), default=0.0)
@@ -402,13 +415,13 @@ class LeapfrogWorld(ABC):
         first, second = j.bodies
         a, b = self._any_pose(first), self._any_pose(second)
         way, rate = travel(self.mechanism, j, a, b)
+        effort = self.laws.effort(j, way, rate, self.loads.get(j.name, 0.0))
         if not j.prismatic:
-            torque = self.laws.effort(j, way, rate, self.loads.get(j.name, 0.0))
-            self.turn(second, torque)
-            self.turn(first, -torque)
+            self.turn(second, effort)
+            self.turn(first, -effort)
             return
         along = j.direction * np.exp(1j * a.angle)
-        force = self.slide_forces[j.name] = self.laws.effort(j, way, rate) * along
+        force = self.slide_forces[j.name] = effort * along
         self.push(second, self.points[second, j.name], force)
         beside = 1j * self.blocks[j.name].seat(a, b).real if j.name in self.blocks else 0.0
         self.push(first, self.points[first, j.name] + (way + beside) * j.direction, -force)

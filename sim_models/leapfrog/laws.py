@@ -30,13 +30,17 @@ class JointLaws:
         self.fades_below = {j.name: zone * (reach if j.prismatic else 1.0) for j in m.joints}
 
     def effort(self, j: Joint, position: float, rate: float, load: float = 0.0) -> float:
-        """Torque (N.m; prismatic: force, N) on the joint's second body at its angle (rad; travel, m) and rate,
-        its reaction being ``load`` (N).
+        """Torque (N.m; prismatic: force, N) on the joint's second body at its angle (rad; travel, m) and rate, pressed
+        by a ``load`` (N).
         """
+        slip = self.slip(j, rate)
         if self.static:
-            return j.spring(position) - (j.stiction + j.load_friction(load)) * self.sliding.get(j.name, 0.0)
-        slip = max(-1.0, min(1.0, rate / self.fades_below[j.name]))
+            return j.spring(position) - (j.stiction + j.load_friction(load)) * slip
         return j.spring(position) + j.damper(rate) - (j.dry(rate) + j.load_friction(load)) * slip
+
+    def slip(self, j: Joint, rate: float) -> float:
+        """The sign of a joint's sliding at its rate (rad/s, m/s), or a part of it where friction fades."""
+        return self.sliding.get(j.name, 0.0) if self.static else max(-1.0, min(1.0, rate / self.fades_below[j.name]))
 
     def set_sliding(self, motion: Callable[[], Mapping[str, Pose]]) -> None:
         """Let friction at rest oppose a motion of the ideal linkage, of which only the direction matters."""

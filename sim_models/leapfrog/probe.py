@@ -28,7 +28,7 @@ def forces_at(
         world.step(PROBE)
         return world.reactions()
 
-    return world.settled(probed, lambda found: found[0])
+    return world.settled(probed, lambda found: world.pressing(*found[:2]))
 
 
 def gap_accelerations(world: LeapfrogWorld, bodies: Mapping[str, Pose], spin_up: Sequence[float]) -> dict[str, complex]:

@@ -170,7 +170,11 @@ def _still(world: LeapfrogWorld, path: Path, time: float, gaps: Changes) -> dict
         world.approach(moving(world.assembly, path, time, near(gaps, time)), PROBE)
         return world.observe(PROBE)
 
-    return world.settled(still, lambda row: _reactions(row, world.loads))
+    def pressing(row: Mapping[str, float]) -> dict[str, float]:
+        moments = {name: row[f"reaction_{name}_moment"] for name in world.loads if f"reaction_{name}_moment" in row}
+        return world.pressing(_reactions(row, world.loads), moments)
+
+    return world.settled(still, pressing)
 
 
 def _one_sided(found: Equilibria, rods: Equilibria, path: Path, time: float) -> dict[str, float]:

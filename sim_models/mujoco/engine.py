@@ -25,6 +25,10 @@ RUNS = tuple((model, motion) for model in JOINT_MODELS for motion in MOTIONS)
 WITHOUT_BLOCKS: frozenset[tuple[Feature, Pair]] = frozenset(
     ("guide_clearance", ("spring-damper", motion)) for motion in MOTIONS
 )
+# What an exported script does not do: its laws know no reaction, and no blocks, contact laws by name or backlash.
+UNWRITTEN: frozenset[Feature] = frozenset(
+    {"load_friction", "guide_friction", "backlash", "contact_law", "guide_clearance"}
+)
 
 
 class MujocoEngine(Engine):
@@ -40,7 +44,7 @@ class MujocoEngine(Engine):
     package = "mujoco"
     capabilities = Capabilities(
         rigid=Scope.of(RUNS, but=WITHOUT_BLOCKS),
-        export=Scope.of(RUNS, set(FEATURES) - {"load_friction", "backlash", "contact_law", "guide_clearance"}),
+        export=Scope.of(RUNS, set(FEATURES) - UNWRITTEN),
     )
 
     def simulate(self, request: Request) -> Trace:

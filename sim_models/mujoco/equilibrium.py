@@ -204,7 +204,7 @@ class Equilibria:
         """The state without transients, with the friction that its reactions give."""
         for _ in range(HEEDINGS):
             found = rest(link, q, v, a, slip)
-            if found is None or not link.loads or heed(link, self.signals(link, found, slip)):
+            if found is None or not link.loads or heed(link, self.signals(link, found, slip), slip):
                 return found
             q = found.q
         raise unheeded(link)

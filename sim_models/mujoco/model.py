@@ -13,7 +13,7 @@ import numpy as np
 
 from analytic.mechanism import GROUND, Body, Joint, Mechanism
 from analytic.mechanism.signals import driving
-from sim_models.common.contact_laws import PIN_RADIUS, bearing, lighter_mass
+from sim_models.common.contact_laws import bearing, lighter_mass
 from sim_models.common.guide import Guide
 from sim_models.common.start import Pose
 from sim_models.common.tree import Branch
@@ -36,7 +36,7 @@ CONTACT_ROWS = (ROW.mjCNSTR_CONTACT_FRICTIONLESS, ROW.mjCNSTR_CONTACT_ELLIPTIC)
 
 def _curved(j: Joint) -> bool:
     """Whether a joint has a law that a tendon has no words for."""
-    return bool(j.cubic or j.drag or j.stribeck_speed or j.friction_radius)
+    return bool(j.cubic or j.drag or j.stribeck_speed or j.load_coefficient)
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ class MujocoLinkage:
         crank = mechanism.driven if mechanism.periodic_torque else GROUND
         curved = [j for j in mechanism.joints if j.name in self.laws and _curved(j)]
         laws = {self.laws[j.name]: (j, self.between(j)) for j in curved}
-        self.loads = {j.name: 0.0 for j in mechanism.load_rubbed}  # N: reactions as last heeded
+        self.loads = {j.name: 0.0 for j in mechanism.load_rubbed}  # N: how hard they are pressed, as last heeded
         passive = Passive(laws, self.loads, mechanism.periodic_torque, self.fixed_angle[crank], self.form[crank])
         self.passive = passive if laws or mechanism.periodic_torque else None
         self.present: np.ndarray | None = None  # velocities of this instant, where the data's are older
@@ -173,11 +173,7 @@ class MujocoLinkage:
         }
         self.size = max(b.length for b in self.mechanism.bodies) or 1.0  # m
         self.touching: list[str] = []  # joints in contact, in the order of MuJoCo's contacts
-        self.radii = {
-            n: (j.clearance, (j.pin_radius or PIN_RADIUS) + j.clearance)
-            for n in self.contacts
-            for j in [self.mechanism.joint(n)]
-        }
+        self.radii = {n: (j.clearance, j.rim + j.clearance) for n in self.contacts for j in [self.mechanism.joint(n)]}
         self.rubbing = [(j, self.between(j)) for j in joints if j.rubs]  # each with the form of its coordinate
 
     def _drives(self) -> dict[str, Drive]:

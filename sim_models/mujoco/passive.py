@@ -45,7 +45,7 @@ class Passive:
         sizes = {
             t: j.dry(float(data.ten_velocity[t])) + j.load_friction(self.loads.get(j.name, 0.0))
             for t, (j, _) in self.joints.items()
-            if j.stribeck_speed or j.friction_radius
+            if j.stribeck_speed or j.load_coefficient
         }
         if sizes:
             for row in np.flatnonzero(data.efc_type == ROW).tolist():

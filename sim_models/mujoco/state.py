@@ -180,12 +180,22 @@ def evaluate(link: MujocoLinkage) -> bool:
     mujoco.mj_fwdConstraint(m, d)
     with present(link):
         mujoco.mj_rnePostConstraint(m, d)
-    return not link.loads or heed(link, signals(link, joint_forces(link, d.efc_force), friction_torques(link)))
+    if not link.loads:
+        return True
+    slip = {name: float(np.sign(d.ten_velocity[link.laws[name]])) for name in link.loads if name in link.laws}
+    return heed(link, signals(link, joint_forces(link, d.efc_force), friction_torques(link)), slip)
 
 
-def heed(link: MujocoLinkage, seen: Mapping[str, float]) -> bool:
-    """Take in the reactions that friction grows with, from signals; says whether they were known already."""
-    now = {name: math.hypot(seen[f"reaction_{name}_x"], seen[f"reaction_{name}_y"]) for name in link.loads}
+def heed(link: MujocoLinkage, seen: Mapping[str, float], slip: Mapping[str, float]) -> bool:
+    """Take in how hard the joints are pressed whose friction grows with their reactions, from signals and the signs of
+    their slip; says whether that was known already.
+    """
+    now: dict[str, float] = {}
+    for joint in map(link.mechanism.joint, link.loads):
+        name, first = joint.name, joint.bodies[0]
+        force = complex(seen[f"reaction_{name}_x"], seen[f"reaction_{name}_y"])
+        moment, angle = seen.get(f"reaction_{name}_moment", 0.0), seen.get(f"{first}_angle", 0.0)
+        now[name] = float(joint.pressed(force, moment, angle, slip.get(name, 0.0)))
     change = max(abs(now[name] - load) for name, load in link.loads.items())
     link.loads.update(now)
     return change <= HEEDED * max(now.values())
@@ -197,7 +207,7 @@ def unheeded(link: MujocoLinkage) -> SimulationError:
         f"mujoco: {link.mechanism.name}: the friction that its reactions give does not settle: it is about to lock"
         " the linkage",
         Cause.NO_EQUILIBRIUM,
-        "use a smaller friction_radius",
+        f"use a smaller {' or '.join(joint.load_law for joint in link.mechanism.load_rubbed)}",
     )
 
 

@@ -17,15 +17,17 @@ RUNS: tuple[Pair, ...] = (
     ("massless-link", "static"),
     ("contact", "static"),
 )
-# A pin that moves in its bearing changes its reaction, and with it such friction, too much from step to step.
-QUICKER: frozenset[tuple[Feature, Pair]] = frozenset({("load_friction", ("spring-damper", "driven"))})
+# A pin that moves in its bearing changes reactions, and with them such friction, too much from step to step.
+QUICKER: frozenset[tuple[Feature, Pair]] = frozenset(
+    {("load_friction", ("spring-damper", "driven")), ("guide_friction", ("spring-damper", "driven"))}
+)
 # A strut is between two pins, and no corner of a block is one.
 STRUTS: frozenset[tuple[Feature, Pair]] = frozenset({("guide_clearance", ("contact", "static"))})
 HAS: frozenset[Feature] = frozenset(FEATURES) - {"contact_friction"}
 # What an exported script does not do: backlash, contact laws by name, blocks, nor at rest a drive that yields.
 UNWRITTEN: frozenset[tuple[Feature, Pair]] = frozenset(
     {("drive_compliance", pair) for pair in RUNS if pair[1] == "static"}
-    | {(feature, pair) for feature in ("backlash", "contact_law", "guide_clearance") for pair in RUNS}
+    | {(feature, pair) for feature in ("backlash", "contact_law", "guide_clearance", "guide_friction") for pair in RUNS}
 )
 
 

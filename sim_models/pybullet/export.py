@@ -85,9 +85,9 @@ class RecordedWorld(BulletWorld):
         else:
             stages.append([1, h, self.observing, self.heeding])
 
-    def settled(self, evaluate: Callable[[], T], forces: Callable[[T], Mapping[str, complex]]) -> T:
+    def settled(self, evaluate: Callable[[], T], pressing: Callable[[T], Mapping[str, float]]) -> T:
         before = len(self.runs)
-        found = super().settled(evaluate, forces)
+        found = super().settled(evaluate, pressing)
         del self.runs[before:-1]  # those with a friction that was not yet that of their reactions
         return found
 
@@ -280,7 +280,7 @@ def _constraints(world: RecordedWorld) -> list[dict[str, Any]]:
 def _law(world: RecordedWorld, j: Joint) -> dict[str, float]:
     return {
         "friction": j.coulomb,
-        "friction_radius": j.friction_radius,
+        "friction_radius": j.load_coefficient,
         "static": j.stiction,
         "stribeck_speed": j.stribeck_speed or 0.0,
         "fades_below": world.laws.fades_below[j.name],

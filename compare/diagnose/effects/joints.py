@@ -235,7 +235,9 @@ class StribeckFriction(Effect):
 
 
 class LoadFriction(OnJoint):
-    """Dry friction of a loaded bearing: friction coefficient times pin radius times the reaction's size."""
+    """Dry friction of a loaded bearing: friction coefficient times pin radius times the reaction's size.  It takes the
+    place of what a coefficient of the pin gives.
+    """
 
     name = "load_friction"
     label = "friction of the load in joint {}"
@@ -247,6 +249,12 @@ class LoadFriction(OnJoint):
 
     def places(self, rig: Rig) -> Sequence[str]:
         return _revolute(rig)
+
+    def nominal(self, rig: Rig, where: str) -> float:
+        return rig.mechanism.joint(where).load_coefficient
+
+    def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
+        return mechanism.with_friction_circle(where, values["coefficient_radius"])
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (1e-4 * rig.length,)

@@ -165,7 +165,7 @@ def _stribeck(m: Mechanism, where: str, n: Numbers) -> Mechanism:
 
 
 def _of_load(m: Mechanism, where: str, n: Numbers) -> Mechanism:
-    return m.with_joint(where, friction_radius=m.joint(where).friction_radius - n[0])
+    return m.with_friction_circle(where, m.joint(where).load_coefficient - n[0])
 
 
 def _spring(m: Mechanism, where: str, n: Numbers) -> Mechanism:

@@ -64,9 +64,8 @@ class Struck(JointClearance):
             mechanism = mechanism.with_joint(where, contact_stiffness=stiffness)
         if self.restitution is not None:
             mechanism = mechanism.with_joint(where, restitution=self.restitution)
-        if self.friction is not None:
-            mechanism = mechanism.with_joint(where, friction=self.friction)
-        return super().on_mechanism(mechanism, where, values)
+        mechanism = super().on_mechanism(mechanism, where, values)
+        return mechanism if self.friction is None else mechanism.with_joint(where, friction=self.friction)
 
 
 def rattling(problem: Problem) -> Explanation | None:

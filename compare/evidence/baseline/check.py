@@ -12,7 +12,7 @@ from analytic.kinematics.structure import StructureError
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import shipped_cases
 from analytic.mechanism.one_line import count
-from compare.arguments import Linkage, Simulators, linkage
+from compare.arguments import Linkage, Simulators, linkage, warn_of_friction
 from compare.arguments import path as checked_path
 from compare.check import Results, layout_of, result_files
 from compare.evidence.baseline.file import Baseline, BaselineError, StoredRun, owned, read, write
@@ -97,6 +97,8 @@ def _each(work: Work, cases: Cases | None, simulators: Simulators, folder: Path,
         (linkage(case, large=True), case.name if isinstance(case, Mechanism) else str(case)) for case in wanted
     ]
     names, left_out = asked(simulators)
+    for mechanism, _ in mechanisms:
+        warn_of_friction(mechanism, None, "static")
     entries = []
     for mechanism, typed in mechanisms:
         for name in names:

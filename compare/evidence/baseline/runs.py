@@ -82,9 +82,9 @@ def setups(mechanism: Mechanism) -> list[Setup]:
     theta = _thinned(default_angles(assembly))
     found = []
     if mechanism.speed is not None:
-        found.append(Setup(Request(mechanism.with_clearances({}), "ideal", "driven", theta)))
+        found.append(Setup(Request(mechanism.tight(), "ideal", "driven", theta)))
     else:
-        found.append(Setup(Request(mechanism.with_clearances({}), "ideal", "driven", time=_thinned(FREE_TIME))))
+        found.append(Setup(Request(mechanism.tight(), "ideal", "driven", time=_thinned(FREE_TIME))))
     loaded = _loaded(mechanism)
     if loaded.clearance:
         added: dict[str, JsonValue] = {"clearance": dict(loaded.clearance)}
@@ -99,7 +99,7 @@ def setups(mechanism: Mechanism) -> list[Setup]:
 
 def _over_time(mechanism: Mechanism, time: np.ndarray, courses: Courses) -> Iterator[Setup]:
     """Drives along their courses, with ideal joints and, where all freedoms have a drive, with clearance."""
-    ideal = Request(mechanism.with_clearances({}), time=_thinned(time), courses=courses.knots)
+    ideal = Request(mechanism.tight(), time=_thinned(time), courses=courses.knots)
     yield Setup(ideal)
     loaded = _loaded(mechanism)
     if loaded.clearance and len(courses.knots) == len(Assembly(mechanism).structure.inputs):
