@@ -18,6 +18,7 @@ from compare.arguments import (
     Numbers,
     crank_angles,
     flag,
+    idle,
     linkage,
     loose,
     noted,
@@ -75,6 +76,9 @@ def analyse(  # noqa: PLR0913 - what a person may ask, by name
     with noted() as warned:
         given = linkage(mechanism, clearance)
         m = given if compliance else rigidly_and_evenly_driven(given)
+        unused = idle(m, model=model)
+        if compliance and not (m.bends or any(joint.elasticity for joint in m.joints)):
+            unused.append(f"{m.name}: no body has a youngs_modulus and no joint an elasticity, so that nothing yields")
         assembly = Assembly(m)
         moved = timed(assembly, times, course, path)
         if moved is not None:
@@ -83,7 +87,7 @@ def analyse(  # noqa: PLR0913 - what a person may ask, by name
             side = timed_reference(assembly, *moved, motion, model, m.clearances)
             if compliance:
                 side = timed_with_flexible_links(side, assembly, *moved)
-            found = _analysed(m, side, model, warned, moved[0])
+            found = _analysed(m, side, model, [*unused, *warned], moved[0])
             return found.model_copy(update={"motion": motion, "compliance": compliance})
         if motion == "driven" and m.speed is None:
             raise ArgumentError("motion", f"the drive of {m.name} has no constant speed; ask for static motion")
@@ -92,7 +96,7 @@ def analyse(  # noqa: PLR0913 - what a person may ask, by name
         side = reference(assembly, theta, motion, model, m.clearances)
         if compliance:
             side = with_flexible_links(side, assembly, theta)
-    found = _analysed(m, side, model, warned, None)
+    found = _analysed(m, side, model, [*unused, *warned], None)
     return found.model_copy(update={"motion": motion, "compliance": compliance, "crank_angle": theta})
 
 
@@ -160,7 +164,7 @@ def simulate(  # noqa: PLR0913 - what a person may ask, by name
         signals=with_derived(trace.signals, m),
         journal={name: Path(x=path[:, 0], y=path[:, 1]) for name, path in trace.journal.items()},
         free_share=dict(trace.free_share),
-        warnings=tuple(warned),
+        warnings=(*idle(m, joint_model), *warned),
     )
     return found if trace.time is None else found.model_copy(update={"time": trace.time})
 

@@ -31,6 +31,7 @@ from compare.arguments import (
     engines,
     every_one,
     flag,
+    idle,
     laid_over,
     linkage,
     loose,
@@ -237,6 +238,13 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
         _with_stiff_rims(m)
         loose(m, joint_model)
         theta = np.zeros(0) if released or moved is not None else crank_angles(assembly, angles)
+    unused = idle(m, joint_model, analytic)
+    turns = whole(revolutions, "revolutions", 0)
+    strikes = m.clearances and motion == "driven" and joint_model in (None, *STRIKING) and theta.size
+    if turns not in (0, REVOLUTIONS) and not strikes:
+        unused.append(
+            f"{m.name}: revolutions = {turns} is of pins that may strike their walls; none of these runs has any"
+        )
     return Job(
         mechanism=m,
         simulators=names,
@@ -248,9 +256,9 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
         courses=None if moved is None else moved[1],
         joint_model=joint_model,
         model=analytic,
-        warnings=(*warned, *left_out),
+        warnings=(*warned, *left_out, *unused),
         flexible=flexible,
-        revolutions=whole(revolutions, "revolutions", 0),
+        revolutions=turns,
     )
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import tempfile
+import warnings
 from pathlib import Path
 
 from analytic.kinematics.assembly import Assembly
 from compare.analyse import Angles, request
-from compare.arguments import Linkage, Metres, Numbers, linkage, one_engine, rigidly_and_evenly_driven, timed
+from compare.arguments import Linkage, Metres, Numbers, idle, linkage, one_engine, rigidly_and_evenly_driven, timed
 from compare.arguments import path as named
 from compare.faults import ArgumentError
 from compare.files import OutputError, output_folder, write_together
@@ -69,6 +70,8 @@ def exported(  # noqa: PLR0913 - what a person may ask, by name
         can = ", ".join(name for name in engine_names() if declared(name).capabilities.export is not None)
         raise ArgumentError("simulator", f"{simulator}: its model cannot be exported; that of {can} can")
     m = rigidly_and_evenly_driven(linkage(mechanism, clearance))
+    for text in idle(m, joint_model):
+        warnings.warn(text, stacklevel=3)
     asked = request(m, joint_model, motion, angles, timed(Assembly(m), times, course, path))
     try:
         with tempfile.TemporaryDirectory() as draft:  # all of it is there before the first file is put in place

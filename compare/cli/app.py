@@ -42,6 +42,8 @@ from compare.cli.validity import validity
 from compare.faults import Exit, complaints
 from compare.files import made_folder
 
+TYPED = "COMMANDLINE"  # click's word for an option that is not at its default
+
 app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -122,7 +124,12 @@ def compare(
     Exit status: 0 agrees, 1 disagrees beyond tolerance or cannot be judged, 2 bad input, 3 a simulator is missing or
     failed.
     """
+    given = [name for name in context.params if (said := context.get_parameter_source(name)) and said.name == TYPED]
     if context.invoked_subcommand is not None:
+        if given:
+            option, command = f"--{given[0].replace('_', '-')}", context.invoked_subcommand
+            typer.echo(f"compare: {option} stands before {command}, which does not see it; write it after", err=True)
+            raise typer.Exit(Exit.BAD_INPUT)
         return
     if version:
         from importlib.metadata import version as installed
@@ -130,9 +137,7 @@ def compare(
         typer.echo(f"linkage-crosscheck {installed('linkage-crosscheck')}")
         return
     if simulator is None:
-        sources = (context.get_parameter_source(name) for name in context.params)
-        asked = any(source is not None and source.name == "COMMANDLINE" for source in sources)
-        if asked:
+        if given:
             typer.echo(
                 "compare: no --simulator is given; name one of those that compare simulators lists, or all", err=True
             )

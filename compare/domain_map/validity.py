@@ -106,7 +106,13 @@ def gridded(  # noqa: PLR0913 - as validity
     """What a map is over.  Warns, and raises, as :func:`validity` does."""
     at_speeds, gaps = increasing(speeds, "speeds", "rad/s"), increasing(clearances, "clearances", "m")
     joint_model, read = real(joint_model), laid_over(tolerances)
-    watched = whole(revolutions, "revolutions", 0) if joint_model in STRIKING else 0
+    watched, unused = whole(revolutions, "revolutions", 0), []
+    if joint_model not in STRIKING:
+        if watched > 1:
+            unused = [
+                f"revolutions = {watched} is of pins that may strike their walls, as {joint_model} joints' never do"
+            ]
+        watched = 0
     named = None if joints is None else names(joints, "joints", least=1)
     with noted() as warned:
         m = rigidly_and_evenly_driven(linkage(mechanism))
@@ -131,7 +137,7 @@ def gridded(  # noqa: PLR0913 - as validity
         joint_model,
         read,
         chosen,
-        (*warned, *left_out),
+        (*warned, *left_out, *unused),
         bouncing,
         watched,
     )
