@@ -76,7 +76,7 @@ def analyse(  # noqa: PLR0913 - what a person may ask, by name
     with noted() as warned:
         given = linkage(mechanism, clearance)
         m = given if compliance else rigidly_and_evenly_driven(given)
-        unused = idle(m, model=model)
+        unused = idle(m, clearance, model=model)
         if compliance and not (m.bends or any(joint.elasticity for joint in m.joints)):
             unused.append(f"{m.name}: no body has a youngs_modulus and no joint an elasticity, so that nothing yields")
         assembly = Assembly(m)
@@ -164,7 +164,7 @@ def simulate(  # noqa: PLR0913 - what a person may ask, by name
         signals=with_derived(trace.signals, m),
         journal={name: Path(x=path[:, 0], y=path[:, 1]) for name, path in trace.journal.items()},
         free_share=dict(trace.free_share),
-        warnings=(*idle(m, joint_model), *warned),
+        warnings=(*idle(m, clearance, joint_model), *warned),
     )
     return found if trace.time is None else found.model_copy(update={"time": trace.time})
 

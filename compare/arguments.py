@@ -358,12 +358,17 @@ def rigidly_and_evenly_driven(mechanism: Mechanism) -> Mechanism:
     return mechanism if drive is mechanism.drive else mechanism.replace(drive=drive)
 
 
-def idle(mechanism: Mechanism, joint_model: JointModel | None = None, model: Model = "equilibrium") -> list[str]:
-    """A sentence on each thing that is asked for and changes nothing: clearance, where the joints are to be ideal; a
-    choice of analytic model, where no joint is displaced.
+def idle(
+    mechanism: Mechanism,
+    clearance: Metres | None,
+    joint_model: JointModel | None = None,
+    model: Model = "equilibrium",
+) -> list[str]:
+    """A sentence on each thing that is asked for and changes nothing: a ``clearance`` that was given, where the joints
+    are to be ideal; a choice of analytic model, where no joint is displaced.
     """
     name, loose, found = mechanism.name, ", ".join(mechanism.clearances), []
-    if loose and joint_model == "ideal":
+    if clearance is not None and loose and joint_model == "ideal":
         found.append(f"{name}: clearance of {loose} is left out, as ideal joints have none")
     if model == "first_order" and (joint_model == "ideal" or not mechanism.displaced):
         found.append(f"{name}: first_order is the equilibrium itself where no joint has clearance")

@@ -122,7 +122,7 @@ def check(  # noqa: PLR0913 - what a person may ask, by name
         joint_model=model,
         model=analytic,
         workers=processes(workers, cores() if len(names) > 1 else 1),
-        warnings=(*warned, *left_out, *idle(given, model, analytic), *_warnings(given, recordings)),
+        warnings=(*warned, *left_out, *idle(given, clearance, model, analytic), *_warnings(given, recordings)),
     )
     remarks: list[str] = []
     ran = Ran()

@@ -238,12 +238,12 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
         _with_stiff_rims(m)
         loose(m, joint_model)
         theta = np.zeros(0) if released or moved is not None else crank_angles(assembly, angles)
-    unused = idle(m, joint_model, analytic)
+    unused = idle(m, clearance, joint_model, analytic)
     turns = whole(revolutions, "revolutions", 0)
     strikes = m.clearances and motion == "driven" and joint_model in (None, *STRIKING) and theta.size
     if turns not in (0, REVOLUTIONS) and not strikes:
         unused.append(
-            f"{m.name}: revolutions = {turns} is of pins that may strike their walls; none of these runs has any"
+            f"{m.name}: revolutions = {turns} is of pins that may strike their walls, and no run here has any"
         )
     return Job(
         mechanism=m,

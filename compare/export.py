@@ -70,7 +70,7 @@ def exported(  # noqa: PLR0913 - what a person may ask, by name
         can = ", ".join(name for name in engine_names() if declared(name).capabilities.export is not None)
         raise ArgumentError("simulator", f"{simulator}: its model cannot be exported; that of {can} can")
     m = rigidly_and_evenly_driven(linkage(mechanism, clearance))
-    for text in idle(m, joint_model):
+    for text in idle(m, clearance, joint_model):
         warnings.warn(text, stacklevel=3)
     asked = request(m, joint_model, motion, angles, timed(Assembly(m), times, course, path))
     try:

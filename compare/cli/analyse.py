@@ -17,6 +17,7 @@ from compare.cli.options import (
     PathFile,
     Quiet,
     Times,
+    given,
     load_case,
     place,
 )
@@ -109,6 +110,7 @@ def simulate(
             simulator,
             joint_model=joint.value,
             motion=motion.value,
+            clearance=given(clearance, mechanism),
             angles=parse_angles(angles) if angles is not None else None,
             times=parse_times(times) if times is not None else None,
             course=course,

@@ -29,6 +29,7 @@ from compare.cli.options import (
     PathFile,
     Quiet,
     Times,
+    given,
     load_case,
     place,
 )
@@ -124,10 +125,10 @@ def compare(
     Exit status: 0 agrees, 1 disagrees beyond tolerance or cannot be judged, 2 bad input, 3 a simulator is missing or
     failed.
     """
-    given = [name for name in context.params if (said := context.get_parameter_source(name)) and said.name == TYPED]
+    typed = [name for name in context.params if (said := context.get_parameter_source(name)) and said.name == TYPED]
     if context.invoked_subcommand is not None:
-        if given:
-            option, command = f"--{given[0].replace('_', '-')}", context.invoked_subcommand
+        if typed:
+            option, command = f"--{typed[0].replace('_', '-')}", context.invoked_subcommand
             typer.echo(f"compare: {option} stands before {command}, which does not see it; write it after", err=True)
             raise typer.Exit(Exit.BAD_INPUT)
         return
@@ -137,7 +138,7 @@ def compare(
         typer.echo(f"linkage-crosscheck {installed('linkage-crosscheck')}")
         return
     if simulator is None:
-        if given:
+        if typed:
             typer.echo(
                 "compare: no --simulator is given; name one of those that compare simulators lists, or all", err=True
             )
@@ -156,6 +157,7 @@ def compare(
             mechanism,
             simulator,
             joint_model=joint.value if joint else None,
+            clearance=given(clearance, mechanism),
             motion=motion.value,
             angles=parse_angles(angles) if angles is not None else None,
             times=parse_times(times) if times is not None else None,

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from compare.cli.folders import Overwrite, result_folder
-from compare.cli.options import JointChoice, Json, ModelChoice, MotionChoice, Quiet, load_case, place
+from compare.cli.options import JointChoice, Json, ModelChoice, MotionChoice, Quiet, given, load_case, place
 from compare.cli.progress import progress_bar
 from compare.cli.publish import finished, publish
 from compare.faults import Exit, complaints
@@ -70,6 +70,7 @@ def check(
                     map=map_,
                     simulators=simulator,
                     joint_model=joint.value if joint else None,
+                    clearance=given(clearance, mechanism),
                     motion=motion.value,
                     analytic=analytic.value,
                     tolerances=tolerances,

@@ -9,7 +9,18 @@ from typing import Annotated
 import typer
 
 from compare.cli.folders import Overwrite, refuse_others
-from compare.cli.options import CourseFile, JointChoice, Json, MotionChoice, PathFile, Quiet, Times, load_case, place
+from compare.cli.options import (
+    CourseFile,
+    JointChoice,
+    Json,
+    MotionChoice,
+    PathFile,
+    Quiet,
+    Times,
+    given,
+    load_case,
+    place,
+)
 from compare.cli.publish import show
 from compare.faults import complaints
 
@@ -59,7 +70,7 @@ def export(
                 times=parse_times(times) if times is not None else None,
                 course=course,
                 path=path,
-                clearance=None,
+                clearance=given(clearance, mechanism),
             )
             refuse_others(folder, texts, overwrite)
             paths = tuple(str(path) for path in write_together(folder, texts))

@@ -278,7 +278,8 @@ def _twice(where: str, columns: Sequence[Column], cells: Sequence[str], names: N
     for column in columns:
         places.setdefault(column.signal.name, []).append(column.place)
     return [
-        f"{where}: {name!r} is there {len(at)} times, in columns {', '.join(str(k + 1) for k in at)}; give each signal one column"
+        f"{where}: {name!r} is there {len(at)} times, in columns {', '.join(str(k + 1) for k in at)}; give each signal"
+        " one column"
         for name, at in places.items()
         if len(at) > 1 and sorted(fold(names.parted(cells[k])[1]) for k in at) != _own_and_alias(name, names.mechanism)
     ]

@@ -327,8 +327,8 @@ def _of_start(entry: Entry, mechanism: Mechanism) -> list[Fault]:
     texts = []
     if entry.from_rest:
         texts.append(
-            f"run {entry.name!r} starts from rest and is simulated in steady motion: leave its start-up out of the file,"
-            " or it will look like a fault"
+            f"run {entry.name!r} starts from rest and is simulated in steady motion: leave its start-up out of the"
+            " file, or it will look like a fault"
         )
     own = {f"{mechanism.driven}_{part}" for part in ("angle", "angular_velocity")} if entry.start else set()
     for name in set(entry.start or {}) - own:
