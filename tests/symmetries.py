@@ -163,26 +163,29 @@ class Seen:
 
     def _signal(self, m: Mechanism, s: Signal, old: Mapping[str, np.ndarray]) -> np.ndarray:
         value, other = old[s.name], -1.0 if self.swapped else 1.0
-        if s.kind in ("pose", "reaction", "clearance") and s.component in ("x", "y"):
-            z = self.vector(old[s.sibling("x").name] + 1j * old[s.sibling("y").name])
-            z = z + self.shift if s.kind == "pose" else other * z
-            return z.real if s.component == "x" else z.imag
-        if s.kind == "pose":
-            return self.angle(s.place, value)
-        if s.kind == "reaction" and s.component == "angle":
-            return self.sign * value + self.turn + (np.pi if self.swapped else 0.0)
-        if s.component == "magnitude":
-            return value
-        if s.component == "moment":
-            return self.sign * (self._swapped_moment(m, s, old) if self.swapped else value)
-        if s.kind == "position":
-            joint = m.joint(s.place)
-            if joint.prismatic:
-                return other * value
-            return other * (self.sign * value + self.ahead(joint.bodies[1]) - self.ahead(joint.bodies[0]))
-        if s.kind == "drive":
-            return value * self._of_drive(m, m.joint(s.place) if s.place else m.motors[0])
-        return self.sign * value  # rates, rotations, tilts
+        match s.kind, s.component:
+            case "pose", "angle":
+                found = self.angle(s.place, value)
+            case "pose" | "reaction" | "clearance", "x" | "y":
+                z = self.vector(old[s.sibling("x").name] + 1j * old[s.sibling("y").name])
+                z = z + self.shift if s.kind == "pose" else other * z
+                found = z.real if s.component == "x" else z.imag
+            case "reaction", "angle":
+                found = self.sign * value + self.turn + (np.pi if self.swapped else 0.0)
+            case _, "magnitude":
+                found = value
+            case _, "moment":
+                found = self.sign * (self._swapped_moment(m, s, old) if self.swapped else value)
+            case "position", "travel":
+                found = other * value
+            case "position", _:
+                first, second = m.joint(s.place).bodies
+                found = other * (self.sign * value + self.ahead(second) - self.ahead(first))
+            case "drive", _:
+                found = value * self._of_drive(m, m.joint(s.place) if s.place else m.motors[0])
+            case _:  # rates, rotations, tilts
+                found = self.sign * value
+        return np.asarray(found)
 
     @staticmethod
     def _swapped_moment(m: Mechanism, s: Signal, old: Mapping[str, np.ndarray]) -> np.ndarray:
