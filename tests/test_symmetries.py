@@ -21,7 +21,7 @@ from marks import slow
 from measured_files import RunTable, write_measured
 from several_linkages import sprung
 from sim_models.common.units import OF_UNIT, Units
-from sim_models.engine import ENGINES
+from sim_models.engine import ENGINES, declared
 from symmetries import Seen
 
 ANGLES, TIMES = np.radians(np.arange(20.0, 100.0, 15.0)), np.linspace(0.0, 0.2, 6)
@@ -163,12 +163,21 @@ def test_accuracy_is_the_same(name: str, way: str) -> None:
         np.testing.assert_allclose(new.points[seen.name(body)].farthest, old.points[body].farthest, rtol=1e-6)
 
 
+MODELS: dict[
+    tuple[Any, bool], Any
+] = {  # of joints; pins that strike do so a moment earlier or later in any other frame
+    ("driven", False): "ideal",
+    ("static", False): "ideal",
+    ("driven", True): "massless-link",
+    ("static", True): "contact",
+}
 ENGINES_SEE = [
     ("mujoco", "rocker", "driven", False),
     ("mujoco", "five-bar", "static", True),
     *slow(*(
-        (engine, name, motion, loose)
-        for engine in ENGINES for name in LINKAGES for motion in ("driven", "static") for loose in (False, True)
+        (engine, name, *asked)
+        for engine in ENGINES for name in LINKAGES for asked, model in MODELS.items()
+        if (model, asked[0]) in declared(engine).capabilities.runs
     )),
 ]  # fmt: skip
 
@@ -180,7 +189,7 @@ def test_the_cross_check_is_the_same_but_for_what_the_engines_steps_leave(
     """To a fifth of the tolerance, as a step's error depends on the coordinates that an engine takes."""
     m = linkage(name, loose)
     seen = WAYS["all at once"](m)
-    asked = {"joint_model": "contact" if loose else "ideal", "motion": motion, "revolutions": 0}
+    asked = {"joint_model": MODELS[motion, loose], "motion": motion, "revolutions": 0}
     old = lc.crosscheck(m, engine, **asked, **grid(m))
     new = lc.crosscheck(seen.of(m), engine, **asked, **grid(m, seen))
     assert [bool(result.failures) for result in (old, new)] == [False, False]
@@ -275,7 +284,9 @@ def test_a_diagnosis_is_the_same(tmp_path: Path) -> None:
         path = write_measured(tmp_path / where, dumps(seen.of(m)), [RunTable("turn", time, columns, fields)])
         found.append(lc.diagnose(path, others=False, workers=1))
     assert found[0].verdict == found[1].verdict
-    (one,), (other,) = (result.effects for result in found)
-    assert (one.name, one.where, other.name, other.where) == ("link_length", "follower", "link_length", "follower_9")
-    assert one.parameters["length_error"].value == pytest.approx(3e-4, rel=0.02)
-    assert other.parameters["length_error"].value == pytest.approx(one.parameters["length_error"].value, rel=1e-3)
+    one, other = (result.effects for result in found)
+    assert [(e.name, e.where) for e in other] == [(e.name, f"{e.where}_9") for e in one]
+    assert one[0].parameters["length_error"].value == pytest.approx(3e-4, rel=1e-2)
+    for drawn, seen_so in zip(one, other, strict=True):
+        for name, parameter in drawn.parameters.items():
+            assert seen_so.parameters[name].value == pytest.approx(parameter.value, rel=1e-6), name
