@@ -186,7 +186,9 @@ ENGINES_SEE = [
 def test_the_cross_check_is_the_same_but_for_what_the_engines_steps_leave(
     engine: str, name: str, motion: Motion, loose: bool
 ) -> None:
-    """To a fifth of the tolerance, as a step's error depends on the coordinates that an engine takes."""
+    """To a fifth of the tolerance, or a twentieth of what it is off by, as a step's error depends on the coordinates that
+    an engine takes.  The components of a displacement are judged one by one, and their verdicts turn with the axes.
+    """
     m = linkage(name, loose)
     seen = WAYS["all at once"](m)
     asked = {"joint_model": MODELS[motion, loose], "motion": motion, "revolutions": 0}
@@ -200,10 +202,12 @@ def test_the_cross_check_is_the_same_but_for_what_the_engines_steps_leave(
     for each in old.runs[0].discrepancies:
         s = known[each.signal]
         signal = Signal.of(s.kind, seen.name(s.place), s.component).name
-        assert judged[signal].verdict == each.verdict, signal
+        if s.kind != "clearance":
+            assert judged[signal].verdict == each.verdict, signal
         if s.component != "angle" or s.kind != "reaction":  # whose tolerance grows where the force is small
             off = kinds[signal].apart(new.runs[0].simulated[signal], moved[signal])
-            assert np.nanmax(np.abs(off), initial=0.0) <= 0.2 * judged[signal].tolerance, signal
+            allowed = max(0.2 * judged[signal].tolerance, 0.05 * abs(judged[signal].max))
+            assert np.nanmax(np.abs(off), initial=0.0) <= allowed, signal
 
 
 @pytest.mark.parametrize("way", ["in reversed order", "all at once", *slow(*WAYS)])
