@@ -96,6 +96,7 @@ from sim_models.engine import (
 
 STRIKING: tuple[JointModel, ...] = ("contact", "spring-damper")  # whose pins and blocks may leave their walls
 REVOLUTIONS = 32  # at the utmost, of a run whose pins strike
+OF_TURNS = "it is of cranks that turn fully, with pins that may strike their walls"
 Progress = Callable[[str, int, int], None]
 Measure = Callable[[Assembly, np.ndarray, Motion, Model, Mapping[str, float]], Reference]
 
@@ -241,10 +242,8 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
     unused = idle(m, clearance, joint_model, analytic)
     turns = whole(revolutions, "revolutions", 0)
     strikes = m.clearances and motion == "driven" and joint_model in (None, *STRIKING) and theta.size
-    if turns not in (0, REVOLUTIONS) and not strikes:
-        unused.append(
-            f"{m.name}: revolutions = {turns} is of pins that may strike their walls, and no run here has any"
-        )
+    if turns not in (0, REVOLUTIONS) and not (strikes and turns_fully(assembly)):
+        unused.append(f"{m.name}: revolutions = {turns} is left out; {OF_TURNS}, and no run here has that")
     return Job(
         mechanism=m,
         simulators=names,

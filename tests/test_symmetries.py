@@ -186,8 +186,8 @@ ENGINES_SEE = [
 def test_the_cross_check_is_the_same_but_for_what_the_engines_steps_leave(
     engine: str, name: str, motion: Motion, loose: bool
 ) -> None:
-    """To a fifth of the tolerance, or a twentieth of what it is off by, as a step's error depends on the coordinates that
-    an engine takes.  The components of a displacement are judged one by one, and their verdicts turn with the axes.
+    """To a fifth of the tolerance, or a twentieth of what it is off by, as a step's error depends on the coordinates
+    that an engine takes.  Components of a displacement are judged one by one; their verdicts turn with the axes.
     """
     m = linkage(name, loose)
     seen = WAYS["all at once"](m)
