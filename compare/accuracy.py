@@ -35,6 +35,8 @@ from compare.results import accuracy as results
 from compare.results.accuracy import Accuracy, MonteCarlo, Point, Radius, SideChange, Spread
 from sim_models.engine import MOTIONS, Motion, installed_version
 
+SAMPLES = 20_000  # of a Monte Carlo
+
 
 def accuracy(  # noqa: PLR0913 - what a person may ask, by name
     mechanism: Linkage = "paper",
@@ -45,7 +47,7 @@ def accuracy(  # noqa: PLR0913 - what a person may ask, by name
     outputs: Names | None = None,
     motion: Motion | None = None,
     angles: Numbers | None = None,
-    samples: int = 20_000,
+    samples: int = SAMPLES,
     seed: int = 0,
     nonlinear: bool = False,
 ) -> Accuracy:
@@ -76,7 +78,9 @@ def accuracy(  # noqa: PLR0913 - what a person may ask, by name
             seed=seed,
             nonlinear=nonlinear,
         )
-    return found.model_copy(update={"warnings": tuple(warned)})
+    asked = {"samples": samples != SAMPLES, "seed": seed != 0, "nonlinear": nonlinear}
+    unused = [f"{m.name}: {name} is of linkages with clearance; no joint has any" for name in asked if asked[name]]
+    return found.model_copy(update={"warnings": (*warned, *(() if m.clearances else unused))})
 
 
 def named_outputs(names: Sequence[str] | None, mechanism: Mechanism) -> list[Output]:

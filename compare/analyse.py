@@ -19,6 +19,7 @@ from compare.arguments import (
     Numbers,
     crank_angles,
     flag,
+    idle,
     linkage,
     loose,
     noted,
@@ -81,6 +82,9 @@ def analyse(  # noqa: PLR0913 - what a person may ask, by name
         given = linkage(mechanism, clearance, large=flag(large, "large"))
         m = given if compliance else rigidly_and_evenly_driven(given)
         warn_of_friction(m, None, motion, engines=False)
+        unused = idle(m, clearance, model=model)
+        if compliance and not (m.bends or any(joint.elasticity for joint in m.joints)):
+            unused.append(f"{m.name}: no body has a youngs_modulus and no joint an elasticity, so that nothing yields")
         assembly = Assembly(m)
         moved = timed(assembly, times, course, path)
         if moved is not None:
@@ -89,7 +93,7 @@ def analyse(  # noqa: PLR0913 - what a person may ask, by name
             side = timed_reference(assembly, *moved, motion, model, m.clearances)
             if compliance:
                 side = timed_with_flexible_links(side, assembly, *moved)
-            found = _analysed(m, side, model, warned, moved[0])
+            found = _analysed(m, side, model, [*unused, *warned], moved[0])
             return found.model_copy(update={"motion": motion, "compliance": compliance})
         if motion == "driven" and m.speed is None:
             raise ArgumentError("motion", f"the drive of {m.name} has no constant speed; ask for static motion")
@@ -98,7 +102,7 @@ def analyse(  # noqa: PLR0913 - what a person may ask, by name
         side = reference(assembly, theta, motion, model, m.clearances)
         if compliance:
             side = with_flexible_links(side, assembly, theta)
-    found = _analysed(m, side, model, warned, None)
+    found = _analysed(m, side, model, [*unused, *warned], None)
     return found.model_copy(update={"motion": motion, "compliance": compliance, "crank_angle": theta})
 
 
@@ -169,7 +173,7 @@ def simulate(  # noqa: PLR0913 - what a person may ask, by name
         signals=with_derived(trace.signals, m),
         journal={name: Path(x=path[:, 0], y=path[:, 1]) for name, path in trace.journal.items()},
         free_share=dict(trace.free_share),
-        warnings=tuple(warned),
+        warnings=(*idle(m, clearance, joint_model), *warned),
         assumed=(*assumed(m), *assumed_of_contact(m, trace.clearance, trace.settings)),
     )
     found = found.model_copy(update={"warnings": (*found.warnings, *too_soft(found))})

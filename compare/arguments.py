@@ -24,6 +24,7 @@ from analytic.kinematics.structure import StructureError
 from analytic.mechanism import Joint, Mechanism
 from analytic.mechanism.errors import MechanismError, quoted
 from analytic.mechanism.file import load
+from analytic.paper.clearance import Model
 from compare.faults import ArgumentError, DegreesWarning, no_pin
 from compare.judge.courses import Courses, at_their_speeds, of_file, of_path, times_within
 from compare.judge.discrepancy import load_tolerances
@@ -415,6 +416,23 @@ def rigidly_and_evenly_driven(mechanism: Mechanism) -> Mechanism:
             warnings.warn(f"{mechanism.name}: cross-checks {checks}; drive.{field} is left out", stacklevel=3)
             drive = drive.model_copy(update={field: none})
     return mechanism if drive is mechanism.drive else mechanism.replace(drive=drive)
+
+
+def idle(
+    mechanism: Mechanism,
+    clearance: Metres | None,
+    joint_model: JointModel | None = None,
+    model: Model = "equilibrium",
+) -> list[str]:
+    """A sentence on each thing that is asked for and changes nothing: a ``clearance`` that was given, where the joints
+    are to be ideal; a choice of analytic model, where no joint is displaced.
+    """
+    name, loose, found = mechanism.name, ", ".join(mechanism.clearances), []
+    if clearance is not None and loose and joint_model == "ideal":
+        found.append(f"{name}: clearance of {loose} is left out, as ideal joints have none")
+    if model == "first_order" and (joint_model == "ideal" or not mechanism.displaced):
+        found.append(f"{name}: first_order is the equilibrium itself where no joint has clearance")
+    return found
 
 
 def cores() -> int:

@@ -30,6 +30,7 @@ from compare.arguments import (
     cores,
     engines,
     flag,
+    idle,
     laid_over,
     linkage,
     loose,
@@ -128,7 +129,7 @@ def check(  # noqa: PLR0913 - what a person may ask, by name
         joint_model=model,
         model=analytic,
         workers=processes(workers, cores() if len(names) > 1 else 1),
-        warnings=(*warned, *left_out, *_warnings(given, recordings)),
+        warnings=(*warned, *left_out, *idle(given, clearance, model, analytic), *_warnings(given, recordings)),
     )
     asked = _Asked(given, job, model)
     remarks: list[str] = []

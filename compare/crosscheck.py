@@ -32,6 +32,7 @@ from compare.arguments import (
     engines,
     every_one,
     flag,
+    idle,
     jamming,
     laid_over,
     linkage,
@@ -100,6 +101,7 @@ from sim_models.engine import (
 
 STRIKING: tuple[JointModel, ...] = ("contact", "spring-damper")  # whose pins and blocks may leave their walls
 REVOLUTIONS = 32  # at the utmost, of a run whose pins strike
+OF_TURNS = "it is of cranks that turn fully, with pins that may strike their walls"
 Measure = Callable[[Assembly, np.ndarray, Motion, Model, Mapping[str, float]], Reference]
 
 
@@ -249,6 +251,11 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
         _with_stiff_rims(m)
         loose(m, joint_model)
         theta = np.zeros(0) if released or moved is not None else crank_angles(assembly, angles)
+    unused = idle(m, clearance, joint_model, analytic)
+    turns = whole(revolutions, "revolutions", 0)
+    strikes = m.clearances and motion == "driven" and joint_model in (None, *STRIKING) and theta.size
+    if turns not in (0, REVOLUTIONS) and not (strikes and turns_fully(assembly)):
+        unused.append(f"{m.name}: revolutions = {turns} is left out; {OF_TURNS}, and no run here has that")
     return Job(
         mechanism=m,
         simulators=names,
@@ -260,9 +267,9 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
         courses=None if moved is None else moved[1],
         joint_model=joint_model,
         model=analytic,
-        warnings=(*warned, *left_out),
+        warnings=(*warned, *left_out, *unused),
         flexible=flexible,
-        revolutions=whole(revolutions, "revolutions", 0),
+        revolutions=turns,
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tempfile
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from compare.arguments import (
     Metres,
     Numbers,
     flag,
+    idle,
     linkage,
     one_engine,
     rigidly_and_evenly_driven,
@@ -85,6 +87,8 @@ def exported(  # noqa: PLR0913 - what a person may ask, by name
         raise ArgumentError("simulator", f"{simulator}: its model cannot be exported; that of {can} can")
     m = rigidly_and_evenly_driven(linkage(mechanism, clearance, large=flag(large, "large")))
     warn_of_friction(m, joint_model, motion)
+    for text in idle(m, clearance, joint_model):
+        warnings.warn(text, stacklevel=3)
     asked = request(m, joint_model, motion, angles, timed(Assembly(m), times, course, path))
     try:
         with tempfile.TemporaryDirectory() as draft:  # all of it is there before the first file is put in place

@@ -106,9 +106,10 @@ class ArgumentError(OptionError):
 def _as_typed(error: ArgumentError, context: typer.Context | None) -> str:
     """A fault of an argument, as one of the option that it came from."""
     name = OPTIONS.get(error.argument, error.argument)
-    if context is None or name not in context.params:
+    params = {} if context is None else {each.rstrip("_"): value for each, value in context.params.items()}
+    if name not in params:
         return str(error)
-    value = context.params[name]
+    value = params[name]
     why = re.sub(r"`(\w+)`", lambda other: f"--{OPTIONS.get(other[1], other[1]).replace('_', '-')}", error.why)
     typed = "" if value in (None, True) else f" {','.join(map(str, value)) if isinstance(value, list) else value}"
     why = why.removeprefix(f"{typed.strip()}: ")  # the value is said once

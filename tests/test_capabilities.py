@@ -162,7 +162,7 @@ def answer(name: str, what: What, asked: Request, folder: Path) -> dict[str, np.
     assert "run.py" in written
     with written["expected.csv"].open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
-    return {signal: np.array([float(row[signal]) for row in rows]) for signal in rows[0]}
+    return {heading.split(" [")[0]: np.array([float(row[heading]) for row in rows]) for heading in rows[0]}
 
 
 def lags(feature: Feature, lag: np.ndarray, torque: np.ndarray) -> bool:

@@ -105,7 +105,8 @@ def bare(*folders: Path) -> str:
 def table(path: Path) -> dict[str, np.ndarray]:
     with path.open(encoding="utf-8", newline="") as file:
         header, *rows = csv.reader(file)
-    return dict(zip(header, np.array(rows, float).T, strict=True))
+    names = [heading.split(" [")[0] for heading in header]
+    return dict(zip(names, np.array(rows, float).T, strict=True))
 
 
 def columns(trace: Trace, *, crank: bool = True) -> dict[str, np.ndarray]:

@@ -195,6 +195,12 @@ def test_it_turns_backward_and_leads_in(mapped: Callable[..., str]) -> None:
     assert found.time[ANGLES.argmax()] == 0.0
 
 
+def test_a_course_has_nothing_to_lead_in(mapped: Callable[..., str]) -> None:
+    times = np.linspace(0.0, 0.02, 5)
+    with pytest.raises(Unsupported, match=r"lead_in = 1 rad is of a crank that turns evenly, and this motion is"):
+        trace(mapped(before="lead_in = 1.0"), np.zeros(0), time=times, course=(times, 100.0 * times))
+
+
 def test_signs_units_scales_and_offsets_of_inputs_are_undone(fmu: Path, mapped: Callable[..., str]) -> None:
     other = mapped(
         ('angle = "phi"', 'angle = { variable = "phi", unit = "rad", sign = -1, scale = 2.0, offset = 0.5 }'),

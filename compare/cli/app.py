@@ -30,6 +30,7 @@ from compare.cli.options import (
     PathFile,
     Quiet,
     Times,
+    given,
     load_case,
     place,
 )
@@ -42,6 +43,8 @@ from compare.cli.validity import validity
 from compare.faults import Exit, complaints
 from compare.files import made_folder
 from compare.progress import progress_bar
+
+TYPED = "COMMANDLINE"  # click's word for an option that is not at its default
 
 app = typer.Typer(
     rich_markup_mode=None,
@@ -124,7 +127,12 @@ def compare(
     Exit status: 0 agrees, 1 disagrees beyond tolerance or cannot be judged, 2 bad input, 3 a simulator is missing or
     failed.
     """
+    typed = [name for name in context.params if (said := context.get_parameter_source(name)) and said.name == TYPED]
     if context.invoked_subcommand is not None:
+        if typed:
+            option, command = f"--{typed[0].replace('_', '-')}", context.invoked_subcommand
+            typer.echo(f"compare: {option} stands before {command}, which does not see it; write it after", err=True)
+            raise typer.Exit(Exit.BAD_INPUT)
         return
     if version:
         from importlib.metadata import version as installed
@@ -132,9 +140,7 @@ def compare(
         typer.echo(f"linkage-crosscheck {installed('linkage-crosscheck')}")
         return
     if simulator is None:
-        sources = (context.get_parameter_source(name) for name in context.params)
-        asked = any(source is not None and source.name == "COMMANDLINE" for source in sources)
-        if asked:
+        if typed:
             typer.echo(
                 "compare: no --simulator is given; name one of those that compare simulators lists, or all", err=True
             )
@@ -153,6 +159,7 @@ def compare(
             mechanism,
             simulator,
             joint_model=joint.value if joint else None,
+            clearance=given(clearance, mechanism),
             motion=motion.value,
             large=large,
             angles=parse_angles(angles) if angles is not None else None,

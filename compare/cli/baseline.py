@@ -35,6 +35,7 @@ WHERE = Path("reports") / "baselines"
 
 @baseline.command()
 def check(
+    context: typer.Context,
     case: Case = None,
     simulator: Simulator = None,
     folder: Folder = WHERE,
@@ -49,7 +50,7 @@ def check(
     Exit status: 0 nothing moved, 1 something moved, 2 a baseline is missing or damaged, 3 a simulator is missing or
     failed.
     """
-    with complaints():
+    with complaints(context):
         from compare.evidence.baseline.check import check_baselines
 
         with nullcontext() if junit is None else made_folder(junit.parent, "--junit"):
@@ -66,6 +67,7 @@ def check(
 
 @baseline.command()
 def update(
+    context: typer.Context,
     case: Case = None,
     simulator: Simulator = None,
     folder: Folder = WHERE,
@@ -79,7 +81,7 @@ def update(
 
     Exit status: 0 written, 2 bad input, 3 a simulator is missing or failed.
     """
-    with complaints():
+    with complaints(context):
         from compare.evidence.baseline.check import update_baselines
 
         with progress_bar() as progress:

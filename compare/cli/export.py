@@ -18,6 +18,7 @@ from compare.cli.options import (
     PathFile,
     Quiet,
     Times,
+    given,
     load_case,
     place,
 )
@@ -73,7 +74,7 @@ def export(
                 times=parse_times(times) if times is not None else None,
                 course=course,
                 path=path,
-                clearance=None,
+                clearance=given(clearance, mechanism),
                 large=large,
             )
             settings = used_in(texts)

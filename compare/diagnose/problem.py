@@ -189,12 +189,6 @@ class Problem:
 
     def note_limits(self) -> None:
         """Note what is not modelled in these runs."""
-        self.notes += [
-            f"Run {run.name} starts from rest and is simulated in steady motion: leave its start-up out of the file, or"
-            " it will look like a fault."
-            for run in self.measured.runs
-            if run.from_rest
-        ]
         if self.mechanism.displaced or any(t.effect.needs & {"contact", "soft_bearing"} for t in self.terms):
             self.notes += [
                 f"In run {run.name}, which is free, joints are taken without clearance and bearings as rigid."

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import TypeAdapter
 
+from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
 from analytic.mechanism.checks import LEAST_RESTITUTION
 from analytic.mechanism.errors import quoted
@@ -39,11 +40,12 @@ from compare.arguments import (
     whole,
     with_clearance,
 )
-from compare.crosscheck import STRIKING
+from compare.crosscheck import OF_TURNS, STRIKING
 from compare.domain_map.cell import Task, examine
 from compare.domain_map.map import Grid, RealJoint, cells, clearance_joints, summarised
 from compare.faults import ArgumentError
 from compare.files import made_folder
+from compare.judge.grid import turns_fully
 from compare.progress import Progress, progress_bar
 from compare.results.validity import Cell, Failed, Validity
 from compare.sweep import sweep
@@ -114,7 +116,7 @@ def gridded(  # noqa: PLR0913 - as validity
     """What a map is over.  Warns, and raises, as :func:`validity` does."""
     at_speeds, gaps = increasing(speeds, "speeds", "rad/s"), increasing(clearances, "clearances", "m")
     joint_model, read = real(joint_model), laid_over(tolerances)
-    watched = whole(revolutions, "revolutions", 0) if joint_model in STRIKING else 0
+    watched = whole(revolutions, "revolutions", 0)
     named = None if joints is None else names(joints, "joints", least=1)
     with noted() as warned:
         m = rigidly_and_evenly_driven(linkage(mechanism, large=True))  # its own clearances are not of the map
@@ -122,6 +124,9 @@ def gridded(  # noqa: PLR0913 - as validity
             alone = "no drive of constant speed that alone turns a crank"
             why = f"{m.name} has {alone}; a map is over its speeds, so give it one"
             raise ArgumentError("mechanism", why)
+        strikes = joint_model in STRIKING
+        in_vain = watched > 1 and not (strikes and turns_fully(Assembly(m)))
+        unused = [f"{m.name}: revolutions = {watched} is left out; {OF_TURNS}"] if in_vain else []
         at, chosen = clearance_joints(m, named)
         bouncing = None if restitutions is None else _restitutions(restitutions, joint_model)
         widest = with_clearance(m, dict.fromkeys(at, gaps[-1]), "clearances")
@@ -141,9 +146,9 @@ def gridded(  # noqa: PLR0913 - as validity
         joint_model,
         read,
         chosen,
-        (*warned, *left_out),
+        (*warned, *left_out, *unused),
         bouncing,
-        watched,
+        watched if strikes else 0,
     )
 
 

@@ -102,6 +102,7 @@ def reference(
     moving = Turning(theta, np.full(theta.shape, speed), np.zeros(theta.shape))
     inertia = motion == "driven"
     found = _side(assembly, moving, inertia, model, clearances)
+    found = found if inertia else _at_rest(found)
     if error:
         moved = {"theta": np.full(theta.shape, error)}
         found = replace(found, unsure=_unsure(found, assembly, moving, moved, inertia, model, clearances))

@@ -24,6 +24,7 @@ CLOCK = ("time", "t")  # what a column of time is called
 # and in other words, of which none is enough
 CLOCKS = (*CLOCK, "zeit", "timestamp", "stamp", "clock", "uhrzeit", "zeitstempel", "temps", "tempo", "tiempo")
 AMBIGUOUS = "T"  # time if it has a unit of time, else as likely a temperature
+ALIASES = ("crank_angle", "crank_angular_velocity")  # of the driven body's signals, whatever it is called
 NEAR = 0.8  # of a signal's name: what is as near may be meant
 WORD = 3  # letters of a word that tells a signal from another
 SUFFIXES = {  # of headings such as time_ms and phi_deg
@@ -124,7 +125,7 @@ class Names:
         """The signal that a name which is none was probably meant to be; None if it is near to none."""
         called = fold(name)
         meant = {fold(known): known for known in self.known}
-        meant |= {each: canonical(each, self.mechanism) for each in ("crank_angle", "crank_angular_velocity")}
+        meant |= {each: canonical(each, self.mechanism) for each in ALIASES}
         close = difflib.get_close_matches(called, list(meant), n=1, cutoff=NEAR)
         if close:
             return meant[close[0]] if meant[close[0]] in self.known else None
@@ -175,8 +176,7 @@ def canonical(signal: str, mechanism: Mechanism) -> str:
     """
     if "crank" in mechanism.moving or not mechanism.cranked:
         return signal
-    parts = ("angle", "angular_velocity")
-    return {f"crank_{part}": f"{mechanism.driven}_{part}" for part in parts}.get(signal, signal)
+    return f"{mechanism.driven}{signal.removeprefix('crank')}" if signal in ALIASES else signal
 
 
 def read_headings(cells: Sequence[str], units: Mapping[int, str], names: Names, where: str, timed: bool) -> Headings:
@@ -205,7 +205,7 @@ def read_headings(cells: Sequence[str], units: Mapping[int, str], names: Names, 
             faults.append(found)
     if ignored:
         notes.append(f"{_listed(ignored)} {'is' if len(ignored) == 1 else 'are'} no signal of the linkage, and ignored")
-    faults += _twice(where, columns)
+    faults += _twice(where, columns, cells, names)
     time = next((c for c in columns if c.signal == TIME), None)
     others = tuple(c for c in columns if c.signal != TIME)
     if timed and time is None and not faults:
@@ -270,15 +270,24 @@ def _examples(names: Names) -> str:
     return ", ".join(name for name in (*found, "drive_torque") if name in names.known)
 
 
-def _twice(where: str, columns: Sequence[Column]) -> list[str]:
-    places: dict[str, list[str]] = {}
+def _twice(where: str, columns: Sequence[Column], cells: Sequence[str], names: Names) -> list[str]:
+    """A fault for each signal that is there twice under one name.  ``crank_angle`` beside the driven body's own angle,
+    as our own results have it, is looked at where its numbers are known.
+    """
+    places: dict[str, list[int]] = {}
     for column in columns:
-        places.setdefault(column.signal.name, []).append(str(column.place + 1))
+        places.setdefault(column.signal.name, []).append(column.place)
     return [
-        f"{where}: {name!r} is there {len(at)} times, in columns {', '.join(at)}; give each signal one column"
+        f"{where}: {name!r} is there {len(at)} times, in columns {', '.join(str(k + 1) for k in at)}; give each signal"
+        " one column"
         for name, at in places.items()
-        if len(at) > 1
+        if len(at) > 1 and sorted(fold(names.parted(cells[k])[1]) for k in at) != _own_and_alias(name, names.mechanism)
     ]
+
+
+def _own_and_alias(signal: str, mechanism: Mechanism) -> list[str]:
+    """What a signal is called, by itself and by its alias."""
+    return sorted(fold(name) for name in {signal, *ALIASES} if canonical(name, mechanism) == signal)
 
 
 def _listed(cells: Sequence[str], most: int = 6) -> str:

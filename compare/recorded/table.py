@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,6 +19,7 @@ from compare.recorded.rounding import rounding
 from compare.recorded.text import ROWS, coding, header, rows
 
 LARGEST = 1e30  # SI, of any number that is read; nothing on a bench is as large, and its square is still a number
+LAST = 1e-12  # of the largest number: what a change of unit rounds away
 SHORTEST = 1e-12  # s, between two rows
 
 
@@ -124,7 +125,9 @@ def _table(path: Path, found: Headings, notes: Sequence[str], read: _Read, timed
     if len(read.numbers) < fewest and not read.faults:
         faults.append(f"{path.name}: has {count(len(read.numbers), 'row')} of numbers; at least {fewest} are needed")
     with np.errstate(over="ignore"):
-        values = {c.signal.name: c.si(read.numbers[:, k]) for k, c in enumerate(wanted)}
+        series = [c.si(read.numbers[:, k]) for k, c in enumerate(wanted)]
+    values = {c.signal.name: numbers for c, numbers in zip(wanted, series, strict=True)}
+    faults += _differing(path.name, read, wanted, series)
     faults += _out_of_range(path.name, read, wanted, values)
     time = values.pop(TIME.name, np.zeros(0))
     if found.time is not None and not faults:
@@ -132,7 +135,8 @@ def _table(path: Path, found: Headings, notes: Sequence[str], read: _Read, timed
     if faults:
         raise DataError(*faults)
     said = [f"{path.name}: {note}" for note in found.notes]
-    return Table(found.columns, time, values, (*notes, *said), found.cells, found.used, found.time)
+    columns = tuple({c.signal.name: c for c in found.columns}.values())
+    return Table(columns, time, values, (*notes, *said), found.cells, found.used, found.time)
 
 
 def unused(where: str, entry: str, headings: Sequence[str]) -> str:
@@ -140,6 +144,18 @@ def unused(where: str, entry: str, headings: Sequence[str]) -> str:
     close = difflib.get_close_matches(entry, headings, n=1)
     remedy = f"did you mean {shown(close[0])}" if close else f"the headings are {', '.join(map(shown, headings[:12]))}"
     return f"{where}columns.{shown(entry)} is no heading of a data file; {remedy}"
+
+
+def _differing(name: str, read: _Read, columns: Sequence[Column], series: Sequence[np.ndarray]) -> Iterator[str]:
+    """A fault for each signal of two columns that are not alike, but for what their numbers are rounded to."""
+    first: dict[str, int] = {}
+    for k, column in enumerate(columns):
+        other = first.setdefault(column.signal.name, k)
+        open_by = sum(columns[i].step * rounding(read.numbers[:, i]) for i in (other, k))
+        apart = np.abs(series[k] - series[other]) - LAST * np.nanmax(np.abs(series[k]), initial=0.0)
+        if np.any(np.isnan(series[k]) != np.isnan(series[other])) or np.any(apart > open_by):
+            at = f"columns {columns[other].place + 1} and {column.place + 1}"
+            yield f"{name}: {at} are both {column.signal.name!r}, and differ; leave one of them out"
 
 
 def _out_of_range(name: str, read: _Read, columns: Sequence[Column], values: Mapping[str, np.ndarray]) -> list[str]:

@@ -315,6 +315,8 @@ class _Reader:
     def _at_once(self, text: str) -> np.ndarray:
         delimiter = self.header.delimiter
         if self.header.decimal == ",":
+            if "." in text:  # no decimal mark then
+                raise ValueError
             text = text.replace(",", ".")
         if delimiter is not None:
             for before, after in ((delimiter, delimiter), (delimiter, "\n")):  # an empty cell is an absent value
@@ -372,6 +374,8 @@ class _Reader:
             remedy = f'has a decimal comma; {POINTS}, or say decimal = ","'
         elif THOUSANDS.fullmatch(cell):
             remedy = "has a point between thousands; write numbers without"
+        elif value is not None and self.header.decimal == "," and "." in cell:
+            remedy = 'has a decimal point, where commas are read as such; say decimal = "."'
         elif column.signal.kind == "time":
             remedy = "is not a finite number; give time as a number, such as seconds since the run began"
         else:

@@ -55,7 +55,7 @@ class _Side(Document):
         """A row for each crank angle, or time."""
         timed = {} if self.time is None else {"time": self.time}
         told = {"crank_angle": self.crank_angle} if self.mechanism.cranked or not timed else {}
-        columns = {**told, **timed, **self.signals}
+        columns = {**told, **timed, **self.signals, **told}  # which is known where the model has no answer
         return [dict(zip(columns, row, strict=True)) for row in zip(*map(listed, columns.values()), strict=True)]
 
     def _over(self) -> str:

@@ -11,18 +11,21 @@ from pathlib import Path
 
 import numpy as np
 
-from analytic.mechanism.signals import position
+from analytic.mechanism.signals import named, position
 from sim_models.engine import Request, Trace
 
 
 def expected(trace: Trace, request: Request, order: Iterable[int] | None = None) -> str:
-    """The trace of a request as CSV with all digits, rows in this order; left out, in the order of passing.
+    """The trace of a request as CSV with all digits, headed ``signal [unit]``, rows in this order; left out, in the
+    order of passing.
 
     Where no crank tells where the linkage is, there is no column of its angle; where one does, none of the joints'
     positions, which then say nothing new.
     """
-    crank = request.courses is None
-    told = {position(joint).name for joint in request.mechanism.joints} if crank else set()
+    crank, m = request.courses is None, request.mechanism
+    told = {position(joint).name for joint in m.joints} if crank else set()
+    units = {name: signal.unit for name, signal in named(m.bodies, m.joints, m.drives).items()}
+    units |= {"crank_angle": "rad", "time": "s"}
     columns = {
         **({"crank_angle": trace.crank_angle} if crank else {}),
         **({} if trace.time is None else {"time": trace.time}),
@@ -32,7 +35,7 @@ def expected(trace: Trace, request: Request, order: Iterable[int] | None = None)
         order = range(trace.crank_angle.size) if trace.time is None else np.argsort(trace.time, kind="stable").tolist()
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
-    table.writerow(columns)
+    table.writerow(f"{name} [{units[name]}]" for name in columns)
     table.writerows([repr(float(values[i])) for values in columns.values()] for i in order)
     return text.getvalue()
 

@@ -55,6 +55,9 @@ def scheduled(
     begin, top_speed = max(motor.begin for motor in motors), max(motor.top_speed for motor in motors)
     if motors[0].constant_speed:
         begin -= columns.file.lead_in / top_speed
+    elif columns.file.lead_in:
+        what = f"lead_in = {columns.file.lead_in:g} rad is of a crank that turns evenly, and this motion is a course"
+        raise FmuError(f"{columns.path}: {what}; leave it out")
     step = step or columns.step or 2 * np.pi / (top_speed or 1.0) / OF_A_TURN
     wanted = np.unique(times - begin)
     wanted = wanted[np.concatenate([[True], np.diff(wanted) > SAME * step])]

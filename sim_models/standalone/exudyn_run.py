@@ -489,7 +489,8 @@ def main() -> None:
     system = System()
     found = system.equilibria() if system.static else system.driven()
     header, *rows = (HERE / "expected.csv").read_text(encoding="utf-8").splitlines()
-    expected = dict(zip(header.split(","), np.array([row.split(",") for row in rows], float).T, strict=True))
+    names = [heading.split(" [")[0] for heading in header.split(",")]
+    expected = dict(zip(names, np.array([row.split(",") for row in rows], float).T, strict=True))
     np.savetxt(
         HERE / "signals.csv",
         np.column_stack([found[name] for name in expected]),

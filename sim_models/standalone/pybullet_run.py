@@ -384,22 +384,24 @@ def main() -> None:
     """Run, write signals.csv, and say how far it is from expected.csv."""
     world = World()
     with (HERE / "expected.csv").open(encoding="utf-8", newline="") as file:
-        expected = [{name: float(value) for name, value in row.items()} for row in csv.DictReader(file)]
+        header = next(csv.reader(file))
+        names = [heading.split(" [")[0] for heading in header]
+        expected = [dict(zip(names, map(float, row), strict=True)) for row in csv.reader(file)]
     samples = list(world.run())
     found = [
         {name: sum(weight * samples[k][name] for k, weight in report) for name in samples[0]}
         for report in world.start["reports"]
     ]
     with (HERE / "signals.csv").open("w", encoding="utf-8", newline="") as file:
-        table = csv.DictWriter(file, list(expected[0]), lineterminator="\n")
-        table.writeheader()
-        table.writerows({name: float(row[name]) for name in expected[0]} for row in found)
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(header)
+        table.writerows([float(row[name]) for name in names] for row in found)
     print(
         f"{world.start['title']}: {len(found)} samples, PyBullet {version('pybullet')} (expected.csv:"
         f" {world.start['version']})"
     )
     print(f"{'signal':32} {'largest difference':>20} {'largest value':>15}")
-    for name in expected[0]:
+    for name in names:
         mine, theirs = (np.array([row[name] for row in side]) for side in (found, expected))
         print(f"{name:32} {np.abs(mine - theirs).max():20.2g} {np.abs(theirs).max():15.6g}")
 

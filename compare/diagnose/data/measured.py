@@ -163,6 +163,7 @@ def _run(path: Path, entry: Entry, mechanism: Mechanism, tables: _Tables) -> tup
     followed = encoders if drive == "measured" else []
     _check_encoders(where, entry, mechanism, followed, table.values)
     faults = [Fault(entry.name, TIME.name, "columns", 0, note) for note in table.notes]
+    faults += _of_start(entry, mechanism)
     faults += _gap_fault(entry.name, table.time)
     for encoder in followed:
         table, absent = _held(entry.name, table, encoder)
@@ -341,6 +342,20 @@ def _check_fields(where: str, entry: Entry, mechanism: Mechanism, drive: Drive) 
         mechanism.replace(loads=entry.loads or ())
     except MechanismError as error:
         raise MeasuredError(f"{where}: {error}") from None
+
+
+def _of_start(entry: Entry, mechanism: Mechanism) -> list[Fault]:
+    """What is said of a run's start and is not used."""
+    texts = []
+    if entry.from_rest:
+        texts.append(
+            f"run {entry.name!r} starts from rest and is simulated in steady motion: leave its start-up out of the"
+            " file, or it will look like a fault"
+        )
+    own = {f"{mechanism.driven}_{part}" for part in ("angle", "angular_velocity")} if entry.start else set()
+    for name in set(entry.start or {}) - own:
+        texts.append(f"start.{name} of run {entry.name!r} follows from {mechanism.driven}_angle, and is not used")
+    return [Fault(entry.name, TIME.name, "start", 0, text) for text in sorted(texts)]
 
 
 def _channel(

@@ -35,8 +35,8 @@ class Fault:
     """Something wrong with the data of a run that was handled; ``samples`` are affected and ``text`` says it in a
     sentence.
 
-    ``kind`` is clipped, outliers, constant, absent, noise, wrapped, course, rest (one signal), gap, thinned, columns
-    (the run, ``signal`` is ``time``), swapped or unit.
+    ``kind`` is clipped, outliers, constant, absent, noise, wrapped, course, rest (one signal), gap, thinned, columns,
+    start (the run, ``signal`` is ``time``), swapped or unit.
     """
 
     run: str

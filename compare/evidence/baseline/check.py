@@ -23,7 +23,7 @@ from compare.faults import ArgumentError, Exit, OptionError
 from compare.files import OutputError, file_name, made_folder, write_atomically
 from compare.progress import Progress, progress_bar
 from compare.recorded.errors import DataError
-from compare.recorded.table import read_table
+from compare.recorded.table import Table, read_table, unused
 from compare.results.baselines import Baselines, Entry, Moved, Status
 from compare.results.crosscheck import RECORDED
 from compare.runs import Resolve
@@ -59,6 +59,7 @@ def check_baselines(
     Raises MechanismError for a case, Unsupported for an unknown engine, SimulatorMissing where none is installed.
     """
     where = checked_path(folder, "folder")
+    _one_source(simulators, results, map)
     if results is not None:
         return _recorded(check_one, cases, results, map, where)
     with progress_bar(progress) as told:
@@ -77,10 +78,21 @@ def update_baselines(
     """Write the baseline of every case in every engine; numbers that have not moved, and files without any that have,
     stay as they are.  Raises OutputError, and what :func:`check_baselines` does.
     """
+    _one_source(simulators, results, map)
     with made_folder(Path(folder), "--baselines") as place, progress_bar(progress) as told:
         if results is not None:
             return _recorded(update_one, cases, results, map, place)
         return _each(update_one, cases, simulators, place, told)
+
+
+def _one_source(simulators: Simulators, results: Results | None, map: str | Path | None) -> None:
+    """Raises ArgumentError for what belongs to engines beside results, or to results that are not given."""
+    if results is not None and simulators != "all":
+        raise ArgumentError(
+            "simulators", "results are another program's, in place of an engine's; leave one of them out"
+        )
+    if results is None and map is not None:
+        raise ArgumentError("map", "says what the columns of results are; give them, or leave it out")
 
 
 def status(found: Baselines) -> Exit:
@@ -113,12 +125,17 @@ def _recorded(work: Work, cases: Cases | None, results: Results, map: str | Path
         raise ArgumentError("cases", "results are of one case; give it")
     mechanism = linkage(cases, large=True)
     files, layout = result_files(results), layout_of(map)
+    tables: list[Table] = []
 
     def made(m: Mechanism, simulator: str, resolve: Resolve) -> tuple[str, list[StoredRun]]:
-        return RECORDED, [of_results(m, read_table(files[simulator], m, layout, timed=False))]
+        tables.append(read_table(files[simulator], m, layout, timed=False))
+        return RECORDED, [of_results(m, tables[-1])]
 
     typed = cases.name if isinstance(cases, Mechanism) else str(cases)
-    return _baselines(folder, [_safely(work, mechanism, name, folder, typed, made) for name in files], [])
+    entries = [_safely(work, mechanism, name, folder, typed, made) for name in files]
+    idle = set(layout.columns) - {entry for table in tables for entry in table.used} if tables else set()
+    headings = list(dict.fromkeys(heading for table in tables for heading in table.headings))
+    return _baselines(folder, entries, [unused(f"{map}: ", entry, headings) for entry in sorted(idle)])
 
 
 def _baselines(folder: Path, entries: Sequence[Entry], left_out: Sequence[str]) -> Baselines:

@@ -14,9 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from analytic.mechanism import Mechanism
-from analytic.mechanism.columns import Layout, Meaning
 from analytic.mechanism.file import load, shipped_cases
-from analytic.mechanism.signals import named
 from compare.analyse import analyse
 from compare.check import check
 from compare.crosscheck import crosscheck
@@ -60,7 +58,7 @@ def _carried(case: str, name: str) -> Carried:
             case=case,
             simulator=name,
             alone=digits(apart(_table(place / "signals.csv"), _table(place / "expected.csv"))),
-            checked=_share(check(place / "signals.csv", m, map=_layout(m, place / "signals.csv"))),
+            checked=_share(check(place / "signals.csv", m)),
             imported=imported,
             simulated=simulated,
         )
@@ -99,14 +97,8 @@ def _share(result: CrossCheck) -> float:
     return digits(max(shares))
 
 
-def _layout(m: Mechanism, file: Path) -> Layout:
-    """What the columns of an exported model's results are."""
-    known = named(m.bodies, m.joints, m.drives)
-    units = {"time": "s"} | {name: known[name].unit for name in _table(file) if name in known}
-    return Layout(columns={name: Meaning(signal=name, unit=unit) for name, unit in units.items()})
-
-
 def _table(file: Path) -> dict[str, np.ndarray]:
     with file.open(encoding="utf-8", newline="") as lines:
         header, *rows = csv.reader(lines)
-    return dict(zip(header, np.array(rows, float).T, strict=True))
+    names = [heading.split(" [")[0] for heading in header]
+    return dict(zip(names, np.array(rows, float).T, strict=True))
