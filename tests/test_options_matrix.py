@@ -179,6 +179,24 @@ OPTIONS_MATTER: list[Row] = [
         ),
         ("validity", "restitutions", {**SPEEDS, "joint_model": "spring-damper"}, {"restitutions": 0.3}),
     ),
+    *(
+        (command, "large", {**PAPER, "clearance": {"B": 0.05}, "large": True, **more}, Refused(large=False))
+        for command, more in (
+            ("analyse", {}),
+            ("simulate", {"joint_model": "massless-link"}),
+            ("compare", {"joint_model": "massless-link"}),
+            ("export", {"joint_model": "massless-link"}),
+            ("accuracy", {"samples": 9}),
+        )
+    ),
+    (
+        "check",
+        "large",
+        {"results": "results/signals.csv", "clearance": {"B": 0.05}, "large": True},
+        Refused(large=False),
+    ),
+    ("platform", "large", {**FIVE, "clearance": {"P": 0.05}, "large": True}, Refused(large=False)),
+    ("validity", "large", {**SPEEDS, "clearances": 0.05, "large": True}, Refused(large=False)),
     ("validity", "simulators", SPEEDS, Refused(simulators="no-engine")),
     ("validity", "restitutions", SPEEDS, Refused(restitutions=0.3)),  # of pins that never leave
     ("show", "result", {"signal": "drive_torque", "at": 0.5}, Refused(result="results/simulation.json")),
