@@ -29,6 +29,7 @@ from compare.arguments import (
     whole,
 )
 from compare.faults import ArgumentError
+from compare.left_out import Asked, omitted
 from compare.results import accuracy as results
 from compare.results.accuracy import Accuracy, MonteCarlo, Point, Radius, SideChange, Spread
 from sim_models.engine import MOTIONS, Motion, installed_version
@@ -60,13 +61,15 @@ def accuracy(  # noqa: PLR0913 - what a person may ask, by name
     named = None if outputs is None else names(outputs, "outputs")
     with noted() as warned:
         m = linkage(mechanism, clearance)
+        inertia = _inertia(motion, m)
+        warned += omitted(m, Asked("accuracy", "driven" if inertia else "static", bends=True))
         assembly = Assembly(m)
         found = accuracy_at(
             assembly,
             crank_angles(assembly, angles),
             named_outputs(named, m),
             tolerances=metres({} if clearance_tolerance is None else clearance_tolerance, m, "clearance_tolerance"),
-            inertia=_inertia(motion, m),
+            inertia=inertia,
             samples=samples,
             seed=seed,
             nonlinear=nonlinear,

@@ -38,6 +38,7 @@ from compare.judge.reference import (
     with_flexible_links,
 )
 from compare.judge.signals import with_derived
+from compare.left_out import Asked, omitted
 from compare.results.analysis import Analysis, Simulation
 from compare.results.crosscheck import Path, Simulator
 from sim_models.common.simulate import answered
@@ -75,6 +76,7 @@ def analyse(  # noqa: PLR0913 - what a person may ask, by name
     with noted() as warned:
         given = linkage(mechanism, clearance)
         m = given if compliance else rigidly_and_evenly_driven(given)
+        warned += omitted(m, Asked("analyse", motion, bends=compliance))
         assembly = Assembly(m)
         moved = timed(assembly, times, course, path)
         if moved is not None:
@@ -144,6 +146,7 @@ def simulate(  # noqa: PLR0913 - what a person may ask, by name
     joint_model, motion = one_of(joint_model, JOINT_MODELS, "joint_model"), one_of(motion, MOTIONS, "motion")
     with noted() as warned:
         m = rigidly_and_evenly_driven(linkage(mechanism, clearance))
+        warned += omitted(m, Asked.of_engines("simulate", m, motion, joint_model))
         name = one_engine(simulator)
         moved = timed(Assembly(m), times, course, path)
         asked = request(m, joint_model, motion, angles, moved)

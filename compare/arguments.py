@@ -369,6 +369,7 @@ def noted() -> Iterator[list[str]]:
     caught: list[warnings.WarningMessage] = []
     try:
         with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")  # a result has them, whatever a person has chosen to be shown
             yield told
     finally:  # what is refused may be refused for what a warning says
         for each in caught:

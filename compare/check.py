@@ -52,6 +52,7 @@ from compare.judge.reference import (
     silenced,
     timed_reference,
 )
+from compare.left_out import Asked, omitted
 from compare.recorded.errors import DataError
 from compare.recorded.motion import (
     LEAST,
@@ -108,6 +109,7 @@ def check(  # noqa: PLR0913 - what a person may ask, by name
         given = rigidly_and_evenly_driven(linkage(mechanism, clearance))
         names, left_out = engines(simulators) if simulators is not None else ((), [])
         loose(given, chosen)
+        left_out += omitted(given, Asked("check", motion, (chosen or "contact",)))
         model: JointModel = chosen or ("contact" if given.clearances else "ideal")
         tables = _tables(result_files(results), given, layout, str(map), timed=motion == "driven" or not given.cranked)
         recordings = [recording(name, file, table, given, motion, model) for name, file, table in tables]

@@ -74,6 +74,7 @@ from compare.judge.reference import (
 from compare.judge.signals import compared, recorded, with_derived, with_rotations
 from compare.judge.statistics import held_together
 from compare.judge.tolerances import Tolerances
+from compare.left_out import Asked, omitted
 from compare.results.contact import Compared
 from compare.results.crosscheck import CrossCheck, Failure, Path, Printed, Run, Simulator, Verdict, without
 from compare.results.crosscheck import Discrepancy as Judgement
@@ -225,6 +226,7 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
             left_out += without
         m = rigidly_and_evenly_driven(given)
         warn_of_friction(m, joint_model, motion)
+        left_out += omitted(m, Asked.of_engines("compare", m, motion, joint_model, flexible))
         assembly = Assembly(m)
         moved = timed(assembly, times, course, path)
         released = moved is None and m.speed is None and motion == "driven"

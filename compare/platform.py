@@ -23,10 +23,21 @@ from analytic.paper.envelope import Output
 from analytic.paper.frame import ComplianceError
 from analytic.paper.kinetostatics import kinetostatics
 from compare.accuracy import named_outputs, versions
-from compare.arguments import Linkage, Metres, Names, Numbers, linkage, names, noted, number, timed
+from compare.arguments import (
+    Linkage,
+    Metres,
+    Names,
+    Numbers,
+    linkage,
+    names,
+    noted,
+    number,
+    timed,
+)
 from compare.faults import ArgumentError
 from compare.judge.courses import Courses
 from compare.judge.grid import parse_workspace
+from compare.left_out import Asked, omitted
 from compare.results.platform import Map, Place, PlatformAccuracy, PointError, PoseError
 
 POORLY_HELD = (300.0, 100.0, 30.0, 10.0)  # condition of the loops, up to which finite errors are sought, in turn
@@ -61,7 +72,8 @@ def platform_accuracy(  # noqa: PLR0913 - what a person may ask, by name
     """
     named = None if outputs is None else names(outputs, "outputs")
     with noted() as warned:
-        m = linkage(mechanism, clearance)
+        m = rigidly_and_evenly_driven(linkage(mechanism, clearance))
+        warned += omitted(m, Asked("accuracy", "driven" if workspace is None else "static", bends=True))
         assembly = Assembly(m)
         if assembly.structure.free:
             raise ArgumentError("mechanism", f"{m.name} has freedoms without a drive; give each one a drive")

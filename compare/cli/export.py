@@ -45,6 +45,7 @@ def export(
         from compare.files import made_folder, write_together
         from compare.judge.courses import parse_times
         from compare.judge.grid import parse_angles
+        from compare.left_out import Asked, omitted
         from compare.results.export import Exported
         from sim_models.engine import declared
 
@@ -63,6 +64,9 @@ def export(
             )
             refuse_others(folder, texts, overwrite)
             paths = tuple(str(path) for path in write_together(folder, texts))
+        left_out = tuple(omitted(mechanism, Asked.of_engines("export", mechanism, motion.value, joint.value)))
+        for sentence in left_out:
+            typer.echo(sentence, err=True)
         found = Exported(
             case=mechanism.name,
             simulator=simulator,
@@ -71,5 +75,6 @@ def export(
             paths=paths,
             needs=(declared(simulator).package, "numpy"),
             run=f"python {shlex.quote(str(folder / 'run.py'))}",
+            warnings=left_out,
         )
         show(found, json=json, quiet=quiet)

@@ -41,6 +41,7 @@ from compare.domain_map.cell import Task, examine
 from compare.domain_map.map import Grid, RealJoint, cells, clearance_joints, summarised
 from compare.faults import ArgumentError
 from compare.files import output_folder
+from compare.left_out import Asked, omitted
 from compare.results.validity import Cell, Failed, Validity
 from compare.sweep import sweep
 from sim_models.common.requests import check_request
@@ -122,6 +123,7 @@ def gridded(  # noqa: PLR0913 - as validity
             check_request(Request(widest, joint_model, crank_angle=np.zeros(1)))
         able, left_out = capable(simulators, joint_model, widest if blocks else m)
         warn_of_friction(widest, joint_model)
+        left_out += omitted(m, Asked.of_engines("validity", m, "driven", joint_model))
     return Grid(
         m,
         at,

@@ -26,6 +26,7 @@ class Exported(Document):
     paths: Annotated[tuple[str, ...], Field(min_length=1, description="Every file that was written.")]
     needs: Annotated[tuple[str, ...], Field(description="Python packages that the script imports.")]
     run: Annotated[str, Field(min_length=1, description="The command that runs the model without this project.")]
+    warnings: Annotated[tuple[str, ...], Field(description="What of the linkage is left out, a sentence each.")] = ()
 
     def rows(self) -> list[Row]:
         """A row for each file."""
