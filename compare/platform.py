@@ -72,7 +72,7 @@ def platform_accuracy(  # noqa: PLR0913 - what a person may ask, by name
     """
     named = None if outputs is None else names(outputs, "outputs")
     with noted() as warned:
-        m = rigidly_and_evenly_driven(linkage(mechanism, clearance))
+        m = linkage(mechanism, clearance)
         warned += omitted(m, Asked("accuracy", "driven" if workspace is None else "static", bends=True))
         assembly = Assembly(m)
         if assembly.structure.free:

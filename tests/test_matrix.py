@@ -26,7 +26,7 @@ from compare.crosscheck import crosscheck_job, question
 from compare.export import exported
 from compare.platform import platform_accuracy
 from matrix_cases import CHANGES, Change, fields
-from sim_models.engine import JOINT_MODELS, engine
+from sim_models.engine import ENGINES, JOINT_MODELS, engine
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore::UserWarning"),  # a result has them among its sentences
@@ -265,16 +265,17 @@ def quick(name: str) -> list[Cell]:
     return found
 
 
-def every(simulator: str) -> list[Cell]:
-    """All other cells of an engine."""
+def every(simulator: str, name: str) -> list[Cell]:
+    """All other cells of an engine; of its joint models all where the field is one of contact."""
     asked = [("driven", False), ("static", False), ("free", False), ("driven", True), ("static", True)]
+    models = JOINT_MODELS if name.startswith(TOUCHING) else ("ideal", "contact")
     found = [
         Cell(command, motion, model, simulator, timed)
-        for command, (motion, timed), model in product(("simulate", "compare", "export"), asked, JOINT_MODELS)
-        if not (motion == "free" and model != "ideal")
+        for command, (motion, timed), model in product(("simulate", "compare", "export"), asked, models)
+        if model == "ideal" or not (timed or motion == "free")
     ]
     found += [Cell("check", m, model, simulator) for m in ("driven", "static") for model in ("ideal", "contact")]
-    found += [Cell("validity", joint_model=model, simulator=simulator) for model in JOINT_MODELS[1:]]
+    found += [Cell("validity", joint_model=model, simulator=simulator) for model in models[1:]]
     able = engine(simulator).capabilities
     found += [Cell("compare --flexible", "static", "ideal", simulator)] if able.beams is not None else []
     return [cell for cell in found if able.export is not None or cell.command != "export"]
@@ -298,3 +299,28 @@ def test_every_field_of_a_mechanism_file_has_a_case() -> None:
 def test_a_field_moves_the_result_or_is_named_by_the_analytic_side_and_mujoco(name: str) -> None:
     """In every command, motion and joint model that is quick."""
     held(name, quick(name))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CHANGES)
+@pytest.mark.parametrize("simulator", [pytest.param(name, marks=getattr(pytest.mark, name)) for name in ENGINES])
+def test_a_field_moves_the_result_or_is_named_by_every_engine(simulator: str, name: str) -> None:
+    """In every command, motion and joint model that the engine has."""
+    held(name, [*TIMED, *every(simulator, name)] if simulator == ENGINES[0] else every(simulator, name))
+
+
+def test_what_nobody_uses_is_not_taken_for_explained() -> None:
+    """Answers that are alike, a side that stands still, sides that move apart, or hardly, are each a fault."""
+    still, up, down = ({"case": "", "reaction_B_x": np.array([1.0 + step])} for step in (0.0, 0.5, -0.5))
+    slightly = {"case": "", "reaction_B_x": np.array([1.001])}
+    before = Answer({"analytic": still, "simulated": still}, tolerance={"reaction_B_x": 0.01})
+    for ours, theirs, fault in (
+        (still, still, "nothing moves: analytic, simulated"),
+        (up, still, "nothing moves: simulated"),
+        (up, down, "the sides move apart, by 50 times what they may differ by"),
+        (slightly, slightly, "the case is too weak: the sides move by 0.05 of what they may differ by"),
+        (up, up, ""),
+    ):
+        assert judged(before, replace(before, sides={"analytic": ours, "simulated": theirs})) == fault
+    assert names_it("left out: damping of joint D, as nothing moves at rest", "Joint.damping")
+    assert not names_it("left out: contact_damping of joint D, as nothing moves at rest", "Joint.damping")
