@@ -364,12 +364,17 @@ def cores() -> int:
 
 @contextmanager
 def noted() -> Iterator[list[str]]:
-    """Warnings that are given within, as sentences; each is given again when it ends."""
+    """Warnings that are given within, as sentences, whatever a person has chosen to be shown; each is given again when
+    it ends.  A command, which takes degrees, has none of those that ask for radians.
+    """
     told: list[str] = []
+    in_degrees = any(action == "ignore" and kind is DegreesWarning for action, _, kind, *_ in warnings.filters)
     caught: list[warnings.WarningMessage] = []
     try:
         with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always")  # a result has them, whatever a person has chosen to be shown
+            warnings.simplefilter("always")
+            if in_degrees:
+                warnings.simplefilter("ignore", DegreesWarning)
             yield told
     finally:  # what is refused may be refused for what a warning says
         for each in caught:

@@ -17,7 +17,8 @@ from compare.results.sentences import enumerated
 from sim_models.engine import JOINT_MODELS, TOUCHING, JointModel, Motion
 
 Command = Literal["analyse", "accuracy", "compare", "simulate", "check", "validity", "export"]
-CONTACT = ("joint.contact_stiffness", "joint.contact_damping", "joint.restitution", "joint.contact_law")
+AT_SPEED = ("contact_damping", "restitution", "contact_law")
+CONTACT = tuple(f"joint.{field}" for field in ("contact_stiffness", *AT_SPEED))
 
 
 @dataclass(frozen=True)
@@ -97,14 +98,11 @@ OMISSIONS: tuple[Omission, ...] = (
         lambda asked, part: asked.bends,
     ),
     Omission(
-        ("body.inertia", "joint.damping", "joint.drag", "joint.stribeck_speed", "spring.damping", "drive.speed"),
+        (
+            *("body.inertia", "spring.damping", "drive.speed"),
+            *(f"joint.{field}" for field in ("damping", "drag", "stribeck_speed", *AT_SPEED)),
+        ),
         "`static` motion; of `drive.speed` the direction is used, by friction",
-        "nothing moves at rest",
-        lambda asked, part: asked.motion == "static",
-    ),
-    Omission(
-        ("joint.contact_damping", "joint.restitution", "joint.contact_law"),
-        "`static` motion",
         "nothing moves at rest",
         lambda asked, part: asked.motion == "static",
     ),

@@ -294,7 +294,7 @@ def lost(cell: Cell | Failed) -> float:
 def markdown(result: Validity) -> str:
     """The text of validity.md."""
     out = [f"# Where the analytic model holds: {_md(result.case)}", "", f"{_md(about(result))}.", ""]
-    out += [f"- {_md(line)}" for line in result.words]
+    out += [f"- {_md(line)}" for line in (*result.words, *result.warnings)]
     out += ["", "![map of speed and clearance](validity.svg)", ""]
     out += [
         "A cell says at which share of the crank angles the equilibrium and the simulation agree within tolerance, and",
