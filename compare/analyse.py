@@ -85,17 +85,18 @@ def analyse(  # noqa: PLR0913 - what a person may ask, by name
             side = timed_reference(assembly, *moved, motion, model, m.clearances)
             if compliance:
                 side = timed_with_flexible_links(side, assembly, *moved)
-            found = _analysed(m, side, model, warned, moved[0])
-            return found.model_copy(update={"motion": motion, "compliance": compliance})
-        if motion == "driven" and m.speed is None:
+            theta = None
+        elif motion == "driven" and m.speed is None:
             raise ArgumentError("motion", f"the drive of {m.name} has no constant speed; ask for static motion")
-        _at_rest(motion, compliance)
-        theta = crank_angles(assembly, angles)
-        side = reference(assembly, theta, motion, model, m.clearances)
-        if compliance:
-            side = with_flexible_links(side, assembly, theta)
-    found = _analysed(m, side, model, warned, None)
-    return found.model_copy(update={"motion": motion, "compliance": compliance, "crank_angle": theta})
+        else:
+            _at_rest(motion, compliance)
+            theta = crank_angles(assembly, angles)
+            side = reference(assembly, theta, motion, model, m.clearances)
+            if compliance:
+                side = with_flexible_links(side, assembly, theta)
+    found = _analysed(m, side, model, warned, None if moved is None else moved[0])
+    looked_at = {} if theta is None else {"crank_angle": theta}
+    return found.model_copy(update={"motion": motion, "compliance": compliance, **looked_at})
 
 
 def _at_rest(motion: Motion, compliance: bool) -> None:

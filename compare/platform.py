@@ -286,7 +286,7 @@ def _moves(outputs: Sequence[Output], inputs: int) -> list[Output]:
 def _elastic(told: Platform, outputs: Sequence[Output]) -> dict[Output, np.ndarray]:
     """Elastic displacement (N,) of each output where the linkage is held well; zero where nothing yields."""
     m, n = told.motion.structure.mechanism, told.motion.theta.size
-    if not (m.bends or any(joint.elasticity is not None for joint in m.joints)):
+    if not (m.bends or m.drive_stiffness or any(joint.elasticity is not None for joint in m.joints)):
         return {d: np.zeros(n) for d in outputs}
     out = {d: np.full(n, np.nan) for d in outputs}
     for limit in POORLY_HELD:

@@ -208,6 +208,7 @@ CHANGES: dict[str, Change] = {
     "Joint.bodies": Change(
         {"joint.E.bodies": ["rocker", "link"], "assembly.link": 0.65, "assembly.tail": 1.5},
         {
+            "joint.C.clearance": None,
             "body.coupler.points.E": [0.15, 0.1],
             "body.rocker.points.E": [0.2, -0.1],
             "ground.points.G": [0.7, 0.1],
@@ -231,7 +232,7 @@ CHANGES: dict[str, Change] = {
     "Joint.restitution": Change({"joint.C.restitution": 0.9}, {"joint.C.restitution": 0.3}),
     "Joint.contact_law": Change({"joint.C.contact_law": "flores"}, {"joint.C.contact_law": "hunt-crossley"}),
     "Joint.friction_torque": Change({"joint.D.friction_torque": 0.8}),
-    "Joint.static_torque": Change({"joint.D.static_torque": 4.0}, STRIBECK),
+    "Joint.static_torque": Change({"joint.D.static_torque": 2.5}, STRIBECK),
     "Joint.stribeck_speed": Change({"joint.D.stribeck_speed": 0.5}, STRIBECK),
     "Joint.friction_radius": Change({"joint.D.friction_radius": 0.02}),
     "Joint.damping": Change({"joint.D.damping": 3.0}),
@@ -254,7 +255,7 @@ CHANGES: dict[str, Change] = {
     "PeriodicTorque.amplitude": Change({"drive.periodic_torque.amplitude": 2.0}, COGGING),
     "PeriodicTorque.harmonic": Change({"drive.periodic_torque.harmonic": 5}, COGGING),
     "PeriodicTorque.phase": Change({"drive.periodic_torque.phase": 1.0}, COGGING),
-    "Load.body": Change({"load.0.body": "coupler"}),
+    "Load.body": Change({"load.0.body": "coupler"}, {"load.0.point": "com"}),
     "Load.point": Change({"load.0.point": "com"}),
     "Load.force": Change({"load.0.force": [-100.0, -150.0]}),
     "Load.torque": Change({"load.0.torque": 5.0}),

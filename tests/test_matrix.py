@@ -12,7 +12,6 @@ import tempfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +25,7 @@ from compare.crosscheck import crosscheck_job, question
 from compare.export import exported
 from compare.platform import platform_accuracy
 from matrix_cases import CHANGES, Change, fields
-from sim_models.engine import ENGINES, JOINT_MODELS, engine
+from sim_models.engine import ENGINES, JOINT_MODELS, MOTIONS, engine
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore::UserWarning"),  # a result has them among its sentences
@@ -266,19 +265,17 @@ def quick(name: str) -> list[Cell]:
 
 
 def every(simulator: str, name: str) -> list[Cell]:
-    """All other cells of an engine; of its joint models all where the field is one of contact."""
-    asked = [("driven", False), ("static", False), ("free", False), ("driven", True), ("static", True)]
-    models = JOINT_MODELS if name.startswith(TOUCHING) else ("ideal", "contact")
-    found = [
-        Cell(command, motion, model, simulator, timed)
-        for command, (motion, timed), model in product(("simulate", "compare", "export"), asked, models)
-        if model == "ideal" or not (timed or motion == "free")
-    ]
-    found += [Cell("check", m, model, simulator) for m in ("driven", "static") for model in ("ideal", "contact")]
-    found += [Cell("validity", joint_model=model, simulator=simulator) for model in models[1:]]
-    able = engine(simulator).capabilities
-    found += [Cell("compare --flexible", "static", "ideal", simulator)] if able.beams is not None else []
-    return [cell for cell in found if able.export is not None or cell.command != "export"]
+    """Cells of an engine: of its joint models all where the field is one of contact."""
+    able, models = engine(simulator).capabilities, JOINT_MODELS[1:] if name.startswith(TOUCHING) else ("contact",)
+    quickly = [("driven", True), ("static", False)]  # of what has clearance: by time no turn leads in
+    found = [Cell("compare", motion, "ideal", simulator, timed) for motion in MOTIONS for timed in (False, True)]
+    found += [Cell("compare", "free", "ideal", simulator)]
+    found += [Cell("compare", motion, model, simulator, timed) for model in models for motion, timed in quickly]
+    for command in ("simulate", "export")[: 1 if able.export is None else 2]:
+        found += [Cell(command, m, model, simulator, timed) for m, timed in quickly for model in ("ideal", "contact")]
+    found += [Cell("check", m, model, simulator) for m, model in (("driven", "ideal"), ("static", "contact"))]
+    found += [Cell("validity", joint_model="contact", simulator=simulator)]
+    return found + [Cell("compare --flexible", "static", "ideal", simulator)] * (able.beams is not None)
 
 
 def held(name: str, cells: list[Cell]) -> None:
