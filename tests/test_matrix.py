@@ -7,6 +7,7 @@ field as left out; or the command refuses, and names it.  Nothing else passes.
 
 from __future__ import annotations
 
+import json
 import re
 import tempfile
 from collections.abc import Iterable, Mapping
@@ -17,14 +18,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import linkage_crosscheck as lc
 from analytic.errors import Error
-from analytic.mechanism import Mechanism
+from analytic.mechanism import Body, Drive, Elasticity, Joint, Mechanism, Spring
+from compare.cli.app import app
 from compare.crosscheck import crosscheck_job, question
 from compare.export import exported
+from compare.left_out import OMISSIONS
 from compare.platform import platform_accuracy
-from matrix_cases import CHANGES, Change, fields
+from matrix_cases import CHANGES, FOUR_BAR, Change, fields, mechanism
 from sim_models.engine import ENGINES, JOINT_MODELS, MOTIONS, engine
 
 pytestmark = [
@@ -321,3 +325,45 @@ def test_what_nobody_uses_is_not_taken_for_explained() -> None:
         assert judged(before, replace(before, sides={"analytic": ours, "simulated": theirs})) == fault
     assert names_it("left out: damping of joint D, as nothing moves at rest", "Joint.damping")
     assert not names_it("left out: contact_damping of joint D, as nothing moves at rest", "Joint.damping")
+
+
+def test_the_table_of_what_is_left_out_has_fields_that_there_are() -> None:
+    parts = {"body": Body, "joint": Joint, "spring": Spring, "drive": Drive}
+    for one in OMISSIONS:
+        for kind, name, *within in (each.split(".") for each in one.fields):
+            assert name in parts[kind].model_fields, one.fields
+            assert set(within) <= Elasticity.model_fields.keys(), one.fields
+
+
+@pytest.mark.mujoco
+def test_a_console_a_result_and_an_export_say_what_is_left_out(tmp_path: Path) -> None:
+    """A shipped case has moduli of elasticity; a rigid link has no use for them."""
+    says = "left out: youngs_modulus and shear_modulus of crank, coupler and follower"
+    for command in ("analyse", "simulate", "export --simulator mujoco"):
+        out = str(tmp_path / command.split()[0])
+        asked = [*command.split(), "--case", "crank-rocker", "--angles", "30:60:30", "--out", out]
+        run = CliRunner().invoke(app, [*asked, "--json"])
+        assert run.exit_code == 0, run.output
+        assert says in run.stderr
+        assert says in json.loads(run.stdout)["warnings"][0]
+    assert (tmp_path / "export" / "run.py").read_text(encoding="utf-8").startswith(f"# {says}")
+
+
+@pytest.mark.parametrize("where", [{"angles": ANGLES}, {"times": TIMES}])
+def test_a_result_has_its_warnings_whatever_python_is_told_to_show(where: dict[str, Any]) -> None:
+    """Somebody who ignores warnings in a notebook still has them in the result; so has an analysis over time."""
+    uneven, _ = CHANGES["Ripple.phase"].mechanisms()
+    assert any("drive.ripple is left out" in text for text in lc.analyse(uneven, **where).warnings)
+
+
+def test_a_soft_drive_gives_the_same_to_a_platform_as_to_an_analysis_at_rest() -> None:
+    """The crank lags by its torque over the drive's stiffness, links rigid or not."""
+    soft = mechanism(FOUR_BAR, {"drive.stiffness": 2000.0})
+    by_time = platform_accuracy(soft, times=TIMES)
+    stiff, lagging = (lc.analyse(soft, motion="static", compliance=c, times=TIMES).signals for c in (False, True))
+    for name in ("crank_angle", "rocker_x"):
+        lag = lagging[name] - stiff[name]
+        np.testing.assert_allclose(by_time.outputs[name].compliance, lag, rtol=1e-9, atol=1e-15)
+    assert lag.max() < -1e-4  # m
+    torque = lc.analyse(soft.ideal(), motion="static", times=TIMES).signals["drive_torque"]
+    np.testing.assert_allclose(by_time.outputs["crank_angle"].compliance, -torque / 2000.0, rtol=0.02)
