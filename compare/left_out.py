@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from analytic.mechanism import Body, Joint, Mechanism
 from analytic.mechanism.parts import Part
@@ -58,7 +58,8 @@ class Omission:
 
 
 def _no_gap(asked: Asked, part: Part) -> bool:
-    return isinstance(part, Joint) and not part.clearance
+    """A joint without clearance; a map gives it some."""
+    return isinstance(part, Joint) and not part.clearance and asked.command != "validity"
 
 
 def _frictionless(asked: Asked, part: Part) -> bool:
@@ -129,6 +130,12 @@ OMISSIONS: tuple[Omission, ...] = (
         "`ideal` and `massless-link` joints",
         "no pin touches its bearing by a law of contact in these joint models",
         lambda asked, part: not asked.touches,
+    ),
+    Omission(
+        ("joint.contact_stiffness",),
+        "a joint with `radial_stiffness`",
+        "its soft bearing is what the pin touches",
+        lambda asked, part: isinstance(part, Joint) and part.radial_stiffness is not None,
     ),
     Omission(
         ("joint.restitution",),
@@ -208,11 +215,14 @@ def _given(mechanism: Mechanism, kind: str, field: str) -> Iterator[tuple[str, P
         "spring": {" to ".join(".".join(end) for end in each.ends): each for each in mechanism.springs},
         "drive": {drive.joint: drive for drive in mechanism.drives},
     }
+    *way, last = field.split(".")
     for name, part in parts[kind].items():
-        value: object = part
-        for step in field.split("."):
-            value = getattr(value, step, None)
-        if value and value not in ("free", "measured"):  # a drive's speed in words
+        owner: Any = part
+        for step in way:
+            owner = getattr(owner, step)
+        value = getattr(owner, last, None)
+        given = value is not None and value != type(owner).model_fields[last].default
+        if given and value not in ("free", "measured"):  # a drive's speed in words
             yield name, part
 
 

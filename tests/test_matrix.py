@@ -26,7 +26,7 @@ from analytic.mechanism import Body, Drive, Elasticity, Joint, Mechanism, Spring
 from compare.cli.app import app
 from compare.crosscheck import crosscheck_job, question
 from compare.export import exported
-from compare.left_out import OMISSIONS
+from compare.left_out import OMISSIONS, Asked, omitted
 from compare.platform import platform_accuracy
 from matrix_cases import CHANGES, FOUR_BAR, Change, fields, mechanism
 from sim_models.engine import ENGINES, JOINT_MODELS, MOTIONS, engine
@@ -365,3 +365,12 @@ def test_a_soft_drive_gives_the_same_to_a_platform_as_to_an_analysis_at_rest() -
     assert lag.max() < -1e-4  # m
     torque = lc.analyse(soft.ideal(), motion="static", times=TIMES).signals["drive_torque"]
     np.testing.assert_allclose(by_time.outputs["crank_angle"].compliance, -torque / 2000.0, rtol=0.02)
+
+
+def test_a_zero_that_is_given_is_told_and_a_default_is_not() -> None:
+    """A restitution of 0 is one; clearance 0 is none.  A map gives its joints the clearance that they lack."""
+    m = mechanism(FOUR_BAR, {"joint.B.restitution": 0.0, "joint.B.clearance": 0.0, "joint.D.rest_angle": 0.0})
+    at_rest, mapped = (omitted(m, asked) for asked in (Asked("simulate", "static", ("contact",)), Asked("validity")))
+    assert any("restitution of joint B" in text and text.endswith("nothing moves at rest") for text in at_rest)
+    assert not any("clearance" in text or "rest_angle" in text for text in at_rest)
+    assert not any("nothing touches" in text for text in mapped)
