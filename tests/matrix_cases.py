@@ -199,7 +199,7 @@ CHANGES: dict[str, Change] = {
         {"body.rocker.section": [1.5, 0.02]}, {"body.rocker.section": [0.02, 0.02], "body.rocker.inertia": None}
     ),
     "Body.inertia": Change({"body.rocker.inertia": 0.2}),
-    "Body.youngs_modulus": Change({"body.coupler.youngs_modulus": 0.5e11}, BENDING),
+    "Body.youngs_modulus": Change({"body.coupler.youngs_modulus": 1e11}, BENDING),
     "Body.shear_modulus": Change({"body.coupler.shear_modulus": 1e9}, BENDING),
     "Joint.name": Change((r"\bC\b", "K")),
     "Joint.type": Change(
