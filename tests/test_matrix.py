@@ -272,7 +272,8 @@ def every(simulator: str, name: str) -> list[Cell]:
     found = [Cell("compare", motion, "ideal", simulator, timed) for motion in MOTIONS for timed in (False, True)]
     found += [Cell("compare", "free", "ideal", simulator)]
     found += [Cell("compare", motion, model, simulator, timed) for model in models for motion, timed in quickly]
-    for command in ("simulate", "export")[: 1 if able.export is None else 2]:
+    alone = ["simulate"] * (simulator == ENGINES[0]) + ["export"] * (able.export is not None)  # the same runs
+    for command in alone:
         found += [Cell(command, m, model, simulator, timed) for m, timed in quickly for model in ("ideal", "contact")]
     found += [Cell("check", m, model, simulator) for m, model in (("driven", "ideal"), ("static", "contact"))]
     if simulator == ENGINES[0]:  # a map is over whole turns, and asks every engine as a comparison does
