@@ -31,6 +31,7 @@ from compare.arguments import (
     whole,
 )
 from compare.faults import ArgumentError
+from compare.left_out import Asked, omitted
 from compare.results import accuracy as results
 from compare.results.accuracy import Accuracy, MonteCarlo, Point, Radius, SideChange, Spread
 from sim_models.engine import MOTIONS, Motion, installed_version
@@ -66,14 +67,17 @@ def accuracy(  # noqa: PLR0913 - what a person may ask, by name
     named = None if outputs is None else names(outputs, "outputs")
     with noted() as warned:
         m = linkage(mechanism, clearance, large=flag(large, "large"))
-        warn_of_friction(m, None, motion or "driven", engines=False)
+        inertia = _inertia(motion, m)
+        moves: Motion = "driven" if inertia else "static"
+        warn_of_friction(m, None, moves, engines=False)
+        warned += omitted(m, Asked("accuracy", moves, bends=True))
         assembly = Assembly(m)
         found = accuracy_at(
             assembly,
             crank_angles(assembly, angles),
             named_outputs(named, m),
             tolerances=metres({} if clearance_tolerance is None else clearance_tolerance, m, "clearance_tolerance"),
-            inertia=_inertia(motion, m),
+            inertia=inertia,
             samples=samples,
             seed=seed,
             nonlinear=nonlinear,

@@ -42,6 +42,7 @@ from compare.judge.reference import (
     with_flexible_links,
 )
 from compare.judge.signals import with_derived
+from compare.left_out import Asked, omitted
 from compare.results.analysis import Analysis, Simulation
 from compare.results.crosscheck import Path, Simulator
 from sim_models.common.contact_laws import assumed_of_contact
@@ -82,9 +83,9 @@ def analyse(  # noqa: PLR0913 - what a person may ask, by name
         given = linkage(mechanism, clearance, large=flag(large, "large"))
         m = given if compliance else rigidly_and_evenly_driven(given)
         warn_of_friction(m, None, motion, engines=False)
-        unused = idle(m, clearance, model=model)
+        warned += [*idle(m, model), *omitted(m, Asked("analyse", motion, bends=compliance))]
         if compliance and not (m.bends or any(joint.elasticity for joint in m.joints)):
-            unused.append(f"{m.name}: no body has a youngs_modulus and no joint an elasticity, so that nothing yields")
+            warned.append(f"{m.name}: no body has a youngs_modulus and no joint an elasticity, so that nothing yields")
         assembly = Assembly(m)
         moved = timed(assembly, times, course, path)
         if moved is not None:
@@ -93,17 +94,18 @@ def analyse(  # noqa: PLR0913 - what a person may ask, by name
             side = timed_reference(assembly, *moved, motion, model, m.clearances)
             if compliance:
                 side = timed_with_flexible_links(side, assembly, *moved)
-            found = _analysed(m, side, model, [*unused, *warned], moved[0])
-            return found.model_copy(update={"motion": motion, "compliance": compliance})
-        if motion == "driven" and m.speed is None:
+            theta = None
+        elif motion == "driven" and m.speed is None:
             raise ArgumentError("motion", f"the drive of {m.name} has no constant speed; ask for static motion")
-        _at_rest(motion, compliance)
-        theta = crank_angles(assembly, angles)
-        side = reference(assembly, theta, motion, model, m.clearances)
-        if compliance:
-            side = with_flexible_links(side, assembly, theta)
-    found = _analysed(m, side, model, [*unused, *warned], None)
-    return found.model_copy(update={"motion": motion, "compliance": compliance, "crank_angle": theta})
+        else:
+            _at_rest(motion, compliance)
+            theta = crank_angles(assembly, angles)
+            side = reference(assembly, theta, motion, model, m.clearances)
+            if compliance:
+                side = with_flexible_links(side, assembly, theta)
+    found = _analysed(m, side, model, warned, None if moved is None else moved[0])
+    looked_at = {} if theta is None else {"crank_angle": theta}
+    return found.model_copy(update={"motion": motion, "compliance": compliance, **looked_at})
 
 
 def _at_rest(motion: Motion, compliance: bool) -> None:
@@ -156,6 +158,7 @@ def simulate(  # noqa: PLR0913 - what a person may ask, by name
     joint_model, motion = one_of(joint_model, JOINT_MODELS, "joint_model"), one_of(motion, MOTIONS, "motion")
     with noted() as warned:
         m = rigidly_and_evenly_driven(linkage(mechanism, clearance, large=flag(large, "large")))
+        warned += omitted(m, Asked.of_engines("simulate", m, motion, joint_model))
         name = one_engine(simulator)
         warn_of_friction(m, joint_model, motion)
         moved = timed(Assembly(m), times, course, path)
@@ -173,7 +176,7 @@ def simulate(  # noqa: PLR0913 - what a person may ask, by name
         signals=with_derived(trace.signals, m),
         journal={name: Path(x=path[:, 0], y=path[:, 1]) for name, path in trace.journal.items()},
         free_share=dict(trace.free_share),
-        warnings=(*idle(m, clearance, joint_model), *warned),
+        warnings=tuple(warned),
         assumed=(*assumed(m), *assumed_of_contact(m, trace.clearance, trace.settings)),
     )
     found = found.model_copy(update={"warnings": (*found.warnings, *too_soft(found))})

@@ -418,21 +418,11 @@ def rigidly_and_evenly_driven(mechanism: Mechanism) -> Mechanism:
     return mechanism if drive is mechanism.drive else mechanism.replace(drive=drive)
 
 
-def idle(
-    mechanism: Mechanism,
-    clearance: Metres | None,
-    joint_model: JointModel | None = None,
-    model: Model = "equilibrium",
-) -> list[str]:
-    """A sentence on each thing that is asked for and changes nothing: a ``clearance`` that was given, where the joints
-    are to be ideal; a choice of analytic model, where no joint is displaced.
-    """
-    name, loose, found = mechanism.name, ", ".join(mechanism.clearances), []
-    if clearance is not None and loose and joint_model == "ideal":
-        found.append(f"{name}: clearance of {loose} is left out, as ideal joints have none")
+def idle(mechanism: Mechanism, model: Model, joint_model: JointModel | None = None) -> list[str]:
+    """A sentence on a choice of analytic model that changes nothing, as no joint is displaced."""
     if model == "first_order" and (joint_model == "ideal" or not mechanism.displaced):
-        found.append(f"{name}: first_order is the equilibrium itself where no joint has clearance")
-    return found
+        return [f"{mechanism.name}: first_order is the equilibrium itself where no joint has clearance"]
+    return []
 
 
 def cores() -> int:
@@ -442,11 +432,17 @@ def cores() -> int:
 
 @contextmanager
 def noted() -> Iterator[list[str]]:
-    """Warnings that are given within, as sentences; each is given again when it ends."""
+    """Warnings that are given within, as sentences, whatever a person has chosen to be shown; each is given again when
+    it ends.  A command, which takes degrees, has none of those that ask for radians.
+    """
     told: list[str] = []
+    in_degrees = any(action == "ignore" and kind is DegreesWarning for action, _, kind, *_ in warnings.filters)
     caught: list[warnings.WarningMessage] = []
     try:
         with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            if in_degrees:
+                warnings.simplefilter("ignore", DegreesWarning)
             yield told
     finally:  # what is refused may be refused for what a warning says
         for each in caught:

@@ -58,6 +58,7 @@ from compare.judge.reference import (
     timed_reference,
 )
 from compare.judge.signals import UNITS
+from compare.left_out import Asked, omitted
 from compare.progress import Progress, progress_bar
 from compare.recorded.errors import DataError
 from compare.recorded.motion import (
@@ -116,6 +117,7 @@ def check(  # noqa: PLR0913 - what a person may ask, by name
         given = rigidly_and_evenly_driven(linkage(mechanism, clearance, large=flag(large, "large")))
         names, left_out = engines(simulators) if simulators is not None else ((), [])
         loose(given, chosen)
+        left_out += omitted(given, Asked("check", motion, (chosen or "contact",)))
         model: JointModel = chosen or ("contact" if given.clearances else "ideal")
         warn_of_friction(given, model, motion)
         tables = _tables(result_files(results), given, layout, str(map), timed=motion == "driven" or not given.cranked)
@@ -129,7 +131,7 @@ def check(  # noqa: PLR0913 - what a person may ask, by name
         joint_model=model,
         model=analytic,
         workers=processes(workers, cores() if len(names) > 1 else 1),
-        warnings=(*warned, *left_out, *idle(given, clearance, model, analytic), *_warnings(given, recordings)),
+        warnings=(*warned, *left_out, *idle(given, analytic, model), *_warnings(given, recordings)),
     )
     asked = _Asked(given, job, model)
     remarks: list[str] = []

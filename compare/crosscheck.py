@@ -78,6 +78,7 @@ from compare.judge.reference import (
 from compare.judge.signals import compared, recorded, with_derived, with_rotations
 from compare.judge.statistics import held_together
 from compare.judge.tolerances import Tolerances
+from compare.left_out import Asked, omitted
 from compare.progress import Progress, progress_bar
 from compare.results.contact import Compared
 from compare.results.crosscheck import CrossCheck, Failure, Path, Printed, Run, Simulator, Verdict, without
@@ -239,6 +240,7 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
             left_out += without
         m = rigidly_and_evenly_driven(given)
         warn_of_friction(m, joint_model, motion)
+        left_out += omitted(m, Asked.of_engines("compare", m, motion, joint_model, flexible))
         assembly = Assembly(m)
         moved = timed(assembly, times, course, path)
         released = moved is None and m.speed is None and motion == "driven"
@@ -251,7 +253,7 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
         _with_stiff_rims(m)
         loose(m, joint_model)
         theta = np.zeros(0) if released or moved is not None else crank_angles(assembly, angles)
-    unused = idle(m, clearance, joint_model, analytic)
+    unused = idle(m, analytic, joint_model)
     turns = whole(revolutions, "revolutions", 0)
     strikes = m.clearances and motion == "driven" and joint_model in (None, *STRIKING) and theta.size
     if turns not in (0, REVOLUTIONS) and not (strikes and turns_fully(assembly)):

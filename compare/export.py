@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import tempfile
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -15,8 +14,8 @@ from compare.arguments import (
     Metres,
     Numbers,
     flag,
-    idle,
     linkage,
+    noted,
     one_engine,
     rigidly_and_evenly_driven,
     timed,
@@ -25,6 +24,7 @@ from compare.arguments import (
 from compare.arguments import path as named
 from compare.faults import ArgumentError
 from compare.files import OutputError, output_folder, write_together
+from compare.left_out import Asked, omitted
 from sim_models.engine import JointModel, Motion, SettingValue, declared, engine, engine_names
 
 
@@ -42,8 +42,8 @@ def export(  # noqa: PLR0913 - what a person may ask, by name
     clearance: Metres | None = None,
     large: bool = False,
 ) -> list[Path]:
-    """Write an engine's own model of a linkage into a folder, with ``run.py``, which runs it without this project, and
-    ``expected.csv``, what it gave here; the files.
+    """Write an engine's own model of a linkage into a folder, with ``run.py``, which runs it without this project and
+    begins with what of the linkage is left out, and ``expected.csv``, what it gave here; the files.
 
     A linkage that no single crank moves runs at ``times`` (N,) s, its drives at their speeds, along the ``course`` of a
     file or such that a platform follows a ``path``, as in :func:`compare.analyse.simulate`.
@@ -85,19 +85,20 @@ def exported(  # noqa: PLR0913 - what a person may ask, by name
     if chosen.capabilities.export is None:
         can = ", ".join(name for name in engine_names() if declared(name).capabilities.export is not None)
         raise ArgumentError("simulator", f"{simulator}: its model cannot be exported; that of {can} can")
-    m = rigidly_and_evenly_driven(linkage(mechanism, clearance, large=flag(large, "large")))
-    warn_of_friction(m, joint_model, motion)
-    for text in idle(m, clearance, joint_model):
-        warnings.warn(text, stacklevel=3)
+    with noted() as warned:
+        m = rigidly_and_evenly_driven(linkage(mechanism, clearance, large=flag(large, "large")))
+        warn_of_friction(m, joint_model, motion)
+    warned += omitted(m, Asked.of_engines("export", m, motion, joint_model))
     asked = request(m, joint_model, motion, angles, timed(Assembly(m), times, course, path))
     try:
         with tempfile.TemporaryDirectory() as draft:  # all of it is there before the first file is put in place
-            return {file.name: file.read_text(encoding="utf-8") for file in chosen.export(asked, Path(draft))}
+            texts = {file.name: file.read_text(encoding="utf-8") for file in chosen.export(asked, Path(draft))}
     except OSError as error:
         raise OutputError(
             f"{tempfile.gettempdir()}, where the files are drafted: cannot be written ({error.strerror}); free space"
             " there, or give TMPDIR another folder"
         ) from None
+    return texts | {"run.py": "".join(f"# {sentence}\n" for sentence in warned) + texts["run.py"]}
 
 
 def used_in(texts: Mapping[str, str]) -> dict[str, SettingValue]:

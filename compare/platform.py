@@ -40,6 +40,7 @@ from compare.arguments import (
 from compare.faults import ArgumentError
 from compare.judge.courses import Courses
 from compare.judge.grid import parse_workspace
+from compare.left_out import Asked, omitted
 from compare.results.platform import Map, Place, PlatformAccuracy, PointError, PoseError
 
 POORLY_HELD = (300.0, 100.0, 30.0, 10.0)  # condition of the loops, up to which finite errors are sought, in turn
@@ -77,6 +78,7 @@ def platform_accuracy(  # noqa: PLR0913 - what a person may ask, by name
     with noted() as warned:
         m = linkage(mechanism, clearance, large=flag(large, "large"))
         warn_of_friction(m, None, "driven", engines=False)
+        warned += omitted(m, Asked("accuracy", "driven" if workspace is None else "static", bends=True))
         assembly = Assembly(m)
         if assembly.structure.free:
             raise ArgumentError("mechanism", f"{m.name} has freedoms without a drive; give each one a drive")
@@ -290,7 +292,7 @@ def _moves(outputs: Sequence[Output], inputs: int) -> list[Output]:
 def _elastic(told: Platform, outputs: Sequence[Output]) -> dict[Output, np.ndarray]:
     """Elastic displacement (N,) of each output where the linkage is held well; zero where nothing yields."""
     m, n = told.motion.structure.mechanism, told.motion.theta.size
-    if not (m.bends or any(joint.elasticity is not None for joint in m.joints)):
+    if not (m.bends or m.drive_stiffness or any(joint.elasticity is not None for joint in m.joints)):
         return {d: np.zeros(n) for d in outputs}
     out = {d: np.full(n, np.nan) for d in outputs}
     for limit in POORLY_HELD:

@@ -564,7 +564,7 @@ def test_the_command_writes_a_map_that_meets_its_schema(tmp_path: Path) -> None:
     assert "agrees, first-order" in done.stdout
     assert "clearance in B (the case's own)" in done.stdout
     assert done.stdout.isascii()
-    assert done.stderr == ""
+    assert all(line.startswith("left out: ") for line in done.stderr.splitlines()), done.stderr
 
 
 @pytest.mark.slow

@@ -18,7 +18,6 @@ from compare.cli.options import (
     PathFile,
     Quiet,
     Times,
-    given,
     load_case,
     place,
 )
@@ -117,7 +116,6 @@ def simulate(
             joint_model=joint.value,
             large=large,
             motion=motion.value,
-            clearance=given(clearance, mechanism),
             angles=parse_angles(angles) if angles is not None else None,
             times=parse_times(times) if times is not None else None,
             course=course,

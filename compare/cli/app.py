@@ -30,7 +30,6 @@ from compare.cli.options import (
     PathFile,
     Quiet,
     Times,
-    given,
     load_case,
     place,
 )
@@ -159,7 +158,6 @@ def compare(
             mechanism,
             simulator,
             joint_model=joint.value if joint else None,
-            clearance=given(clearance, mechanism),
             motion=motion.value,
             large=large,
             angles=parse_angles(angles) if angles is not None else None,

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from compare.cli.folders import Overwrite, named_after, result_folder
-from compare.cli.options import JointChoice, Json, Large, ModelChoice, MotionChoice, Quiet, given, load_case, place
+from compare.cli.options import JointChoice, Json, Large, ModelChoice, MotionChoice, Quiet, load_case, place
 from compare.cli.publish import finished, publish
 from compare.faults import Exit, complaints
 from compare.files import made_folder
@@ -71,7 +71,6 @@ def check(
                     map=map_,
                     simulators=simulator,
                     joint_model=joint.value if joint else None,
-                    clearance=given(clearance, mechanism),
                     motion=motion.value,
                     large=large,
                     analytic=analytic.value,

@@ -18,7 +18,6 @@ from compare.cli.options import (
     PathFile,
     Quiet,
     Times,
-    given,
     load_case,
     place,
 )
@@ -59,6 +58,7 @@ def export(
         from compare.files import alone_in, made_folder, write_together
         from compare.judge.courses import parse_times
         from compare.judge.grid import parse_angles
+        from compare.left_out import Asked, omitted
         from compare.results.export import Exported
         from sim_models.common.contact_laws import assumed_of_contact
         from sim_models.engine import declared
@@ -74,13 +74,16 @@ def export(
                 times=parse_times(times) if times is not None else None,
                 course=course,
                 path=path,
-                clearance=given(clearance, mechanism),
+                clearance=None,
                 large=large,
             )
             settings = used_in(texts)
             with alone_in(folder):
                 refuse_others(folder, texts, overwrite)
                 paths = tuple(str(path) for path in write_together(folder, texts))
+        left_out = tuple(omitted(mechanism, Asked.of_engines("export", mechanism, motion.value, joint.value)))
+        for sentence in left_out:
+            typer.echo(sentence, err=True)
         found = Exported(
             case=mechanism.name,
             simulator=simulator,
@@ -91,5 +94,6 @@ def export(
             run=f"python {shlex.quote(str(folder / 'run.py'))}",
             settings=settings,
             assumed=(*assumed(mechanism), *assumed_of_contact(mechanism, mechanism.clearances, settings)),
+            warnings=left_out,
         )
         show(found, json=json, quiet=quiet)

@@ -117,11 +117,6 @@ def listed_once(text: str, option: str) -> list[str]:
     return parts
 
 
-def given(clearance: str | None, mechanism: Mechanism) -> dict[str, float] | None:
-    """The clearances (m) that an option has put into a mechanism; None without it."""
-    return None if clearance is None else mechanism.clearances
-
-
 def load_case(case: str, clearance: str | None = None, *, large: bool) -> Mechanism:
     """The mechanism that a command line names, with the radial clearances of its option --clearance in place of its
     own.

@@ -46,6 +46,7 @@ from compare.domain_map.map import Grid, RealJoint, cells, clearance_joints, sum
 from compare.faults import ArgumentError
 from compare.files import made_folder
 from compare.judge.grid import turns_fully
+from compare.left_out import Asked, omitted
 from compare.progress import Progress, progress_bar
 from compare.results.validity import Cell, Failed, Validity
 from compare.sweep import sweep
@@ -137,6 +138,7 @@ def gridded(  # noqa: PLR0913 - as validity
             check_request(Request(widest, joint_model, crank_angle=np.zeros(1)))
         able, left_out = capable(simulators, joint_model, widest if blocks else m)
         warn_of_friction(widest, joint_model, "driven")
+        left_out += omitted(m, Asked.of_engines("validity", m, "driven", joint_model))
     return Grid(
         m,
         at,

@@ -29,6 +29,7 @@ class Exported(Document):
     run: Annotated[str, Field(min_length=1, description="The command that runs the model without this project.")]
     settings: Annotated[Mapping[str, SettingValue], Field(description="The numbers that the engine used.")] = {}
     assumed: Filled = ()
+    warnings: Annotated[tuple[str, ...], Field(description="What of the linkage is left out, a sentence each.")] = ()
 
     def rows(self) -> list[Row]:
         """A row for each file."""

@@ -362,6 +362,14 @@ def mechanism_file() -> str:
     return "\n".join(out)
 
 
+def left_out() -> str:
+    """What each command leaves out of a mechanism file, a row for each reason."""
+    from compare.left_out import OMISSIONS
+
+    rows = [[", ".join(f"`{field}`" for field in one.fields), one.where, escaped(one.why)] for one in OMISSIONS]
+    return table(["field", "left out by", "because"], rows)
+
+
 # ---------------------------------------------------------------- Python
 
 
@@ -449,6 +457,7 @@ CONTENTS: dict[str, Callable[[], str]] = {
     "cases": cases,
     "signals": signals,
     "mechanism-file": mechanism_file,
+    "left-out": left_out,
     "seam": seam,
     "example-engine": example_engine,
     "functions": functions,

@@ -1,0 +1,232 @@
+"""What of a mechanism file each command leaves out, and why: one table, told in every result and in the documentation.
+
+A field that does nothing where it stands is told wherever it is; so is one that this question has no use for.
+Friction and drives are told of where they are looked at (:func:`compare.crosscheck.warn_of_friction`,
+:func:`compare.arguments.rigidly_and_evenly_driven`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from analytic.mechanism import Body, Joint, Mechanism
+from analytic.mechanism.parts import Part
+from compare.results.sentences import enumerated
+from sim_models.engine import JOINT_MODELS, TOUCHING, JointModel, Motion
+
+Command = Literal["analyse", "accuracy", "compare", "simulate", "check", "validity", "export"]
+AT_SPEED = ("contact_damping", "restitution", "contact_law")
+CONTACT = tuple(f"joint.{field}" for field in ("contact_stiffness", *AT_SPEED))
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is asked: by a command, in a motion, of engines with these joint models; whether links bend in it."""
+
+    command: Command
+    motion: Motion = "driven"
+    joint_models: tuple[JointModel, ...] = ()
+    bends: bool = False
+
+    @classmethod
+    def of_engines(
+        cls, command: Command, mechanism: Mechanism, motion: Motion, joint_model: JointModel | None, bends: bool = False
+    ) -> Asked:
+        """What engines are asked; None is every joint model, of a linkage that swings freely the ideal one."""
+        swings = motion == "driven" and not mechanism.motors
+        every: tuple[JointModel, ...] = ("ideal",) if swings else JOINT_MODELS
+        return cls(command, motion, every if joint_model is None else (joint_model,), bends)
+
+    @property
+    def touches(self) -> bool:
+        """Whether pins touch their bearings by a law of contact, in any engine."""
+        return any(model in TOUCHING["contact_law"] for model in self.joint_models)
+
+
+@dataclass(frozen=True)
+class Omission:
+    """Fields that are left out ``where`` (in words) something holds, and ``why``; ``told`` says of a part whether it is
+    so.
+    """
+
+    fields: tuple[str, ...]
+    where: str
+    why: str
+    told: Callable[[Asked, Part], bool]
+
+
+def _no_gap(asked: Asked, part: Part) -> bool:
+    """A joint without clearance; a map gives it some."""
+    return isinstance(part, Joint) and not part.clearance and asked.command != "validity"
+
+
+def _frictionless(asked: Asked, part: Part) -> bool:
+    return isinstance(part, Joint) and not part.friction
+
+
+def _no_use_for_section(asked: Asked, part: Part) -> bool:
+    """Neither bends the body, nor has it an inertia of its own that matters."""
+    assert isinstance(part, Body)
+    bends = asked.bends and part.youngs_modulus is not None
+    return not bends and (part.inertia is not None or asked.motion == "static")
+
+
+OMISSIONS: tuple[Omission, ...] = (
+    Omission(
+        ("body.youngs_modulus", "body.shear_modulus", "joint.elasticity"),
+        "`analyse` without `--compliance`, `compare` without `--flexible`, `simulate`, `check`, `validity`, `export`",
+        "links and joints are rigid here",
+        lambda asked, part: not asked.bends,
+    ),
+    Omission(
+        ("body.section",),
+        "the same, and a body without `youngs_modulus`, where its `inertia` is given or nothing moves",
+        "only what bends, and an inertia that is not given, has a use for it",
+        _no_use_for_section,
+    ),
+    Omission(
+        ("body.shear_modulus",),
+        "a body without `youngs_modulus`",
+        "a link without youngs_modulus is rigid",
+        lambda asked, part: isinstance(part, Body) and part.youngs_modulus is None,
+    ),
+    Omission(
+        ("body.shear_modulus", "joint.elasticity.rotation"),
+        "`analyse --compliance`, `accuracy`, and the analytic side of `compare --flexible`",
+        "the analytic model's links do not shear, and nothing twists or tilts out of the plane",
+        lambda asked, part: asked.bends,
+    ),
+    Omission(
+        (
+            *("body.inertia", "spring.damping", "drive.speed"),
+            *(f"joint.{field}" for field in ("damping", "drag", "stribeck_speed", *AT_SPEED)),
+        ),
+        "`static` motion; of `drive.speed` the direction is used, by friction",
+        "nothing moves at rest",
+        lambda asked, part: asked.motion == "static",
+    ),
+    Omission(
+        ("drive.ripple", "drive.half_gap"),
+        "`analyse --compliance`, `accuracy`; with `drive.stiffness` all others but `diagnose`",
+        "the motor holds the crank where it is looked at",
+        lambda asked, part: asked.bends and asked.command in ("analyse", "accuracy"),
+    ),
+    Omission(
+        CONTACT,
+        "a joint without `clearance`",
+        "nothing touches without clearance",
+        _no_gap,
+    ),
+    Omission(
+        CONTACT,
+        "`analyse`, `accuracy`, `check`",
+        "the analytic model's contact is rigid",
+        lambda asked, part: asked.command in ("analyse", "accuracy", "check"),
+    ),
+    Omission(
+        CONTACT,
+        "`ideal` and `massless-link` joints",
+        "no pin touches its bearing by a law of contact in these joint models",
+        lambda asked, part: not asked.touches,
+    ),
+    Omission(
+        ("joint.contact_stiffness",),
+        "a joint with `radial_stiffness`",
+        "its soft bearing is what the pin touches",
+        lambda asked, part: isinstance(part, Joint) and part.radial_stiffness is not None,
+    ),
+    Omission(
+        ("joint.restitution",),
+        "a joint with `contact_damping`",
+        "contact_damping is given",
+        lambda asked, part: isinstance(part, Joint) and part.contact_damping is not None,
+    ),
+    Omission(
+        CONTACT,
+        "the analytic side of `compare` and `validity`",
+        "contact is rigid on the analytic side; the simulation has them",
+        lambda asked, part: asked.command in ("compare", "validity"),
+    ),
+    Omission(
+        ("joint.clearance",),
+        "`ideal` joints, and what swings freely",
+        "joints are ideal here",
+        lambda asked, part: asked.joint_models == ("ideal",),
+    ),
+    Omission(
+        ("joint.guide",),
+        "the same, and a joint without `clearance`, where it has no `friction`",
+        "the block does not lean in its guide without clearance",
+        lambda asked, part: _frictionless(asked, part) and (_no_gap(asked, part) or asked.joint_models == ("ideal",)),
+    ),
+    Omission(
+        ("joint.pin_radius",),
+        "a joint without `friction`, and a prismatic one",
+        "nothing rubs there",
+        lambda asked, part: _frictionless(asked, part) or (isinstance(part, Joint) and part.prismatic),
+    ),
+    Omission(
+        ("joint.rest_angle",),
+        "a joint without `stiffness` and `cubic`",
+        "there is no spring",
+        lambda asked, part: isinstance(part, Joint) and not part.springy,
+    ),
+    Omission(
+        ("joint.clearance", "drive.speed"),
+        "`validity`",
+        "a map has clearances and speeds of its own",
+        lambda asked, part: asked.command == "validity",
+    ),
+    Omission(
+        ("body.marker",),
+        "`validity`",
+        "a map has no positions",
+        lambda asked, part: asked.command == "validity",
+    ),
+)
+
+
+def omitted(mechanism: Mechanism, asked: Asked) -> list[str]:
+    """What a question leaves out of a mechanism, a sentence for each reason; of a field the first one that holds."""
+    told: set[tuple[str, str]] = set()
+    sentences = []
+    for omission in OMISSIONS:
+        by_parts: dict[str, list[str]] = {}  # fields by whose they are
+        for field in omission.fields:
+            kind, _, name = field.partition(".")
+            found = [whose for whose, part in _given(mechanism, kind, name) if omission.told(asked, part)]
+            names = [whose for whose in found if (field, whose) not in told]
+            told |= {(field, whose) for whose in names}
+            if names:
+                by_parts.setdefault(_called(kind, names), []).append(name)
+        if by_parts:
+            each = "; ".join(f"{enumerated(fields)} of {parts}" for parts, fields in by_parts.items())
+            sentences.append(f"left out: {each}, as {omission.why}")
+    return sentences
+
+
+def _given(mechanism: Mechanism, kind: str, field: str) -> Iterator[tuple[str, Part]]:
+    """Each part of a kind to which a file gives this field, after its name."""
+    parts: dict[str, dict[str, Part]] = {
+        "body": dict(mechanism.moving),
+        "joint": {joint.name: joint for joint in mechanism.joints},
+        "spring": {" to ".join(".".join(end) for end in each.ends): each for each in mechanism.springs},
+        "drive": {drive.joint: drive for drive in mechanism.drives},
+    }
+    *way, last = field.split(".")
+    for name, part in parts[kind].items():
+        owner: Any = part
+        for step in way:
+            owner = getattr(owner, step)
+        value = getattr(owner, last, None)
+        given = value is not None and value != type(owner).model_fields[last].default
+        if given and value not in ("free", "measured"):  # a drive's speed in words
+            yield name, part
+
+
+def _called(kind: str, names: Sequence[str]) -> str:
+    words = {"body": "", "joint": "joint", "spring": "the spring", "drive": "the drive"}
+    word = words[kind] + "s" * (len(names) > 1 and bool(words[kind]))
+    return f"{word} {enumerated(names)}".strip()

@@ -1,0 +1,377 @@
+"""No field of a mechanism file is without effect unless somebody is told.
+
+Every field is changed on a linkage on which it must matter, and every command is asked before and after.  Its result
+moves, of a comparison on both sides alike and by more than they may differ by; or a sentence of the result names the
+field as left out; or the command refuses, and names it.  Nothing else passes.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import tempfile
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import linkage_crosscheck as lc
+from analytic.errors import Error
+from analytic.mechanism import Body, Drive, Elasticity, Joint, Mechanism, Spring
+from compare.cli.app import app
+from compare.crosscheck import crosscheck_job, question
+from compare.export import exported
+from compare.left_out import OMISSIONS, Asked, omitted
+from compare.platform import platform_accuracy
+from matrix_cases import CHANGES, FOUR_BAR, Change, fields, mechanism
+from sim_models.engine import ENGINES, JOINT_MODELS, MOTIONS, engine
+
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::UserWarning"),  # a result has them among its sentences
+    pytest.mark.filterwarnings("ignore::numpy.exceptions.RankWarning"),  # of columns that stand still
+]
+
+ANGLES, TIMES, SWINGING = np.array([1.9, 2.1]), np.array([0.0, 0.01, 0.025, 0.03]), np.linspace(0.0, 0.012, 4)
+ROWS = np.linspace(1.9, 2.1, 12)  # rad, of a file to be checked: the motion of a crank takes some
+ROUNDING = 1e-8  # of a signal's peak: an equilibrium is found to 1e-9 of it
+PENDING = {  # fields of which not everything is told or used yet, and why
+    "Joint.friction": "friction without clearance, and what leaves it out",
+    "Joint.pin_radius": "with friction of its pin",
+}
+Numbers = Mapping[str, np.ndarray | str]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One way of asking.  A motion is ``driven``, ``static`` or ``free``; ``timed`` asks by time in place of angle."""
+
+    command: str
+    motion: str = "driven"
+    joint_model: Any = None
+    simulator: str = ""
+    timed: bool = False
+
+    @property
+    def where(self) -> dict[str, Any]:
+        """When it is looked at."""
+        return {} if self.motion == "free" else {"times": TIMES} if self.timed else {"angles": ANGLES}
+
+    @property
+    def moves(self) -> Any:
+        """The motion, as commands call it."""
+        return "static" if self.motion == "static" else "driven"
+
+    def __str__(self) -> str:
+        words = (self.command, self.motion, "timed" * self.timed, self.joint_model, self.simulator)
+        return " ".join(word for word in words if word)
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a command says: numbers by side and signal, sentences, by how much the sides may differ, or its refusal."""
+
+    sides: Mapping[str, Numbers] = field(default_factory=dict)
+    sentences: tuple[str, ...] = ()
+    tolerance: Mapping[str, float] = field(default_factory=dict)
+    refused: str = ""
+
+
+@cache
+def ask(cell: Cell, text: str, file: str) -> Answer:
+    """The answer on a mechanism (JSON); of ``check``, to a file that an engine wrote of the other one."""
+    mechanism, other = (Mechanism.model_validate_json(each) for each in (text, file))
+    try:
+        return ASKED[cell.command](cell, mechanism, other)
+    except Error as error:
+        return Answer(refused=str(error))
+
+
+def _analyse(cell: Cell, m: Mechanism, other: Mechanism) -> Answer:
+    found = lc.analyse(m, motion=cell.moves, compliance=cell.command.endswith("compliance"), **cell.where)
+    return Answer({"analytic": {**found.signals, "case": found.case}}, found.warnings)
+
+
+def _accuracy(cell: Cell, m: Mechanism, other: Mechanism) -> Answer:
+    several = platform_accuracy(m, **cell.where) if cell.timed else None
+    found = several or lc.accuracy(m, motion=cell.moves, samples=50, **cell.where)
+    return Answer({"analytic": numbers(found)}, found.warnings)
+
+
+def _simulate(cell: Cell, m: Mechanism, other: Mechanism) -> Answer:
+    found = lc.simulate(m, cell.simulator, joint_model=cell.joint_model, motion=cell.moves, **cell.where)
+    return Answer({"simulated": {**found.signals, "case": found.case}}, found.warnings)
+
+
+def _compare(cell: Cell, m: Mechanism, other: Mechanism) -> Answer:
+    how = {"joint_model": cell.joint_model, "flexible": cell.command.endswith("flexible"), "revolutions": 0}
+    job = question(m, cell.simulator, motion=cell.moves, workers=1, **how, **cell.where)
+    found = crosscheck_job(replace(job, time=SWINGING) if cell.motion == "free" else job)
+    if found.failures:
+        return Answer(refused=found.failures[0].why)
+    (run,) = found.runs
+    sides = {"analytic": run.analytic, "simulated": run.simulated}
+    tolerance = {one.signal: one.tolerance for one in run.discrepancies}
+    return Answer({side: {**told, "case": found.case} for side, told in sides.items()}, found.warnings, tolerance)
+
+
+def _check(cell: Cell, m: Mechanism, other: Mechanism) -> Answer:
+    where = {"angles": ROWS if cell.motion == "driven" else ANGLES}
+    theirs = lc.simulate(other, cell.simulator, joint_model=cell.joint_model, motion=cell.moves, **where)
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "signals.csv"
+        file.write_text(theirs.files()[file.name], encoding="utf-8")
+        found = lc.check(file, m, joint_model=cell.joint_model, motion=cell.moves)
+    return Answer({"analytic": {**found.runs[0].analytic, "case": found.case}}, found.warnings)
+
+
+def _validity(cell: Cell, m: Mechanism, other: Mechanism) -> Answer:
+    grid = {"speeds": [4.0], "clearances": [1e-4], "revolutions": 0}
+    found = lc.validity(m, simulators=cell.simulator, joint_model=cell.joint_model, workers=1, **grid)
+    return Answer({"simulated": numbers(found)}, found.warnings)
+
+
+def _export(cell: Cell, m: Mechanism, other: Mechanism) -> Answer:
+    nothing = dict.fromkeys(("angles", "times", "course", "path", "clearance"))
+    how = {"joint_model": cell.joint_model, "motion": cell.moves}
+    texts = exported(m, cell.simulator, **how, **nothing | cell.where)
+    heading, *rows = texts["expected.csv"].splitlines()
+    table = np.array([[float(each) for each in row.split(",")] for row in rows])
+    sentences = tuple(line for line in texts["run.py"].splitlines() if line.startswith("# "))
+    model = texts.get("model.xml") or texts["run.py"]
+    named = {"case": m.name if m.name in model + "".join(texts.values()) else "unnamed"}
+    return Answer({"simulated": {**dict(zip(heading.split(","), table.T, strict=True)), **named}}, sentences)
+
+
+ASKED = {
+    "analyse": _analyse,
+    "analyse --compliance": _analyse,
+    "accuracy": _accuracy,
+    "simulate": _simulate,
+    "compare": _compare,
+    "compare --flexible": _compare,
+    "check": _check,
+    "validity": _validity,
+    "export": _export,
+}
+
+
+def numbers(document: Any) -> Numbers:
+    """All numbers of a document by their place, but for settings and what it repeats of the question."""
+    asked = {"mechanism", "versions", "command", "warnings", "settings", "samples", "seed"}
+    return dict(_flat(document.model_dump(exclude=asked), ""))
+
+
+def _flat(value: Any, place: str) -> Iterable[tuple[str, np.ndarray | str]]:
+    if isinstance(value, Mapping):
+        for name, inner in value.items():
+            yield from _flat(inner, f"{place}/{name}")
+    elif isinstance(value, tuple | list):
+        for k, inner in enumerate(value):
+            yield from _flat(inner, f"{place}/{k}")
+    elif isinstance(value, str):
+        yield place, value
+    else:
+        yield place, np.atleast_1d(np.asarray(np.nan if value is None else value, float))
+
+
+# ---------------------------------------------------------------- judging
+
+
+def unexplained(cell: Cell, name: str, change: Change) -> str:
+    """What is wrong with a cell; empty where its result moves, says so, or is refused for what it is."""
+    before, after = change.mechanisms(free=cell.motion == "free")
+    if before == after:
+        return ""  # a linkage that is let go has no drive's speed
+    texts = [m.model_dump_json(exclude_unset=True, by_alias=True) for m in (before, after)]
+    first, second = (ask(cell, text, texts[0] if cell.command == "check" else text) for text in texts)
+    if first.refused:
+        return ""  # the question is refused as such
+    if second.refused:
+        misfit = cell.command == "check" and "is not a signal of" in second.refused  # its file is of the other linkage
+        return "" if misfit or names_it(second.refused, name) else f"refused for {second.refused}"
+    if any(names_it(sentence, name) for sentence in second.sentences):
+        return ""
+    return judged(first, second)
+
+
+def names_it(sentence: str, name: str) -> bool:
+    """Whether a sentence names a field, or that of which it is a part."""
+    part, word = name.split(".")
+    within = {"Ripple": "ripple", "PeriodicTorque": "periodic_torque", "Elasticity": "elasticity"}.get(part, word)
+    return re.search(rf"\b({word}|{within})\b", sentence) is not None
+
+
+def judged(first: Answer, second: Answer) -> str:
+    """Why two answers do not show that something was changed between them; empty where they do."""
+    still = [side for side in first.sides if not moved(first.sides[side], second.sides[side])]
+    if still:
+        return f"nothing moves: {', '.join(still)}"
+    if not first.tolerance or first.sides["analytic"].keys() != second.sides["analytic"].keys():
+        return ""
+    if first.sides["analytic"]["case"] != second.sides["analytic"]["case"]:
+        return ""
+    apart, most = 0.0, 0.0
+    for signal in first.tolerance.keys() & second.tolerance.keys():
+        allowed = first.tolerance[signal] + second.tolerance[signal]
+        ours, theirs = (_change(signal, first.sides[s], second.sides[s]) for s in ("analytic", "simulated"))
+        apart = max(apart, float(np.nanmax(np.abs(_wrapped(signal, theirs - ours)), initial=0.0)) / allowed)
+        most = max(most, float(np.nanmax(np.abs(ours), initial=0.0)) / allowed)
+    if apart > 1:
+        return f"the sides move apart, by {apart:.3g} times what they may differ by"
+    return "" if most > 1 else f"the case is too weak: the sides move by {most:.2g} of what they may differ by"
+
+
+def moved(one: Numbers, other: Numbers) -> bool:
+    """Whether numbers differ by more than rounding."""
+    if one.keys() != other.keys():
+        return True
+    return any(_apart(one[name], other[name]) for name in one)
+
+
+def _apart(one: np.ndarray | str, other: np.ndarray | str) -> bool:
+    if isinstance(one, str) or isinstance(other, str) or one.shape != other.shape:
+        return bool(np.any(one != other))
+    peak = max(float(np.nanmax(np.abs(each), initial=1e-6)) for each in (one, other))
+    return not np.allclose(one, other, rtol=0.0, atol=ROUNDING * peak, equal_nan=True)
+
+
+def _change(signal: str, one: Numbers, other: Numbers) -> np.ndarray:
+    return _wrapped(signal, np.asarray(other[signal], float) - np.asarray(one[signal], float))
+
+
+def _wrapped(signal: str, values: np.ndarray) -> np.ndarray:
+    return (values + np.pi) % (2 * np.pi) - np.pi if signal.endswith(("_angle", "_rotation")) else values
+
+
+# ---------------------------------------------------------------- the matrix
+
+ANALYTIC = [
+    *(Cell(command, motion) for command in ("analyse", "accuracy") for motion in ("driven", "static")),
+    Cell("analyse --compliance", "static"),
+]
+TIMED = [replace(cell, timed=True) for cell in ANALYTIC if cell != Cell("accuracy", "static")]
+TOUCHING = ("Joint.clearance", "Joint.guide", "Joint.contact_", "Joint.restitution", "Joint.pin_radius")
+
+
+def quick(name: str) -> list[Cell]:
+    """Cells of the fast suite: the analytic side and MuJoCo; contact where the field is one of contact."""
+    found = [*ANALYTIC, *(Cell("compare", motion, "ideal", "mujoco") for motion in (*MOTIONS, "free"))]
+    found += [Cell(command, "static", "ideal", "mujoco") for command in ("simulate", "check", "export")]
+    return found + [Cell("compare", "static", "contact", "mujoco")] * name.startswith(TOUCHING)
+
+
+def every(simulator: str, name: str) -> list[Cell]:
+    """Cells of an engine: of its joint models all where the field is one of contact."""
+    able, models = engine(simulator).capabilities, JOINT_MODELS[1:] if name.startswith(TOUCHING) else ("contact",)
+    quickly = [("driven", True), ("static", False)]  # of what has clearance: by time no turn leads in
+    found = [Cell("compare", motion, "ideal", simulator, timed) for motion in MOTIONS for timed in (False, True)]
+    found += [Cell("compare", "free", "ideal", simulator)]
+    found += [Cell("compare", motion, model, simulator, timed) for model in models for motion, timed in quickly]
+    alone = ["simulate"] * (simulator == ENGINES[0]) + ["export"] * (able.export is not None)  # the same runs
+    for command in alone:
+        found += [Cell(command, m, model, simulator, timed) for m, timed in quickly for model in ("ideal", "contact")]
+    found += [Cell("check", m, model, simulator) for m, model in (("driven", "ideal"), ("static", "contact"))]
+    if simulator == ENGINES[0]:  # a map is over whole turns, and asks every engine as a comparison does
+        found += [*TIMED, Cell("validity", joint_model="contact", simulator=simulator)]
+    return found + [Cell("compare --flexible", "static", "ideal", simulator)] * (able.beams is not None)
+
+
+def held(name: str, cells: list[Cell]) -> None:
+    """Every cell of a field is explained."""
+    wrong = {str(cell): unexplained(cell, name, CHANGES[name]) for cell in cells}
+    wrong = {cell: why for cell, why in wrong.items() if why}
+    assert not wrong or name in PENDING, "\n".join(f"{name}: {cell}: {why}" for cell, why in wrong.items())
+
+
+def test_every_field_of_a_mechanism_file_has_a_case() -> None:
+    """A field that is new must be asked of all commands."""
+    assert fields() == CHANGES.keys()
+    assert PENDING.keys() <= CHANGES.keys()
+
+
+@pytest.mark.mujoco
+@pytest.mark.parametrize("name", CHANGES)
+def test_a_field_moves_the_result_or_is_named_by_the_analytic_side_and_mujoco(name: str) -> None:
+    """In every command, motion and joint model that is quick."""
+    held(name, quick(name))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CHANGES)
+@pytest.mark.parametrize("simulator", [pytest.param(name, marks=getattr(pytest.mark, name)) for name in ENGINES])
+def test_a_field_moves_the_result_or_is_named_by_every_engine(simulator: str, name: str) -> None:
+    """In every command, motion and joint model that the engine has."""
+    held(name, every(simulator, name))
+
+
+def test_what_nobody_uses_is_not_taken_for_explained() -> None:
+    """Answers that are alike, a side that stands still, sides that move apart, or hardly, are each a fault."""
+    still, up, down = ({"case": "", "reaction_B_x": np.array([1.0 + step])} for step in (0.0, 0.5, -0.5))
+    slightly = {"case": "", "reaction_B_x": np.array([1.001])}
+    before = Answer({"analytic": still, "simulated": still}, tolerance={"reaction_B_x": 0.01})
+    for ours, theirs, fault in (
+        (still, still, "nothing moves: analytic, simulated"),
+        (up, still, "nothing moves: simulated"),
+        (up, down, "the sides move apart, by 50 times what they may differ by"),
+        (slightly, slightly, "the case is too weak: the sides move by 0.05 of what they may differ by"),
+        (up, up, ""),
+    ):
+        assert judged(before, replace(before, sides={"analytic": ours, "simulated": theirs})) == fault
+    assert names_it("left out: damping of joint D, as nothing moves at rest", "Joint.damping")
+    assert not names_it("left out: contact_damping of joint D, as nothing moves at rest", "Joint.damping")
+
+
+def test_the_table_of_what_is_left_out_has_fields_that_there_are() -> None:
+    parts = {"body": Body, "joint": Joint, "spring": Spring, "drive": Drive}
+    for one in OMISSIONS:
+        for kind, name, *within in (each.split(".") for each in one.fields):
+            assert name in parts[kind].model_fields, one.fields
+            assert set(within) <= Elasticity.model_fields.keys(), one.fields
+
+
+@pytest.mark.mujoco
+def test_a_console_a_result_and_an_export_say_what_is_left_out(tmp_path: Path) -> None:
+    """A shipped case has moduli of elasticity; a rigid link has no use for them."""
+    says = "left out: youngs_modulus and shear_modulus of crank, coupler and follower"
+    for command in ("analyse", "simulate", "export --simulator mujoco"):
+        out = str(tmp_path / command.split()[0])
+        asked = [*command.split(), "--case", "crank-rocker", "--angles", "30:60:30", "--out", out]
+        run = CliRunner().invoke(app, [*asked, "--json"])
+        assert run.exit_code == 0, run.output
+        assert says in run.stderr
+        assert says in json.loads(run.stdout)["warnings"][0]
+    assert (tmp_path / "export" / "run.py").read_text(encoding="utf-8").startswith(f"# {says}")
+
+
+@pytest.mark.parametrize("where", [{"angles": ANGLES}, {"times": TIMES}])
+def test_a_result_has_its_warnings_whatever_python_is_told_to_show(where: dict[str, Any]) -> None:
+    """Somebody who ignores warnings in a notebook still has them in the result; so has an analysis over time."""
+    uneven, _ = CHANGES["Ripple.phase"].mechanisms()
+    assert any("drive.ripple is left out" in text for text in lc.analyse(uneven, **where).warnings)
+
+
+def test_a_soft_drive_gives_the_same_to_a_platform_as_to_an_analysis_at_rest() -> None:
+    """The crank lags by its torque over the drive's stiffness, links rigid or not."""
+    soft = mechanism(FOUR_BAR, {"drive.stiffness": 2000.0})
+    by_time = platform_accuracy(soft, times=TIMES)
+    stiff, lagging = (lc.analyse(soft, motion="static", compliance=c, times=TIMES).signals for c in (False, True))
+    for name in ("crank_angle", "rocker_x"):
+        lag = lagging[name] - stiff[name]
+        np.testing.assert_allclose(by_time.outputs[name].compliance, lag, rtol=1e-9, atol=1e-15)
+    assert lag.max() < -1e-4  # m
+    torque = lc.analyse(soft.ideal(), motion="static", times=TIMES).signals["drive_torque"]
+    np.testing.assert_allclose(by_time.outputs["crank_angle"].compliance, -torque / 2000.0, rtol=0.02)
+
+
+def test_a_zero_that_is_given_is_told_and_a_default_is_not() -> None:
+    """A restitution of 0 is one; clearance 0 is none.  A map gives its joints the clearance that they lack."""
+    m = mechanism(FOUR_BAR, {"joint.B.restitution": 0.0, "joint.B.clearance": 0.0, "joint.D.rest_angle": 0.0})
+    at_rest, mapped = (omitted(m, asked) for asked in (Asked("simulate", "static", ("contact",)), Asked("validity")))
+    assert any("restitution of joint B" in text and text.endswith("nothing moves at rest") for text in at_rest)
+    assert not any("clearance" in text or "rest_angle" in text for text in at_rest)
+    assert not any("nothing touches" in text for text in mapped)
