@@ -110,7 +110,7 @@ def _recorded(work: Work, cases: Cases | None, results: Results, map: str | Path
     files, layout = result_files(results), layout_of(map)
 
     def made(m: Mechanism, simulator: str, resolve: Resolve) -> tuple[str, list[StoredRun]]:
-        return RECORDED, [of_results(m, read_table(files[simulator], m, layout, timed=False))]
+        return RECORDED, [of_results(m, read_table(files[simulator], m, layout, timed=False, derived=True))]
 
     typed = cases.name if isinstance(cases, Mechanism) else str(cases)
     return _baselines(folder, [_safely(work, mechanism, name, folder, typed, made) for name in files], [])
