@@ -169,7 +169,7 @@ class Assembly:
         return self._with_driven_travels(guess)
 
     def _with_driven_travels(self, guess: np.ndarray) -> np.ndarray:
-        """Coordinates (n,) with those travels (m) of driven slides that, with all others, bring the pins closest to each
+        """Coordinates (n,) with those travels (m) of driven slides that, with all others, bring pins closest to each
         other: the sum of their squared gaps is least, whichever loops they close; zero of a slide that is in none.
         """
         s, found = self.structure, guess.copy()
