@@ -7,7 +7,7 @@ linkage where the file begins; engines may be asked for the same motion, so that
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -19,8 +19,8 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.columns import PLAIN, Layout, read_map
 from analytic.mechanism.errors import quoted
 from analytic.mechanism.one_line import shown
-from analytic.mechanism.signals import Signal, driving
-from analytic.mechanism.units import dimension, readable
+from analytic.mechanism.signals import Signal, driving, named
+from analytic.mechanism.units import dimension
 from analytic.paper.clearance import MODELS, Model
 from compare.arguments import (
     Linkage,
@@ -42,11 +42,11 @@ from compare.arguments import (
     warn_of_friction,
 )
 from compare.crosscheck import Job, Ran, concluded, judged, run_all
-from compare.diagnose.data.quality import REVERSED, looks
+from compare.diagnose.data.quality import LIKE_UNIT, REVERSED, looks
 from compare.faults import ArgumentError
 from compare.judge.closer import Judged
 from compare.judge.courses import Courses
-from compare.judge.discrepancy import Rule, difference
+from compare.judge.discrepancy import UNCOMPARED, Rule, difference
 from compare.judge.reference import (
     SURE,
     Reference,
@@ -72,14 +72,17 @@ from compare.recorded.motion import (
 )
 from compare.recorded.readings import Reading
 from compare.recorded.recording import Recording, recording
+from compare.recorded.rounding import rounding
 from compare.recorded.table import Table, read_table, unused
 from compare.results.crosscheck import RECORDED, CrossCheck
+from sim_models.common.contact_laws import contact_parameters
 from sim_models.engine import JOINT_MODELS, MOTIONS, JointModel, Motion, Request, Trace, engine
 
 Results = str | PathLike[str] | Sequence[str | PathLike[str]] | Mapping[str, str | PathLike[str]]
 """A file of results, several, or several by the name of the program that wrote each."""
 
 NAMED = 4  # columns that are not judged, by name
+YIELDING = ("contact", "spring-damper")  # whose walls give: no table says how much, and theirs are taken as ours
 COARSE = 0.5  # of what a signal may differ by: where the course leaves it open by more, that is said
 
 
@@ -142,6 +145,9 @@ def check(  # noqa: PLR0913 - what a person may ask, by name
         except AssemblyError as error:
             remedy = asked.meant(one) or "check the angles, their unit and their sign"
             raise DataError(f"{Path(one.file).name}: {error}; {remedy}") from None
+        if contradictions := _contradictions(one, found):
+            remedy = asked.meant(one) or "leave one of them out"
+            raise DataError(*(f"{Path(one.file).name}: {each}; {remedy}" for each in contradictions))
         remarks += [*side.remarks, *asked.said(one, side, found)]
         ran += Ran((found,))
     if names:
@@ -196,7 +202,7 @@ def _tables(
     faults: list[str] = []
     for name, file in files.items():
         try:
-            found.append((name, str(file), read_table(file, mechanism, layout, timed=timed)))
+            found.append((name, str(file), read_table(file, mechanism, layout, timed=timed, derived=True)))
         except DataError as error:
             faults += error.faults
     used = {entry for _, _, table in found for entry in table.used}
@@ -292,7 +298,7 @@ class _Asked:
         off = found.run.verdict == "disagrees"
         if off and (meant := self.meant(one)):
             return [*said, f"{one.name}: {meant}"]
-        said += _units(one, side)
+        said += _units(one, side, found)
         if off and one.kind == "angles" and self.job.motion == "driven" and one.time is None and self.rests(one):
             said.append(f"{one.name}: agrees with the linkage at rest; say --motion static")
         return said
@@ -308,10 +314,11 @@ class _Asked:
 
         Where bodies are depends on the encoders alone, so that these are right where no pose disagrees.
         """
-        best, known = Reading.of(one.table), readable(self.given)
+        best = Reading.of(one.table)
         first = found = self._agreeing(one, best)
         ways: list[Callable[[Reading], Iterable[Reading]]] = [lambda r: r.encoders(self.given), Reading.clocks]
-        poses = [agrees for name, agrees in first.items() if known[name].kind == "pose"]
+        known = named(self.given.bodies, self.given.joints, self.given.drives)
+        poses = [agrees for name, agrees in first.items() if known[name].kind in ("pose", "rotation")]
         for way in ways[1:] if poses and all(poses) else ways:
             for reading in way(best):
                 if found and all(found.values()):
@@ -365,11 +372,14 @@ def _standing(moved: FollowedDrives, mechanism: Mechanism) -> dict[str, np.ndarr
 
 
 def _with_rounding(side: Reference, one: Recording) -> Reference:
-    """A side with what the file's numbers are rounded to as further ignorance."""
+    """A side with what the file's numbers are rounded to as further ignorance; a signal that has steps of its own, as
+    the direction of a force between two walls, is not rounded to them.
+    """
     unsure = {name: np.array(values) for name, values in side.unsure.items()}
     table = one.table
     for name in table.values:
-        unsure[name] = unsure.get(name, 0.0) + table.rounding(name) / SURE
+        own = rounding(side.signals[name]) if name in side.signals else 0.0
+        unsure[name] = unsure.get(name, 0.0) + np.maximum(table.rounding(name) - own, 0.0) / SURE
     for name in [name for name in side.signals if name.endswith("_magnitude")]:
         joint = name.removeprefix("reaction_").removesuffix("_magnitude")
         step = np.hypot(*(table.rounding(Signal("reaction", joint, axis).name) for axis in ("x", "y"))) / SURE
@@ -383,6 +393,9 @@ def _with_rounding(side: Reference, one: Recording) -> Reference:
 def _trace(one: Recording, mechanism: Mechanism, joint_model: JointModel, motion: Motion) -> Trace:
     clearance = {} if joint_model == "ideal" else dict(mechanism.clearances)
     settings: dict[str, str | float] = {"file": Path(one.file).name}
+    if clearance and joint_model in YIELDING:
+        laws = [contact_parameters(mechanism, mechanism.joint(name), motion) for name in clearance]
+        settings["contact_stiffness"] = min(law.stiffness for law in laws)
     if isinstance(one.moved, Followed):
         settings["acceleration_known_to"] = float(SURE * np.max(one.moved.errors.alpha))
     if isinstance(one.moved, FollowedDrives) and motion == "driven":
@@ -408,14 +421,18 @@ def _not_judged(one: Recording, side: Reference, found: Judged, mechanism: Mecha
     """Why columns are held against nothing, in sentences; that encoders are not, as the analytic side follows them,
     goes without saying, and what is empty is said elsewhere.
     """
+    told = {each.signal for each in found.run.discrepancies}
     full = {name for name, values in one.table.values.items() if np.any(np.isfinite(values))}
     rest = [column.signal for column in one.table.columns if column.signal.name in full]
-    rest = [s for s in rest if s not in mechanism.encoders and not _held_by(s, found.rules)]
+    rest = [s for s in rest if s not in mechanism.encoders and not _held_by(s, told)]
     rest = [s for s in rest if s.kind != "reaction" or s.place not in side.undetermined]
-    crank = Signal("rate", mechanism.driven if mechanism.cranked else "", "angular_velocity")
-    others = [s.name for s in rest if s != crank]
-    why = f"the motion of the {crank.place} is prescribed, and the analytic side follows it"
-    said = [f"{crank.name} is not judged: {why}"] if crank in rest else []
+    crank = mechanism.driven if mechanism.cranked else ""
+    own = [s.name for s in rest if s.place == crank and s.kind in ("rate", "rotation")]
+    bare = [s.name for s in rest if _held_by(s, found.rules)]
+    others = [s.name for s in rest if s.name not in (*own, *bare)]
+    why = f"the motion of the {crank} is prescribed, and the analytic side follows it"
+    said = [f"{' and '.join(own)} {'is' if len(own) == 1 else 'are'} not judged: {why}"] if own else []
+    said += [f"{', '.join(bare)} {'is' if len(bare) == 1 else 'are'} not judged: {UNCOMPARED}"] if bare else []
     if others:
         named = ", ".join(others[:NAMED]) + (f" and {len(others) - NAMED} more" if len(others) > NAMED else "")
         said.append(
@@ -425,10 +442,30 @@ def _not_judged(one: Recording, side: Reference, found: Judged, mechanism: Mecha
     return said
 
 
-def _held_by(signal: Signal, rules: Mapping[str, Rule]) -> bool:
-    """Whether a column is judged: by itself, or by what is derived of it: a reaction's size, a body's rotation."""
-    derived = {"reaction": signal.sibling("magnitude"), "pose": Signal("rotation", signal.place, "angle")}
-    return signal.name in rules or (signal.kind in derived and derived[signal.kind].name in rules)
+def _held_by(signal: Signal, judged: Collection[str]) -> list[str]:
+    """By which of these signals a column is judged: by itself, or by what is derived of it: a reaction's size and
+    direction, a body's rotation.
+    """
+    derived: list[Signal] = []
+    if signal.kind == "reaction":
+        derived = [signal.sibling("magnitude"), signal.sibling("angle")]
+    elif signal.kind == "pose":
+        derived = [Signal("rotation", signal.place, "angle")]
+    return [signal.name] if signal.name in judged else [each.name for each in derived if each.name in judged]
+
+
+def _contradictions(one: Recording, found: Judged) -> list[str]:
+    """Columns of what follows from others that say something else than these do, in sentences."""
+    said = []
+    for column in one.table.columns:
+        signal, rule = column.signal, found.rules.get(column.signal.name)
+        if rule is None:
+            continue
+        apart = np.abs(signal.apart(one.table.values[signal.name], found.run.simulated[signal.name]))
+        if np.any(apart > rule.tolerance(found.run.analytic)):
+            of = f"reaction_{signal.place}_x and _y" if signal.kind == "reaction" else f"{signal.place}_angle"
+            said.append(f"{signal.name} is off by {np.nanmax(apart):.3g} {signal.unit} from what {of} make it")
+    return said
 
 
 def _coarse(one: Recording, side: Reference, rules: Mapping[str, Rule], mechanism: Mechanism) -> list[str]:
@@ -470,16 +507,19 @@ def _coarse(one: Recording, side: Reference, rules: Mapping[str, Rule], mechanis
     ]
 
 
-def _units(one: Recording, side: Reference) -> list[str]:
-    """A warning for each signal that is the analytic one in another unit, or of the other sign."""
+def _units(one: Recording, side: Reference, judged: Judged) -> list[str]:
+    """A warning for each signal that is the analytic one in another unit, or of the other sign, and does not agree."""
     found = []
+    verdicts = {each.signal: each.verdict for each in judged.run.discrepancies}
     for column in one.table.columns:
         name, kind = column.signal.name, dimension(column.signal)
         values = one.table.values[name]
         here = np.isfinite(values) & np.isfinite(side.signals.get(name, np.full(values.shape, np.nan)))
-        if np.sum(here) < LEAST:
+        if np.sum(here) < LEAST or {verdicts[each] for each in _held_by(column.signal, verdicts)} == {"agrees"}:
             continue
         model, recorded = side.signals[name][here], values[here]
+        if column.signal.wraps and np.std(column.signal.apart(recorded, model)) <= LIKE_UNIT * np.std(model):
+            continue  # whole turns apart
         told = looks(kind, column.unit, model, recorded)
         if told is not None:
             slope, what = told

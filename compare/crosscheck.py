@@ -648,8 +648,12 @@ def _rules(job: Job, side: Reference, trace: Trace, simulated: Mapping[str, np.n
         every = compared(m, clearances) if wanted is None else wanted
         wanted = tuple(s for s in every if s.kind != "reaction" or s.place not in side.undetermined)
     rules = run_rules(job.tolerances, m, trace.motion, trace.joint_model, clearances, scales, give, wanted)
+    if trace.recorded and give:  # how stiff its contact was nobody knows
+        stiff = run_rules(job.tolerances, m, trace.motion, trace.joint_model, clearances, scales, 0.0, wanted)
+        given = {s: rules[s].tolerance(side.signals) - rule.tolerance(side.signals) for s, rule in stiff.items()}
+        rules = {s: replace(rule, unsure=np.nan_to_num(given[s])) for s, rule in stiff.items()}
     if side.unsure:
-        rules = {s: replace(rule, unsure=SURE * side.unsure.get(s, 0.0)) for s, rule in rules.items()}
+        rules = {s: replace(r, unsure=r.unsure + SURE * side.unsure.get(s, 0.0)) for s, r in rules.items()}
     return softened(rules, side, clearances, job.mechanism) if job.flexible else rules
 
 
@@ -680,7 +684,7 @@ def _discrepancies(
     theta = job.theta if job.time is None else None
     analytic = dict(side.signals)
     if trace.recorded:  # a cell that is empty says nothing
-        analytic = {s: np.where(np.isnan(simulated.get(s, 0.0)), np.nan, values) for s, values in analytic.items()}
+        analytic |= {s: np.where(np.isnan(simulated[s]), np.nan, analytic[s]) for s in rules}
     judged = (judge(rule, simulated, analytic, theta, known.get(name)) for name, rule in rules.items())
     return [one for one in judged if one is not None]
 

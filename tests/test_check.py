@@ -19,6 +19,7 @@ from scipy.integrate import solve_ivp
 import linkage_crosscheck as lc
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import dumps, load
+from analytic.mechanism.signals import Signal, named
 from commands import compare
 from compare.faults import ArgumentError
 from compare.recorded.errors import DataError
@@ -294,6 +295,141 @@ def test_results_that_are_no_files_are_one_sentence(given: Any) -> None:
         lc.check(given, FOUR_BAR)
     assert len(str(said.value)) < 200
     assert "give" in str(said.value)
+
+
+# ---------------------------------------------------------------- what each column is held to
+
+
+PAPER = load("paper").with_clearances({"B": 1e-4})
+ANGLES = np.radians(np.arange(20.0, 161.0, 5.0))
+
+
+def named_of(m: Mechanism) -> Mapping[str, Signal]:
+    return named(m.bodies, m.joints, m.drives)
+
+
+def off(result: CrossCheck) -> list[str]:
+    return [d.signal for run in result.runs for d in run.discrepancies if d.verdict == "disagrees"]
+
+
+def test_a_body_that_does_not_turn_is_judged_by_the_rate_of_what_does(tmp_path: Path) -> None:
+    """The coupler of a parallelogram translates: an engine's rounding is no rate, a 1/1000 of the crank's rate is."""
+    m = load("paper").with_clearances({})
+    rates = {"coupler_angular_velocity [rad/s]": 1e-13 * np.cos(7 * ANGLES)}
+    columns = {"crank_angle [rad]": ANGLES, "follower_angular_velocity [rad/s]": np.full(ANGLES.shape, m.speed)}
+    result = lc.check(written(tmp_path / "still.csv", columns | rates, 17), m)
+    tolerance = {d.signal: d.tolerance for d in result.run("still").discrepancies}
+    assert result.verdict == "agrees"
+    assert tolerance["coupler_angular_velocity"] == pytest.approx(1e-4 * np.pi / 2, rel=1e-6)
+    rates = {"coupler_angular_velocity [rad/s]": np.full(ANGLES.shape, 1e-3 * np.pi / 2)}
+    assert off(lc.check(written(tmp_path / "off.csv", columns | rates, 17), m)) == ["coupler_angular_velocity"]
+
+
+def test_a_direction_alone_is_judged(tmp_path: Path) -> None:
+    """Without the size of its force it was judged nowhere, and agreed whatever it said."""
+    columns = turning()
+    angle = np.angle(columns["reaction_B_x [N]"] + 1j * columns["reaction_B_y [N]"])
+    for more, expected in ((0.0, []), (1e-2, ["reaction_B_angle"])):
+        alone = {"crank_angle [deg]": columns["crank_angle [deg]"], "reaction_B_angle [rad]": angle + more}
+        result = lc.check(written(tmp_path / "gamma.csv", alone), FOUR_BAR)
+        assert [d.signal for d in result.run("gamma").discrepancies] == ["reaction_B_angle"]
+        assert off(result) == expected
+
+
+def test_a_force_between_two_walls_points_one_way_or_the_other_whatever_turn_it_is_told_in(tmp_path: Path) -> None:
+    """A slide's reaction along +-y jumps by half a turn, which may be told either way round.  Its two values are no
+    steps of rounding: they were taken to be known to a quarter of a turn.
+    """
+    m = load("slider-crank")
+    found = lc.analyse(m).signals
+    here = np.isfinite(found["reaction_S_angle"])
+    rows = np.flatnonzero(here)[:34]
+    assert len(set(np.sign(np.sin(found["reaction_S_angle"][rows])))) == 2
+    for told, expected in ((0.0, []), (0.01, ["reaction_S_angle"]), (np.pi, ["reaction_S_angle"])):
+        direction = np.angle(np.exp(1j * (found["reaction_S_angle"][rows] + told)))
+        columns = {"crank_angle [rad]": found["crank_angle"][rows], "reaction_S_angle [rad]": direction}
+        columns["reaction_S_magnitude [N]"] = found["reaction_S_magnitude"][rows]
+        result = lc.check(written(tmp_path / "walls.csv", columns), m, joint_model="ideal")
+        assert off(result) == expected
+        assert not [text for text in result.warnings if "times the analytic side's" in text]
+
+
+def in_contact() -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """MuJoCo's paper linkage at rest on walls of 1e8 N/m, by heading; and the sizes (N,) of the force on them."""
+    run = lc.simulate(PAPER, "mujoco", joint_model="contact", motion="static", angles=ANGLES)
+    columns = {"crank_angle [rad]": ANGLES}
+    names = ("follower_angle", "reaction_B_x", "reaction_B_y", "clearance_B_x", "clearance_B_y")
+    for name, unit in zip(names, ("rad", "N", "N", "m", "m"), strict=True):
+        columns[f"{name} [{unit}]"] = run.signals[name]
+    return columns, np.hypot(run.signals["reaction_B_x"], run.signals["reaction_B_y"])
+
+
+def test_what_a_wall_gives_is_allowed_and_said(tmp_path: Path) -> None:
+    """A pin goes into its wall by force over stiffness; how stiff that was is in no table."""
+    columns, force = in_contact()
+    gap = np.hypot(columns["clearance_B_x [m]"], columns["clearance_B_y [m]"])
+    np.testing.assert_allclose(gap - 1e-4, force / 1e8, rtol=1e-3)
+    path = written(tmp_path / "contact.csv", columns)
+    result = lc.check(path, PAPER, motion="static")
+    run = result.run("contact")
+    allowed = {d.signal: d.tolerance for d in run.discrepancies}
+    assert (result.verdict, run.settings["contact_stiffness"]) == ("agrees", 1e8)
+    assert allowed["clearance_B_x"] == pytest.approx(1e-3 * 1e-4 + force.max() / 1e8, rel=1e-3)
+    hard = lc.check(path, PAPER.with_joint("B", contact_stiffness=1e10), motion="static")
+    assert hard.run("contact").settings["contact_stiffness"] == 1e10
+    assert {"clearance_B_x", "follower_rotation"} & set(off(hard))
+    ideal = lc.check(path, PAPER, motion="static", joint_model="massless-link")
+    assert "contact_stiffness" not in ideal.run("contact").settings
+
+
+def test_walls_that_give_more_than_the_clearance_tell_nothing_of_it(tmp_path: Path) -> None:
+    columns, _ = in_contact()
+    columns |= {f"clearance_B_{axis} [m]": 0 * ANGLES for axis in ("x", "y")}
+    path = written(tmp_path / "nothing.csv", columns)
+    assert {"clearance_B_x", "clearance_B_y"} == set(off(lc.check(path, PAPER, motion="static")))
+    soft = lc.check(path, PAPER.with_joint("B", contact_stiffness=1e5), motion="static")
+    verdicts = {d.signal: d.verdict for d in soft.run("nothing").discrepancies}
+    assert verdicts["clearance_B_x"] == verdicts["clearance_B_y"] == soft.verdict == "unjudged"
+
+
+def test_a_rotation_is_judged_as_a_body_s_angle_is(tmp_path: Path) -> None:
+    """The ideal follower of the parallelogram is parallel to the crank."""
+    columns, _ = in_contact()
+    angle = columns.pop("follower_angle [rad]")
+    for share, expected in ((1.0, []), (1.5, ["follower_rotation"])):
+        turned = {"follower_rotation [rad]": share * (angle - ANGLES)}
+        result = lc.check(written(tmp_path / "turned.csv", columns | turned), PAPER, motion="static")
+        assert off(result) == expected
+        assert result.warnings == ()
+
+
+@pytest.mark.parametrize("speed", [load("paper").speed, "measured"])
+def test_a_table_of_our_own_has_no_column_that_is_no_signal(tmp_path: Path, speed: float | str) -> None:
+    found = lc.analyse(PAPER).signals
+    columns = {f"{name} [{named_of(PAPER)[name].unit}]": values for name, values in found.items()}
+    columns |= {"time [s]": (found["crank_angle"] - found["crank_angle"][0]) / PAPER.speed}
+    m = PAPER.replace(drive={"joint": "D", "speed": speed})
+    result = lc.check(written(tmp_path / "ours.csv", columns, 17), m)
+    assert result.verdict == "agrees"
+    assert not [text for text in result.warnings if "no signal of the linkage" in text]
+    assert any("crank_angular_velocity and crank_rotation are not judged: the motion" in t for t in result.warnings)
+
+
+@pytest.mark.parametrize("column", ["follower_rotation", "reaction_B_magnitude", "reaction_B_angle"])
+def test_a_column_that_says_something_else_than_those_it_follows_from_is_refused(tmp_path: Path, column: str) -> None:
+    """The other columns were judged, and it was not."""
+    columns, force = in_contact()
+    turned = np.unwrap(np.angle(columns["reaction_B_x [N]"] + 1j * columns["reaction_B_y [N]"]))
+    more = {
+        "follower_rotation [rad]": columns["follower_angle [rad]"] - ANGLES,
+        "reaction_B_magnitude [N]": force,
+        "reaction_B_angle [rad]": turned,
+    }
+    path = written(tmp_path / "both.csv", columns | more)
+    assert lc.check(path, PAPER, motion="static").verdict == "agrees"
+    wrong = {name: (1.1 if name.startswith(column) else 1.0) * values for name, values in more.items()}
+    with pytest.raises(DataError, match=rf"both\.csv: {column} is off by .* from what .*; leave one of them out"):
+        lc.check(written(path, columns | wrong), PAPER, motion="static")
 
 
 # ---------------------------------------------------------------- driven, on a course, released, at rest

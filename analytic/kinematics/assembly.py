@@ -12,6 +12,7 @@ no such table: :meth:`Assembly.follow` walks from one sample to the next.
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -163,20 +164,23 @@ class Assembly:
                 guess[i] = s.signs[i] * (angle(second) - angle(first))
             elif c.bodies:
                 named = [b for b in c.bodies if s.turned[b] == (i,) and s.bodies[b] in mechanism.assembly]
-                guess[i] = angle(s.bodies[named[0]]) - s.held_at[named[0]] if named else angle(s.bodies[c.bodies[0]])
+                told = [angle(s.bodies[b]) - s.held_at[b] for b in named] or [angle(s.bodies[c.bodies[0]])]
+                guess[i] = math.fsum(told) / len(told)
         return self._with_driven_travels(guess)
 
     def _with_driven_travels(self, guess: np.ndarray) -> np.ndarray:
-        """Coordinates (n,) with those travels (m) of driven slides that, with all others, come closest to closing the
-        loops; zero of a slide that is in none.
+        """Coordinates (n,) with those travels (m) of driven slides that, with all others, bring pins closest to each
+        other: the sum of their squared gaps is least, whichever loops they close; zero of a slide that is in none.
         """
         s, found = self.structure, guess.copy()
         slides = [i for i, c in enumerate(s.coordinates) if not c.bodies]
         if not set(slides) & set(s.inputs) or not len(s.loops):
             return found
         columns = self.columns(guess[:, None])
-        open_by = (s.loops @ columns)[:, 0]
-        along = np.stack([partials(s, i, s.loops, columns)[:, 0] for i in slides], axis=-1)
+        pins = s.loops[:, s.n_columns - len(s.pins) :].real  # which gaps each loop adds up
+        loops = np.linalg.solve(np.linalg.cholesky(pins @ pins.T), s.loops)
+        open_by = (loops @ columns)[:, 0]
+        along = np.stack([partials(s, i, loops, columns)[:, 0] for i in slides], axis=-1)
         travels = -np.linalg.lstsq(
             np.concatenate([along.real, along.imag]), np.concatenate([open_by.real, open_by.imag]), rcond=None
         )[0]

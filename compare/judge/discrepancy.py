@@ -117,7 +117,8 @@ def difference(values: np.ndarray, tolerance: np.ndarray | None = None, tube: Tu
 @dataclass(frozen=True)
 class Scales:
     """What a run's small numbers are compared with: its largest reaction (N), its longest body (m; where bodies are
-    points, how far out they are), the mass of all bodies (kg).
+    points, how far out they are), the mass of all bodies (kg), and the rate (rad/s) of what turns fastest: a body, or a
+    drive (one that slides by its speed over the longest body).
 
     ``peaks`` are the largest sizes of the signals over the linkage's usual crank angles, where they are known: they do
     not depend on the part of the cycle that the run covers.
@@ -126,6 +127,7 @@ class Scales:
     force: float
     length: float
     mass: float = 0.0
+    rate: float = 0.0
     peaks: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
@@ -141,7 +143,13 @@ class Scales:
         length = max(body.length for body in bodies) or max(
             (known[name] for name in places if name in known), default=0.0
         )
-        return cls(force, length, sum(body.mass for body in bodies), dict(peaks or {}))
+        rates = [known.get(Signal("rate", body.name, "angular_velocity").name, 0.0) for body in bodies]
+        rates += [
+            abs(drive.speed) / (length if mechanism.joint(drive.joint).prismatic else 1.0)
+            for drive in mechanism.drives
+            if isinstance(drive.speed, float)
+        ]
+        return cls(force, length, sum(body.mass for body in bodies), max(rates), dict(peaks or {}))
 
 
 def largest(signals: Mapping[str, np.ndarray]) -> dict[str, float]:
@@ -212,6 +220,11 @@ class Rule:
         """The kind of its signal in the tolerance file."""
         return kind_of(self.signal)
 
+    @property
+    def presence(self) -> str:
+        """The signal whose numbers say where there is something to judge: of a direction its force's size."""
+        return self.signal.sibling("magnitude").name if self.kind == "angle" else self.signal.name
+
     def tolerance(self, analytic: Mapping[str, np.ndarray]) -> np.ndarray:
         """What each sample (N,) may differ by before the window, in the signal's unit; NaN where it means nothing."""
         if self.kind == "angle":
@@ -243,7 +256,8 @@ class Rule:
 
     def _peak(self, values: np.ndarray) -> np.ndarray:
         """What ``relative`` refers to (N,): a signal's peak; for a displacement the clearance, for a rotation at least
-        the clearance over the longest body, and for a place that body's length, or what the rule has as clearance.
+        the clearance over the longest body, for a rate at least that of what turns fastest, and for a place that body's
+        length, or what the rule has as clearance.
         """
         if self.kind == "displacement":
             return np.full(values.shape, self.clearance)
@@ -251,6 +265,8 @@ class Rule:
             return np.full(values.shape, self.clearance or self.scales.length)
         whole = self.kind == "magnitude"
         peak = self._largest(self.signal.sibling("magnitude").name if whole else self.signal.name, values)
+        if self.kind == "velocity":
+            return np.maximum(peak, self.scales.rate)
         return np.maximum(peak, self.clearance / self.scales.length) if self.kind == "rotation" else peak
 
     def _largest(self, signal: str, values: np.ndarray) -> np.ndarray:
@@ -342,15 +358,15 @@ def judge(
     """Compare a rule's signal of two sides; None where it has no comparable sample.
 
     ``theta`` (N,) rad is the crank angle, for the rule's window; without it there is no window.  A sample that only one
-    side has disagrees; a direction that only one side has is left out, as the forces disagree there.  A ``known``
-    difference must be there, and within its bound; where nothing can be compared it disagrees.
+    side has disagrees; a direction that only one side has is left out, as the forces disagree there, if their sizes are
+    known.  A ``known`` difference must be there, and within its bound; where nothing can be compared it disagrees.
     """
     one, other = simulated[rule.signal.name], analytic[rule.signal.name]
-    presence = rule.signal.sibling("magnitude").name if rule.kind == "angle" else rule.signal.name
+    presence = [np.isfinite(side[rule.presence]) for side in (simulated, analytic)]
     apart, (tolerance, tube) = rule.signal.apart(one, other), rule.allowed(analytic, theta)
     found = difference(apart, tolerance, tube)
-    one_sided = np.flatnonzero(np.isfinite(simulated[presence]) != np.isfinite(analytic[presence]))
-    if one_sided.size:
+    one_sided = np.flatnonzero(presence[0] != presence[1])
+    if one_sided.size and (presence[0].any() or rule.presence == rule.signal.name):
         rms = found.rms if found else float("nan")
         why = f"{one_sided.size} of {tolerance.size} samples have a number on one side only"
         return _discrepancy(rule, Difference(float("nan"), rms, int(one_sided[0]), np.inf), "disagrees", why)

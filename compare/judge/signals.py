@@ -74,7 +74,9 @@ def with_derived(signals: Mapping[str, np.ndarray], mechanism: Mechanism) -> dic
 
 
 def with_rotations(signals: Mapping[str, np.ndarray], ideal_angles: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Signals (N,) with each body's rotation by clearance: its angle minus the ideal linkage's (rad)."""
+    """Signals (N,) with each body's rotation by clearance: its angle minus the ideal linkage's (rad).  Where there is
+    no angle, a rotation stays as it is.
+    """
     out = dict(signals)
     for body, ideal in ideal_angles.items():
         if Signal.of("pose", body, "angle").name not in out:

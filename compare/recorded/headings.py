@@ -81,9 +81,10 @@ class Headings:
 class Names:
     """The signals that a file of a mechanism may have, by whatever it may call them."""
 
-    def __init__(self, mechanism: Mechanism, layout: Layout, mappable: bool = True) -> None:
+    def __init__(self, mechanism: Mechanism, layout: Layout, mappable: bool = True, derived: bool = False) -> None:
         self.mechanism, self.layout, self.mappable = mechanism, layout, mappable
-        self.known = {TIME.name: TIME, **readable(mechanism)}
+        rotations = [Signal("rotation", body.name, "angle") for body in mechanism.bodies] if derived else []
+        self.known = {TIME.name: TIME, **readable(mechanism), **{signal.name: signal for signal in rotations}}
         self._folded: dict[str, Signal | None] = {}
         for name, signal in self.known.items():
             key = fold(name)

@@ -57,16 +57,23 @@ class _Read:
 
 
 def read_table(
-    path: Path, mechanism: Mechanism, layout: Layout = PLAIN, *, timed: bool = True, mappable: bool = True
+    path: Path,
+    mechanism: Mechanism,
+    layout: Layout = PLAIN,
+    *,
+    timed: bool = True,
+    mappable: bool = True,
+    derived: bool = False,
 ) -> Table:
     """Read a data file of this mechanism.  With ``timed`` a file without time is refused; one that is not ``mappable``
-    has no map beside it that could say more of its columns.  Raises DataError with every fault that was found.
+    has no map beside it that could say more of its columns; a program's may have ``derived`` signals, which no sensor
+    reads.  Raises DataError with every fault that was found.
     """
     try:
         if not path.is_file():
             what = "is a folder; give the path of a file in it" if path.is_dir() else "no such file; give its path"
             raise DataError(f"{path}: {what}")
-        names = Names(mechanism, layout, mappable)
+        names = Names(mechanism, layout, mappable, derived)
         binary = reader(path)
         return _of_columns(path, binary(path), names, timed) if binary else _of_text(path, names, timed)
     except (UnicodeError, OSError) as error:

@@ -247,7 +247,9 @@ def looks(kind: Dimension, unit: str, model: np.ndarray, measured: np.ndarray) -
     """By what measured values (N,), read in this unit, are the model's (N,), and what they look, if that is a
     conversion of this kind of quantity: in another unit, converted twice, or of the other sign.
     """
-    if np.std(model) == 0 or np.std(measured) == 0 or abs(np.corrcoef(model, measured)[0, 1]) < 0.99:
+    if any(np.std(each) <= each.size * np.finfo(float).eps * np.abs(each).max() for each in (model, measured)):
+        return None  # constant, but for rounding
+    if abs(np.corrcoef(model, measured)[0, 1]) < 0.99:
         return None
     slope = float(np.polyfit(model, measured, 1)[0])
     if abs(slope - 1) < LIKE_UNIT:

@@ -128,7 +128,7 @@ def _recorded(work: Work, cases: Cases | None, results: Results, map: str | Path
     tables: list[Table] = []
 
     def made(m: Mechanism, simulator: str, resolve: Resolve) -> tuple[str, list[StoredRun]]:
-        tables.append(read_table(files[simulator], m, layout, timed=False))
+        tables.append(read_table(files[simulator], m, layout, timed=False, derived=True))
         return RECORDED, [of_results(m, tables[-1])]
 
     typed = cases.name if isinstance(cases, Mechanism) else str(cases)
