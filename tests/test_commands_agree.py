@@ -181,14 +181,6 @@ def test_nothing_turns_at_rest_by_either_side(asked: Asked) -> None:
 # ---------------------------------------------------------------- files
 
 
-# What a check judges otherwise than the cross-check does.
-PENDING = {
-    "angular_velocity": "no cross-check judges it, and its tolerance is relative to its own peak, which may be nothing",
-    "contact": "a table does not say how stiff its contact was, for whose give a cross-check allows",
-}
-
-
-@pytest.mark.filterwarnings("ignore::numpy.exceptions.RankWarning")
 @pytest.mark.parametrize("asked", fast(EVERY), ids=str)
 def test_a_check_of_its_own_export_has_the_sides_and_verdicts_of_the_cross_check(asked: Asked, tmp_path: Path) -> None:
     files = lc.export(asked.case, "mujoco", folder=tmp_path, joint_model=asked.joint, **asked.python)
@@ -202,16 +194,14 @@ def test_a_check_of_its_own_export_has_the_sides_and_verdicts_of_the_cross_check
     assert same(run.analytic, expected.analytic, asked.m, 1e-7) == set(
         expected.analytic
     )  # a course tells it to so much
-    if asked.joint not in PENDING:
-        kept = {d.signal: d.verdict for d in run.discrepancies if not any(word in d.signal for word in PENDING)}
-        verdicts = {d.signal: d.verdict for d in expected.discrepancies}
-        followed = {f"{asked.m.driven}_angle"} if asked.m.cranked and asked.m.motors else set()
-        assert {name: kept[name] for name in set(verdicts) - followed} == {
-            name: verdicts[name] for name in set(verdicts) - followed
-        }
+    kept = {d.signal: d.verdict for d in run.discrepancies}
+    verdicts = {d.signal: d.verdict for d in expected.discrepancies}
+    followed = {f"{asked.m.driven}_angle"} if asked.m.cranked and asked.m.motors else set()
+    assert {name: kept[name] for name in set(verdicts) - followed} == {
+        name: verdicts[name] for name in set(verdicts) - followed
+    }
 
 
-@pytest.mark.filterwarnings("ignore::numpy.exceptions.RankWarning")
 @pytest.mark.parametrize("asked", fast(ANALYSED), ids=str)
 def test_a_check_of_the_analysis_finds_nothing_between_them(asked: Asked, tmp_path: Path) -> None:
     analysed(asked).write(tmp_path)
