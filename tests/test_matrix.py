@@ -272,7 +272,8 @@ def quick(name: str) -> list[Cell]:
 def every(simulator: str, name: str) -> list[Cell]:
     """Cells of an engine: of its joint models all where the field is one of contact."""
     able, models = engine(simulator).capabilities, JOINT_MODELS[1:] if name.startswith(TOUCHING) else ("contact",)
-    quickly = [("driven", True), ("static", False)]  # of what has clearance: by time no turn leads in
+    # what has clearance: by time no turn leads in, which is quick; MuJoCo's pins still settle there
+    quickly = [("driven", simulator != "mujoco"), ("static", False)]
     found = [Cell("compare", motion, "ideal", simulator, timed) for motion in MOTIONS for timed in (False, True)]
     found += [Cell("compare", "free", "ideal", simulator)]
     found += [Cell("compare", motion, model, simulator, timed) for model in models for motion, timed in quickly]
