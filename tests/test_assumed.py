@@ -252,6 +252,7 @@ PAIRS = [
 NUMBERS = {"contact_stiffness": "N/m", "contact_damping": "N.s/m", "restitution": "1", "pin_radius": "m"}
 
 
+@pytest.mark.filterwarnings("ignore:.*which is assumed")  # a pin's radius: it is in what is listed
 @pytest.mark.parametrize(
     ("name", "model", "motion"),
     [pair for pair in PAIRS if pair[0] == "mujoco"] + slow(*(pair for pair in PAIRS if pair[0] != "mujoco")),
