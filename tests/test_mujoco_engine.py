@@ -218,7 +218,7 @@ def test_joint_laws_beside_clearance_at_rest(model: JointModel) -> None:
 
 @pytest.mark.parametrize(
     "law",
-    [{"friction": 2.0}, {"damping": 1.5}, {"stiffness": 100.0, "rest_angle": 0.1}],
+    [{"friction_torque": 2.0}, {"damping": 1.5}, {"stiffness": 100.0, "rest_angle": 0.1}],
     ids=lambda law: next(iter(law)),
 )
 @pytest.mark.parametrize("motion", MOTIONS)

@@ -167,5 +167,12 @@ def test_a_diagnosis_of_a_file_is_that_of_its_recording(monkeypatch: pytest.Monk
         assert isinstance(data, lc.read_measured(path).__class__)
         assert mechanism == data.mechanism.rigid()
         assert isinstance(options, Options)
-        assert options == Options("mujoco", only=("gravity",), others=False, workers=1, began=options.began)
+        assert options == Options(
+            "mujoco",
+            only=("gravity",),
+            others=False,
+            workers=1,
+            began=options.began,
+            progress=options.progress,
+        )
     assert len(asked) == 3

@@ -144,7 +144,7 @@ def test_a_map_has_the_walls_that_every_other_command_has() -> None:
     assert np.hypot(alone["clearance_B_x"], alone["clearance_B_y"]).max() - 5e-5 == pytest.approx(
         alone["reaction_B_magnitude"].max() / wall, rel=2e-2
     )
-    assert alone.warnings == ()
+    assert all(text.startswith("left out: ") for text in alone.warnings)
     assert alone.assumed[-2].value == wall
 
 
@@ -152,7 +152,7 @@ def test_a_map_has_the_walls_that_every_other_command_has() -> None:
 def test_a_give_that_hides_the_clearance_is_warned_of() -> None:
     """Walls of 1e7 N/m give 0.38 mm under 3.8 kN, 7.6 times the clearance: 7.6e8 N/m would give a tenth of it."""
     soft = shaper().with_joint("B", contact_stiffness=1e7)
-    (said,) = lc.simulate(soft, **SLOTTED).warnings
+    *_, said = lc.simulate(soft, **SLOTTED).warnings
     assert said.startswith("mujoco, spring-damper: the pin of joint B is seen 0.3")
     assert "too soft to see this clearance; give joint B contact_stiffness = 7." in said
     cell = Cell.model_construct(
