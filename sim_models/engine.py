@@ -315,7 +315,7 @@ class Watched:
 
 @dataclass(frozen=True)
 class Trace:
-    """What a simulation saw, at the requested crank angles (or times) and in their order; with ``courses``,
+    """What a simulation saw, at the requested crank angles (or times) and in their order; of a linkage without a crank
     ``crank_angle`` is the position of the first input (see :attr:`analytic.kinematics.structure.Structure.inputs`).
 
     ``signals`` maps a signal's name to (N,) values, SI units, ground frame: ``<body>_x``, ``<body>_y`` (com),

@@ -90,9 +90,11 @@ class HeldPath:
         return {name: rate / np.where(fastest > 0, fastest, 1.0) for name, rate in rates.items()}
 
     def leading(self, times: np.ndarray) -> np.ndarray:
-        """Position (N,) rad, m of the first input's joint at times (N,) s."""
+        """The crank's angle (N,) rad, or without a crank the position (rad, m) of the first input's joint, at times
+        (N,) s.
+        """
         s = self.assembly.structure
-        return self.motors[s.coordinates[s.inputs[0]].joint].angles(times)
+        return s.mechanism.crank_sign * self.motors[s.coordinates[s.inputs[0]].joint].angles(times)
 
     def stands(self, at: float) -> bool:
         """Whether all drives stand at a time (s)."""

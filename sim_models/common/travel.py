@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from analytic.kinematics.structure import Structure
 from analytic.mechanism import Body, Joint, Mechanism
 from analytic.mechanism.signals import position
 from sim_models.common.start import Pose
@@ -34,6 +35,11 @@ def travel(m: Mechanism, joint: Joint, first: Pose, second: Pose) -> tuple[float
     offset = second.origin + q - first.origin  # from the first body's origin to the second's point
     slip = second.velocity + 1j * second.angular_velocity * q - first.velocity - 1j * first.angular_velocity * offset
     return float(slide_travel(joint, offset - p, first.angle)), float(slide_travel(joint, slip, first.angle))
+
+
+def told_by(m: Mechanism, s: Structure) -> str:
+    """The signal that a run is told by: the crank's angle, or without a crank the position of the first input."""
+    return position(m.joint(s.coordinates[s.inputs[0]].joint)).name if m.several else m.encoder.name
 
 
 def with_positions(m: Mechanism, trace: Trace) -> Trace:

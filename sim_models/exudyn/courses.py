@@ -119,7 +119,7 @@ class CoursesRun(Run):
         return linkage.inertia()
 
     def leading(self, sampled: Record) -> np.ndarray:
-        """Position (N,) rad, m of the first input's joint."""
+        """What the run is told by (N,) rad, m."""
         return first_input(self, sampled)
 
 
@@ -149,11 +149,11 @@ class RestingRun(Run):
         return self.report(found.rows(np.argsort(order)), found, time)
 
     def leading(self, sampled: Record) -> np.ndarray:
-        """Position (N,) rad, m of the first input's joint."""
+        """What the run is told by (N,) rad, m."""
         return first_input(self, sampled)
 
 
 def first_input(run: Run, sampled: Record) -> np.ndarray:
-    """Position (N,) rad, m of the first input's joint."""
+    """The crank's angle (N,) rad, or without a crank the position (rad, m) of the first input's joint."""
     s = run.assembly.structure
-    return travel(run.m, sampled, run.m.joint(s.coordinates[s.inputs[0]].joint))
+    return run.m.crank_sign * travel(run.m, sampled, run.m.joint(s.coordinates[s.inputs[0]].joint))

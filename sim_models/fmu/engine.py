@@ -54,6 +54,7 @@ class FmuEngine(Engine):
         plan = scheduled(self.columns, drives, times, request.step)
         found = run(self.columns, [links for links, _ in drives], plan, [link.variable for link in signals.values()])
         at = plan.place(times)
+        sign = 1.0 if request.courses is None else request.mechanism.crank_sign  # these are of joints
         settings: dict[str, SettingValue] = {"step": plan.step, "fmi": self.fmu.fmi, "map": str(self.columns.path)}
         return Trace(
             simulator=f"fmu:{self.fmu.path}",
@@ -61,7 +62,7 @@ class FmuEngine(Engine):
             joint_model="ideal",
             motion="driven",
             crank_angle=np.array(
-                drives[0][1].angles(times) if request.time is not None else request.crank_angle, float
+                sign * drives[0][1].angles(times) if request.time is not None else request.crank_angle, float
             ),
             time=times,
             signals={name: link.si(found[at, k]) for k, (name, link) in enumerate(signals.items())},

@@ -20,6 +20,7 @@ from sim_models.common.motor import ConstantSpeed, Course, Motor, report_times
 from sim_models.common.rates import part_rates
 from sim_models.common.silence import silence
 from sim_models.common.start import Pose, check_steps, poses
+from sim_models.common.travel import told_by
 from sim_models.engine import Cause, Request, SimulationError, Trace, Unsupported, installed_version
 from sim_models.leapfrog.bodies import WARM_UP, LeapfrogWorld
 from sim_models.leapfrog.courses import (
@@ -267,11 +268,7 @@ def _moving(world: LeapfrogWorld, found: Equilibria) -> Trace:
 
 
 def _told(world: LeapfrogWorld) -> str:
-    """The signal that a run is told by: the crank's angle, or the position of the first input."""
-    m = world.mechanism
-    if world.request.courses is None:
-        return f"{m.driven}_angle"
-    return position(m.joint(next(iter(world.assembly.positions)))).name
+    return told_by(world.mechanism, world.assembly.structure)
 
 
 def _check_course(world: LeapfrogWorld, plan: Plan, rows: list[dict[str, float]]) -> None:

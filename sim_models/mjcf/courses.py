@@ -9,9 +9,8 @@ import numpy as np
 
 from analytic.kinematics.assembly import AssemblyError
 from analytic.mechanism import Joint
-from analytic.mechanism.signals import position
 from sim_models.common.failed_starts import own_start
-from sim_models.common.travel import with_positions
+from sim_models.common.travel import told_by, with_positions
 from sim_models.engine import Request, SettingValue, Trace
 from sim_models.mjcf.planar import Planar
 from sim_models.mjcf.runs import BEND, SLOPE, STENCIL, TheirRun
@@ -51,9 +50,8 @@ class TheirCoursesRun(TheirRun):
             else:
                 rows, how = self.along(self.request.time)
         trace = self.report(np.zeros(self.request.time.size), self.request.time, rows, how)
-        trace, s = with_positions(self.request.mechanism, trace), self.link.assembly.structure
-        first = self.request.mechanism.joint(s.coordinates[s.inputs[0]].joint)
-        return replace(trace, crank_angle=trace.signals[position(first).name])
+        trace = with_positions(self.request.mechanism, trace)
+        return replace(trace, crank_angle=trace.signals[told_by(self.request.mechanism, self.link.assembly.structure)])
 
     def held_at_rest(self, times: np.ndarray) -> tuple[list[dict[str, float]], dict[str, SettingValue]]:
         """The equilibrium with the motors held where they are at each of the times (N,) s."""

@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from analytic.mechanism.signals import position
 from sim_models.common.failed_starts import own_start
-from sim_models.common.travel import with_positions
+from sim_models.common.travel import told_by, with_positions
 from sim_models.engine import Request, Trace
 from sim_models.mujoco.equilibrium import Equilibria
 from sim_models.mujoco.mjcf import Setting
@@ -120,10 +119,9 @@ class RestingRun(Run):
 
 
 def led(run: Run, trace: Trace) -> Trace:
-    """A trace with the positions of its joints, that of the first input in the crank angle's place."""
-    trace, s = with_positions(run.mechanism, trace), run.assembly.structure
-    first = run.mechanism.joint(s.coordinates[s.inputs[0]].joint)
-    return replace(trace, crank_angle=trace.signals[position(first).name])
+    """A trace with the positions of its joints, and with what the run is told by as its crank angle."""
+    trace = with_positions(run.mechanism, trace)
+    return replace(trace, crank_angle=trace.signals[told_by(run.mechanism, run.assembly.structure)])
 
 
 def run_of(request: Request) -> MujocoRun | CoursesRun | RestingRun:
