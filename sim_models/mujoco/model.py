@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 LIGHT = 1e2  # 1/kg times the lighter link's mass: makes the virtual mass of such a row 1e-6 of that link's
 
 ROW = mujoco.mjtConstraint
-CONTACT_ROWS = (ROW.mjCNSTR_CONTACT_FRICTIONLESS, ROW.mjCNSTR_CONTACT_ELLIPTIC)
 
 
 def _curved(j: Joint) -> bool:
@@ -213,6 +212,10 @@ class MujocoLinkage:
     def vector(self, form: Mapping[str, float]) -> np.ndarray:
         """A form (or a set of coordinates) as an array in MuJoCo's order (nq,)."""
         return np.array([form.get(n, 0.0) for n in self.names])
+
+    def angle(self, body: str) -> float:
+        """A body's angle (rad)."""
+        return self.fixed_angle[body] + float(self.form[body] @ self.data.qpos)
 
     def placed(self, pose: Mapping[str, Pose]) -> np.ndarray:
         """Coordinates (nq,) in a pose."""

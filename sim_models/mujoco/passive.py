@@ -14,8 +14,6 @@ import numpy as np
 
 from analytic.mechanism import Joint, PeriodicTorque
 
-ROW = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_TENDON)
-
 
 @dataclass(frozen=True)
 class Passive:
@@ -42,14 +40,12 @@ class Passive:
 
     def rub(self, data: mujoco.MjData) -> None:
         """Give the rows of dry friction the size that it has at this rate and load."""
-        sizes = {
-            t: j.dry(float(data.ten_velocity[t])) + j.load_friction(self.loads.get(j.name, 0.0))
-            for t, (j, _) in self.joints.items()
-            if j.stribeck_speed or j.load_coefficient
-        }
-        if sizes:
-            for row in np.flatnonzero(data.efc_type == ROW).tolist():
-                data.efc_frictionloss[row] = sizes.get(int(data.efc_id[row]), data.efc_frictionloss[row])
+        first, rates = data.ne, data.ten_velocity
+        sizes = data.efc_frictionloss
+        for row, t in enumerate(data.efc_id[first : first + data.nf].tolist(), first):
+            joint, _ = self.joints.get(t, (None, None))
+            if joint is not None and (joint.stribeck_speed or joint.load_coefficient):
+                sizes[row] = joint.dry(float(rates[t])) + joint.load_friction(self.loads.get(joint.name, 0.0))
 
 
 @contextlib.contextmanager
