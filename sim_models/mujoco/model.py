@@ -22,7 +22,7 @@ from sim_models.mujoco.block import Block
 from sim_models.mujoco.laws import RUBS, Contact, spring
 from sim_models.mujoco.mjcf import RIGID, Description, Setting
 from sim_models.mujoco.passive import Passive
-from sim_models.mujoco.rim import Rim
+from sim_models.mujoco.rim import Rim, memory
 from sim_models.mujoco.striking import Striking
 
 if TYPE_CHECKING:
@@ -97,6 +97,7 @@ class MujocoLinkage:
             raise Unsupported(f"mujoco: {what}; give it a mass that matters, or use another simulator")
         self.model = m = mujoco.MjModel.from_xml_string(self.description.mjcf())
         self.data = mujoco.MjData(m)
+        self.places = memory(self.data.site_xpos.reshape(-1))  # m, x y z of one site after the other
         self._name_things()
         self._set_laws()
         self.blocks = {name: self._block(name, law) for name, law in contacts.items() if name not in self.contacts}

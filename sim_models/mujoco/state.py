@@ -23,7 +23,7 @@ from sim_models.mujoco.striking import GRIP
 SWAY = 1.0  # rad: how far a joint may go from where it starts, for the tangent of a spring that is not linear
 UNKNOWN_SPEED = 10.0  # rad/s, of a linkage that nothing drives, for the slope of its drag
 HEEDED = 1e-10  # of the largest reaction that friction grows with: what it may still change by
-GLANCES = 2  # times that friction is found anew from the reactions that it changes, in every step that it matters to
+GLANCES = 1  # times that friction is found anew from the reactions that it changes, in every step that it matters to
 HEEDINGS = 200  # the same where a state is looked at
 SINGULAR = 1e-9  # of the largest: a singular value of closing joints that says nothing
 Applied = tuple[complex, complex]  # force on a joint's second body (N), and the point where it acts (m)
@@ -236,19 +236,18 @@ def pushes(link: MujocoLinkage, force: np.ndarray) -> dict[str, dict[int, float]
 
 def gap(link: MujocoLinkage, name: str) -> complex:
     """First pin centre minus second (m)."""
-    first, second = link.sites[name]
-    x = link.data.site_xpos
-    return complex(x[first, 0] - x[second, 0], x[first, 1] - x[second, 1])
+    return pin(link, name, second=False) - pin(link, name)
 
 
 def pin(link: MujocoLinkage, name: str, second: bool = True) -> complex:
     """Centre of a joint's pin on its second (or first) body (m)."""
-    return complex(*link.data.site_xpos[link.sites[name][second], :2])
+    x, at = link.places, 3 * link.sites[name][second]
+    return complex(x[at], x[at + 1])
 
 
 def joint_forces(link: MujocoLinkage, force: np.ndarray) -> dict[str, Applied]:
     """Force of each closing joint on its second body, from the constraint rows' forces (nefc,)."""
-    rows = equality_rows(link)
+    rows, force = equality_rows(link), force.tolist()
     applied: dict[str, Applied] = {}
     for j in (*link.description.closing, *link.description.soft):
         row = rows[link.row_id[j.name]]
