@@ -30,12 +30,14 @@ if TYPE_CHECKING:
 
 LIGHT = 1e2  # 1/kg times the lighter link's mass: makes the virtual mass of such a row 1e-6 of that link's
 
+LEAST = float(np.finfo(float).tiny)  # N, N.m: dry friction of a row, which without any would not be there
+
 ROW = mujoco.mjtConstraint
 
 
 def _curved(j: Joint) -> bool:
     """Whether a joint has a law that a tendon has no words for."""
-    return bool(j.cubic or j.drag or j.stribeck_speed or j.load_coefficient)
+    return bool(j.cubic or j.drag or j.stribeck_speed)
 
 
 @dataclass(frozen=True)
@@ -116,6 +118,10 @@ class MujocoLinkage:
         curved = [j for j in mechanism.joints if j.name in self.laws and _curved(j)]
         laws = {self.laws[j.name]: (j, self.between(j)) for j in curved}
         self.loads = {j.name: 0.0 for j in mechanism.load_rubbed}  # N: how hard they are pressed, as last heeded
+        # those whose rows give it, by their tendon's number
+        self.growing = {self.laws[j.name]: j for j in mechanism.load_rubbed if j.name in self.laws and setting.friction}
+        for t, j in self.growing.items():
+            m.tendon_frictionloss[t] = max(j.stiction, LEAST)
         passive = Passive(laws, self.loads, mechanism.periodic_torque, self.fixed_angle[crank], self.form[crank])
         self.passive = passive if laws or mechanism.periodic_torque else None
         self.present: np.ndarray | None = None  # velocities of this instant, where the data's are older

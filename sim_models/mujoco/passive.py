@@ -8,7 +8,6 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -39,24 +38,19 @@ class Passive:
             data.qfrc_passive[:] += self.periodic.at(self.angle + float(self.form @ data.qpos)) * self.form
         self.rub(data)
 
-    @cached_property
-    def dry(self) -> dict[int, tuple[Joint, float]]:
-        """The joints whose dry friction has no constant size, by their tendon's number, each with what it grows by."""
-        return {
-            t: (joint, joint.load_coefficient)
-            for t, (joint, _) in self.joints.items()
-            if joint.stribeck_speed or joint.load_coefficient
-        }
-
     def rub(self, data: mujoco.MjData) -> None:
-        """Give the rows of dry friction the size that it has at this rate and load."""
-        if not self.dry:
-            return
-        first, rates, sizes = data.ne, data.ten_velocity, data.efc_frictionloss
-        for row, t in enumerate(data.efc_id[first : first + data.nf].tolist(), first):
-            if t in self.dry:
-                joint, growth = self.dry[t]
-                sizes[row] = joint.dry(float(rates[t])) + growth * self.loads.get(joint.name, 0.0)
+        """Give the rows of dry friction that depends on its rate the size that it has at this one and its load."""
+        for row, t in friction_rows(data):
+            joint, _ = self.joints.get(t, (None, None))
+            if joint is not None and joint.stribeck_speed:
+                load = joint.load_friction(self.loads.get(joint.name, 0.0))
+                data.efc_frictionloss[row] = joint.dry(float(data.ten_velocity[t])) + load
+
+
+def friction_rows(data: mujoco.MjData) -> Iterator[tuple[int, int]]:
+    """The rows of dry friction, each with its tendon."""
+    first = data.ne
+    return enumerate(data.efc_id[first : first + data.nf].tolist(), first)
 
 
 @contextlib.contextmanager

@@ -16,8 +16,8 @@ from sim_models.common.rates import rate_columns
 from sim_models.engine import Cause, SimulationError
 from sim_models.mujoco.block import ease as ease_of_corner
 from sim_models.mujoco.block import played, touch_walls
-from sim_models.mujoco.model import ROW, Drive, MujocoLinkage, Part
-from sim_models.mujoco.passive import felt
+from sim_models.mujoco.model import LEAST, ROW, Drive, MujocoLinkage, Part
+from sim_models.mujoco.passive import felt, friction_rows
 from sim_models.mujoco.striking import GRIP
 
 SWAY = 1.0  # rad: how far a joint may go from where it starts, for the tangent of a spring that is not linear
@@ -46,7 +46,7 @@ def touch(link: MujocoLinkage, always: bool = False) -> bool:
 def advance(link: MujocoLinkage, count: int) -> None:
     """Take steps."""
     m, d = link.model, link.data
-    heeding = link.loads and (link.description.compliant or link.contacts or link.blocks or not link.setting.hold)
+    heeding = link.growing and (link.description.compliant or link.contacts or link.blocks or not link.setting.hold)
     watch = link.watch
     with felt(link.passive):
         if not link.kept and not heeding:  # a rigidly driven ideal linkage moves as it does, whatever its friction
@@ -183,15 +183,26 @@ def settle(link: MujocoLinkage, times: int) -> bool:
         mujoco.mj_fwdConstraint(m, d)
         with present(link):
             mujoco.mj_rnePostConstraint(m, d)
-        if link.passive is None or not link.loads:
+        if not link.growing:
             return True
-        slip = {name: float(np.sign(d.ten_velocity[link.laws[name]])) for name in link.loads if name in link.laws}
+        slip = {joint.name: float(np.sign(d.ten_velocity[t])) for t, joint in link.growing.items()}
         known = heed(link, pressing(link, joint_forces(link, d.efc_force), friction_torques(link), slip))
-        link.passive.rub(d)
+        rub(link)
         if known:
             return True
     mujoco.mj_fwdConstraint(m, d)
     return False
+
+
+def rub(link: MujocoLinkage) -> None:
+    """Give dry friction the size that it has by the last loads: in this step's rows, and in the model for those to
+    come.
+    """
+    m, rates, sizes = link.model, link.data.ten_velocity, link.data.efc_frictionloss
+    for row, t in friction_rows(link.data):
+        if (joint := link.growing.get(t)) is not None:
+            size = joint.dry(float(rates[t])) + joint.load_friction(link.loads[joint.name])
+            sizes[row] = m.tendon_frictionloss[t] = max(size, LEAST)
 
 
 def heed(link: MujocoLinkage, now: Mapping[str, float]) -> bool:
@@ -274,10 +285,8 @@ def friction_torques(link: MujocoLinkage) -> dict[str, float]:
     """Coulomb friction of each joint's law on its second body (N.m or N), from the present rows; and, by the names of
     :func:`corner_friction`, of blocks' corners.
     """
-    d = link.data
-    rub = slice(d.ne, d.ne + d.nf)
-    by_tendon = dict(zip(d.efc_id[rub].tolist(), d.efc_force[rub].tolist(), strict=True)) if link.laws else {}
-    dry = {name: by_tendon.get(t, 0.0) for name, t in link.laws.items()}
+    rows = {t: row for row, t in friction_rows(link.data)}
+    dry = {name: float(link.data.efc_force[rows[t]]) if t in rows else 0.0 for name, t in link.laws.items()}
     return dry | corner_friction(link, link.data.efc_force)
 
 
