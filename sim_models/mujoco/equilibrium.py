@@ -146,7 +146,7 @@ def rest(link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, slip:
             for name, row in contact_rows(link).items():
                 if link.rubs[name]:
                     every[row + 1] = along(link, name, slip) * every[row]
-            link.data.qacc[:] = a
+            link.data.qacc[:], link.data.efc_force[:] = a, every
             mujoco.mj_rnePostConstraint(link.model, link.data)
             return Rest(q, every)
     return None

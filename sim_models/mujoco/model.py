@@ -118,9 +118,10 @@ class MujocoLinkage:
         curved = [j for j in mechanism.joints if j.name in self.laws and _curved(j)]
         laws = {self.laws[j.name]: (j, self.between(j)) for j in curved}
         self.loads = {j.name: 0.0 for j in mechanism.load_rubbed}  # N: how hard they are pressed, as last heeded
-        # those whose rows give it, by their tendon's number
-        self.growing = {self.laws[j.name]: j for j in mechanism.load_rubbed if j.name in self.laws and setting.friction}
-        for t, j in self.growing.items():
+        # those whose rows give it, by their tendon's number, each with what it grows by
+        rows = [j for j in mechanism.load_rubbed if j.name in self.laws and setting.friction]
+        self.growing = {self.laws[j.name]: (j, j.load_coefficient) for j in rows}
+        for t, (j, _) in self.growing.items():
             m.tendon_frictionloss[t] = max(j.stiction, LEAST)
         passive = Passive(laws, self.loads, mechanism.periodic_torque, self.fixed_angle[crank], self.form[crank])
         self.passive = passive if laws or mechanism.periodic_torque else None

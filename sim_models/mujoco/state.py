@@ -185,8 +185,9 @@ def settle(link: MujocoLinkage, times: int) -> bool:
             mujoco.mj_rnePostConstraint(m, d)
         if not link.growing:
             return True
-        slip = {joint.name: float(np.sign(d.ten_velocity[t])) for t, joint in link.growing.items()}
-        known = heed(link, pressing(link, joint_forces(link, d.efc_force), friction_torques(link), slip))
+        slip = {j.name: float(np.sign(d.ten_velocity[t])) for t, (j, _) in link.growing.items() if j.prismatic}
+        friction = friction_torques(link) if slip else {}  # its moments press blocks only
+        known = heed(link, pressing(link, joint_forces(link, d.efc_force), friction, slip))
         rub(link)
         if known:
             return True
@@ -198,11 +199,12 @@ def rub(link: MujocoLinkage) -> None:
     """Give dry friction the size that it has by the last loads: in this step's rows, and in the model for those to
     come.
     """
-    m, rates, sizes = link.model, link.data.ten_velocity, link.data.efc_frictionloss
+    rates, sizes, model = link.data.ten_velocity, link.data.efc_frictionloss, link.model.tendon_frictionloss
     for row, t in friction_rows(link.data):
-        if (joint := link.growing.get(t)) is not None:
-            size = joint.dry(float(rates[t])) + joint.load_friction(link.loads[joint.name])
-            sizes[row] = m.tendon_frictionloss[t] = max(size, LEAST)
+        if t in link.growing:
+            joint, growth = link.growing[t]
+            size = joint.dry(float(rates[t])) + growth * link.loads[joint.name]
+            sizes[row] = model[t] = max(size, LEAST)
 
 
 def heed(link: MujocoLinkage, now: Mapping[str, float]) -> bool:
@@ -321,29 +323,15 @@ def _cross(a: complex, b: complex) -> float:
 
 
 def applied(link: MujocoLinkage) -> Iterator[tuple[str, complex, float]]:
-    """Body, force on it (N) and moment about the ground's origin (N.m) of loads, of springs between points, and of what
-    turns the crank over its angle.
+    """Body, force on it (N) and moment about the ground's origin (N.m) of loads, and of what turns the crank over its
+    angle.
     """
     m, x = link.mechanism, link.data.site_xpos
     for number, load in zip(link.load_sites, m.loads, strict=True):
         force = complex(*load.force)
         yield load.body, force, load.torque + _cross(complex(*x[number, :2].tolist()), force)
-    for body, pull, at in spring_forces(link):
-        yield body, pull, _cross(at, pull)
     if m.periodic_torque is not None:
         yield m.driven, 0j, m.periodic_torque.at(link.angle(m.driven))
-
-
-def spring_forces(link: MujocoLinkage) -> Iterator[tuple[str, complex, complex]]:
-    """Body, force on it (N) and where that acts (m), of each end of a spring between points."""
-    d = link.data
-    for spring, tendon, sites in link.springs:
-        near, far = (complex(*d.site_xpos[site, :2]) for site in sites)
-        apart = far - near
-        along = apart / abs(apart) if apart else 0j
-        pull = complex(spring.pull(apart, float(d.ten_velocity[tendon]) * along))
-        yield spring.bodies[0], pull, near
-        yield spring.bodies[1], -pull, far
 
 
 def effort(link: MujocoLinkage, drive: Drive, force: complex, beyond: float, friction: Mapping[str, float]) -> float:
@@ -363,13 +351,9 @@ def effort(link: MujocoLinkage, drive: Drive, force: complex, beyond: float, fri
 
 @dataclass(frozen=True)
 class Carried:
-    """What a body has of its parent in the tree: ``push`` (N) is its mass times its acceleration less gravity, ``spin``
-    (rad/s^2) its angular acceleration, ``force`` (N) and ``moment`` (N.m, about the ground's origin) act on it.
-    """
+    """What a body has of its parent in the tree: ``force`` (N) and ``moment`` (N.m, about the ground's origin)."""
 
     part: Part
-    push: complex
-    spin: float
     force: complex
     moment: float
 
@@ -379,38 +363,30 @@ class Carried:
 
 
 def carried(link: MujocoLinkage, forces: Mapping[str, Applied], friction: Mapping[str, float]) -> Iterator[Carried]:
-    """The bodies one by one, tips first, by Newton's and Euler's equations with MuJoCo's accelerations: the closing
-    joints' forces are the constraint rows', those in the tree follow.
+    """The bodies one by one, tips first: MuJoCo's balance of its accelerations, gravity, contacts and closing joints,
+    less what acts through tendons and actuators, of which it knows no force on a body.
     """
-    m, d = link.model, link.data
-    centre = d.xipos[:, :2].tolist()
-    names = (GROUND, *link.body_id)
-    push_on, turn_on = dict.fromkeys(names, 0j), dict.fromkeys(names, 0.0)  # about the ground's origin
+    d = link.data
+    push_on, turn_on = dict.fromkeys((GROUND, *link.body_id), 0j), dict.fromkeys((GROUND, *link.body_id), 0.0)
 
-    def act(body: str, force: complex, moment: float) -> None:
+    def act(body: str, force: complex, moment: float) -> None:  # about the ground's origin
         push_on[body] += force
         turn_on[body] += moment
 
     for given in applied(link):
         act(*given)
-    for name, (force, at) in forces.items():
+    for name in forces:
         first, second = link.mechanism.joint(name).bodies
-        moment = _cross(at, force) + law_torque(link, name, friction)
-        act(second, force, moment)
-        back = _cross(pin(link, name, second=False) - at, force) if name in link.soft else 0.0  # at its own pin
-        act(first, -force, -moment - back)
-    motion = np.zeros(6)
+        moment = law_torque(link, name, friction)
+        act(second, 0j, moment)
+        act(first, 0j, -moment)
+    balance, centre, root = d.cfrc_int.tolist(), d.subtree_com.tolist(), link.model.body_rootid
     for part in link.outward:
-        mujoco.mj_objectAcceleration(m, d, mujoco.mjtObj.mjOBJ_BODY, part.number, motion, 0)
-        _, _, spin, x, y, _ = motion.tolist()
-        push = part.mass * complex(x, y)  # gravity is in MuJoCo's acceleration
-        force = push - push_on[part.name]
-        moment = part.inertia * spin + _cross(complex(*centre[part.number]), push) - turn_on[part.name]
-        if part.joint:
-            act(part.parent, -force, -moment)
-        elif part.drive is not None:  # the motor's torque is all there is between them
-            act(part.parent, 0j, -moment)
-        yield Carried(part, push, spin, force, moment)
+        _, _, turn, x, y, _ = balance[part.number]
+        force = complex(x, y) - push_on[part.name]
+        moment = turn + _cross(complex(*centre[root[part.number]][:2]), complex(x, y)) - turn_on[part.name]
+        act(part.parent, push_on[part.name], turn_on[part.name])
+        yield Carried(part, force, moment)
 
 
 def pressing(
@@ -449,7 +425,7 @@ def signals(
     out = dict.fromkeys(link.efforts, 0.0)
     for name, (force, _) in forces.items():
         out[f"reaction_{name}_x"], out[f"reaction_{name}_y"] = force.real, force.imag
-    carry, gravity = np.zeros((3, m.nv)), complex(*link.mechanism.gravity)
+    carry, motion, gravity = np.zeros((3, m.nv)), np.zeros(6), complex(*link.mechanism.gravity)
     for body in carried(link, forces, friction):
         part, force = body.part, body.force
         name, joint = part.name, part.joint
@@ -457,7 +433,9 @@ def signals(
         out[f"{name}_angle"], out[f"{name}_angular_velocity"] = link.angle(name), float(part.form @ velocity)
         mujoco.mj_jacBodyCom(m, d, carry, None, part.number)
         speed = carry[:2] @ velocity
-        out |= rate_columns(name, complex(speed[0], speed[1]), body.push / part.mass + gravity, body.spin)
+        mujoco.mj_objectAcceleration(m, d, mujoco.mjtObj.mjOBJ_BODY, part.number, motion, 0)  # less gravity's
+        _, _, spin, x, y, _ = motion.tolist()
+        out |= rate_columns(name, complex(speed[0], speed[1]), complex(x, y) + gravity, spin)
         beyond = body.moment  # of what joint forces and laws give the body
         if joint:
             out[f"reaction_{joint}_x"], out[f"reaction_{joint}_y"] = part.sign * force.real, part.sign * force.imag
