@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from analytic.mechanism import GROUND
+from analytic.mechanism import GROUND, Joint
 from sim_models.common.backlash import Flanks
 from sim_models.common.rates import rate_columns
 from sim_models.engine import Cause, SimulationError
@@ -292,6 +292,17 @@ def friction_torques(link: MujocoLinkage) -> dict[str, float]:
     return dry | corner_friction(link, link.data.efc_force)
 
 
+def corners(link: MujocoLinkage) -> Iterator[tuple[Joint, complex, complex]]:
+    """Joint, force (N) on its second body, and where it acts (m), of each corner of a block that touches a wall."""
+    rows = contact_rows(link) if link.blocks else {}
+    for block in link.blocks.values():
+        for k, contact in enumerate(block.contacts):
+            if (row := rows.get(block.key(k))) is not None:
+                push = link.data.efc_force[row : row + contact.dim].tolist()
+                out, at = (complex(*each[:2].tolist()) for each in (contact.frame, contact.pos))
+                yield block.joint, -complex(push[0], push[1] if block.joint.rough else 0.0) * out, at
+
+
 def corner_friction(link: MujocoLinkage, force: np.ndarray) -> dict[str, float]:
     """Friction (N) along its guide on the second body of all corners of each block whose contact has some, named after
     its first, from the constraint rows' forces (nefc,).
@@ -375,6 +386,9 @@ def carried(link: MujocoLinkage, forces: Mapping[str, Applied], friction: Mappin
 
     for given in applied(link):
         act(*given)
+    for joint, force, at in corners(link):  # which are what the joint is, and no load on what it joins
+        act(joint.bodies[0], force, _cross(at, force))
+        act(joint.bodies[1], -force, -_cross(at, force))
     for name in forces:
         first, second = link.mechanism.joint(name).bodies
         moment = law_torque(link, name, friction)
