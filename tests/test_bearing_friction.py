@@ -4,6 +4,8 @@ locks.
 
 from __future__ import annotations
 
+import cProfile
+import pstats
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +26,7 @@ from analytic.paper.kinetostatics import kinetostatics
 from commands import compare
 from marks import slow
 from multiplier_oracle import Oracle
-from sim_models.engine import Motion, Request, engine
+from sim_models.engine import JointModel, Motion, Request, engine
 
 CRANK, ROD = 0.05, 0.12  # m
 RADII = {"O": 3e-3, "A": 2e-3, "B": 1e-3}  # m
@@ -171,6 +173,9 @@ def test_a_released_linkage_with_friction_circles_is_refused() -> None:
         released(Assembly(m), np.linspace(0.0, 0.1, 3))
     with pytest.raises(AssemblyError, match="friction_radius of joint 'O' is given"):
         Freedom.of(Assembly(m))
+    m = rubbed(load("slider-crank"), {"A": 1e-3}).with_joint("S", friction=0.1)
+    with pytest.raises(AssemblyError, match=r"joint 'A' and friction of joint 'S' are given.*them out"):
+        released(Assembly(m), np.linspace(0.0, 0.1, 3))
 
 
 # ---------------------------------------------------------------- engines
@@ -191,6 +196,33 @@ def test_engines_rub_as_the_analytic_model(name: str, motion: Motion, joints: st
     largest = np.abs(expected).max()
     assert np.abs(expected - without).max() > 0.02 * largest
     np.testing.assert_allclose(found, expected, atol=OFF[motion] * largest, rtol=0)
+
+
+def driven_slider() -> Mechanism:
+    """A slider-crank at 30 rad/s whose ideal joints rub by their reactions, with clearance in one pin."""
+    m = load("slider-crank").with_joint("B", clearance=1e-4).with_joint("S", friction=0.1)
+    for name in "OA":
+        m = m.with_joint(name, friction=0.1, pin_radius=0.01)
+    return m.replace(drives=(m.drives[0].model_copy(update={"speed": 30.0}),))
+
+
+@pytest.mark.mujoco
+@pytest.mark.parametrize("model", ["contact", "spring-damper", *slow("massless-link")])
+def test_a_step_with_friction_by_reactions_heeds_them_once(model: JointModel) -> None:
+    """A step is begun once, and weighed once: a run with friction takes some times that without, and no twenty."""
+    m, theta = driven_slider(), np.radians([20.0, 50.0])
+    profile = cProfile.Profile()
+    seen = profile.runcall(engine("mujoco").simulate, Request(m, model, "driven", theta, step=2e-6))
+    calls = {key[2]: count for key, (count, *_) in pstats.Stats(profile).stats.items()}  # type: ignore[attr-defined]
+    looked = calls["look"]
+    steps = calls["begin_step"] - looked
+    assert steps > np.radians(30.0) / 30.0 / 2e-6
+    assert calls["pressing"] < steps + 9 * looked
+    smooth = m.with_joint("S", friction=0.0).with_joint("O", friction=0.0).with_joint("A", friction=0.0)
+    found, without = (displaced(Assembly(each), theta, 30.0).signals() for each in (m, smooth))
+    for name in ("drive_torque", "reaction_A_x", "reaction_S_x"):
+        np.testing.assert_allclose(seen.signals[name], found[name], rtol=4e-3)
+    assert np.abs(found["drive_torque"] / without["drive_torque"] - 1).min() > 0.1
 
 
 @pytest.mark.slow

@@ -76,11 +76,11 @@ def coefficients(assembly: Assembly, theta: np.ndarray) -> np.ndarray:
     """M, M'/2, c, f, g, d and the joints' a and r (6 + 2 n, N) at crank angles theta (N,) rad.  Raises AssemblyError
     where the linkage does not reach them, and for friction that grows with reactions: they hold the motion's square.
     """
-    for joint in assembly.mechanism.load_rubbed:
+    if laws := [joint.load_law for joint in assembly.mechanism.load_rubbed]:
         raise AssemblyError(
-            f"{assembly.mechanism.name}: {joint.load_law} is given, and the analytic model knows no released motion"
-            " with friction that grows with reactions",
-            remedy="leave it out, or give the drive a speed",
+            f"{assembly.mechanism.name}: {' and '.join(laws)} {'is' if len(laws) == 1 else 'are'} given, and the"
+            " analytic model knows no released motion with friction that grows with reactions",
+            remedy=f"leave {'it' if len(laws) == 1 else 'them'} out, or give the drive a speed",
         )
     omega, alpha = np.array([0.0, 0.0, 1.0, -1.0]), np.array([0.0, 1.0, 0.0, 0.0])
     states = np.tile(theta, omega.size), np.repeat(omega, theta.size), np.repeat(alpha, theta.size)

@@ -30,6 +30,7 @@ from sim_models.mujoco.state import (
     gap,
     heed,
     joint_forces,
+    pressing,
     pushes,
     signals,
     touch,
@@ -145,7 +146,7 @@ def rest(link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, slip:
             for name, row in contact_rows(link).items():
                 if link.rubs[name]:
                     every[row + 1] = along(link, name, slip) * every[row]
-            link.data.qacc[:] = a
+            link.data.qacc[:], link.data.efc_force[:] = a, every
             mujoco.mj_rnePostConstraint(link.model, link.data)
             return Rest(q, every)
     return None
@@ -189,14 +190,17 @@ class Equilibria:
         moves = {j.name: float(link.between(j) @ (ahead - back)) for j in self.mechanism.joints}
         return {name: math.copysign(1.0, x) if abs(x) > STANDSTILL * SIDE else 0.0 for name, x in moves.items()}
 
-    def signals(self, link: MujocoLinkage, found: Rest, slip: Mapping[str, float]) -> dict[str, float]:
-        """All signals of the equilibrium that was found last."""
+    def torques(self, link: MujocoLinkage, found: Rest, slip: Mapping[str, float]) -> dict[str, float]:
+        """Friction of the equilibrium that was found last (see :func:`friction_torques`)."""
         dry = {
             joint.name: joint.dry(float(form @ link.data.qvel)) + joint.load_friction(link.loads.get(joint.name, 0.0))
             for joint, form in link.rubbing
         }
-        friction = {name: -size * slip[name] for name, size in dry.items()}
-        return signals(link, joint_forces(link, found.force), friction | corner_friction(link, found.force))
+        return {name: -size * slip[name] for name, size in dry.items()} | corner_friction(link, found.force)
+
+    def signals(self, link: MujocoLinkage, found: Rest, slip: Mapping[str, float]) -> dict[str, float]:
+        """All signals of the equilibrium that was found last."""
+        return signals(link, joint_forces(link, found.force), self.torques(link, found, slip))
 
     def rest(
         self, link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, slip: Mapping[str, float]
@@ -204,7 +208,10 @@ class Equilibria:
         """The state without transients, with the friction that its reactions give."""
         for _ in range(HEEDINGS):
             found = rest(link, q, v, a, slip)
-            if found is None or not link.loads or heed(link, self.signals(link, found, slip), slip):
+            if found is None or not link.loads:
+                return found
+            friction = self.torques(link, found, slip)
+            if heed(link, pressing(link, joint_forces(link, found.force), friction, slip)):
                 return found
             q = found.q
         raise unheeded(link)

@@ -22,7 +22,7 @@ from sim_models.mujoco.block import Block
 from sim_models.mujoco.laws import RUBS, Contact, spring
 from sim_models.mujoco.mjcf import RIGID, Description, Setting
 from sim_models.mujoco.passive import Passive
-from sim_models.mujoco.rim import Rim
+from sim_models.mujoco.rim import Rim, memory
 from sim_models.mujoco.striking import Striking
 
 if TYPE_CHECKING:
@@ -30,13 +30,14 @@ if TYPE_CHECKING:
 
 LIGHT = 1e2  # 1/kg times the lighter link's mass: makes the virtual mass of such a row 1e-6 of that link's
 
+LEAST = float(np.finfo(float).tiny)  # N, N.m: dry friction of a row, which without any would not be there
+
 ROW = mujoco.mjtConstraint
-CONTACT_ROWS = (ROW.mjCNSTR_CONTACT_FRICTIONLESS, ROW.mjCNSTR_CONTACT_ELLIPTIC)
 
 
 def _curved(j: Joint) -> bool:
     """Whether a joint has a law that a tendon has no words for."""
-    return bool(j.cubic or j.drag or j.stribeck_speed or j.load_coefficient)
+    return bool(j.cubic or j.drag or j.stribeck_speed)
 
 
 @dataclass(frozen=True)
@@ -98,6 +99,7 @@ class MujocoLinkage:
             raise Unsupported(f"mujoco: {what}; give it a mass that matters, or use another simulator")
         self.model = m = mujoco.MjModel.from_xml_string(self.description.mjcf())
         self.data = mujoco.MjData(m)
+        self.places = memory(self.data.site_xpos.reshape(-1))  # m, x y z of one site after the other
         self._name_things()
         self._set_laws()
         self.blocks = {name: self._block(name, law) for name, law in contacts.items() if name not in self.contacts}
@@ -116,6 +118,11 @@ class MujocoLinkage:
         curved = [j for j in mechanism.joints if j.name in self.laws and _curved(j)]
         laws = {self.laws[j.name]: (j, self.between(j)) for j in curved}
         self.loads = {j.name: 0.0 for j in mechanism.load_rubbed}  # N: how hard they are pressed, as last heeded
+        # those whose rows give it, by their tendon's number, each with what it grows by
+        rows = [j for j in mechanism.load_rubbed if j.name in self.laws and setting.friction]
+        self.growing = {self.laws[j.name]: (j, j.load_coefficient) for j in rows}
+        for t, (j, _) in self.growing.items():
+            m.tendon_frictionloss[t] = max(j.stiction, LEAST)
         passive = Passive(laws, self.loads, mechanism.periodic_torque, self.fixed_angle[crank], self.form[crank])
         self.passive = passive if laws or mechanism.periodic_torque else None
         self.present: np.ndarray | None = None  # velocities of this instant, where the data's are older
@@ -213,6 +220,10 @@ class MujocoLinkage:
     def vector(self, form: Mapping[str, float]) -> np.ndarray:
         """A form (or a set of coordinates) as an array in MuJoCo's order (nq,)."""
         return np.array([form.get(n, 0.0) for n in self.names])
+
+    def angle(self, body: str) -> float:
+        """A body's angle (rad)."""
+        return self.fixed_angle[body] + float(self.form[body] @ self.data.qpos)
 
     def placed(self, pose: Mapping[str, Pose]) -> np.ndarray:
         """Coordinates (nq,) in a pose."""

@@ -14,8 +14,6 @@ import numpy as np
 
 from analytic.mechanism import Joint, PeriodicTorque
 
-ROW = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_TENDON)
-
 
 @dataclass(frozen=True)
 class Passive:
@@ -41,15 +39,18 @@ class Passive:
         self.rub(data)
 
     def rub(self, data: mujoco.MjData) -> None:
-        """Give the rows of dry friction the size that it has at this rate and load."""
-        sizes = {
-            t: j.dry(float(data.ten_velocity[t])) + j.load_friction(self.loads.get(j.name, 0.0))
-            for t, (j, _) in self.joints.items()
-            if j.stribeck_speed or j.load_coefficient
-        }
-        if sizes:
-            for row in np.flatnonzero(data.efc_type == ROW).tolist():
-                data.efc_frictionloss[row] = sizes.get(int(data.efc_id[row]), data.efc_frictionloss[row])
+        """Give the rows of dry friction that depends on its rate the size that it has at this one and its load."""
+        for row, t in friction_rows(data):
+            joint, _ = self.joints.get(t, (None, None))
+            if joint is not None and joint.stribeck_speed:
+                load = joint.load_friction(self.loads.get(joint.name, 0.0))
+                data.efc_frictionloss[row] = joint.dry(float(data.ten_velocity[t])) + load
+
+
+def friction_rows(data: mujoco.MjData) -> Iterator[tuple[int, int]]:
+    """The rows of dry friction, each with its tendon."""
+    first = data.ne
+    return enumerate(data.efc_id[first : first + data.nf].tolist(), first)
 
 
 @contextlib.contextmanager

@@ -5,25 +5,26 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
-from analytic.mechanism import GROUND
+from analytic.mechanism import GROUND, Joint
 from sim_models.common.backlash import Flanks
 from sim_models.common.rates import rate_columns
 from sim_models.engine import Cause, SimulationError
 from sim_models.mujoco.block import ease as ease_of_corner
 from sim_models.mujoco.block import played, touch_walls
-from sim_models.mujoco.model import CONTACT_ROWS, ROW, Drive, MujocoLinkage
-from sim_models.mujoco.passive import felt
+from sim_models.mujoco.model import LEAST, ROW, Drive, MujocoLinkage, Part
+from sim_models.mujoco.passive import felt, friction_rows
 from sim_models.mujoco.striking import GRIP
 
 SWAY = 1.0  # rad: how far a joint may go from where it starts, for the tangent of a spring that is not linear
 UNKNOWN_SPEED = 10.0  # rad/s, of a linkage that nothing drives, for the slope of its drag
 HEEDED = 1e-10  # of the largest reaction that friction grows with: what it may still change by
-GLANCES = 2  # the same before every step of a motion that depends on that friction
-HEEDINGS = 200  # times that friction is found anew from the reactions that it changes
+GLANCES = 1  # times that friction is found anew from the reactions that it changes, in every step that it matters to
+HEEDINGS = 200  # the same where a state is looked at
 SINGULAR = 1e-9  # of the largest: a singular value of closing joints that says nothing
 Applied = tuple[complex, complex]  # force on a joint's second body (N), and the point where it acts (m)
 
@@ -45,22 +46,22 @@ def touch(link: MujocoLinkage, always: bool = False) -> bool:
 def advance(link: MujocoLinkage, count: int) -> None:
     """Take steps."""
     m, d = link.model, link.data
-    heeding = link.loads and (link.description.compliant or link.contacts or link.blocks or not link.setting.hold)
-    kept, watch = link.kept, link.watch
+    heeding = link.growing and (link.description.compliant or link.contacts or link.blocks or not link.setting.hold)
+    watch = link.watch
     with felt(link.passive):
-        if not kept and not heeding:  # a rigidly driven ideal linkage moves as it does, whatever its friction
+        if not link.kept and not heeding:  # a rigidly driven ideal linkage moves as it does, whatever its friction
             mujoco.mj_step(m, d, nstep=count)
             return
         for _ in range(count):
-            for _ in range(GLANCES if heeding else 0):
-                evaluate(link)
-            if not kept:
-                mujoco.mj_step(m, d)
-                continue
             begin_step(link)
+            if heeding:
+                settle(link, GLANCES)
             if watch is not None:
                 watch.begin()
-            mujoco.mj_step2(m, d)
+            if link.setting.stepped:
+                mujoco.mj_step2(m, d)
+            else:
+                mujoco.mj_RungeKutta(m, d, 4)
             if watch is not None:
                 watch.end()
 
@@ -161,41 +162,55 @@ def wall_rows(link: MujocoLinkage) -> dict[str, int]:
 
 
 def look(link: MujocoLinkage) -> None:
-    """Evaluate forces and accelerations at the present state, without a step; again, until friction that grows with
-    reactions is that of these.
+    """Evaluate forces and accelerations at the present state, without a step, until friction that grows with reactions
+    is that of these.
     """
-    if link.striking:
-        evaluate(link)  # finds the acceleration that gives the velocities of this instant
-    if not any(evaluate(link) for _ in range(HEEDINGS)):
-        raise unheeded(link)
+    for _ in range(2 if link.striking else 1):  # the first finds the acceleration that gives this instant's velocities
+        with felt(link.passive):
+            begin_step(link)
+        if not settle(link, HEEDINGS):
+            raise unheeded(link)
 
 
-def evaluate(link: MujocoLinkage) -> bool:
-    """Evaluate them once; says whether friction is that of the reactions."""
+def settle(link: MujocoLinkage, times: int) -> bool:
+    """Find forces and accelerations of a step that has begun, anew with the friction that its reactions give, up to so
+    many ``times``; says whether it was that of the reactions in the end.
+    """
     m, d = link.model, link.data
-    with felt(link.passive):
-        begin_step(link)
     mujoco.mj_fwdActuation(m, d)
     mujoco.mj_fwdAcceleration(m, d)
+    for _ in range(times):
+        mujoco.mj_fwdConstraint(m, d)
+        with present(link):
+            mujoco.mj_rnePostConstraint(m, d)
+        if not link.growing:
+            return True
+        slip = {j.name: float(np.sign(d.ten_velocity[t])) for t, (j, _) in link.growing.items() if j.prismatic}
+        friction = friction_torques(link) if slip else {}  # its moments press blocks only
+        known = heed(link, pressing(link, joint_forces(link, d.efc_force), friction, slip))
+        rub(link)
+        if known:
+            return True
     mujoco.mj_fwdConstraint(m, d)
-    with present(link):
-        mujoco.mj_rnePostConstraint(m, d)
-    if not link.loads:
-        return True
-    slip = {name: float(np.sign(d.ten_velocity[link.laws[name]])) for name in link.loads if name in link.laws}
-    return heed(link, signals(link, joint_forces(link, d.efc_force), friction_torques(link)), slip)
+    return False
 
 
-def heed(link: MujocoLinkage, seen: Mapping[str, float], slip: Mapping[str, float]) -> bool:
-    """Take in how hard the joints are pressed whose friction grows with their reactions, from signals and the signs of
-    their slip; says whether that was known already.
+def rub(link: MujocoLinkage) -> None:
+    """Give dry friction the size that it has by the last loads: in this step's rows, and in the model for those to
+    come.
     """
-    now: dict[str, float] = {}
-    for joint in map(link.mechanism.joint, link.loads):
-        name, first = joint.name, joint.bodies[0]
-        force = complex(seen[f"reaction_{name}_x"], seen[f"reaction_{name}_y"])
-        moment, angle = seen.get(f"reaction_{name}_moment", 0.0), seen.get(f"{first}_angle", 0.0)
-        now[name] = float(joint.pressed(force, moment, angle, slip.get(name, 0.0)))
+    rates, sizes, model = link.data.ten_velocity, link.data.efc_frictionloss, link.model.tendon_frictionloss
+    for row, t in friction_rows(link.data):
+        if t in link.growing:
+            joint, growth = link.growing[t]
+            size = joint.dry(float(rates[t])) + growth * link.loads[joint.name]
+            sizes[row] = model[t] = max(size, LEAST)
+
+
+def heed(link: MujocoLinkage, now: Mapping[str, float]) -> bool:
+    """Take in how hard (N) the joints are pressed whose friction grows with their reactions; says whether that was
+    known already.
+    """
     change = max(abs(now[name] - load) for name, load in link.loads.items())
     link.loads.update(now)
     return change <= HEEDED * max(now.values())
@@ -211,26 +226,16 @@ def unheeded(link: MujocoLinkage) -> SimulationError:
     )
 
 
-def first_rows(link: MujocoLinkage) -> dict[tuple[int, int], int]:
-    """First row of each constraint, by its type and id."""
-    d = link.data
-    found: dict[tuple[int, int], int] = {}
-    for row, key in enumerate(zip(d.efc_type.tolist(), d.efc_id.tolist(), strict=True)):
-        found.setdefault(key, row)
-    return found
+def equality_rows(link: MujocoLinkage) -> dict[int, int]:
+    """First row of each equality, by its number: they are the first, one after the other."""
+    ids = link.data.efc_id[: link.data.ne].tolist()
+    return {number: row for row, number in zip(reversed(range(len(ids))), reversed(ids), strict=True)}
 
 
 def contact_rows(link: MujocoLinkage) -> dict[str, int]:
     """First row of each contact, by its joint."""
-    if not link.touching:
-        return {}
-    rows = first_rows(link)
-    return {
-        name: row
-        for i, name in enumerate(link.touching)
-        for kind in CONTACT_ROWS
-        if (row := rows.get((int(kind), i), -1)) >= 0
-    }
+    rows = ((name, link.data.contact[i].efc_address) for i, name in enumerate(link.touching))
+    return {name: row for name, row in rows if row >= 0}
 
 
 def pushes(link: MujocoLinkage, force: np.ndarray) -> dict[str, dict[int, float]]:
@@ -244,24 +249,23 @@ def pushes(link: MujocoLinkage, force: np.ndarray) -> dict[str, dict[int, float]
 
 def gap(link: MujocoLinkage, name: str) -> complex:
     """First pin centre minus second (m)."""
-    first, second = link.sites[name]
-    x = link.data.site_xpos
-    return complex(x[first, 0] - x[second, 0], x[first, 1] - x[second, 1])
+    return pin(link, name, second=False) - pin(link, name)
 
 
 def pin(link: MujocoLinkage, name: str, second: bool = True) -> complex:
     """Centre of a joint's pin on its second (or first) body (m)."""
-    return complex(*link.data.site_xpos[link.sites[name][second], :2])
+    x, at = link.places, 3 * link.sites[name][second]
+    return complex(x[at], x[at + 1])
 
 
 def joint_forces(link: MujocoLinkage, force: np.ndarray) -> dict[str, Applied]:
     """Force of each closing joint on its second body, from the constraint rows' forces (nefc,)."""
-    m, rows = link.model, first_rows(link)
+    rows, force = equality_rows(link), force.tolist()
     applied: dict[str, Applied] = {}
     for j in (*link.description.closing, *link.description.soft):
-        row = rows[int(ROW.mjCNSTR_EQUALITY), link.row_id[j.name]]
+        row = rows[link.row_id[j.name]]
         applied[j.name] = complex(force[row], force[row + 1]), pin(link, j.name)
-    touched = contact_rows(link)
+    touched = wall_rows(link) if link.tendon else contact_rows(link)
     for name in link.contacts:
         g = gap(link, name)
         n = g / abs(g) if g else 0j
@@ -272,10 +276,9 @@ def joint_forces(link: MujocoLinkage, force: np.ndarray) -> dict[str, Applied]:
                 slide = force[row + 1] if link.mechanism.joint(name).friction else 0.0
                 f, at = force[row] * n + slide * 1j * n, at + n * link.radii[name][1]
         elif link.setting.rows == "spring-damper":
-            row = rows.get((int(ROW.mjCNSTR_LIMIT_TENDON), m.tendon(name).id), -1)
-            f = force[row] * n if row >= 0 else 0j
+            f = force[touched[name]] * n if name in touched else 0j
         else:
-            f = -force[rows[int(ROW.mjCNSTR_EQUALITY), link.row_id[name]]] * n
+            f = -force[rows[link.row_id[name]]] * n
         applied[name] = f, at
     return applied
 
@@ -284,10 +287,20 @@ def friction_torques(link: MujocoLinkage) -> dict[str, float]:
     """Coulomb friction of each joint's law on its second body (N.m or N), from the present rows; and, by the names of
     :func:`corner_friction`, of blocks' corners.
     """
-    rows = first_rows(link) if link.laws else {}
-    found = {name: rows.get((int(ROW.mjCNSTR_FRICTION_TENDON), t), -1) for name, t in link.laws.items()}
-    dry = {name: float(link.data.efc_force[row]) if row >= 0 else 0.0 for name, row in found.items()}
+    rows = {t: row for row, t in friction_rows(link.data)}
+    dry = {name: float(link.data.efc_force[rows[t]]) if t in rows else 0.0 for name, t in link.laws.items()}
     return dry | corner_friction(link, link.data.efc_force)
+
+
+def corners(link: MujocoLinkage) -> Iterator[tuple[Joint, complex, complex]]:
+    """Joint, force (N) on its second body, and where it acts (m), of each corner of a block that touches a wall."""
+    rows = contact_rows(link) if link.blocks else {}
+    for block in link.blocks.values():
+        for k, contact in enumerate(block.contacts):
+            if (row := rows.get(block.key(k))) is not None:
+                push = link.data.efc_force[row : row + contact.dim].tolist()
+                out, at = (complex(*each[:2].tolist()) for each in (contact.frame, contact.pos))
+                yield block.joint, -complex(push[0], push[1] if block.joint.rough else 0.0) * out, at
 
 
 def corner_friction(link: MujocoLinkage, force: np.ndarray) -> dict[str, float]:
@@ -321,30 +334,15 @@ def _cross(a: complex, b: complex) -> float:
 
 
 def applied(link: MujocoLinkage) -> Iterator[tuple[str, complex, float]]:
-    """Body, force on it (N) and moment about the ground's origin (N.m) of loads, of springs between points, and of what
-    turns the crank over its angle.
+    """Body, force on it (N) and moment about the ground's origin (N.m) of loads, and of what turns the crank over its
+    angle.
     """
     m, x = link.mechanism, link.data.site_xpos
     for number, load in zip(link.load_sites, m.loads, strict=True):
         force = complex(*load.force)
         yield load.body, force, load.torque + _cross(complex(*x[number, :2].tolist()), force)
-    for body, pull, at in spring_forces(link):
-        yield body, pull, _cross(at, pull)
     if m.periodic_torque is not None:
-        angle = link.fixed_angle[m.driven] + float(link.form[m.driven] @ link.data.qpos)
-        yield m.driven, 0j, m.periodic_torque.at(angle)
-
-
-def spring_forces(link: MujocoLinkage) -> Iterator[tuple[str, complex, complex]]:
-    """Body, force on it (N) and where that acts (m), of each end of a spring between points."""
-    d = link.data
-    for spring, tendon, sites in link.springs:
-        near, far = (complex(*d.site_xpos[site, :2]) for site in sites)
-        apart = far - near
-        along = apart / abs(apart) if apart else 0j
-        pull = complex(spring.pull(apart, float(d.ten_velocity[tendon]) * along))
-        yield spring.bodies[0], pull, near
-        yield spring.bodies[1], -pull, far
+        yield m.driven, 0j, m.periodic_torque.at(link.angle(m.driven))
 
 
 def effort(link: MujocoLinkage, drive: Drive, force: complex, beyond: float, friction: Mapping[str, float]) -> float:
@@ -354,12 +352,76 @@ def effort(link: MujocoLinkage, drive: Drive, force: complex, beyond: float, fri
     if not drive.joint.prismatic:
         return drive.sign * beyond
     first = drive.joint.bodies[0]
-    angle = link.fixed_angle[first] + float(link.form[first] @ link.data.qpos)
+    angle = link.angle(first)
     axis = drive.joint.direction * np.exp(1j * angle)
     along = float((np.conj(axis) * drive.sign * force).real)
     block = link.blocks.get(drive.joint.name)
     rubbed = 0.0 if block is None else friction.get(block.key(0), 0.0)
     return along - rubbed - law_torque(link, drive.joint.name, friction)
+
+
+@dataclass(frozen=True)
+class Carried:
+    """What a body has of its parent in the tree: ``force`` (N) and ``moment`` (N.m, about the ground's origin)."""
+
+    part: Part
+    force: complex
+    moment: float
+
+    def about_pin(self, link: MujocoLinkage) -> float:
+        """The moment (N.m) about its joint's pin on the second body."""
+        return self.moment - _cross(pin(link, self.part.joint), self.force)
+
+
+def carried(link: MujocoLinkage, forces: Mapping[str, Applied], friction: Mapping[str, float]) -> Iterator[Carried]:
+    """The bodies one by one, tips first: MuJoCo's balance of its accelerations, gravity, contacts and closing joints,
+    less what acts through tendons and actuators, of which it knows no force on a body.
+    """
+    d = link.data
+    push_on, turn_on = dict.fromkeys((GROUND, *link.body_id), 0j), dict.fromkeys((GROUND, *link.body_id), 0.0)
+
+    def act(body: str, force: complex, moment: float) -> None:  # about the ground's origin
+        push_on[body] += force
+        turn_on[body] += moment
+
+    for given in applied(link):
+        act(*given)
+    for joint, force, at in corners(link):  # which are what the joint is, and no load on what it joins
+        act(joint.bodies[0], force, _cross(at, force))
+        act(joint.bodies[1], -force, -_cross(at, force))
+    for name in forces:
+        first, second = link.mechanism.joint(name).bodies
+        moment = law_torque(link, name, friction)
+        act(second, 0j, moment)
+        act(first, 0j, -moment)
+    balance, centre, root = d.cfrc_int.tolist(), d.subtree_com.tolist(), link.model.body_rootid
+    for part in link.outward:
+        _, _, turn, x, y, _ = balance[part.number]
+        force = complex(x, y) - push_on[part.name]
+        moment = turn + _cross(complex(*centre[root[part.number]][:2]), complex(x, y)) - turn_on[part.name]
+        act(part.parent, push_on[part.name], turn_on[part.name])
+        yield Carried(part, force, moment)
+
+
+def pressing(
+    link: MujocoLinkage, forces: Mapping[str, Applied], friction: Mapping[str, float], slip: Mapping[str, float]
+) -> dict[str, float]:
+    """How hard (N) the joints are pressed whose friction grows with their reactions; ``slip`` has the signs of their
+    slip.
+    """
+    reactions = {name: (force, 0.0) for name, (force, _) in forces.items()}
+    if not link.loads.keys() <= reactions.keys():
+        for body in carried(link, forces, friction):
+            part = body.part
+            if part.joint in link.loads:
+                turned = part.sign * body.about_pin(link) if part.slides else 0.0
+                reactions[part.joint] = part.sign * body.force, turned
+    out: dict[str, float] = {}
+    for name in link.loads:
+        (force, moment), joint = reactions[name], link.mechanism.joint(name)
+        angle = link.angle(joint.bodies[0]) if joint.prismatic else 0.0
+        out[name] = float(joint.pressed(force, moment, angle, slip.get(name, 0.0)))
+    return out
 
 
 def signals(
@@ -369,60 +431,34 @@ def signals(
     velocity: np.ndarray | None = None,
 ) -> dict[str, float]:
     """All signals of the present state, and its rates; accelerations are those that :func:`look` left in the data, or
-    an equilibrium.
-
-    The closing joints' forces are the constraint rows'; those in the tree follow from them body by body, by Newton's
-    and Euler's equations with MuJoCo's accelerations.  What then turns the crank is the drive.
+    an equilibrium.  What turns the crank beside its reaction is the drive.
     """
     m, d = link.model, link.data
-    q, velocity = d.qpos, d.qvel if velocity is None else velocity
-    site, centre = d.site_xpos[:, :2].tolist(), d.xipos[:, :2].tolist()
+    velocity = d.qvel if velocity is None else velocity
+    site = d.site_xpos[:, :2].tolist()
     out = dict.fromkeys(link.efforts, 0.0)
-    push_on, turn_on = (
-        dict.fromkeys((GROUND, *link.body_id), 0j),
-        dict.fromkeys((GROUND, *link.body_id), 0.0),
-    )  # about the ground's origin
-
-    def act(body: str, force: complex, moment: float) -> None:
-        push_on[body] += force
-        turn_on[body] += moment
-
-    for given in applied(link):
-        act(*given)
-    for name, (force, at) in forces.items():
-        first, second = link.mechanism.joint(name).bodies
-        moment = _cross(at, force) + law_torque(link, name, friction)
-        act(second, force, moment)
-        back = _cross(pin(link, name, second=False) - at, force) if name in link.soft else 0.0  # at its own pin
-        act(first, -force, -moment - back)
+    for name, (force, _) in forces.items():
         out[f"reaction_{name}_x"], out[f"reaction_{name}_y"] = force.real, force.imag
-    motion, carry, gravity = np.zeros(6), np.zeros((3, m.nv)), complex(*link.mechanism.gravity)
-    for part in link.outward:
+    carry, motion, gravity = np.zeros((3, m.nv)), np.zeros(6), complex(*link.mechanism.gravity)
+    for body in carried(link, forces, friction):
+        part, force = body.part, body.force
         name, joint = part.name, part.joint
-        mujoco.mj_objectAcceleration(m, d, mujoco.mjtObj.mjOBJ_BODY, part.number, motion, 0)
-        push = part.mass * complex(motion[3], motion[4])  # gravity is in MuJoCo's acceleration
-        force = push - push_on[name]
-        moment = part.inertia * float(motion[2]) + _cross(complex(*centre[part.number]), push) - turn_on[name]
         out[f"{name}_x"], out[f"{name}_y"] = site[part.marker]
-        out[f"{name}_angle"], out[f"{name}_angular_velocity"] = (
-            part.fixed_angle + float(part.form @ q),
-            float(part.form @ velocity),
-        )
+        out[f"{name}_angle"], out[f"{name}_angular_velocity"] = link.angle(name), float(part.form @ velocity)
         mujoco.mj_jacBodyCom(m, d, carry, None, part.number)
         speed = carry[:2] @ velocity
-        out |= rate_columns(name, complex(speed[0], speed[1]), push / part.mass + gravity, float(motion[2]))
-        beyond = moment  # of what joint forces and laws give the body
+        mujoco.mj_objectAcceleration(m, d, mujoco.mjtObj.mjOBJ_BODY, part.number, motion, 0)  # less gravity's
+        _, _, spin, x, y, _ = motion.tolist()
+        out |= rate_columns(name, complex(speed[0], speed[1]), complex(x, y) + gravity, spin)
+        beyond = body.moment  # of what joint forces and laws give the body
         if joint:
-            act(part.parent, -force, -moment)
             out[f"reaction_{joint}_x"], out[f"reaction_{joint}_y"] = part.sign * force.real, part.sign * force.imag
-            at_pin = moment - _cross(complex(*site[link.sites[joint][1]]), force)
+            at_pin = body.about_pin(link)
             if part.slides:
                 out[f"reaction_{joint}_moment"] = part.sign * at_pin
             beyond = at_pin - part.sign * law_torque(link, joint, friction)
         if part.drive is not None:
             out[part.drive.signal] = effort(link, part.drive, force, beyond, friction)
-            if not joint:  # the motor's torque is all there is between them
-                act(part.parent, 0j, -moment)
     for name in link.pins:
         g = gap(link, name) if name in link.contacts or name in link.soft else 0j
         out[f"clearance_{name}_x"], out[f"clearance_{name}_y"] = g.real, g.imag
@@ -530,10 +566,8 @@ def misclosure(link: MujocoLinkage) -> float:
     """
     if not link.description.closing:
         return 0.0
-    m, d, rows = link.model, link.data, first_rows(link)
-    closed = [
-        rows[int(ROW.mjCNSTR_EQUALITY), link.row_id[j.name]] + k for j in link.description.closing for k in (0, 1)
-    ]
+    m, d, rows = link.model, link.data, equality_rows(link)
+    closed = [rows[link.row_id[j.name]] + k for j in link.description.closing for k in (0, 1)]
     turn = np.zeros(m.nv)
     turn[link.moved] = np.linalg.lstsq(
         d.efc_J.reshape(d.nefc, m.nv)[closed][:, link.moved], d.efc_pos[closed], rcond=SINGULAR
