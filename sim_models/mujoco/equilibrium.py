@@ -25,7 +25,6 @@ from sim_models.mujoco.passive import felt
 from sim_models.mujoco.path import SIDE, Gaps, Path
 from sim_models.mujoco.state import (
     HEEDINGS,
-    ROW,
     contact_rows,
     corner_friction,
     gap,
@@ -85,7 +84,7 @@ def balance(link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, sl
             rows[row + 1 : row + 3] = False
     damping, impedance = d.efc_KBIP[:, 1], d.efc_KBIP[:, 2]
     # where velocity across the row can only be an error of v, which need not become one of q
-    rigid = (impedance > 0.5) & (d.efc_type == int(ROW.mjCNSTR_EQUALITY))
+    rigid = (impedance > 0.5) & (d.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY))
     gained = jacobian @ a
     older = link.setting.step / 2 if link.setting.stepped else 0.0  # s: a run's rows are damped by velocities of then
     goal = d.efc_aref - gained + damping * (older * gained + np.where(rigid, d.efc_vel, 0.0))
