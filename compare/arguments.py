@@ -203,31 +203,21 @@ def loose(mechanism: Mechanism, joint_model: JointModel | None) -> None:
 def warn_of_friction(
     mechanism: Mechanism, joint_model: JointModel | None, motion: Motion, *, engines: bool = True
 ) -> None:
-    """Warn of a coefficient of friction that does nothing; of friction in the contact of joints with clearance that the
-    other joint models of ``engines`` leave out, as they have no contact that rubs; of the radius that is assumed of a
-    pin; and of blocks that jam.
+    """Warn of the radius that is assumed of a pin that rubs in its clearance, and of blocks that jam in an engine.
+
+    Friction that is left out is in :mod:`compare.left_out`.
     """
-    name, touching = mechanism.name, joint_model in (None, "contact")
-    if engines and motion == "driven" and touching:
-        for joint in jamming(mechanism):
-            text = f"{name}: friction = {joint.friction:g} of joint {joint.name} is no less than its block is"
-            lever = f"longer than high ({joint.jams_from:g}), and turns it harder than its walls turn it back"
-            warnings.warn(f"{text} {lever}: it tips, and may bounce, jam or come apart", stacklevel=4)
-    pins = [joint for joint in mechanism.joints if joint.friction and not joint.prismatic]
-    for joint in pins:
-        if not joint.clearance and (joint.friction_radius or not joint.pin_radius):
-            why = (
-                "beside its friction_radius" if joint.friction_radius else "as it has neither clearance nor pin_radius"
-            )
-            text = f"{name}: friction of joint {joint.name} does nothing, {why}"
-            warnings.warn(f"{text}; give pin_radius (m) or friction_radius (m), the one or the other", stacklevel=4)
-        if joint.clearance and joint.pin_radius is None and touching:
+    if joint_model not in (None, "contact"):
+        return
+    name = mechanism.name
+    for joint in jamming(mechanism) if engines and motion == "driven" else []:
+        text = f"{name}: friction = {joint.friction:g} of joint {joint.name} is no less than its block is"
+        lever = f"longer than high ({joint.jams_from:g}), and turns it harder than its walls turn it back"
+        warnings.warn(f"{text} {lever}: it tips, and may bounce, jam or come apart", stacklevel=4)
+    for joint in mechanism.joints:
+        if joint.rough and not joint.prismatic and joint.pin_radius is None:
             text = f"{name}: joint {joint.name} has friction and no pin_radius; its contact rubs at"
             warnings.warn(f"{text} {1e3 * joint.rim:g} mm, which is assumed", stacklevel=4)
-    rough = ", ".join(joint.name for joint in mechanism.joints if joint.rough)
-    if engines and rough and joint_model != "contact":
-        text = f"{name}: friction of {rough} is in contact joints only; the other joint models leave it out"
-        warnings.warn(text, stacklevel=4)
 
 
 def jamming(mechanism: Mechanism) -> list[Joint]:

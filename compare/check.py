@@ -221,7 +221,8 @@ def _warnings(mechanism: Mechanism, recordings: Sequence[Recording]) -> list[str
         if one.kind == "released" and f"{mechanism.driven}_angle" not in one.table.values:
             found.append(f"{one.name}: does not say where the linkage begins; it is let go at rest, as it is assembled")
         if one.kind == "course" and mechanism.speed is not None:
-            found.append(f"{one.name}: {_turning(one, mechanism.speed)}; its recorded course is followed")
+            turning = _turning(one, mechanism.speed)
+            found.append(f"{one.name}: {turning}; its recorded course is followed, and drive.speed left out")
         for signal, values in one.table.values.items():
             absent = int(np.sum(np.isnan(values)))
             if absent:

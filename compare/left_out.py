@@ -1,8 +1,7 @@
 """What of a mechanism file each command leaves out, and why: one table, told in every result and in the documentation.
 
 A field that does nothing where it stands is told wherever it is; so is one that this question has no use for.
-Friction and drives are told of where they are looked at (:func:`compare.crosscheck.warn_of_friction`,
-:func:`compare.arguments.rigidly_and_evenly_driven`).
+Drives are told of where they are looked at (:func:`compare.arguments.rigidly_and_evenly_driven`).
 """
 
 from __future__ import annotations
@@ -16,19 +15,22 @@ from analytic.mechanism.parts import Part
 from compare.results.sentences import enumerated
 from sim_models.engine import JOINT_MODELS, TOUCHING, JointModel, Motion
 
-Command = Literal["analyse", "accuracy", "compare", "simulate", "check", "validity", "export"]
+Command = Literal["analyse", "accuracy", "compare", "simulate", "check", "validity", "export", "diagnose"]
 AT_SPEED = ("contact_damping", "restitution", "contact_law")
 CONTACT = tuple(f"joint.{field}" for field in ("contact_stiffness", *AT_SPEED))
 
 
 @dataclass(frozen=True)
 class Asked:
-    """What is asked: by a command, in a motion, of engines with these joint models; whether links bend in it."""
+    """What is asked: by a command, in a motion, of engines with these joint models; whether links bend in it; which
+    joints a map gives its clearances.
+    """
 
     command: Command
     motion: Motion = "driven"
     joint_models: tuple[JointModel, ...] = ()
     bends: bool = False
+    mapped: tuple[str, ...] = ()
 
     @classmethod
     def of_engines(
@@ -57,13 +59,26 @@ class Omission:
     told: Callable[[Asked, Part], bool]
 
 
-def _no_gap(asked: Asked, part: Part) -> bool:
-    """A joint without clearance; a map gives it some."""
-    return isinstance(part, Joint) and not part.clearance and asked.command != "validity"
+def _loose(asked: Asked, part: Part) -> bool:
+    """A joint with clearance; of a map with one that it gives."""
+    assert isinstance(part, Joint)
+    return part.name in asked.mapped if asked.command == "validity" else part.clearance > 0
 
 
 def _frictionless(asked: Asked, part: Part) -> bool:
     return isinstance(part, Joint) and not part.friction
+
+
+def _unused_radius(asked: Asked, part: Part) -> bool:
+    """A pin without clearance whose friction has no radius to act at, or has a circle of its own already."""
+    assert isinstance(part, Joint)
+    pinned = bool(part.friction) and not part.prismatic and not _loose(asked, part)
+    return pinned and (part.pin_radius is None or part.friction_radius > 0)
+
+
+def _guides_nothing(asked: Asked, part: Part) -> bool:
+    """The block neither leans in its guide nor is rubbed by it."""
+    return asked.joint_models == ("ideal",) if _loose(asked, part) else _frictionless(asked, part)
 
 
 def _no_use_for_section(asked: Asked, part: Part) -> bool:
@@ -76,7 +91,8 @@ def _no_use_for_section(asked: Asked, part: Part) -> bool:
 OMISSIONS: tuple[Omission, ...] = (
     Omission(
         ("body.youngs_modulus", "body.shear_modulus", "joint.elasticity"),
-        "`analyse` without `--compliance`, `compare` without `--flexible`, `simulate`, `check`, `validity`, `export`",
+        "`analyse` without `--compliance`, `compare` without `--flexible`, `simulate`, `check`, `validity`, `export`;"
+        " `diagnose` without `youngs_modulus`",
         "links and joints are rigid here",
         lambda asked, part: not asked.bends,
     ),
@@ -94,7 +110,7 @@ OMISSIONS: tuple[Omission, ...] = (
     ),
     Omission(
         ("body.shear_modulus", "joint.elasticity.rotation"),
-        "`analyse --compliance`, `accuracy`, and the analytic side of `compare --flexible`",
+        "`analyse --compliance`, `accuracy`, `diagnose`, and the analytic side of `compare --flexible`",
         "the analytic model's links do not shear, and nothing twists or tilts out of the plane",
         lambda asked, part: asked.bends,
     ),
@@ -117,7 +133,7 @@ OMISSIONS: tuple[Omission, ...] = (
         CONTACT,
         "a joint without `clearance`",
         "nothing touches without clearance",
-        _no_gap,
+        lambda asked, part: not _loose(asked, part),
     ),
     Omission(
         CONTACT,
@@ -157,15 +173,27 @@ OMISSIONS: tuple[Omission, ...] = (
     ),
     Omission(
         ("joint.guide",),
-        "the same, and a joint without `clearance`, where it has no `friction`",
+        "a joint with `clearance` of the same, and one without `clearance` and `friction`",
         "the block does not lean in its guide without clearance",
-        lambda asked, part: _frictionless(asked, part) and (_no_gap(asked, part) or asked.joint_models == ("ideal",)),
+        _guides_nothing,
     ),
     Omission(
         ("joint.pin_radius",),
         "a joint without `friction`, and a prismatic one",
         "nothing rubs there",
         lambda asked, part: _frictionless(asked, part) or (isinstance(part, Joint) and part.prismatic),
+    ),
+    Omission(
+        ("joint.friction", "joint.pin_radius"),
+        "a pin without `clearance` that has no `pin_radius`, or has a `friction_radius`",
+        "a pin without clearance rubs by its pin_radius (m) or by its friction_radius (m), the one or the other",
+        _unused_radius,
+    ),
+    Omission(
+        ("joint.friction", "joint.pin_radius"),
+        "a joint with `clearance`, in all joint models but `contact`, on both sides",
+        "only contact joints rub in their clearance",
+        lambda asked, part: _loose(asked, part) and any(model != "contact" for model in asked.joint_models),
     ),
     Omission(
         ("joint.rest_angle",),

@@ -176,7 +176,7 @@ BENDING = {
     for name in ("crank", "coupler", "rocker")
     for what, value in (("section", [0.01, 0.01]), ("youngs_modulus", 2e11))
 }
-ROUGH = {"joint.C.friction": 0.2}
+ROUGH = {"joint.C.friction": 0.2, "joint.C.pin_radius": 0.01}
 STRIBECK = {"joint.D.friction_torque": 0.3, "joint.D.static_torque": 1.5, "joint.D.stribeck_speed": 2.0}
 SPRUNG = {"joint.D.stiffness": 3.0}
 YIELDING = {"joint.B.elasticity": {"translation": 1e7, "rotation": 1e4}}
@@ -225,8 +225,8 @@ CHANGES: dict[str, Change] = {
     "Joint.angle": Change({"joint.S.angle": 0.3, "assembly.block": 0.3}, {"joint.S.clearance": None}, SLIDER_CRANK),
     "Joint.clearance": Change({"joint.C.clearance": 4e-4}),
     "Joint.guide": Change({"joint.S.guide": [0.16, 0.04]}, {"load.0.torque": 20.0}, SLIDER_CRANK),
-    "Joint.pin_radius": Change({"joint.C.pin_radius": 0.03}, {**ROUGH, "joint.C.pin_radius": 0.01}),
-    "Joint.friction": Change({"joint.C.friction": 0.4}),
+    "Joint.pin_radius": Change({"joint.C.pin_radius": 0.03}, ROUGH),
+    "Joint.friction": Change({"joint.C.friction": 0.4}, ROUGH),
     "Joint.contact_stiffness": Change({"joint.C.contact_stiffness": 3e7}, {"joint.C.contact_stiffness": 1e8}),
     "Joint.contact_damping": Change({"joint.C.contact_damping": 500.0}, {"joint.C.contact_damping": 2000.0}),
     "Joint.restitution": Change({"joint.C.restitution": 0.9}, {"joint.C.restitution": 0.3}),

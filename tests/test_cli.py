@@ -209,8 +209,8 @@ def test_a_released_pendulum_is_compared_over_time(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("clearance", "joint", "says"),
     [
-        ("0", "ideal", "friction of joint B does nothing"),
-        ("1e-4", "spring-damper", "friction of B is in contact joints only"),
+        ("0", "ideal", "left out: friction of joint B, as a pin without clearance"),
+        ("1e-4", "spring-damper", "left out: friction of joint B, as only contact joints rub"),
     ],
 )
 def test_friction_that_no_joint_model_of_the_run_has_is_said(

@@ -33,6 +33,7 @@ from compare.diagnose.propose.proposal import Proposal, proposal, simpler
 from compare.diagnose.result import as_document
 from compare.diagnose.validation import parted, validated
 from compare.faults import ArgumentError
+from compare.left_out import Asked, omitted
 from compare.progress import Progress, progress_bar
 from compare.results.diagnosis import Diagnosis
 
@@ -117,6 +118,7 @@ def _diagnosed(data: Measured, options: Options) -> tuple[Diagnosis, Proposal | 
     rigid = data.mechanism.rigid()
     with noted() as warned:
         warn_of_friction(data.mechanism, "contact", "driven")
+    warned += omitted(data.mechanism, Asked("diagnose", "driven", ("contact",), data.mechanism.bends))
     problem = Problem.of(data, rigid, options)
     explanation = problem.explanation()
     if rigid != data.mechanism and not rigid.cranked:

@@ -6,6 +6,7 @@ import math
 import shutil
 import tempfile
 from collections.abc import Sequence
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
@@ -138,7 +139,7 @@ def gridded(  # noqa: PLR0913 - as validity
             check_request(Request(widest, joint_model, crank_angle=np.zeros(1)))
         able, left_out = capable(simulators, joint_model, widest if blocks else m)
         warn_of_friction(widest, joint_model, "driven")
-        left_out += omitted(m, Asked.of_engines("validity", m, "driven", joint_model))
+        left_out += omitted(m, replace(Asked.of_engines("validity", m, "driven", joint_model), mapped=at))
     return Grid(
         m,
         at,

@@ -84,10 +84,11 @@ def balance(link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, sl
             push[row] += along(link, name, slip) * jacobian[row + 1]
             rows[row + 1 : row + 3] = False
     damping, impedance = d.efc_KBIP[:, 1], d.efc_KBIP[:, 2]
-    rigid = impedance > 0.5  # where velocity across the row can only be an error of v, which need not become one of q
+    # where velocity across the row can only be an error of v, which need not become one of q
+    rigid = (impedance > 0.5) & (d.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY))
     gained = jacobian @ a
     older = link.setting.step / 2 if link.setting.stepped else 0.0  # s: a run's rows are damped by velocities of then
-    goal = d.efc_aref - gained + np.where(rigid, damping * (d.efc_vel + older * gained), 0.0)
+    goal = d.efc_aref - gained + damping * (older * gained + np.where(rigid, d.efc_vel, 0.0))
     return Balance(load, push[rows], goal[rows], d.efc_R[rows].copy(), np.flatnonzero(rows))
 
 

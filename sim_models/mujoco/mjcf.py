@@ -75,7 +75,7 @@ class Setting:
     @property
     def stepped(self) -> bool:
         """Whether steps are semi-implicit Euler's: what is stiff allows no larger, and RK4 has four times the work."""
-        return self.rows in ("spring-damper", "contact")
+        return self.rows in ("spring", "spring-damper", "contact")
 
 
 class Description:

@@ -494,7 +494,7 @@ def lean(link: MujocoLinkage) -> None:
         return
     stiffness, damping, impedance = d.efc_KBIP[rigid, :3].T
     older = damping * link.setting.step / 2
-    wanted = older / (1 + older) * d.efc_aref[rigid] / (stiffness * impedance)  # the first step back feels them, too
+    wanted = older * d.efc_aref[rigid] / (stiffness * impedance)
     jacobian = d.efc_J.reshape(d.nefc, m.nv)[rigid][:, link.moved]
     d.qpos[link.moved] += np.linalg.lstsq(jacobian, wanted, rcond=None)[0]
 

@@ -310,7 +310,7 @@ class Simulation:
         half = (
             0.5 if start["half_step"] else 0.0
         )  # semi-implicit Euler holds velocities half a step older than its positions
-        time, lag = data.time, 0.0
+        time, lag = data.time, half * model.opt.timestep
         self.place(time, lag)
         self.evaluate()
         for steps, model.opt.timestep, asked in start["stages"]:
