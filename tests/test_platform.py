@@ -148,6 +148,74 @@ def test_a_five_bars_path_that_stretches_a_leg_is_refused_and_one_beside_it_is_f
         assert np.abs(found.coordinates[assembly.structure.inputs[k]] - crank).max() < 1e-9
 
 
+def wide_five_bar() -> Mechanism:
+    """Cranks of 0.1 m at x = 0 and 0.2 m, arms of 0.12 m; the point P between them, above, with the cranks outside."""
+    m, point = load("five-bar"), 0.1 + 0.16j
+    points = {"left-arm": {"A": (0.0, 0.0), "P": (0.12, 0.0)}, "right-arm": {"B": (0.0, 0.0), "P": (0.12, 0.0)}}
+    start = {}
+    for name, pivot, side in (("left", 0.0, 1.0), ("right", 0.2, -1.0)):
+        far = abs(point - pivot)
+        crank = np.angle(point - pivot) + side * np.arccos((far**2 + 0.1**2 - 0.12**2) / (2 * far * 0.1))
+        arm = np.angle(point - pivot - 0.1 * np.exp(1j * crank))
+        start |= {f"{name}-crank": float(crank), f"{name}-arm": float(arm)}
+    bodies = [b.model_copy(update={"points": points.get(b.name, b.points)}) for b in m.bodies]
+    ground = m.ground.model_copy(update={"points": {"D": (0.0, 0.0), "E": (0.2, 0.0)}})
+    return m.replace(ground=ground, bodies=bodies, assembly=start)
+
+
+def refused(m: Mechanism, path: list[np.ndarray], time: np.ndarray) -> tuple[str, float]:
+    """What is said of a path of its platform that is refused, and the time (s) that it names."""
+    wanted = POSE["3-rpr"] if len(path) == 3 else POSE["five-bar"]
+    with pytest.raises(AssemblyError) as found:
+        inverse(Assembly(m), wanted, np.array(path), time)
+    told = str(found.value)
+    assert told.count(f"{m.name}: ") == 1
+    return told, float(told.partition(" at ")[2].split()[0])
+
+
+@pytest.mark.parametrize("rows", [11, 42, 43])
+def test_a_path_on_which_a_five_bars_arms_fall_in_line_is_singular_and_not_out_of_reach(rows: int) -> None:
+    """P comes down between the cranks: 0.14 m from either pivot, well within the legs' 0.22 m, the arms are in line,
+    and the ends of the cranks 0.24 m apart.
+    """
+    time = np.linspace(0.0, 1.0, rows)
+    told, at = refused(wide_five_bar(), [np.full(rows, 0.1), 0.16 - 0.1 * time], time)
+    assert "left-arm.P_x = 100 mm, left-arm.P_y = 97.979" in told
+    assert "is singular: left-arm and right-arm fall in line, and the drives do not hold it there" in told
+    assert "reach" not in told
+    assert at == pytest.approx((0.16 - np.sqrt(0.1**2 - 0.02**2)) / 0.1, abs=1e-4)
+
+
+def test_a_path_that_turns_back_before_the_arms_fall_in_line_is_followed() -> None:
+    time = np.linspace(0.0, 1.0, 42)
+    place = 0.1 + 1j * (0.0985 + 0.2 * (time - 0.5) ** 2)
+    assembly = Assembly(wide_five_bar())
+    found = inverse(assembly, POSE["five-bar"], np.array([place.real, place.imag]), time).coordinates
+    far = np.abs(place)
+    crank = np.angle(place) + np.arccos((far**2 + 0.1**2 - 0.12**2) / (2 * far * 0.1))
+    assert np.abs(found[assembly.structure.inputs[0]] - crank).max() < 1e-9
+
+
+@pytest.mark.parametrize("rows", [11, 42])
+def test_a_five_bars_path_beyond_its_legs_cannot_be_reached_and_that_is_said_once(rows: int) -> None:
+    """At x = 0.1 m both legs, 0.22 m, end at y = sqrt(0.22^2 - 0.1^2) = 195.96 mm."""
+    time = np.linspace(0.0, 1.0, rows)
+    told, at = refused(wide_five_bar(), [np.full(rows, 0.1), 0.16 + 0.05 * time], time)
+    assert told.count("cannot be reached") == 1
+    assert "singular" not in told
+    end = (np.sqrt(0.22**2 - 0.1**2) - 0.16) / 0.05
+    assert end < at < end + time[1]
+
+
+@pytest.mark.parametrize("rows", [11, 42])
+def test_a_platform_that_turns_parallel_to_the_triangle_of_its_pivots_is_singular(rows: int) -> None:
+    """Both triangles of the 3-RPR are equilateral: parallel, its legs' lines meet where one is the other's picture."""
+    m, time = load("3-rpr"), np.linspace(0.0, 1.0, rows)
+    told, at = refused(m, [np.full(rows, 0.02), np.full(rows, 0.01), 0.5 - 0.8 * time], time)
+    assert "is singular: the loops through " in told
+    assert at == pytest.approx(0.5 / 0.8, abs=1e-4)
+
+
 def test_what_a_path_cannot_say_at_a_straight_arm_a_course_does(tmp_path: Path) -> None:
     time = np.linspace(0.0, 1.0, 42)
     upper, elbow = 0.5 + 0.3 * time, 1.1 - 2.2 * time

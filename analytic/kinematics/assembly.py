@@ -475,20 +475,22 @@ class Assembly:
         )
 
     def _change_point(self, group: Group, u: np.ndarray, k: int) -> AssemblyError:
-        fall = (
-            f"{' and '.join(group.bodies)} fall in line"
-            if group.dyad
-            else f"the loops through {', '.join(group.bodies)} lock"
-        )
         s, start = self.structure, getattr(self, "home", None)
         begin = u if start is None else start
         named = posture(s, begin, 0).removeprefix("crank angle ")
         clear = f"the range from the assembly angle ({named})" if self.mechanism.cranked else f"the way from {named}"
         return AssemblyError(
-            f"{self.mechanism.name}: change point at {posture(s, u, k)}, where {fall} and the assembly mode is lost",
+            f"{self.mechanism.name}: change point at {posture(s, u, k)}, where {locks(group)} and the assembly mode is"
+            " lost",
             crank_angle(s, u, k),
             f"keep {clear} on clear of it",
         )
+
+
+def locks(group: Group) -> str:
+    """What a group does at its change point, in words."""
+    names = group.bodies
+    return f"{' and '.join(names)} fall in line" if group.dyad else f"the loops through {', '.join(names)} lock"
 
 
 def _turning(s: Structure, coordinate: Coordinate) -> tuple[int, ...]:

@@ -164,7 +164,7 @@ def _two_travels(
 def newton(s: Structure, group: Group, columns: np.ndarray, u: np.ndarray, near: np.ndarray) -> np.ndarray:
     """Close a larger group's loops by Newton's method from ``near`` (n, N); fills columns and u in place.
 
-    Returns how far (N,) the loops are from singular: see :func:`_regularity`.  Raises AssemblyError where it does not
+    Returns how far (N,) the loops are from singular: see :func:`regularity`.  Raises AssemblyError where it does not
     converge.
     """
     rows = s.loops[list(group.loops)]
@@ -183,14 +183,14 @@ def newton(s: Structure, group: Group, columns: np.ndarray, u: np.ndarray, near:
         jacobian = np.stack([partials(s, i, rows, columns) for i in unknown], axis=-1)  # (loops, N, unknowns)
         matrix = np.concatenate([jacobian.real, jacobian.imag]).transpose(1, 0, 2)
         if np.all(size <= 1e-14 * close):
-            return _regularity(s, rows, matrix)
+            return regularity(s, group, matrix)
         try:
             step = least(matrix, np.concatenate([residual.real, residual.imag]).T)
         except np.linalg.LinAlgError:
             break
         still = np.all(np.abs(step) <= 1e-13 * np.maximum(1.0, close[:, None]))
         if group.surplus and still and np.all(size <= AGREE * close):
-            return _regularity(s, rows, matrix)
+            return regularity(s, group, matrix)
         u[unknown] -= step.T
     worst = int(np.argmax(np.nan_to_num(np.abs(residual).max(axis=0), nan=np.inf)))
     raise AssemblyError(
@@ -260,14 +260,14 @@ def with_travels(s: Structure, group: Group, columns: np.ndarray, near: np.ndarr
     return near
 
 
-def _regularity(s: Structure, rows: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+def regularity(s: Structure, group: Group, matrix: np.ndarray) -> np.ndarray:
     """Smallest singular value (N,) of a group's Jacobian (N, n, n) in its own scales, with the determinant's sign,
     where it has one; zero at a change point.
 
     Each coordinate's column is divided by its own size, but by no less than a thousandth of the loops': an arm that
     vanishes makes the group singular.
     """
-    loops = np.abs(rows[:, : len(s.bodies)]).sum(axis=1).max()
+    loops = np.abs(s.loops[list(group.loops), : len(s.bodies)]).sum(axis=1).max()
     scaled = matrix / np.maximum(np.linalg.norm(matrix, axis=1), 1e-3 * loops)[:, None, :]
     sense = np.sign(np.linalg.det(scaled)) if scaled.shape[1] == scaled.shape[2] else 1.0
     return sense * np.linalg.svd(scaled, compute_uv=False)[:, -1]

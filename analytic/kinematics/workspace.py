@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly, AssemblyError, Followed
-from analytic.kinematics.closure import least, partials
-from analytic.kinematics.inverse import Coordinate, inverse
+from analytic.kinematics.closure import least
+from analytic.kinematics.inverse import Coordinate, Posed, inverse
 from analytic.mechanism.one_line import count, one_line
 from analytic.mechanism.signals import wrapped
 
@@ -73,12 +73,11 @@ def workspace(
     return _Flood(assembly, wanted, x, y, angle).filled()
 
 
-class _Flood:
+class _Flood(Posed):
     def __init__(
         self, assembly: Assembly, wanted: Sequence[Coordinate], x: np.ndarray, y: np.ndarray, angle: float | None
     ) -> None:
-        s = self.s = assembly.structure
-        self.assembly, self.wanted = assembly, tuple(wanted)
+        super().__init__(assembly, wanted)
         home = assembly.follow(assembly.inputs[:, None]).coordinates
         pose = self.pose(assembly.columns(home), home)[:, 0]
         self.home, self.angle = pose, None
@@ -89,9 +88,7 @@ class _Flood:
         self.poses = np.array([columns.ravel(), rows.ravel()])
         if self.angle is not None:
             self.poses = np.vstack([self.poses, np.full(self.poses.shape[1], self.angle)])
-        self.size = max(body.length for body in assembly.mechanism.bodies) or 1.0
-        self.unit = np.array([1.0 if c.bodies else self.size for c in s.coordinates])
-        self.unknown = [i for i in range(len(s.coordinates)) if i not in s.inputs]
+        self.unit = np.array([1.0 if c.bodies else self.size for c in self.s.coordinates])
         apart = max(float(np.ptp(line)) / max(line.size - 1, 1) for line in (x, y))
         self.parts = max(1, math.ceil(apart / (STRIDE * self.size) - 1e-9))
 
@@ -142,33 +139,6 @@ class _Flood:
             near.append(front[inside][new])
         return np.concatenate(cells), np.concatenate(near)
 
-    def pose(self, columns: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """The wanted coordinates (wanted, N) at columns and coordinates."""
-        out = []
-        for w in self.wanted:
-            b = self.s.body_column(w.body)
-            if w.axis == "angle":
-                out.append(u[list(self.s.turned[b])].sum(axis=0) + self.s.held_at[b])
-            else:
-                z = self.assembly.form(w.body, w.point) @ columns
-                out.append(z.real if w.axis == "x" else z.imag)
-        return np.array(out)
-
-    def slopes(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Derivatives of the loops (N, 2 loops, n) and of the pose (N, wanted, n) by all coordinates."""
-        s, n = self.s, columns.shape[1]
-        loops = np.stack([partials(s, i, s.loops, columns) for i in range(len(s.coordinates))], axis=-1)
-        pose = np.zeros((n, len(self.wanted), len(s.coordinates)))
-        for row, w in enumerate(self.wanted):
-            if w.axis == "angle":
-                pose[:, row, list(s.turned[s.body_column(w.body)])] = 1.0
-                continue
-            form = self.assembly.form(w.body, w.point)[None]
-            for i in range(len(s.coordinates)):
-                moved = partials(s, i, form, columns)[0]
-                pose[:, row, i] = moved.real if w.axis == "x" else moved.imag
-        return np.concatenate([loops.real, loops.imag]).transpose(1, 0, 2), pose
-
     def walked(self, start: np.ndarray, end: np.ndarray, near: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Coordinates (n, N) at poses ``end`` (wanted, N), gone to from ``start`` and its coordinates, and whether (N,)
         that is possible.
@@ -211,5 +181,6 @@ class _Flood:
         """
         (loops, slope), (loops0, slope0) = (self.slopes(self.assembly.columns(x)) for x in (u, near))
         whole, whole0 = np.concatenate([loops, slope], axis=1), np.concatenate([loops0, slope0], axis=1)
-        pairs = (loops[:, :, self.unknown], loops0[:, :, self.unknown]), (whole, whole0)
+        groups = [g for g in self.s.groups if g.coordinates]
+        pairs = [*((self.own(g, loops), self.own(g, loops0)) for g in groups), (whole, whole0)]
         return np.all([np.linalg.det(a.transpose(0, 2, 1) @ b) > 0 for a, b in pairs], axis=0)
