@@ -221,7 +221,7 @@ def _warnings(mechanism: Mechanism, recordings: Sequence[Recording]) -> list[str
         if one.kind == "released" and f"{mechanism.driven}_angle" not in one.table.values:
             found.append(f"{one.name}: does not say where the linkage begins; it is let go at rest, as it is assembled")
         if one.kind == "course" and mechanism.speed is not None:
-            found.append(f"{one.name}: {_turning(one, mechanism.speed)}; its recorded course is followed")
+            found.append(f"{one.name}: {_turning(one, mechanism, mechanism.speed)}; its recorded course is followed")
         for signal, values in one.table.values.items():
             absent = int(np.sum(np.isnan(values)))
             if absent:
@@ -229,11 +229,11 @@ def _warnings(mechanism: Mechanism, recordings: Sequence[Recording]) -> list[str
     return found
 
 
-def _turning(one: Recording, speed: float) -> str:
+def _turning(one: Recording, mechanism: Mechanism, speed: float) -> str:
     """How a crank turns that does not turn evenly at the drive's speed."""
-    assert isinstance(one.moved, Followed)
     own = float(np.ptp(one.theta[[0, -1]]) / np.ptp(one.table.time)) * float(np.sign(one.theta[-1] - one.theta[0]))
-    steady = evenly(one.table.time, one.theta, own, SURE * one.moved.errors.theta, np.zeros(1))
+    rounded, late = one.table.rounding(encoder_of(mechanism)), rounding(one.table.time)
+    steady = evenly(one.table.time, one.theta, own, rounded, late)
     if steady is None:
         return f"its crank does not turn evenly at drive.speed = {speed:g} rad/s"
     return f"its crank turns evenly, but at {own:.5g} rad/s where drive.speed = {speed:g}"

@@ -126,6 +126,30 @@ def test_a_crank_of_few_counts_is_where_its_time_says_and_that_is_said(tmp_path:
     assert max(off for signal, off in worst(result, "coarse").items() if signal != "crank_angle") < 2e-3
 
 
+@pytest.mark.parametrize("step", [5.0, 7.5, 10.0, np.degrees(0.1)])
+def test_a_crank_of_steps_beyond_a_sample_s_turn_is_where_its_time_says(tmp_path: Path, step: float) -> None:
+    """Samples of a clock, 4 deg apart: none of these angles is as the time says, and none was chosen."""
+    columns = turning(degrees=4.0)
+    exact = np.degrees(FOUR_BAR.speed or 1.0) * columns["time [s]"]
+    columns["crank_angle [deg]"] = step * np.round(exact / step)
+    result = lc.check(written(tmp_path / "coarse.csv", columns), FOUR_BAR)
+    run = result.run("coarse")
+    assert "disagrees" not in {d.verdict for d in run.discrepancies}
+    assert np.allclose(np.degrees(run.crank_angle), exact, atol=0.1 * step)  # nearer than half of a step
+    assert "acceleration_known_to" not in run.settings
+    assert any("coarse: its crank's angles are rounded, by up to " in text for text in result.warnings)
+    assert not any("evenly" in text for text in remarks(result))
+
+
+def test_a_crank_of_steps_beyond_a_sample_s_turn_that_turns_unevenly_is_followed(tmp_path: Path) -> None:
+    """A swing of 20 deg about an even turning is no rounding to 5 deg."""
+    columns = turning(degrees=4.0)
+    swinging = columns["crank_angle [deg]"] + 20 * np.sin(np.radians(columns["crank_angle [deg]"]))
+    columns["crank_angle [deg]"] = 5 * np.round(swinging / 5)
+    warnings = lc.check(written(tmp_path / "coarse.csv", columns), FOUR_BAR).warnings
+    assert any("does not turn evenly at drive.speed" in text for text in warnings)
+
+
 def test_a_wrong_torque_is_found_in_a_file_of_three_digits(tmp_path: Path) -> None:
     columns = turning()
     columns["drive_torque [N.m]"] = 1.05 * columns["drive_torque [N.m]"]
