@@ -81,7 +81,7 @@ from sim_models.engine import JOINT_MODELS, MOTIONS, JointModel, Motion, Request
 Results = str | PathLike[str] | Sequence[str | PathLike[str]] | Mapping[str, str | PathLike[str]]
 """A file of results, several, or several by the name of the program that wrote each."""
 
-NAMED = 4  # columns that are not judged, by name
+NAMED = 4  # columns of which something is said, by name
 YIELDING = ("contact", "spring-damper")  # whose walls give: no table says how much, and theirs are taken as ours
 COARSE = 0.5  # of what a signal may differ by: where the course leaves it open by more, that is said
 
@@ -222,11 +222,27 @@ def _warnings(mechanism: Mechanism, recordings: Sequence[Recording]) -> list[str
             found.append(f"{one.name}: does not say where the linkage begins; it is let go at rest, as it is assembled")
         if one.kind == "course" and mechanism.speed is not None:
             found.append(f"{one.name}: {_turning(one, mechanism, mechanism.speed)}; its recorded course is followed")
-        for signal, values in one.table.values.items():
-            absent = int(np.sum(np.isnan(values)))
-            if absent:
-                found.append(f"{one.name}: {signal} is absent in {absent} of {values.size} rows, which are left out")
+        if one.kind == "angles" and one.table.time.size and encoder_of(mechanism) not in one.table.values:
+            where = f"{np.degrees(mechanism.assembly[mechanism.driven]):.4g} deg"
+            found.append(
+                f"{one.name}: does not say where its crank is; at time 0 it is taken to be at {where}, where the"
+                " linkage is assembled"
+            )
+        found += _absent(one)
     return found
+
+
+def _absent(one: Recording) -> list[str]:
+    """A sentence on cells without a number, if there are any."""
+    absent = {signal: int(np.sum(np.isnan(values))) for signal, values in one.table.values.items()}
+    absent = {signal: cells for signal, cells in absent.items() if cells}
+    if not absent:
+        return []
+    low, high = min(absent.values()), max(absent.values())
+    cells = f"{low} to {high}" if low < high else f"{low}"
+    rows = next(iter(one.table.values.values())).size
+    are = "is" if len(absent) == 1 else "are"
+    return [f"{one.name}: {_listed(list(absent))} {are} absent in {cells} of {rows} rows, which are left out"]
 
 
 def _turning(one: Recording, mechanism: Mechanism, speed: float) -> str:
@@ -434,12 +450,16 @@ def _not_judged(one: Recording, side: Reference, found: Judged, mechanism: Mecha
     said = [f"{' and '.join(own)} {'is' if len(own) == 1 else 'are'} not judged: {why}"] if own else []
     said += [f"{', '.join(bare)} {'is' if len(bare) == 1 else 'are'} not judged: {UNCOMPARED}"] if bare else []
     if others:
-        named = ", ".join(others[:NAMED]) + (f" and {len(others) - NAMED} more" if len(others) > NAMED else "")
         said.append(
-            f"{named} {'is' if len(others) == 1 else 'are'} not judged: a run with {found.run.joint_model} joints is"
-            " judged on other signals"
+            f"{_listed(others)} {'is' if len(others) == 1 else 'are'} not judged: a run with"
+            f" {found.run.joint_model} joints is judged on other signals"
         )
     return said
+
+
+def _listed(names: Sequence[str]) -> str:
+    """The first of some names, and how many more there are."""
+    return ", ".join(names[:NAMED]) + (f" and {len(names) - NAMED} more" if len(names) > NAMED else "")
 
 
 def _held_by(signal: Signal, judged: Collection[str]) -> list[str]:

@@ -318,6 +318,22 @@ def test_columns_that_nothing_is_held_against_are_said(tmp_path: Path) -> None:
     )
 
 
+def test_cells_without_a_number_are_one_sentence_of_all_columns(tmp_path: Path) -> None:
+    columns = turning(degrees=10.0)
+    forces = [name for name in columns if name.startswith(("reaction", "drive_torque"))]
+    for name in forces:
+        columns[name] = columns[name].copy()
+        columns[name][[3, 8]] = np.nan
+    result = lc.check(written(tmp_path / "gaps.csv", columns), FOUR_BAR)
+    first, rows = ", ".join(name.split()[0] for name in forces[:4]), columns["time [s]"].size
+    assert remarks(result) == [
+        f"gaps: {first} and {len(forces) - 4} more are absent in 2 of {rows} rows, which are left out"
+    ]
+    columns[forces[0]][5] = np.nan
+    (told,) = remarks(lc.check(written(tmp_path / "gaps.csv", columns), FOUR_BAR))
+    assert f"are absent in 2 to 3 of {rows} rows" in told
+
+
 @pytest.mark.parametrize("given", [{}, [], 3, None, {"": "a.csv"}, {"x": 3}], ids=str)
 def test_results_that_are_no_files_are_one_sentence(given: Any) -> None:
     with pytest.raises(ArgumentError) as said:
@@ -508,9 +524,24 @@ def test_a_crank_that_turns_evenly_needs_its_angle_or_its_time(tmp_path: Path, l
     columns = {name: values for name, values in turning().items() if name != left_out}
     result = lc.check(written(tmp_path / "even.csv", columns), FOUR_BAR)
     assert result.verdict == "agrees"
-    assert all(text.startswith("left out: ") for text in result.warnings)
+    begins = (
+        "even: does not say where its crank is; at time 0 it is taken to be at 0 deg, where the linkage is assembled"
+    )
+    assert remarks(result) == [begins] * (left_out == "crank_angle [deg]")
     assert max(worst(result, "even").values()) < 1e-9
     assert not result.over_time
+
+
+def test_where_a_crank_is_taken_to_begin_is_said_of_a_clock_that_is_late(tmp_path: Path) -> None:
+    """A clock 0.05 s late, at 2 rad/s from 0.5 rad: every signal is off, as the crank is not where it is assembled."""
+    m = ARM.replace(name="turning", drive={"joint": "O", "speed": 2.0}, assembly={"pendulum": 0.5})
+    time = np.linspace(0.0, 3.0, 200)
+    columns = pendulum(time, 0.5 + 2.0 * (time - 0.05), np.full(200, 2.0), np.zeros(200))
+    del columns["crank_angle [rad]"], columns["pendulum_angular_velocity [rad/s]"]
+    result = lc.check(written(tmp_path / "late.csv", columns), m)
+    assert {d.verdict for d in result.run("late").discrepancies} == {"disagrees"}
+    says = "late: does not say where its crank is; at time 0 it is taken to be at 28.65 deg, where the linkage"
+    assert f"{says} is assembled" in result.warnings
 
 
 def test_a_crank_that_does_not_turn_as_its_drive_says_is_followed_and_that_is_said(tmp_path: Path) -> None:
