@@ -20,7 +20,7 @@ from analytic.mechanism.columns import PLAIN, Layout, read_map
 from analytic.mechanism.errors import quoted
 from analytic.mechanism.one_line import shown
 from analytic.mechanism.signals import Signal, driving, named
-from analytic.mechanism.units import dimension
+from analytic.mechanism.units import dimension, factor
 from analytic.paper.clearance import MODELS, Model
 from compare.arguments import (
     Linkage,
@@ -61,6 +61,7 @@ from compare.judge.signals import UNITS
 from compare.left_out import Asked, omitted
 from compare.progress import Progress, progress_bar
 from compare.recorded.errors import DataError
+from compare.recorded.headings import Column
 from compare.recorded.motion import (
     LEAST,
     Followed,
@@ -70,7 +71,7 @@ from compare.recorded.motion import (
     evenly,
     released_from,
 )
-from compare.recorded.readings import Reading
+from compare.recorded.readings import Reading, line, otherwise
 from compare.recorded.recording import Recording, recording
 from compare.recorded.rounding import rounding
 from compare.recorded.table import Table, read_table, unused
@@ -543,12 +544,25 @@ def _units(one: Recording, side: Reference, judged: Judged) -> list[str]:
         told = looks(kind, column.unit, model, recorded)
         if told is not None:
             slope, what = told
-            remedy = f", but is read in {column.unit}; say its unit in its heading, or in a map"
-            if what == REVERSED:
-                body = " or is the force on the other body" if kind == "force" else ""
-                remedy = f"{body}; say sign = -1 in a map"
-            found.append(f"{one.name}: {name} is {slope:.4g} times the analytic side's: it looks {what}{remedy}")
+            looked = _remedy(one.table, column, what)
+            found.append(f"{one.name}: {name} is {slope:.4g} times the analytic side's: it looks {looked}")
     return found
+
+
+def _remedy(table: Table, column: Column, what: str) -> str:
+    """What a column looks, and the line of a map that mends it."""
+    how, *words = what.split()
+    if what == REVERSED:
+        what += " or is the force on the other body" * (column.signal.kind == "reaction")
+        meant = otherwise(column, column.unit, -1)
+    else:
+        what += f", but is read in {column.unit}"
+        meant = (
+            otherwise(column, words[0])
+            if how == "in"
+            else otherwise(column, column.unit, scale=1 / factor(words[1], dimension(column.signal)))
+        )
+    return f"{what}: say {line(table, meant)} under [columns] of a map"
 
 
 # ---------------------------------------------------------------- engines beside

@@ -160,21 +160,38 @@ def test_a_wrong_torque_is_found_in_a_file_of_three_digits(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("column", "factor", "heading", "says"),
     [
-        ("drive_torque [N.m]", 1e3, "", "1000 times the analytic side's: it looks in N.mm, but is read in N.m; say"),
-        ("drive_torque [N.m]", -1.0, "", "it looks of the other sign; say sign = -1 in a map"),
+        ("drive_torque [N.m]", 1e3, "", "1000 times the analytic side's: it looks in N.mm, but is read in N.m: say"),
+        ("drive_torque [N.m]", -1.0, "", "it looks of the other sign: say"),
         ("reaction_B_x [N]", -1.0, "", "it looks of the other sign or is the force on the other body"),
         ("reaction_B_x [N]", 1.0, "reaction_B_x [kN]", "it looks in N, but is read in kN"),
         ("reaction_B_x [N]", 1e-3, "", "it looks in kN, but is read in N"),
         ("coupler_x [mm]", 1e-3, "", "it looks in m, but is read in mm"),
         ("follower_x [mm]", 1.0, "follower_x [m]", "it looks in mm, but is read in m"),
+        ("follower_angle [rad]", np.pi / 180, "", "it looks converted from deg twice, but is read in rad"),
     ],
 )
-def test_a_column_in_another_unit_is_told(tmp_path: Path, column: str, factor: float, heading: str, says: str) -> None:
+def test_a_column_in_another_unit_is_told_with_the_line_that_mends_it(
+    tmp_path: Path, column: str, factor: float, heading: str, says: str
+) -> None:
     columns = turning(degrees=10.0)
     columns[heading or column] = factor * columns.pop(column)
-    result = lc.check(written(tmp_path / "odd.csv", columns), FOUR_BAR)
+    path = written(tmp_path / "odd.csv", columns)
+    result = lc.check(path, FOUR_BAR)
     assert result.verdict == "disagrees"
-    assert [text for text in result.warnings if says in text], result.warnings
+    (told,) = [text for text in result.warnings if says in text]
+    mended = tmp_path / "columns.toml"
+    mended.write_text(f"[columns]\n{told.partition(': say ')[2].removesuffix(' under [columns] of a map')}\n")
+    assert lc.check(path, FOUR_BAR, map=mended).verdict == "agrees"
+
+
+def test_the_line_of_a_map_keeps_what_the_map_said_of_the_column(tmp_path: Path) -> None:
+    columns = turning(degrees=10.0)
+    columns["T"] = -(columns.pop("drive_torque [N.m]") - 0.25) / 2
+    entry = '"T" = {{ signal = "drive_torque", unit = "N.m", scale = 2.0, offset = {}, sign = {} }}'
+    (tmp_path / "wrong.toml").write_text(f"[columns]\n{entry.format(-0.25, 1)}\n")
+    path = written(tmp_path / "odd.csv", columns)
+    (told,) = remarks(lc.check(path, FOUR_BAR, map=tmp_path / "wrong.toml"))
+    assert 'say "T" = { signal = "drive_torque", unit = "N.m", scale = 2, offset = 0.25, sign = -1 } under' in told
 
 
 OTHERWISE = {  # a clock or a crank that is not what its heading says: column, factor, heading, what a map has to say
