@@ -400,7 +400,11 @@ def rigidly_and_evenly_driven(mechanism: Mechanism) -> Mechanism:
     if not mechanism.cranked:
         return mechanism
     drive = mechanism.drive
-    fields = (("stiffness", "are rigid", None), ("ripple", "turn evenly", None), ("half_gap", "have no backlash", 0.0))
+    fields = (
+        ("stiffness", "have a rigid drive", None),
+        ("ripple", "turn evenly", None),
+        ("half_gap", "have no backlash", 0.0),
+    )
     for field, checks, none in fields:
         if drive is not None and getattr(drive, field) != none:
             warnings.warn(f"{mechanism.name}: cross-checks {checks}; drive.{field} is left out", stacklevel=3)

@@ -20,7 +20,7 @@ from analytic.mechanism.columns import PLAIN, Layout, read_map
 from analytic.mechanism.errors import quoted
 from analytic.mechanism.one_line import shown
 from analytic.mechanism.signals import Signal, driving, named
-from analytic.mechanism.units import dimension
+from analytic.mechanism.units import dimension, factor
 from analytic.paper.clearance import MODELS, Model
 from compare.arguments import (
     Linkage,
@@ -61,6 +61,7 @@ from compare.judge.signals import UNITS
 from compare.left_out import Asked, omitted
 from compare.progress import Progress, progress_bar
 from compare.recorded.errors import DataError
+from compare.recorded.headings import Column
 from compare.recorded.motion import (
     LEAST,
     Followed,
@@ -70,7 +71,7 @@ from compare.recorded.motion import (
     evenly,
     released_from,
 )
-from compare.recorded.readings import Reading
+from compare.recorded.readings import Reading, line, otherwise
 from compare.recorded.recording import Recording, recording
 from compare.recorded.rounding import rounding
 from compare.recorded.table import Table, read_table, unused
@@ -81,7 +82,7 @@ from sim_models.engine import JOINT_MODELS, MOTIONS, JointModel, Motion, Request
 Results = str | PathLike[str] | Sequence[str | PathLike[str]] | Mapping[str, str | PathLike[str]]
 """A file of results, several, or several by the name of the program that wrote each."""
 
-NAMED = 4  # columns that are not judged, by name
+NAMED = 4  # columns of which something is said, by name
 YIELDING = ("contact", "spring-damper")  # whose walls give: no table says how much, and theirs are taken as ours
 COARSE = 0.5  # of what a signal may differ by: where the course leaves it open by more, that is said
 
@@ -221,20 +222,36 @@ def _warnings(mechanism: Mechanism, recordings: Sequence[Recording]) -> list[str
         if one.kind == "released" and f"{mechanism.driven}_angle" not in one.table.values:
             found.append(f"{one.name}: does not say where the linkage begins; it is let go at rest, as it is assembled")
         if one.kind == "course" and mechanism.speed is not None:
-            turning = _turning(one, mechanism.speed)
+            turning = _turning(one, mechanism, mechanism.speed)
             found.append(f"{one.name}: {turning}; its recorded course is followed, and drive.speed left out")
-        for signal, values in one.table.values.items():
-            absent = int(np.sum(np.isnan(values)))
-            if absent:
-                found.append(f"{one.name}: {signal} is absent in {absent} of {values.size} rows, which are left out")
+        if one.kind == "angles" and one.table.time.size and encoder_of(mechanism) not in one.table.values:
+            where = f"{np.degrees(mechanism.assembly[mechanism.driven]):.4g} deg"
+            found.append(
+                f"{one.name}: does not say where its crank is; at time 0 it is taken to be at {where}, where the"
+                " linkage is assembled"
+            )
+        found += _absent(one)
     return found
 
 
-def _turning(one: Recording, speed: float) -> str:
+def _absent(one: Recording) -> list[str]:
+    """A sentence on cells without a number, if there are any."""
+    absent = {signal: int(np.sum(np.isnan(values))) for signal, values in one.table.values.items()}
+    absent = {signal: cells for signal, cells in absent.items() if cells}
+    if not absent:
+        return []
+    low, high = min(absent.values()), max(absent.values())
+    cells = f"{low} to {high}" if low < high else f"{low}"
+    rows = next(iter(one.table.values.values())).size
+    are = "is" if len(absent) == 1 else "are"
+    return [f"{one.name}: {_listed(list(absent))} {are} absent in {cells} of {rows} rows, which are left out"]
+
+
+def _turning(one: Recording, mechanism: Mechanism, speed: float) -> str:
     """How a crank turns that does not turn evenly at the drive's speed."""
-    assert isinstance(one.moved, Followed)
     own = float(np.ptp(one.theta[[0, -1]]) / np.ptp(one.table.time)) * float(np.sign(one.theta[-1] - one.theta[0]))
-    steady = evenly(one.table.time, one.theta, own, SURE * one.moved.errors.theta, np.zeros(1))
+    rounded, late = one.table.rounding(encoder_of(mechanism)), rounding(one.table.time)
+    steady = evenly(one.table.time, one.theta, own, rounded, late)
     if steady is None:
         return f"its crank does not turn evenly at drive.speed = {speed:g} rad/s"
     return f"its crank turns evenly, but at {own:.5g} rad/s where drive.speed = {speed:g}"
@@ -435,12 +452,16 @@ def _not_judged(one: Recording, side: Reference, found: Judged, mechanism: Mecha
     said = [f"{' and '.join(own)} {'is' if len(own) == 1 else 'are'} not judged: {why}"] if own else []
     said += [f"{', '.join(bare)} {'is' if len(bare) == 1 else 'are'} not judged: {UNCOMPARED}"] if bare else []
     if others:
-        named = ", ".join(others[:NAMED]) + (f" and {len(others) - NAMED} more" if len(others) > NAMED else "")
         said.append(
-            f"{named} {'is' if len(others) == 1 else 'are'} not judged: a run with {found.run.joint_model} joints is"
-            " judged on other signals"
+            f"{_listed(others)} {'is' if len(others) == 1 else 'are'} not judged: a run with"
+            f" {found.run.joint_model} joints is judged on other signals"
         )
     return said
+
+
+def _listed(names: Sequence[str]) -> str:
+    """The first of some names, and how many more there are."""
+    return ", ".join(names[:NAMED]) + (f" and {len(names) - NAMED} more" if len(names) > NAMED else "")
 
 
 def _held_by(signal: Signal, judged: Collection[str]) -> list[str]:
@@ -524,12 +545,25 @@ def _units(one: Recording, side: Reference, judged: Judged) -> list[str]:
         told = looks(kind, column.unit, model, recorded)
         if told is not None:
             slope, what = told
-            remedy = f", but is read in {column.unit}; say its unit in its heading, or in a map"
-            if what == REVERSED:
-                body = " or is the force on the other body" if kind == "force" else ""
-                remedy = f"{body}; say sign = -1 in a map"
-            found.append(f"{one.name}: {name} is {slope:.4g} times the analytic side's: it looks {what}{remedy}")
+            looked = _remedy(one.table, column, what)
+            found.append(f"{one.name}: {name} is {slope:.4g} times the analytic side's: it looks {looked}")
     return found
+
+
+def _remedy(table: Table, column: Column, what: str) -> str:
+    """What a column looks, and the line of a map that mends it."""
+    how, *words = what.split()
+    if what == REVERSED:
+        what += " or is the force on the other body" * (column.signal.kind == "reaction")
+        meant = otherwise(column, column.unit, -1)
+    else:
+        what += f", but is read in {column.unit}"
+        meant = (
+            otherwise(column, words[0])
+            if how == "in"
+            else otherwise(column, column.unit, scale=1 / factor(words[1], dimension(column.signal)))
+        )
+    return f"{what}: say {line(table, meant)} under [columns] of a map"
 
 
 # ---------------------------------------------------------------- engines beside

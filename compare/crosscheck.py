@@ -18,6 +18,7 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
 from analytic.mechanism.assumed import Assumed, assumed
+from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal
 from analytic.paper.clearance import MODELS, Model
 from analytic.paper.printed import printed_figures
@@ -701,8 +702,8 @@ def _their_own(runs: Sequence[Run]) -> Iterator[str]:
                 f"in steps of {step:g} s with {run.settings['integrator']}, ",
                 "a tenth of its timestep and solref",
             )
-        acts = [f"{run.settings[what]} {what}" for what in ("contacts", "limits") if what in run.settings]
-        own = f"with {' and '.join(acts)} of the file that act, " if acts else ""
+        acts = [count(str(run.settings[what]), what[:-1]) for what in ("contacts", "limits") if what in run.settings]
+        own = f"with {' and '.join(acts)} of the file acting, " if acts else ""
         loops = f"its loops open by up to {1e3 * opened:.2g} mm" if opened else "no loop opens"
         yield (
             f"{run.title}: it runs as its file says, {own}{how}and {loops}; before a mass or a length is blamed, try"

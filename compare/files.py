@@ -67,16 +67,16 @@ def check_replaceable(
     ``same``; where it is not, none of the ``names`` that are to stand beside it may be there.  ``option`` and
     ``remedy`` are for the message.
     """
+    an = "an" if file[0] in "aeiou" else "a"
     if not os.path.lexists(folder / file):
         there = next((name for name in names if os.path.lexists(folder / name)), None)
         if there is not None:
-            raise OutputError(f"{option} {folder}: there is another {there}, without a {file} beside it; {remedy}")
+            raise OutputError(f"{option} {folder}: there is another {there}, without {an} {file} beside it; {remedy}")
         return
     made_by = _made_by(folder / file)
     if same(made_by):
         return
     if made_by is None:
-        an = "an" if file[0] in "aeiou" else "a"
         raise OutputError(f"{option} {folder}: there is {an} {file} that does not say which command made it; {remedy}")
     said = "".join(c if c.isprintable() else "?" for c in made_by[:200]) or "none: it is of Python"
     raise OutputError(f"{option} {folder}: its {file} is of another command ({said}); {remedy}")

@@ -126,6 +126,30 @@ def test_a_crank_of_few_counts_is_where_its_time_says_and_that_is_said(tmp_path:
     assert max(off for signal, off in worst(result, "coarse").items() if signal != "crank_angle") < 2e-3
 
 
+@pytest.mark.parametrize("step", [5.0, 7.5, 10.0, np.degrees(0.1)])
+def test_a_crank_of_steps_beyond_a_sample_s_turn_is_where_its_time_says(tmp_path: Path, step: float) -> None:
+    """Samples of a clock, 4 deg apart: none of these angles is as the time says, and none was chosen."""
+    columns = turning(degrees=4.0)
+    exact = np.degrees(FOUR_BAR.speed or 1.0) * columns["time [s]"]
+    columns["crank_angle [deg]"] = step * np.round(exact / step)
+    result = lc.check(written(tmp_path / "coarse.csv", columns), FOUR_BAR)
+    run = result.run("coarse")
+    assert "disagrees" not in {d.verdict for d in run.discrepancies}
+    assert np.allclose(np.degrees(run.crank_angle), exact, atol=0.1 * step)  # nearer than half of a step
+    assert "acceleration_known_to" not in run.settings
+    assert any("coarse: its crank's angles are rounded, by up to " in text for text in result.warnings)
+    assert not any("evenly" in text for text in remarks(result))
+
+
+def test_a_crank_of_steps_beyond_a_sample_s_turn_that_turns_unevenly_is_followed(tmp_path: Path) -> None:
+    """A swing of 20 deg about an even turning is no rounding to 5 deg."""
+    columns = turning(degrees=4.0)
+    swinging = columns["crank_angle [deg]"] + 20 * np.sin(np.radians(columns["crank_angle [deg]"]))
+    columns["crank_angle [deg]"] = 5 * np.round(swinging / 5)
+    warnings = lc.check(written(tmp_path / "coarse.csv", columns), FOUR_BAR).warnings
+    assert any("does not turn evenly at drive.speed" in text for text in warnings)
+
+
 def test_a_wrong_torque_is_found_in_a_file_of_three_digits(tmp_path: Path) -> None:
     columns = turning()
     columns["drive_torque [N.m]"] = 1.05 * columns["drive_torque [N.m]"]
@@ -136,21 +160,38 @@ def test_a_wrong_torque_is_found_in_a_file_of_three_digits(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("column", "factor", "heading", "says"),
     [
-        ("drive_torque [N.m]", 1e3, "", "1000 times the analytic side's: it looks in N.mm, but is read in N.m; say"),
-        ("drive_torque [N.m]", -1.0, "", "it looks of the other sign; say sign = -1 in a map"),
+        ("drive_torque [N.m]", 1e3, "", "1000 times the analytic side's: it looks in N.mm, but is read in N.m: say"),
+        ("drive_torque [N.m]", -1.0, "", "it looks of the other sign: say"),
         ("reaction_B_x [N]", -1.0, "", "it looks of the other sign or is the force on the other body"),
         ("reaction_B_x [N]", 1.0, "reaction_B_x [kN]", "it looks in N, but is read in kN"),
         ("reaction_B_x [N]", 1e-3, "", "it looks in kN, but is read in N"),
         ("coupler_x [mm]", 1e-3, "", "it looks in m, but is read in mm"),
         ("follower_x [mm]", 1.0, "follower_x [m]", "it looks in mm, but is read in m"),
+        ("follower_angle [rad]", np.pi / 180, "", "it looks converted from deg twice, but is read in rad"),
     ],
 )
-def test_a_column_in_another_unit_is_told(tmp_path: Path, column: str, factor: float, heading: str, says: str) -> None:
+def test_a_column_in_another_unit_is_told_with_the_line_that_mends_it(
+    tmp_path: Path, column: str, factor: float, heading: str, says: str
+) -> None:
     columns = turning(degrees=10.0)
     columns[heading or column] = factor * columns.pop(column)
-    result = lc.check(written(tmp_path / "odd.csv", columns), FOUR_BAR)
+    path = written(tmp_path / "odd.csv", columns)
+    result = lc.check(path, FOUR_BAR)
     assert result.verdict == "disagrees"
-    assert [text for text in result.warnings if says in text], result.warnings
+    (told,) = [text for text in result.warnings if says in text]
+    mended = tmp_path / "columns.toml"
+    mended.write_text(f"[columns]\n{told.partition(': say ')[2].removesuffix(' under [columns] of a map')}\n")
+    assert lc.check(path, FOUR_BAR, map=mended).verdict == "agrees"
+
+
+def test_the_line_of_a_map_keeps_what_the_map_said_of_the_column(tmp_path: Path) -> None:
+    columns = turning(degrees=10.0)
+    columns["T"] = -(columns.pop("drive_torque [N.m]") - 0.25) / 2
+    entry = '"T" = {{ signal = "drive_torque", unit = "N.m", scale = 2.0, offset = {}, sign = {} }}'
+    (tmp_path / "wrong.toml").write_text(f"[columns]\n{entry.format(-0.25, 1)}\n")
+    path = written(tmp_path / "odd.csv", columns)
+    (told,) = remarks(lc.check(path, FOUR_BAR, map=tmp_path / "wrong.toml"))
+    assert 'say "T" = { signal = "drive_torque", unit = "N.m", scale = 2, offset = 0.25, sign = -1 } under' in told
 
 
 OTHERWISE = {  # a clock or a crank that is not what its heading says: column, factor, heading, what a map has to say
@@ -292,6 +333,22 @@ def test_columns_that_nothing_is_held_against_are_said(tmp_path: Path) -> None:
         "more: position_A, position_B, position_E, clearance_B_x and 1 more are not judged: a run with ideal joints is"
         " judged on other signals"
     )
+
+
+def test_cells_without_a_number_are_one_sentence_of_all_columns(tmp_path: Path) -> None:
+    columns = turning(degrees=10.0)
+    forces = [name for name in columns if name.startswith(("reaction", "drive_torque"))]
+    for name in forces:
+        columns[name] = columns[name].copy()
+        columns[name][[3, 8]] = np.nan
+    result = lc.check(written(tmp_path / "gaps.csv", columns), FOUR_BAR)
+    first, rows = ", ".join(name.split()[0] for name in forces[:4]), columns["time [s]"].size
+    assert remarks(result) == [
+        f"gaps: {first} and {len(forces) - 4} more are absent in 2 of {rows} rows, which are left out"
+    ]
+    columns[forces[0]][5] = np.nan
+    (told,) = remarks(lc.check(written(tmp_path / "gaps.csv", columns), FOUR_BAR))
+    assert f"are absent in 2 to 3 of {rows} rows" in told
 
 
 @pytest.mark.parametrize("given", [{}, [], 3, None, {"": "a.csv"}, {"x": 3}], ids=str)
@@ -484,9 +541,24 @@ def test_a_crank_that_turns_evenly_needs_its_angle_or_its_time(tmp_path: Path, l
     columns = {name: values for name, values in turning().items() if name != left_out}
     result = lc.check(written(tmp_path / "even.csv", columns), FOUR_BAR)
     assert result.verdict == "agrees"
-    assert all(text.startswith("left out: ") for text in result.warnings)
+    begins = (
+        "even: does not say where its crank is; at time 0 it is taken to be at 0 deg, where the linkage is assembled"
+    )
+    assert remarks(result) == [begins] * (left_out == "crank_angle [deg]")
     assert max(worst(result, "even").values()) < 1e-9
     assert not result.over_time
+
+
+def test_where_a_crank_is_taken_to_begin_is_said_of_a_clock_that_is_late(tmp_path: Path) -> None:
+    """A clock 0.05 s late, at 2 rad/s from 0.5 rad: every signal is off, as the crank is not where it is assembled."""
+    m = ARM.replace(name="turning", drive={"joint": "O", "speed": 2.0}, assembly={"pendulum": 0.5})
+    time = np.linspace(0.0, 3.0, 200)
+    columns = pendulum(time, 0.5 + 2.0 * (time - 0.05), np.full(200, 2.0), np.zeros(200))
+    del columns["crank_angle [rad]"], columns["pendulum_angular_velocity [rad/s]"]
+    result = lc.check(written(tmp_path / "late.csv", columns), m)
+    assert {d.verdict for d in result.run("late").discrepancies} == {"disagrees"}
+    says = "late: does not say where its crank is; at time 0 it is taken to be at 28.65 deg, where the linkage"
+    assert f"{says} is assembled" in result.warnings
 
 
 def test_a_crank_that_does_not_turn_as_its_drive_says_is_followed_and_that_is_said(tmp_path: Path) -> None:

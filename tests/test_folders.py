@@ -233,11 +233,11 @@ def test_an_export_replaces_its_own_files_and_no_others(compare: Any, tmp_path: 
 def test_the_signals_of_a_report_are_not_replaced_by_those_of_one_side(compare: Any, tmp_path: Path) -> None:
     assert compare(f"{QUICK} --out here")[0] == 0
     before = contents(tmp_path / "here")
-    for line, file in (("analyse", "analysis.json"), ("simulate", "simulation.json")):
+    for line, file in (("analyse", "an analysis.json"), ("simulate", "a simulation.json")):
         status, said = compare(f"compare {line} --motion static --out here")
         assert (status, said) == (
             2,
-            f"compare: --out here: there is another signals.csv, without a {file} beside it; choose another folder with"
+            f"compare: --out here: there is another signals.csv, without {file} beside it; choose another folder with"
             " --out, or add --overwrite\n",
         )
         assert contents(tmp_path / "here") == before

@@ -138,7 +138,9 @@ def edited(old: str, new: str) -> str:
         (PAPER.replace('name = "paper"', 'name = ""'), ["name = ''", "one line of text"]),
         (PAPER.replace('name = "paper"', 'name = "pa\\u0007per"'), ["name = ", "can be printed"]),
         (PAPER + "\n[[joint", ["cannot be read as TOML"]),
+        ("gravity = 9.81\n" + PAPER, ["gravity = 9.81", "[x, y] in m/s^2"]),
         (INVERTED_SLIDER.replace("axis = [3.0, 1.0]", "axis = [0.0, 0.0]"), ["joint 'S'", "axis"]),
+        (INVERTED_SLIDER.replace("axis = [3.0, 1.0]", "axis = 3.0"), ["joint[S].axis = 3.0", "a list, in brackets"]),
         (
             INVERTED_SLIDER.replace("axis = [3.0, 1.0]", "axis = [1.0, 0.0]\nclearance = 1e-4"),
             ["joint 'S'", "clearance"],

@@ -389,6 +389,15 @@ def test_contacts_are_counted_in_motion_and_refused_at_rest(tmp_path: Path) -> N
     assert "contype" in said
 
 
+def test_one_limit_that_acts_is_one(tmp_path: Path) -> None:
+    text = with_option(PLAIN, WEIGHTLESS).replace('name="E" axis="0 0 1"', 'name="E" axis="0 0 1" range="-10 200"')
+    result = lc.crosscheck(by_hand(), f"mjcf:{written(tmp_path, {'': text})}", angles=ANGLES)
+    assert result.runs[0].settings["limits"] == 1
+    assert any(
+        "runs as its file says, with 1 limit of the file acting, in steps of" in said for said in result.warnings
+    )
+
+
 def test_too_many_steps_are_refused_before_they_are_taken(tmp_path: Path) -> None:
     text = PLAIN.replace("<worldbody>", '<option timestep="1e-9"/><worldbody>')
     with pytest.raises(SimulationError, match="would take"):

@@ -750,7 +750,7 @@ def test_a_map_takes_the_drive_as_rigid_and_says_so(tmp_path: Path) -> None:
     arguments = ["--joint", "massless-link", "--speeds", "15", "--clearances", "1e-4", "--workers", "1", "--out", "o"]
     done = validity("--case", "mine.toml", *arguments, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert "drive.stiffness is left out" in done.stderr
+    assert "cross-checks have a rigid drive; drive.stiffness is left out" in done.stderr
     found = json.loads((tmp_path / "o" / "validity.json").read_text(encoding="utf-8"))
     assert [cell["verdict"] for cell in found["cells"]] == ["agrees"]
     assert "stiffness" not in found["mechanism"]["drive"]

@@ -15,6 +15,7 @@ from analytic.errors import Error
 FAULTS = 5  # of a file that a message names
 LONGEST = 100  # characters of a name or a value that a message quotes
 KIND = re.compile(r"[A-Z][A-Za-z]+|literal\[.*\]")  # a model's name, or the words that a field may be
+VECTORS = {"gravity": "m/s^2", "force": "N", "com": "m", "marker": "m"}  # their units
 _SHORT = reprlib.Repr()
 _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = LONGEST
 
@@ -73,6 +74,9 @@ def _asked(fault: Any) -> str:
     if fault["type"] in limits:
         key, words = limits[fault["type"]]
         return f"Input should be {words} than or equal to {fault['ctx'][key]:g}"
+    if fault["type"] == "tuple_type":
+        field = "com" if "points" in fault["loc"][:-1] else fault["loc"][-1]
+        return f"Input should be {f'[x, y] in {VECTORS[field]}' if field in VECTORS else 'a list, in brackets'}"
     if fault["type"] in ("dict_type", "mapping_type", "model_type"):
         return "Input should be a table"
     if fault["type"] == "too_long" and fault["ctx"].get("field_type") == "Tuple":

@@ -18,7 +18,7 @@ from compare.judge.reference import SURE
 from sim_models.engine import JointModel, Motion, Request
 
 STRAIGHT = 1e-6  # rad: a crank that is off an even turning by no more turns evenly
-COARSEST = 0.02  # rad, half of the step of an encoder: angles farther apart are chosen, not rounded
+COARSEST = 0.02  # rad, half of the step of an encoder: of rows at uneven times angles farther apart are chosen
 SPEED = 1e-5  # relative: so near is a speed the drive's own
 FINER = 4  # knots of a course that an engine follows, to a sample
 KNOTS = 500  # at least
@@ -87,6 +87,17 @@ class Start:
     errors: tuple[float, float] = (0.0, 0.0)
 
 
+def off_by(time: np.ndarray, rounded: np.ndarray, late: np.ndarray, rate: np.ndarray | float) -> np.ndarray:
+    """How far (N,) rad a crank's angles may be off that are ``rounded`` by so much, at times (N,) s ``late`` by
+    so much, where it turns at this rate (rad/s).
+
+    Rows at even times are a clock's: their angles are rounded however far apart they are.
+    """
+    off, steps = rounded + np.abs(rate) * late, np.diff(time)
+    clocked = np.allclose(steps, steps.mean(), rtol=STRAIGHT, atol=2 * float(late.max()))
+    return off if clocked else np.minimum(off, COARSEST)
+
+
 def encoder_of(mechanism: Mechanism) -> str:
     """The signal that says where the crank is, or the slide."""
     return mechanism.encoder.name
@@ -108,7 +119,7 @@ def followed(time: np.ndarray, angle: np.ndarray, rounded: np.ndarray) -> Follow
         noise = smoother.uncertainty(answers, smoother.sigma)
         apart = np.abs(coarser(time, order) - course(time, order))
         errors.append(maximum_filter1d(noise, NEIGHBOURS) + maximum_filter1d(apart, NEIGHBOURS) / SURE)
-    errors[0] = np.minimum(rounded, COARSEST) / SURE
+    errors[0] = rounded / SURE
     motor = Motor(course=course)
     return Followed(time, replace(motor.at(time), theta=angle), Turning(*errors), motor)
 
@@ -124,7 +135,7 @@ def followed_as_given(time: np.ndarray, position: np.ndarray, rounded: np.ndarra
         return smooth
     course, half = CubicSpline(time, position), np.unique(np.append(np.arange(0, time.size, 2), time.size - 1))
     coarser = CubicSpline(time[half], position[half])
-    step, errors = np.gradient(time), [np.minimum(rounded, COARSEST) / SURE]
+    step, errors = np.gradient(time), [rounded / SURE]
     for order, gain in enumerate(GAINS, 1):
         apart = np.abs(coarser(time, order) - course(time, order))
         errors.append(gain * rounded / math.sqrt(3.0) / step**order + maximum_filter1d(apart, NEIGHBOURS) / SURE)
@@ -146,7 +157,7 @@ def evenly(
     line = zero + slope * since
     off = float(np.abs(angle - line).max())
     known = float(rounded.max()), abs(slope) * float(late.max())
-    if off > STRAIGHT + 2 * min(sum(known), COARSEST):
+    if off > STRAIGHT + 2 * float(off_by(time, rounded, late, slope).max()):
         return None
     if abs(slope - speed) * float(since[-1]) > SPEED * abs(speed) * float(since[-1]) + 2 * off:
         return None

@@ -37,9 +37,7 @@ class Reading:
     @property
     def lines(self) -> str:
         """The same as a map has it."""
-        headings = (json.dumps(self.table.headings[c.place].strip(), ensure_ascii=False) for _, c in self.changes)
-        entries = (_entry(meant) for _, meant in self.changes)
-        return " and ".join(f"{heading} = {entry}" for heading, entry in zip(headings, entries, strict=True))
+        return " and ".join(line(self.table, meant) for _, meant in self.changes)
 
     def encoders(self, mechanism: Mechanism) -> Iterator[Reading]:
         """The same with an encoder in each other unit, and turning either way; of several one of them, or all alike."""
@@ -68,14 +66,23 @@ class Reading:
 def _meanings(column: Column, signs: Sequence[int]) -> Iterator[Change]:
     """A column in each other unit of its kind, with either of these signs."""
     kind = dimension(column.signal)
-    before = column.meaning or Meaning(signal=column.signal.name)
     for sign in signs:
         for unit in dict.fromkeys((column.unit, *OFFERED[kind])):
-            size = factor(unit, kind)
-            if sign == 1 and size == column.factor:
-                continue
-            update = {"unit": unit, "sign": sign * before.sign, "offset": sign * before.offset}
-            yield column, replace(column, unit=unit, factor=size, meaning=before.model_copy(update=update))
+            if sign == -1 or factor(unit, kind) != column.factor:
+                yield column, otherwise(column, unit, sign)
+
+
+def otherwise(column: Column, unit: str, sign: int = 1, scale: float = 1.0) -> Column:
+    """A column in this unit, times a sign and a scale."""
+    before = column.meaning or Meaning(signal=column.signal.name)
+    times = {"sign": sign * before.sign, "scale": scale * before.scale, "offset": sign * scale * before.offset}
+    meaning = before.model_copy(update={"unit": unit, **times})
+    return replace(column, unit=unit, factor=factor(unit, dimension(column.signal)), meaning=meaning)
+
+
+def line(table: Table, meant: Column) -> str:
+    """What a map says of a column that is meant so."""
+    return f"{json.dumps(table.headings[meant.place].strip(), ensure_ascii=False)} = {_entry(meant)}"
 
 
 def _words(read: Column, meant: Column) -> str:
@@ -94,4 +101,4 @@ def _entry(meant: Column) -> str:
     return f"{{ {', '.join(f'{name} = {value}' for name, value in fields.items())} }}"
 
 
-__all__ = ["Reading"]
+__all__ = ["Reading", "line", "otherwise"]

@@ -24,6 +24,7 @@ from compare.recorded.motion import (
     evenly,
     followed,
     followed_as_given,
+    off_by,
 )
 from compare.recorded.rounding import rounding
 from compare.recorded.table import Table
@@ -86,7 +87,7 @@ def recording(
     rounded, late = table.rounding(encoder), rounding(table.time)
     if mechanism.speed is not None and (turned := evenly(table.time, angle, mechanism.speed, rounded, late)):
         return Recording(name, file, table, "angles", turned[0], error=turned[1])
-    found = followed(table.time, angle, rounded + np.abs(np.gradient(angle, table.time)) * late)
+    found = followed(table.time, angle, off_by(table.time, rounded, late, np.gradient(angle, table.time)))
     return Recording(name, file, table, "course", found.moving.theta, found)
 
 
