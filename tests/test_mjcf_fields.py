@@ -462,6 +462,7 @@ def test_a_note_says_where_the_damper_and_armature_of_an_actuator_went(tmp_path:
         (where,) = (
             note for note in told if note.startswith(f"the {name} of actuator 'm' is part of that of joint 'E'")
         )
+        assert "of joint 'E'" in where
         assert where.endswith(f", {size} of it")
     (force,) = (note for note in told if OTHER in note)
     assert "; its force is left out" in force

@@ -259,8 +259,8 @@ class _Writer:
                 )
             else:
                 self.notes.append(
-                    f"{words} is neither the drive's nor a constant force on a site; its force is left out, and in a run"
-                    " of the file it acts with control 0"
+                    f"{words} is neither the drive's nor a constant force on a site; its force is left out, and in a"
+                    " run of the file it acts with control 0"
                 )
         if not found:
             self.notes.append("it has no loads")
