@@ -88,8 +88,8 @@ def exported(  # noqa: PLR0913 - what a person may ask, by name
     with noted() as warned:
         m = rigidly_and_evenly_driven(linkage(mechanism, clearance, large=flag(large, "large")))
         warn_of_friction(m, joint_model, motion)
-    warned += omitted(m, Asked.of_engines("export", m, motion, joint_model))
-    asked = request(m, joint_model, motion, angles, timed(Assembly(m), times, course, path))
+        warned += omitted(m, Asked.of_engines("export", m, motion, joint_model))
+        asked = request(m, joint_model, motion, angles, timed(Assembly(m), times, course, path))
     try:
         with tempfile.TemporaryDirectory() as draft:  # all of it is there before the first file is put in place
             texts = {file.name: file.read_text(encoding="utf-8") for file in chosen.export(asked, Path(draft))}

@@ -7,10 +7,10 @@ Drives are told of where they are looked at (:func:`compare.arguments.rigidly_an
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-from analytic.mechanism import Body, Joint, Mechanism
+from analytic.mechanism import Body, Drive, Joint, Load, Mechanism, Spring
 from analytic.mechanism.parts import Part
 from compare.results.sentences import enumerated
 from sim_models.engine import JOINT_MODELS, TOUCHING, JointModel, Motion
@@ -31,6 +31,7 @@ class Asked:
     joint_models: tuple[JointModel, ...] = ()
     bends: bool = False
     mapped: tuple[str, ...] = ()
+    sliding: tuple[str, ...] = ()  # bodies that never turn
 
     @classmethod
     def of_engines(
@@ -85,7 +86,17 @@ def _no_use_for_section(asked: Asked, part: Part) -> bool:
     """Neither bends the body, nor has it an inertia of its own that matters."""
     assert isinstance(part, Body)
     bends = asked.bends and part.youngs_modulus is not None
-    return not bends and (part.inertia is not None or asked.motion == "static")
+    return not bends and (part.inertia is not None or asked.motion == "static" or part.name in asked.sliding)
+
+
+def _sliding(mechanism: Mechanism, asked: Asked) -> tuple[str, ...]:
+    """The bodies that never turn: on blocks, one on another, that do not lean in their guides in any engine."""
+    ideal = set(asked.joint_models) <= {"ideal"}
+    held = [set(joint.bodies) for joint in mechanism.joints if joint.prismatic and (ideal or not _loose(asked, joint))]
+    found = {"ground"}
+    while more := [pair - found for pair in held if len(pair & found) == 1]:
+        found.update(*more)
+    return tuple(sorted(found - {"ground"}))
 
 
 OMISSIONS: tuple[Omission, ...] = (
@@ -98,7 +109,7 @@ OMISSIONS: tuple[Omission, ...] = (
     ),
     Omission(
         ("body.section",),
-        "the same, and a body without `youngs_modulus`, where its `inertia` is given or nothing moves",
+        "the same, and a body without `youngs_modulus`, where its `inertia` is given or does nothing",
         "only what bends, and an inertia that is not given, has a use for it",
         _no_use_for_section,
     ),
@@ -213,18 +224,48 @@ OMISSIONS: tuple[Omission, ...] = (
         "a map has no positions",
         lambda asked, part: asked.command == "validity",
     ),
+    Omission(
+        ("body.inertia",),
+        "a body on a block in a guide of the ground, or on a block of such a body, `ideal` or without `clearance`",
+        "it only slides",
+        lambda asked, part: isinstance(part, Body) and part.name in asked.sliding,
+    ),
+    Omission(
+        ("load.body", "load.point"),
+        "a load without `force` and `torque`",
+        "it has neither force nor torque",
+        lambda asked, part: isinstance(part, Load) and not any((*part.force, part.torque)),
+    ),
+    Omission(
+        ("spring.bodies", "spring.points", "spring.length"),
+        "a spring without `stiffness` and `damping`",
+        "it has neither stiffness nor damping",
+        lambda asked, part: isinstance(part, Spring) and not (part.stiffness or part.damping),
+    ),
+    Omission(
+        ("spring.length",),
+        "a spring without `stiffness`",
+        "it has no stiffness",
+        lambda asked, part: isinstance(part, Spring) and not part.stiffness,
+    ),
+    Omission(
+        ("drive.periodic_torque",),
+        "`accuracy` of a drive without `stiffness`",
+        "a stiff drive holds its joint whatever its torque",
+        lambda asked, part: asked.command == "accuracy" and isinstance(part, Drive) and part.stiffness is None,
+    ),
 )
 
 
 def omitted(mechanism: Mechanism, asked: Asked) -> list[str]:
     """What a question leaves out of a mechanism, a sentence for each reason; of a field the first one that holds."""
-    told: set[tuple[str, str]] = set()
+    asked, told = replace(asked, sliding=_sliding(mechanism, asked)), set[tuple[str, str]]()
     sentences = []
     for omission in OMISSIONS:
         by_parts: dict[str, list[str]] = {}  # fields by whose they are
         for field in omission.fields:
             kind, _, name = field.partition(".")
-            found = [whose for whose, part in _given(mechanism, kind, name) if omission.told(asked, part)]
+            found = dict.fromkeys(w for w, part in _given(mechanism, kind, name) if omission.told(asked, part))
             names = [whose for whose in found if (field, whose) not in told]
             told |= {(field, whose) for whose in names}
             if names:
@@ -237,14 +278,15 @@ def omitted(mechanism: Mechanism, asked: Asked) -> list[str]:
 
 def _given(mechanism: Mechanism, kind: str, field: str) -> Iterator[tuple[str, Part]]:
     """Each part of a kind to which a file gives this field, after its name."""
-    parts: dict[str, dict[str, Part]] = {
-        "body": dict(mechanism.moving),
-        "joint": {joint.name: joint for joint in mechanism.joints},
-        "spring": {" to ".join(".".join(end) for end in each.ends): each for each in mechanism.springs},
-        "drive": {drive.joint: drive for drive in mechanism.drives},
+    parts: dict[str, list[tuple[str, Part]]] = {
+        "body": list(mechanism.moving.items()),
+        "joint": [(joint.name, joint) for joint in mechanism.joints],
+        "spring": [(" to ".join(".".join(end) for end in each.ends), each) for each in mechanism.springs],
+        "load": [(f"{load.body}.{load.point}", load) for load in mechanism.loads],
+        "drive": [(drive.joint, drive) for drive in mechanism.drives],
     }
     *way, last = field.split(".")
-    for name, part in parts[kind].items():
+    for name, part in parts[kind]:
         owner: Any = part
         for step in way:
             owner = getattr(owner, step)
@@ -255,6 +297,6 @@ def _given(mechanism: Mechanism, kind: str, field: str) -> Iterator[tuple[str, P
 
 
 def _called(kind: str, names: Sequence[str]) -> str:
-    words = {"body": "", "joint": "joint", "spring": "the spring", "drive": "the drive"}
+    words = {"body": "", "joint": "joint", "spring": "the spring", "load": "the load", "drive": "the drive"}
     word = words[kind] + "s" * (len(names) > 1 and bool(words[kind]))
     return f"{word} {enumerated(names)}".strip()

@@ -265,3 +265,22 @@ CHANGES: dict[str, Change] = {
     "Spring.length": Change({"spring.0.length": 0.3}),
     "Spring.damping": Change({"spring.0.damping": 30.0}),
 }
+
+SLACK = {"load.0.force": None, "load.0.torque": 0.0}
+LIMP = {"spring.0.stiffness": 0.0, "spring.0.damping": None}
+IDLE: dict[str, Change] = {  # by what they change: fields of parts that can do nothing
+    "Load.body": Change({"load.0.body": "coupler"}, SLACK),
+    "Load.point": Change({"load.0.point": "D"}, SLACK),
+    "Spring.bodies": Change({"spring.0.bodies": ["ground", "rocker"], "spring.0.points": ["P", "C"]}, LIMP),
+    "Spring.points": Change({"spring.0.points": ["D", "P"]}, LIMP),
+    "Spring.length": Change({"spring.0.length": 0.3}, {"spring.0.stiffness": 0.0}),
+    "Body.inertia": Change({"body.block.inertia": 5.0}, {"joint.S.clearance": None}, SLIDER_CRANK),
+    "Body.section": Change(
+        {"body.block.section": [0.5, 0.5]},
+        {"joint.S.clearance": None, "body.block.inertia": None, "body.block.section": [0.01, 0.01]},
+        SLIDER_CRANK,
+    ),
+    "PeriodicTorque.amplitude": Change(
+        {"drive.periodic_torque.amplitude": 2.0}, {"drive.periodic_torque": COGGING["drive.periodic_torque"]}
+    ),
+}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -87,13 +88,18 @@ def test_bare_engine_gives_the_same_numbers(name: str, title: str, tmp_path: Pat
 
 
 @pytest.mark.mujoco
+@pytest.mark.filterwarnings("default:course.csv")
 def test_command_exports_along_a_course(tmp_path: Path) -> None:
     course = tmp_path / "course.csv"
-    rows = "".join(f"{t},{2.1 + t},{1.0 - t}\n" for t in np.linspace(0.0, 0.2, 9))
-    course.write_text(f"time [s],position_D [rad],position_E [rad]\n{rows}")
+    rows = "".join(f"{t},{2.1 + t},{1.0 - t},9\n" for t in np.linspace(0.0, 0.2, 9))
+    course.write_text(f"time [s],position_D [rad],position_E [rad],foo\n{rows}")
     asked = ["--case", "five-bar", "--simulator", "mujoco", "--course", str(course), "--times", "0:0.2:0.1"]
-    status, _, why = command(*asked, "--out", str(tmp_path / "out"))
+    status, said, why = command(*asked, "--out", str(tmp_path / "out"), "--json")
     assert status == 0, why
+    ignored = "course.csv: 'foo' is no signal of the linkage, and ignored"
+    assert ignored in why
+    assert ignored in json.loads(said)["warnings"]
+    assert ignored in (tmp_path / "out" / "run.py").read_text(encoding="utf-8")
     assert "ideal joints, driven: 3 samples" in bare(tmp_path / "out")
     found = table(tmp_path / "out" / "signals.csv")
     assert "crank_angle" not in found

@@ -22,13 +22,13 @@ from typer.testing import CliRunner
 
 import linkage_crosscheck as lc
 from analytic.errors import Error
-from analytic.mechanism import Body, Drive, Elasticity, Joint, Mechanism, Spring
+from analytic.mechanism import Body, Drive, Elasticity, Joint, Load, Mechanism, Spring
 from compare.cli.app import app
 from compare.crosscheck import crosscheck_job, question
 from compare.export import exported
 from compare.left_out import OMISSIONS, Asked, omitted
 from compare.platform import platform_accuracy
-from matrix_cases import CHANGES, FOUR_BAR, Change, fields, mechanism
+from matrix_cases import CHANGES, COGGING, FOUR_BAR, IDLE, SLIDER_CRANK, Change, fields, mechanism
 from sim_models.engine import ENGINES, JOINT_MODELS, MOTIONS, engine
 
 pytestmark = [
@@ -165,7 +165,7 @@ ASKED = {
 
 def numbers(document: Any) -> Numbers:
     """All numbers of a document by their place, but for settings and what it repeats of the question."""
-    asked = {"mechanism", "versions", "command", "warnings", "settings", "samples", "seed"}
+    asked = {"mechanism", "versions", "command", "warnings", "assumed", "settings", "samples", "seed"}
     return dict(_flat(document.model_dump(exclude=asked), ""))
 
 
@@ -308,6 +308,18 @@ def test_a_field_moves_the_result_or_is_named_by_the_analytic_side_and_mujoco(na
     held(name, quick(name))
 
 
+@pytest.mark.mujoco
+@pytest.mark.parametrize("name", IDLE)
+def test_a_field_that_can_do_nothing_in_this_linkage_is_named(name: str) -> None:
+    """A load or spring without force, an inertia of what never turns, and cogging of a stiff drive for accuracy."""
+    told = []
+    for cell in (Cell("analyse"), Cell("accuracy"), Cell("simulate", "driven", "ideal", "mujoco")):
+        first, second = asked_twice(cell, IDLE[name])
+        told.append(any(names_it(sentence, name) for sentence in second.sentences))
+        assert told[-1] == all(not moved(first.sides[side], second.sides[side]) for side in first.sides), str(cell)
+    assert any(told)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CHANGES)
 @pytest.mark.parametrize("simulator", [pytest.param(name, marks=getattr(pytest.mark, name)) for name in ENGINES])
@@ -334,7 +346,7 @@ def test_what_nobody_uses_is_not_taken_for_explained() -> None:
 
 
 def test_the_table_of_what_is_left_out_has_fields_that_there_are() -> None:
-    parts = {"body": Body, "joint": Joint, "spring": Spring, "drive": Drive}
+    parts = {"body": Body, "joint": Joint, "spring": Spring, "load": Load, "drive": Drive}
     for one in OMISSIONS:
         for kind, name, *within in (each.split(".") for each in one.fields):
             assert name in parts[kind].model_fields, one.fields
@@ -385,3 +397,18 @@ def test_a_zero_that_is_given_is_told_and_a_default_is_not() -> None:
     assert not any("nothing touches" in text for text in mapped)
     (elsewhere,) = (text for text in omitted(m, Asked("validity", mapped=("C",))) if "nothing touches" in text)
     assert elsewhere == "left out: restitution of joint B, as nothing touches without clearance"
+
+
+def test_what_acts_is_not_told_with_what_does_not() -> None:
+    """Of two loads at one point the one without force is told; a damper has no length; a block that leans, turns."""
+    m = mechanism(FOUR_BAR, {"load.1": {"body": "coupler", "torque": 0.0}, "spring.0.stiffness": 0.0})
+    assert omitted(m, Asked("analyse")) == [
+        "left out: body of the load coupler.com, as it has neither force nor torque",
+        "left out: length of the spring ground.P to coupler.P, as it has no stiffness",
+    ]
+    loose = mechanism(SLIDER_CRANK, {})
+    for joint_models, slides in ((("ideal",), True), (("ideal", "contact"), False)):
+        told = omitted(loose, Asked("simulate", joint_models=joint_models))
+        assert ("left out: inertia of block, as it only slides" in told) is slides
+    cogged = mechanism(FOUR_BAR, COGGING)
+    assert not any("periodic_torque" in text for text in omitted(cogged, Asked("accuracy", bends=True)))

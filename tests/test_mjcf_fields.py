@@ -452,6 +452,24 @@ def test_it_is_used_named_or_refused(what: str, tmp_path: Path) -> None:
         assert given == pytest.approx([torques(row.texts[1], row.speed)], rel=1e-6, abs=1e-9)
 
 
+def test_a_note_says_where_the_damper_and_armature_of_an_actuator_went(tmp_path: Path) -> None:
+    """An actuator that gives no force damps its joint, by its gear squared; only the force is left out."""
+    more = '<general name="m" joint="E" gear="2" gainprm="0" damping="0.05" armature="0.0005"/>'
+    found = imported(written(tmp_path, {"": linkage(more=more)}))
+    assert found.mechanism.joint("E").damping == pytest.approx(0.2, rel=1e-12)  # 0.05 N.m.s/rad, at twice the speed
+    told = [note for note in found.notes if "actuator 'm'" in note]
+    for name, size in (("damping", "0.2"), ("armature", "0.002")):
+        (where,) = (
+            note for note in told if note.startswith(f"the {name} of actuator 'm' is part of that of joint 'E'")
+        )
+        assert "of joint 'E'" in where
+        assert where.endswith(f", {size} of it")
+    (force,) = (note for note in told if OTHER in note)
+    assert "; its force is left out" in force
+    plain = imported(written(tmp_path, {"": linkage(more=more.replace('damping="0.05" armature="0.0005"', ""))}))
+    assert not any("is part of that of" in note for note in plain.notes)
+
+
 # ------------------------------------------------------------------ the file itself, run by MuJoCo
 
 UNREADABLE = ["air", "oil", "wind", "what actuators give in it", "one of a tendon", "glue", "a slider-crank's"]

@@ -324,6 +324,28 @@ def test_angles_of_a_course_a_path_and_recorded_results_may_be_told_in_any_turn(
     assert result.verdict == "agrees"
 
 
+def test_columns_of_a_course_or_a_path_that_nobody_uses_are_named(tmp_path: Path) -> None:
+    """A motor's torque, and a hinge that the drives turn, do not steer: they change nothing, and that is said."""
+    m, time = load("five-bar"), np.linspace(0.0, 0.6, 31)
+    own = {f"position_{name} [rad]": spline(time) for name, spline in splines(waved(m)).items()}
+    plain = lc.analyse(m, course=table(tmp_path / "plain.csv", {"time [s]": time, **own}))
+    poses = {f"{axis} [mm]": 1e3 * plain.signals[axis] for axis in ("left-arm_x", "left-arm_y")}
+    others = {name: np.full(time.size, 3.0) for name in ("foo", "drive_torque_D [N.m]", "position_A [rad]")}
+    steered = {"course": (own, "no position of a driven joint"), "path": (poses, "no x, y or angle of a body")}
+    for way, (columns, role) in steered.items():
+        file = table(tmp_path / f"{way}.csv", {"time [s]": time, **columns, **others})
+        bare = lc.analyse(m, **{way: table(tmp_path / "bare.csv", {"time [s]": time, **columns})})
+        with pytest.warns(UserWarning, match="and ignored"):
+            told = lc.analyse(m, **{way: file})
+        assert told.warnings == (
+            *bare.warnings,
+            f"{way}.csv: 'foo' is no signal of the linkage, and ignored",
+            f"{way}.csv: 'drive_torque_D [N.m]', 'position_A [rad]' are {role}, and ignored",
+        )
+        for signal, values in bare.signals.items():
+            np.testing.assert_array_equal(told.signals[signal], values, signal)
+
+
 def test_one_of_several_drives_may_be_held() -> None:
     m = load("five-bar")
     held = m.replace(drives=(m.drives[0], m.drives[1].model_copy(update={"speed": 0.0})))

@@ -53,7 +53,7 @@ def export(
     """
     with complaints(context):
         from analytic.mechanism.assumed import assumed
-        from compare.arguments import one_engine
+        from compare.arguments import noted, one_engine
         from compare.export import exported, used_in
         from compare.files import alone_in, made_folder, write_together
         from compare.judge.courses import parse_times
@@ -65,18 +65,19 @@ def export(
 
         mechanism, simulator = load_case(case, clearance, large=large), one_engine(simulator)
         with made_folder(out) as folder:
-            texts = exported(
-                mechanism,
-                simulator,
-                joint_model=joint.value,
-                motion=motion.value,
-                angles=parse_angles(angles) if angles is not None else None,
-                times=parse_times(times) if times is not None else None,
-                course=course,
-                path=path,
-                clearance=None,
-                large=large,
-            )
+            with noted() as warned:
+                texts = exported(
+                    mechanism,
+                    simulator,
+                    joint_model=joint.value,
+                    motion=motion.value,
+                    angles=parse_angles(angles) if angles is not None else None,
+                    times=parse_times(times) if times is not None else None,
+                    course=course,
+                    path=path,
+                    clearance=None,
+                    large=large,
+                )
             settings = used_in(texts)
             with alone_in(folder):
                 refuse_others(folder, texts, overwrite)
@@ -94,6 +95,6 @@ def export(
             run=f"python {shlex.quote(str(folder / 'run.py'))}",
             settings=settings,
             assumed=(*assumed(mechanism), *assumed_of_contact(mechanism, mechanism.clearances, settings)),
-            warnings=left_out,
+            warnings=(*left_out, *warned),
         )
         show(found, json=json, quiet=quiet)

@@ -4,7 +4,8 @@ one looks.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import warnings
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -17,11 +18,14 @@ from analytic.kinematics.motion import kinematics
 from analytic.mechanism.signals import Signal, continued, position, turned_near
 from compare.judge.grid import GridError
 from compare.recorded.errors import DataError
+from compare.recorded.headings import left_alone
 from sim_models.common.held import GLIMPSES, STANDSTILL
 from sim_models.common.motor import Course
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
+
+    from compare.recorded.table import Table
 
 MOST_TIMES = 100_000
 USUAL = 1.0  # s, as far as the drives get
@@ -141,6 +145,7 @@ def of_file(path: Path, assembly: Assembly) -> Courses:
         faults.append(f"{path.name}: begins at {table.time[0]:g} s; a course begins at 0 s or later")
     if faults:
         raise DataError(*faults)
+    _warn(path, table, list(wanted.values()), "no position of a driven joint")
     return Courses({n: (table.time, assembly.on_its_turn(n, table.values[signal])) for n, signal in wanted.items()})
 
 
@@ -172,6 +177,7 @@ def of_path(path: Path, assembly: Assembly) -> Courses:
         faults.append(f"{path.name}: has {table.time.size} rows; a path needs at least {LEAST}")
     if faults:
         raise DataError(*faults)
+    _warn(path, table, [signal.name for signal in poses], "no x, y or angle of a body")
     wanted = [Coordinate(signal.place, _axis(signal)) for signal in poses]
     home = kinematics(assembly, assembly.inputs[:, None])
     told = []
@@ -184,6 +190,14 @@ def of_path(path: Path, assembly: Assembly) -> Courses:
         raise DataError(f"{path.name}: {error}") from None
     moved = {s.coordinates[i].joint: s.signs[i] * found.coordinates[i] for i in s.inputs}
     return Courses({name: (table.time, moved[name]) for name in (joint.name for joint in m.motors)})
+
+
+def _warn(path: Path, table: Table, used: Collection[str], role: str) -> None:
+    """Warn of what was made of a file, and of its signals that are not used, as they are none of this role."""
+    others = [table.headings[c.place] for c in table.columns if c.signal.name not in used]
+    notes = [f"{path.name}: {left_alone(others, role)}"] if others else []
+    for note in (*table.notes, *notes):
+        warnings.warn(note, stacklevel=4)
 
 
 def _turned(home: float, angle: np.ndarray) -> np.ndarray:

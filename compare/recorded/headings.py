@@ -205,7 +205,7 @@ def read_headings(cells: Sequence[str], units: Mapping[int, str], names: Names, 
         elif found is not None:
             faults.append(found)
     if ignored:
-        notes.append(f"{_listed(ignored)} {'is' if len(ignored) == 1 else 'are'} no signal of the linkage, and ignored")
+        notes.append(left_alone(ignored, "no signal of the linkage"))
     faults += _twice(where, columns, cells, names)
     time = next((c for c in columns if c.signal == TIME), None)
     others = tuple(c for c in columns if c.signal != TIME)
@@ -289,6 +289,11 @@ def _twice(where: str, columns: Sequence[Column], cells: Sequence[str], names: N
 def _own_and_alias(signal: str, mechanism: Mechanism) -> list[str]:
     """What a signal is called, by itself and by its alias."""
     return sorted(fold(name) for name in {signal, *ALIASES} if canonical(name, mechanism) == signal)
+
+
+def left_alone(cells: Sequence[str], what: str) -> str:
+    """That columns with these headings are not used, and what they are."""
+    return f"{_listed(cells)} {'is' if len(cells) == 1 else 'are'} {what}, and ignored"
 
 
 def _listed(cells: Sequence[str], most: int = 6) -> str:

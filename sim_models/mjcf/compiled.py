@@ -10,6 +10,7 @@ import numpy as np
 
 from analytic.mechanism.parts import LARGEST
 from sim_models.mjcf.errors import MjcfError
+from sim_models.mjcf.plane import actuator_words, joint_words
 from sim_models.mjcf.scan import MEMORY, scan
 
 FIELDS = (
@@ -45,25 +46,30 @@ def compiled(path: Path, notes: list[str]) -> mujoco.MjModel:
         if not np.all(values <= LARGEST):
             worst = values[int(np.argmin(values <= LARGEST))]
             raise MjcfError(f"{path}: {field} holds {worst:g} once it is compiled; give finite numbers, in SI units")
-    reflect(model)
+    notes += reflect(model)
     return model
 
 
-def reflect(model: mujoco.MjModel) -> None:
+def reflect(model: mujoco.MjModel) -> list[str]:
     """Move armatures and dampers of actuators into the joints and tendons on which they act, whatever their controls
-    are, so that these say all that they have.
+    are, so that these say all that they have; a sentence on each.
     """
+    notes = []
     for i in range(model.nactuator):
         target, gear = int(model.actuator_trnid[i, 0]), abs(float(model.actuator_gear[model.actuator_outadr[i], 0]))
         if model.actuator_trntype[i] in AT_JOINT:
-            which, of = "dof", int(model.jnt_dofadr[target])
+            which, of, on = "dof", int(model.jnt_dofadr[target]), joint_words(model, target)
         elif model.actuator_trntype[i] == AT_TENDON:
-            which, of = "tendon", target
+            which, of, on = "tendon", target, f"tendon {model.tendon(target).name!r}"
         else:
             continue
         for name in ("armature", "damping"):
-            getattr(model, f"{which}_{name}")[of] += gear**2 * getattr(model, f"actuator_{name}")[i]
+            moved = gear**2 * float(getattr(model, f"actuator_{name}")[i])
+            getattr(model, f"{which}_{name}")[of] += moved
             getattr(model, f"actuator_{name}")[i] = 0.0
+            if moved:
+                notes.append(f"the {name} of {actuator_words(model, i)} is part of that of {on}, {moved:g} of it")
         powers = gear ** (3.0 + np.arange(model.actuator_dampingpoly.shape[1]))
         getattr(model, f"{which}_dampingpoly")[of] += powers * model.actuator_dampingpoly[i]
         model.actuator_dampingpoly[i] = 0.0
+    return notes

@@ -32,7 +32,7 @@ from sim_models.mjcf.errors import MjcfError
 from sim_models.mjcf.known import unknown
 from sim_models.mjcf.laws import PointSpring, TendonLaw, acts, coefficients, law, point_spring
 from sim_models.mjcf.planar import Frames, Pin, Planar, read
-from sim_models.mjcf.plane import body_words, joint_words
+from sim_models.mjcf.plane import actuator_words, body_words, joint_words
 from sim_models.mujoco.engine import no_log_file
 
 DIGITS = 15  # of a length, over the linkage's size: what rounding leaves of one
@@ -239,8 +239,7 @@ class _Writer:
         m, own = self.m, {one.pin.joint for one in driving}
         found = []
         for i in range(m.nactuator):
-            name = m.actuator(i).name
-            words = f"actuator {name!r}" if name else f"the actuator number {i + 1}"
+            words = actuator_words(m, i)
             steady = push(self.p, i)
             if steady is not None:
                 taking = throttled(m, i)
@@ -252,7 +251,7 @@ class _Writer:
                 found.append(self._load(steady))
             elif switched_off(m, i):
                 self.notes.append(
-                    f"{words} is switched off (option.actuatorgroupdisable, or its flag actuation), and gives nothing"
+                    f"{words} is switched off (option.actuatorgroupdisable, or its flag actuation), and gives no force"
                 )
             elif m.actuator_trntype[i] in AT_JOINT and int(m.actuator_trnid[i, 0]) in own:
                 self.notes.append(
@@ -260,8 +259,8 @@ class _Writer:
                 )
             else:
                 self.notes.append(
-                    f"{words} is neither the drive's nor a constant force on a site, and left out; in a run of the file"
-                    " it acts with control 0"
+                    f"{words} is neither the drive's nor a constant force on a site; its force is left out, and in a"
+                    " run of the file it acts with control 0"
                 )
         if not found:
             self.notes.append("it has no loads")

@@ -102,3 +102,9 @@ def joint_words(model: mujoco.MjModel, joint: int) -> str:
     name = model.joint(joint).name
     of = body_words(model, int(model.jnt_bodyid[joint]))
     return f"joint {name!r} of {of}" if name else f"the joint of {of}"
+
+
+def actuator_words(model: mujoco.MjModel, i: int) -> str:
+    """An actuator in words."""
+    name = model.actuator(i).name
+    return f"actuator {name!r}" if name else f"the actuator number {i + 1}"
