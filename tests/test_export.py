@@ -122,7 +122,8 @@ def columns(trace: Trace, *, crank: bool = True) -> dict[str, np.ndarray]:
 
 def difference(found: Mapping[str, np.ndarray], truth: Mapping[str, np.ndarray]) -> float:
     """Largest difference, of the largest value among a vector's components; an angle's and a rate's of at least 1, a
-    slide's moment, which is what is left of forces on arms, of them on 1 m, what is rounding and nothing else of nothing.
+    slide's moment, which is what is left of forces on arms, of them on 1 m, what is rounding and nothing else of
+    nothing.
     """
     worst = 0.0
     for name, values in truth.items():
