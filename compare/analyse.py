@@ -42,7 +42,7 @@ from compare.judge.reference import (
     with_flexible_links,
 )
 from compare.judge.signals import with_derived
-from compare.left_out import Asked, omitted
+from compare.left_out import Asked, omitted, rigid_walls
 from compare.results.analysis import Analysis, Simulation
 from compare.results.crosscheck import Path, Simulator
 from sim_models.common.contact_laws import assumed_of_contact
@@ -179,7 +179,9 @@ def simulate(  # noqa: PLR0913 - what a person may ask, by name
         warnings=tuple(warned),
         assumed=(*assumed(m), *assumed_of_contact(m, trace.clearance, trace.settings)),
     )
-    found = found.model_copy(update={"warnings": (*found.warnings, *too_soft(found))})
+    found = found.model_copy(
+        update={"warnings": (*found.warnings, *rigid_walls(m, name, joint_model, trace.settings), *too_soft(found))}
+    )
     return found if trace.time is None else found.model_copy(update={"time": trace.time})
 
 

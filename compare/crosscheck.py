@@ -79,7 +79,7 @@ from compare.judge.reference import (
 from compare.judge.signals import compared, recorded, with_derived, with_rotations
 from compare.judge.statistics import held_together
 from compare.judge.tolerances import Tolerances
-from compare.left_out import Asked, omitted
+from compare.left_out import Asked, omitted, rigid_walls
 from compare.progress import Progress, progress_bar
 from compare.results.contact import Compared
 from compare.results.crosscheck import CrossCheck, Failure, Path, Printed, Run, Simulator, Verdict, without
@@ -458,6 +458,12 @@ def concluded(job: Job, ran: Ran, alike: Callable[[Judged], bool] = lambda one: 
             *job.warnings,
             *(f"left out: {why}" for why in ran.left_out),
             *(why for run in runs for why in too_soft(run)),
+            *dict.fromkeys(
+                why
+                for run in runs
+                if not run.simulator.recorded
+                for why in rigid_walls(job.mechanism, run.simulator.name, run.joint_model, run.settings)
+            ),
             *_their_own(runs),
         ),
         assumed=tuple(_assumed(job.mechanism, runs)),

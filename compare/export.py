@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tempfile
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -24,7 +25,7 @@ from compare.arguments import (
 from compare.arguments import path as named
 from compare.faults import ArgumentError
 from compare.files import OutputError, output_folder, write_together
-from compare.left_out import Asked, omitted
+from compare.left_out import Asked, omitted, rigid_walls
 from sim_models.engine import JointModel, Motion, SettingValue, declared, engine, engine_names
 
 
@@ -98,6 +99,9 @@ def exported(  # noqa: PLR0913 - what a person may ask, by name
             f"{tempfile.gettempdir()}, where the files are drafted: cannot be written ({error.strerror}); free space"
             " there, or give TMPDIR another folder"
         ) from None
+    for sentence in rigid_walls(m, simulator, joint_model, used_in(texts)):
+        warned.append(sentence)
+        warnings.warn(sentence, stacklevel=3)
     return texts | {"run.py": "".join(f"# {sentence}\n" for sentence in warned) + texts["run.py"]}
 
 

@@ -6,14 +6,14 @@ Drives are told of where they are looked at (:func:`compare.arguments.rigidly_an
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from analytic.mechanism import Body, Drive, Joint, Load, Mechanism, Spring
 from analytic.mechanism.parts import Part
 from compare.results.sentences import enumerated
-from sim_models.engine import JOINT_MODELS, TOUCHING, JointModel, Motion
+from sim_models.engine import JOINT_MODELS, TOUCHING, JointModel, Motion, SettingValue
 
 Command = Literal["analyse", "accuracy", "compare", "simulate", "check", "validity", "export", "diagnose"]
 AT_SPEED = ("contact_damping", "restitution", "contact_law")
@@ -274,6 +274,16 @@ def omitted(mechanism: Mechanism, asked: Asked) -> list[str]:
             each = "; ".join(f"{enumerated(fields)} of {parts}" for parts, fields in by_parts.items())
             sentences.append(f"left out: {each}, as {omission.why}")
     return sentences
+
+
+def rigid_walls(
+    mechanism: Mechanism, simulator: str, joint_model: JointModel, settings: Mapping[str, SettingValue]
+) -> list[str]:
+    """A sentence on stiffness of contact that an engine had no use for, as the ``settings`` of its run have none."""
+    given = [name for name in mechanism.clearances if mechanism.joint(name).contact_stiffness]
+    if not given or joint_model not in TOUCHING["contact_law"] or "contact_stiffness" in settings:
+        return []
+    return [f"left out: contact_stiffness of {_called('joint', given)}, as the walls of {simulator} are rigid here"]
 
 
 def _given(mechanism: Mechanism, kind: str, field: str) -> Iterator[tuple[str, Part]]:

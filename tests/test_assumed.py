@@ -377,3 +377,17 @@ def test_every_command_lists_what_is_assumed(tmp_path: Path) -> None:
     assert "assumed: body.com (the middle of the body's points): crank (25, 0) mm; coupler (60, 0) mm" in told
     for page in ("report.html", "report.md"):
         assert "B 1e+08 N/m" in (tmp_path / "2" / page).read_text(encoding="utf-8")
+
+
+@pytest.mark.pybullet
+def test_a_stiffness_that_an_engine_has_no_use_for_is_said() -> None:
+    """PyBullet's walls at rest are hard: what the file says of them changes nothing there."""
+    weighs = load("crank-rocker").replace(gravity=(0.0, -9.81))
+    stiff = weighs.with_joint("B", clearance=1e-4, contact_stiffness=1e7)
+    asked = {"joint_model": "contact", "motion": "static", "angles": [0.5, 1.0]}
+    said = "left out: contact_stiffness of joint B, as the walls of pybullet are rigid here"
+    assert said in lc.simulate(stiff, "pybullet", **asked).warnings
+    assert said in lc.crosscheck(stiff, "pybullet", **asked).warnings
+    given = lc.simulate(stiff, "pybullet", joint_model="spring-damper", motion="static", angles=[0.5])
+    assert given.settings["contact_stiffness"] == 1e7
+    assert said not in given.warnings
