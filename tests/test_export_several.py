@@ -17,7 +17,7 @@ from test_export import bare, columns, command, difference, table
 
 # of the largest value of a signal's kind; at rest contact makes forces of positions, and PyBullet's loops and free
 # motions amplify a rounding (a nudge of 2e-16 in its own forces does the same)
-TOLERANCE = {"driven": 1e-11, "static": 3e-9}
+TOLERANCE = {"driven": 3e-11, "static": 3e-9}
 IN_PYBULLET = 2e-8
 FEW = np.array([0.1, 0.02, 0.06])  # s
 REQUESTS = {

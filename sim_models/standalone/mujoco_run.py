@@ -214,7 +214,8 @@ class Simulation:
         for joint, (force, at) in forces.items():
             first, second = self.joints[joint]["bodies"]
             torque = self.own_torque(joint) + friction.get(joint, 0.0)
-            act(first, -force, self.pins(joint)[0] if self.soft(joint) else at, -torque)
+            touches = self.joints[joint]["closed_by"] == "contact"
+            act(first, -force, at if touches else self.pins(joint)[0], -torque)  # at its own pin
             act(second, force, at, torque)
             out |= self.reaction(joint, force)
         for body, how in reversed(self.bodies.items()):
