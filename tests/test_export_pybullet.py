@@ -221,7 +221,8 @@ def columns(trace: Trace, speed: float | None, *, crank: bool) -> dict[str, np.n
 
 
 def undone(asked: Request, folder: Path) -> float:
-    """What Bullet's pins take (N) to undo, within a step h, a drift of a last digit, 1.1e-16 m: m/h^2 times it.
+    """What Bullet's pins take (N) to undo, within a step h, a drift of a last digit, 1.1e-16 m, on either body: m/h^2
+    times it.
 
     The last digit depends on the processor's matrix products (numpy's for Haswell: 4e-9 N of 55 N in the 3-RPR).
     """
@@ -229,7 +230,7 @@ def undone(asked: Request, folder: Path) -> float:
         return 0.0
     runs = json.loads((folder / "start.json").read_text(encoding="utf-8"))["runs"]
     step = min(stage[1] for run in runs for stage in run["stages"])
-    return float(np.finfo(float).epsneg) * sum(body.mass for body in asked.mechanism.bodies) / step**2
+    return 2 * float(np.finfo(float).epsneg) * sum(body.mass for body in asked.mechanism.bodies) / step**2
 
 
 def difference(found: Mapping[str, np.ndarray], truth: Mapping[str, np.ndarray], force: float = 0.0) -> float:

@@ -182,7 +182,7 @@ def test_a_map_and_a_cross_check_say_the_same_of_a_loaded_shaper(
     assert (cell.verdict, cell.cause) == (verdict, cause)
     assert cell.give == pytest.approx(3.82e3 / (wall or 2.4798e8), rel=1e-2)
     assert cell.settings["contact_stiffness"] == pytest.approx(wall or 2.4798e8, rel=1e-4)
-    assert len(found.warnings) == (wall is not None)
+    assert len([text for text in found.warnings if not text.startswith("left out: ")]) == (wall is not None)
     assert [each.field for each in found.assumed if "stiffness" in each.field] == (
         ["joint[B].contact_stiffness"] if wall is None else []
     )

@@ -183,6 +183,12 @@ def _start(world: RecordedWorld, trace: Trace) -> dict[str, Any]:
         "fastest": FASTEST,
         "gravity": m.gravity,
         "parts": [world.part(number) for number in world.grown],
+        "fixed_angles": {
+            world.names[number, index]: how.fixed_angle
+            for number, links in world.grown.items()
+            for index, how in enumerate(links)
+            if how.fixed_angle
+        },
         "puts_right": world.makes_up and not world.static,
         "crank": m.driven if world.request.courses is None else None,
         "motors": _motors(world) if world.held else {},

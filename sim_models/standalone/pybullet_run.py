@@ -112,9 +112,7 @@ class World:
             joint, dynamics = p.getJointInfo(body, k), p.getDynamicsInfo(body, k)
             names[k] = joint[12].decode()
             slides = complex(*joint[13][:2]) if joint[2] == p.JOINT_PRISMATIC else None
-            fixed_angle = -2 * math.atan2(
-                joint[15][2], joint[15][3]
-            )  # Bullet tells the turn from the link to its parent
+            fixed_angle = self.start["fixed_angles"].get(names[k], 0.0)  # Bullet tells none beyond half a turn
             self.links[names[k]] = Link(
                 (body, k), names[joint[16]], dynamics[0], dynamics[2][2], complex(*dynamics[3][:2]), slides, fixed_angle
             )
