@@ -557,7 +557,7 @@ def test_every_command_says_which_joint_models_leave_friction_out_and_what_radiu
         assert told(check(tmp_path / "torque.csv", m, motion="static").warnings) == {"assumed"}
         export(m, "mujoco", folder=tmp_path / "out", joint_model="massless-link", **static)
         assert told([(tmp_path / "out" / "run.py").read_text(encoding="utf-8")]) == {"other"}
-        grid = {"speeds": [1.0], "clearances": [1e-4], "joint_model": "contact", "workers": 1, "revolutions": 0}
+        grid = {"speeds": [60.0], "clearances": [1e-4], "joint_model": "contact", "workers": 1, "revolutions": 0}
         assert told(validity(m, simulators="mujoco", **grid).warnings) == {"assumed"}
 
 

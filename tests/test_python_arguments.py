@@ -387,7 +387,11 @@ lc.crosscheck("paper", motion="static", angles=[0.6, 0.7], workers=1, **eval(sys
 @pytest.mark.mujoco
 @pytest.mark.skipif(os.name != "posix", reason="has pseudo-terminals as POSIX does")
 @pytest.mark.parametrize(
-    ("given", "told"), [({}, True), ({"progress": print}, False)], ids=["by itself", "to a function"]
+    ("given", "told"),
+    [
+        pytest.param({}, True, id="by itself"),
+        pytest.param({"progress": print}, False, id="to a function", marks=pytest.mark.slow),
+    ],
 )
 def test_python_tells_its_progress_on_a_terminal_and_only_there(given: dict[str, object], told: bool) -> None:
     words = "dict(progress=print)" if given else "{}"
