@@ -124,7 +124,7 @@ def test_a_map_that_is_interrupted_from_the_keyboard_goes_on(tmp_path: Path) -> 
         "1e-5,2e-5,5e-5,1e-4,2e-4,5e-4",
     ]
     running = started(*arguments, "--out", "out", "--workers", "1", cwd=tmp_path)
-    until = time.monotonic() + 60
+    until = time.monotonic() + 300
     while not list((tmp_path / "out" / "runs").glob("*.json")) and time.monotonic() < until:
         time.sleep(0.02)
     running.send_signal(signal.SIGINT)

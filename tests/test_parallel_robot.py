@@ -58,6 +58,7 @@ def test_engines_give_adams_torques_at_the_start_and_within_one_percent_of_the_p
 
 
 @HERE
+@pytest.mark.slow
 def test_the_recorded_torques_are_checked_as_any_programs(tmp_path: Path) -> None:
     columns = tmp_path / "columns.toml"
     columns.write_text(

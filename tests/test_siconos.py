@@ -56,6 +56,7 @@ def summaries(found: list[Summary]) -> np.ndarray:
 
 
 @published
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["direct", "combined"])
 def test_published_samples_are_met_up_to_the_first_impact(kind: str) -> None:
     """2.7 ms, 28 samples: within 1e-3 is asked for; it is 4e-9 rad, 3e-6 rad/s, 1e-9 m."""
