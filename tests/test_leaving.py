@@ -101,7 +101,7 @@ def held(mechanism: Mechanism, stiffness: float, clearances: Iterable[float], ri
     return found
 
 
-@pytest.mark.parametrize("clearances", [(1e-4, 2.15e-4), *slow((3e-5, 4.64e-4))])
+@pytest.mark.parametrize("clearances", [(1e-4, 2.15e-4), *slow(((3e-5, 4.64e-4),))])
 def test_contact_of_the_slider_crank_is_first_lost_where_the_reaction_says(clearances: tuple[float, float]) -> None:
     """At 5000 rpm on walls of 1e8 N/m, which give by a tenth of these clearances."""
     found = held(at(load("slider-crank"), 5000.0), 1e8, clearances, rigid=False)
