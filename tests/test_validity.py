@@ -38,7 +38,7 @@ from compare.judge.courses import Courses, at_their_speeds
 from compare.judge.discrepancy import load_tolerances
 from compare.judge.grid import default_angles
 from compare.report.validity_figure import BOUNDARIES, PREDICTED, draw
-from compare.report.validity_text import brief, percent
+from compare.report.validity_text import about, brief, percent
 from compare.results.validity import Boundary, Cell, Failed, Validity
 from linkages import shaper
 from marks import slow
@@ -146,6 +146,31 @@ def test_a_map_has_the_walls_that_every_other_command_has() -> None:
     )
     assert all(text.startswith("left out: ") for text in alone.warnings)
     assert alone.assumed[-2].value == wall
+
+
+@pytest.mark.mujoco
+def test_a_map_says_that_its_walls_are_harder_at_high_speeds_as_simulate_has_them() -> None:
+    """0.65 kg at 314 rad/s are 6.4e4 N/m, four times what walls of 1e7 N/m suit: they are 512 times as hard there."""
+    case = load("slider-crank")
+    slow_and_fast = (30.0, 100 * math.pi)
+    found = lc.validity(case, speeds=slow_and_fast, clearances=[1e-4], joints=["B"])
+    walls = {cell.speed: cell.settings["contact_stiffness"] for cell in found.cells if isinstance(cell, Cell)}
+    for speed in slow_and_fast:
+        (own,) = {
+            each.value
+            for each in lc.simulate(
+                case.replace(drive=case.drives[0].model_copy(update={"speed": speed})),
+                joint_model="spring-damper",
+                clearance={"B": 1e-4},
+                angles=np.radians([0.0, 120.0]),
+            ).assumed
+            if "contact_stiffness" in each.field
+        }
+        assert walls[speed] == own
+    low, high = (f"{walls[speed]:.3g} N/m" for speed in slow_and_fast)
+    assert low != high
+    assert f"contact {low}" in about(found)
+    assert f" at 286.48 rpm, up to {high} at higher speeds," in about(found)
 
 
 @pytest.mark.mujoco

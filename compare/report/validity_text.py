@@ -229,11 +229,21 @@ def about(result: Validity) -> str:
         + (f" and {law.damping:.3g} N.s/m" if law.damping is not None else "")
         for law in result.contact.values()
     }
-    contact = f", contact {' or '.join(sorted(laws))}" if laws else ""
+    contact = f", contact {' or '.join(sorted(laws))}{_harder(result)}" if laws else ""
     where = f"clearance in {', '.join(result.joints)} ({result.joints_are})"
     return (
         f"{result.case}: {where}, {result.joint_model} joints{contact}, {count(len(result.crank_angle), 'crank angle')}"
     )
+
+
+def _harder(result: Validity) -> str:
+    """How stiff walls are at the speeds at which they are stiffer than at the slowest."""
+    cells = [cell for cell in result.cells if isinstance(cell, Cell)]
+    given = [value for cell in cells if isinstance(value := cell.settings.get("contact_stiffness"), float)]
+    stiffest, slowest = max(given, default=0.0), max(law.stiffness for law in result.contact.values())
+    if stiffest <= slowest:
+        return ""
+    return f" at {rpm(min(result.speeds))} rpm, up to {stiffest:.3g} N/m at higher speeds"
 
 
 def print_table(result: Validity, console: Console) -> None:
