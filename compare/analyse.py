@@ -36,6 +36,7 @@ from compare.judge.courses import Courses
 from compare.judge.grid import FREE_TIME, turns_fully
 from compare.judge.reference import (
     Reference,
+    on_the_way,
     reference,
     timed_reference,
     timed_with_flexible_links,
@@ -200,11 +201,14 @@ def request(
     assembly = Assembly(m)
     if moved is not None:
         over_time(assembly, motion, angles)
+        assembly.check_springs(assembly.home if assembly.structure.free else on_the_way(assembly, *moved).coordinates)
         return Request(m, joint_model, motion, time=moved[0], courses=moved[1].knots)
     if m.speed is None and motion == "driven":
         if angles is not None:
             raise ArgumentError("angles", f"{m.name} swings freely and is reported over time; leave angles out")
+        assembly.check_springs(assembly.home)
         return Request(m, joint_model, time=FREE_TIME)
     theta = crank_angles(assembly, angles)
+    assembly.check_springs(assembly.coordinates(theta))
     settles = motion == "driven" and joint_model != "ideal" and turns_fully(assembly)
     return Request(m, joint_model, motion, theta, lead_in=tau if settles else 0.0)

@@ -109,6 +109,32 @@ def test_a_gantry_is_pushed_as_newton_says(backwards: bool) -> None:
         close(trace.signals[f"drive_force_{name}"], sign * np.real(np.conj(axis) * force), 1e-6 * np.abs(both).max())
 
 
+@pytest.mark.parametrize("off", [0.05, 2.0**-54, 0.0], ids=["eccentric", "balanced but for rounding", "balanced"])
+def test_rotors_of_one_point_turn_on_their_pins(off: float) -> None:
+    """Bodies without a length, whose pins are off by rounding: a reaction carries weight and centripetal force, a motor
+    the moment of the weight.
+    """
+    pins, speeds = {"D": 0.1 + 0.2j, "E": 0.37 + 0.011j}, {"D": 1.0, "E": -0.7}
+    bodies = [
+        {"name": name, "points": {joint: at}, "mass": 1.0, "com": (at[0] + off, at[1]), "inertia": 3e-3}
+        for name, joint, at in (("a", "D", (0.03, 0.07)), ("b", "E", (0.013, 0.17)))
+    ]
+    m = Mechanism.model_validate(
+        {
+            "name": "rotors", "gravity": (0.0, -G), "body": bodies, "assembly": {"a": 0.3, "b": 1.1},
+            "ground": {"points": {joint: (at.real, at.imag) for joint, at in pins.items()}},
+            "joint": [{"name": j, "type": "revolute", "bodies": ("ground", b)} for j, b in (("D", "a"), ("E", "b"))],
+            "drive": [{"joint": joint, "speed": speed} for joint, speed in speeds.items()],
+        }
+    )  # fmt: skip
+    begins = {"D": 0.3, "E": 1.1}
+    trace = run(m, {joint: (KNOTS, begins[joint] + speed * KNOTS) for joint, speed in speeds.items()}, TIMES)
+    for joint, speed in speeds.items():
+        arm = off * np.exp(1j * (begins[joint] + speed * TIMES))
+        close(vector(trace, f"reaction_{joint}"), 1j * G - speed**2 * arm, 1e-6 * G)
+        close(trace.signals[f"drive_torque_{joint}"], G * arm.real, 1e-7)
+
+
 def test_what_motors_give_is_what_the_linkage_gains_in_energy_and_loses_in_dampers() -> None:
     m, times = CASES["3-rpr with springs"], np.linspace(0.0, 0.2, 101)
     gains_what_motors_give(m, run(m, waved(m), times), waved(m), times)

@@ -7,6 +7,7 @@ from __future__ import annotations
 import io
 import json
 import shlex
+import shutil
 import sys
 from pathlib import Path
 from typing import Any
@@ -210,6 +211,36 @@ def test_whatever_a_file_says_that_made_it_is_only_compared(
         folder(QUICK, "paper", out=tmp_path)
     assert str(caught.value).isprintable()
     assert capsys.readouterr() == ("", "")
+
+
+READ = {
+    "compare import in.xml --out ./in.xml": "in.xml",
+    "compare analyse --case in.toml --course signals.csv --out .": "signals.csv",
+    "compare simulate --case in.toml --simulator mujoco --path linked.csv --out .": "signals.csv",
+    "compare check signals.csv --case in.toml --out .": "signals.csv",
+    "compare --case in.toml --simulator exudyn,mjcf:junit.xml --out .": "junit.xml",
+    "compare diagnose --init signals.csv --case in.toml --out in.toml": "in.toml",
+    "compare baseline check --case in.toml --results junit.xml --junit junit.xml": "junit.xml",
+    "compare export --case in.toml --simulator mujoco --course run.py --out .": "run.py",
+}
+
+
+@pytest.mark.mujoco
+@pytest.mark.parametrize("line", READ)
+def test_a_file_that_is_read_is_never_written(line: str, compare: Any, tmp_path: Path) -> None:
+    lc.export("crank-rocker", "mujoco", motion="static", folder=tmp_path)
+    shutil.copy(tmp_path / "model.xml", tmp_path / "in.xml")
+    shutil.copy(tmp_path / "model.xml", tmp_path / "junit.xml")
+    (tmp_path / "in.toml").write_text(dumps(load("crank-rocker")), encoding="utf-8")
+    (tmp_path / "signals.csv").write_text("time (s),crank_angle (deg)\n0,10\n0.1,11\n", encoding="utf-8")
+    course = "".join(f"{t / 100},{30 + t}\n" for t in range(21))
+    (tmp_path / "run.py").write_text(f"time (s),position_D (deg)\n{course}", encoding="utf-8")
+    (tmp_path / "linked.csv").symlink_to("signals.csv")
+    before = contents(tmp_path)
+    status, said = compare(line + " --overwrite" * ("baseline" not in line))
+    assert status == 2
+    assert f"{READ[line]}: the command reads that file; choose another one with --" in said
+    assert contents(tmp_path) == before
 
 
 @pytest.mark.mujoco

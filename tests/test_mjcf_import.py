@@ -13,6 +13,8 @@ import sys
 import textwrap
 from pathlib import Path
 
+import mujoco
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -50,9 +52,6 @@ def test_an_arm_s_every_motor_is_a_drive_with_its_keyframe_s_speed(tmp_path: Pat
     """The elbow's axis points down, so that its coordinate turns back; its motors' torques are MuJoCo's own inverse
     dynamics.
     """
-    import mujoco
-    import numpy as np
-
     (tmp_path / "arm.xml").write_text(ARM, encoding="utf-8")
     m = lc.import_mjcf(tmp_path / "arm.xml").mechanism
     assert {d.joint: d.speed for d in m.drives} == {"O": 2.0, "K": 1.5, "S": 0.25}
@@ -310,6 +309,54 @@ def test_a_slide(tmp_path: Path) -> None:
     assert slide.angle == pytest.approx(math.pi / 2)
     assert (slide.damping, slide.stiffness, slide.rest_angle) == (2.0, 5.0, 0.01)
     assert m.body("ground").point("S") == pytest.approx(0.17)
+
+
+REFERRED = """
+<mujoco model="referred"><compiler angle="degree"/><option timestep="1e-3" gravity="0 0 -9.81" integrator="RK4"/>
+  <default><geom type="capsule" size="0.01" density="2000" contype="0" conaffinity="0"/></default>
+  <worldbody>
+    <body name="arm" pos="0.1 0 0.2" euler="0 -30 0">
+      <joint name="S" axis="0 1 0" ref="20" springref="35" stiffness="3" damping="0.4"/>
+      <geom fromto="0 0 0 0.3 0 0"/>{on_arm}
+      <body name="car" pos="0.3 0 0">
+        <joint name="W" type="slide" axis="1 0 0" ref="0.05" springref="0.02" stiffness="40" damping="3"/>
+        <geom fromto="0 0 0 0.1 0 0.02"/>{on_car}
+        <body name="tip" pos="0.1 0 0.02" euler="0 20 0">
+          <joint name="E" axis="0 -1 0" ref="-40" springref="10" stiffness="2" damping="0.1"/>
+          <geom fromto="0 0 0 0.2 0 0.01"/>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>"""
+SITES = {"on_arm": '<site name="W:arm" pos="0.25 0 0"/>', "on_car": '<site name="W:car"/>'}
+
+
+@pytest.mark.parametrize("sites", [{"on_arm": "", "on_car": ""}, SITES], ids=["bare", "two sites on its line"])
+def test_what_coordinates_refer_to_moves_nothing(sites: dict[str, str], tmp_path: Path) -> None:
+    """Hinges and a slide whose coordinates begin at ``ref``: places of the bodies, springs and a free swing (RK4) are
+    those of MuJoCo's own arrays.  A file may say where a slide in no loop begins in no other way than by its points.
+    """
+    text = REFERRED.format(**sites)
+    found = imported(written(tmp_path, {"": text}))
+    assert any("joint 'W' of body 'car' is 0 m in the initial pose" in n and "is 0.05 m" in n for n in found.notes)
+    signals = lc.analyse(found.mechanism, times=np.array([0.0, 0.05, 0.1])).signals
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    turns = {"S": -1.0, "W": 1.0, "E": 1.0}  # of coordinates in x-z, whose angles count from x to z, about -y
+    springs = [
+        turns[j.name] * j.stiffness * (j.rest_angle - signals[f"position_{j.name}"][0]) for j in found.mechanism.joints
+    ]
+    assert springs == pytest.approx(list(data.qfrc_passive), abs=1e-12)  # nothing moves: no damper takes part
+    for k in range(3):
+        for body in found.mechanism.moving:
+            at = data.body(body).xipos
+            place = signals[f"{body}_x"][k], signals[f"{body}_y"][k]
+            assert place == pytest.approx((at[0], at[2]), abs=1e-7 if k else 1e-15), (body, k)
+        mujoco.mj_step(model, data, nstep=50)
+        mujoco.mj_forward(model, data)
+    assert abs(data.joint("W").qpos[0] - 0.05) > 0.02
 
 
 # ------------------------------------------------------------------ files that are refused

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -384,6 +384,43 @@ def test_what_slides_freely_is_judged_by_its_travel() -> None:
     result = lc.crosscheck(m, "mujoco", times=np.linspace(0.0, 0.5, 11))
     assert result.verdict == "agrees"
     assert np.ptp(result.runs[0].analytic["cart_x"]) > 0.01  # m
+
+
+SLIDE_ON_A_SPRING = """
+name = "slide on a spring"
+ground.points = { S = [0.0, 0.0], T = [0.0, 0.0] }
+body = [{ name = "car", points = { S = [0.0, 0.0], T = [0.0, 0.0], R = [0.1, 0.0] }, mass = 1.0 }]
+joint = [{ name = "S", type = "prismatic", bodies = ["ground", "car"], axis = [1.0, 0.0] }]
+drive = { joint = "S", speed = 0.1 }
+spring = [{ bodies = ["ground", "car"], points = ["T", "T"], stiffness = 100.0, length = 0.2 }]
+assembly = { car = 0.0 }
+"""
+ASKED: dict[str, Callable[[Mechanism, np.ndarray], object]] = {
+    "analyse": lambda m, times: lc.analyse(m, times=times),
+    "crosscheck": lambda m, times: lc.crosscheck(m, "all", times=times),
+    "simulate": lambda m, times: lc.simulate(m, "pybullet", times=times),
+    "export": lambda m, times: lc.export(m, "mujoco", times=times, folder="never made"),
+}
+
+
+@pytest.mark.parametrize("ask", ASKED)
+def test_a_spring_whose_ends_meet_has_no_direction_and_no_engine_is_asked_for_one(ask: str) -> None:
+    """Engines know nothing of this fault: what says it is what comes before them."""
+    m = loads(SLIDE_ON_A_SPRING)
+    with pytest.raises(AssemblyError, match=r"S = 0 mm both ends of the spring between ground.T and car.T are at one"):
+        ASKED[ask](m, np.array([0.0, 0.005]))
+
+
+def test_a_spring_pulls_as_its_length_says_up_to_where_its_ends_meet() -> None:
+    """Its 20 N push the car away from just beside that place; one of no length pulls nothing there."""
+    m, times = loads(SLIDE_ON_A_SPRING), np.array([1e-6, 0.005])
+    away = lc.analyse(m, times=times).signals["drive_force_S"]
+    assert away == pytest.approx(100.0 * (0.1 * times - 0.2), rel=1e-12)
+    none = m.replace(springs=(m.springs[0].model_copy(update={"length": 0.0}),))
+    assert lc.analyse(none, times=np.array([0.0, 0.005])).signals["drive_force_S"] == pytest.approx([0.0, 0.05])
+    free = m.replace(drive={"joint": "S", "speed": "free"})
+    with pytest.raises(AssemblyError, match="at one place"):
+        lc.analyse(free, times=times)
 
 
 def test_a_drive_too_many_is_what_is_left_out() -> None:

@@ -33,6 +33,7 @@ from analytic.kinematics.closure import (
 from analytic.kinematics.structure import Coordinate, Group, Rest, Rests, Structure, StructureError, structure
 from analytic.mechanism import GROUND, Mechanism
 from analytic.mechanism.one_line import angles, one_line
+from analytic.mechanism.parts import ROUNDING
 from analytic.mechanism.signals import continued, turned_near, wrapped
 
 PATH_STEP = np.radians(1.0)  # crank angle between checks for change points
@@ -298,6 +299,25 @@ class Assembly:
             if i not in angles:  # a travel is along a body
                 set_coordinate(s, i, columns, coordinates[i])
         return columns
+
+    def check_springs(self, coordinates: np.ndarray, columns: np.ndarray | None = None) -> None:
+        """Raise AssemblyError where the ends of a spring that has a length unloaded are at one place: its force has no
+        direction there.  ``coordinates`` (n, N), and the structure's ``columns`` (n_columns, N) where they are known.
+        """
+        for spring in self.mechanism.springs:
+            if not spring.stiffness * spring.length:
+                continue
+            columns = self.columns(coordinates) if columns is None else columns
+            near, far = (self.form(*end) @ columns for end in spring.ends)
+            for at in np.flatnonzero(np.abs(far - near) <= ROUNDING * spring.length)[:1].tolist():
+                ends = " and ".join(f"{body}.{point}" for body, point in spring.ends)
+                raise AssemblyError(
+                    f"{self.mechanism.name}: at {posture(self.structure, coordinates, at)} both ends of the spring"
+                    f" between {ends} are at one place, where its force has no direction",
+                    crank_angle(self.structure, coordinates, at),
+                    f"keep clear of that instant, or give spring.points that stay apart, or 0 m for spring.length ="
+                    f" {spring.length:g} m",
+                )
 
     def _fixed_columns(self, n: int, gaps: Mapping[str, np.ndarray] | None) -> np.ndarray:
         """Columns (n_columns, n) with all that no coordinate moves: the ground, bodies held parallel to it, the

@@ -126,8 +126,9 @@ def kinetostatics(
     :func:`kinetostatics_by_numpy`; they differ by rounding.  ``loose`` are joints whose contacts have friction, in
     clearances that the motion may have as gaps; all others rub that have no clearance.  Unless the linkage ``rubs``,
     friction that grows with reactions is left out.
-    Raises AssemblyError where that friction locks the linkage.
+    Raises AssemblyError where that friction locks the linkage, or the force of a spring has no direction.
     """
+    motion.assembly.check_springs(motion.coordinates, motion.columns)
     balanced = run.balanced(motion.assembly, motion.moved, inertia, grip) if motion.compiled else None
     if balanced is None:
         found = _by_numpy(motion, inertia, grip)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from compare.cli.folders import refuse_inputs
 from compare.cli.options import Json, Quiet, place, said
 from compare.cli.publish import show
 from compare.faults import OptionError, complaints, printable
@@ -53,6 +54,7 @@ def check(
     with complaints(context):
         from compare.evidence.baseline.check import check_baselines
 
+        refuse_inputs(context, [junit] if junit is not None else [], "--junit")
         with nullcontext() if junit is None else made_folder(junit.parent, "--junit"):
             with progress_bar() as progress:
                 found = check_baselines(

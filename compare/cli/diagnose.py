@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from compare.cli.folders import Overwrite, named_after, result_folder
+from compare.cli.folders import Overwrite, named_after, refuse_inputs, result_folder
 from compare.cli.options import Json, Quiet, place
 from compare.cli.publish import command_line, publish
 from compare.faults import Exit, OptionError, complaints
@@ -141,6 +141,7 @@ def _init(
     if case is None:
         raise OptionError("--init: give the nominal mechanism with --case, a shipped case or a mechanism file")
     target = (out or Path()) / "measured.toml" if out is None or out.suffix != ".toml" else out
+    refuse_inputs(context, [target])
     begun = begin(files, case, target.parent)
     with made_folder(target.parent) as folder, alone_in(folder):
         if not overwrite and target.exists():

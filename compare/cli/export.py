@@ -80,7 +80,7 @@ def export(
                 )
             settings = used_in(texts)
             with alone_in(folder):
-                refuse_others(folder, texts, overwrite)
+                refuse_others(context, folder, texts, overwrite)
                 paths = tuple(str(path) for path in write_together(folder, texts))
         left_out = tuple(omitted(mechanism, Asked.of_engines("export", mechanism, motion.value, joint.value)))
         for sentence in left_out:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import os.path
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any
@@ -24,6 +25,8 @@ ASIDE = {
     "dask",
     "version",
 }  # where and how an answer is given, and not which
+WRITTEN = {"out", "junit"}  # files that a command writes, and does not read
+MODELS = ("mjcf:", "fmu:")  # before a file among the engines
 STEM = {"case", "measured", "results"}  # whose mechanism a name begins with
 BARE = {"simulator", "clearance"}  # options whose value says in a name what it is
 LONGEST = 150  # characters of a name; file systems take 255 bytes
@@ -36,10 +39,12 @@ def result_folder(
     """The folder of a command's result: ``out``, or ``reports/<stem>`` and each option that is not at its default.
 
     ``file`` in it is the result (JSON that has its ``command``), ``beside`` names files that are known to be written
-    with it.  Raises OutputError where the result is there and is not of the same command, or is not there and one of
-    the others is; the same command again, however it is written, may replace its own.
+    with it.  Raises OutputError where one of them is a file that the command reads, and where the result is there and
+    is not of the same command, or is not there and one of the others is; the same command again, however it is written,
+    may replace its own.
     """
     folder = Path("reports") / _named(context, stem) if out is None else out
+    refuse_inputs(context, (folder / name for name in (file, *beside)))
     if not overwrite:
         check_replaceable(folder, file, beside, same_question(context), "--out", REMEDY)
     return folder
@@ -57,8 +62,28 @@ def same_question(context: typer.Context) -> Callable[[str | None], bool]:
     return lambda line: line is not None and _asked(context, line) == question
 
 
-def refuse_others(folder: Path, texts: Mapping[str, str], overwrite: bool) -> None:
-    """Raises OutputError if a file that is to be written is there with another content."""
+def refuse_inputs(context: typer.Context, written: Iterable[Path], option: str = "--out") -> None:
+    """Raises OutputError if a file that a command is to write is one that it was given to read."""
+    given = [file for file in _given(context) if os.path.exists(file)]
+    for path in written:
+        if os.path.exists(path) and any(os.path.samefile(path, file) for file in given):
+            raise OutputError(f"{option} {path}: the command reads that file; choose another one with {option}")
+
+
+def _given(context: typer.Context) -> Iterator[str]:
+    """What may be files that a command reads, of its options."""
+    for name, value in context.params.items():
+        for one in () if name in WRITTEN else value if isinstance(value, list | tuple) else (value,):
+            for text in (str(one), *str(one).split(",")):
+                yield text
+                yield from (text.removeprefix(kind) for kind in MODELS if text.startswith(kind))
+
+
+def refuse_others(context: typer.Context, folder: Path, texts: Mapping[str, str], overwrite: bool) -> None:
+    """Raises OutputError if a file that is to be written is one that the command was given to read, or is there with
+    another content.
+    """
+    refuse_inputs(context, (folder / name for name in texts))
     for name, text in texts.items():
         path = folder / name
         if not overwrite and path.exists() and not (path.is_file() and path.read_bytes() == text.encode()):

@@ -36,6 +36,6 @@ def import_(
         if out.is_dir():
             raise OutputError(f"--out {out}: it is a folder; name the file to write, such as {out / 'linkage.toml'}")
         with made_folder(out.parent) as folder, alone_in(folder):
-            refuse_others(folder, {out.name: found.text}, overwrite)
+            refuse_others(context, folder, {out.name: found.text}, overwrite)
             write_atomically(out, found.text)
         show(found.model_copy(update={"path": str(out)}), json=json, quiet=quiet)

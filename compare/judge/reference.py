@@ -248,17 +248,17 @@ def timed_reference(
     inputs, omega, alpha = (
         assembly.inputs_at({name: spline(time, order) for name, spline in splines.items()}) for order in range(3)
     )
-    near = _on_the_way(assembly, time, courses)
+    near = on_the_way(assembly, time, courses)
     return _side(assembly, Turning(inputs, omega, alpha), True, model, clearances, near=near)
 
 
 def _resting(assembly: Assembly, time: np.ndarray, courses: Courses) -> tuple[Turning, Followed]:
     """The inputs at times (N,) s, with the direction in which they go on, and the coordinates there."""
     inputs, omega = (assembly.inputs_at(each) for each in (courses.at(time), courses.directions(time)))
-    return Turning(inputs, omega, np.zeros(inputs.shape)), _on_the_way(assembly, time, courses)
+    return Turning(inputs, omega, np.zeros(inputs.shape)), on_the_way(assembly, time, courses)
 
 
-def _on_the_way(assembly: Assembly, time: np.ndarray, courses: Courses) -> Followed:
+def on_the_way(assembly: Assembly, time: np.ndarray, courses: Courses) -> Followed:
     """Coordinates at times (N,) s of the ideal linkage that follows its courses: few samples do not say by which way
     it comes from one to the next.  Raises AssemblyError.
     """

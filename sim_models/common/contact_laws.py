@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from analytic.mechanism import Body, Joint, Mechanism
 from analytic.mechanism.assumed import Assumed
-from analytic.mechanism.parts import ContactLaw
+from analytic.mechanism.parts import ROUNDING, ContactLaw
 from sim_models.engine import Motion, Request, SettingValue
 
 STATIC_STIFFNESS = 1e8  # N/m, where the mechanism gives none and nothing moves
@@ -253,9 +253,17 @@ def turning_rate(mechanism: Mechanism, motion: Motion) -> float:
 
 
 def longest(mechanism: Mechanism) -> float:
-    """Length (m) of the longest body; of one with a single point, from there to its centre of mass."""
-    centres = [(b, b.centre) for b in mechanism.bodies]
-    return max(max(b.length, *(abs(b.point(name) - centre) for name in b.points)) for b, centre in centres) or 1.0
+    """Length (m) of the longest body; of one with a single point, from there to its centre of mass, if it is elsewhere
+    by more than rounding; if no body has a length, 1 m.
+    """
+    return max(_length(body) for body in mechanism.bodies) or 1.0
+
+
+def _length(body: Body) -> float:
+    """The largest distance (m) of a body's points from each other and from its centre of mass."""
+    centre, points = body.centre, [body.point(name) for name in body.points]
+    length = max(body.length, *(abs(point - centre) for point in points))
+    return length if length > ROUNDING * max(map(abs, (centre, *points))) else 0.0
 
 
 def shortest(mechanism: Mechanism) -> float:

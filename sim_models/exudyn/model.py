@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism, Spring
-from sim_models.common.contact_laws import NamedLaw, bearing, contact_parameters, named_law
+from sim_models.common.contact_laws import NamedLaw, bearing, contact_parameters, longest, named_law
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import travel
 from sim_models.engine import JointModel, Motion, Request
@@ -109,7 +109,7 @@ class ExudynModel:
     @property
     def size(self) -> float:
         """Length (m) of the longest body."""
-        return max(body.length for body in self.m.bodies)
+        return longest(self.m)
 
     def stiffness(self, joint: str) -> float:
         """Stiffness (N/m) of a joint with clearance once its gap is taken up, or of a soft bearing."""

@@ -12,7 +12,7 @@ import numpy as np
 from analytic.kinematics.structure import Rest
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism
 from analytic.mechanism.signals import DRIVE_TORQUE
-from sim_models.common.contact_laws import TOO_DEEP, shortest_link
+from sim_models.common.contact_laws import TOO_DEEP, longest, shortest_link
 from sim_models.common.guide import Guide
 from sim_models.common.travel import slide_travel
 from sim_models.engine import Rates, Watched
@@ -213,7 +213,7 @@ class Judge:
 
     def joined(self, record: Record) -> str | None:
         """Ideal joints that come apart, and pins that sink into their bearings."""
-        size = max(body.length for body in self.mechanism.bodies)
+        size = longest(self.mechanism)
         for name, gap in record.gap.items():
             joint = self.mechanism.joint(name)
             excess, allowed = np.abs(gap), OPEN_LOOP * size

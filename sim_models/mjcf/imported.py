@@ -145,6 +145,12 @@ class _Writer:
         }
         if pin.slides:
             found |= {"axis": (_tidy(pin.axis.real), _tidy(pin.axis.imag)), "angle": _tidy(pin.angle)}
+            q, travel = float(self.p.pose[self.m.jnt_qposadr[pin.joint]]), self.p.relative(pin, self.frames)
+            if abs(q - travel) > SMALLEST * self.p.size:
+                self.notes.append(
+                    f"the travel of {joint_words(self.m, pin.joint)} is {_tidy(travel):g} m in the initial pose, where"
+                    f" its coordinate in the file is {q:g} m"
+                )
         laws = ([self.laws(pin)] if pin.joint >= 0 else []) + [
             self.tendon(one) for one in self.tendons if one.pin is pin
         ]

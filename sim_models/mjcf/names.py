@@ -80,7 +80,7 @@ class Names:
         in_link: dict[int, list[Site]] = {}
         for site in sites:
             in_link.setdefault(site.link, []).append(site)
-        pairs = [_pair(in_link, pin, frames, near) for pin in pins]
+        pairs = [_pair(in_link, pin, frames, near, _looped(pin, pins)) for pin in pins]
         others = [_candidates(in_link, pin, near) for pin in pins]
         chosen: list[str] = []
         for pair, named in zip(pairs, others, strict=True):
@@ -106,22 +106,38 @@ def _candidates(in_link: Mapping[int, Sequence[Site]], pin: Pin, near: float) ->
     return [name for name in dict.fromkeys(map(plain, (*pin.names, *at))) if name]
 
 
-def _pair(in_link: Mapping[int, Sequence[Site]], pin: Pin, frames: Frames, near: float) -> tuple[str, Points] | None:
-    """The name that two sites ``name:link`` give a joint which they sit in, one in each of its links."""
+def _looped(pin: Pin, pins: Sequence[Pin]) -> bool:
+    """Whether a joint is in a loop: its links hang together without it."""
+    others, near = [other for other in pins if other is not pin], {pin.links[0]}
+    while more := {k for other in others if near & set(other.links) for k in other.links} - near:
+        near |= more
+    return pin.links[1] in near
+
+
+def _pair(
+    in_link: Mapping[int, Sequence[Site]], pin: Pin, frames: Frames, near: float, looped: bool
+) -> tuple[str, Points | None] | None:
+    """The name that two sites ``name:link`` give a joint which they sit in, one in each of its links; and their points,
+    but for a slide in no loop whose points they would set apart.
+    """
     first, second = (
         {plain(site.name.split(":")[0]): site.point for site in in_link.get(link, ()) if ":" in site.name}
         for link in pin.links
     )
     for name, point in first.items():
-        if name and name in second and _sits(pin, frames, (point, second[name]), near):
-            return name, (point, second[name])
+        if not name or name not in second:
+            continue
+        off, across = _off(pin, frames, (point, second[name]))
+        if across <= near:
+            return name, (point, second[name]) if looped or off <= near else None
     return None
 
 
-def _sits(pin: Pin, frames: Frames, points: Points, near: float) -> bool:
-    """Whether two points, one in each link, are a joint's: at its pin, or on the line of its slide."""
+def _off(pin: Pin, frames: Frames, points: Points) -> tuple[float, float]:
+    """How far (m) two points, one in each link, are from being a joint's: together, and on the line of its slide."""
     if not pin.slides:
-        return all(abs(p - own) <= near for p, own in zip(points, pin.points, strict=True))
+        off = max(abs(p - own) for p, own in zip(points, pin.points, strict=True))
+        return off, off
     first, second = pin.links
     way = frames.within(first, frames.place(second, points[1])) - points[0]
-    return abs((way * pin.axis.conjugate()).imag) <= near
+    return abs(way), abs((way * pin.axis.conjugate()).imag)

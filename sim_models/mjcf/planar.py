@@ -58,6 +58,8 @@ class Link:
 class Pin:
     """A joint of the linkage: number of its ``links``, where it sits in each (m, link frames), and its own laws.
 
+    A slide's two points lie together in the initial pose, where a mechanism's slide that no loop holds begins; or they
+    are those of its sites.
     ``joint`` or ``equality`` is its number in MuJoCo, the other one -1.  A slide has its ``axis`` (unit vector, first
     link's frame) and ``angle`` (rad, second link's less first's).  A hinge's coordinate grows by ``turn`` (1 or -1)
     with the second link's angle.
@@ -374,14 +376,12 @@ class _Reader:
                 continue
             place, axis = self.plane.flat(d.xanchor[j]), d.xaxis[j]
             slides = bool(m.jnt_type[j] == SLIDE)
-            q = float(self.pose[m.jnt_qposadr[j]])
             along = self.plane.flat(axis) if slides else 0j
-            start = place - q * along  # so that the travel is MuJoCo's coordinate
             angles = self.frames.angles
             yield Pin(
                 names=(m.joint(j).name,),
                 links=(first, second),
-                points=(self.frames.within(first, start), self.frames.within(second, place)),
+                points=(self.frames.within(first, place), self.frames.within(second, place)),
                 joint=j,
                 slides=slides,
                 axis=along * cmath.exp(-1j * angles[first]),
