@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -390,6 +391,15 @@ def test_a_drive_too_many_is_what_is_left_out() -> None:
     m = load("five-bar")
     with pytest.raises(StructureError, match=r"3 drives need 3\); leave a drive out"):
         Assembly(m.replace(drives=(*m.drives, m.drives[0].model_copy(update={"joint": "A"}))))
+
+
+@pytest.mark.parametrize("name", ["2r-arm", "crank-rocker"])
+def test_a_way_that_no_memory_holds_is_refused_with_its_samples(name: str) -> None:
+    """One a degree: of a crank at 1e8 s as of several drives, by the fastest of them."""
+    fastest = max(abs(float(drive.speed)) for drive in load(name).drives)
+    samples = f"the way there takes {np.degrees(fastest * 1e8):.3g} samples"
+    with pytest.raises(AssemblyError, match=re.escape(samples)):
+        lc.analyse(name, times=[0.0, 1e8])
 
 
 def test_what_is_asked_of_a_crank_is_refused_of_several_drives() -> None:
