@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 import linkage_crosscheck as lc
 from analytic.beyond_paper.free_motion import driven_motion, free_motion
@@ -391,6 +393,27 @@ def test_a_drive_too_many_is_what_is_left_out() -> None:
     m = load("five-bar")
     with pytest.raises(StructureError, match=r"3 drives need 3\); leave a drive out"):
         Assembly(m.replace(drives=(*m.drives, m.drives[0].model_copy(update={"joint": "A"}))))
+
+
+def test_where_friction_locks_several_drives_is_told_by_their_positions() -> None:
+    """There is no crank whose angle would say it: the drives are where the file assembles them."""
+    m = load("five-bar")
+    for joint in "ABP":
+        m = m.with_joint(joint, friction_radius=0.2)
+    with pytest.raises(AssemblyError, match="locks the linkage at D = 120 deg, E = 60 deg; make friction_radius of"):
+        lc.analyse(m, times=[0.0, 0.1])
+
+
+def test_a_reader_is_told_why_there_is_no_answer() -> None:
+    """Drives that stand leave the dry friction of a pin without a direction."""
+    m = load("five-bar").with_joint("A", friction_torque=1.0)
+    still = m.replace(drives=tuple(drive.model_copy(update={"speed": 0.0}) for drive in m.drives))
+    found, page = lc.analyse(still, times=[0.0, 0.1, 0.2]), io.StringIO()
+    found.print_to(Console(file=page, width=110))
+    why = "no answer at 3 samples, first 0 s: the sliding at A stands or reverses here, and its friction has no"
+    why += " direction"
+    assert why in page.getvalue().splitlines()
+    assert why in found._repr_html_()
 
 
 @pytest.mark.parametrize("name", ["2r-arm", "crank-rocker"])
