@@ -218,6 +218,23 @@ def test_a_crank_that_is_its_joints_first_body_turns_as_its_drive_says_and_has_i
             np.testing.assert_allclose(found[name], sign * values, atol=1e-9, err_msg=name)
 
 
+def test_a_speed_is_a_cranks_own_alone_and_its_joints_beside_another_drive() -> None:
+    """Of a joint from an arm to the ground: the arm turns at +1.5 rad/s alone, at -1.5 beside a second drive."""
+    m = load("2r-arm")
+    both = m.with_joint("O", bodies=m.joint("O").bodies[::-1])
+    alone = both.replace(
+        bodies=both.bodies[:1],
+        joints=both.joints[:1],
+        drives=both.drives[:1],
+        loads=(),
+        assembly={"upper-arm": m.assembly["upper-arm"]},
+    )
+    for one, speed in ((alone, 1.5), (both, -1.5)):
+        turned = lc.analyse(one, times=[0.0, 0.1]).signals
+        np.testing.assert_allclose(np.diff(turned["upper-arm_angle"]), 0.1 * speed, rtol=1e-9)
+        np.testing.assert_allclose(turned["upper-arm_angular_velocity"], speed, rtol=1e-9)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [pytest.param(n, marks=getattr(pytest.mark, n)) for n in ENGINES])
 @pytest.mark.parametrize("motion", MOTIONS)
