@@ -279,9 +279,6 @@ def every(simulator: str, name: str) -> list[Cell]:
     found = [Cell("compare", motion, "ideal", simulator, timed) for motion in MOTIONS for timed in (False, True)]
     found += [Cell("compare", "free", "ideal", simulator)]
     found += [Cell("compare", motion, model, simulator, timed) for model in models for motion, timed in quickly]
-    if simulator == "exudyn" and name in ("Joint.friction", "Joint.pin_radius"):
-        # its friction takes slip, and its runs begin in an equilibrium without: the pin swings, and both sides disagree
-        found.remove(Cell("compare", "driven", "contact", simulator, timed=True))
     alone = ["simulate"] * (simulator == ENGINES[0]) + ["export"] * (able.export is not None)  # the same runs
     for command in alone:
         found += [Cell(command, m, model, simulator, timed) for m, timed in quickly for model in ("ideal", "contact")]
