@@ -75,9 +75,10 @@ class Equilibria:
         rods = self._solve(self.rods, theta, self._taken_up(self.rods, ideal, theta), loads)
         rates = {} if inertia is None else self._rates(theta, self.speed if speed is None else speed)
         try:
-            found = self._rubbed(theta, self._taken_up(self.real, rods, theta), loads, rates)
+            smooth = self._solve(self.real, theta, self._taken_up(self.real, rods, theta), loads)
         except SimulationError as error:
             raise why_no_equilibrium("exudyn", self.request, theta, springs) or error from None
+        found = self._rubbed(theta, smooth, loads, rates)
         for name in self.clearance:
             if name in found.tilt:  # walls never pull
                 continue
@@ -105,13 +106,12 @@ class Equilibria:
                 Cause.NO_EQUILIBRIUM, f"a drive of {stiffness:g} N.m/rad holds the crank nowhere near", theta
             ) from None
 
-    def _rubbed(self, theta: float, gaps: Gaps, loads: Loads, rates: Mapping[str, float]) -> Record:
-        """The real joints' equilibrium, with the friction of contacts that slip at these ``rates``; at rest there is
-        none.
+    def _rubbed(self, theta: float, smooth: Record, loads: Loads, rates: Mapping[str, float]) -> Record:
+        """The equilibrium near a ``smooth`` one in which contacts that slip at these ``rates`` rub; where there is none,
+        as of a block that its friction tips, the smooth one, from which the run finds its way.
         """
-        found = self._solve(self.real, theta, gaps, loads)
         rough = [j for j in self.m.joints if j.rough and rates and self.request.joint_model == "contact"]
-        before = np.zeros(0)
+        found, before = smooth, np.zeros(0)
         for _ in range(RUBBINGS if rough else 0):
             force, torque, slide = dict(loads[0]), dict(loads[1]), loads[2]
             rubs = [(j, *each) for j in rough for each in self._rubs(j, found, rates[j.name])]
@@ -124,10 +124,11 @@ class Equilibria:
             if now.size == before.size and np.abs(now - before).max() <= NO_LOAD * np.abs(now).max():
                 return found
             before = now
-            found = self._solve(self.real, theta, found.gaps(self.displaced), (force, torque, slide))
-        if rough:
-            raise self._failure(Cause.NO_EQUILIBRIUM, "the friction that its contacts give does not settle", theta)
-        return found
+            try:
+                found = self._solve(self.real, theta, found.gaps(self.displaced), (force, torque, slide))
+            except SimulationError:
+                break
+        return smooth
 
     def _rubs(self, joint: Joint, found: Record, rate: float) -> Iterator[tuple[complex, complex]]:
         """Friction (N) on a joint's second body, and where (m), of each contact that slips at a ``rate`` (rad/s, m/s)
