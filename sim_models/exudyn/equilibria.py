@@ -107,8 +107,8 @@ class Equilibria:
             ) from None
 
     def _rubbed(self, theta: float, smooth: Record, loads: Loads, rates: Mapping[str, float]) -> Record:
-        """The equilibrium near a ``smooth`` one in which contacts that slip at these ``rates`` rub; where there is none,
-        as of a block that its friction tips, the smooth one, from which the run finds its way.
+        """The equilibrium near a ``smooth`` one in which contacts that slip at these ``rates`` rub; where none is, as
+        of a block that its friction tips, the smooth one, from which the run finds its way.
         """
         rough = [j for j in self.m.joints if j.rough and rates and self.request.joint_model == "contact"]
         found, before = smooth, np.zeros(0)
