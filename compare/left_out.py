@@ -17,6 +17,7 @@ from sim_models.engine import JOINT_MODELS, TOUCHING, JointModel, Motion, Settin
 
 Command = Literal["analyse", "accuracy", "compare", "simulate", "check", "validity", "export", "diagnose"]
 AT_SPEED = ("contact_damping", "restitution", "contact_law")
+AT_STATIC = "dry friction at rest is static_torque"
 CONTACT = tuple(f"joint.{field}" for field in ("contact_stiffness", *AT_SPEED))
 
 
@@ -77,6 +78,15 @@ def _unused_radius(asked: Asked, part: Part) -> bool:
     return pinned and (part.pin_radius is None or part.friction_radius > 0)
 
 
+def _sticks(part: Part) -> bool:
+    """A joint whose friction at rest is given by itself."""
+    return isinstance(part, Joint) and part.static_torque is not None
+
+
+def _force_of_friction(part: Part) -> bool:
+    return isinstance(part, Joint) and part.prismatic and part.guide is None
+
+
 def _guides_nothing(asked: Asked, part: Part) -> bool:
     """The block neither leans in its guide nor is rubbed by it."""
     return asked.joint_models == ("ideal",) if _loose(asked, part) else _frictionless(asked, part)
@@ -133,6 +143,18 @@ OMISSIONS: tuple[Omission, ...] = (
         "`static` motion; of `drive.speed` the direction is used, by friction",
         "nothing moves at rest",
         lambda asked, part: asked.motion == "static",
+    ),
+    Omission(
+        ("joint.friction_torque",),
+        "`static` motion, a joint with `static_torque`",
+        AT_STATIC,
+        lambda asked, part: asked.motion == "static" and _sticks(part),
+    ),
+    Omission(
+        ("joint.friction",),
+        "the same, a prismatic joint without `guide`, whose friction is in N",
+        AT_STATIC,
+        lambda asked, part: asked.motion == "static" and _sticks(part) and _force_of_friction(part),
     ),
     Omission(
         ("drive.ripple", "drive.half_gap"),

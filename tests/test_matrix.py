@@ -279,9 +279,6 @@ def every(simulator: str, name: str) -> list[Cell]:
     found = [Cell("compare", motion, "ideal", simulator, timed) for motion in MOTIONS for timed in (False, True)]
     found += [Cell("compare", "free", "ideal", simulator)]
     found += [Cell("compare", motion, model, simulator, timed) for model in models for motion, timed in quickly]
-    if simulator == "exudyn" and name in ("Joint.friction", "Joint.pin_radius"):
-        # its friction takes slip, and its runs begin in an equilibrium without: the pin swings, and both sides disagree
-        found.remove(Cell("compare", "driven", "contact", simulator, timed=True))
     alone = ["simulate"] * (simulator == ENGINES[0]) + ["export"] * (able.export is not None)  # the same runs
     for command in alone:
         found += [Cell(command, m, model, simulator, timed) for m, timed in quickly for model in ("ideal", "contact")]
@@ -400,6 +397,28 @@ def test_a_zero_that_is_given_is_told_and_a_default_is_not() -> None:
     assert not any("nothing touches" in text for text in mapped)
     (elsewhere,) = (text for text in omitted(m, Asked("validity", mapped=("C",))) if "nothing touches" in text)
     assert elsewhere == "left out: restitution of joint B, as nothing touches without clearance"
+
+
+@pytest.mark.parametrize(
+    ("text", "joint", "name", "tight"),
+    [
+        (FOUR_BAR, "D", "friction_torque", {}),
+        (SLIDER_CRANK, "S", "friction_torque", {"joint.S.clearance": None}),
+        (SLIDER_CRANK, "S", "friction", {"joint.S.clearance": None, "joint.S.guide": None}),
+    ],
+)
+def test_friction_of_slip_is_told_where_static_friction_holds_at_rest(
+    text: str, joint: str, name: str, tight: dict[str, Any]
+) -> None:
+    """It does nothing at rest, where static_torque is all, and is told; in motion it acts, and is not."""
+    given = {**tight, f"joint.{joint}.static_torque": 15.0, f"joint.{joint}.stribeck_speed": 0.05}
+    light, heavy = (mechanism(text, {**given, f"joint.{joint}.{name}": size}) for size in (0.3, 12.0))
+    for motion, acts in (("static", False), ("driven", True)):
+        found = [lc.analyse(m, motion=motion, times=TIMES) for m in (light, heavy)]
+        torque, other = (one.signals["drive_torque"] for one in found)
+        assert (float(np.abs(torque - other).max()) > 0.01) is acts
+        said = f"left out: {name} of joint {joint}, as dry friction at rest is static_torque"
+        assert (said in found[1].warnings) is not acts
 
 
 def test_what_acts_is_not_told_with_what_does_not() -> None:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import io
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 import linkage_crosscheck as lc
 from analytic.beyond_paper.free_motion import driven_motion, free_motion
@@ -213,6 +216,23 @@ def test_a_crank_that_is_its_joints_first_body_turns_as_its_drive_says_and_has_i
         sign = -1.0 if name in ("position_D", "reaction_D_x", "reaction_D_y") else 1.0
         if name != "reaction_D_angle":
             np.testing.assert_allclose(found[name], sign * values, atol=1e-9, err_msg=name)
+
+
+def test_a_speed_is_a_cranks_own_alone_and_its_joints_beside_another_drive() -> None:
+    """Of a joint from an arm to the ground: the arm turns at +1.5 rad/s alone, at -1.5 beside a second drive."""
+    m = load("2r-arm")
+    both = m.with_joint("O", bodies=m.joint("O").bodies[::-1])
+    alone = both.replace(
+        bodies=both.bodies[:1],
+        joints=both.joints[:1],
+        drives=both.drives[:1],
+        loads=(),
+        assembly={"upper-arm": m.assembly["upper-arm"]},
+    )
+    for one, speed in ((alone, 1.5), (both, -1.5)):
+        turned = lc.analyse(one, times=[0.0, 0.1]).signals
+        np.testing.assert_allclose(np.diff(turned["upper-arm_angle"]), 0.1 * speed, rtol=1e-9)
+        np.testing.assert_allclose(turned["upper-arm_angular_velocity"], speed, rtol=1e-9)
 
 
 @pytest.mark.slow
@@ -427,6 +447,36 @@ def test_a_drive_too_many_is_what_is_left_out() -> None:
     m = load("five-bar")
     with pytest.raises(StructureError, match=r"3 drives need 3\); leave a drive out"):
         Assembly(m.replace(drives=(*m.drives, m.drives[0].model_copy(update={"joint": "A"}))))
+
+
+def test_where_friction_locks_several_drives_is_told_by_their_positions() -> None:
+    """There is no crank whose angle would say it: the drives are where the file assembles them."""
+    m = load("five-bar")
+    for joint in "ABP":
+        m = m.with_joint(joint, friction_radius=0.2)
+    with pytest.raises(AssemblyError, match="locks the linkage at D = 120 deg, E = 60 deg; make friction_radius of"):
+        lc.analyse(m, times=[0.0, 0.1])
+
+
+def test_a_reader_is_told_why_there_is_no_answer() -> None:
+    """Drives that stand leave the dry friction of a pin without a direction."""
+    m = load("five-bar").with_joint("A", friction_torque=1.0)
+    still = m.replace(drives=tuple(drive.model_copy(update={"speed": 0.0}) for drive in m.drives))
+    found, page = lc.analyse(still, times=[0.0, 0.1, 0.2]), io.StringIO()
+    found.print_to(Console(file=page, width=110))
+    why = "no answer at 3 samples, first 0 s: the sliding at A stands or reverses here, and its friction has no"
+    why += " direction"
+    assert why in page.getvalue().splitlines()
+    assert why in found._repr_html_()
+
+
+@pytest.mark.parametrize("name", ["2r-arm", "crank-rocker"])
+def test_a_way_that_no_memory_holds_is_refused_with_its_samples(name: str) -> None:
+    """One a degree: of a crank at 1e8 s as of several drives, by the fastest of them."""
+    fastest = max(abs(float(drive.speed)) for drive in load(name).drives)
+    samples = f"the way there takes {np.degrees(fastest * 1e8):.3g} samples"
+    with pytest.raises(AssemblyError, match=re.escape(samples)):
+        lc.analyse(name, times=[0.0, 1e8])
 
 
 def test_what_is_asked_of_a_crank_is_refused_of_several_drives() -> None:

@@ -37,6 +37,7 @@ from analytic.mechanism.parts import ROUNDING
 from analytic.mechanism.signals import continued, turned_near, wrapped
 
 PATH_STEP = np.radians(1.0)  # crank angle between checks for change points
+MOST_WALKED = 10_000_000  # samples of a way, a few hundred bytes each: what a memory holds
 STRIDES = 200  # steps that a travel as long as the longest body is walked in, with several inputs
 # of a loop's size, by which a unit of an input would open loops beyond those needed, in a linkage that moves
 RIGID = 1e-6
@@ -269,10 +270,20 @@ class Assembly:
         """
         chosen = list(self.structure.inputs)
         stops = np.column_stack([self.home[chosen, 0], inputs])
-        counts = np.maximum(1, np.ceil(np.abs(np.diff(stops) / self.strides[:, None]).max(axis=0) - 1e-9)).astype(int)
-        ends = np.concatenate([[0], np.cumsum(counts)])
+        counts = np.maximum(1, np.ceil(np.abs(np.diff(stops) / self.strides[:, None]).max(axis=0) - 1e-9))
+        self._check_walked(counts.sum())
+        ends = np.concatenate([[0], np.cumsum(counts.astype(int))])
         walk = np.array([np.interp(np.arange(ends[-1] + 1), ends, row) for row in stops])
         return Followed(self._walk(walk, self.home[:, 0])[:, ends[1:]])
+
+    def _check_walked(self, samples: float) -> None:
+        """Raise AssemblyError for a way of so many samples, :attr:`strides` apart."""
+        if samples > MOST_WALKED:
+            raise AssemblyError(
+                f"{self.mechanism.name}: the way there takes {samples:.3g} samples, one a degree and {STRIDES} in a"
+                f" travel of the longest body's length, and {MOST_WALKED:g} are the most",
+                remedy="ask for earlier times, slower drives or fewer turns",
+            )
 
     @property
     def strides(self) -> np.ndarray:
@@ -346,6 +357,7 @@ class Assembly:
         low, high, known = min(low, high), max(low, high), self._path.theta
         if not (known[0] <= low and high <= known[-1]):  # the known part has no change point: only the rest is walked
             low, high, u = min(low, known[0]), max(high, known[-1]), self._path.coordinates
+            self._check_walked((high - low) / PATH_STEP)
             below = np.linspace(known[0], low, int(np.ceil((known[0] - low) / PATH_STEP)) + 1)
             above = np.linspace(known[-1], high, int(np.ceil((high - known[-1]) / PATH_STEP)) + 1)
             u = np.hstack([self._walk(below, u[:, 0])[:, :0:-1], u, self._walk(above, u[:, -1])[:, 1:]])

@@ -15,7 +15,7 @@ import numpy as np
 
 from analytic.compiled import run
 from analytic.kinematics.assembly import Assembly
-from analytic.kinematics.closure import AssemblyError
+from analytic.kinematics.closure import AssemblyError, crank_angle, posture
 from analytic.kinematics.motion import (
     BLOCK,
     DEAD_CENTRE,
@@ -168,12 +168,12 @@ def _rubbed(found: Reactions, rubbing: Sequence[Rubbing], grip: np.ndarray | Non
         units = [_of_a_unit(part.motion, each) for each in rubbing]
         size, locks = friction(part, units, rubbing, 1.0 if grip is None else grip[block])
         if locks.any():
-            at, fields = float(part.motion.theta[locks][0]), " or ".join(each.joint.load_law for each in rubbing)
+            s, u, first = part.motion.structure, part.motion.coordinates, int(np.argmax(locks))
+            fields = " or ".join(each.joint.load_law for each in rubbing)
             raise AssemblyError(
-                f"{name}: the friction that its reactions give locks the linkage at crank angle {np.degrees(at):.6g}"
-                " deg",
-                at,
-                f"make {fields} smaller, or keep clear of that angle",
+                f"{name}: the friction that its reactions give locks the linkage at {posture(s, u, first)}",
+                crank_angle(s, u, first),
+                f"make {fields} smaller, or keep clear of there",
             )
         for each, own, unit in zip(rubbing, size, units, strict=True):
             rubbed[each.joint.name][block] = own

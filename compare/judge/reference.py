@@ -373,7 +373,7 @@ def silenced(side: Reference, where: Mapping[str, np.ndarray]) -> Reference:
 def _reversals(turning: Mapping[str, np.ndarray]) -> dict[int, str]:
     """Why there is no answer where a joint's friction has no direction, by sample."""
     return {
-        int(i): f"the sliding at {joint} reverses here, {TURNS_BACK}"
+        int(i): f"the sliding at {joint} stands or reverses here, {TURNS_BACK}"
         for joint, here in turning.items()
         for i in np.flatnonzero(here)
     }

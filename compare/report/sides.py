@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import html
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from analytic.mechanism.one_line import count
 from compare.quantities import assumptions, drive_signals, plain, quantities
 from compare.results.analysis import Analysis, Simulation
 
@@ -35,6 +37,20 @@ def _ranges(result: Side) -> list[tuple[str, str, str, str]]:
     return rows
 
 
+def _said(result: Side) -> Iterator[str]:
+    """What was filled in, and each reason why there is no answer."""
+    yield from (f"assumed: {line}" for line in assumptions(result.assumed))
+    if isinstance(result, Analysis):
+        by_reason: dict[str, list[int]] = {}
+        for i, why in result.flags.items():
+            by_reason.setdefault(why, []).append(int(i))
+        for why, at in by_reason.items():
+            first = min(at)
+            angle = f"{np.degrees(result.crank_angle[first]):.4g} deg"
+            where = angle if result.time is None else f"{result.time[first]:.4g} s"
+            yield f"no answer at {count(len(at), 'sample')}, first {where}: {why}"
+
+
 def print_table(result: Side, console: Console) -> None:
     """Print the range of each signal, in degrees and millimetres."""
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
@@ -43,8 +59,8 @@ def print_table(result: Side, console: Console) -> None:
     for row in _ranges(result):
         table.add_row(*row)
     console.print(table)
-    for line in assumptions(result.assumed):
-        console.print(f"assumed: {line}", highlight=False, soft_wrap=True)
+    for line in _said(result):
+        console.print(line, highlight=False, soft_wrap=True)
     console.print(repr(result), highlight=False, soft_wrap=True)
 
 
@@ -52,8 +68,8 @@ def summary_html(result: Side) -> str:
     """The same for a notebook."""
     rows = "".join("<tr>" + "".join(f"<td>{html.escape(c)}</td>" for c in row) + "</tr>" for row in _ranges(result))
     head = "<tr><th>signal</th><th>unit</th><th>smallest</th><th>largest</th></tr>"
-    taken = "".join(f"<li>assumed: {html.escape(line)}</li>" for line in assumptions(result.assumed))
-    return f"<p>{html.escape(repr(result))}</p><table>{head}{rows}</table><ul>{taken}</ul>"
+    said = "".join(f"<li>{html.escape(line)}</li>" for line in _said(result))
+    return f"<p>{html.escape(repr(result))}</p><table>{head}{rows}</table><ul>{said}</ul>"
 
 
 def plot(result: Side, figure: Figure) -> None:

@@ -285,7 +285,9 @@ MEANS = {
     (
         "Drive",
         "speed",
-    ): 'rad/s (prismatic: m/s), constant; or `"free"` (released at the assembly angles) or `"measured"` (follows data)',
+    ): 'rad/s (prismatic: m/s), constant; or `"free"` (released at the assembly angles) or `"measured"` (follows data).'
+    " A crank's own angular velocity, whichever body its joint names first; of any other drive that of the joint's"
+    " second body relative to its first",
     ("Drive", "half_gap"): "rad, backlash: the crank's play behind the motor, and as much ahead of it",
     ("Drive", "ripple"): "unevenness of the motor, see below",
     ("Drive", "periodic_torque"): "on the driven body over its angle, see below",

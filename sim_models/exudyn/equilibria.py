@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -12,16 +12,19 @@ from analytic.kinematics.structure import Rest
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint
 from sim_models.common.contact_laws import pressed_to
 from sim_models.common.failed_starts import check_stiff_enough, no_start, why_no_equilibrium
+from sim_models.common.guide import Guide
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import travel
 from sim_models.engine import CENTRED, ELSEWHERE, Cause, Request, SimulationError
 from sim_models.exudyn.block import Block
+from sim_models.exudyn.laws import CONTACT_CREEP
 from sim_models.exudyn.linkage import ExudynLinkage, Inertia
 from sim_models.exudyn.model import ExudynModel, point_at
 from sim_models.exudyn.path import Gaps, Path, redundant
-from sim_models.exudyn.record import Record
+from sim_models.exudyn.record import Record, locate
 
 STILL = 1e-12  # rad: last correction of a crank's angle behind a compliant drive
+RUBBINGS = 200  # times that friction is found anew from the forces that it changes
 NO_LOAD = 1e-9  # of the largest reaction: a smaller one has no direction
 
 Loads = tuple[
@@ -70,10 +73,12 @@ class Equilibria:
         )
         check_stiff_enough("exudyn", self.request, theta, springs)
         rods = self._solve(self.rods, theta, self._taken_up(self.rods, ideal, theta), loads)
+        rates = {} if inertia is None else self._rates(theta, self.speed if speed is None else speed)
         try:
-            found = self._solve(self.real, theta, self._taken_up(self.real, rods, theta), loads)
+            smooth = self._solve(self.real, theta, self._taken_up(self.real, rods, theta), loads)
         except SimulationError as error:
             raise why_no_equilibrium("exudyn", self.request, theta, springs) or error from None
+        found = self._rubbed(theta, smooth, loads, rates)
         for name in self.clearance:
             if name in found.tilt:  # walls never pull
                 continue
@@ -100,6 +105,48 @@ class Equilibria:
             raise self._failure(
                 Cause.NO_EQUILIBRIUM, f"a drive of {stiffness:g} N.m/rad holds the crank nowhere near", theta
             ) from None
+
+    def _rubbed(self, theta: float, smooth: Record, loads: Loads, rates: Mapping[str, float]) -> Record:
+        """The equilibrium near a ``smooth`` one in which contacts that slip at these ``rates`` rub; where none is, as
+        of a block that its friction tips, the smooth one, from which the run finds its way.
+        """
+        rough = [j for j in self.m.joints if j.rough and rates and self.request.joint_model == "contact"]
+        found, before = smooth, np.zeros(0)
+        for _ in range(RUBBINGS if rough else 0):
+            force, torque, slide = dict(loads[0]), dict(loads[1]), loads[2]
+            rubs = [(j, *each) for j in rough for each in self._rubs(j, found, rates[j.name])]
+            for joint, push, at in rubs:
+                for body, sign in zip(joint.bodies, (-1.0, 1.0), strict=True):
+                    if body != GROUND:
+                        force[body] += sign * push
+                        torque[body] += sign * float(((at - found.com[body][0]).conjugate() * push).imag)
+            now = np.array([push for _, push, _ in rubs])
+            if now.size == before.size and np.abs(now - before).max() <= NO_LOAD * np.abs(now).max():
+                return found
+            before = now
+            try:
+                found = self._solve(self.real, theta, found.gaps(self.displaced), (force, torque, slide))
+            except SimulationError:
+                break
+        return smooth
+
+    def _rubs(self, joint: Joint, found: Record, rate: float) -> Iterator[tuple[complex, complex]]:
+        """Friction (N) on a joint's second body, and where (m), of each contact that slips at a ``rate`` (rad/s, m/s)
+        under what presses it, as it is in a run.
+        """
+        (first, second), name = joint.bodies, joint.name
+        at, force = complex(locate(self.m, found.com, found.angle, second, name)[0]), complex(found.force[name][0])
+        guide, reach = Guide.of(joint) if joint.prismatic else None, joint.rim + joint.clearance
+        slip = rate if joint.prismatic else rate * reach
+        share = -joint.friction * float(np.clip(slip / CONTACT_CREEP, -1.0, 1.0))
+        if guide is None:
+            yield 1j * share * force, at + reach * force / abs(force)
+            return
+        along = joint.direction * np.exp(1j * (found.angle[first][0] if first != GROUND else 0.0))
+        across, tilt = np.imag(found.force[name] * np.conj(along)), found.tilt[name]
+        pushes = guide.shares(across, found.moment[name], found.height[name], tilt)
+        for corner, push in zip(guide.corners, pushes[:, 0].tolist(), strict=True):
+            yield share * push * along, at + along * corner * np.exp(1j * tilt[0])
 
     def _taken_up(self, linkage: ExudynLinkage, near: Record, theta: float) -> dict[str, complex | Rest]:
         """Gaps (m) where the reactions of a neighbouring equilibrium press every pin, and where they press blocks."""

@@ -78,17 +78,19 @@ def balance(link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, sl
         load += slip[joint.name] * dry * form
     jacobian = d.efc_J.reshape(d.nefc, m.nv)
     push = jacobian.copy()
-    rows = np.ones(d.nefc, bool)
+    rows, parting = np.ones(d.nefc, bool), np.zeros(d.nefc)
     for name, row in contact_rows(link).items():
         if link.rubs[name]:
             push[row] += along(link, name, slip) * jacobian[row + 1]
             rows[row + 1 : row + 3] = False
+        if name in link.cones:  # its push apart is taken back for the slip that there is, not for how that grows
+            parting[row] = -along(link, name, slip) * float(jacobian[row + 1] @ a)
     damping, impedance = d.efc_KBIP[:, 1], d.efc_KBIP[:, 2]
     # where velocity across the row can only be an error of v, which need not become one of q
     rigid = (impedance > 0.5) & (d.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY))
     gained = jacobian @ a
     older = link.setting.step / 2 if link.setting.stepped else 0.0  # s: a run's rows are damped by velocities of then
-    goal = d.efc_aref - gained + damping * (older * gained + np.where(rigid, d.efc_vel, 0.0))
+    goal = d.efc_aref + parting - gained + damping * (older * gained + np.where(rigid, d.efc_vel, 0.0))
     return Balance(load, push[rows], goal[rows], d.efc_R[rows].copy(), np.flatnonzero(rows))
 
 
