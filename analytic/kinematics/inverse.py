@@ -32,10 +32,10 @@ from analytic.kinematics.structure import Group
 
 PASSES = 30
 SETTLED = 1e-13  # of the platform's size, or rad
-# of the platform's size, or rad: how far it is off the spline through its poses.  Where it swings by A, a cubic spline's
-# errors of fourth and second order make that sqrt(8/3 FOLLOWS / A) of its largest acceleration: half a thousandth where
-# A is a tenth
-FOLLOWS = 1e-8
+# of the platform's size, or rad: how far it is off the spline through its poses.  Where it swings by A, that makes
+# sqrt(8/3 FOLLOWS / A) of its largest acceleration, by a cubic spline's errors of fourth and second order, and some
+# times as much at the ends: less than a thousandth where A is a tenth
+FOLLOWS = 1e-9
 SINGULAR = 1e-6  # of the platform's size per rad: a pose that is settled is this near to one at which it cannot move
 WITHIN = "keep the path within reach"
 EARLIER = np.array([[8, 0, 0, 0], [4, 4, 0, 0], [2, 4, 2, 0], [1, 3, 3, 1]]) / 8  # halves of a cubic, by its points
@@ -76,7 +76,7 @@ def inverse(
     return Followed(_Inverse(assembly, wanted, np.asarray(poses, float), time).followed())
 
 
-def along(
+def splined(
     assembly: Assembly, wanted: Sequence[Coordinate], poses: np.ndarray, time: np.ndarray
 ) -> tuple[np.ndarray, Followed]:
     """The same at more instants (M,) s, those of the poses among them: so many that the ``wanted`` are off the spline
@@ -303,7 +303,7 @@ class _Inverse(Posed):
         return u, ways, good
 
     def refined(self, u: np.ndarray) -> tuple[np.ndarray, Followed]:
-        """Instants (M,) s, as :func:`along` says, and coordinates (n, M) there, of those (n, N) at the poses.  Raises
+        """Instants (M,) s, as :func:`splined` says, and coordinates (n, M) there, of those (n, N) at the poses.  Raises
         AssemblyError where no number of them will do.
         """
         from scipy.interpolate import CubicSpline  # here: importing it takes a quarter of a second

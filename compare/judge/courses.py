@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
-from analytic.kinematics.inverse import Coordinate, along
+from analytic.kinematics.inverse import Coordinate, splined
 from analytic.kinematics.motion import kinematics
 from analytic.mechanism.signals import Signal, continued, position, turned_near
 from compare.judge.grid import GridError
@@ -186,7 +186,7 @@ def of_path(path: Path, assembly: Assembly) -> Courses:
         values, angle = table.values[signal.name], coordinate.axis == "angle"
         told.append(_turned(float(coordinate.value(home)[0]), values) if angle else values)
     try:
-        time, found = along(assembly, wanted, np.array(told), table.time)
+        time, found = splined(assembly, wanted, np.array(told), table.time)
     except AssemblyError as error:
         raise DataError(f"{path.name}: {error}") from None
     moved = {s.coordinates[i].joint: s.signs[i] * found.coordinates[i] for i in s.inputs}
