@@ -148,8 +148,9 @@ class Posed:
 
 class _Inverse(Posed):
     """Walks a platform along a path, straight from the assembly to the first of its poses (wanted, N), then along the
-    cubic spline through them.  ``near`` (n, 1) are the coordinates where it is, ``at`` (wanted, 1); ``ways`` (n,
-    wanted) is how far they go on from there by a unit of each wanted coordinate, ``bend`` as :meth:`bent` says.
+    cubic spline through them.  ``near`` (n, 1) are the coordinates where it is, ``at`` (wanted, 1) its pose; ``ways``
+    (bodies and slides, wanted) is how far these turn (rad) and travel (sizes) from there by a unit of each wanted
+    coordinate, ``bend`` as :meth:`bent` says, ``regular`` how far each group is from singular.
     """
 
     def __init__(
@@ -163,13 +164,20 @@ class _Inverse(Posed):
                 f" {len(s.inputs)} inputs ({', '.join(assembly.positions)}); give as many as there are inputs"
             )
         self.unit = np.array([1.0 if w.axis == "angle" else self.size for w in wanted])
-        self.units = np.array([1.0 if c.bodies else self.size for c in s.coordinates])
+        self.reach = np.array([1.0 if s.unit(i) == "rad" else self.size for i in s.inputs])
         self.groups = [g for g in s.groups if g.coordinates]
         self.arms = np.abs(s.loops[:, : len(s.bodies)]).sum(axis=1).max(initial=0.0)
         self.time, self.told = np.arange(float(poses.shape[1])) if time is None else time, time is not None
         self.near = assembly.follow(assembly.inputs[:, None]).coordinates
         self.at = self.pose(assembly.columns(self.near), self.near)
         self.pieces = self.cubics(poses)
+        self.regular: list[float] = []
+        self.turns = np.zeros((len(s.bodies) + len(s.slides), len(s.coordinates)))
+        for b, turned in enumerate(s.turned):
+            self.turns[b, list(turned)] = 1.0
+        for i, c in enumerate(s.coordinates):
+            if not c.bodies:
+                self.turns[c.column, i] = 1.0 / self.size
         self.goal = self.near, self.at[:, 0], -1.0  # whence a row is gone to, its pose, and which
         self.stops: list[tuple[float, np.ndarray]] = []  # rows, coordinates (n,)
 
@@ -216,44 +224,41 @@ class _Inverse(Posed):
         or out of reach, by the theorem of Newton and Kantorovich: times ``bend``, Newton's first step there is no
         longer than a half.  The piece lies between its points, and so do the steps.
         """
-        steps = self.ways @ (part.T - self.at) / self.units[:, None]
-        return bool(np.abs(steps).max() * self.bend <= 0.5)
+        return bool(np.abs(self.ways @ (part.T - self.at)).max() * self.bend <= 0.5)
 
     def bent(self, loops: np.ndarray, slope: np.ndarray) -> float:
         """How much the derivatives of the loops (2 loops, n) and of the pose (wanted, n) change at most, of themselves,
-        by a unit of any coordinate: those of all, and those of each group by its own.  1 at least, as travels are taken
-        for no longer than their size beyond what they are.
+        while no body turns by more than 1 rad and no slide travels by more than the size: those of all coordinates, and
+        those of each group by its own.  1 at least, so that half of that is not exceeded.
 
-        A body's phasor bends by the square of how many coordinates turn it, a travel with its body's, and by two of
-        them as it goes along the body.
+        A body's phasor bends by its turn's square, a travel with its body's, and by both as it goes along a body.
         """
         s, travels = self.s, np.abs(self.assembly.columns(self.near)[len(self.s.bodies) :, 0][: len(self.s.slides)])
-        turns = np.array([len(turned) for turned in s.turned])
-        along = turns[s.slide_body]
-        columns = np.concatenate([turns**2, (travels + self.size) * along**2 + 2 * self.size * along])
+        turning = np.array([bool(turned) for turned in s.turned])
+        columns = np.append(turning, (travels + 3 * self.size) * turning[s.slide_body])
         forms = [
             np.zeros(s.n_columns) if w.axis == "angle" else self.assembly.form(w.body, w.point) for w in self.wanted
         ]
         changes = np.abs(np.vstack([s.loops, s.loops, *forms]))[:, : columns.size] @ columns
-        every = [(np.vstack([loops, slope]), changes, self.units)]
-        every += [
-            (self.own(g, loops[None])[0], changes[self.rows(g)], self.units[list(g.coordinates)]) for g in self.groups
-        ]
-        return max(1.0, *(float((np.abs(np.linalg.pinv(x)) @ y / unit).max()) for x, y, unit in every))
+        every = [(self.turns, np.vstack([loops, slope]), changes)]
+        for group in self.groups:
+            turns = self.turns[:, list(group.coordinates)]
+            every.append((turns, self.own(group, loops[None])[0], changes[self.rows(group)]))
+        return max(1.0, *(float((np.abs(turns @ np.linalg.pinv(x)) @ y).max()) for turns, x, y in every))
 
     def move(self, pose: np.ndarray, row: float) -> None:
         """Go to a pose (wanted,) that :meth:`lies_near`.  Raises AssemblyError where it is singular."""
         before, self.at = self.at, pose[:, None]
-        was, (self.near, ways) = self.near, self.there(self.at, self.near, np.array([row]))
-        (old, _), (loops, slope) = (self.slopes(self.assembly.columns(u)) for u in (was, self.near))
-        for group in self.groups:
-            far, near = (abs(regularity(self.s, group, self.own(group, x))[0]) for x in (old, loops))
+        self.near, ways = self.there(self.at, self.near, np.array([row]))
+        loops, slope = (x[0] for x in self.slopes(self.assembly.columns(self.near)))
+        regular = [abs(regularity(self.s, g, self.own(g, loops[None]))[0]) for g in self.groups]
+        for group, far, near in zip(self.groups, self.regular or regular, regular, strict=True):
             if near**2 < CHANGE_POINT:
                 beyond = near / (far - near) if far > near else 0.0
                 when = self.when(row + beyond * (row - self.stops[-1][0]) if beyond else row)
                 what = f"{when}is singular: {locks(group)}, and the drives do not hold it there"
                 raise self.failed(self.at + beyond * (self.at - before), what, "keep the path clear of it")
-        self.ways, self.bend = ways[0], self.bent(loops[0], slope[0])
+        self.ways, self.bend, self.regular = self.turns @ ways[0], self.bent(loops, slope), regular
         self.stops.append((row, self.near[:, 0]))
 
     def there(self, poses: np.ndarray, near: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -269,8 +274,7 @@ class _Inverse(Posed):
 
     def shares(self, ways: np.ndarray) -> np.ndarray:
         """How far the inputs go (M, inputs, wanted) by a unit of each wanted coordinate, both of their own size."""
-        inputs = list(self.s.inputs)
-        return ways[:, inputs] * self.unit / self.units[inputs, None]
+        return ways[:, list(self.s.inputs)] * self.unit / self.reach[:, None]
 
     def closed(self, poses: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Newton's method to poses (wanted, M) from coordinates (n, M): coordinates there, how far (M, n, wanted) they
@@ -343,13 +347,16 @@ class _Inverse(Posed):
         return np.interp(rows, np.arange(self.time.size), self.time)
 
     def when(self, row: float) -> str:
-        """That time in words; nothing before the first, or where nobody knows."""
-        return f"at {self.instants(np.array(row)):.6g} s " if self.told and row >= 0 else ""
+        """That time in words; nothing where nobody knows."""
+        at = f"{'at' if row >= 0 else 'on the way to'} {self.instants(np.array(row)):.6g} s "
+        return at if self.told else ""
 
     def stuck(self, pose: np.ndarray, row: float) -> AssemblyError:
         """The error for a pose (wanted,) where the path ends, by what its next row is."""
         start, goal, end = self.goal
-        if not self.closed(goal[:, None], start)[2].all():
+        with np.errstate(all="ignore"):  # on no way to anything
+            reached = self.closed(goal[:, None], start)[2].all()
+        if not reached:
             what = f"{self.when(end)}cannot be reached: no position of the drives has it there"
             return self.failed(goal, what, WITHIN)
         return self.failed(pose, f"{self.when(row)}is singular: the platform cannot move on, whatever its drives do")
