@@ -7,12 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize
+from scipy.interpolate import CubicSpline
+from scipy.optimize import brentq, minimize
 
 import linkage_crosscheck as lc
 from analytic.beyond_paper.platform import platform
 from analytic.kinematics.assembly import Assembly, AssemblyError, Followed
-from analytic.kinematics.inverse import Coordinate, inverse
+from analytic.kinematics.inverse import FOLLOWS, Coordinate, inverse, splined
 from analytic.kinematics.motion import Gap, kinematics
 from analytic.kinematics.workspace import workspace
 from analytic.mechanism import MASS_CENTRE, Load, Mechanism
@@ -214,6 +215,61 @@ def test_a_platform_that_turns_parallel_to_the_triangle_of_its_pivots_is_singula
     told, at = refused(m, [np.full(rows, 0.02), np.full(rows, 0.01), 0.5 - 0.8 * time], time)
     assert "is singular: the loops through " in told
     assert at == pytest.approx(0.5 / 0.8, abs=1e-4)
+
+
+@pytest.mark.parametrize(("rows", "beside", "over"), [(20, 0.35, 3e-4), (20, 0.65, 3e-4), (40, 0.42, 1e-4)])
+def test_a_path_that_leaves_reach_between_two_rows_alone_is_refused_where_it_does(
+    rows: int, beside: float, over: float
+) -> None:
+    """The hand comes out beyond the arm's 0.55 m by ``over`` and goes back, ``beside`` a row of 20 or 40."""
+    time = np.linspace(0.0, 1.0, rows)
+    swell = np.exp(-(((time - (rows // 2 + beside) / (rows - 1)) / 0.3) ** 2))
+    swell = (swell - swell[0]) / (1 - swell[0])
+    home = complex(*hand(np.array([0.5]), np.array([1.1]))[:, 0])
+    place = (abs(home) + (0.55 + over - abs(home)) * swell) * np.exp(1j * (np.angle(home) + 0.3 * time))
+    assert np.abs(place).max() < 0.55 - 1e-6
+    spline = CubicSpline(time, place)
+    out = brentq(lambda t: abs(spline(t)) - 0.55, time[rows // 2], time[rows // 2] + 0.5 * time[1])
+    with pytest.raises(AssemblyError, match=r"forearm.T_x = .* is singular: the platform cannot move on") as refused:
+        inverse(Assembly(load("2r-arm")), POSE["2r-arm"], np.array([place.real, place.imag]), time)
+    assert float(str(refused.value).partition(" at ")[2].split()[0]) == pytest.approx(out, abs=1e-5)
+
+
+@pytest.mark.parametrize(("rows", "dip"), [(10, 1e-4), (11, 3e-4), (20, 1e-4)])
+def test_a_path_on_which_arms_fall_in_line_twice_between_two_rows_is_refused_at_the_first(
+    rows: int, dip: float
+) -> None:
+    """P comes down below y = 97.98 mm by ``dip`` and goes up again."""
+    time = np.linspace(0.0, 1.0, rows)
+    line, lowest = np.sqrt(0.1**2 - 0.02**2), (rows // 2 - 0.5) / (rows - 1)
+    height = line - dip + 0.3 * (time - lowest) ** 2
+    assert np.all(height > line)
+    told, at = refused(wide_five_bar(), [np.full(rows, 0.1), height], time)
+    assert "is singular: left-arm and right-arm fall in line" in told
+    assert at == pytest.approx(lowest - np.sqrt(dip / 0.3), abs=1e-5)
+
+
+@pytest.mark.parametrize("name", POSE)
+def test_drives_move_a_platform_along_the_spline_through_eight_rows(name: str) -> None:
+    """Its place and velocity, and its acceleration to a thousandth, between the rows too: by the drives' own spline."""
+    assembly, time, wanted = Assembly(load(name)), np.linspace(0.0, 1.0, 8), POSE[name]
+    home = kinematics(assembly, assembly.inputs[:, None])
+    ways = {"x": 0.03 * np.sin(4 * time), "y": 0.03 * (np.cos(5 * time) - 1), "angle": 0.2 * np.sin(3 * time)}
+    poses = np.array([c.value(home)[0] + ways[c.axis] for c in wanted])
+    instants, followed = splined(assembly, wanted, poses, time)
+    assert np.all(np.isin(time, instants))
+    drives = CubicSpline(instants, followed.coordinates[list(assembly.structure.inputs)], axis=1)
+    fine = np.linspace(0.0, 1.0, 201)
+    motion = kinematics(assembly, drives(fine), drives(fine, 1), drives(fine, 2))
+    size = max(body.length for body in assembly.mechanism.bodies)
+    for c, row in zip(wanted, poses, strict=True):
+        spline, turns = CubicSpline(time, row), c.axis == "angle"
+        part = np.real if c.axis == "x" else np.imag
+        speed = motion.angular_velocity(c.body) if turns else part(motion.velocity(c.body, c.point))
+        push = motion.angular_acceleration(c.body) if turns else part(motion.acceleration(c.body, c.point))
+        assert np.abs(c.value(motion) - spline(fine)).max() < 3 * FOLLOWS * (1.0 if turns else size)
+        assert np.abs(speed - spline(fine, 1)).max() < 3e-5 * np.abs(spline(fine, 1)).max()
+        assert np.abs(push - spline(fine, 2)).max() < 1e-3 * np.abs(spline(fine, 2)).max()
 
 
 def test_what_a_path_cannot_say_at_a_straight_arm_a_course_does(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
-from analytic.kinematics.inverse import Coordinate, inverse
+from analytic.kinematics.inverse import Coordinate, splined
 from analytic.kinematics.motion import kinematics
 from analytic.mechanism.signals import Signal, continued, position, turned_near
 from compare.judge.grid import GridError
@@ -39,10 +39,11 @@ LEAST = 4  # rows of a file of courses: a cubic spline needs as many
 @dataclass(frozen=True)
 class Courses:
     """By driven joint the times (M,) s and positions (M,) rad, m of its course, the cubic spline through them; nothing
-    of what moves freely.
+    of what moves freely.  ``rows`` (R,) s are those of a file whose courses have more than these.
     """
 
     knots: Mapping[str, tuple[np.ndarray, np.ndarray]]
+    rows: np.ndarray | None = None
 
     @property
     def splines(self) -> dict[str, CubicSpline]:
@@ -150,8 +151,8 @@ def of_file(path: Path, assembly: Assembly) -> Courses:
 
 
 def of_path(path: Path, assembly: Assembly) -> Courses:
-    """The courses that move a platform along a file of time and its ``<body>_x``, ``<body>_y``, ``<body>_angle``, as
-    many as the linkage has inputs, each with a drive.  Raises DataError.
+    """The courses that move a platform along the cubic splines through a file's ``<body>_x``, ``<body>_y``,
+    ``<body>_angle`` over time, as many as the linkage has inputs, each with a drive.  Raises DataError.
     """
     from compare.recorded.table import read_table
 
@@ -185,11 +186,11 @@ def of_path(path: Path, assembly: Assembly) -> Courses:
         values, angle = table.values[signal.name], coordinate.axis == "angle"
         told.append(_turned(float(coordinate.value(home)[0]), values) if angle else values)
     try:
-        found = inverse(assembly, wanted, np.array(told), table.time)
+        time, found = splined(assembly, wanted, np.array(told), table.time)
     except AssemblyError as error:
         raise DataError(f"{path.name}: {error}") from None
     moved = {s.coordinates[i].joint: s.signs[i] * found.coordinates[i] for i in s.inputs}
-    return Courses({name: (table.time, moved[name]) for name in (joint.name for joint in m.motors)})
+    return Courses({joint.name: (time, moved[joint.name]) for joint in m.motors}, table.time)
 
 
 def _warn(path: Path, table: Table, used: Collection[str], role: str) -> None:
@@ -215,7 +216,7 @@ def times_within(courses: Courses, time: np.ndarray | None) -> np.ndarray:
     begin = max((float(t[0]) for t, _ in courses.knots.values()), default=0.0)
     end = min((float(t[-1]) for t, _ in courses.knots.values()), default=np.inf)
     if time is None:
-        own = next(iter(courses.knots.values()))[0]
+        own = next(iter(courses.knots.values()))[0] if courses.rows is None else courses.rows
         return np.linspace(begin, end, SAMPLES + 1) if own.size > 4 * SAMPLES else np.asarray(own)
     if time[0] < begin or time[-1] > end:
         raise GridError(f"--times {time[0]:g} to {time[-1]:g} s is not within the course, {begin:g} to {end:g} s")
