@@ -486,6 +486,19 @@ def test_an_angle_sampled_once_a_turn_is_not_taken_for_wrapped() -> None:
     assert quality.unwrapped(angle)[1] == 0
 
 
+@pytest.mark.parametrize("degrees", [60.0, 200.0])
+def test_a_wrapped_angle_whose_steps_do_not_say_which_way_it_turned_is_said_to_be_so(
+    tmp_path: Path, degrees: float
+) -> None:
+    time, exact = signals(73, 72 * degrees / 360)
+    columns = {"crank_angle [rad]": exact["crank_angle"] % (2 * math.pi), "follower_x [m]": exact["follower_x"]}
+    run = RunTable("a", time, columns, {"drive": "measured"})
+    found = load_measured(write_measured(tmp_path, TEXT, [run]))
+    said = [fault.text for fault in found.faults if "may have turned the longer way round" in fault.text]
+    assert len(said) == (degrees == 200.0)
+    assert all("steps by 160 deg" in text for text in said)
+
+
 def test_constant_absent_and_given_noise(tmp_path: Path) -> None:
     time, exact = signals()
     rng = np.random.default_rng(7)

@@ -15,7 +15,7 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.inverse import Coordinate, inverse
 from analytic.kinematics.motion import kinematics
-from analytic.mechanism.signals import Signal, continued, position, turned_near
+from analytic.mechanism.signals import Signal, position, turned_near
 from compare.judge.grid import GridError
 from compare.recorded.errors import DataError
 from compare.recorded.headings import left_alone
@@ -146,7 +146,8 @@ def of_file(path: Path, assembly: Assembly) -> Courses:
     if faults:
         raise DataError(*faults)
     _warn(path, table, list(wanted.values()), "no position of a driven joint")
-    return Courses({n: (table.time, assembly.on_its_turn(n, table.values[signal])) for n, signal in wanted.items()})
+    courses = {name: table.course(signal, path.name) for name, signal in wanted.items()}
+    return Courses({name: (table.time, assembly.on_its_turn(name, values)) for name, values in courses.items()})
 
 
 def of_path(path: Path, assembly: Assembly) -> Courses:
@@ -182,8 +183,8 @@ def of_path(path: Path, assembly: Assembly) -> Courses:
     home = kinematics(assembly, assembly.inputs[:, None])
     told = []
     for coordinate, signal in zip(wanted, poses, strict=True):
-        values, angle = table.values[signal.name], coordinate.axis == "angle"
-        told.append(_turned(float(coordinate.value(home)[0]), values) if angle else values)
+        values, begins = table.course(signal.name, path.name), float(coordinate.value(home)[0])
+        told.append(values + (turned_near(values[0], begins) - values[0]) if signal.wraps else values)
     try:
         found = inverse(assembly, wanted, np.array(told), table.time)
     except AssemblyError as error:
@@ -198,12 +199,6 @@ def _warn(path: Path, table: Table, used: Collection[str], role: str) -> None:
     notes = [f"{path.name}: {left_alone(others, role)}"] if others else []
     for note in (*table.notes, *notes):
         warnings.warn(note, stacklevel=4)
-
-
-def _turned(home: float, angle: np.ndarray) -> np.ndarray:
-    """An angle (N,) without jumps by a turn, the first within half a turn of where a body is assembled."""
-    told = continued(angle)
-    return told + (turned_near(told[0], home) - told[0])
 
 
 def _axis(signal: Signal) -> Literal["x", "y", "angle"]:

@@ -11,7 +11,7 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import count
-from analytic.mechanism.signals import position, turned_near
+from analytic.mechanism.signals import position, turned_near, unwound
 from compare.faults import ArgumentError
 from compare.judge.reference import SURE
 from compare.recorded.errors import DataError
@@ -33,7 +33,6 @@ from sim_models.engine import JointModel, Motion
 Kind = Literal["angles", "course", "courses", "released"]
 
 SAMPLES = 20_000  # of a file that are kept: more would tell little, and make a page that no browser opens
-TURN = 2 * np.pi + 1e-3  # rad: angles that span no more may be wrapped into one turn
 
 
 @dataclass(frozen=True)
@@ -79,7 +78,7 @@ def recording(
         return _at_its_speed(name, file, table, mechanism, motion)
     if np.any(np.isnan(angle)):
         raise DataError(f"{where}: {encoder!r} has empty cells; give the crank's angle in every row, or leave rows out")
-    angle = np.unwrap(angle) if np.ptp(angle) <= TURN else angle
+    angle = unwound(angle) if mechanism.encoder.wraps else angle
     if motion == "static" or not table.time.size:
         return Recording(name, file, table, "angles", angle)
     if table.time.size < LEAST:
@@ -87,6 +86,7 @@ def recording(
     rounded, late = table.rounding(encoder), rounding(table.time)
     if mechanism.speed is not None and (turned := evenly(table.time, angle, mechanism.speed, rounded, late)):
         return Recording(name, file, table, "angles", turned[0], error=turned[1])
+    angle = table.course(encoder, where)
     found = followed(table.time, angle, off_by(table.time, rounded, late, np.gradient(angle, table.time)))
     return Recording(name, file, table, "course", found.moving.theta, found)
 
@@ -139,7 +139,7 @@ def _of_drives(name: str, file: str, table: Table, mechanism: Mechanism) -> Reco
         raise DataError(*faults)
     late, drives = rounding(table.time), {}
     for joint, signal in wanted.items():
-        values = assembly.on_its_turn(joint, table.values[signal])
+        values = assembly.on_its_turn(joint, table.course(signal, where))
         exact = table.rounding(signal)  # a row's positions are those of its other signals, however late its time is
         found = followed_as_given(table.time, values, exact + np.abs(np.gradient(values, table.time)) * late)
         moving = replace(found.moving, theta=values)
