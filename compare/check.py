@@ -374,7 +374,8 @@ def _side(one: Recording, mechanism: Mechanism, motion: Motion, joint_model: Joi
     if isinstance(one.moved, FollowedDrives):
         if motion == "static":
             courses = Courses({n: (one.moved.time, each.moving.theta) for n, each in one.moved.drives.items()})
-            side = timed_reference(assembly, one.moved.time, courses, motion, model, clearances)
+            errors = {name: each.errors.theta for name, each in one.moved.drives.items()}
+            side = timed_reference(assembly, one.moved.time, courses, motion, model, clearances, errors)
             return silenced(side, _standing(one.moved, mechanism))
         states = {name: (each.moving, each.errors) for name, each in one.moved.drives.items()}
         return followed_drives_reference(assembly, states, model, clearances)
@@ -523,9 +524,12 @@ def _coarse(one: Recording, side: Reference, rules: Mapping[str, Rule], mechanis
     slides = {"its crank"} if mechanism.sliding else {f"joint {j.name}" for j in mechanism.joints if j.prismatic}
     unit = "m" if what in slides else "rad"
     known, most = SURE * float(np.max(moved.errors.alpha)), float(np.max(np.abs(moved.moving.alpha)))
+    where = SURE * float(np.max(moved.errors.theta))
+    position = f"its position to {where:.2g} {unit} and " if where else ""
     return [
-        f"{one.name}: {what} is recorded every {every:.3g} s, which tells its acceleration to {known:.2g} {unit}/s2 (of"
-        f" {most:.3g} at most), and so {left_open}: record it more often, or with more digits, for a closer check"
+        f"{one.name}: {what} is recorded every {every:.3g} s, which tells {position}its acceleration to {known:.2g}"
+        f" {unit}/s2 (of {most:.3g} at most), and so {left_open}: record it more often, or with more digits, for a"
+        " closer check"
     ]
 
 

@@ -25,6 +25,7 @@ from sim_models.common.motor import Course
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
+    from analytic.mechanism import Mechanism
     from compare.recorded.table import Table
 
 MOST_TIMES = 100_000
@@ -84,20 +85,24 @@ def parse_times(text: str) -> np.ndarray:
     return np.asarray(start + step * np.arange(int(np.floor((stop - start) / step + 1e-9)) + 1))
 
 
+def speeds_of(mechanism: Mechanism) -> dict[str, float]:
+    """The speeds (rad/s, m/s) of the drives that have one, by joint, as rates of its position."""
+    sign = mechanism.crank_sign
+    return {drive.joint: sign * drive.speed for drive in mechanism.drives if not isinstance(drive.speed, str)}
+
+
 def at_their_speeds(assembly: Assembly, time: np.ndarray | None) -> tuple[np.ndarray, Courses]:
     """Times (N,) s, by default as far as the drives get, and the courses at the drives' constant speeds from the
     assembly on.  Raises GridError where a drive has no speed.
     """
     m = assembly.mechanism
-    speeds: dict[str, float] = {}
     for drive in m.drives:
         if drive.speed == "measured":
             raise GridError(
                 f"{m.name}: the drive of joint {drive.joint!r} follows measured data; give a file of its course"
                 " (--course), or the drive a speed"
             )
-        if not isinstance(drive.speed, str):
-            speeds[drive.joint] = m.crank_sign * drive.speed
+    speeds = speeds_of(m)
     end = float(time[-1]) if time is not None else _as_far(assembly, speeds)
     knots = np.linspace(0.0, max(end, SHORTEST), KNOTS)
     courses = Courses({name: (knots, assembly.positions[name] + speed * knots) for name, speed in speeds.items()})

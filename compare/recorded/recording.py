@@ -13,6 +13,7 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import position, turned_near, unwound
 from compare.faults import ArgumentError
+from compare.judge.courses import speeds_of
 from compare.judge.reference import SURE
 from compare.recorded.errors import DataError
 from compare.recorded.motion import (
@@ -137,13 +138,17 @@ def _of_drives(name: str, file: str, table: Table, mechanism: Mechanism) -> Reco
         faults.append(f"{where}: has {count(table.time.size, 'row')}; a course is known from {LEAST} on")
     if faults:
         raise DataError(*faults)
-    late, drives = rounding(table.time), {}
+    late, speeds, drives = rounding(table.time), speeds_of(mechanism), {}
     for joint, signal in wanted.items():
         values = assembly.on_its_turn(joint, table.course(signal, where))
-        exact = table.rounding(signal)  # a row's positions are those of its other signals, however late its time is
-        found = followed_as_given(table.time, values, exact + np.abs(np.gradient(values, table.time)) * late)
-        moving = replace(found.moving, theta=values)
-        drives[joint] = replace(found, moving=moving, errors=replace(found.errors, theta=exact / SURE))
+        rounded = table.rounding(signal)
+        found = followed_as_given(table.time, values, rounded + np.abs(np.gradient(values, table.time)) * late)
+        if joint in speeds:
+            even = assembly.positions[joint] + speeds[joint] * table.time
+            rounded = np.maximum(rounded, table.off(signal, even))
+        # a row's positions are those of its other signals, however late its time is
+        errors = replace(found.errors, theta=rounded / SURE)
+        drives[joint] = replace(found, moving=replace(found.moving, theta=values), errors=errors)
     first = next(iter(drives.values()))
     return Recording(name, file, table, "courses", first.moving.theta, FollowedDrives(table.time, drives))
 

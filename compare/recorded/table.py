@@ -16,7 +16,7 @@ from analytic.mechanism.signals import starts_again, undirected, unwound
 from compare.recorded.errors import DataError
 from compare.recorded.formats import Columns, reader
 from compare.recorded.headings import TIME, Column, Headings, Names, read_headings
-from compare.recorded.rounding import rounding
+from compare.recorded.rounding import decimal, rounding
 from compare.recorded.text import ROWS, coding, header, rows
 
 LARGEST = 1e30  # SI, of any number that is read; nothing on a bench is as large, and its square is still a number
@@ -45,6 +45,16 @@ class Table:
             return np.zeros(next(iter(self.values.values())).shape)
         column = next(c for c in self.columns if c.signal.name == signal)
         return column.step * rounding(column.readings(self.values[signal]))
+
+    def off(self, signal: str, exact: np.ndarray) -> float:
+        """By how much a signal is off ``exact`` values (N,), SI, where that may be its last decimal; else 0.
+
+        What moves evenly steps evenly, and its numbers alone do not show what they are rounded to.
+        """
+        column = next(c for c in self.columns if c.signal.name == signal)
+        most = float(np.max(np.abs(column.signal.apart(self.values[signal], exact))))
+        last = column.step * decimal(column.readings(self.values[signal]))
+        return most if most <= last / 2 else 0.0
 
     def course(self, signal: str, file: str) -> np.ndarray:
         """A signal (N,) along the motion of a ``file``: an angle without jumps where it starts again after a turn.

@@ -1,0 +1,110 @@
+"""Recorded results of several drives: what their positions' digits leave open, and whether their clock is right."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import linkage_crosscheck as lc
+from analytic.beyond_paper.drive import Turning
+from analytic.kinematics.assembly import Assembly
+from analytic.mechanism.file import loads
+from compare.judge.courses import Courses
+from compare.judge.reference import SURE, followed_drives_reference, timed_reference
+from marks import slow
+from sim_models.engine import Motion
+
+TIME = np.linspace(0.0, 0.4, 17)
+RPR = ("position_S1 [m]", "position_S2 [m]", "position_S3 [m]", "platform_x [m]", "platform_angle [rad]")
+FORCES = tuple(f"drive_force_S{leg} [N]" for leg in "123")
+ARM = """
+name = "arm"
+gravity = [0.0, -9.81]
+[ground]
+points = { D = [0.0, 0.0] }
+[[body]]
+name = "upper"
+points = { D = [0.0, 0.0], A = [0.1, 0.0] }
+mass = 0.1
+[[body]]
+name = "fore"
+points = { A = [0.0, 0.0], P = [0.16, 0.0] }
+mass = 0.2
+[[joint]]
+name = "D"
+type = "revolute"
+bodies = ["ground", "upper"]
+[[joint]]
+name = "A"
+type = "revolute"
+bodies = ["upper", "fore"]
+[[drive]]
+joint = "D"
+speed = 2.0
+[[drive]]
+joint = "A"
+speed = -1.0
+[assembly]
+upper = 1.234567
+fore = 1.583456
+"""
+
+
+def written(path: Path, columns: Mapping[str, np.ndarray], digits: int) -> Path:
+    """Columns (N,) as a program writes them that gives every number so many digits."""
+    rows = (",".join(f"{value:.{digits}g}" for value in row) for row in zip(*columns.values(), strict=True))
+    path.write_text("\n".join([",".join(columns), *rows]) + "\n")
+    return path
+
+
+def recorded(name: str = "3-rpr", time: np.ndarray = TIME) -> dict[str, np.ndarray]:
+    own = lc.analyse(name, times=time).signals
+    return {"time [s]": time} | {heading: own[heading.split()[0]] for heading in (*RPR, *FORCES)}
+
+
+@pytest.mark.parametrize("digits", [4, *slow(3, 5, 6, 12)])
+def test_what_the_digits_of_drives_leave_open_is_allowed_for(digits: int, tmp_path: Path) -> None:
+    """Drives at constant speed step evenly: that they are rounded only their own motion tells."""
+    assert lc.check(written(tmp_path / "own.csv", recorded(), digits), "3-rpr").verdict == "agrees"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("digits", [3, 4, 5, 12])
+def test_what_is_off_by_more_than_they_leave_open_disagrees(digits: int, tmp_path: Path) -> None:
+    columns = recorded()
+    columns["platform_x [m]"] = columns["platform_x [m]"] + 10.0 * 10.0 ** -min(digits, 4)
+    assert lc.check(written(tmp_path / "off.csv", columns, digits), "3-rpr").verdict == "disagrees"
+
+
+def test_so_it_is_at_rest(tmp_path: Path) -> None:
+    own = lc.analyse("3-rpr", times=TIME, motion="static").signals
+    columns = {"time [s]": TIME} | {heading: own[heading.split()[0]] for heading in (*RPR, *FORCES)}
+    for digits in (3, 4):
+        path = written(tmp_path / f"{digits}.csv", columns, digits)
+        assert lc.check(path, "3-rpr", motion="static").verdict == "agrees"
+
+
+@pytest.mark.parametrize("motion", ["driven", "static"])
+def test_positions_leave_a_place_open_by_the_sum_of_what_each_drive_moves_it(motion: Motion) -> None:
+    """The forearm's middle of an arm, by its angles: x = 0.1 cos D + 0.08 cos (D + A)."""
+    assembly, off = Assembly(loads(ARM)), {"D": 4e-4, "A": 3e-4}
+    at = {"D": 1.234567 + 2.0 * TIME, "A": 0.348889 - TIME}
+    if motion == "static":
+        errors = {name: np.full(TIME.size, each / SURE) for name, each in off.items()}
+        courses = Courses({name: (TIME, values) for name, values in at.items()})
+        side = timed_reference(assembly, TIME, courses, motion, "equilibrium", {}, errors)
+    else:
+        none, one = np.zeros(TIME.size), np.ones(TIME.size)
+        drives = {
+            name: (Turning(at[name], rate * one, none), Turning(off[name] / SURE * one, none, none))
+            for name, rate in (("D", 2.0), ("A", -1.0))
+        }
+        side = followed_drives_reference(assembly, drives, "equilibrium", {})
+    by_a = 0.08 * np.sin(at["D"] + at["A"])
+    by_d = 0.1 * np.sin(at["D"]) + by_a
+    wanted = np.abs(by_d) * off["D"] + np.abs(by_a) * off["A"]
+    assert SURE * side.unsure["fore_x"] == pytest.approx(wanted, abs=2e-8)  # m, second order of the angles
+    assert SURE * side.unsure["fore_angle"] == pytest.approx(7e-4)
