@@ -108,3 +108,51 @@ def test_positions_leave_a_place_open_by_the_sum_of_what_each_drive_moves_it(mot
     wanted = np.abs(by_d) * off["D"] + np.abs(by_a) * off["A"]
     assert SURE * side.unsure["fore_x"] == pytest.approx(wanted, abs=2e-8)  # m, second order of the angles
     assert SURE * side.unsure["fore_angle"] == pytest.approx(7e-4)
+
+
+def mended(folder: Path, warning: str) -> Path:
+    """The map that a warning says."""
+    lines = warning.partition(": say ")[2].removesuffix(" under [columns] of a map").split(" and ")
+    path = folder / "columns.toml"
+    path.write_text("\n".join(["[columns]", *lines]) + "\n")
+    return path
+
+
+def test_a_clock_by_which_no_drive_has_its_speed_is_told_though_all_agrees(tmp_path: Path) -> None:
+    """Legs of 0.05, -0.03 and 0.02 m/s hardly accelerate anything, whatever the clock."""
+    path = written(tmp_path / "ms.csv", recorded() | {"time [s]": 1e3 * TIME}, 9)
+    result = lc.check(path, "3-rpr")
+    assert result.verdict == "agrees"
+    speeds, clock = result.warnings
+    for leg, speed in enumerate((0.05, -0.03, 0.02), 1):
+        words = f"joint S{leg} moves evenly, but at {speed / 1000:g} m/s where drive.speed = {speed:g}"
+        assert words in speeds
+    assert 'with time in ms drive.speed holds: say "time [s]" = { signal = "time", unit = "ms" } under' in clock
+    assert lc.check(path, "3-rpr", map=mended(tmp_path, clock)).warnings == ()
+
+
+def test_a_drive_that_does_not_keep_its_speed_is_told(tmp_path: Path) -> None:
+    m, time = loads(ARM), np.linspace(0.0, 0.4, 41)
+    courses = {"D": 1.234567 + 2.0 * time, "A": 0.348889 - np.sin(time)}
+    columns = {"time [s]": time} | {f"position_{name} [rad]": values for name, values in courses.items()}
+    columns["fore_angle [rad]"] = courses["D"] + courses["A"]
+    result = lc.check(written(tmp_path / "own.csv", columns, 12), m)
+    assert result.verdict == "agrees"
+    assert result.warnings == (
+        "own: joint A does not turn evenly at drive.speed = -1 rad/s; its recorded course is followed, and drive.speed"
+        " left out",
+    )
+
+
+def test_encoders_in_each_others_place_are_told_with_the_lines_that_mend_it(tmp_path: Path) -> None:
+    m = loads(ARM)
+    own = lc.analyse(m, times=TIME).signals
+    headings = ("position_A [rad]", "position_D [rad]", "fore_x [m]", "drive_torque_D [N.m]", "drive_torque_A [N.m]")
+    columns = {"time [s]": TIME} | {heading: own[heading.split()[0]] for heading in headings}
+    first, second = headings[:2]
+    path = written(tmp_path / "swap.csv", columns | {first: columns[second], second: columns[first]}, 9)
+    result = lc.check(path, m)
+    assert result.verdict == "disagrees"
+    (told,) = [text for text in result.warnings if "under [columns] of a map" in text]
+    assert "3 of 3 comparisons agree with position_D in the place of position_A and position_A in the place of" in told
+    assert lc.check(path, m, map=mended(tmp_path, told)).verdict == "agrees"
