@@ -433,12 +433,14 @@ def _standing(moved: FollowedDrives, mechanism: Mechanism) -> dict[str, np.ndarr
 
 def _with_rounding(side: Reference, one: Recording) -> Reference:
     """A side with what the file's numbers are rounded to as further ignorance; a signal that has steps of its own, as
-    the direction of a force between two walls, is not rounded to them.
+    the direction of a force between two walls, is not rounded to them.  Steps that are no more than what the motion
+    leaves open are those of its encoders.
     """
     unsure = {name: np.array(values) for name, values in side.unsure.items()}
     table = one.table
     for name in table.values:
-        own = rounding(side.signals[name]) if name in side.signals else 0.0
+        own = rounding(side.signals[name]) if name in side.signals else np.zeros(1)
+        own = own if np.max(own) > SURE * np.max(unsure.get(name, np.zeros(1))) else np.zeros(1)
         unsure[name] = unsure.get(name, 0.0) + np.maximum(table.rounding(name) - own, 0.0) / SURE
     for name in [name for name in side.signals if name.endswith("_magnitude")]:
         joint = name.removeprefix("reaction_").removesuffix("_magnitude")

@@ -79,6 +79,15 @@ def test_what_is_off_by_more_than_they_leave_open_disagrees(digits: int, tmp_pat
     assert lc.check(written(tmp_path / "off.csv", columns, digits), "3-rpr").verdict == "disagrees"
 
 
+def test_steps_that_a_signal_has_of_a_rounded_encoder_are_not_its_own(tmp_path: Path) -> None:
+    """A crank of a 3-RRR in three digits: where it is climbs stairs by its encoder, and is rounded besides."""
+    time = np.linspace(0.0, 0.4, 41)
+    own = lc.analyse("3-rrr", times=time).signals
+    headings = [f"position_A{leg} [rad]" for leg in "123"]
+    columns = {"time [s]": time} | {heading: own[heading.split()[0]] for heading in (*headings, "crank3_y [m]")}
+    assert lc.check(written(tmp_path / "own.csv", columns, 3), "3-rrr").verdict == "agrees"
+
+
 def test_so_it_is_at_rest(tmp_path: Path) -> None:
     own = lc.analyse("3-rpr", times=TIME, motion="static").signals
     columns = {"time [s]": TIME} | {heading: own[heading.split()[0]] for heading in (*RPR, *FORCES)}

@@ -320,6 +320,8 @@ def test_steps_of_a_converter_are_found_and_of_noise_not() -> None:
     values = rng.normal(size=300)
     assert quality.quantum(np.round(values / 0.025) * 0.025) == pytest.approx(0.025, rel=1e-9)
     assert quality.quantum(values) == 0
+    falling = np.cumsum([-124, *np.arange(-130, -306, -5), -306]) * 1e-5  # many steps apart, all by another number
+    assert quality.quantum(np.round(0.25773 + falling, 5)) == pytest.approx(1e-5, rel=1e-9)
 
 
 def test_signals_without_fault_are_left_as_they_are(tmp_path: Path) -> None:

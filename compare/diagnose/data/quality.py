@@ -111,6 +111,8 @@ def _shared(gaps: np.ndarray, exact: float) -> float:
         rest = abs(size - step * round(size / step))
         while rest > 10 * exact:  # Euclid's
             step, rest = rest, abs(step - rest * round(step / rest))
+        if times := round(size / step):
+            step = size / times  # what the numbers are off by would grow from gap to gap
         if step < least / MOST:
             return 0.0
     return step if step < least / 1.5 else 0.0
