@@ -19,7 +19,7 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.columns import PLAIN, Layout, read_map
 from analytic.mechanism.errors import quoted
 from analytic.mechanism.one_line import shown
-from analytic.mechanism.signals import Signal, driving, named
+from analytic.mechanism.signals import Signal, driving, named, position
 from analytic.mechanism.units import dimension, factor
 from analytic.paper.clearance import MODELS, Model
 from compare.arguments import (
@@ -45,7 +45,7 @@ from compare.crosscheck import Job, Ran, concluded, judged, run_all
 from compare.diagnose.data.quality import LIKE_UNIT, REVERSED, looks
 from compare.faults import ArgumentError
 from compare.judge.closer import Judged
-from compare.judge.courses import Courses
+from compare.judge.courses import Courses, speeds_of
 from compare.judge.discrepancy import UNCOMPARED, Rule, difference
 from compare.judge.reference import (
     SURE,
@@ -135,7 +135,7 @@ def check(  # noqa: PLR0913 - what a person may ask, by name
         joint_model=model,
         model=analytic,
         workers=processes(workers, cores() if len(names) > 1 else 1),
-        warnings=(*warned, *left_out, *idle(given, analytic, model), *_warnings(given, recordings)),
+        warnings=(*warned, *left_out, *idle(given, analytic, model), *_warnings(given, recordings, motion)),
     )
     asked = _Asked(given, job, model)
     remarks: list[str] = []
@@ -214,16 +214,14 @@ def _tables(
     return found
 
 
-def _warnings(mechanism: Mechanism, recordings: Sequence[Recording]) -> list[str]:
+def _warnings(mechanism: Mechanism, recordings: Sequence[Recording], motion: Motion) -> list[str]:
     """What was made of the files, in sentences."""
     found = []
     for one in recordings:
         found += list(one.table.notes)
         if one.kind == "released" and f"{mechanism.driven}_angle" not in one.table.values:
             found.append(f"{one.name}: does not say where the linkage begins; it is let go at rest, as it is assembled")
-        if one.kind == "course" and mechanism.speed is not None:
-            turning = _turning(one, mechanism, mechanism.speed)
-            found.append(f"{one.name}: {turning}; its recorded course is followed, and drive.speed left out")
+        found += _off_speed(one, mechanism) if motion == "driven" else []
         if one.kind == "angles" and one.table.time.size and encoder_of(mechanism) not in one.table.values:
             where = f"{np.degrees(mechanism.assembly[mechanism.driven]):.4g} deg"
             found.append(
@@ -247,14 +245,55 @@ def _absent(one: Recording) -> list[str]:
     return [f"{one.name}: {_listed(list(absent))} {are} absent in {cells} of {rows} rows, which are left out"]
 
 
-def _turning(one: Recording, mechanism: Mechanism, speed: float) -> str:
-    """How a crank turns that does not turn evenly at the drive's speed."""
-    own = float(np.ptp(one.theta[[0, -1]]) / np.ptp(one.table.time)) * float(np.sign(one.theta[-1] - one.theta[0]))
-    rounded, late = one.table.rounding(encoder_of(mechanism)), rounding(one.table.time)
-    steady = evenly(one.table.time, one.theta, own, rounded, late)
-    if steady is None:
-        return f"its crank does not turn evenly at drive.speed = {speed:g} rad/s"
-    return f"its crank turns evenly, but at {own:.5g} rad/s where drive.speed = {speed:g}"
+def _recorded(one: Recording, mechanism: Mechanism) -> dict[Signal, tuple[np.ndarray, float]]:
+    """Of each drive with a speed whose recorded course is followed: its encoder, its positions (N,) rad, m, and its
+    speed (rad/s, m/s).
+    """
+    if one.kind == "course" and mechanism.speed is not None:
+        return {mechanism.encoder: (one.theta, mechanism.speed)}
+    if not isinstance(one.moved, FollowedDrives):
+        return {}
+    drives, speeds = one.moved.drives, speeds_of(mechanism)
+    return {position(mechanism.joint(n)): (each.moving.theta, speeds[n]) for n, each in drives.items() if n in speeds}
+
+
+def _off_speed(one: Recording, mechanism: Mechanism) -> list[str]:
+    """A sentence on drives that do not move evenly at their speed."""
+    off, time = [], one.table.time
+    for encoder, (values, speed) in _recorded(one, mechanism).items():
+        unit, rounded, late = f"{encoder.unit}/s", one.table.rounding(encoder.name), rounding(time)
+        if evenly(time, values, speed, rounded, late) is not None:
+            continue
+        verb = "turn" if encoder.wraps else "move"
+        what = "its crank" if one.kind == "course" else f"joint {encoder.place}"
+        own = float(values[-1] - values[0]) / float(time[-1] - time[0])
+        if evenly(time, values, own, rounded, late) is None:
+            off.append(f"{what} does not {verb} evenly at drive.speed = {speed:g} {unit}")
+        else:
+            off.append(f"{what} {verb}s evenly, but at {own:.5g} {unit} where drive.speed = {speed:g}")
+    its = "its recorded course is" if len(off) == 1 else "their recorded courses are"
+    return [f"{one.name}: {', '.join(off)}; {its} followed, and drive.speed left out"] if off else []
+
+
+def _clocked(one: Recording, mechanism: Mechanism) -> list[str]:
+    """A sentence on a clock by which all drives have their speeds, where by the one that is read none has."""
+    drives = _recorded(one, mechanism)
+
+    def at_speed(table: Table) -> list[bool]:
+        time = table.time
+        late, first = rounding(time), slice(time.size)
+        return [
+            evenly(time, values[first], speed, table.rounding(encoder.name)[first], late) is not None
+            for encoder, (values, speed) in drives.items()
+        ]
+
+    read = Reading.of(one.table)
+    if not drives or any(at_speed(read.table)):
+        return []
+    meant = next((each for each in read.clocks() if all(at_speed(each.table))), None)
+    if meant is None:
+        return []
+    return [f"{one.name}: with {meant.words} drive.speed holds: say {meant.lines} under [columns] of a map"]
 
 
 # ---------------------------------------------------------------- both sides
@@ -316,6 +355,8 @@ class _Asked:
         off = found.run.verdict == "disagrees"
         if off and (meant := self.meant(one)):
             return [*said, f"{one.name}: {meant}"]
+        if self.job.motion == "driven":
+            said += _clocked(one, self.given)
         said += _units(one, side, found)
         if off and one.kind == "angles" and self.job.motion == "driven" and one.time is None and self.rests(one):
             said.append(f"{one.name}: agrees with the linkage at rest; say --motion static")
@@ -374,7 +415,8 @@ def _side(one: Recording, mechanism: Mechanism, motion: Motion, joint_model: Joi
     if isinstance(one.moved, FollowedDrives):
         if motion == "static":
             courses = Courses({n: (one.moved.time, each.moving.theta) for n, each in one.moved.drives.items()})
-            side = timed_reference(assembly, one.moved.time, courses, motion, model, clearances)
+            errors = {name: each.errors.theta for name, each in one.moved.drives.items()}
+            side = timed_reference(assembly, one.moved.time, courses, motion, model, clearances, errors)
             return silenced(side, _standing(one.moved, mechanism))
         states = {name: (each.moving, each.errors) for name, each in one.moved.drives.items()}
         return followed_drives_reference(assembly, states, model, clearances)
@@ -391,12 +433,14 @@ def _standing(moved: FollowedDrives, mechanism: Mechanism) -> dict[str, np.ndarr
 
 def _with_rounding(side: Reference, one: Recording) -> Reference:
     """A side with what the file's numbers are rounded to as further ignorance; a signal that has steps of its own, as
-    the direction of a force between two walls, is not rounded to them.
+    the direction of a force between two walls, is not rounded to them.  Steps that are no more than what the motion
+    leaves open are those of its encoders.
     """
     unsure = {name: np.array(values) for name, values in side.unsure.items()}
     table = one.table
     for name in table.values:
-        own = rounding(side.signals[name]) if name in side.signals else 0.0
+        own = rounding(side.signals[name]) if name in side.signals else np.zeros(1)
+        own = own if np.max(own) > SURE * np.max(unsure.get(name, np.zeros(1))) else np.zeros(1)
         unsure[name] = unsure.get(name, 0.0) + np.maximum(table.rounding(name) - own, 0.0) / SURE
     for name in [name for name in side.signals if name.endswith("_magnitude")]:
         joint = name.removeprefix("reaction_").removesuffix("_magnitude")
@@ -523,9 +567,12 @@ def _coarse(one: Recording, side: Reference, rules: Mapping[str, Rule], mechanis
     slides = {"its crank"} if mechanism.sliding else {f"joint {j.name}" for j in mechanism.joints if j.prismatic}
     unit = "m" if what in slides else "rad"
     known, most = SURE * float(np.max(moved.errors.alpha)), float(np.max(np.abs(moved.moving.alpha)))
+    where = SURE * float(np.max(moved.errors.theta))
+    position = f"its position to {where:.2g} {unit} and " if where else ""
     return [
-        f"{one.name}: {what} is recorded every {every:.3g} s, which tells its acceleration to {known:.2g} {unit}/s2 (of"
-        f" {most:.3g} at most), and so {left_open}: record it more often, or with more digits, for a closer check"
+        f"{one.name}: {what} is recorded every {every:.3g} s, which tells {position}its acceleration to {known:.2g}"
+        f" {unit}/s2 (of {most:.3g} at most), and so {left_open}: record it more often, or with more digits, for a"
+        " closer check"
     ]
 
 

@@ -85,7 +85,7 @@ def lines_with(pattern: re.Pattern[str], folder: str) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("folder", BY_SIGNAL)
+@pytest.mark.parametrize("folder", [*BY_SIGNAL, "compare/recorded"])
 def test_angles_are_wrapped_in_one_place(folder: str) -> None:
     assert not lines_with(WRAPS, folder)
     assert WRAPS.search(WRAPPING.read_text(encoding="utf-8"))

@@ -320,6 +320,8 @@ def test_steps_of_a_converter_are_found_and_of_noise_not() -> None:
     values = rng.normal(size=300)
     assert quality.quantum(np.round(values / 0.025) * 0.025) == pytest.approx(0.025, rel=1e-9)
     assert quality.quantum(values) == 0
+    falling = np.cumsum([-124, *np.arange(-130, -306, -5), -306]) * 1e-5  # many steps apart, all by another number
+    assert quality.quantum(np.round(0.25773 + falling, 5)) == pytest.approx(1e-5, rel=1e-9)
 
 
 def test_signals_without_fault_are_left_as_they_are(tmp_path: Path) -> None:
@@ -484,6 +486,19 @@ def test_a_wrapped_angle_without_a_command_is_continued() -> None:
 def test_an_angle_sampled_once_a_turn_is_not_taken_for_wrapped() -> None:
     angle = np.arange(20) * 6.5
     assert quality.unwrapped(angle)[1] == 0
+
+
+@pytest.mark.parametrize("degrees", [60.0, 200.0])
+def test_a_wrapped_angle_whose_steps_do_not_say_which_way_it_turned_is_said_to_be_so(
+    tmp_path: Path, degrees: float
+) -> None:
+    time, exact = signals(73, 72 * degrees / 360)
+    columns = {"crank_angle [rad]": exact["crank_angle"] % (2 * math.pi), "follower_x [m]": exact["follower_x"]}
+    run = RunTable("a", time, columns, {"drive": "measured"})
+    found = load_measured(write_measured(tmp_path, TEXT, [run]))
+    said = [fault.text for fault in found.faults if "may have turned the longer way round" in fault.text]
+    assert len(said) == (degrees == 200.0)
+    assert all("steps by 160 deg" in text for text in said)
 
 
 def test_constant_absent_and_given_noise(tmp_path: Path) -> None:

@@ -131,14 +131,13 @@ class Assembly:
         return {s.coordinates[i].joint: float(s.signs[i] * self.home[i, 0]) for i in s.inputs}
 
     def on_its_turn(self, joint: str, values: np.ndarray) -> np.ndarray:
-        """Positions (N,) of a driven joint, told in whatever turn: angles without jumps by a turn, the first of them
-        (that is a number) within half a turn of the assembly's.
+        """Positions (N,) of a driven joint by whole turns to where the first of them (that is a number) is within half
+        a turn of the assembly's.
         """
         if self.mechanism.joint(joint).prismatic:
             return values
-        told = continued(values)
-        first = told[np.isfinite(told)][:1]
-        return told + np.sum(turned_near(first, self.positions[joint]) - first)
+        first = values[np.isfinite(values)][:1]
+        return values + np.sum(turned_near(first, self.positions[joint]) - first)
 
     def inputs_at(self, positions: Mapping[str, np.ndarray]) -> np.ndarray:
         """Inputs (n_inputs, N) where their joints are at these positions (N,) rad, m; the signs of rates go alike."""

@@ -21,6 +21,8 @@ Unit = Literal["m", "rad", "rad/s", "N", "N.m", "s"]
 DRIVE_TORQUE = "drive_torque"
 REACTION: tuple[Component, ...] = ("angle", "magnitude", "x", "y")
 POSE: tuple[Component, ...] = ("angle", "x", "y")
+ONE_TURN = 2.02 * np.pi  # rad: an encoder that starts again after a turn spans no more, its own error with it
+EQUAL = 1e-9  # relative, by which angles that a file gives in degrees miss a part of a turn
 AXES: tuple[Component, Component] = ("x", "y")
 _UNITS: dict[tuple[Kind, Component], Unit] = {
     ("pose", "x"): "m",
@@ -162,3 +164,25 @@ def continued(angle: np.ndarray) -> np.ndarray:
     known = np.flatnonzero(np.isfinite(out))
     out[known] = np.unwrap(out[known])
     return out
+
+
+def starts_again(angle: np.ndarray) -> bool:
+    """Whether an angle (N,) rad that a file tells along a motion starts again after a turn: it stays within one, and
+    steps by half of one or more.  What leaves one turn is told as it goes on.
+    """
+    known = angle[np.isfinite(angle)]
+    return bool(known.size and np.ptp(known) <= ONE_TURN and np.any(np.abs(np.diff(known)) >= np.pi * (1 - EQUAL)))
+
+
+def unwound(angle: np.ndarray) -> np.ndarray:
+    """The same angle (N,) without jumps where it starts again after a turn, else as it is told; NaN stays."""
+    return continued(angle) if starts_again(angle) else np.array(angle, float)
+
+
+def undirected(angle: np.ndarray) -> float:
+    """The largest step (rad) of an angle (N,) that was continued, if it does not say which way it turned; else 0.
+
+    Beyond a quarter of a turn every second sample alone would say the other way.
+    """
+    step = float(np.max(np.abs(np.diff(angle[np.isfinite(angle)])), initial=0.0))
+    return step if step > np.pi / 2 * (1 + EQUAL) else 0.0

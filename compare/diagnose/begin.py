@@ -15,13 +15,14 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.errors import quoted
 from analytic.mechanism.file import load, shipped_cases
 from analytic.mechanism.one_line import count
+from analytic.mechanism.signals import unwound
 from compare.arguments import path
 from compare.diagnose.data.quality import noise
 from compare.faults import ArgumentError
 from compare.quantities import amount
 from compare.recorded.errors import DataError
 from compare.recorded.guess import EVEN, Guessed, guess
-from compare.recorded.likeness import Guess, turned
+from compare.recorded.likeness import Guess
 from compare.recorded.motion import encoder_of
 from compare.recorded.text import ROWS
 
@@ -150,7 +151,7 @@ def _drive(one: Guessed, mechanism: Mechanism) -> list[str]:
         speed = mechanism.speed
         said = "# drive_speed = ...    # rad/s, as commanded"
         return [f"drive_speed = {speed!r}    # rad/s, guessed: the mechanism file's own" if speed else said]
-    continued = turned(angle[here])
+    continued = unwound(angle[here])
     slope, zero = np.polyfit(time[here], continued, 1)
     off = float(np.abs(continued - zero - slope * time[here]).max())
     if off > EVEN or abs(slope) * np.ptp(time[here]) < 10 * EVEN:

@@ -15,7 +15,7 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.inverse import Coordinate, splined
 from analytic.kinematics.motion import kinematics
-from analytic.mechanism.signals import Signal, continued, position, turned_near
+from analytic.mechanism.signals import Signal, position, turned_near
 from compare.judge.grid import GridError
 from compare.recorded.errors import DataError
 from compare.recorded.headings import left_alone
@@ -25,6 +25,7 @@ from sim_models.common.motor import Course
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
+    from analytic.mechanism import Mechanism
     from compare.recorded.table import Table
 
 MOST_TIMES = 100_000
@@ -85,20 +86,24 @@ def parse_times(text: str) -> np.ndarray:
     return np.asarray(start + step * np.arange(int(np.floor((stop - start) / step + 1e-9)) + 1))
 
 
+def speeds_of(mechanism: Mechanism) -> dict[str, float]:
+    """The speeds (rad/s, m/s) of the drives that have one, by joint, as rates of its position."""
+    sign = mechanism.crank_sign
+    return {drive.joint: sign * drive.speed for drive in mechanism.drives if not isinstance(drive.speed, str)}
+
+
 def at_their_speeds(assembly: Assembly, time: np.ndarray | None) -> tuple[np.ndarray, Courses]:
     """Times (N,) s, by default as far as the drives get, and the courses at the drives' constant speeds from the
     assembly on.  Raises GridError where a drive has no speed.
     """
     m = assembly.mechanism
-    speeds: dict[str, float] = {}
     for drive in m.drives:
         if drive.speed == "measured":
             raise GridError(
                 f"{m.name}: the drive of joint {drive.joint!r} follows measured data; give a file of its course"
                 " (--course), or the drive a speed"
             )
-        if not isinstance(drive.speed, str):
-            speeds[drive.joint] = m.crank_sign * drive.speed
+    speeds = speeds_of(m)
     end = float(time[-1]) if time is not None else _as_far(assembly, speeds)
     knots = np.linspace(0.0, max(end, SHORTEST), KNOTS)
     courses = Courses({name: (knots, assembly.positions[name] + speed * knots) for name, speed in speeds.items()})
@@ -147,7 +152,8 @@ def of_file(path: Path, assembly: Assembly) -> Courses:
     if faults:
         raise DataError(*faults)
     _warn(path, table, list(wanted.values()), "no position of a driven joint")
-    return Courses({n: (table.time, assembly.on_its_turn(n, table.values[signal])) for n, signal in wanted.items()})
+    courses = {name: table.course(signal, path.name) for name, signal in wanted.items()}
+    return Courses({name: (table.time, assembly.on_its_turn(name, values)) for name, values in courses.items()})
 
 
 def of_path(path: Path, assembly: Assembly) -> Courses:
@@ -183,8 +189,8 @@ def of_path(path: Path, assembly: Assembly) -> Courses:
     home = kinematics(assembly, assembly.inputs[:, None])
     told = []
     for coordinate, signal in zip(wanted, poses, strict=True):
-        values, angle = table.values[signal.name], coordinate.axis == "angle"
-        told.append(_turned(float(coordinate.value(home)[0]), values) if angle else values)
+        values, begins = table.course(signal.name, path.name), float(coordinate.value(home)[0])
+        told.append(values + (turned_near(values[0], begins) - values[0]) if signal.wraps else values)
     try:
         time, found = splined(assembly, wanted, np.array(told), table.time)
     except AssemblyError as error:
@@ -199,12 +205,6 @@ def _warn(path: Path, table: Table, used: Collection[str], role: str) -> None:
     notes = [f"{path.name}: {left_alone(others, role)}"] if others else []
     for note in (*table.notes, *notes):
         warnings.warn(note, stacklevel=4)
-
-
-def _turned(home: float, angle: np.ndarray) -> np.ndarray:
-    """An angle (N,) without jumps by a turn, the first within half a turn of where a body is assembled."""
-    told = continued(angle)
-    return told + (turned_near(told[0], home) - told[0])
 
 
 def _axis(signal: Signal) -> Literal["x", "y", "angle"]:

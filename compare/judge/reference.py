@@ -142,13 +142,36 @@ def followed_drives_reference(
 
     moving = Turning(*(inputs(part, 0) for part in MOVED))
     side = _side(assembly, moving, True, model, clearances)
+    errors = {part: inputs(part, 1) for part in MOVED}
+    return replace(side, unsure=_unsure_by_drive(side, assembly, moving, errors, True, model, clearances))
+
+
+def _unsure_by_drive(
+    side: Reference,
+    assembly: Assembly,
+    moving: Turning,
+    errors: Mapping[str, np.ndarray],
+    inertia: bool,
+    model: Model,
+    clearances: Mapping[str, float],
+) -> dict[str, np.ndarray]:
+    """How far each signal (N,) changes with parts of the motions of several inputs that are off by these errors
+    (n_inputs, N).
+
+    Positions are off by up to what they are rounded to, and all may be by that much at once; of rates and accelerations
+    what one leaves open does not depend on another's.
+    """
+    limits: dict[str, np.ndarray] = {}
     squares: dict[str, np.ndarray] = {}
-    for k in range(len(drives)):
-        own = np.arange(len(drives))[:, None] == k  # what one drive's motion leaves open does not depend on another's
-        errors = {part: np.where(own, np.abs(inputs(part, 1)), 0.0) for part in MOVED}
-        for name, unsure in _unsure(side, assembly, moving, errors, True, model, clearances).items():
-            squares[name] = squares.get(name, 0.0) + unsure**2
-    return replace(side, unsure={name: np.sqrt(total) for name, total in squares.items()})
+    for part, off in errors.items():
+        for k in range(len(off)):
+            own = {part: np.where(np.arange(len(off))[:, None] == k, np.abs(off), 0.0)}
+            for name, unsure in _unsure(side, assembly, moving, own, inertia, model, clearances).items():
+                if part == "theta":
+                    limits[name] = limits.get(name, 0.0) + unsure
+                else:
+                    squares[name] = squares.get(name, 0.0) + unsure**2
+    return {name: np.sqrt(limit**2 + squares.get(name, 0.0)) for name, limit in limits.items()}
 
 
 def _unsure(
@@ -228,17 +251,23 @@ def timed_reference(
     motion: Motion,
     model: Model,
     clearances: Mapping[str, float],
+    errors: Mapping[str, np.ndarray] | None = None,
 ) -> Reference:
     """The analytic model at times (N,) s of a linkage whose drives follow ``courses``, with these clearances (m).
 
     In ``static`` motion every drive holds what it moves where its course has it, and only the direction of that course
-    is left of its rate, against which friction acts; there is none in a drive that never moves.  In driven motion what
-    no drive moves moves freely, with ideal joints.  Raises AssemblyError.
+    is left of its rate, against which friction acts; there is none in a drive that never moves.  ``errors`` (N,) by
+    joint say how exactly its positions are known then (rms).  In driven motion what no drive moves moves freely, with
+    ideal joints.  Raises AssemblyError.
     """
     s, splines = assembly.structure, courses.splines
     if motion == "static":
         moving, near = _resting(assembly, time, courses)
-        return _at_rest(_side(assembly, moving, False, model, clearances, _held(assembly, courses), near))
+        side = _at_rest(_side(assembly, moving, False, model, clearances, _held(assembly, courses), near))
+        if errors is None:
+            return side
+        off = {"theta": assembly.inputs_at(errors)}
+        return replace(side, unsure=_unsure_by_drive(side, assembly, moving, off, False, model, clearances))
     if s.free:
         found = free_motion(assembly, time, splines)
         signals = with_derived(found.signals(), assembly.mechanism)

@@ -14,7 +14,7 @@ from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import kinematics
 from analytic.mechanism import Mechanism
 from analytic.mechanism.columns import PLAIN
-from analytic.mechanism.signals import Signal, turned_near
+from analytic.mechanism.signals import Signal, turned_near, unwound
 from analytic.mechanism.units import SI, dimension, factor
 from analytic.paper.kinetostatics import kinetostatics
 from compare.diagnose.data.smooth import Smoother
@@ -39,7 +39,6 @@ ZEROS = 72  # of an encoder, that are tried around a turn
 LIKE = 0.8  # how unlike a column may be that tells an encoder's zero
 ALIKE = 0.5  # of a column's scatter: a signal that leaves less may be what it is
 UNKNOWN = "not recognised: ignored until you say here what it is"
-ONE_TURN = 2 * math.pi + 0.1  # rad: angles that span no more may be wrapped
 PASSING = 1e6  # largest ratio of a count's scale
 LEAST = 16  # rows
 
@@ -86,7 +85,7 @@ def by_model(
     good = np.flatnonzero(np.isfinite(angle) & np.isfinite(time))
     at, some = (good[:: max(1, -(-good.size // most))] for most in (SAMPLES, FOLLOWED))
     continued = np.full(angle.shape, np.nan)
-    continued[good] = turned(angle[good])
+    continued[good] = unwound(angle[good])
     try:
         course = Smoother(time[some], continued[some]).course
         moved = kinematics(Assembly(mechanism), course(time[at]), course(time[at], 1), course(time[at], 2))
@@ -174,11 +173,6 @@ def _may(heading: str, signal: str, names: Names) -> bool:
     return not unit_of(heading) or bool(told_unit(heading, kind)) or not any(told_unit(heading, each) for each in UNITS)
 
 
-def turned(angle: np.ndarray) -> np.ndarray:
-    """An encoder's angles (N,) rad, continued where they may be wrapped into one turn."""
-    return np.unwrap(angle) if np.ptp(angle) <= ONE_TURN else angle
-
-
 @dataclass(frozen=True, order=True)
 class _Line:
     """A column as a straight line in a signal (SI): the share of its scatter that this leaves, the line's slope, and a
@@ -201,7 +195,7 @@ def _lines(values: np.ndarray, signals: Mapping[str, np.ndarray], names: Names) 
         return []
     found = []
     for name, series in signals.items():
-        x = np.unwrap(series[here]) if names.known[name].wraps else series[here]
+        x = unwound(series[here]) if names.known[name].wraps else series[here]
         if not np.all(np.isfinite(x)) or np.ptp(x) < 1e-9 * (np.abs(x).max() or 1.0):
             continue
         value = float(x.mean())
@@ -255,4 +249,4 @@ def _matched(heading: str, lines: Sequence[_Line], names: Names) -> Guess:
     return Guess(heading, signal, unit, scale, sign, float(f"{offset:.5g}"), why)
 
 
-__all__ = ["NEAR", "UNKNOWN", "Guess", "Told", "by_model", "turned", "zeroed"]
+__all__ = ["NEAR", "UNKNOWN", "Guess", "Told", "by_model", "zeroed"]

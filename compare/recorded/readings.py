@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism.columns import Meaning
+from analytic.mechanism.signals import Signal
 from analytic.mechanism.units import OFFERED, dimension, factor
 from compare.recorded.headings import Column
 from compare.recorded.table import Table
@@ -40,11 +42,17 @@ class Reading:
         return " and ".join(line(self.table, meant) for _, meant in self.changes)
 
     def encoders(self, mechanism: Mechanism) -> Iterator[Reading]:
-        """The same with an encoder in each other unit, and turning either way; of several one of them, or all alike."""
-        found = [list(_meanings(c, (1, -1))) for c in self.table.columns if c.signal in mechanism.encoders]
+        """The same with an encoder in each other unit, and turning either way; of several one of them, all alike, or
+        two in each other's place.
+        """
+        columns = [c for c in self.table.columns if c.signal in mechanism.encoders]
+        found = [list(_meanings(c, (1, -1))) for c in columns]
         yield from (self._with(change) for changes in found for change in changes)
         if len(found) > 1:
             yield from (self._with(*changes) for changes in zip(*found, strict=True))
+        for one, other in combinations(columns, 2):
+            if one.signal.unit == other.signal.unit:
+                yield self._with((one, _as(one, other.signal)), (other, _as(other, one.signal)))
 
     def clocks(self) -> Iterator[Reading]:
         """The same with the clock in each other unit."""
@@ -57,7 +65,7 @@ class Reading:
             if read is self.table.clock:
                 time = meant.si(read.readings(time))
             else:
-                values[meant.signal.name] = meant.si(read.readings(values[read.signal.name]))
+                values[meant.signal.name] = meant.si(read.readings(self.table.values[read.signal.name]))
                 columns[columns.index(read)] = meant
         table = replace(self.table, time=time, values=values, columns=tuple(columns))
         return Reading(table, (*self.changes, *changes))
@@ -80,13 +88,21 @@ def otherwise(column: Column, unit: str, sign: int = 1, scale: float = 1.0) -> C
     return replace(column, unit=unit, factor=factor(unit, dimension(column.signal)), meaning=meaning)
 
 
+def _as(column: Column, signal: Signal) -> Column:
+    """A column as another signal."""
+    before = column.meaning or Meaning(signal=column.signal.name, unit=column.unit)
+    return replace(column, signal=signal, meaning=before.model_copy(update={"signal": signal.name}))
+
+
 def line(table: Table, meant: Column) -> str:
     """What a map says of a column that is meant so."""
     return f"{json.dumps(table.headings[meant.place].strip(), ensure_ascii=False)} = {_entry(meant)}"
 
 
 def _words(read: Column, meant: Column) -> str:
-    """``crank_angle in deg, of the other sign``."""
+    """``crank_angle in deg, of the other sign``, ``position_A in the place of position_B``."""
+    if read.signal != meant.signal:
+        return f"{meant.signal.name} in the place of {read.signal.name}"
     signs = [column.meaning.sign if column.meaning else 1 for column in (read, meant)]
     said = [f"in {meant.unit}"] * (meant.factor != read.factor) + ["of the other sign"] * (signs[0] != signs[1])
     return f"{meant.signal.name} {', '.join(said)}"

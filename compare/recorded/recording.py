@@ -11,8 +11,9 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import count
-from analytic.mechanism.signals import position, turned_near
+from analytic.mechanism.signals import position, turned_near, unwound
 from compare.faults import ArgumentError
+from compare.judge.courses import speeds_of
 from compare.judge.reference import SURE
 from compare.recorded.errors import DataError
 from compare.recorded.motion import (
@@ -33,7 +34,6 @@ from sim_models.engine import JointModel, Motion
 Kind = Literal["angles", "course", "courses", "released"]
 
 SAMPLES = 20_000  # of a file that are kept: more would tell little, and make a page that no browser opens
-TURN = 2 * np.pi + 1e-3  # rad: angles that span no more may be wrapped into one turn
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ def recording(
         return _at_its_speed(name, file, table, mechanism, motion)
     if np.any(np.isnan(angle)):
         raise DataError(f"{where}: {encoder!r} has empty cells; give the crank's angle in every row, or leave rows out")
-    angle = np.unwrap(angle) if np.ptp(angle) <= TURN else angle
+    angle = unwound(angle) if mechanism.encoder.wraps else angle
     if motion == "static" or not table.time.size:
         return Recording(name, file, table, "angles", angle)
     if table.time.size < LEAST:
@@ -87,6 +87,7 @@ def recording(
     rounded, late = table.rounding(encoder), rounding(table.time)
     if mechanism.speed is not None and (turned := evenly(table.time, angle, mechanism.speed, rounded, late)):
         return Recording(name, file, table, "angles", turned[0], error=turned[1])
+    angle = table.course(encoder, where)
     found = followed(table.time, angle, off_by(table.time, rounded, late, np.gradient(angle, table.time)))
     return Recording(name, file, table, "course", found.moving.theta, found)
 
@@ -137,13 +138,17 @@ def _of_drives(name: str, file: str, table: Table, mechanism: Mechanism) -> Reco
         faults.append(f"{where}: has {count(table.time.size, 'row')}; a course is known from {LEAST} on")
     if faults:
         raise DataError(*faults)
-    late, drives = rounding(table.time), {}
+    late, speeds, drives = rounding(table.time), speeds_of(mechanism), {}
     for joint, signal in wanted.items():
-        values = assembly.on_its_turn(joint, table.values[signal])
-        exact = table.rounding(signal)  # a row's positions are those of its other signals, however late its time is
-        found = followed_as_given(table.time, values, exact + np.abs(np.gradient(values, table.time)) * late)
-        moving = replace(found.moving, theta=values)
-        drives[joint] = replace(found, moving=moving, errors=replace(found.errors, theta=exact / SURE))
+        values = assembly.on_its_turn(joint, table.course(signal, where))
+        rounded = table.rounding(signal)
+        found = followed_as_given(table.time, values, rounded + np.abs(np.gradient(values, table.time)) * late)
+        if joint in speeds:
+            even = assembly.positions[joint] + speeds[joint] * table.time
+            rounded = np.maximum(rounded, table.off(signal, even))
+        # a row's positions are those of its other signals, however late its time is
+        errors = replace(found.errors, theta=rounded / SURE)
+        drives[joint] = replace(found, moving=replace(found.moving, theta=values), errors=errors)
     first = next(iter(drives.values()))
     return Recording(name, file, table, "courses", first.moving.theta, FollowedDrives(table.time, drives))
 

@@ -7,6 +7,7 @@ import numpy as np
 from compare.diagnose.data.quality import quantum
 
 FEWEST, MOST = 2, 9  # significant digits that are looked for
+DECIMALS = 12  # at most, that are told
 LEAST = 16  # numbers, by which they are told
 EXACT = 1e-9  # of the last digit
 
@@ -16,6 +17,17 @@ def rounding(readings: np.ndarray) -> np.ndarray:
     digit where all have so many significant digits (``%.4g``, ``%.5E``); 0 where neither shows.
     """
     return np.maximum(quantum(readings), _last_digit(readings)) / 2
+
+
+def decimal(readings: np.ndarray) -> float:
+    """One of the last decimal that readings (N,) are written with, 1e-3 of 0.25 and 0.125; 0 where they have more than
+    can be told.
+    """
+    for decimals in range(DECIMALS + 1):
+        last = 10.0**-decimals
+        if np.all(np.abs(readings / last - np.round(readings / last)) < 1e-6):
+            return last
+    return 0.0
 
 
 def _last_digit(readings: np.ndarray) -> np.ndarray:

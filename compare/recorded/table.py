@@ -12,10 +12,11 @@ import numpy as np
 from analytic.mechanism import Mechanism
 from analytic.mechanism.columns import PLAIN, Layout
 from analytic.mechanism.one_line import count, shown
+from analytic.mechanism.signals import starts_again, undirected, unwound
 from compare.recorded.errors import DataError
 from compare.recorded.formats import Columns, reader
 from compare.recorded.headings import TIME, Column, Headings, Names, read_headings
-from compare.recorded.rounding import rounding
+from compare.recorded.rounding import decimal, rounding
 from compare.recorded.text import ROWS, coding, header, rows
 
 LARGEST = 1e30  # SI, of any number that is read; nothing on a bench is as large, and its square is still a number
@@ -44,6 +45,33 @@ class Table:
             return np.zeros(next(iter(self.values.values())).shape)
         column = next(c for c in self.columns if c.signal.name == signal)
         return column.step * rounding(column.readings(self.values[signal]))
+
+    def off(self, signal: str, exact: np.ndarray) -> float:
+        """By how much a signal is off ``exact`` values (N,), SI, where that may be its last decimal; else 0.
+
+        What moves evenly steps evenly, and its numbers alone do not show what they are rounded to.
+        """
+        column = next(c for c in self.columns if c.signal.name == signal)
+        most = float(np.max(np.abs(column.signal.apart(self.values[signal], exact))))
+        last = column.step * decimal(column.readings(self.values[signal]))
+        return most if most <= last / 2 else 0.0
+
+    def course(self, signal: str, file: str) -> np.ndarray:
+        """A signal (N,) along the motion of a ``file``: an angle without jumps where it starts again after a turn.
+
+        Raises DataError where its rows do not say which way it turned.
+        """
+        values = self.values[signal]
+        column = next(c for c in self.columns if c.signal.name == signal)
+        if not (column.signal.wraps and starts_again(values)):
+            return values
+        if step := undirected(found := unwound(values)):
+            raise DataError(
+                f"{file}: {signal!r} stays within one turn and steps by {np.degrees(step):.4g} deg the shorter way,"
+                " which does not say which way it turned; let it go on beyond a turn, or give it rows a quarter of a"
+                " turn apart or less"
+            )
+        return found
 
 
 @dataclass(frozen=True)

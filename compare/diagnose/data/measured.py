@@ -24,7 +24,7 @@ from analytic.mechanism.assumed import Assumed
 from analytic.mechanism.columns import Layout
 from analytic.mechanism.file import MechanismError, load, shipped_cases
 from analytic.mechanism.one_line import count, shown
-from analytic.mechanism.signals import wrapped
+from analytic.mechanism.signals import undirected, unwound, wrapped
 from analytic.mechanism.units import listed
 from compare.diagnose.data.clipping import clipped
 from compare.diagnose.data.measured_file import Entry, read_file, tolerances
@@ -183,7 +183,7 @@ def _run(path: Path, entry: Entry, mechanism: Mechanism, tables: _Tables) -> tup
     if followed and mechanism.several:
         assembly = Assembly(mechanism)
         for joint, encoder in zip(mechanism.motors, followed, strict=True):
-            values = frozen(assembly.on_its_turn(joint.name, channels[encoder].values))
+            values = frozen(assembly.on_its_turn(joint.name, unwound(channels[encoder].values)))
             channels[encoder] = replace(channels[encoder], values=values)
     if not set(channels) - set(followed):
         told = f" ({faults[-1].text})" if faults else ""
@@ -396,6 +396,8 @@ def _channel(
         isolated.flags.writeable = False
         values = np.where(np.isfinite(isolated), math.nan, values)
         estimate = noise(table.time, values)
+    if column.signal.wraps and jumps and command is None and (step := undirected(values)):
+        fault("wrapped", jumps, f"steps by {np.degrees(step):.4g} deg and may have turned the longer way round")
     present = values[np.isfinite(values)]
     if present.size < ROWS:
         fault(

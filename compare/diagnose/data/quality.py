@@ -13,7 +13,7 @@ from itertools import combinations
 
 import numpy as np
 
-from analytic.mechanism.signals import turned_near
+from analytic.mechanism.signals import starts_again, turned_near
 from analytic.mechanism.units import OFFERED, Dimension, dimension, factor
 from compare.diagnose.data.recording import Fault, MeasuredRun
 
@@ -111,6 +111,8 @@ def _shared(gaps: np.ndarray, exact: float) -> float:
         rest = abs(size - step * round(size / step))
         while rest > 10 * exact:  # Euclid's
             step, rest = rest, abs(step - rest * round(step / rest))
+        if times := round(size / step):
+            step = size / times  # what the numbers are off by would grow from gap to gap
         if step < least / MOST:
             return 0.0
     return step if step < least / 1.5 else 0.0
@@ -174,13 +176,11 @@ def unwrapped(angle: np.ndarray, command: np.ndarray | None = None) -> tuple[np.
 
     ``command`` (N,) rad, if there is one, says which turn a sample belongs to even after a gap.
     """
+    if not starts_again(angle):
+        return angle, 0
     here = np.flatnonzero(np.isfinite(angle))
     step = np.diff(angle[here])
     jump = np.abs(step) > math.pi
-    if (
-        not np.any(jump) or np.ptp(angle[here]) > 2 * math.pi * 1.01
-    ):  # what turns further than once is continued already
-        return angle, 0
     over = np.abs(np.abs(step) - 2 * math.pi)
     around = np.pad(np.where(jump, over, np.abs(step)), 1, mode="edge")
     usual = np.maximum(max(0.1, 10 * float(np.median(np.abs(step)))), 3 * np.maximum(around[:-2], around[2:]))
