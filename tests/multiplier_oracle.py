@@ -23,6 +23,7 @@ WORST_CONDITION = 1000.0
 STEP = np.radians(2.0)  # of the walk along the crank's range
 JUMP = 0.05  # rad or span; a larger correction of a step is not trusted to be on the same branch
 TINY = 1e-30  # the complex step
+RUNAWAY = 1e100  # N; friction that has grown so far as it is repeated does not settle
 
 
 class LeftOut(ValueError):
@@ -276,6 +277,8 @@ class Oracle:
                 across, hold = last[:, 2 * (len(self.pins) + k)], last[:, 2 * (len(self.pins) + k) + 1]
                 found[joint.name] = self._corners(joint, across, hold, ways[joint.name])
                 self._push_along(rubbed, q, joint, *found[joint.name])
+            if np.abs(rubbed).max() > RUNAWAY:
+                break
             now = balanced(rubbed)
             change, last = np.abs(now - last).max(), now
             if change <= 1e-14 * np.abs(now).max():
