@@ -830,7 +830,7 @@ def test_the_waterfall_takes_effects_as_they_are_listed_and_ends_with_what_remai
 def test_the_best_attempts_are_ranked_with_what_they_failed(partly: dict[str, Any], explained: dict[str, Any]) -> None:
     first, second = attempts(as_document(partly))
     assert first[:4] == ("a spring in joint E", "stiffness 0.20 N·m/rad", "4 %", "3.2 → 2.9")
-    assert second[1] == "gain error 2 %"
+    assert second[1] == "2 % too much"
     html, text = diagnosis_html(as_document(partly)), diagnosis_md(as_document(partly))
     lines = terminal_lines(as_document(partly))
     for attempt in partly["attempts"]:

@@ -132,7 +132,8 @@ def fields_of_numbers() -> Iterator[tuple[str, Row]]:
         if least is not None:
             values.append((-0.1, "-0.1: input should be greater than"))
         if least:
-            values.append((0.0, "0.0: input should be greater than 0"))
+            mass = where.endswith(".mass")
+            values.append((0.0, "0.0: a moving body has mass" if mass else "0.0: input should be greater than 0"))
         for value, words in values:
             yield f"{where} = {value}", mine(with_field(path, value, WHOLE), f"{where} = {words}")
 
