@@ -46,3 +46,10 @@ def write_measured(
     path = folder / "measured.toml"
     path.write_text(tomli_w.dumps(whole), encoding="utf-8")
     return path
+
+
+def written(path: Path, columns: Mapping[str, np.ndarray], digits: int = 17) -> Path:
+    """A data file of columns (N,) by heading, ``time [s]`` among them, with numbers of so many significant digits."""
+    others = {heading: values for heading, values in columns.items() if heading != "time [s]"}
+    path.write_text(csv_text(columns["time [s]"], others, digits), encoding="utf-8")
+    return path

@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
-from analytic.mechanism.file import load
+from analytic.mechanism.file import load, loads
 from maximal import Maximal, Posed
 
 SHIPPED = ("five-bar", "3-rrr", "3-rpr", "2r-arm")
@@ -39,6 +39,41 @@ def sprung(m: Mechanism) -> Mechanism:
         "stiffness": 200.0, "length": 0.05, "damping": 3.0,
     }  # fmt: skip
     return m.replace(name=f"{m.name} with springs", springs=[spring])
+
+
+def arm(speeds: tuple[float, float], angles: tuple[float, float]) -> Mechanism:
+    """Two bars of 0.1 and 0.16 m, driven in shoulder D and elbow A (rad/s) from these angles (rad) on."""
+    return loads(f"""
+name = "arm"
+gravity = [0.0, -9.81]
+[ground]
+points = {{ D = [0.0, 0.0] }}
+[[body]]
+name = "upper"
+points = {{ D = [0.0, 0.0], A = [0.1, 0.0] }}
+mass = 0.1
+[[body]]
+name = "fore"
+points = {{ A = [0.0, 0.0], P = [0.16, 0.0] }}
+mass = 0.2
+[[joint]]
+name = "D"
+type = "revolute"
+bodies = ["ground", "upper"]
+[[joint]]
+name = "A"
+type = "revolute"
+bodies = ["upper", "fore"]
+[[drive]]
+joint = "D"
+speed = {speeds[0]}
+[[drive]]
+joint = "A"
+speed = {speeds[1]}
+[assembly]
+upper = {angles[0]}
+fore = {angles[1]}
+""")
 
 
 def third_bar(beside: float = 0.0) -> Mechanism:

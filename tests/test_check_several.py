@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -11,53 +10,17 @@ import pytest
 import linkage_crosscheck as lc
 from analytic.beyond_paper.drive import Turning
 from analytic.kinematics.assembly import Assembly
-from analytic.mechanism.file import loads
 from compare.judge.courses import Courses
 from compare.judge.reference import SURE, followed_drives_reference, timed_reference
 from marks import slow
+from measured_files import written
+from several_linkages import arm
 from sim_models.engine import Motion
 
 TIME = np.linspace(0.0, 0.4, 17)
 RPR = ("position_S1 [m]", "position_S2 [m]", "position_S3 [m]", "platform_x [m]", "platform_angle [rad]")
 FORCES = tuple(f"drive_force_S{leg} [N]" for leg in "123")
-ARM = """
-name = "arm"
-gravity = [0.0, -9.81]
-[ground]
-points = { D = [0.0, 0.0] }
-[[body]]
-name = "upper"
-points = { D = [0.0, 0.0], A = [0.1, 0.0] }
-mass = 0.1
-[[body]]
-name = "fore"
-points = { A = [0.0, 0.0], P = [0.16, 0.0] }
-mass = 0.2
-[[joint]]
-name = "D"
-type = "revolute"
-bodies = ["ground", "upper"]
-[[joint]]
-name = "A"
-type = "revolute"
-bodies = ["upper", "fore"]
-[[drive]]
-joint = "D"
-speed = 2.0
-[[drive]]
-joint = "A"
-speed = -1.0
-[assembly]
-upper = 1.234567
-fore = 1.583456
-"""
-
-
-def written(path: Path, columns: Mapping[str, np.ndarray], digits: int) -> Path:
-    """Columns (N,) as a program writes them that gives every number so many digits."""
-    rows = (",".join(f"{value:.{digits}g}" for value in row) for row in zip(*columns.values(), strict=True))
-    path.write_text("\n".join([",".join(columns), *rows]) + "\n")
-    return path
+ARM = arm((2.0, -1.0), (1.234567, 1.583456))
 
 
 def recorded(name: str = "3-rpr", time: np.ndarray = TIME) -> dict[str, np.ndarray]:
@@ -99,7 +62,7 @@ def test_so_it_is_at_rest(tmp_path: Path) -> None:
 @pytest.mark.parametrize("motion", ["driven", "static"])
 def test_positions_leave_a_place_open_by_the_sum_of_what_each_drive_moves_it(motion: Motion) -> None:
     """The forearm's middle of an arm, by its angles: x = 0.1 cos D + 0.08 cos (D + A)."""
-    assembly, off = Assembly(loads(ARM)), {"D": 4e-4, "A": 3e-4}
+    assembly, off = Assembly(ARM), {"D": 4e-4, "A": 3e-4}
     at = {"D": 1.234567 + 2.0 * TIME, "A": 0.348889 - TIME}
     if motion == "static":
         errors = {name: np.full(TIME.size, each / SURE) for name, each in off.items()}
@@ -141,7 +104,7 @@ def test_a_clock_by_which_no_drive_has_its_speed_is_told_though_all_agrees(tmp_p
 
 
 def test_a_drive_that_does_not_keep_its_speed_is_told(tmp_path: Path) -> None:
-    m, time = loads(ARM), np.linspace(0.0, 0.4, 41)
+    m, time = ARM, np.linspace(0.0, 0.4, 41)
     courses = {"D": 1.234567 + 2.0 * time, "A": 0.348889 - np.sin(time)}
     columns = {"time [s]": time} | {f"position_{name} [rad]": values for name, values in courses.items()}
     columns["fore_angle [rad]"] = courses["D"] + courses["A"]
@@ -154,7 +117,7 @@ def test_a_drive_that_does_not_keep_its_speed_is_told(tmp_path: Path) -> None:
 
 
 def test_encoders_in_each_others_place_are_told_with_the_lines_that_mend_it(tmp_path: Path) -> None:
-    m = loads(ARM)
+    m = ARM
     own = lc.analyse(m, times=TIME).signals
     headings = ("position_A [rad]", "position_D [rad]", "fore_x [m]", "drive_torque_D [N.m]", "drive_torque_A [N.m]")
     columns = {"time [s]": TIME} | {heading: own[heading.split()[0]] for heading in headings}

@@ -143,35 +143,7 @@ def followed_drives_reference(
     moving = Turning(*(inputs(part, 0) for part in MOVED))
     side = _side(assembly, moving, True, model, clearances)
     errors = {part: inputs(part, 1) for part in MOVED}
-    return replace(side, unsure=_unsure_by_drive(side, assembly, moving, errors, True, model, clearances))
-
-
-def _unsure_by_drive(
-    side: Reference,
-    assembly: Assembly,
-    moving: Turning,
-    errors: Mapping[str, np.ndarray],
-    inertia: bool,
-    model: Model,
-    clearances: Mapping[str, float],
-) -> dict[str, np.ndarray]:
-    """How far each signal (N,) changes with parts of the motions of several inputs that are off by these errors
-    (n_inputs, N).
-
-    Positions are off by up to what they are rounded to, and all may be by that much at once; of rates and accelerations
-    what one leaves open does not depend on another's.
-    """
-    limits: dict[str, np.ndarray] = {}
-    squares: dict[str, np.ndarray] = {}
-    for part, off in errors.items():
-        for k in range(len(off)):
-            own = {part: np.where(np.arange(len(off))[:, None] == k, np.abs(off), 0.0)}
-            for name, unsure in _unsure(side, assembly, moving, own, inertia, model, clearances).items():
-                if part == "theta":
-                    limits[name] = limits.get(name, 0.0) + unsure
-                else:
-                    squares[name] = squares.get(name, 0.0) + unsure**2
-    return {name: np.sqrt(limit**2 + squares.get(name, 0.0)) for name, limit in limits.items()}
+    return replace(side, unsure=_unsure(side, assembly, moving, errors, True, model, clearances))
 
 
 def _unsure(
@@ -183,17 +155,30 @@ def _unsure(
     model: Model,
     clearances: Mapping[str, float],
 ) -> dict[str, np.ndarray]:
-    """How far each signal (N,) changes with parts of the motion that are off by these errors (N,)."""
+    """How far each signal (N,) changes with parts of the motion that are off by these errors, (N,) of a crank or
+    (n_inputs, N).
+
+    Positions are off by up to what they are rounded to, and all may be by that much at once; of rates and accelerations
+    what one leaves open does not depend on another's.
+    """
+    limits: dict[str, np.ndarray] = {}
     squares: dict[str, np.ndarray] = {}
     known = named(assembly.mechanism.bodies, assembly.mechanism.joints, assembly.mechanism.drives)
     for part, error in errors.items():
-        other = replace(moving, **{part: getattr(moving, part) + error})
-        changed = displaced(
-            assembly, other.theta, other.omega, alpha=other.alpha, model=model, inertia=inertia, clearances=clearances
-        )
-        for name, values in with_derived(changed.signals(), assembly.mechanism).items():
-            squares[name] = squares.get(name, 0.0) + known[name].apart(values, side.signals[name]) ** 2
-    return {name: np.nan_to_num(np.sqrt(total)) for name, total in squares.items()}
+        for own in np.eye(len(np.atleast_2d(error))):
+            off = (own[:, None] * error).reshape(error.shape)
+            other = replace(moving, **{part: getattr(moving, part) + off})
+            changed = displaced(
+                assembly, other.theta, other.omega, alpha=other.alpha, model=model, inertia=inertia,
+                clearances=clearances,
+            )  # fmt: skip
+            for name, values in with_derived(changed.signals(), assembly.mechanism).items():
+                apart = known[name].apart(values, side.signals[name])
+                if part == "theta":
+                    limits[name] = limits.get(name, 0.0) + np.abs(apart)
+                else:
+                    squares[name] = squares.get(name, 0.0) + apart**2
+    return {name: np.nan_to_num(np.hypot(limit, np.sqrt(squares.get(name, 0.0)))) for name, limit in limits.items()}
 
 
 def _side(
@@ -267,7 +252,7 @@ def timed_reference(
         if errors is None:
             return side
         off = {"theta": assembly.inputs_at(errors)}
-        return replace(side, unsure=_unsure_by_drive(side, assembly, moving, off, False, model, clearances))
+        return replace(side, unsure=_unsure(side, assembly, moving, off, False, model, clearances))
     if s.free:
         found = free_motion(assembly, time, splines)
         signals = with_derived(found.signals(), assembly.mechanism)
