@@ -165,8 +165,8 @@ def _unsure(
     squares: dict[str, np.ndarray] = {}
     known = named(assembly.mechanism.bodies, assembly.mechanism.joints, assembly.mechanism.drives)
     for part, error in errors.items():
-        for own in np.eye(len(np.atleast_2d(error))):
-            off = (own[:, None] * error).reshape(error.shape)
+        for own in np.eye(len(np.atleast_2d(error)), dtype=bool):
+            off = np.where(own[:, None], error, 0.0).reshape(error.shape)
             other = replace(moving, **{part: getattr(moving, part) + off})
             changed = displaced(
                 assembly, other.theta, other.omega, alpha=other.alpha, model=model, inertia=inertia,
