@@ -20,7 +20,6 @@ from compare.arguments import (
     Metres,
     Names,
     Numbers,
-    crank_angles,
     flag,
     linkage,
     metres,
@@ -34,6 +33,7 @@ from compare.faults import ArgumentError
 from compare.left_out import Asked, omitted
 from compare.results import accuracy as results
 from compare.results.accuracy import Accuracy, MonteCarlo, Point, Radius, SideChange, Spread
+from compare.schedules import crank_angles
 from sim_models.engine import MOTIONS, Motion, installed_version
 
 SAMPLES = 20_000  # of a Monte Carlo

@@ -9,6 +9,7 @@ from pathlib import Path as FilePath
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.motion import along
 from analytic.mechanism import Mechanism
 from analytic.mechanism.assumed import assumed
 from analytic.mechanism.signals import position
@@ -17,7 +18,6 @@ from compare.arguments import (
     Linkage,
     Metres,
     Numbers,
-    crank_angles,
     flag,
     idle,
     linkage,
@@ -25,27 +25,22 @@ from compare.arguments import (
     noted,
     one_engine,
     one_of,
-    over_time,
     rigidly_and_evenly_driven,
-    timed,
     warn_of_friction,
 )
 from compare.faults import ArgumentError
 from compare.judge.closer import too_soft
-from compare.judge.courses import Courses
-from compare.judge.grid import FREE_TIME, turns_fully
+from compare.judge.grid import turns_fully
 from compare.judge.reference import (
     Reference,
-    on_the_way,
     reference,
-    timed_reference,
-    timed_with_flexible_links,
     with_flexible_links,
 )
 from compare.judge.signals import with_derived
 from compare.left_out import Asked, omitted, rigid_walls
 from compare.results.analysis import Analysis, Simulation
 from compare.results.crosscheck import Path, Simulator
+from compare.schedules import by_angle, scheduled
 from sim_models.common.contact_laws import assumed_of_contact
 from sim_models.common.simulate import answered
 from sim_models.engine import JOINT_MODELS, MOTIONS, JointModel, Motion, Request, engine
@@ -88,23 +83,16 @@ def analyse(  # noqa: PLR0913 - what a person may ask, by name
         if compliance and not (m.bends or any(joint.elasticity for joint in m.joints)):
             warned.append(f"{m.name}: no body has a youngs_modulus and no joint an elasticity, so that nothing yields")
         assembly = Assembly(m)
-        moved = timed(assembly, times, course, path)
-        if moved is not None:
-            over_time(assembly, motion, angles)
-            _at_rest(motion, compliance)
-            side = timed_reference(assembly, *moved, motion, model, m.clearances)
-            if compliance:
-                side = timed_with_flexible_links(side, assembly, *moved)
-            theta = None
-        elif motion == "driven" and m.speed is None:
+        plain = by_angle(assembly) and times is None and course is None and path is None
+        if plain and motion == "driven" and m.speed is None:
             raise ArgumentError("motion", f"the drive of {m.name} has no constant speed; ask for static motion")
-        else:
-            _at_rest(motion, compliance)
-            theta = crank_angles(assembly, angles)
-            side = reference(assembly, theta, motion, model, m.clearances)
-            if compliance:
-                side = with_flexible_links(side, assembly, theta)
-    found = _analysed(m, side, model, warned, None if moved is None else moved[0])
+        schedule = scheduled(assembly, motion, angles, times, course, path)
+        _at_rest(motion, compliance)
+        side = reference(assembly, schedule, model, m.clearances)
+        if compliance:
+            side = with_flexible_links(side, assembly, schedule)
+    theta = schedule.crank_angle
+    found = _analysed(m, side, model, warned, schedule.time if theta is None else None)
     looked_at = {} if theta is None else {"crank_angle": theta}
     return found.model_copy(update={"motion": motion, "compliance": compliance, **looked_at})
 
@@ -162,8 +150,7 @@ def simulate(  # noqa: PLR0913 - what a person may ask, by name
         warned += omitted(m, Asked.of_engines("simulate", m, motion, joint_model))
         name = one_engine(simulator)
         warn_of_friction(m, joint_model, motion)
-        moved = timed(Assembly(m), times, course, path)
-        asked = request(m, joint_model, motion, angles, moved)
+        asked = request(m, joint_model, motion, angles, times, course, path)
         trace = answered(name, asked, engine(name).simulate)
     found = Simulation(
         case=m.name,
@@ -190,25 +177,19 @@ def request(
     m: Mechanism,
     joint_model: JointModel,
     motion: Motion,
-    angles: Angles | None,
-    moved: tuple[np.ndarray, Courses] | None = None,
+    angles: Numbers | None = None,
+    times: Numbers | None = None,
+    course: str | FilePath | None = None,
+    path: str | FilePath | None = None,
 ) -> Request:
-    """The run that a cross-check makes of this joint model, at the times and along the courses of ``moved`` where that
-    is given.  Raises ArgumentError or AssemblyError.
-    """
+    """The run that a cross-check makes of this joint model.  Raises what :func:`compare.schedules.scheduled` does."""
     joint_model, motion = one_of(joint_model, JOINT_MODELS, "joint_model"), one_of(motion, MOTIONS, "motion")
     loose(m, joint_model)
     assembly = Assembly(m)
-    if moved is not None:
-        over_time(assembly, motion, angles)
-        assembly.check_springs(assembly.home if assembly.structure.free else on_the_way(assembly, *moved).coordinates)
-        return Request(m, joint_model, motion, time=moved[0], courses=moved[1].knots)
-    if m.speed is None and motion == "driven":
-        if angles is not None:
-            raise ArgumentError("angles", f"{m.name} swings freely and is reported over time; leave angles out")
+    schedule = scheduled(assembly, motion, angles, times, course, path)
+    if schedule.lets_go or assembly.structure.free:
         assembly.check_springs(assembly.home)
-        return Request(m, joint_model, time=FREE_TIME)
-    theta = crank_angles(assembly, angles)
-    assembly.check_springs(assembly.coordinates(theta))
-    settles = motion == "driven" and joint_model != "ideal" and turns_fully(assembly)
-    return Request(m, joint_model, motion, theta, lead_in=tau if settles else 0.0)
+    else:
+        assembly.check_springs(along(assembly, schedule).coordinates)
+    turns_on = schedule.turns_evenly and motion == "driven" and joint_model != "ideal" and turns_fully(assembly)
+    return Request(m, joint_model, schedule, lead_in=tau if turns_on else 0.0)

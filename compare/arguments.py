@@ -26,9 +26,7 @@ from analytic.mechanism.errors import MechanismError, quoted
 from analytic.mechanism.file import load
 from analytic.paper.clearance import Model
 from compare.faults import ArgumentError, DegreesWarning, no_pin
-from compare.judge.courses import Courses, at_their_speeds, of_file, of_path, times_within
 from compare.judge.discrepancy import load_tolerances
-from compare.judge.grid import FARTHEST, chosen_angles
 from compare.judge.tolerances import Tolerances
 from sim_models.engine import (
     MAPPED,
@@ -57,7 +55,6 @@ Metres = Mapping[str, float]
 
 MOST = 1_000_000  # crank angles, and samples of a Monte Carlo: what a memory holds
 SMALL = 0.1  # of a body's length: a clearance up to this is small, as the paper's displacements are
-TURNS = 4 * math.pi  # rad; crank angles beyond two turns were probably given in degrees
 
 T = TypeVar("T")
 
@@ -325,74 +322,6 @@ def _as_called(name: str) -> str:
         return f"{scheme}:{path}"
     known = {each.casefold(): each for each in (*engine_names(), "all")}
     return known.get(name.casefold(), name)
-
-
-def crank_angles(assembly: Assembly, given: Numbers | None) -> np.ndarray:
-    """Crank angles (N,) rad as given, or those at which one looks at the linkage by default; it reaches all of them.
-
-    Raises ArgumentError, or AssemblyError by default.
-    """
-    if given is None:
-        return chosen_angles(assembly, None)
-    theta = numbers(given, "angles", "rad")
-    if theta.size > MOST:
-        raise ArgumentError("angles", f"{theta.size} angles cannot be used; give at most {MOST}")
-    farthest = float(theta[np.argmax(np.abs(theta))])
-    if abs(farthest) > math.radians(FARTHEST):
-        limit = f"{math.radians(FARTHEST):.6g} rad ({FARTHEST:g} deg)"
-        raise ArgumentError("angles", f"{farthest:g} rad cannot be used; a crank angle must not be beyond {limit}")
-    if abs(farthest) > TURNS:
-        text = f"angles: {farthest:g} rad is beyond two turns; angles are in radians; was it meant in degrees?"
-        warnings.warn(text, DegreesWarning, stacklevel=3)
-    try:
-        assembly.path(float(theta.min()), float(theta.max()))
-    except AssemblyError as error:
-        raise ArgumentError("angles", str(error)) from None
-    return theta
-
-
-def moved_by_one_crank(mechanism: Mechanism) -> bool:
-    """Whether a crank's angle alone tells where a linkage is."""
-    return mechanism.cranked and len(Assembly(mechanism).structure.inputs) == 1
-
-
-def timed(
-    assembly: Assembly, times: Numbers | None, course: object = None, along: object = None
-) -> tuple[np.ndarray, Courses] | None:
-    """Times (N,) s and courses of the drives, as given by a file of them or ``along`` a platform's path, or by default;
-    None of a linkage with one crank of which none is given, which is looked at by its angle.  Raises ArgumentError,
-    GridError or DataError.
-    """
-    one_crank = assembly.mechanism.cranked and len(assembly.structure.inputs) == 1
-    if one_crank and times is None and course is None and along is None:
-        return None
-    if course is not None and along is not None:
-        raise ArgumentError("path", f"{quoted(str(along))} is given beside a course; give one of them")
-    asked = None
-    if times is not None:
-        asked = numbers(times, "times", "s")
-        if asked.size > MOST or np.any(asked < 0) or np.any(np.diff(asked) <= 0):
-            raise ArgumentError("times", f"give at most {MOST} times (s) from 0 on, each later than the one before")
-    if course is None and along is None:
-        return at_their_speeds(assembly, asked)
-    if along is not None:
-        courses = of_path(path(along, "path"), assembly)
-    else:
-        courses = of_file(path(course, "course"), assembly)
-    return times_within(courses, asked), courses
-
-
-def over_time(assembly: Assembly, motion: Motion, angles: object) -> None:
-    """Raises ArgumentError for crank angles where a linkage is looked at over time, and for an equilibrium of one that
-    no drive holds.
-    """
-    name = f"{assembly.mechanism.name} is looked at over time"
-    loose = assembly.structure.free_joints
-    if motion == "static" and loose:
-        what = f"no drive of {assembly.mechanism.name} holds joint {loose[0]!r}, so that there is no static motion"
-        raise ArgumentError("motion", f"{what}; leave motion out, or give that joint a [[drive]] with a speed")
-    if angles is not None:
-        raise ArgumentError("angles", f"{name}, and has none of this; give times (s) in its place")
 
 
 def rigidly_and_evenly_driven(mechanism: Mechanism) -> Mechanism:

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from analytic.mechanism.columns import PLAIN, Layout, read_map
 from analytic.mechanism.errors import quoted
@@ -45,17 +46,12 @@ from compare.crosscheck import Job, Ran, concluded, judged, run_all
 from compare.diagnose.data.quality import LIKE_UNIT, REVERSED, looks
 from compare.faults import ArgumentError
 from compare.judge.closer import Judged
-from compare.judge.courses import Courses, speeds_of
 from compare.judge.discrepancy import UNCOMPARED, Rule, difference
 from compare.judge.reference import (
     SURE,
     Reference,
-    followed_drives_reference,
-    followed_reference,
     reference,
-    released_reference,
     silenced,
-    timed_reference,
 )
 from compare.judge.signals import UNITS
 from compare.left_out import Asked, omitted
@@ -76,6 +72,7 @@ from compare.recorded.recording import Recording, recording
 from compare.recorded.rounding import rounding
 from compare.recorded.table import Table, read_table, unused
 from compare.results.crosscheck import RECORDED, CrossCheck
+from compare.schedules import speeds_of
 from sim_models.common.contact_laws import contact_parameters
 from sim_models.engine import JOINT_MODELS, MOTIONS, JointModel, Motion, Request, Trace, engine
 
@@ -131,13 +128,13 @@ def check(  # noqa: PLR0913 - what a person may ask, by name
         _followed(given) if uneven and given.speed is not None else given,
         names,
         read,
-        motion,
+        Schedule(),
         joint_model=model,
         model=analytic,
         workers=processes(workers, cores() if len(names) > 1 else 1),
         warnings=(*warned, *left_out, *idle(given, analytic, model), *_warnings(given, recordings, motion)),
     )
-    asked = _Asked(given, job, model)
+    asked = _Asked(given, job, model, motion)
     remarks: list[str] = []
     ran = Ran()
     for one in recordings:
@@ -306,15 +303,6 @@ def _followed(mechanism: Mechanism) -> Mechanism:
     return mechanism.replace(drive=drive.model_dump(exclude_unset=True) | {"speed": "measured"})
 
 
-def _clock(one: Recording, mechanism: Mechanism) -> np.ndarray | None:
-    return one.time if one.kind != "angles" or (mechanism.speed is None and one.time is not None) else None
-
-
-def _courses(one: Recording) -> Courses | None:
-    """The courses of several drives in a recording."""
-    return Courses(one.moved.knots) if isinstance(one.moved, FollowedDrives) else None
-
-
 @dataclass(frozen=True)
 class _Asked:
     """What is asked of each file: the mechanism as it is given, and the job with the joint model that all have."""
@@ -322,6 +310,7 @@ class _Asked:
     given: Mechanism
     job: Job
     joint_model: JointModel
+    motion: Motion
 
     def mechanism(self, one: Recording) -> Mechanism:
         """The mechanism as it moves in a recording: with a motor that follows it where it does not turn evenly."""
@@ -330,16 +319,16 @@ class _Asked:
     def job_of(self, one: Recording) -> Job:
         """The job for the samples of a recording."""
         m = self.mechanism(one)
-        return replace(self.job, mechanism=m, theta=one.theta, time=_clock(one, m), courses=_courses(one))
+        return replace(self.job, mechanism=m, schedule=one.schedule(m, self.motion == "static"))
 
     def side(self, one: Recording) -> Reference:
         """The analytic side at a recording's samples.  Raises AssemblyError."""
-        return _side(one, self.mechanism(one), self.job.motion, self.joint_model, self.job.model)
+        return _side(one, self.mechanism(one), self.motion, self.joint_model, self.job.model)
 
     def held(self, one: Recording) -> tuple[Reference, Judged]:
         """The analytic side of a recording, and the recording held to it.  Raises AssemblyError."""
         side = self.side(one)
-        trace = _trace(one, self.mechanism(one), self.joint_model, self.job.motion)
+        trace = _trace(one, self.mechanism(one), self.joint_model, self.motion)
         found = judged(self.job_of(one), _with_rounding(side, one), trace)
         if not found.rules and not found.run.reason:
             why = "; ".join(_not_judged(one, side, found, self.mechanism(one))) or "no column has a number to compare"
@@ -350,21 +339,21 @@ class _Asked:
         """What a reader has to know of a file beside its verdict, in sentences."""
         m, rules = self.mechanism(one), found.rules
         said = [f"{one.name}: {why}" for why in _not_judged(one, side, found, m)] if rules else []
-        if self.job.motion == "driven":
+        if self.motion == "driven":
             said += _coarse(one, side, rules, m)
         off = found.run.verdict == "disagrees"
         if off and (meant := self.meant(one)):
             return [*said, f"{one.name}: {meant}"]
-        if self.job.motion == "driven":
+        if self.motion == "driven":
             said += _clocked(one, self.given)
         said += _units(one, side, found)
-        if off and one.kind == "angles" and self.job.motion == "driven" and one.time is None and self.rests(one):
+        if off and one.kind == "angles" and self.motion == "driven" and one.time is None and self.rests(one):
             said.append(f"{one.name}: agrees with the linkage at rest; say --motion static")
         return said
 
     def rests(self, one: Recording) -> bool:
         """Whether rows that have no time are as the linkage is at rest."""
-        still = replace(self, job=replace(self.job, motion="static"))
+        still = replace(self, motion="static")
         return still.held(one)[1].run.verdict == "agrees"
 
     def meant(self, one: Recording) -> str:
@@ -395,7 +384,7 @@ class _Asked:
     def _agreeing(self, one: Recording, reading: Reading) -> dict[str, bool]:
         """Whether each signal agrees; nothing where the linkage does not move so."""
         try:
-            again = recording(one.name, one.file, reading.table, self.given, self.job.motion, self.joint_model)
+            again = recording(one.name, one.file, reading.table, self.given, self.motion, self.joint_model)
             found = self.held(again)[1].run.discrepancies
         except (DataError, AssemblyError):
             return {}
@@ -407,20 +396,10 @@ def _side(one: Recording, mechanism: Mechanism, motion: Motion, joint_model: Joi
     clearances = {} if joint_model == "ideal" else mechanism.clearances
     rubs = joint_model in ("ideal", "contact")
     assembly = Assembly(mechanism if rubs else mechanism.without_contact_friction())
-    if isinstance(one.moved, Start):
-        since = one.table.time - one.table.time[0]
-        return released_reference(assembly, since, (one.moved.angle, one.moved.rate), one.moved.errors)
-    if isinstance(one.moved, Followed):
-        return followed_reference(assembly, one.moved.moving, one.moved.errors, model, clearances)
-    if isinstance(one.moved, FollowedDrives):
-        if motion == "static":
-            courses = Courses({n: (one.moved.time, each.moving.theta) for n, each in one.moved.drives.items()})
-            errors = {name: each.errors.theta for name, each in one.moved.drives.items()}
-            side = timed_reference(assembly, one.moved.time, courses, motion, model, clearances, errors)
-            return silenced(side, _standing(one.moved, mechanism))
-        states = {name: (each.moving, each.errors) for name, each in one.moved.drives.items()}
-        return followed_drives_reference(assembly, states, model, clearances)
-    return reference(assembly, one.theta, motion, model, clearances, one.error)
+    at_rest = motion == "static"
+    side = reference(assembly, one.schedule(mechanism, at_rest), model, clearances, *one.moving(assembly, at_rest))
+    moved = one.moved
+    return silenced(side, _standing(moved, mechanism)) if at_rest and isinstance(moved, FollowedDrives) else side
 
 
 def _standing(moved: FollowedDrives, mechanism: Mechanism) -> dict[str, np.ndarray]:
@@ -623,16 +602,8 @@ def _engines(asked: _Asked, one: Recording, progress: Progress) -> Ran:
         one = replace(one, moved=one.moved.smooth())
     job = replace(asked.job_of(one), beside=tuple(one.table.values))
     side = _side(one, m, job.motion, joint_model, job.model)
-    if isinstance(one.moved, FollowedDrives):
-        request = one.moved.request(m, joint_model, job.motion)
-    elif isinstance(one.moved, Followed):
-        request = one.moved.request(m, joint_model)
-    elif isinstance(one.moved, Start):
-        let_go = released_from(m.ideal(), one.moved.angle)
-        since = one.table.time - one.table.time[0]
-        request = Request(let_go, joint_model, time=since, start_speed=one.moved.rate)
-    else:
-        request = Request(m, joint_model, job.motion, crank_angle=one.theta)
+    let_go = released_from(m.ideal(), one.moved.angle) if isinstance(one.moved, Start) else m
+    request = Request(let_go, joint_model, one.schedule(let_go, job.schedule.at_rest))
     pair = (joint_model, job.motion)
     tasks = [(name, request) for name in job.simulators if pair in engine(name).capabilities.runs]
     return run_all(job, tasks, lambda trace: side, engine, progress)

@@ -9,13 +9,14 @@ from __future__ import annotations
 import platform
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from analytic.mechanism.assumed import Assumed, assumed
 from analytic.mechanism.one_line import count
@@ -29,7 +30,6 @@ from compare.arguments import (
     Simulators,
     ToleranceFile,
     cores,
-    crank_angles,
     engines,
     every_one,
     flag,
@@ -40,10 +40,8 @@ from compare.arguments import (
     loose,
     noted,
     one_of,
-    over_time,
     processes,
     rigidly_and_evenly_driven,
-    timed,
     warn_of_friction,
     whole,
     with_map,
@@ -53,7 +51,6 @@ from compare.judge.assumptions import failing_assumption
 from compare.judge.attribution import attribute
 from compare.judge.closer import Judged, settle, too_soft
 from compare.judge.contact import TURN
-from compare.judge.courses import Courses
 from compare.judge.discrepancy import (
     Discrepancy,
     Rule,
@@ -65,15 +62,12 @@ from compare.judge.discrepancy import (
     run_rules,
 )
 from compare.judge.flexible import Beams, softened
-from compare.judge.grid import FREE_TIME, turns_fully
+from compare.judge.grid import turns_fully
 from compare.judge.longer import prolong, span
 from compare.judge.reference import (
     SURE,
     Reference,
     reference,
-    released_reference,
-    timed_reference,
-    timed_with_flexible_links,
     with_flexible_links,
 )
 from compare.judge.signals import compared, recorded, with_derived, with_rotations
@@ -85,6 +79,7 @@ from compare.results.contact import Compared
 from compare.results.crosscheck import CrossCheck, Failure, Path, Printed, Run, Simulator, Verdict, without
 from compare.results.crosscheck import Discrepancy as Judgement
 from compare.runs import Counted, Resolve, simulate_all
+from compare.schedules import scheduled
 from sim_models.common.contact_laws import assumed_of_contact
 from sim_models.engine import (
     JOINT_MODELS,
@@ -104,13 +99,12 @@ from sim_models.engine import (
 STRIKING: tuple[JointModel, ...] = ("contact", "spring-damper")  # whose pins and blocks may leave their walls
 REVOLUTIONS = 32  # at the utmost, of a run whose pins strike
 OF_TURNS = "it is of cranks that turn fully, with pins that may strike their walls"
-Measure = Callable[[Assembly, np.ndarray, Motion, Model, Mapping[str, float]], Reference]
+Measure = Callable[[Assembly, Schedule, Model, Mapping[str, float]], Reference]
 
 
 @dataclass(frozen=True)
 class Job:
-    """What to cross-check.  ``theta`` (N,) rad are the crank angles; a released linkage has ``time`` (N,) s instead,
-    and one whose drives follow ``courses`` too.
+    """What to cross-check: a mechanism along a schedule, in engines.
 
     ``beside`` are signals that are judged too, as a file of results has them.
     ``as_it_is`` takes every run as it comes, where others are looked at more closely (:mod:`compare.judge.closer`).
@@ -122,9 +116,7 @@ class Job:
     mechanism: Mechanism
     simulators: tuple[str, ...]
     tolerances: Tolerances
-    motion: Motion = "driven"
-    theta: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    time: np.ndarray | None = None
+    schedule: Schedule
     joint_model: JointModel | None = None
     model: Model = "equilibrium"
     command: str = ""
@@ -133,8 +125,12 @@ class Job:
     flexible: bool = False
     as_it_is: bool = False
     beside: tuple[str, ...] = ()
-    courses: Courses | None = None
     revolutions: int = 0
+
+    @property
+    def motion(self) -> Motion:
+        """Whether the linkage moves, or rests."""
+        return self.schedule.motion
 
     @property
     def offers(self) -> tuple[str, ...]:
@@ -243,20 +239,14 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
         warn_of_friction(m, joint_model, motion)
         left_out += omitted(m, Asked.of_engines("compare", m, motion, joint_model, flexible))
         assembly = Assembly(m)
-        moved = timed(assembly, times, course, path)
-        released = moved is None and m.speed is None and motion == "driven"
-        if moved is not None:
-            over_time(assembly, motion, angles)
-        if released and angles is not None:
-            raise ArgumentError("angles", f"{m.name} swings freely and is compared over time; leave angles out")
-        if released or (moved is not None and assembly.structure.free):
+        schedule = scheduled(assembly, motion, angles, times, course, path)
+        if schedule.lets_go or assembly.structure.free:
             _with_ideal_joints(m, joint_model)
         _with_stiff_rims(m)
         loose(m, joint_model)
-        theta = np.zeros(0) if released or moved is not None else crank_angles(assembly, angles)
     unused = idle(m, analytic, joint_model)
     turns = whole(revolutions, "revolutions", 0)
-    strikes = m.clearances and motion == "driven" and joint_model in (None, *STRIKING) and theta.size
+    strikes = m.clearances and motion == "driven" and joint_model in (None, *STRIKING) and schedule.turns_evenly
     if turns not in (0, REVOLUTIONS) and not (strikes and turns_fully(assembly)):
         unused.append(f"{m.name}: revolutions = {turns} is left out; {OF_TURNS}, and no run here has that")
     return Job(
@@ -264,10 +254,7 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
         simulators=names,
         workers=spread_over,
         tolerances=read,
-        motion=motion,
-        theta=theta,
-        time=moved[0] if moved is not None else FREE_TIME if released else None,
-        courses=None if moved is None else moved[1],
+        schedule=schedule,
         joint_model=joint_model,
         model=analytic,
         warnings=(*warned, *left_out, *unused),
@@ -366,7 +353,7 @@ def crosscheck_job(
     resolve = resolve or (Beams.of if job.flexible else engine)
     assembly = Assembly(job.mechanism)
     tasks = [(name, request) for name in job.simulators for request in _requests(job, assembly, name, resolve)]
-    if job.courses is not None and job.joint_model is None:
+    if job.schedule.crank is None and job.joint_model is None:
         tasks = [(name, request) for name, request in tasks if request.joint_model == "ideal" or _has(name, request)]
     if not tasks:
         block = bool(job.mechanism.loose_guides)
@@ -519,8 +506,8 @@ def _with_block(able: Capabilities, joint_model: JointModel, motion: Motion) -> 
 
 def _requests(job: Job, assembly: Assembly, simulator: str, resolve: Resolve) -> list[Request]:
     """The runs of one engine: ideal first; a joint model that it lacks is left out unless it was asked for by name."""
-    released = job.time is not None and (job.courses is None or bool(assembly.structure.free))
-    models = [m for m in JOINT_MODELS if m == "ideal" or (job.mechanism.clearances and not released)]
+    free = job.schedule.lets_go or bool(assembly.structure.free)
+    models = [m for m in JOINT_MODELS if m == "ideal" or (job.mechanism.clearances and not free)]
     if job.joint_model is not None:
         models = [m for m in models if m == job.joint_model]
     if job.joint_model is None or len(job.simulators) > 1:
@@ -529,34 +516,23 @@ def _requests(job: Job, assembly: Assembly, simulator: str, resolve: Resolve) ->
         if job.mechanism.loose_guides:  # left to those that have blocks; where none has, each says so
             blocks = [m for m in models if m == "ideal" or _with_block(able, m, job.motion)]
             models = blocks if set(blocks) != {"ideal"} else [m for m in models if m != "massless-link"]
-    if job.courses is not None:
-        courses = job.courses.knots
-        return [Request(job.mechanism, m, job.motion, time=job.time, courses=courses) for m in models]
-    settle = 2 * np.pi if job.motion == "driven" and not released and turns_fully(assembly) else 0.0
-    found = [
-        Request(job.mechanism, m, job.motion, job.theta, job.time, lead_in=0.0 if m == "ideal" else settle)
-        for m in models
-    ]
+    turns_on = job.motion == "driven" and job.schedule.turns_evenly and turns_fully(assembly)
+    settle = 2 * np.pi if turns_on else 0.0
+    found = [Request(job.mechanism, m, job.schedule, lead_in=0.0 if m == "ideal" else settle) for m in models]
     turns = (job.revolutions if job.as_it_is else 1) if settle > 0 else 0
     return [watched(r, turns) if job.revolutions and r.joint_model in STRIKING else r for r in found]
 
 
 def watched(request: Request, turns: int) -> Request:
     """A request of a driven run with every step of it told, to the end of so many ``turns`` of its crank."""
-    if request.motion != "driven" or request.released:
+    if request.motion != "driven" or not request.schedule.turns_evenly:
         return request
     return replace(request, watched=True, beyond=max(TURN * turns - span(request), 0.0) if turns else 0.0)
 
 
 def _side(job: Job, assembly: Assembly, ideal: bool, measure: Measure) -> Reference:
-    if job.time is not None and job.courses is not None:
-        clearances = {} if ideal else job.mechanism.clearances
-        side = timed_reference(assembly, job.time, job.courses, job.motion, job.model, clearances)
-        return timed_with_flexible_links(side, assembly, job.time, job.courses) if job.flexible else side
-    if job.time is not None:
-        return released_reference(assembly, job.time)
-    side = measure(assembly, job.theta, job.motion, job.model, {} if ideal else job.mechanism.clearances)
-    return with_flexible_links(side, assembly, job.theta) if job.flexible else side
+    side = measure(assembly, job.schedule, job.model, {} if ideal else job.mechanism.clearances)
+    return with_flexible_links(side, assembly, job.schedule) if job.flexible else side
 
 
 def _run(job: Job, side: Reference, trace: Trace) -> tuple[Run, dict[str, Rule]]:
@@ -575,8 +551,8 @@ def _run(job: Job, side: Reference, trace: Trace) -> tuple[Run, dict[str, Rule]]
     rules = _rules(job, side, trace, simulated)
     found = _discrepancies(job, side, trace, simulated, rules)
     optional: dict[str, Any] = {} if trace.time is None else {"time": trace.time}
-    if job.courses is not None and job.time is not None:
-        optional["drive_position"] = job.courses.at(job.time)
+    if job.schedule.crank is None:
+        optional["drive_position"] = job.schedule.positions()
     if isinstance(trace, Counted) and trace.contact is not None:
         optional["contact"] = trace.contact
     if len(side.flags) == theta.size:
@@ -607,10 +583,10 @@ def _run(job: Job, side: Reference, trace: Trace) -> tuple[Run, dict[str, Rule]]
 
 def _told_along(job: Job, trace: Trace) -> np.ndarray:
     """The crank's angle at each sample (N,) rad; where drives follow courses, the first one's position."""
-    if job.time is None:
-        return job.theta
-    if job.courses is not None and job.courses.knots and not job.mechanism.cranked:
-        return next(iter(job.courses.at(job.time).values()))
+    if job.schedule.crank_angle is not None:
+        return job.schedule.crank_angle
+    if job.schedule.drives and not job.mechanism.cranked:
+        return next(iter(job.schedule.positions().values()))
     return trace.crank_angle
 
 
@@ -636,7 +612,7 @@ def _explained(job: Job, run: Run) -> Run:
     """A run that disagrees with the assumption that fails in it, where one is known to."""
     if run.verdict != "disagrees" or not run.clearance or job.as_it_is or run.simulator.recorded:
         return run
-    because = failing_assumption(run, job.mechanism, job.tolerances, job.courses)
+    because = failing_assumption(run, job.mechanism, job.tolerances, job.schedule)
     return run.model_copy(update={"because": because}) if because else run
 
 
@@ -688,7 +664,7 @@ def _discrepancies(
     known = known_differences(
         job.tolerances, job.mechanism.name, trace.simulator, trace.joint_model, trace.motion, job.model
     )
-    theta = job.theta if job.time is None else None
+    theta = job.schedule.crank_angle
     analytic = dict(side.signals)
     if trace.recorded:  # a cell that is empty says nothing
         analytic |= {s: np.where(np.isnan(simulated[s]), np.nan, analytic[s]) for s in rules}

@@ -8,7 +8,6 @@ import warnings
 from collections.abc import Mapping
 from pathlib import Path
 
-from analytic.kinematics.assembly import Assembly
 from compare.analyse import Angles, request
 from compare.arguments import (
     Linkage,
@@ -19,7 +18,6 @@ from compare.arguments import (
     noted,
     one_engine,
     rigidly_and_evenly_driven,
-    timed,
     warn_of_friction,
 )
 from compare.arguments import path as named
@@ -90,7 +88,7 @@ def exported(  # noqa: PLR0913 - what a person may ask, by name
         m = rigidly_and_evenly_driven(linkage(mechanism, clearance, large=flag(large, "large")))
         warn_of_friction(m, joint_model, motion)
         warned += omitted(m, Asked.of_engines("export", m, motion, joint_model))
-        asked = request(m, joint_model, motion, angles, timed(Assembly(m), times, course, path))
+        asked = request(m, joint_model, motion, angles, times, course, path)
     try:
         with tempfile.TemporaryDirectory() as draft:  # all of it is there before the first file is put in place
             texts = {file.name: file.read_text(encoding="utf-8") for file in chosen.export(asked, Path(draft))}

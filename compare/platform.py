@@ -13,6 +13,7 @@ from analytic.beyond_paper.platform import Platform, platform
 from analytic.kinematics.assembly import Assembly, AssemblyError, Followed
 from analytic.kinematics.inverse import Coordinate
 from analytic.kinematics.motion import kinematics
+from analytic.kinematics.schedule import Schedule
 from analytic.kinematics.workspace import Workspace, workspace
 from analytic.mechanism import Mechanism
 from analytic.mechanism.assumed import assumed
@@ -34,14 +35,13 @@ from compare.arguments import (
     names,
     noted,
     number,
-    timed,
     warn_of_friction,
 )
 from compare.faults import ArgumentError
-from compare.judge.courses import Courses
 from compare.judge.grid import parse_workspace
 from compare.left_out import Asked, omitted
 from compare.results.platform import Map, Place, PlatformAccuracy, PointError, PoseError
+from compare.schedules import over_time
 
 POORLY_HELD = (300.0, 100.0, 30.0, 10.0)  # condition of the loops, up to which finite errors are sought, in turn
 MOST_POSES = 250_000
@@ -95,11 +95,8 @@ def platform_accuracy(  # noqa: PLR0913 - what a person may ask, by name
         else:
             if angle is not None:
                 raise ArgumentError("angle", "is that of a workspace; give one, or leave the angle out")
-            moved = timed(
-                assembly, np.linspace(0.0, 1.0, 51) if _plain(times, course, path, m) else times, course, path
-            )
-            assert moved is not None  # times are given of one crank too
-            found = _along(assembly, wanted, *moved, steps)
+            asked = np.linspace(0.0, 1.0, 51) if _plain(times, course, path, m) else times
+            found = _along(assembly, wanted, over_time(assembly, False, asked, course, path), steps)
     return found.model_copy(update={"warnings": (*found.warnings, *warned)})
 
 
@@ -159,14 +156,10 @@ class Moved:
 
 
 def _along(
-    assembly: Assembly, outputs: Sequence[Output], time: np.ndarray, courses: Courses, steps: Mapping[str, float]
+    assembly: Assembly, outputs: Sequence[Output], schedule: Schedule, steps: Mapping[str, float]
 ) -> PlatformAccuracy:
-    splines = courses.splines
-    inputs, rates, pushes = (
-        assembly.inputs_at({name: spline(time, order) for name, spline in splines.items()}) for order in range(3)
-    )
-    near = assembly.follow(inputs)
-    found = displaced(assembly, inputs, rates, alpha=pushes, near=near)
+    time, inputs = schedule.time, assembly.inputs_along(schedule)
+    found = displaced(assembly, inputs.theta, inputs.omega, alpha=inputs.alpha, near=assembly.walk(schedule))
     told = platform(found.ideal, outputs, assembly.mechanism.clearances, steps)
     moved = Moved(found, np.arange(time.size), time.size)
     return _result(assembly, told, moved, outputs, steps, _every).model_copy(update={"motion": "driven", "time": time})

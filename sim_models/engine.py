@@ -13,7 +13,7 @@ import importlib
 import importlib.metadata
 import importlib.util
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Literal, Protocol, cast, get_args
@@ -21,6 +21,7 @@ from typing import Literal, Protocol, cast, get_args
 import numpy as np
 
 from analytic.errors import Error
+from analytic.kinematics.schedule import Course, Motor, Schedule
 from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import count
 from sim_models.common.silence import silence, uninterrupted
@@ -216,42 +217,41 @@ class Unsupported(Error, ValueError):
 
 @dataclass(frozen=True)
 class Request:
-    """One simulation: a mechanism, a joint model for its joints with clearance, a motion, and where to report.
+    """One simulation: a mechanism, a joint model for its joints with clearance, and a schedule: how it is moved and
+    where to report.  With the ``ideal`` joint model clearances are ignored.
 
-    ``crank_angle`` (N,) rad is the driven body's angle wherever a report is wanted, in any order; for a free drive it
-    is empty and ``time`` (N,) s after release is given instead: it starts at the assembly angles, the driven body at
-    ``start_speed`` (rad/s).  With the ``ideal`` joint model clearances are ignored.
-
-    ``start`` says how a driven run begins at its first angle: ``steady`` (no start-up transient: pins in contact,
+    ``start`` says how a driven run begins at its first instant: ``steady`` (no start-up transient: pins in contact,
     velocities to match) or ``centred`` (pins centred, velocities of the ideal linkage; no massless link can be).
-    ``course`` replaces the constant speed: times (M,) s, strictly increasing, and the motor's angles (M,) rad at them,
-    which the motor follows on the cubic spline through them (:class:`sim_models.common.motor.Course`); reports are then
-    at ``time`` (N,) s, within the course, and ``crank_angle`` is empty.  ``lead_in`` (rad) is how far the crank turns
-    before its first angle, ``beyond`` (rad) how far it turns after its last one.  ``watched`` asks for every step from
-    the first angle on (:class:`Watched`).  ``step`` (s) replaces the engine's own choice.
-
-    ``courses`` is for linkages that have more, or other, freedoms than a crank's: by driven joint the times (M,) s and
-    its positions (M,) at them (second body relative to the first: rad, or m), which it follows on the cubic spline
-    through them.  Joints with freedoms that have none start as the assembly has them, at rest (relative to a linkage
-    whose driven joints move as their courses do), and move freely; with an empty mapping all do.  In ``static`` motion
-    the linkage rests at each time in ``time``, all its freedoms held by drives where their courses then have them;
-    friction acts against the way in which these go on.
+    Of a crank that turns evenly ``lead_in`` (rad) is how far it turns before its first angle, ``beyond`` (rad) how far
+    it turns after its last one, and ``watched`` asks for every step from the first angle on (:class:`Watched`).
+    ``step`` (s) replaces the engine's own choice.  ``assumed`` names the joints whose contact stiffness is the
+    project's default.
     """
 
     mechanism: Mechanism
     joint_model: JointModel = "ideal"
-    motion: Motion = "driven"
-    crank_angle: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    time: np.ndarray | None = None
+    schedule: Schedule = field(default_factory=Schedule)
     start: Start = "steady"
     lead_in: float = 0.0
-    start_speed: float = 0.0
     step: float | None = None
-    course: tuple[np.ndarray, np.ndarray] | None = None
-    courses: Mapping[str, tuple[np.ndarray, np.ndarray]] | None = None
     assumed: frozenset[str] = frozenset()
     beyond: float = 0.0
     watched: bool = False
+
+    @property
+    def motion(self) -> Motion:
+        """Whether the linkage moves, or rests."""
+        return self.schedule.motion
+
+    @property
+    def motor(self) -> Motor | None:
+        """How the motor of a crank has its angle (rad) go on, from its lead-in on; None at rest, and where it is let
+        go.
+        """
+        if self.schedule.at_rest or self.schedule.lets_go:
+            return None
+        motor = self.schedule.motor(self.mechanism)
+        return motor if isinstance(motor, Course) else replace(motor, begin=-(self.lead_in / motor.top_speed))
 
     @property
     def clearances(self) -> dict[str, float]:
@@ -265,14 +265,6 @@ class Request:
         With clearance it is what the pin's contact is made of.
         """
         return {name: k for name, k in self.mechanism.soft_bearings.items() if name not in self.clearances}
-
-    @property
-    def released(self) -> bool:
-        """Whether the linkage is let go: no motor turns it, and no course says how it moves."""
-        if self.courses is not None:
-            return not self.courses
-        drive = self.mechanism.drive
-        return self.motion == "driven" and self.course is None and (drive is None or drive.speed == "free")
 
 
 @dataclass(frozen=True)
@@ -618,11 +610,11 @@ def needed(request: Request) -> dict[Feature, str]:
         found["periodic_torque"] = f"drive.periodic_torque.amplitude = {m.periodic_torque.amplitude:g}"
     if m.springs:
         found["point_spring"] = f"the [[spring]] between {' and '.join(m.springs[0].bodies)}"
-    if request.courses is not None:
+    if request.schedule.crank is None:
         found["several_drives"] = "what is not a crank's drive"
-    elif request.course is not None:
+    elif request.schedule.courses:
         found["course"] = "a course"
-    elif request.released:
+    elif request.schedule.lets_go:
         found["released"] = "the release, with a drive.speed in rad/s"
     return found
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import linkage_crosscheck as lc
-from analytic.beyond_paper.drive import Turning
+from analytic.kinematics.schedule import Turning
 from analytic.kinematics.assembly import Assembly
 from compare.judge.courses import Courses
 from compare.judge.reference import SURE, followed_drives_reference, timed_reference

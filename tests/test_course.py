@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analytic.beyond_paper.drive import Turning
+from analytic.kinematics.schedule import Turning
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism.file import dumps
 from analytic.mechanism.signals import Signal

@@ -12,7 +12,8 @@ from scipy.integrate import solve_ivp
 
 import analytic.beyond_paper.backlash as backlash
 from analytic.beyond_paper.backlash import Slack
-from analytic.beyond_paper.drive import Motor, Turning
+from analytic.beyond_paper.drive import Motor
+from analytic.kinematics.schedule import Turning
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import kinematics
 from analytic.mechanism import Mechanism

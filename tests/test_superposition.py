@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from analytic.beyond_paper.drive import Turning
+from analytic.kinematics.schedule import Turning
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Body, Drive, Elasticity, Ground, Joint, Load, Mechanism
 from analytic.paper.superposition import total_displacement

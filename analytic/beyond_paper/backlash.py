@@ -16,7 +16,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from analytic.beyond_paper.drive import Motor, Torque, Turning
+from analytic.beyond_paper.drive import Motor, Torque
+from analytic.kinematics.schedule import Turning
 
 Amount = TypeVar("Amount", float, np.ndarray)  # one, or many (N,)
 POINTS = 360  # of a revolution, at which the torque is taken

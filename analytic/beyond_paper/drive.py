@@ -16,8 +16,8 @@ from typing import Protocol
 import numpy as np
 
 from analytic.kinematics.assembly import AssemblyError
+from analytic.kinematics.schedule import Turning
 from analytic.mechanism import Drive
-from analytic.mechanism.one_line import angles, one_line
 
 POINTS = (
     127  # of a revolution at which a lag that repeats is sought; odd, so that every harmonic has a cosine and a sine
@@ -25,18 +25,6 @@ POINTS = (
 GRID = 256  # knots of a lag that does not repeat: at most four times as many
 SETTLED = 1e-9  # rad
 Torque = Callable[["Turning"], np.ndarray]
-
-
-@dataclass(frozen=True)
-class Turning:
-    """A shaft's angle (rad), angular velocity (rad/s) and acceleration (rad/s^2); arrays (N,)."""
-
-    theta: np.ndarray
-    omega: np.ndarray
-    alpha: np.ndarray
-
-    def __repr__(self) -> str:
-        return one_line(self, angles(self.theta, "moment"))
 
 
 class Course(Protocol):

@@ -30,6 +30,7 @@ from analytic.kinematics.closure import (
     solve_dyad,
     with_travels,
 )
+from analytic.kinematics.schedule import Schedule, Turning
 from analytic.kinematics.structure import Coordinate, Group, Rest, Rests, Structure, StructureError, structure
 from analytic.mechanism import GROUND, Mechanism
 from analytic.mechanism.one_line import angles, one_line
@@ -238,6 +239,33 @@ class Assembly:
         if len(self.structure.inputs) == 1 and self.mechanism.cranked:
             return self.path(u[0].min(), u[0].max())
         return self.follow(u[list(self.structure.inputs)])
+
+    def inputs_along(self, schedule: Schedule) -> Turning:
+        """The inputs at the instants of a schedule in which nothing moves freely: a crank's angles (N,) where one alone
+        moves the linkage, else (n_inputs, N).  At rest only their directions are left of rates.
+        """
+        if schedule.crank_angle is not None:
+            theta, speed = schedule.crank_angle, schedule.motor(self.mechanism).rate(0.0)
+            return Turning(theta, np.full(theta.shape, speed), np.zeros(theta.shape))
+        if schedule.crank is not None:
+            return Turning(*(schedule.motor(self.mechanism).angles(schedule.time, order) for order in range(3)))
+        if schedule.at_rest:
+            directions = self.inputs_at(schedule.directions(schedule.time))
+            return Turning(self.inputs_at(schedule.positions()), directions, np.zeros(directions.shape))
+        return Turning(*(self.inputs_at(schedule.positions(order=order)) for order in range(3)))
+
+    def walk(self, schedule: Schedule) -> Followed | None:
+        """The ideal linkage's coordinates at the instants of a schedule in which nothing moves freely, reached along
+        its courses: few samples do not say by which way it comes from one to the next.  None of a crank, whose path is
+        a table that is kept.  Raises AssemblyError on the way.
+        """
+        if schedule.crank is not None:
+            theta = self.inputs_along(schedule).theta
+            self.path(float(theta.min()), float(theta.max()))
+            return None
+        way = schedule.until(schedule.time)
+        followed = self.follow(self.inputs_at(schedule.positions(way)))
+        return Followed(followed.coordinates[:, np.searchsorted(way, schedule.time)])
 
     def _dyad(self, step: Group, columns: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Solve a dyad on its branch, in place; its margin (N,) from a dead point."""

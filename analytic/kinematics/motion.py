@@ -14,6 +14,7 @@ import numpy as np
 from analytic.compiled import run
 from analytic.kinematics.assembly import Assembly, Followed, Path
 from analytic.kinematics.closure import AssemblyError, least, partials
+from analytic.kinematics.schedule import Schedule
 from analytic.kinematics.structure import Group, Structure
 from analytic.mechanism import Joint
 from analytic.mechanism.one_line import angles, count, largest, one_line
@@ -269,6 +270,12 @@ def kinematics(
                 assembly, u[s.inputs[0]], *moved.coordinates, *moved.columns, jacobians, moved.displaced
             )  # fmt: skip
     return kinematics_by_numpy(assembly, theta, omega, alpha, gaps, path)
+
+
+def along(assembly: Assembly, schedule: Schedule) -> Motion:
+    """The ideal linkage at the instants of a schedule in which nothing moves freely.  Raises AssemblyError."""
+    inputs = assembly.inputs_along(schedule)
+    return kinematics(assembly, inputs.theta, inputs.omega, inputs.alpha, path=assembly.walk(schedule))
 
 
 def kinematics_by_numpy(

@@ -88,10 +88,10 @@ def accuracy(
     Exit status: 0 computed, 2 bad input.
     """
     with complaints(context) as caught:
+        from analytic.kinematics.assembly import Assembly
         from compare.accuracy import accuracy as asked
-        from compare.arguments import moved_by_one_crank
-        from compare.judge.courses import parse_times
         from compare.judge.grid import parse_angles, parse_workspace
+        from compare.schedules import by_angle, parse_times
 
         mechanism = load_case(case, clearance, large=large)
         folder = result_folder(
@@ -99,7 +99,7 @@ def accuracy(
         )
         named = listed_once(",".join(output), "--output") if output else None
         over_time = any(each is not None for each in (workspace, angle, encoder_step, times, course, path))
-        if over_time or not moved_by_one_crank(mechanism):
+        if over_time or not by_angle(Assembly(mechanism)):
             from compare.platform import platform_accuracy
 
             refuse_of_a_crank(context)

@@ -59,8 +59,8 @@ def analyse(
     """
     with complaints(context) as caught:
         from compare.analyse import analyse as asked
-        from compare.judge.courses import parse_times
         from compare.judge.grid import parse_angles
+        from compare.schedules import parse_times
 
         mechanism = load_case(case, clearance, large=large)
         folder = result_folder(
@@ -103,8 +103,8 @@ def simulate(
     """
     with complaints(context) as caught:
         from compare.analyse import simulate as asked
-        from compare.judge.courses import parse_times
         from compare.judge.grid import parse_angles
+        from compare.schedules import parse_times
 
         mechanism = load_case(case, clearance, large=large)
         folder = result_folder(

@@ -148,9 +148,9 @@ def compare(
         raise typer.Exit(Exit.BAD_INPUT)
     with complaints(context) as caught:
         from compare.crosscheck import crosscheck_job, question
-        from compare.judge.courses import parse_times
         from compare.judge.discrepancy import load_tolerances
         from compare.judge.grid import parse_angles
+        from compare.schedules import parse_times
 
         tolerances = load_tolerances(tolerance)
         mechanism = load_case(case, clearance, large=large)

@@ -56,10 +56,10 @@ def export(
         from compare.arguments import noted, one_engine
         from compare.export import exported, used_in
         from compare.files import alone_in, made_folder, write_together
-        from compare.judge.courses import parse_times
         from compare.judge.grid import parse_angles
         from compare.left_out import Asked, omitted
         from compare.results.export import Exported
+        from compare.schedules import parse_times
         from sim_models.common.contact_laws import assumed_of_contact
         from sim_models.engine import declared
 

@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analytic.beyond_paper.drive import Turning
 from analytic.beyond_paper.freedom import Freedom
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import kinematics
+from analytic.kinematics.schedule import Turning
 from analytic.kinematics.structure import StructureError
 from analytic.mechanism.signals import DRIVE_TORQUE
 from analytic.paper.kinetostatics import kinetostatics

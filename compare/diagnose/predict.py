@@ -14,10 +14,11 @@ from itertools import pairwise
 import numpy as np
 
 from analytic.beyond_paper.backlash import Slack
-from analytic.beyond_paper.drive import Motor, Turning
+from analytic.beyond_paper.drive import Motor
 from analytic.beyond_paper.freedom import Freedom, swing
 from analytic.kinematics.assembly import Assembly, AssemblyError, Followed
 from analytic.kinematics.motion import kinematics
+from analytic.kinematics.schedule import Turning
 from analytic.kinematics.structure import StructureError
 from analytic.mechanism import Mechanism
 from analytic.paper.clearance import Displaced, displaced

@@ -9,6 +9,7 @@ import numpy as np
 
 from analytic.beyond_paper.drive import Motor
 from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from compare.diagnose.data.recording import MeasuredRun
 from compare.diagnose.effects.effect import Rig
@@ -120,15 +121,15 @@ def _driven(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray)
         course = knots, turned_by(run, motor.at(knots), task.hypothesis, task.rig).theta
         if mechanism.sliding:  # times count from the first knot: late readings may ask for some before zero
             courses = {mechanism.input_joint.name: (knots - knots[0], course[1])}
-            request = Request(mechanism, _joint_model(mechanism), "driven", time=times - knots[0], courses=courses)
+            schedule = Schedule.along(courses, times - knots[0])
         else:
-            request = Request(mechanism, _joint_model(mechanism), "driven", time=times, course=course)
+            schedule = Schedule.of_crank(mechanism, course, times)
+        request = Request(mechanism, _joint_model(mechanism), schedule)
     else:
         mechanism = mechanism.replace(drive=fields | {"speed": float(run.speed or 0.0)})
         lead_in = SETTLED if mechanism.half_gap and turns_fully(Assembly(mechanism)) else 0.0
-        request = Request(
-            mechanism, _joint_model(mechanism), "driven", crank_angle=motor.at(times).theta, lead_in=lead_in
-        )
+        schedule = Schedule.at_angles(mechanism, motor.at(times).theta)
+        request = Request(mechanism, _joint_model(mechanism), schedule, lead_in=lead_in)
     trace = _run(chosen, request)
     return trace, with_derived(trace.signals, mechanism) | {
         task.rig.encoder: turned_by(run, motor.at(times), task.hypothesis, task.rig).theta
@@ -143,7 +144,7 @@ def _several(
     followed = [turned_by(task.run, motors.at(t), task.hypothesis, task.rig).theta for t in (knots, times)]
     moved = dict(zip((joint.name for joint in mechanism.motors), followed[0], strict=True))
     courses = {joint: (knots - knots[0], course) for joint, course in moved.items()}
-    trace = _run(chosen, Request(mechanism, _joint_model(mechanism), "driven", time=times - knots[0], courses=courses))
+    trace = _run(chosen, Request(mechanism, _joint_model(mechanism), Schedule.along(courses, times - knots[0])))
     read = dict(zip(task.rig.encoders, followed[1], strict=True))
     return trace, with_derived(trace.signals, mechanism) | read
 
@@ -161,8 +162,7 @@ def _free(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray) -
     mechanism = released_from(mechanism.ideal(), angle)
     since = np.maximum(times - task.run.time[0], 0.0)
     distinct, back = np.unique(since, return_inverse=True)
-    request = Request(mechanism, _joint_model(mechanism), "driven", time=distinct, start_speed=rate)
-    trace = _run(chosen, request)
+    trace = _run(chosen, Request(mechanism, _joint_model(mechanism), Schedule.released(mechanism, distinct, rate)))
     return trace, {name: values[back] for name, values in with_derived(trace.signals, mechanism).items()}
 
 

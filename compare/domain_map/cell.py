@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from analytic.kinematics.assembly import AssemblyError
+from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import MechanismWarning
 from compare.crosscheck import STRIKING, Job, crosscheck_job
 from compare.domain_map.leaving import leaving
@@ -72,11 +73,12 @@ def examined(task: Task) -> Cell | Failed:
     Where the simulation fails, or the linkage cannot be assembled with these clearances, there is only why.
     """
     theta, skip = task.crank_angle, task.skip
+    schedule = Schedule.at_angles(task.mechanism, theta)
     job = Job(
         task.mechanism,
         (task.simulator,),
         task.tolerances,
-        theta=theta,
+        schedule,
         joint_model=task.joint_model,
         as_it_is=True,
         revolutions=task.revolutions,
@@ -87,7 +89,8 @@ def examined(task: Task) -> Cell | Failed:
         return task.failed(str(error))
     if result.failures:
         return task.failed(result.failures[0].why)
-    held = Examined(task.mechanism, theta[skip:], _later(result.runs[0], skip), job.tolerances)
+    later = Schedule.at_angles(task.mechanism, theta[skip:])
+    held = Examined(task.mechanism, later, _later(result.runs[0], skip), job.tolerances)
     return judged(task, held).model_copy(update=_told(task, held.run.contact))
 
 

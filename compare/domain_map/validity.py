@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from analytic.mechanism.checks import LEAST_RESTITUTION
 from analytic.mechanism.errors import quoted
@@ -136,7 +137,7 @@ def gridded(  # noqa: PLR0913 - as validity
             refuse_large(widest, "clearances")
         blocks = [name for name in at if m.joint(name).prismatic]
         if blocks:
-            check_request(Request(widest, joint_model, crank_angle=np.zeros(1)))
+            check_request(Request(widest, joint_model, Schedule.at_angles(widest, np.zeros(1))))
         able, left_out = capable(simulators, joint_model, widest if blocks else m)
         warn_of_friction(widest, joint_model, "driven")
         left_out += omitted(m, replace(Asked.of_engines("validity", m, "driven", joint_model), mapped=at))
@@ -220,7 +221,7 @@ def capable(simulators: Simulators, joint_model: JointModel, mechanism: Mechanis
     found = []
     for name in asked:
         try:
-            check_supported(engine(name), Request(mechanism, joint_model))
+            check_supported(engine(name), Request(mechanism, joint_model, Schedule.at_angles(mechanism, np.zeros(1))))
         except Unsupported as why:
             if not every_one(simulators):
                 raise

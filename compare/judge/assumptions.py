@@ -28,14 +28,13 @@ from typing import get_args
 
 import numpy as np
 
-from analytic.beyond_paper.drive import Turning
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import Gap, kinematics
+from analytic.kinematics.schedule import Schedule, Turning
 from analytic.mechanism import Joint, Mechanism
 from analytic.mechanism.signals import Signal
 from analytic.paper.clearance import ON_ITS_WAY, STENCIL, Displaced, Model, displaced, loose_friction
 from analytic.paper.kinetostatics import Reactions, kinetostatics
-from compare.judge.courses import Courses
 from compare.judge.discrepancy import (
     Discrepancy,
     Rule,
@@ -62,16 +61,17 @@ ASSUMPTIONS: tuple[Assumption, ...] = get_args(Assumption)
 
 @dataclass(frozen=True)
 class Examined:
-    """A cross-checked driven run of a mechanism with clearance at crank angles theta (N,) rad, and its tolerances.
-
-    Where drives follow ``courses``, theta is what the run's samples are told along.
-    """
+    """A cross-checked driven run of a mechanism with clearance, at the instants of a schedule, and its tolerances."""
 
     mechanism: Mechanism
-    theta: np.ndarray
+    schedule: Schedule
     run: Run
     tolerances: Tolerances
-    courses: Courses | None = None
+
+    @property
+    def theta(self) -> np.ndarray:
+        """What the run's samples are told along (N,): the crank's angle (rad), or a drive's position."""
+        return self.run.crank_angle
 
     @cached_property
     def verdicts(self) -> list[tuple[Discrepancy, np.ndarray]]:
@@ -106,7 +106,7 @@ class Examined:
         """The joint whose block stays on its walls, and rocks there after its friction has turned round, or because
         nothing damps it, which is all that disagrees; empty if there is none.
         """
-        if self.contact_lost or self.courses is not None or not self.mechanism.speed:
+        if self.contact_lost or not self.schedule.turns_evenly:
             return ""
         off = [(d, within) for d, within in self.verdicts if d.verdict == "disagrees"]
         for joint in self.blocks:
@@ -220,14 +220,7 @@ class Examined:
 
     def turned(self, later: tuple[float, ...] = (0.0,)) -> Turning:
         """How the drives move at the run's samples, or in turn these times (s) after each of them."""
-        if self.courses is None:
-            speed = self.mechanism.speed or 0.0
-            theta = np.add.outer(self.theta, speed * np.array(later)).ravel()
-            return Turning(theta, np.full(theta.shape, speed), np.zeros(theta.shape))
-        assert self.run.time is not None
-        time, splines = np.add.outer(self.run.time, later).ravel(), self.courses.splines
-        orders = ({name: spline(time, order) for name, spline in splines.items()} for order in range(3))
-        return Turning(*(self.assembly.inputs_at(each) for each in orders))
+        return self.assembly.inputs_along(self.schedule.later(later))
 
     @cached_property
     def assembly(self) -> Assembly:
@@ -350,11 +343,8 @@ MEANS: Mapping[Assumption, str] = {
 }
 
 
-def failing_assumption(
-    run: Run, mechanism: Mechanism, tolerances: Tolerances, courses: Courses | None = None
-) -> Because | None:
-    """Why a run with clearance disagrees: the assumption of the analytic model that fails in it, and where; ``courses``
-    are those of several drives.
+def failing_assumption(run: Run, mechanism: Mechanism, tolerances: Tolerances, schedule: Schedule) -> Because | None:
+    """Why a run with clearance disagrees: the assumption of the analytic model that fails in it, and where.
 
     None where nothing is known of it: a run that is flagged everywhere.
     """
@@ -372,7 +362,7 @@ def failing_assumption(
         return Because(assumption="first-order", joint=None, words=_first_order_words(run))
     if run.motion != "driven" or len(run.flags) == run.crank_angle.size:
         return None
-    examined = Examined(mechanism, run.crank_angle, run, tolerances, courses)
+    examined = Examined(mechanism, schedule, run, tolerances)
     return _rocking(examined) if examined.blocks else _tested(examined)  # no assumption's cost has blocks' rests
 
 

@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
+import numpy as np
+
 from compare.judge.closer import Judged
 from compare.judge.contact import TURN, more_revolutions
 from compare.results.crosscheck import Failure
@@ -59,4 +61,5 @@ def _longer(request: Request, one: Judged | Failure, most: float) -> Request | N
 
 def span(request: Request) -> float:
     """How far (rad) the crank turns from the first report to the last one."""
-    return float(request.crank_angle.max() - request.crank_angle.min())
+    angles = request.schedule.crank_angle
+    return 0.0 if angles is None else float(np.ptp(angles))

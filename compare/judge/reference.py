@@ -8,13 +8,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from analytic.beyond_paper.drive import Turning
 from analytic.beyond_paper.free_motion import free_motion
 from analytic.beyond_paper.released import released
 from analytic.kinematics.assembly import Assembly, AssemblyError, Followed
 from analytic.kinematics.motion import Motion as Moving
-from analytic.kinematics.motion import kinematics
+from analytic.kinematics.motion import along
 from analytic.kinematics.reach import usual_angles
+from analytic.kinematics.schedule import Schedule, Turning
 from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import count, one_line
 from analytic.mechanism.signals import Signal, driving, named
@@ -23,14 +23,11 @@ from analytic.paper.compliance import compliance
 from analytic.paper.envelope import condition
 from analytic.paper.kinetostatics import friction_turns
 from analytic.paper.superposition import ILL_CONDITIONED, superposed
-from compare.judge.courses import Courses
 from compare.judge.discrepancy import difference, largest
 from compare.judge.signals import UNITS, compared, kind_of, with_derived
 from compare.results.crosscheck import OrderDifference
-from sim_models.engine import Motion
 
 SURE = 4.0  # rms errors of a motion that is known no better, by which a signal may be off
-MOVED = ("theta", "omega", "alpha")  # parts of a motion
 NEAR_SINGULAR = (
     "what links that bend change of forces is left out, which is much near a singular posture: the condition number of"
     " the loops is up to"
@@ -89,74 +86,64 @@ class Reference:
 
 def reference(
     assembly: Assembly,
-    theta: np.ndarray,
-    motion: Motion,
+    schedule: Schedule,
     model: Model,
     clearances: Mapping[str, float],
-    error: float = 0.0,
+    moving: Turning | None = None,
+    errors: Turning | None = None,
 ) -> Reference:
-    """The analytic model at crank angles theta (N,) rad, known to ``error`` (rad, rms), with these clearances (m; none
-    for ideal joints).
+    """The analytic model at the instants (N,) of a schedule, with these clearances (m; none for ideal joints).
+
+    At rest every drive holds what it moves where the schedule has it, and of its rate only the direction is left,
+    against which friction acts; there is none in a drive that never moves.  In driven motion what no drive moves moves
+    freely, with ideal joints.
+
+    ``moving`` are the inputs as a record has them, (N,) of a crank or (n_inputs, N), where these are not just what the
+    schedule's drives do; of a linkage that is let go, the state (1,) in which it is.  ``errors`` say how exactly
+    they are known (rms, the same shapes).  Raises AssemblyError.
     """
-    speed = assembly.mechanism.speed or 1.0  # without a speed only statics is left, where its sign is all that matters
-    moving = Turning(theta, np.full(theta.shape, speed), np.zeros(theta.shape))
-    inertia = motion == "driven"
-    found = _side(assembly, moving, inertia, model, clearances)
-    found = found if inertia else _at_rest(found)
-    if error:
-        moved = {"theta": np.full(theta.shape, error)}
-        found = replace(found, unsure=_unsure(found, assembly, moving, moved, inertia, model, clearances))
-    usual = usual_angles(assembly)
-    if np.array_equal(usual, theta):
-        return found
-    found = replace(found, peaks={})
-    with suppress(AssemblyError):  # the displaced linkage does not reach all of them
-        at = displaced(assembly, usual, speed, model=model, inertia=motion == "driven", clearances=clearances)
-        found = replace(found, peaks=largest(with_derived(at.signals(), assembly.mechanism)))
-    return found
+    if schedule.lets_go and schedule.crank is not None:
+        start = moving or Turning(
+            *(np.array([x]) for x in (assembly.start, schedule.start_speed(assembly.mechanism), 0))
+        )
+        return _let_go(assembly, schedule.time, start, errors)
+    if assembly.structure.free:
+        return _free(assembly, schedule)
+    moving = moving or assembly.inputs_along(schedule)
+    still = _still(assembly, schedule) if schedule.at_rest else frozenset()
+    side = _side(assembly, moving, not schedule.at_rest, model, clearances, still, assembly.walk(schedule))
+    side = _at_rest(side) if schedule.at_rest else side
+    if errors is not None:
+        side = replace(side, unsure=_unsure(side, assembly, moving, errors, schedule, model, clearances))
+    return _with_usual_peaks(side, assembly, schedule, model, clearances) if schedule.turns_evenly else side
 
 
-def followed_reference(
-    assembly: Assembly, moving: Turning, errors: Turning, model: Model, clearances: Mapping[str, float]
+def _with_usual_peaks(
+    side: Reference, assembly: Assembly, schedule: Schedule, model: Model, clearances: Mapping[str, float]
 ) -> Reference:
-    """The analytic model along a motion of the crank with these clearances (m), and how far its signals are unsure
-    where the motion is known to these ``errors`` (rms).
+    """A side with the peaks that its signals have at a crank's usual angles, as far as the displaced linkage reaches
+    them.
     """
-    side = _side(assembly, moving, True, model, clearances)
-    moved = {part: getattr(errors, part) for part in MOVED}
-    return replace(side, unsure=_unsure(side, assembly, moving, moved, True, model, clearances))
-
-
-def followed_drives_reference(
-    assembly: Assembly,
-    drives: Mapping[str, tuple[Turning, Turning]],
-    model: Model,
-    clearances: Mapping[str, float],
-) -> Reference:
-    """The same along the motions of several drives, by joint: each one's motion, and to which errors (rms) it is known;
-    as positions of their joints.  Raises AssemblyError.
-    """
-
-    def inputs(part: str, which: int) -> np.ndarray:
-        return assembly.inputs_at({name: getattr(drive[which], part) for name, drive in drives.items()})
-
-    moving = Turning(*(inputs(part, 0) for part in MOVED))
-    side = _side(assembly, moving, True, model, clearances)
-    errors = {part: inputs(part, 1) for part in MOVED}
-    return replace(side, unsure=_unsure(side, assembly, moving, errors, True, model, clearances))
+    usual, moves = usual_angles(assembly), not schedule.at_rest
+    if schedule.crank_angle is not None and np.array_equal(usual, schedule.crank_angle):
+        return side
+    side, speed = replace(side, peaks={}), schedule.motor(assembly.mechanism).rate(0.0)
+    with suppress(AssemblyError):
+        at = displaced(assembly, usual, speed, model=model, inertia=moves, clearances=clearances)
+        side = replace(side, peaks=largest(with_derived(at.signals(), assembly.mechanism)))
+    return side
 
 
 def _unsure(
     side: Reference,
     assembly: Assembly,
     moving: Turning,
-    errors: Mapping[str, np.ndarray],
-    inertia: bool,
+    errors: Turning,
+    schedule: Schedule,
     model: Model,
     clearances: Mapping[str, float],
 ) -> dict[str, np.ndarray]:
-    """How far each signal (N,) changes with parts of the motion that are off by these errors, (N,) of a crank or
-    (n_inputs, N).
+    """How far each signal (N,) changes with what the motion's ``errors`` leave open; at rest that is its positions.
 
     Positions are off by up to what they are rounded to, and all may be by that much at once; of rates and accelerations
     what one leaves open does not depend on another's.
@@ -164,12 +151,15 @@ def _unsure(
     limits: dict[str, np.ndarray] = {}
     squares: dict[str, np.ndarray] = {}
     known = named(assembly.mechanism.bodies, assembly.mechanism.joints, assembly.mechanism.drives)
-    for part, error in errors.items():
+    for part in ("theta",) if schedule.at_rest else ("theta", "omega", "alpha"):
+        error = np.broadcast_to(getattr(errors, part), moving.theta.shape)
+        if not error.any():
+            continue
         for own in np.eye(len(np.atleast_2d(error)), dtype=bool):
             off = np.where(own[:, None], error, 0.0).reshape(error.shape)
             other = replace(moving, **{part: getattr(moving, part) + off})
             changed = displaced(
-                assembly, other.theta, other.omega, alpha=other.alpha, model=model, inertia=inertia,
+                assembly, other.theta, other.omega, alpha=other.alpha, model=model, inertia=not schedule.at_rest,
                 clearances=clearances,
             )  # fmt: skip
             for name, values in with_derived(changed.signals(), assembly.mechanism).items():
@@ -178,7 +168,10 @@ def _unsure(
                     limits[name] = limits.get(name, 0.0) + np.abs(apart)
                 else:
                     squares[name] = squares.get(name, 0.0) + apart**2
-    return {name: np.nan_to_num(np.hypot(limit, np.sqrt(squares.get(name, 0.0)))) for name, limit in limits.items()}
+    none = np.zeros(moving.theta.shape[-1:])
+    return {
+        name: np.nan_to_num(np.hypot(limits.get(name, none), np.sqrt(squares.get(name, none)))) for name in side.signals
+    }
 
 
 def _side(
@@ -229,61 +222,18 @@ def _side(
     return silenced(side, {signal.name: turned for signal, turned in own.values()})
 
 
-def timed_reference(
-    assembly: Assembly,
-    time: np.ndarray,
-    courses: Courses,
-    motion: Motion,
-    model: Model,
-    clearances: Mapping[str, float],
-    errors: Mapping[str, np.ndarray] | None = None,
-) -> Reference:
-    """The analytic model at times (N,) s of a linkage whose drives follow ``courses``, with these clearances (m).
-
-    In ``static`` motion every drive holds what it moves where its course has it, and only the direction of that course
-    is left of its rate, against which friction acts; there is none in a drive that never moves.  ``errors`` (N,) by
-    joint say how exactly its positions are known then (rms).  In driven motion what no drive moves moves freely, with
-    ideal joints.  Raises AssemblyError.
-    """
-    s, splines = assembly.structure, courses.splines
-    if motion == "static":
-        moving, near = _resting(assembly, time, courses)
-        side = _at_rest(_side(assembly, moving, False, model, clearances, _held(assembly, courses), near))
-        if errors is None:
-            return side
-        off = {"theta": assembly.inputs_at(errors)}
-        return replace(side, unsure=_unsure(side, assembly, moving, off, False, model, clearances))
-    if s.free:
-        found = free_motion(assembly, time, splines)
-        signals = with_derived(found.signals(), assembly.mechanism)
-        return Reference(
-            signals, _angles(found.motion), {}, {}, peaks=largest(signals), undetermined=found.undetermined
-        )
-    inputs, omega, alpha = (
-        assembly.inputs_at({name: spline(time, order) for name, spline in splines.items()}) for order in range(3)
-    )
-    near = on_the_way(assembly, time, courses)
-    return _side(assembly, Turning(inputs, omega, alpha), True, model, clearances, near=near)
+def _free(assembly: Assembly, schedule: Schedule) -> Reference:
+    """The analytic motion of a linkage of several freedoms, some of which no drive moves."""
+    drives = {name: motor.angles for name, motor in schedule.drives.items()}
+    found = free_motion(assembly, schedule.time, drives, schedule.rates)
+    signals = with_derived(found.signals(), assembly.mechanism)
+    return Reference(signals, _angles(found.motion), {}, {}, peaks=largest(signals), undetermined=found.undetermined)
 
 
-def _resting(assembly: Assembly, time: np.ndarray, courses: Courses) -> tuple[Turning, Followed]:
-    """The inputs at times (N,) s, with the direction in which they go on, and the coordinates there."""
-    inputs, omega = (assembly.inputs_at(each) for each in (courses.at(time), courses.directions(time)))
-    return Turning(inputs, omega, np.zeros(inputs.shape)), on_the_way(assembly, time, courses)
-
-
-def on_the_way(assembly: Assembly, time: np.ndarray, courses: Courses) -> Followed:
-    """Coordinates at times (N,) s of the ideal linkage that follows its courses: few samples do not say by which way
-    it comes from one to the next.  Raises AssemblyError.
-    """
-    way = courses.until(time)
-    return Followed(assembly.follow(assembly.inputs_at(courses.at(way))).coordinates[:, np.searchsorted(way, time)])
-
-
-def _held(assembly: Assembly, courses: Courses) -> frozenset[str]:
-    """Joints that no course ever moves: those of drives that stand, and where all of them do every joint."""
-    standing = {name for name, (_, where) in courses.knots.items() if np.ptp(where) == 0}
-    moves = len(standing) < len(courses.knots)
+def _still(assembly: Assembly, schedule: Schedule) -> frozenset[str]:
+    """Joints that no drive ever moves: those of drives that stand, and where all of them do every joint."""
+    standing = {name for name, course in schedule.courses.items() if np.ptp(course.positions) == 0}
+    moves = len(standing) < len(schedule.drives)
     return frozenset(standing if moves else (joint.name for joint in assembly.mechanism.joints))
 
 
@@ -303,21 +253,12 @@ def _angles(motion: Moving) -> dict[str, np.ndarray]:
     return {body.name: motion.angle(body.name) for body in motion.structure.mechanism.bodies}
 
 
-def with_flexible_links(side: Reference, assembly: Assembly, theta: np.ndarray) -> Reference:
-    """The analytic side at rest at crank angles theta (N,) rad, with the elastic displacement of the ideal linkage
-    added: the paper's superposition (Fig. 7c, :func:`analytic.paper.superposition.superposed`).  Reactions keep their
-    values and their peaks.
+def with_flexible_links(side: Reference, assembly: Assembly, schedule: Schedule) -> Reference:
+    """The analytic side of a schedule at rest with the elastic displacement of the ideal linkage added: the paper's
+    superposition (Fig. 7c, :func:`analytic.paper.superposition.superposed`).  Reactions keep their values and their
+    peaks.
     """
-    return _bent(side, kinematics(assembly, theta, assembly.mechanism.speed or 1.0))
-
-
-def timed_with_flexible_links(side: Reference, assembly: Assembly, time: np.ndarray, courses: Courses) -> Reference:
-    """The same of a side at rest at times (N,) s of its drives' courses, which hold their joints."""
-    resting, near = _resting(assembly, time, courses)
-    return _bent(side, kinematics(assembly, resting.theta, resting.omega, path=near))
-
-
-def _bent(side: Reference, ideal: Moving) -> Reference:
+    ideal = along(assembly, schedule)
     m, found, worst = ideal.structure.mechanism, compliance(ideal), float(condition(ideal).max())
     known = named(m.bodies, m.joints, m.drives)
     peaks = {name: peak for name, peak in side.peaks.items() if known[name].kind in ("reaction", "drive")}
@@ -330,28 +271,23 @@ def _bent(side: Reference, ideal: Moving) -> Reference:
     )
 
 
-def released_reference(
-    assembly: Assembly,
-    time: np.ndarray,
-    start: tuple[float | None, float] = (None, 0.0),
-    errors: tuple[float, float] = (0.0, 0.0),
-) -> Reference:
-    """The analytic motion of a linkage at times (N,) s after its release at an angle (rad; None is the assembly's) and
-    rate (rad/s), which are known to ``errors``.
+def _let_go(assembly: Assembly, time: np.ndarray, start: Turning, errors: Turning | None) -> Reference:
+    """The analytic motion of a linkage of one crank at times (N,) s after its release, and how far what its start's
+    ``errors`` leave open moves it.
     """
-    side = _released(assembly, time, *start)
-    angle = assembly.start if start[0] is None else start[0]
+    angle, rate = float(start.theta[0]), float(start.omega[0])
+    side = _released(assembly, time, angle, rate)
     known = named(assembly.mechanism.bodies, assembly.mechanism.joints, assembly.mechanism.drives)
     squares: dict[str, np.ndarray] = {}
-    for other in ((angle + errors[0], start[1]), (angle, start[1] + errors[1])):
-        if other != (angle, start[1]):
-            changed = _released(assembly, time, *other).signals
-            for name, values in changed.items():
+    off = (0.0, 0.0) if errors is None else (float(errors.theta[0]), float(errors.omega[0]))
+    for other in ((angle + off[0], rate), (angle, rate + off[1])):
+        if other != (angle, rate):
+            for name, values in _released(assembly, time, *other).signals.items():
                 squares[name] = squares.get(name, 0.0) + known[name].apart(values, side.signals[name]) ** 2
     return replace(side, unsure={name: np.nan_to_num(np.sqrt(total)) for name, total in squares.items()})
 
 
-def _released(assembly: Assembly, time: np.ndarray, angle: float | None, rate: float) -> Reference:
+def _released(assembly: Assembly, time: np.ndarray, angle: float, rate: float) -> Reference:
     found = released(assembly, time, angle, rate)
     mechanism, reactions = assembly.mechanism, found.reactions
     ideal = _angles(reactions.motion)

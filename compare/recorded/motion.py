@@ -5,18 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import maximum_filter1d
 
-from analytic.beyond_paper.drive import Motor, Turning
+from analytic.beyond_paper.drive import Motor
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.schedule import Schedule, Turning
 from analytic.mechanism import Mechanism
 from compare.diagnose.data.smooth import Smoother
 from compare.judge.reference import SURE
-from sim_models.engine import JointModel, Motion, Request
 
+PARTS = ("theta", "omega", "alpha")  # of a turning
 STRAIGHT = 1e-6  # rad: a crank that is off an even turning by no more turns evenly
 COARSEST = 0.02  # rad, half of the step of an encoder: of rows at uneven times angles farther apart are chosen
 SPEED = 1e-5  # relative: so near is a speed the drive's own
@@ -52,9 +54,9 @@ class Followed:
         knots = np.linspace(self.time[0] - margin, self.time[-1] + margin, count)
         return knots, self.course.at(knots).theta
 
-    def request(self, mechanism: Mechanism, joint_model: JointModel) -> Request:
-        """The same motion, asked of an engine."""
-        return Request(mechanism, joint_model, time=self.time, course=self.knots)
+    def schedule(self, mechanism: Mechanism) -> Schedule:
+        """The same motion as its course has it."""
+        return Schedule.of_crank(mechanism, self.knots, self.time)
 
 
 @dataclass(frozen=True)
@@ -73,9 +75,15 @@ class FollowedDrives:
         """The courses as times (M,) s and positions (M,) by joint."""
         return {name: one.knots for name, one in self.drives.items()}
 
-    def request(self, mechanism: Mechanism, joint_model: JointModel, motion: Motion = "driven") -> Request:
-        """The same motion, or rest in its poses, asked of an engine."""
-        return Request(mechanism, joint_model, motion, time=self.time, courses=self.knots)
+    def inputs(self, assembly: Assembly, of: Literal["moving", "errors"]) -> Turning:
+        """The inputs as they were recorded, (n_inputs, N), or how exactly they are known."""
+        parts = ({name: getattr(getattr(one, of), part) for name, one in self.drives.items()} for part in PARTS)
+        return Turning(*(assembly.inputs_at(part) for part in parts))
+
+    def schedule(self, at_rest: bool) -> Schedule:
+        """The same motion as its courses have it, or rest in the poses that were recorded."""
+        poses = {name: (self.time, one.moving.theta) for name, one in self.drives.items()}
+        return Schedule.along(poses if at_rest else self.knots, self.time, at_rest=at_rest)
 
 
 @dataclass(frozen=True)

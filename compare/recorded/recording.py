@@ -9,11 +9,11 @@ from typing import Literal
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.schedule import Schedule, Turning
 from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import position, turned_near, unwound
 from compare.faults import ArgumentError
-from compare.judge.courses import speeds_of
 from compare.judge.reference import SURE
 from compare.recorded.errors import DataError
 from compare.recorded.motion import (
@@ -29,6 +29,7 @@ from compare.recorded.motion import (
 )
 from compare.recorded.rounding import rounding
 from compare.recorded.table import Table
+from compare.schedules import speeds_of
 from sim_models.engine import JointModel, Motion
 
 Kind = Literal["angles", "course", "courses", "released"]
@@ -52,6 +53,29 @@ class Recording:
     def time(self) -> np.ndarray | None:
         """Its samples' times (N,) s; None where they belong to crank angles."""
         return self.table.time if self.table.time.size else None
+
+    def schedule(self, mechanism: Mechanism, at_rest: bool) -> Schedule:
+        """Its motion, or rest in its poses."""
+        if isinstance(self.moved, Followed):
+            return self.moved.schedule(mechanism)
+        if isinstance(self.moved, FollowedDrives):
+            return self.moved.schedule(at_rest)
+        if isinstance(self.moved, Start):
+            return Schedule.released(mechanism, self.table.time - self.table.time[0], self.moved.rate)
+        return Schedule.at_angles(mechanism, self.theta, at_rest=at_rest)
+
+    def moving(self, assembly: Assembly, at_rest: bool) -> tuple[Turning | None, Turning | None]:
+        """Its inputs as they were recorded, where the schedule has others, and how exactly they are known (rms)."""
+        if isinstance(self.moved, Followed):
+            return self.moved.moving, self.moved.errors
+        if isinstance(self.moved, FollowedDrives):
+            return None if at_rest else self.moved.inputs(assembly, "moving"), self.moved.inputs(assembly, "errors")
+        if isinstance(self.moved, Start):
+            start, error = (
+                np.array([[*each, 0.0]]).T for each in ((self.moved.angle, self.moved.rate), self.moved.errors)
+            )
+            return Turning(*start), Turning(*error)
+        return None, Turning(np.full(self.theta.shape, self.error), *np.zeros((2, 1))) if self.error else None
 
 
 def recording(

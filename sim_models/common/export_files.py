@@ -22,7 +22,7 @@ def expected(trace: Trace, request: Request, order: Iterable[int] | None = None)
     Where no crank tells where the linkage is, there is no column of its angle; where one does, none of the joints'
     positions, which then say nothing new.
     """
-    crank, m = request.courses is None, request.mechanism
+    crank, m = request.schedule.crank is not None, request.mechanism
     told = {position(joint).name for joint in m.joints} if crank else set()
     units = {name: signal.unit for name, signal in named(m.bodies, m.joints, m.drives).items()}
     units |= {"crank_angle": "rad", "time": "s"}

@@ -17,7 +17,6 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.mechanism import Mechanism
 from sim_models.common.contact_laws import TOO_DEEP, contact_parameters, shortest_link
-from sim_models.common.motor import Course, motor_of, motors_of
 from sim_models.engine import CENTRED, Cause, Motion, Request, SimulationError
 
 HIDDEN = 0.5  # of the clearance: a contact that gives more may well be why there is no equilibrium
@@ -104,9 +103,11 @@ def where(request: Request, theta: float) -> str:
     """A crank angle (rad) in words: one that was asked for, or one of the run's own; along courses, their start, and at
     rest on them a time (s).
     """
-    if request.courses is not None:
-        return f"at {theta:.4g} s" if request.motion == "static" else "at the start of its courses"
-    here, asked = f"at crank angle {np.degrees(theta):.4g} deg", np.degrees(request.crank_angle)
+    schedule = request.schedule
+    if schedule.crank is None:
+        return f"at {theta:.4g} s" if schedule.at_rest else "at the start of its courses"
+    here = f"at crank angle {np.degrees(theta):.4g} deg"
+    asked = np.degrees(schedule.crank_angle) if schedule.crank_angle is not None else np.zeros(0)
     if asked.size == 0 or asked.min() - SAME <= np.degrees(theta) <= asked.max() + SAME:
         return here
     wanted = f"{asked[0]:.4g} deg" if asked.size == 1 else f"{asked.min():.4g} to {asked.max():.4g} deg"
@@ -132,7 +133,7 @@ def own_start(engine: str, request: Request, assembly: Assembly) -> Iterator[Non
         yield
     except AssemblyError as error:
         raise SimulationError(
-            f"{who(engine, request)}: the {'angles' if request.courses is None else 'courses'} asked for can be"
+            f"{who(engine, request)}: the {'courses' if request.schedule.crank is None else 'angles'} asked for can be"
             " reached, but the run could not be started or held:"
             f" {error.what}",
             Cause.NO_START,
@@ -144,17 +145,13 @@ def _asked(request: Request, assembly: Assembly) -> np.ndarray:
     """Crank angles (rad) that a request names, the start of its lead-in among them, or inputs (n_inputs, N) along its
     courses; none of what moves freely.
     """
-    if request.courses is not None:
-        if assembly.structure.free:
-            return np.zeros(0)
-        motors, last = motors_of(request), np.max(np.asarray(request.time, float))
-        begin = max(motor.begin for motor in motors.values())
-        knots = np.unique(np.concatenate([motor.knots for motor in motors.values()]))
-        times = np.union1d(np.asarray(request.time, float), knots[(knots >= begin) & (knots <= last)])
-        return assembly.inputs_at({name: motor.angles(times) for name, motor in motors.items()})
-    motor = motor_of(request)
-    if isinstance(motor, Course):
-        knots, last = motor.knots, np.max(np.asarray(request.time, float))
-        return motor.angles(np.union1d(np.asarray(request.time, float), knots[knots <= last]))
-    theta = np.asarray(request.crank_angle, float)
-    return theta if motor is None else np.append(theta, motor.angle(motor.begin))
+    schedule, m = request.schedule, request.mechanism
+    if schedule.crank_angle is not None:
+        theta, motor = schedule.crank_angle, request.motor
+        return theta if motor is None else np.append(theta, motor.angle(motor.begin))
+    if schedule.lets_go or (schedule.crank is None and assembly.structure.free):
+        return np.zeros(0)
+    last = float(np.max(schedule.time))
+    knots = np.unique(np.concatenate([course.knots for course in schedule.courses.values()]))
+    times = np.union1d(schedule.time, knots[(knots >= schedule.begin) & (knots <= last)])
+    return schedule.motor(m).angles(times) if schedule.crank else assembly.inputs_at(schedule.positions(times))

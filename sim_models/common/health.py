@@ -56,7 +56,6 @@ from analytic.mechanism import GROUND, Joint
 from analytic.mechanism.signals import position, wrapped
 from sim_models.common.balances import balances
 from sim_models.common.contact_laws import TOO_DEEP, bearing, shortest_link
-from sim_models.common.motor import motors_of
 from sim_models.common.seen import REST, ROUNDING, TINY, Miss, Seen, cross, dot
 from sim_models.engine import Cause, Request, SimulationError, Trace
 
@@ -126,7 +125,7 @@ def _instant(request: Request, trace: Trace, sample: int) -> str:
     """Which sample that is, in words; one beyond the reports is of the pins' paths."""
     if sample >= trace.crank_angle.size:
         return "a crank angle between reports"
-    if request.courses is not None and trace.time is not None:
+    if request.schedule.crank is None and trace.time is not None:
         return f"{trace.time[sample]:.4g} s"
     return f"crank angle {np.degrees(trace.crank_angle[sample]):.4g} deg"
 
@@ -291,9 +290,9 @@ def _holding(seen: Seen, joint: Joint) -> Iterator[Row]:
 
 def motors(seen: Seen) -> Iterator[Miss]:
     """Joints that are not where their motors' courses have them."""
-    if seen.request.courses is None or seen.trace.time is None:
+    if seen.request.schedule.crank is not None or seen.trace.time is None:
         return
-    for name, motor in motors_of(seen.request).items():
+    for name, motor in seen.request.schedule.drives.items():
         joint = seen.m.joint(name)
         off, size = (
             seen.signal(position(joint).name) - motor.angles(seen.trace.time),
@@ -310,9 +309,10 @@ def motors(seen: Seen) -> Iterator[Miss]:
 
 def crank(seen: Seen) -> Iterator[Miss]:
     """A crank that is not where, or not as fast, as its motor."""
-    if seen.request.courses is not None or not seen.held or seen.request.course is not None:
+    motor = seen.request.schedule.crank_angle
+    if motor is None:
         return
-    m, name, motor = seen.m, seen.m.driven, seen.request.crank_angle
+    m, name = seen.m, seen.m.driven
     stiffness = m.drive_stiffness
     behind = seen.signal("drive_torque") / stiffness if stiffness else 0.0
     off = np.abs(np.exp(1j * (seen.angle(name) + behind - motor)) - 1)

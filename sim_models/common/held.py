@@ -14,12 +14,9 @@ from analytic.kinematics.assembly import Assembly, Followed
 from analytic.kinematics.structure import Rest
 from sim_models.common.contact_laws import longest
 from sim_models.common.guide import opened
-from sim_models.common.motor import motors_of
 from sim_models.common.start import Pose
 from sim_models.engine import Request
 
-GLIMPSES = 400  # instants of courses, at least, by which the linkage is followed
-STANDSTILL = 1e-6  # of a course's largest rate: a drive that is no faster stands, but for the ringing of its spline
 ASIDE = 1e-3  # rad, or longest bodies, of the fastest drive: from a pose to its neighbours, for rates
 BESIDE = np.arange(-2, 3)  # those neighbours
 SLOPE = np.array([1, -8, 0, 8, -1]) / 12  # of the rate of the quartic through values there
@@ -35,16 +32,12 @@ class HeldPath:
     """
 
     def __init__(self, request: Request, assembly: Assembly) -> None:
-        self.assembly, self.motors = assembly, motors_of(request)
-        self.names = tuple(self.motors)
+        self.assembly, self.schedule = assembly, request.schedule
+        self.names = tuple(self.schedule.drives)
         size = longest(request.mechanism)
         self.scale = {name: size if request.mechanism.joint(name).prismatic else 1.0 for name in self.names}
-        self.begin = max(motor.begin for motor in self.motors.values())
-        reports = np.asarray(request.time, float)
-        last = float(reports.max())
-        knots = np.concatenate([motor.knots for motor in self.motors.values()])
-        times = np.concatenate([reports, knots, np.linspace(self.begin, last, GLIMPSES)])
-        self.times = np.unique(times[(times >= self.begin) & (times <= last)])
+        self.begin = self.schedule.begin
+        self.times = self.schedule.until(self.schedule.time)
         self.way = assembly.follow(self._inputs(self.times)).coordinates
 
     def place(
@@ -84,8 +77,7 @@ class HeldPath:
         """Rates (N,) of the drives as their courses have them at times (N,) s, the fastest one's being 1 (rad, or
         lengths of the longest body); 0 of those that stand.
         """
-        rates = {name: motor.angles(times, 1) for name, motor in self.motors.items()}
-        rates = {n: np.where(np.abs(r) > STANDSTILL * self.motors[n].top_speed, r, 0.0) for n, r in rates.items()}
+        rates = self.schedule.directions(times)
         fastest = np.max([np.abs(rate) / self.scale[name] for name, rate in rates.items()], axis=0)
         return {name: rate / np.where(fastest > 0, fastest, 1.0) for name, rate in rates.items()}
 
@@ -94,7 +86,7 @@ class HeldPath:
         (N,) s.
         """
         s = self.assembly.structure
-        return s.mechanism.crank_sign * self.motors[s.coordinates[s.inputs[0]].joint].angles(times)
+        return s.mechanism.crank_sign * self.schedule.positions(times)[s.coordinates[s.inputs[0]].joint]
 
     def stands(self, at: float) -> bool:
         """Whether all drives stand at a time (s)."""
@@ -102,4 +94,4 @@ class HeldPath:
 
     def _inputs(self, times: np.ndarray) -> np.ndarray:
         """Inputs (n_inputs, N) at times (N,) s."""
-        return self.assembly.inputs_at({name: motor.angles(times) for name, motor in self.motors.items()})
+        return self.assembly.inputs_at(self.schedule.positions(times))

@@ -4,45 +4,33 @@ from __future__ import annotations
 
 import numpy as np
 
+from analytic.kinematics.schedule import KNOTS
 from analytic.kinematics.structure import structure
 from sim_models.engine import Request, Unsupported
 
 
 def check_request(request: Request) -> None:
     """Raise Unsupported, saying what to give or to leave out, for a request that makes no run in any engine."""
-    name = request.mechanism.name
+    m, schedule = request.mechanism, request.schedule
     _check_links(request)
     _check_blocks(request)
     _check_bearings(request)
     _check_beyond(request)
-    if request.courses is not None:
+    if schedule.turns_evenly:
+        if not schedule.time.size:
+            raise Unsupported(f"{m.name}: there is no crank angle to report at; give the schedule at least one")
+    elif not schedule.time.size or (not np.all(schedule.time >= 0) and (schedule.lets_go or schedule.crank is None)):
+        when = "a released linkage" if schedule.lets_go else "a motion over time"
+        raise Unsupported(f"{m.name}: {when} needs times to report at, from 0 s on; they are {schedule.time}")
+    elif schedule.crank is None:
         _check_courses(request)
-        return
-    drive = request.mechanism.drive
-    if request.course is not None:
-        if request.motion == "static" or drive is None or drive.speed == "free":
-            raise Unsupported(
-                f"{name}: only a drive that is not free follows a course; leave the course out of a static or released"
-                " run"
-            )
-        if request.lead_in:
-            raise Unsupported(f"{name}: a course leads in by itself; leave out lead_in = {request.lead_in:g} rad")
+    elif schedule.courses:
         _check_course(request)
-    elif request.released:
-        time = np.zeros(0) if request.time is None else np.asarray(request.time, float)
-        if time.size == 0 or not np.all(time >= 0):
-            raise Unsupported(f"{name}: a released linkage needs request.time, from 0 s on; it is {request.time}")
-    elif request.motion == "driven" and request.mechanism.speed is None:
-        raise Unsupported(
-            f"{name}: a measured drive follows a course; give the request one, or drive.speed in rad/s, or 'free'"
-        )
-    elif request.crank_angle.size == 0:
-        raise Unsupported(f"{name}: there is no crank angle to report at; give request.crank_angle, at least one")
 
 
 def _check_beyond(request: Request) -> None:
     """Raise Unsupported where a run is to go on after its reports, or to be watched, that no crank's speed moves."""
-    turned = request.motion == "driven" and request.course is None and request.courses is None and not request.released
+    turned = request.schedule.turns_evenly and not request.schedule.at_rest
     if not turned and (request.beyond or request.watched):
         what = f"beyond = {request.beyond:g} rad" if request.beyond else "watched"
         raise Unsupported(
@@ -57,7 +45,7 @@ def _check_bearings(request: Request) -> None:
     """Raise Unsupported for soft bearings of a released linkage, or where there is a massless link."""
     m = request.mechanism
     both = [name for name in request.clearances if name in m.soft_bearings]
-    if request.released and m.soft_bearings:
+    if request.schedule.lets_go and m.soft_bearings:
         name = next(iter(m.soft_bearings))
         raise Unsupported(
             f"{m.name}: a released linkage has no soft bearings, in which it would sway; leave out radial_stiffness ="
@@ -72,54 +60,54 @@ def _check_bearings(request: Request) -> None:
 
 def _check_courses(request: Request) -> None:
     """Raise Unsupported where courses and drives do not go together, or reports are outside of them."""
-    m, courses = request.mechanism, request.courses or {}
+    m, schedule = request.mechanism, request.schedule
     driven = [joint.name for joint in m.motors]
-    if sorted(courses) != sorted(driven):
+    if sorted(schedule.drives) != sorted(driven):
         raise Unsupported(
-            f"{m.name}: there are courses of {', '.join(courses) or 'no joint'}, and drives at"
+            f"{m.name}: there are courses of {', '.join(schedule.drives) or 'no joint'}, and drives at"
             f" {', '.join(driven) or 'none'}; give each drive its course"
         )
-    _check_held(request)
+    if schedule.at_rest and (loose := structure(m).free_joints):
+        raise Unsupported(
+            f"{m.name}: no drive holds joint {loose[0]!r} at rest; use motion 'driven', or give it a drive and a course"
+        )
     crank = {"stiffness": m.drive_stiffness, "half_gap": m.half_gap, "periodic_torque": m.periodic_torque}
     for field, given in (crank | {"ripple": m.drives[0].ripple if m.drives else None}).items():
         if given:
             raise Unsupported(f"{m.name}: a drive follows a course of its own rigidly; leave out drive.{field}")
-    report = np.zeros(0) if request.time is None else np.asarray(request.time, float)
-    if request.crank_angle.size or not report.size or not np.all(report >= 0):
-        raise Unsupported(f"{m.name}: courses need report times, from 0 s on, in time, and no crank_angle")
-    for course in courses.values():
-        _check_spline(m.name, *course, report)
-
-
-def _check_held(request: Request) -> None:
-    """Raise Unsupported where an equilibrium is asked of a linkage that nothing holds."""
-    if request.motion == "static" and (loose := structure(request.mechanism).free_joints):
-        raise Unsupported(
-            f"{request.mechanism.name}: no drive holds joint {loose[0]!r} at rest; use motion 'driven', or give it a"
-            " drive and a course"
-        )
+    _check_splines(request)
 
 
 def _check_course(request: Request) -> None:
-    """Raise Unsupported where times, angles or reports do not make a course."""
-    name = request.mechanism.name
-    if request.course is None or request.time is None or request.crank_angle.size:
-        raise Unsupported(f"{name}: a course needs course = (times, angles), report times in time, and no crank_angle")
-    _check_spline(name, *request.course, np.asarray(request.time, float))
+    """Raise Unsupported for a crank that is to follow a course and cannot."""
+    drive = request.mechanism.drive
+    if drive is None or drive.speed == "free":
+        raise Unsupported(
+            f"{request.mechanism.name}: only a drive that is not free follows a course; leave the course out of a"
+            " released run"
+        )
+    if request.lead_in:
+        raise Unsupported(
+            f"{request.mechanism.name}: a course leads in by itself; leave out lead_in = {request.lead_in:g} rad"
+        )
+    _check_splines(request)
 
 
-def _check_spline(name: str, time: np.ndarray, angle: np.ndarray, report: np.ndarray) -> None:
+def _check_splines(request: Request) -> None:
     """Raise Unsupported where times and positions make no spline, or reports lie outside of it."""
-    time, angle = np.asarray(time, float), np.asarray(angle, float)
-    whole = time.ndim == 1 and time.shape == angle.shape and time.size >= 4
-    if not (whole and np.all(np.diff(time) > 0) and np.all(np.isfinite(angle))):
-        raise Unsupported(
-            f"{name}: a course is at least four strictly increasing times with an angle each; it has {time.size} times"
-        )
-    if report.size == 0 or report.min() < time[0] or report.max() > time[-1]:
-        raise Unsupported(
-            f"{name}: reports are wanted outside the course, which lasts from {time[0]:g} to {time[-1]:g} s"
-        )
+    name, report = request.mechanism.name, request.schedule.time
+    for course in request.schedule.courses.values():
+        time, position = course.knots, course.positions
+        whole = time.ndim == 1 and time.shape == position.shape and time.size >= KNOTS
+        if not (whole and np.all(np.diff(time) > 0) and np.all(np.isfinite(position))):
+            raise Unsupported(
+                f"{name}: a course is at least four strictly increasing times with a position each; it has"
+                f" {time.size} times"
+            )
+        if report.min() < time[0] or report.max() > time[-1]:
+            raise Unsupported(
+                f"{name}: reports are wanted outside the course, which lasts from {time[0]:g} to {time[-1]:g} s"
+            )
 
 
 def _check_blocks(request: Request) -> None:

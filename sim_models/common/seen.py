@@ -117,14 +117,12 @@ class Seen:
     @property
     def held(self) -> bool:
         """Whether a motor says where the crank is."""
-        return self.still or self.request.course is not None or bool(self.request.courses) or self.m.speed is not None
+        return self.still or not self.request.schedule.lets_go
 
     @cached_property
     def driven(self) -> list[Joint]:
         """The joints that are held or moved by a motor, a crank's first."""
-        if self.request.courses is not None:
-            return [self.m.joint(name) for name in self.request.courses]
-        return [self.m.drive_joint] if self.held else []
+        return [self.m.joint(name) for name in self.request.schedule.drives]
 
     @cached_property
     def size(self) -> float:
@@ -231,7 +229,7 @@ class Seen:
         A slide's motor acts along its axis, where its force is part of the reaction.
         """
         found: dict[str, np.ndarray] = {}
-        if self.request.courses is None or (self.m.cranked and self.driven):
+        if self.request.schedule.crank is not None or (self.m.cranked and self.driven):
             torque, periodic = self.signal("drive_torque"), self.m.periodic_torque
             found[self.m.driven] = torque if periodic is None else torque + periodic.at(self.angle(self.m.driven))
             return found

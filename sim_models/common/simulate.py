@@ -84,7 +84,7 @@ def answered(name: str, request: Request, run: Callable[[Request], Trace]) -> Tr
         raise broken_off(name, request, error) from error
     if not isinstance(trace, Trace):
         raise _faulty(name, request, f"its answer is of type {type(trace).__name__}, not a Trace")
-    asked = (request.crank_angle if request.time is None else request.time).size
+    asked = request.schedule.time.size
     if trace.crank_angle.size != asked:
         has = count(trace.crank_angle.size, "sample")
         raise _faulty(name, request, f"its trace has {has}, and {asked} {'was' if asked == 1 else 'were'} asked for")
@@ -114,7 +114,7 @@ def _lacking(request: Request, trace: Trace) -> Iterator[str]:
     for signal in signals(m.bodies, m.joints, m.drives):
         needed = (
             signal.kind == "pose"
-            or (signal.kind == "drive" and (request.courses is None or bool(request.courses)))
+            or (signal.kind == "drive" and (request.schedule.crank is not None or not request.schedule.lets_go))
             or (signal.kind == "rate" and request.motion == "driven")
             or (signal.kind == "reaction" and signal.component in ("x", "y", "moment"))
             or (signal.kind == "clearance" and signal.place in request.clearances)

@@ -16,6 +16,7 @@ from typing import overload
 
 import numpy as np
 
+from analytic.kinematics.schedule import Course, Motor, Schedule, Steady
 from analytic.kinematics.structure import structure
 from analytic.mechanism import Body, Drive, Joint, Load, Mechanism, Spring
 from analytic.mechanism.signals import Unit, named
@@ -174,25 +175,28 @@ class Units:
 
     def request(self, r: Request) -> Request:
         """A request in these units."""
-        course = None if r.course is None else (np.asarray(r.course[0], float) / self.time, r.course[1])
         return replace(
             r,
             mechanism=self.mechanism(r.mechanism),
-            time=None if r.time is None else np.asarray(r.time, float) / self.time,
-            start_speed=r.start_speed * self.time,
+            schedule=self.schedule(r.mechanism, r.schedule),
             step=None if r.step is None else r.step / self.time,
-            course=course,
-            courses=None
-            if r.courses is None
-            else {name: self._course(r.mechanism, name, *c) for name, c in r.courses.items()},
         )
 
-    def _course(
-        self, m: Mechanism, joint: str, time: np.ndarray, position: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """A driven joint's course in these units."""
-        length = self.length if m.joint(joint).prismatic else 1.0
-        return np.asarray(time, float) / self.time, np.asarray(position, float) / length
+    def schedule(self, m: Mechanism, s: Schedule) -> Schedule:
+        """A schedule of mechanism ``m`` in these units."""
+        size = {j.name: self.length if j.prismatic else 1.0 for j in m.joints}
+
+        def motor(name: str, own: Motor) -> Motor:
+            if isinstance(own, Course):
+                return Course(own.knots / self.time, own.positions / size[name])
+            return Steady(own.position / size[name], own.speed * self.time / size[name], own.begin / self.time)
+
+        return replace(
+            s,
+            time=s.time / self.time,
+            drives={name: motor(name, own) for name, own in s.drives.items()},
+            rates={name: rate * self.time / size[name] for name, rate in s.rates.items()},
+        )
 
     def trace(self, m: Mechanism, t: Trace) -> Trace:
         """A trace of these units, of mechanism ``m``, in SI.  Raises SimulationError for a signal that it has not."""
@@ -301,13 +305,10 @@ def fastest(request: Request) -> float:
     """
     if request.motion == "static":  # in which nothing is fast
         return 0.0
-    rate = abs(request.start_speed)
-    courses = dict(request.courses or {})
-    if request.course is not None:
-        courses[""] = request.course
-    for joint, course in courses.items():
-        time, angle = (np.asarray(x, float) for x in course)
-        slides = bool(joint) and request.mechanism.joint(joint).prismatic
+    rate = abs(request.schedule.start_speed(request.mechanism)) if request.schedule.rates else 0.0
+    for joint, course in request.schedule.courses.items():
+        time, angle = course.knots, course.positions
+        slides = request.mechanism.joint(joint).prismatic
         if slides:
             angle = angle / longest(request.mechanism)
         if time.shape == angle.shape and time.size > 1 and np.all(np.diff(time) > 0):

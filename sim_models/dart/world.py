@@ -52,7 +52,7 @@ class DartWorld(LeapfrogWorld):
 
     def __init__(self, request: Request) -> None:
         super().__init__(request)
-        self.balances = request.courses is not None
+        self.balances = not self.crank
         self.settling = SETTLING if request.joint_model == "ideal" else 1
         import dartpy as dart
 
@@ -86,7 +86,7 @@ class DartWorld(LeapfrogWorld):
             skeleton.enableAdjacentBodyCheck()
         if request.joint_model == "contact":
             self.bearings = {name: self._bearing(name, FLOOR * k) for k, name in enumerate(self.pins, 1)}
-        if self.held and request.courses is None:
+        if self.held and self.crank:
             driven = self.mechanism.driven
             alone = self.nodes[driven].getSkeleton().getNumDofs() == 1
             self.closes_driven = any(driven in joint.bodies for joint in self.closing)

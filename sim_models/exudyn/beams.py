@@ -14,19 +14,19 @@ have ``youngs_modulus``, as :meth:`sim_models.engine.Engine.simulate` does one f
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism
 from analytic.mechanism.signals import driving, position, turned_near
 from sim_models.common.contact_laws import pressed_to
 from sim_models.common.failed_starts import own_start, where
 from sim_models.common.journal import free_share
-from sim_models.common.motor import motor_of, report_times
 from sim_models.engine import Cause, Request, SettingValue, SimulationError, Trace, Unsupported, installed_version
 from sim_models.exudyn.beam_model import (
     BeamModel,
@@ -66,7 +66,9 @@ def flexible_static(
     With ``contact`` every joint with clearance has it; with ``ideal`` clearances are ignored.  Raises what
     :func:`flexible` does.
     """
-    at_rest = _Beams(Request(mechanism, joint_model, "static", np.array([theta])), element)
+    at_rest = _Beams(
+        Request(mechanism, joint_model, Schedule.at_angles(mechanism, np.array([theta]), at_rest=True)), element
+    )
     with console_off():
         model = at_rest.solved(0)
         named = [(b.name, point) for b in mechanism.bodies for point in (*b.points, "com")]
@@ -139,14 +141,14 @@ class _Beams:
         self.clearance = request.clearances
         self.moving = request.motion == "driven"
         self.assembly = Assembly(self.m)
-        if request.courses is None:
+        if request.schedule.crank is not None:
             self.path: CrankPath | RestingPath = CrankPath(self.assembly)
             self.at, rate, acceleration, self.time = _crank(request)
             self.motion = RigidMotion.of_crank(self.assembly, self.at, rate, acceleration)
             self.told, self.held = self.at, [self.m.drive_joint.name]
         else:
             self.path = RestingPath(request, self.assembly)
-            self.at = self.time = np.array(request.time, float)
+            self.at = self.time = request.schedule.time
             self.motion = RigidMotion.held(self.path.along, self.at)
             self.told, self.held = self.path.along.leading(self.at), [*self.path.along.names]
         # N.m (N along a slide) on the second body
@@ -206,7 +208,7 @@ class _Beams:
         """Forces (N) of the rigid linkage that press its pins into their bearings."""
         if not self.clearance:
             return {}
-        if self.request.courses is None:
+        if self.request.schedule.crank is not None:
             inertia = self.motion.inertia(k) if self.moving else None
             rigid = self._rods.at(float(self.at[k]), inertia, float(self.motion.angular_velocity(self.m.driven)[k]))
         else:
@@ -216,9 +218,9 @@ class _Beams:
     @cached_property
     def _rods(self) -> Equilibria:
         """The rigid linkage, each pin on a rod as long as its clearance."""
-        r = self.request
-        asked = Request(self.m, "massless-link", "static", time=r.time, courses=r.courses)
-        return Equilibria(asked, self.path, PACE if r.courses is not None else self.m.speed or 1.0)
+        resting = replace(self.request.schedule, at_rest=True)
+        pace = PACE if resting.crank is None else self.m.speed or 1.0
+        return Equilibria(Request(self.m, "massless-link", resting), self.path, pace)
 
     def _position(self, model: BeamModel, joint: Joint, k: int) -> float:
         """Angle (rad) of a joint's second section less its first's; of a slide, its travel (m)."""
@@ -263,12 +265,12 @@ def _crank(request: Request) -> tuple[np.ndarray, np.ndarray | float, np.ndarray
     """The crank's angle (rad), rate and acceleration at every instant, and its time (s); at rest, the rate only gives
     friction its direction.
     """
-    m = request.mechanism
-    if request.released:
+    m, schedule, motor = request.mechanism, request.schedule, request.motor
+    if schedule.lets_go:
         raise Unsupported(f"{m.name}: beams move with their crank; a free drive has no angle to put it at")
-    motor, theta = motor_of(request), np.asarray(request.crank_angle, float)
+    theta, time = schedule.crank_angle, schedule.time
     if motor is None:
+        assert theta is not None  # other poses are held by drives on courses
         rubs = any(j.rubs for j in m.joints)
         return theta, (m.speed or 1.0) if rubs else 0.0, 0.0, None
-    time = report_times(request, motor)
-    return theta if theta.size else motor.angles(time), motor.angles(time, 1), motor.angles(time, 2), time
+    return motor.angles(time) if theta is None else theta, motor.angles(time, 1), motor.angles(time, 2), time

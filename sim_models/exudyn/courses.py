@@ -43,7 +43,7 @@ class CoursesRun(Run):
 
     def trace(self) -> Trace:
         """Run the request."""
-        time = np.asarray(self.request.time, float)
+        time = self.request.schedule.time
         passed = self.path.clock(time)
         order = np.argsort(passed, kind="stable")
         with own_start("exudyn", self.request, self.assembly):
@@ -138,7 +138,7 @@ class RestingRun(Run):
 
     def trace(self) -> Trace:
         """Run the request."""
-        time = np.asarray(self.request.time, float)
+        time = self.request.schedule.time
         order = np.argsort(time, kind="stable")
         with own_start("exudyn", self.request, self.assembly):
             equilibria = Equilibria(self.request, self.path, PACE)

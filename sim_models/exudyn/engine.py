@@ -68,9 +68,9 @@ class ExudynEngine(Engine):
         from sim_models.exudyn.runs import ExudynRun
 
         def run(asked: Request) -> Trace:
-            if asked.courses is None:
+            if asked.schedule.crank is not None:
                 return ExudynRun(asked).trace()
-            return (RestingRun if asked.motion == "static" else CoursesRun)(asked).trace()
+            return (RestingRun if asked.schedule.at_rest else CoursesRun)(asked).trace()
 
         with console_off():
             return simulate(self, request, run)

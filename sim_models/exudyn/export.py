@@ -40,7 +40,7 @@ def write(request: Request, folder: Path) -> list[Path]:
     """Run a request as the engine does, in units of the linkage's own and steps that make it plausible, and write what
     repeats it into an existing folder.  Raises what :func:`sim_models.common.simulate.simulate` does, and OSError.
     """
-    m, crank, model = request.mechanism, request.courses is None, dict[str, Any]()
+    m, crank, model = request.mechanism, request.schedule.crank is not None, dict[str, Any]()
 
     def run(asked: Request) -> Trace:
         linkage, motion, trace = (_at_rest if asked.motion == "static" else _moving)(asked)
@@ -101,7 +101,7 @@ def _moving(request: Request) -> tuple[ExudynLinkage, dict[str, Any], Trace]:
     """The linkage of a run in time, its stages, after which of them it is read (0: at the start), and the run's time
     (s) when the request's begins; and its trace.
     """
-    run = _RememberedCrank(request) if request.courses is None else _RememberedCourses(request)
+    run = _RememberedCourses(request) if request.schedule.crank is None else _RememberedCrank(request)
     trace = run.trace()
     settles = any(not motor.steady for motor in run.turning)
     first = 0.0 if settles else INSTANT  # a report until then is of the start
@@ -122,20 +122,21 @@ def _at_rest(request: Request) -> tuple[ExudynLinkage, dict[str, Any], Trace]:
     """The linkage at rest, and where its bodies are held and put, and loaded with what besides the mechanism's loads,
     to find each equilibrium; and its trace.
     """
-    run = ExudynRun(request) if request.courses is None else RestingRun(request)
+    angles = request.schedule.crank_angle
+    run = RestingRun(request) if angles is None else ExudynRun(request)
     trace = run.trace()
-    if isinstance(run, RestingRun):
-        equilibria, places = Equilibria(request, run.path, PACE), np.sort(np.asarray(request.time, float)).tolist()
+    if angles is None:
+        equilibria, places = Equilibria(request, run.path, PACE), np.sort(request.schedule.time).tolist()
     else:
         equilibria = Equilibria(request, run.path, run.m.speed or 1.0)
-        places = [equilibria.crank(motor) for motor in request.crank_angle.tolist()]
+        places = [equilibria.crank(motor) for motor in angles.tolist()]
     near = []
     for at in places:
         equilibria.at(at)
         link, initial = equilibria.real, equilibria.real.exu.ConfigurationType.Initial
         near.append(
             {
-                **({"crank_angle": at} if request.courses is None else {"time": at, "held": dict(link.model.held)}),
+                **({"time": at, "held": dict(link.model.held)} if angles is None else {"crank_angle": at}),
                 "bodies": np.array(link.mbs.systemData.GetODE2Coordinates(initial)).tolist(),
                 "remembered": np.array(link.mbs.systemData.GetDataCoordinates(initial)).tolist(),
                 "loads": list(link.body_loads().values()),
@@ -145,7 +146,7 @@ def _at_rest(request: Request) -> tuple[ExudynLinkage, dict[str, Any], Trace]:
             }
         )
     link = equilibria.real
-    drive = {"offset": link.item("drive")["offset"]} if request.courses is None else None
+    drive = {"offset": link.item("drive")["offset"]} if angles is not None else None
     plan = {"drive": drive, "drives": _own_drives(link), "residual": link.residual, "time_0": 0.0, "equilibria": near}
     return link, plan, trace
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import PPoly
 
-from sim_models.common.motor import ConstantSpeed, Motor
+from analytic.kinematics.schedule import Motor, Steady
 
 INSTANT = 1e-9  # s, the first step of a run: it puts velocities right that are only nearly consistent
 SETTLING = 1e-7  # s, the step after which accelerations are consistent, where Exudyn does not know the motor's
@@ -37,7 +37,7 @@ class RunMotor:
     @classmethod
     def of(cls, motor: Motor, first: float | None = None, size: float = 1.0) -> RunMotor:
         """On the clock of a run, whose motion begins with the motor's or, on a course, at its time ``first`` (s)."""
-        if isinstance(motor, ConstantSpeed):
+        if isinstance(motor, Steady):
             return cls(motor, PPoly([[motor.speed], [motor.angle(motor.begin)]], [0.0, 1.0]), motor.begin, 0.0)
         begins, first = INSTANT + SETTLING, motor.begin if first is None else first
         return cls(motor, PPoly(motor.spline.c, motor.knots - first + begins), first, begins, size)

@@ -14,7 +14,6 @@ from analytic.kinematics.structure import Rest
 from sim_models.common.contact_laws import longest
 from sim_models.common.guide import opened
 from sim_models.common.held import HeldPath
-from sim_models.common.motor import motors_of
 from sim_models.common.start import Pose, poses
 from sim_models.engine import Request
 from sim_models.exudyn.motor import RunMotor
@@ -93,15 +92,14 @@ class CoursePath:
 
     def __init__(self, request: Request, assembly: Assembly) -> None:
         self.assembly, m, size = assembly, request.mechanism, longest(request.mechanism)
-        courses = motors_of(request)
-        first = max((motor.begin for motor in courses.values()), default=0.0)
+        courses, first = request.schedule.courses, request.schedule.begin
         self.motors = {
             name: RunMotor.of(motor, first, size if m.joint(name).prismatic else 1.0) for name, motor in courses.items()
         }
         self.still = {name: at for name, at in assembly.positions.items() if name not in courses}
         self.held: tuple[str, ...] | None = tuple(assembly.positions)
         self.knots = np.unique(np.concatenate([np.zeros(0), *(motor.path.x for motor in self.motors.values())]))
-        self.top_speed = self._fastest(size, self.clock(np.asarray(request.time, float)))
+        self.top_speed = self._fastest(size, self.clock(request.schedule.time))
 
     @property
     def start(self) -> float:

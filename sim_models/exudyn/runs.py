@@ -11,6 +11,7 @@ from itertools import chain, pairwise
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.schedule import Motor
 from analytic.mechanism import Joint
 from sim_models.common.contact_laws import (
     KelvinVoigt,
@@ -21,7 +22,6 @@ from sim_models.common.contact_laws import (
 from sim_models.common.failed_starts import own_start
 from sim_models.common.journal import free_share
 from sim_models.common.mobility import corner_mass
-from sim_models.common.motor import Motor, motor_of, report_times
 from sim_models.common.start import check_steps, poses, substeps
 from sim_models.engine import (
     Cause,
@@ -101,8 +101,7 @@ class Run:
         """Mass (kg) that a block's corners have for their walls, where the linkage is first closed."""
         loose = self.clearance.keys() | self.bearings.keys()
         closed = [each for each in self.m.joints if each.name not in loose]
-        driven = [drive.joint for drive in self.m.drives] if self.request.courses is None else self.request.courses
-        held = [] if self.request.released else [self.m.joint(name) for name in driven]
+        held = [self.m.joint(name) for name in self.request.schedule.drives]
         return corner_mass(self.m, self.path.poses(self.path.start), joint, closed, held)
 
     def march(
@@ -178,7 +177,7 @@ class Run:
             version=installed_version("exudyn") or "unknown",
             joint_model=r.joint_model,
             motion=r.motion,
-            crank_angle=np.array(r.crank_angle, float) if r.crank_angle.size else self.leading(sampled),
+            crank_angle=self.leading(sampled) if r.schedule.crank_angle is None else r.schedule.crank_angle.copy(),
             time=time,
             signals=self.told(sampled),
             clearance=dict(self.clearance),
@@ -193,7 +192,8 @@ class Run:
         on the crank.
         """
         signals = sampled.signals()
-        if self.request.courses and self.m.crank_sign < 0:
+        schedule = self.request.schedule
+        if schedule.crank is None and schedule.drives and self.m.crank_sign < 0:
             signals["drive_torque"] = -signals["drive_torque"]
         return signals
 
@@ -260,20 +260,21 @@ class ExudynRun(Run):
         with own_start("exudyn", self.request, self.assembly):
             if self.request.motion == "static":
                 return self.static()
-            motor = motor_of(self.request)
+            motor = self.request.motor
             return self.released() if motor is None else self.driven(motor)
 
     # ---------------------------------------------------------------- motions
 
     def static(self) -> Trace:
-        equilibria = Equilibria(self.request, self.path, self.m.speed or 1.0)
-        order = np.argsort(self.request.crank_angle, kind="stable")
-        found = join([equilibria.at(equilibria.crank(float(theta))) for theta in self.request.crank_angle[order]])
+        equilibria, asked = Equilibria(self.request, self.path, self.m.speed or 1.0), self.request.schedule.crank_angle
+        assert asked is not None  # other poses are told by time, in a RestingRun
+        order = np.argsort(asked, kind="stable")
+        found = join([equilibria.at(equilibria.crank(float(theta))) for theta in asked[order]])
         self.check(self.judge.finite(found), self.judge.joined(found), self.judge.in_assembly_mode(found, self.path))
         return self.report(found.rows(np.argsort(order)), found)
 
     def driven(self, motor: Motor) -> Trace:
-        time, turned = report_times(self.request, motor), RunMotor.of(motor)
+        time, turned = self.request.schedule.time, RunMotor.of(motor)
         passing = turned.clock(time)
         order = np.argsort(passing, kind="stable")
         if not turned.steady:
@@ -309,7 +310,7 @@ class ExudynRun(Run):
             yield record
 
     def released(self) -> Trace:
-        time = report_times(self.request, None)
+        time = self.request.schedule.time
         order = np.argsort(time, kind="stable")
         linkage, longest = self.launch(None)
         history, marks = self.march(linkage, time[order], longest)
@@ -324,16 +325,17 @@ class ExudynRun(Run):
         pressing: dict[str, float] = {}
         inertia = None if motor else self.release_accelerations()
         theta = float(motor.angle(0.0)) if motor else self.assembly.start
-        start = poses(self.assembly, theta, float(motor.rate(0.0)) if motor else r.start_speed)
+        speed = float(motor.rate(0.0)) if motor else r.schedule.start_speed(m)
+        start = poses(self.assembly, theta, speed)
         stiffness = m.drive_stiffness if motor else None
         if stiffness is not None or ((self.clearance or self.bearings) and r.start == "steady"):
-            resting = r if r.start == "steady" else Request(m.tight(), motion="driven")
+            resting = r if r.start == "steady" else Request(m.tight())
             equilibria = Equilibria(resting, self.path, 0.0, joint_creep([motor] if motor else []))
             if motor:
                 start, here = steady_start(equilibria, motor, stiffness)
             else:
                 here = equilibria.at(theta, inertia)
-                start = self.path.moving(theta, r.start_speed, here.gaps(equilibria.displaced))
+                start = self.path.moving(theta, speed, here.gaps(equilibria.displaced))
             pressing = {name: abs(force[0]) for name, force in here.force.items()}
         model = ExudynModel(m, r.joint_model, "driven", start, motor=motor, redundant=self.redundant)
         linkage = ExudynLinkage(model)

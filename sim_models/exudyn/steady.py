@@ -85,7 +85,7 @@ def passing(equilibria: Equilibria, time: np.ndarray, crank: np.ndarray) -> tupl
 
 
 def _ideal(equilibria: Equilibria) -> Request:
-    return Request(equilibria.m.tight(), motion="driven")
+    return Request(equilibria.m.tight())
 
 
 def crank_behind(equilibria: Equilibria, motor: RunMotor, stiffness: float, time: np.ndarray) -> np.ndarray:

@@ -9,9 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-import numpy as np
-
-from sim_models.common.motor import Course, Motor, motor_of, motors_of, report_times
+from analytic.kinematics.schedule import Motor
 from sim_models.common.requests import check_request
 from sim_models.engine import (
     FEATURES,
@@ -50,20 +48,19 @@ class FmuEngine(Engine):
         check_supported(self, request)
         check_request(request)
         drives, signals = self._drives(request), self.columns.signals(request.mechanism)
-        times = report_times(request, drives[0][1])
+        times, angles = request.schedule.time, request.schedule.crank_angle
         plan = scheduled(self.columns, drives, times, request.step)
         found = run(self.columns, [links for links, _ in drives], plan, [link.variable for link in signals.values()])
         at = plan.place(times)
-        sign = 1.0 if request.courses is None else request.mechanism.crank_sign  # these are of joints
+        told = request.motor if request.mechanism.cranked else drives[0][1]
+        assert told is not None  # nothing is let go
         settings: dict[str, SettingValue] = {"step": plan.step, "fmi": self.fmu.fmi, "map": str(self.columns.path)}
         return Trace(
             simulator=f"fmu:{self.fmu.path}",
             version=self.fmu.made_by or "unknown",
             joint_model="ideal",
             motion="driven",
-            crank_angle=np.array(
-                sign * drives[0][1].angles(times) if request.time is not None else request.crank_angle, float
-            ),
+            crank_angle=told.angles(times) if angles is None else angles.copy(),
             time=times,
             signals={name: link.si(found[at, k]) for k, (name, link) in enumerate(signals.items())},
             settings=settings,
@@ -71,20 +68,14 @@ class FmuEngine(Engine):
 
     def _drives(self, request: Request) -> list[tuple[Mapping[Moved, Link], Motor]]:
         """The inputs of each motor, and how it moves.  Raises FmuError, and Unsupported where there is none."""
-        m = request.mechanism
-        if request.courses is not None:
-            motors = motors_of(request)
-            if not motors:
-                raise Unsupported(f"fmu:{self.fmu.path}: {m.name} has no drive, and an FMU is driven; give it one")
-            if m.cranked and self.columns.inputs:  # a crank over time: its angle, of what is its joint's position
-                from scipy.interpolate import CubicSpline  # here: importing it takes a quarter of a second
-
-                ((time, position),) = request.courses.values()
-                return [(self.columns.inputs, Course(CubicSpline(time, m.crank_sign * np.asarray(position))))]
-            links = self.columns.drives(m, motors)
-            return [(links[name], motor) for name, motor in motors.items()]
-        motor = motor_of(request)
-        assert motor is not None  # only what is driven is supported
+        m, schedule = request.mechanism, request.schedule
+        if schedule.lets_go:
+            raise Unsupported(f"fmu:{self.fmu.path}: {m.name} has no drive, and an FMU is driven; give it one")
+        if schedule.crank is None and not (m.cranked and self.columns.inputs):
+            links = self.columns.drives(m, schedule.drives)
+            return [(links[name], motor) for name, motor in schedule.drives.items()]
+        motor = request.motor
+        assert motor is not None  # only what moves is supported
         if not self.columns.inputs:
             raise FmuError(f"{self.columns.path}: has [drives], of several, and {m.name} has a crank; give [inputs]")
         return [(self.columns.inputs, motor)]

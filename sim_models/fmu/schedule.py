@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim_models.common.motor import Motor
+from analytic.kinematics.schedule import Motor
 from sim_models.fmu.description import FmuError
 from sim_models.fmu.mapping import Link, Map, Moved
 

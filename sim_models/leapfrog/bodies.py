@@ -87,12 +87,13 @@ class LeapfrogWorld(ABC):
             for name, law in named.items()
         }
         self.soft = {name: Pin(m.joint(name), 0.0, bearing(m, m.joint(name))) for name in request.bearings}
-        reach = moving_body(m, m.driven).length if request.courses is None else longest(m)
+        self.crank = request.schedule.crank is not None  # whether a crank moves it, or would
+        reach = moving_body(m, m.driven).length if self.crank else longest(m)
         self.laws = JointLaws(m, self.static, self.motor.top_speed if self.motor else abs(self.speed), reach)
         self.grid: Grid | None = None  # of a moving run
-        self.free = request.courses is not None and len(self.assembly.positions) > len(request.courses)  # in part
+        self.free = not self.crank and len(self.assembly.positions) > len(request.schedule.drives)  # in part
         # Whether inertia forces are put right (see _catch_up): not where pins need such short steps that it is no gain
-        self.makes_up = request.courses is not None and (self.free or not self.loose)
+        self.makes_up = not self.crank and (self.free or not self.loose)
         self.trailing = 0.0  # s by which velocities trail positions
         self.commands: list[float] = []  # rad/s, m/s, of what is steered in the next step
         self.spin_up: Sequence[float] = ()  # rad/s^2, m/s^2, the same while nothing is aimed at
@@ -206,11 +207,11 @@ class LeapfrogWorld(ABC):
 
     def hang(self, joints: list[Joint]) -> list[Joint]:
         """Let the bodies hang on the ground by these joints, as far as they close no loop; gives those left over."""
-        m, courses = self.mechanism, self.request.courses
-        driven = [m.drive_joint] if courses is None else [m.joint(name) for name in courses]
+        m = self.mechanism
+        driven = [m.drive_joint] if self.crank else [m.joint(name) for name in self.request.schedule.drives]
         self.branches, rest = spanning_tree(m, joints, driven)
         self.branch = {branch.child: branch for branch in self.branches}
-        self.steered = tuple(Steered.of(joint, self.branches, courses is None) for joint in driven)
+        self.steered = tuple(Steered.of(joint, self.branches, self.crank) for joint in driven)
         self.commands = [0.0] * len(driven)
         return rest
 
@@ -500,16 +501,16 @@ class LeapfrogWorld(ABC):
 
     def _drives(self, efforts: Mapping[str, float]) -> dict[str, float]:
         """The drives' signals: what the motor in each driven joint exerts (N.m, N)."""
-        if not self.held and self.request.courses is None:
+        if not self.held and self.crank:
             return {DRIVE_TORQUE: self.motor_torque}
         driven = [each.joint for each in self.steered]
-        signals = [DRIVE_TORQUE] if self.request.courses is None else [signal.name for signal in driving(driven)]
-        sign = 1.0 if self.request.courses is None else self.mechanism.crank_sign
+        signals = [DRIVE_TORQUE] if self.crank else [signal.name for signal in driving(driven)]
+        sign = 1.0 if self.crank else self.mechanism.crank_sign
         return {signal: sign * efforts[joint.name] for signal, joint in zip(signals, driven, strict=bool(driven))}
 
     def _positions(self, here: Mapping[str, Pose]) -> dict[str, float]:
         """Positions (rad, m) of the joints of a linkage that is no crank's."""
-        if self.request.courses is None:
+        if self.crank:
             return {}
         at, m = {GROUND: AT_REST, **here}, self.mechanism
         return {position(j).name: travel(m, j, *(at[body] for body in j.bodies))[0] for j in m.joints}

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.schedule import Course, Motor, Steady
 from analytic.kinematics.structure import Rest
 from sim_models.common.contact_laws import longest
 from sim_models.common.guide import opened
 from sim_models.common.held import HeldPath
-from sim_models.common.motor import ConstantSpeed, Course, Motor, motor_of, motors_of
 from sim_models.common.start import Pose, poses, substeps
 from sim_models.engine import Request
 
@@ -75,8 +75,7 @@ class Together:
     @classmethod
     def of(cls, request: Request, assembly: Assembly) -> Together:
         """The motors of a request with courses.  Raises AssemblyError where the linkage cannot follow them."""
-        motors = motors_of(request)
-        begin = max((motor.begin for motor in motors.values()), default=0.0)
+        motors, begin = request.schedule.courses, request.schedule.begin
         path = cls(motors, begin, 0.0)
         if path.leaves_free(assembly):
             path.place(assembly, np.array([begin]))
@@ -84,7 +83,7 @@ class Together:
             prismatic = {j.name for j in request.mechanism.joints if j.prismatic}
             speeds = [motor.top_speed / (scale if name in prismatic else 1.0) for name, motor in motors.items()]
             return replace(path, top_speed=max(speeds, default=0.0))
-        return replace(path, top_speed=path._fastest(assembly, float(np.max(np.asarray(request.time, float)))))
+        return replace(path, top_speed=path._fastest(assembly, float(np.max(request.schedule.time))))
 
     @property
     def constant_speed(self) -> bool:
@@ -142,9 +141,9 @@ def motion_of(request: Request, assembly: Assembly) -> Motor | Together | None:
     """What moves the linkage of a request that makes a run; None at rest, and where all of it moves freely.  Raises
     AssemblyError where a linkage cannot follow its courses.
     """
-    if request.courses is None or request.motion == "static":
-        return motor_of(request)
-    return Together.of(request, assembly) if request.courses else None
+    if request.schedule.at_rest or request.schedule.lets_go:
+        return None
+    return request.motor if request.schedule.crank is not None else Together.of(request, assembly)
 
 
 def told_angle(path: Path, time: float) -> float:
@@ -157,7 +156,7 @@ def told_angle(path: Path, time: float) -> float:
 def path_of(path: Path, joint: str) -> Motor | Behind:
     """The path of one driven joint, which at rest goes nowhere."""
     if isinstance(path, Resting):
-        return ConstantSpeed(0.0)
+        return Steady(0.0)
     return path.motors[joint] if isinstance(path, Together) else path
 
 
@@ -210,7 +209,7 @@ def still(assembly: Assembly, path: Path, time: float, gaps: Changes = NONE) -> 
 
 def assembled(assembly: Assembly, request: Request) -> dict[str, Pose]:
     """Pose of every moving body as the mechanism's file assembles it, at rest."""
-    if request.courses is None:
+    if request.schedule.crank is not None:
         return poses(assembly, assembly.start)
     return still(assembly, Together({}, 0.0, 0.0), 0.0)
 

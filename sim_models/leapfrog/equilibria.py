@@ -14,9 +14,9 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from analytic.kinematics.assembly import AssemblyError
+from analytic.kinematics.schedule import Motor
 from analytic.mechanism import GROUND
 from sim_models.common.failed_starts import check_stiff_enough, no_start, why_no_equilibrium
-from sim_models.common.motor import Motor
 from sim_models.common.start import AT_REST, Pose
 from sim_models.engine import CENTRED, ELSEWHERE, Cause, SimulationError
 from sim_models.leapfrog.block import Block

@@ -10,13 +10,13 @@ from functools import partial
 import numpy as np
 from numpy.polynomial import Polynomial
 
+from analytic.kinematics.schedule import Course, Motor, Steady
 from analytic.mechanism.signals import position
 from sim_models.common.backlash import Felt, Flanks
 from sim_models.common.contact_laws import TOO_DEEP, shortest_link
 from sim_models.common.failed_starts import own_start
 from sim_models.common.held import HeldPath
 from sim_models.common.journal import free_share
-from sim_models.common.motor import ConstantSpeed, Course, Motor, report_times
 from sim_models.common.rates import part_rates
 from sim_models.common.silence import silence
 from sim_models.common.start import Pose, check_steps, poses
@@ -96,16 +96,15 @@ def _ideal(request: Request) -> Request:
 def _static(world: LeapfrogWorld, found: Equilibria, rods: Equilibria | None) -> Trace:
     request, by_rods = world.request, 0
     rest: Rest = _rest
-    asked, places = request.crank_angle, "angles"
-    if request.courses is not None:
-        asked, places, rest = np.asarray(request.time, float), "instants", _along(world)
+    asked, places, time = request.schedule.crank_angle, "angles", None
+    if asked is None:
+        asked, places, rest = request.schedule.time, "instants", _along(world)
+        time = asked
     rows: list[dict[str, float]] = [{}] * asked.size
     for k in np.argsort(asked if world.speed >= 0 else -asked, kind="stable"):
         rows[k] = rest(world, found, rods, float(asked[k]))
         by_rods += world.by_rods
-    told, time = asked, None
-    if request.courses is not None:
-        told, time = np.array([row[_told(world)] for row in rows]), asked
+    told = asked if time is None else np.array([row[_told(world)] for row in rows])
     trace = _trace(world, rows, told, time, PROBE)
     if by_rods:
         trace = replace(trace, settings={**trace.settings, "read_from_rods": f"{by_rods} of {asked.size} {places}"})
@@ -136,7 +135,7 @@ def _rest(world: LeapfrogWorld, found: Equilibria, rods: Equilibria | None, moto
     theta = motor
     for _ in range(50):
         _slide(world, found, rods, partial(poses, world.assembly, theta, -1.0 if world.speed < 0 else 1.0))
-        row = _seen(world, found, rods, ConstantSpeed(theta), 0.0)
+        row = _seen(world, found, rods, Steady(theta), 0.0)
         _check_depth(world, _at_angle(theta))
         lagging = motor - world.behind(row["drive_torque"])
         if abs(lagging - theta) < AT_REST:
@@ -213,19 +212,20 @@ class Plan:
     @property
     def crank(self) -> Motor:
         """The motor of a crank."""
-        assert isinstance(self.motor, ConstantSpeed | Course)
+        assert isinstance(self.motor, Steady | Course)
         return self.motor
 
     @classmethod
     def of(cls, world: LeapfrogWorld) -> Plan:
         """The plan of a world's request."""
         request, motor = world.request, world.motor
-        if request.courses is not None:
+        if request.schedule.crank is None:
             return cls._together(world)
         assert not isinstance(motor, Together)
-        times = report_times(request, motor)
+        times = request.schedule.time
         if motor is None:
-            return cls(times, 0.0, ConstantSpeed(world.assembly.start, request.start_speed), np.zeros(1))
+            start = Steady(world.assembly.start, request.schedule.start_speed(world.mechanism))
+            return cls(times, 0.0, start, np.zeros(1))
         if isinstance(motor, Course):
             return cls(times, motor.begin, motor, motor.knots[motor.knots <= times.max()])
         return cls(np.round(times, 12), motor.begin, motor, np.sort(times))  # equal angles, at equal times
@@ -234,7 +234,7 @@ class Plan:
     def _together(cls, world: LeapfrogWorld) -> Plan:
         """The plan of courses, and of what moves freely."""
         motor = world.motor if isinstance(world.motor, Together) else Together({}, 0.0, 0.0)
-        times = np.asarray(world.request.time, float)
+        times = world.request.schedule.time
         knots = np.unique([t for each in motor.motors.values() for t in each.knots if motor.begin <= t <= times.max()])
         return cls(times, motor.begin, motor, np.array([motor.begin]) if world.free else knots)
 
@@ -262,7 +262,8 @@ def _moving(world: LeapfrogWorld, found: Equilibria) -> Trace:
     if world.motor is not None and world.held:
         _check_course(world, plan, rows)
     theta = np.array([row[_told(world)] for row in rows])
-    trace = _trace(world, rows, request.crank_angle if request.crank_angle.size else theta, plan.times, grid.step)
+    asked = request.schedule.crank_angle
+    trace = _trace(world, rows, theta if asked is None else asked, plan.times, grid.step)
     watched = watch.watched() if watch is not None else None
     return replace(trace, free_share=tally.free_share(), journal=tally.journal(), watched=watched)
 
@@ -273,7 +274,7 @@ def _told(world: LeapfrogWorld) -> str:
 
 def _check_course(world: LeapfrogWorld, plan: Plan, rows: list[dict[str, float]]) -> None:
     """Raise SimulationError where what motors move is not where they have it."""
-    alone = world.request.courses is None
+    alone = world.request.schedule.crank is not None
     for each in world.steered:
         signal = _told(world) if alone else position(each.joint).name
         meant = path_of(plan.motor, each.joint.name).angles(plan.times)
@@ -371,7 +372,7 @@ class Tally:
 
 def _near(world: LeapfrogWorld, row: Mapping[str, float], time: float) -> str:
     """Where a run is, in words: a crank's angle, or the time (s)."""
-    return _at_angle(row[_told(world)]) if world.request.courses is None else f"{time:.4g} s"
+    return _at_angle(row[_told(world)]) if world.request.schedule.crank is not None else f"{time:.4g} s"
 
 
 def _at_angle(theta: float) -> str:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from analytic.kinematics.assembly import AssemblyError
-from analytic.mechanism import Joint
 from sim_models.common.failed_starts import own_start
 from sim_models.common.travel import told_by, with_positions
 from sim_models.engine import Request, SettingValue, Trace
@@ -38,18 +36,15 @@ class TheirCoursesRun(TheirRun):
         # how fast (rad/s) the stencil of a crank's angles is passed, to be one of instants
         self.pace = max(self.path.top_speed, WITHIN * SIDE / knots) or 1.0
 
-    def driven_joints(self) -> Sequence[Joint]:
-        return self.request.mechanism.motors
-
     def trace(self) -> Trace:
         """Run the request."""
-        assert self.request.time is not None
+        times = self.request.schedule.time
         with own_start(self.name, self.request, self.link.assembly):
-            if self.request.motion == "static":
-                rows, how = self.held_at_rest(self.request.time)
+            if self.request.schedule.at_rest:
+                rows, how = self.held_at_rest(times)
             else:
-                rows, how = self.along(self.request.time)
-        trace = self.report(np.zeros(self.request.time.size), self.request.time, rows, how)
+                rows, how = self.along(times)
+        trace = self.report(np.zeros(times.size), times, rows, how)
         trace = with_positions(self.request.mechanism, trace)
         return replace(trace, crank_angle=trace.signals[told_by(self.request.mechanism, self.link.assembly.structure)])
 

@@ -49,7 +49,7 @@ class MjcfEngine(Engine):
         check_supported(self, request)
         check_request(request)
         with no_log_file():
-            made = TheirRun if request.courses is None else TheirCoursesRun
+            made = TheirCoursesRun if request.schedule.crank is None else TheirRun
             return made(self.name, request, read(self.path)).trace()
 
 

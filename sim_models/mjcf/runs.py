@@ -9,8 +9,8 @@ import mujoco
 import numpy as np
 
 from analytic.kinematics.assembly import AssemblyError
+from analytic.kinematics.schedule import Steady
 from analytic.mechanism import GROUND, Joint
-from sim_models.common.motor import ConstantSpeed
 from sim_models.common.start import check_steps, poses
 from sim_models.engine import Cause, Request, SettingValue, SimulationError, Trace
 from sim_models.mjcf.linkage import EQUALITY, TheirLinkage
@@ -43,13 +43,13 @@ class TheirRun:
 
     def driven_joints(self) -> Sequence[Joint]:
         """The joints that motors hold."""
-        return [] if self.request.released else [self.request.mechanism.drive_joint]
+        return [self.request.mechanism.joint(name) for name in self.request.schedule.drives]
 
     def trace(self) -> Trace:
         """Run the request."""
         if self.request.motion == "static":
             return self.static()
-        return self.free() if self.request.released else self.driven()
+        return self.free() if self.request.schedule.lets_go else self.driven()
 
     # ------------------------------------------------------------------ runs
 
@@ -57,24 +57,31 @@ class TheirRun:
         """The equilibrium with the crank held at each angle, by Newton's method on the model's own equations."""
         still = np.zeros(self.model.nv)
         rows = []
-        for theta in self.request.crank_angle.tolist():
+        asked = self.angles()
+        for theta in asked.tolist():
             q = self.link.placed(poses(self.link.assembly, theta))
             where = f"at crank angle {math.degrees(theta):.4g} deg"
             self.found(rest(self.link, q, still, still, 0.0), where)
             self.free_of_others(where)
             self.noted()
             rows.append(self.link.signals(still))
-        return self.report(self.request.crank_angle, None, rows, {"step": None, "start": "equilibrium"})
+        return self.report(asked, None, rows, {"step": None, "start": "equilibrium"})
+
+    def angles(self) -> np.ndarray:
+        """The crank's angles (N,) rad that are asked for."""
+        angles = self.request.schedule.crank_angle
+        assert angles is not None  # what is told by time is in a TheirCoursesRun, or let go
+        return angles
 
     def driven(self) -> Trace:
         """The crank turns at constant speed from the first report to the last, from a state without transients."""
-        theta, speed = self.request.crank_angle, self.request.mechanism.speed
+        theta, speed = self.angles(), self.request.mechanism.speed
         assert speed is not None
         first = float(theta.min() if speed > 0 else theta.max())
-        time, lead = (theta - first) / speed, self.lead(first, speed)
+        time, lead = self.request.schedule.time, self.lead(first, speed)
         begin = first - speed * lead
         sense = 1.0 if self.request.mechanism.drive_joint.bodies[0] == GROUND else -1.0  # of the joint to its crank
-        motor = ConstantSpeed(sense * begin, sense * speed)
+        motor = Steady(sense * begin, sense * speed)
         rows = self.march(*self.steady(begin, speed), time + lead, Steering(self.link, [motor], lag=self.lag))
         how: dict[str, SettingValue] = {"time_step": self.step, "start": "equilibrium", "lead_in": speed * lead}
         return self.report(theta, time, rows, how)
@@ -99,13 +106,13 @@ class TheirRun:
 
     def free(self) -> Trace:
         """Released at the assembly angles, at rest or with the request's speed."""
-        assert self.request.time is not None
-        start, rate = self.link.assembly.start, self.request.start_speed
+        start, time = self.link.assembly.start, self.request.schedule.time
+        rate = self.request.schedule.start_speed(self.request.mechanism)
         q = np.array([self.link.placed(poses(self.link.assembly, start + side)) for side in STENCIL])
-        rows = self.march(q[2], SLOPE @ q * rate, self.request.time, Steering(self.link))
+        rows = self.march(q[2], SLOPE @ q * rate, time, Steering(self.link))
         rows = [{"drive_torque": 0.0, **row} for row in rows]
         crank = np.array([row[f"{self.request.mechanism.driven}_angle"] for row in rows])
-        return self.report(crank, self.request.time, rows, {"time_step": self.step, "start": "released"})
+        return self.report(crank, time, rows, {"time_step": self.step, "start": "released"})
 
     def steady(self, theta: float, speed: float) -> tuple[np.ndarray, np.ndarray]:
         """Coordinates and velocities in which the crank passes an angle (rad) at a speed (rad/s) without transients."""

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from sim_models.common.motor import Motor
+from analytic.kinematics.schedule import Motor
 from sim_models.mjcf.linkage import TheirLinkage
 
 LOOKS = 3  # at a state, until the motors' efforts are those of that state

@@ -12,9 +12,9 @@ from xml.etree import ElementTree
 import mujoco
 import numpy as np
 
+from analytic.kinematics.schedule import Course, Motor
 from analytic.mechanism import Joint
 from sim_models.common.export_files import expected, lines, written
-from sim_models.common.motor import Course, Motor
 from sim_models.common.simulate import simulate
 from sim_models.engine import Cause, Request, Trace
 from sim_models.mujoco.engine import ENGINE
@@ -240,14 +240,14 @@ def _equilibria(run: AnyRun) -> tuple[MujocoLinkage, dict[str, Any]]:
 
     The model has no dry friction of its own, because a simulation at rest has none; what acts is handed over as forces.
     """
-    times = run.request.time
-    places = run.request.crank_angle.tolist() if times is None else np.sort(times).tolist()
+    angles = run.request.schedule.crank_angle
+    places = np.sort(run.request.schedule.time).tolist() if angles is None else angles.tolist()
     near, pose = run.near(places[0]), run.path.poses(places[0])
     setting = Setting(run.request.joint_model, STATIC_STEP, friction=False, driven=run.path.driven)
     link = MujocoLinkage(run.mechanism, run.laws, pose, setting)
     for rim in link.rims.values():
         rim.contact.friction = np.zeros(5)
-    return link, {"equilibria": [_state(near, at) | ({} if times is None else {"time": at}) for at in places]}
+    return link, {"equilibria": [_state(near, at) | ({"time": at} if angles is None else {}) for at in places]}
 
 
 def _state(near: Equilibria, theta: float) -> dict[str, Any]:

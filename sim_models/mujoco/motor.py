@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from sim_models.common.motor import ConstantSpeed, Course, Motor
+from analytic.kinematics.schedule import Course, Motor, Steady
 from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.state import advance
 
@@ -64,7 +64,7 @@ class Steering:
 class AtConstantSpeed(Steering):
     """Of a motor at constant speed, which is put back if it is ASIDE."""
 
-    def __init__(self, motor: ConstantSpeed) -> None:
+    def __init__(self, motor: Steady) -> None:
         self.motor = motor
         self.direction, self.top_speed = math.copysign(1.0, motor.speed), motor.top_speed
         theta = motor.angle(motor.begin)
@@ -163,4 +163,4 @@ class AlongCourse(AlongCourses):
 
 def steering(motor: Motor) -> AtConstantSpeed | AlongCourse:
     """What keeps this motor's armature in its motion."""
-    return AtConstantSpeed(motor) if isinstance(motor, ConstantSpeed) else AlongCourse(motor)
+    return AtConstantSpeed(motor) if isinstance(motor, Steady) else AlongCourse(motor)

@@ -15,7 +15,6 @@ from analytic.kinematics.structure import Rest
 from sim_models.common.contact_laws import longest
 from sim_models.common.guide import opened
 from sim_models.common.held import HeldPath
-from sim_models.common.motor import motors_of
 from sim_models.common.start import Pose, poses
 from sim_models.engine import Request
 
@@ -71,10 +70,10 @@ class CoursePath:
     """
 
     def __init__(self, request: Request, assembly: Assembly) -> None:
-        self.assembly, self.motors = assembly, motors_of(request)
+        self.assembly, self.motors = assembly, request.schedule.courses
         self.driven: tuple[str, ...] | None = tuple(self.motors)
         self.held = len(assembly.positions) == len(self.motors)
-        self.begin = max((motor.begin for motor in self.motors.values()), default=0.0)
+        self.begin = request.schedule.begin
         self.top_speed = self._fastest(request)
 
     def poses(self, at: float, gaps: Gaps | None = None) -> Poses:
@@ -99,7 +98,7 @@ class CoursePath:
 
     def _fastest(self, request: Request) -> float:
         """The top speed up to the last report; where something moves freely, of the motors."""
-        size, reports = longest(request.mechanism), np.asarray(request.time, float)
+        size, reports = longest(request.mechanism), request.schedule.time
         last = float(reports.max())
         if not self.held or last <= self.begin:
             self.poses(self.begin)

@@ -10,11 +10,11 @@ import mujoco
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.kinematics.schedule import Motor, Steady
 from analytic.mechanism import Mechanism
 from sim_models.common.backlash import HOLDS, Felt, Flanks, side
 from sim_models.common.failed_starts import own_start
 from sim_models.common.journal import free_share
-from sim_models.common.motor import ConstantSpeed, Motor, motor_of, report_times
 from sim_models.common.rates import part_rates
 from sim_models.common.start import poses
 from sim_models.engine import Cause, Request, SettingValue, SimulationError, Trace, Watched
@@ -237,11 +237,13 @@ class MujocoRun(Run):
 
     def __init__(self, request: Request) -> None:
         super().__init__(request)
-        self.motor = motor_of(request)
+        self.motor = request.motor
         self.shift = 0.0  # rad, by which the motor leads a crank with backlash where the run begins, beside the spring
         self.hold = self.motor is not None
         self.follows = self.motor is not None and not self.motor.constant_speed
-        self.direct(0.0 if request.released else math.copysign(1.0, self.mechanism.speed or 1.0))  # at rest, too
+        self.direct(
+            0.0 if request.schedule.lets_go else math.copysign(1.0, self.mechanism.speed or 1.0)
+        )  # at rest, too
 
     def direct(self, direction: float) -> None:
         """Let the crank move in this direction (sign; 0: it stands)."""
@@ -250,7 +252,7 @@ class MujocoRun(Run):
     def passed(self) -> np.ndarray:
         if self.motor is None:
             return np.zeros(0)
-        last = float(report_times(self.request, self.motor).max())
+        last = float(self.request.schedule.time.max())
         return self.motor.angles(np.linspace(self.motor.begin, last, GLIMPSES))
 
     def light(self, near: Equilibria) -> MujocoLinkage:
@@ -271,8 +273,10 @@ class MujocoRun(Run):
 
     def give_flanks(self) -> None:
         """Make the flanks of a drive with backlash, and find the one that carries the crank at first."""
-        m, motor = self.mechanism, self.motor or ConstantSpeed(float(self.request.crank_angle[0]))
-        last = motor.begin + 1.0 if self.motor is None else float(report_times(self.request, motor).max())
+        m, schedule = self.mechanism, self.request.schedule
+        angle = schedule.crank_angle
+        motor = self.motor or Steady(float(angle[0]) if angle is not None else self.assembly.start)
+        last = motor.begin + 1.0 if self.motor is None else float(schedule.time.max())
         times = np.linspace(motor.begin, last, FELT)
         near = Equilibria(
             replace(self.request, mechanism=_on_spring(m, 1.0), joint_model="ideal"),
@@ -287,7 +291,8 @@ class MujocoRun(Run):
 
     def static(self) -> Trace:
         """Equilibrium at each crank angle, and between them for the journals' paths."""
-        theta = self.request.crank_angle
+        theta = self.request.schedule.crank_angle
+        assert theta is not None  # other poses are told by time, in a RestingRun
         columns, log = self.equilibria(theta)
         return self.report(theta, None, columns, log, RESTING)
 
@@ -328,7 +333,7 @@ class MujocoRun(Run):
         """The motor turns, at constant speed or along its course.  Without crank angles in the request, those reported
         are the simulated ones.
         """
-        time = report_times(self.request, motor)
+        time = self.request.schedule.time
         order = np.argsort(time, kind="stable")
         self.steering = turned = steering(motor)
         self.direct(turned.direction)
@@ -340,13 +345,13 @@ class MujocoRun(Run):
         lead = float(time.min()) - motor.begin
         signals, log, step = self.run(turned.stencil.theta, (q, v), begin, step, time[order], lead)
         columns = {name: scatter(values, order) for name, values in signals.items()}
-        theta = self.request.crank_angle
-        theta = theta if theta.size else columns[f"{self.mechanism.driven}_angle"].copy()
+        theta = self.request.schedule.crank_angle
+        theta = columns[f"{self.mechanism.driven}_angle"].copy() if theta is None else theta
         return self.report(theta, time, columns, log, {"step": step, "start": how})
 
     def free(self) -> Trace:
         """Released at the assembly angles, at rest or with the request's speed."""
-        time = report_times(self.request, None)
+        time, speed = self.request.schedule.time, self.request.schedule.start_speed(self.mechanism)
         order = np.argsort(time, kind="stable")
         theta = self.assembly.start
         near = self.near(theta)
@@ -355,13 +360,13 @@ class MujocoRun(Run):
         step = self.longest_step(near, q)
         around = (
             np.array([near.place(near.pressed, theta + side, gaps) for side in STENCIL])
-            if self.request.start_speed
+            if speed
             else np.tile(q, (5, 1))
         )
-        v = (derivative(STENCIL) @ around)[2] * self.request.start_speed
+        v = (derivative(STENCIL) @ around)[2] * speed
         signals, log, step = self.run(theta, (q, v), lambda step: (q, v), step, time[order], float(time[order[0]]))
         columns = {name: scatter(values, order) for name, values in signals.items()}
-        settings: dict[str, SettingValue] = {"step": step, "start": "released", "start_speed": self.request.start_speed}
+        settings: dict[str, SettingValue] = {"step": step, "start": "released", "start_speed": speed}
         return self.report(columns[f"{self.mechanism.driven}_angle"].copy(), time, columns, log, settings)
 
     def gaps_at_release(self, near: Equilibria, theta: float) -> Gaps:

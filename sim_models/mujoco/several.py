@@ -38,12 +38,15 @@ class CoursesRun(Run):
             self.steering.top_speed = self.courses.top_speed
 
     def passed(self) -> np.ndarray:
-        last = float(np.asarray(self.request.time, float).max())
-        return np.linspace(self.courses.begin, last, GLIMPSES) if self.courses.held else np.zeros(0)
+        return (
+            np.linspace(self.courses.begin, float(self.request.schedule.time.max()), GLIMPSES)
+            if self.courses.held
+            else np.zeros(0)
+        )
 
     def trace(self) -> Trace:
         """Run the request."""
-        time = np.asarray(self.request.time, float)
+        time = self.request.schedule.time
         order = np.argsort(time, kind="stable")
         with own_start("mujoco", self.request, self.assembly):
             q, v, step, how = self.begin()
@@ -112,7 +115,7 @@ class RestingRun(Run):
 
     def trace(self) -> Trace:
         """Run the request."""
-        time = np.asarray(self.request.time, float)
+        time = self.request.schedule.time
         with own_start("mujoco", self.request, self.assembly):
             columns, log = self.equilibria(time)
         return led(self, self.report(np.zeros(time.size), time, columns, log, RESTING))
@@ -126,6 +129,6 @@ def led(run: Run, trace: Trace) -> Trace:
 
 def run_of(request: Request) -> MujocoRun | CoursesRun | RestingRun:
     """A request on its way to a trace.  Raises AssemblyError."""
-    if request.courses is None:
+    if request.schedule.crank is not None:
         return MujocoRun(request)
-    return (RestingRun if request.motion == "static" else CoursesRun)(request)
+    return (RestingRun if request.schedule.at_rest else CoursesRun)(request)

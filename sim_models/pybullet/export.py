@@ -12,10 +12,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from analytic.kinematics.schedule import Course, Steady
 from analytic.mechanism import GROUND, Joint, Spring
 from analytic.mechanism.signals import driving
 from sim_models.common.export_files import expected, lines, written
-from sim_models.common.motor import ConstantSpeed, Course
 from sim_models.common.simulate import simulate
 from sim_models.common.tree import Branch
 from sim_models.engine import Request, Trace
@@ -190,7 +190,7 @@ def _start(world: RecordedWorld, trace: Trace) -> dict[str, Any]:
             if how.fixed_angle
         },
         "puts_right": world.makes_up and not world.static,
-        "crank": m.driven if world.request.courses is None else None,
+        "crank": m.driven if world.crank else None,
         "motors": _motors(world) if world.held else {},
         "yielding": _yielding(world) if world.drive_stiffness and not world.held else None,
         "bodies": {branch.child: _body(world, branch) for branch in world.branches},
@@ -232,7 +232,7 @@ def _motors(world: RecordedWorld) -> dict[str, dict[str, Any]]:
     result: dict[str, dict[str, Any]] = {}
     signals = driving([each.joint for each in world.steered])
     for each, signal, speed in zip(world.steered, signals, world.commands, strict=True):
-        gives = each.sign * (1.0 if world.request.courses is None else world.mechanism.crank_sign)
+        gives = each.sign * (1.0 if world.crank else world.mechanism.crank_sign)
         how = {"joint": each.joint.name, "sign": each.sign, "gives": gives, "signal": signal.name, "speed": speed}
         result[each.child] = how | {"course": _course(world, each.joint.name)}
     return result
@@ -248,8 +248,8 @@ def _yielding(world: RecordedWorld) -> dict[str, Any]:
     """The motor behind a crank that lags it, and what is between them (N.m/rad)."""
     steady = world.motor
     course = _course(world, world.mechanism.drive_joint.name)
-    if isinstance(steady, ConstantSpeed):
-        course = {"times": [0.0], "cubics": [[0.0, 0.0, steady.speed, steady.theta]]}
+    if isinstance(steady, Steady):
+        course = {"times": [0.0], "cubics": [[0.0, 0.0, steady.speed, steady.position]]}
     return {"stiffness": world.drive_stiffness, "course": course}
 
 

@@ -68,7 +68,7 @@ class BulletWorld(LeapfrogWorld):
         m = self.mechanism
         self.p.setGravity(*m.gravity, 0.0, physicsClientId=self.client)
         ideal = self.closed
-        trunk = [j for j in ideal if j.prismatic or GROUND in j.bodies or j.name in (request.courses or {})]
+        trunk = [j for j in ideal if j.prismatic or GROUND in j.bodies or j.name in request.schedule.drives]
         rest = self.hang(trunk)
         self.multibodies: list[int] = []
         self.freedoms: list[tuple[int, int]] = []  # Bullet's joints, body and link

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from analytic.beyond_paper.drive import Turning
+from analytic.kinematics.schedule import Turning
 from analytic.mechanism.signals import AXES, Signal
 from compare.diagnose.effects.effect import Draw, Effect, Growth, Hiding, Parameter, Readings, Rig, Values, Wave
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 
-from analytic.beyond_paper.drive import Turning
+from analytic.kinematics.schedule import Turning
 from analytic.mechanism import GROUND, Load, Mechanism
 from compare.diagnose.effects.bodies import LinkLength, body_of
 from compare.diagnose.effects.effect import Effect, Parameter, Rig, Values

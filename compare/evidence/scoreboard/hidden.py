@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from analytic.beyond_paper.drive import Turning
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.schedule import Turning
 from analytic.mechanism import Load, Mechanism
 from compare.diagnose.effects.effect import Effect, Rig, Values
 from compare.diagnose.effects.joints import JointClearance

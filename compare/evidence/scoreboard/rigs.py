@@ -9,8 +9,8 @@ from functools import cached_property
 
 import numpy as np
 
-from analytic.beyond_paper.drive import Turning
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.schedule import Turning
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import load
 from analytic.mechanism.signals import AXES, Signal, Unit, named

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analytic.beyond_paper.drive import Turning
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.schedule import Turning
 from analytic.mechanism import Mechanism
 from analytic.mechanism.signals import AXES, POSE, Signal
 from compare.evidence.scoreboard.rigs import (

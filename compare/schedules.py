@@ -1,0 +1,281 @@
+"""Schedules as they are asked for: of crank angles or times, of drives at constant speeds, of a file's course or path.
+
+:func:`scheduled` makes the one that a question comes to; a command line's texts are parsed here too.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.kinematics.inverse import Coordinate, splined
+from analytic.kinematics.motion import kinematics
+from analytic.kinematics.schedule import KNOTS, Knots, Schedule
+from analytic.mechanism.errors import quoted
+from analytic.mechanism.signals import Signal, position, turned_near
+from compare.arguments import MOST, numbers
+from compare.arguments import path as a_path
+from compare.faults import ArgumentError, DegreesWarning
+from compare.judge.grid import FARTHEST, FREE_TIME, GridError, chosen_angles
+from compare.recorded.errors import DataError
+from compare.recorded.headings import left_alone
+from sim_models.engine import Motion
+
+if TYPE_CHECKING:
+    from analytic.mechanism import Mechanism
+    from compare.recorded.table import Table
+
+MOST_TIMES = 100_000  # of a command line's grid
+TURNS = 4 * math.pi  # rad; crank angles beyond two turns were probably given in degrees
+USUAL = 1.0  # s, as far as the drives get
+SAMPLES = 50
+SHORTEST = 1e-3  # s
+SPARE = 0.9  # of the way to where the drives get no farther
+LINE = 5  # knots of a straight line
+
+
+def parse_times(text: str) -> np.ndarray:
+    """Times (s) from ``start:stop:step``, stop included.  Raises GridError."""
+    try:
+        start, stop, step = (float(part) for part in text.split(":"))
+    except ValueError:
+        raise GridError(f"--times {text}: give start:stop:step in seconds, such as 0:1:0.02") from None
+    if not (np.isfinite([start, stop, step]).all() and step > 0 and 0 <= start < stop):
+        raise GridError(f"--times {text}: give a start of 0 or more, a later stop and a positive step (seconds)")
+    if (stop - start) / step > MOST_TIMES:
+        raise GridError(f"--times {text}: that is more than {MOST_TIMES} times; use a larger step")
+    return np.asarray(start + step * np.arange(int(np.floor((stop - start) / step + 1e-9)) + 1))
+
+
+def speeds_of(mechanism: Mechanism) -> dict[str, float]:
+    """The speeds (rad/s, m/s) of the drives that have one, by joint, as rates of its position."""
+    sign = mechanism.crank_sign
+    return {drive.joint: sign * drive.speed for drive in mechanism.drives if not isinstance(drive.speed, str)}
+
+
+def scheduled(
+    assembly: Assembly,
+    motion: Motion,
+    angles: object = None,
+    times: object = None,
+    course: object = None,
+    path: object = None,
+) -> Schedule:
+    """The schedule of a question.
+
+    A linkage that one crank moves is looked at where it is at crank ``angles`` (N,) rad, by default its usual ones; one
+    that is let go over time.  All others, and one of which ``times`` (N,) s, a ``course`` or a platform's ``path`` are
+    given, are looked at over time, their drives at their speeds or as the file has them.
+    Raises ArgumentError, GridError, DataError, ScheduleError, or AssemblyError by default.
+    """
+    m, at_rest = assembly.mechanism, motion == "static"
+    if not by_angle(assembly) or not (times is None and course is None and path is None):
+        _check_over_time(assembly, motion, angles)
+        return over_time(assembly, at_rest, times, course, path)
+    if m.speed is not None or at_rest:
+        return Schedule.at_angles(m, crank_angles(assembly, angles), at_rest=at_rest)
+    if angles is not None:
+        raise ArgumentError("angles", f"{m.name} swings freely and is looked at over time; leave angles out")
+    return Schedule.released(m, FREE_TIME)
+
+
+def by_angle(assembly: Assembly) -> bool:
+    """Whether a crank's angle alone tells where a linkage is."""
+    return assembly.mechanism.cranked and len(assembly.structure.inputs) == 1
+
+
+def crank_angles(assembly: Assembly, given: object) -> np.ndarray:
+    """Crank angles (N,) rad as given, or those at which one looks at the linkage by default; it reaches all of them.
+
+    Raises ArgumentError, or AssemblyError by default.
+    """
+    if given is None:
+        return chosen_angles(assembly, None)
+    theta = numbers(given, "angles", "rad")
+    if theta.size > MOST:
+        raise ArgumentError("angles", f"{theta.size} angles cannot be used; give at most {MOST}")
+    farthest = float(theta[np.argmax(np.abs(theta))])
+    if abs(farthest) > math.radians(FARTHEST):
+        limit = f"{math.radians(FARTHEST):.6g} rad ({FARTHEST:g} deg)"
+        raise ArgumentError("angles", f"{farthest:g} rad cannot be used; a crank angle must not be beyond {limit}")
+    if abs(farthest) > TURNS:
+        text = f"angles: {farthest:g} rad is beyond two turns; angles are in radians; was it meant in degrees?"
+        warnings.warn(text, DegreesWarning, stacklevel=4)
+    try:
+        assembly.path(float(theta.min()), float(theta.max()))
+    except AssemblyError as error:
+        raise ArgumentError("angles", str(error)) from None
+    return theta
+
+
+def _check_over_time(assembly: Assembly, motion: Motion, angles: object) -> None:
+    """Raises ArgumentError for crank angles where a linkage is looked at over time, and for an equilibrium of one that
+    no drive holds.
+    """
+    name = f"{assembly.mechanism.name} is looked at over time"
+    loose = assembly.structure.free_joints
+    if motion == "static" and loose:
+        what = f"no drive of {assembly.mechanism.name} holds joint {loose[0]!r}, so that there is no static motion"
+        raise ArgumentError("motion", f"{what}; leave motion out, or give that joint a [[drive]] with a speed")
+    if angles is not None:
+        raise ArgumentError("angles", f"{name}, and has none of this; give times (s) in its place")
+
+
+def over_time(
+    assembly: Assembly, at_rest: bool = False, times: object = None, course: object = None, path: object = None
+) -> Schedule:
+    """A schedule over time.  Raises ArgumentError, GridError or DataError."""
+    if course is not None and path is not None:
+        raise ArgumentError("path", f"{quoted(str(path))} is given beside a course; give one of them")
+    asked = None
+    if times is not None:
+        asked = numbers(times, "times", "s")
+        if asked.size > MOST or np.any(asked < 0) or np.any(np.diff(asked) <= 0):
+            raise ArgumentError("times", f"give at most {MOST} times (s) from 0 on, each later than the one before")
+    if course is None and path is None:
+        return at_their_speeds(assembly, asked, at_rest)
+    if path is not None:
+        courses, rows = of_path(a_path(path, "path"), assembly)
+    else:
+        courses = of_file(a_path(course, "course"), assembly)
+        rows = next(iter(courses.values()))[0] if courses else np.zeros(0)
+    return Schedule.along(courses, times_within(courses, rows, asked), at_rest=at_rest)
+
+
+def at_their_speeds(assembly: Assembly, time: np.ndarray | None, at_rest: bool = False) -> Schedule:
+    """The drives at their constant speeds from the assembly on, looked at at times (N,) s, by default as far as they
+    get.  Raises GridError where a drive has no speed.
+    """
+    m = assembly.mechanism
+    for drive in m.drives:
+        if drive.speed == "measured":
+            raise GridError(
+                f"{m.name}: the drive of joint {drive.joint!r} follows measured data; give a file of its course"
+                " (--course), or the drive a speed"
+            )
+    speeds = speeds_of(m)
+    end = float(time[-1]) if time is not None else _as_far(assembly, speeds)
+    knots = np.linspace(0.0, max(end, SHORTEST), LINE)
+    courses = {name: (knots, assembly.positions[name] + speed * knots) for name, speed in speeds.items()}
+    return Schedule.along(courses, np.linspace(0.0, end, SAMPLES + 1) if time is None else time, at_rest=at_rest)
+
+
+def _as_far(assembly: Assembly, speeds: Mapping[str, float]) -> float:
+    """How long (s) all drives can go on, at most the usual time, less a tenth where they cannot."""
+    if len(speeds) < len(assembly.structure.inputs):  # where it moves freely, nobody knows before
+        return USUAL
+    low, high, end = 0.0, USUAL, USUAL
+    while high - low > SHORTEST:
+        try:
+            time = np.linspace(0.0, end, SAMPLES)
+            assembly.follow(assembly.inputs_at({n: assembly.positions[n] + v * time for n, v in speeds.items()}))
+            low = end
+        except AssemblyError:
+            high = end
+        if low == USUAL:
+            return USUAL
+        end = (low + high) / 2
+    return SPARE * low
+
+
+def of_file(path: Path, assembly: Assembly) -> dict[str, Knots]:
+    """The courses of a file of time and ``position_<joint>`` of every driven joint, angles in whatever turn.  Raises
+    DataError.
+    """
+    from compare.recorded.table import read_table
+
+    mechanism = assembly.mechanism
+    table = read_table(path, mechanism, mappable=False)
+    wanted = {joint.name: position(joint).name for joint in mechanism.motors}
+    faults = [
+        f"{path.name}: has no column {signal!r}; a course gives time and a position of each driven joint"
+        for signal in wanted.values()
+        if signal not in table.values
+    ]
+    for name, signal in wanted.items():
+        if signal in table.values and not np.all(np.isfinite(table.values[signal])):
+            faults.append(f"{path.name}: {signal} has empty cells; give joint {name} a position in every row")
+    if not faults and table.time.size < KNOTS:
+        faults.append(f"{path.name}: has {table.time.size} rows; a course needs at least {KNOTS}")
+    if not faults and table.time[0] < 0:
+        faults.append(f"{path.name}: begins at {table.time[0]:g} s; a course begins at 0 s or later")
+    if faults:
+        raise DataError(*faults)
+    _warn(path, table, list(wanted.values()), "no position of a driven joint")
+    courses = {name: table.course(signal, path.name) for name, signal in wanted.items()}
+    return {name: (table.time, assembly.on_its_turn(name, values)) for name, values in courses.items()}
+
+
+def of_path(path: Path, assembly: Assembly) -> tuple[dict[str, Knots], np.ndarray]:
+    """The courses that move a platform along the cubic splines through a file's ``<body>_x``, ``<body>_y``,
+    ``<body>_angle`` over time, as many as the linkage has inputs, each with a drive; and the times (R,) s of its rows.
+    Raises DataError.
+    """
+    from compare.recorded.table import read_table
+
+    m, s = assembly.mechanism, assembly.structure
+    table = read_table(path, m, mappable=False)
+    poses = [c.signal for c in table.columns if c.signal.kind == "pose"]
+    free = s.free_joints
+    faults = []
+    if len(poses) != len(s.inputs):
+        given = ", ".join(signal.name for signal in poses) or "none"
+        faults.append(
+            f"{path.name}: gives {len(poses)} of a body's x, y and angle ({given}); {m.name} has {len(s.inputs)}"
+            " freedoms, give as many"
+        )
+    if free:
+        faults.append(f"{m.name}: joint {free[0]!r} has no drive that could follow a path; give it one")
+    faults += [
+        f"{path.name}: {signal.name} has empty cells; give a pose in every row"
+        for signal in poses
+        if not np.all(np.isfinite(table.values[signal.name]))
+    ]
+    if not faults and table.time.size < KNOTS:
+        faults.append(f"{path.name}: has {table.time.size} rows; a path needs at least {KNOTS}")
+    if faults:
+        raise DataError(*faults)
+    _warn(path, table, [signal.name for signal in poses], "no x, y or angle of a body")
+    wanted = [Coordinate(signal.place, _axis(signal)) for signal in poses]
+    home = kinematics(assembly, assembly.inputs[:, None])
+    told = []
+    for coordinate, signal in zip(wanted, poses, strict=True):
+        values, begins = table.course(signal.name, path.name), float(coordinate.value(home)[0])
+        told.append(values + (turned_near(values[0], begins) - values[0]) if signal.wraps else values)
+    try:
+        time, found = splined(assembly, wanted, np.array(told), table.time)
+    except AssemblyError as error:
+        raise DataError(f"{path.name}: {error}") from None
+    moved = {s.coordinates[i].joint: s.signs[i] * found.coordinates[i] for i in s.inputs}
+    return {joint.name: (time, moved[joint.name]) for joint in m.motors}, table.time
+
+
+def _warn(path: Path, table: Table, used: Collection[str], role: str) -> None:
+    """Warn of what was made of a file, and of its signals that are not used, as they are none of this role."""
+    others = [table.headings[c.place] for c in table.columns if c.signal.name not in used]
+    notes = [f"{path.name}: {left_alone(others, role)}"] if others else []
+    for note in (*table.notes, *notes):
+        warnings.warn(note, stacklevel=4)
+
+
+def _axis(signal: Signal) -> Literal["x", "y", "angle"]:
+    return "x" if signal.component == "x" else "y" if signal.component == "y" else "angle"
+
+
+def times_within(courses: Mapping[str, Knots], rows: np.ndarray, time: np.ndarray | None) -> np.ndarray:
+    """Times (N,) s at which one looks at courses, by default those (R,) of a file's rows, or fewer.  Raises GridError
+    for one outside of them.
+    """
+    begin = max((float(t[0]) for t, _ in courses.values()), default=0.0)
+    end = min((float(t[-1]) for t, _ in courses.values()), default=np.inf)
+    if time is None:
+        return np.linspace(begin, end, SAMPLES + 1) if rows.size > 4 * SAMPLES else rows
+    if time[0] < begin or time[-1] > end:
+        raise GridError(f"--times {time[0]:g} to {time[-1]:g} s is not within the course, {begin:g} to {end:g} s")
+    return time
