@@ -26,8 +26,9 @@ import tomli_w
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import dumps, load
 from analytic.mechanism.signals import named as signals_by_name
+from asked import request_of
 from compare.diagnose.effects.vocabulary import VOCABULARY
-from sim_models.engine import JointModel, Request, engine
+from sim_models.engine import JointModel, engine
 
 Truth = Sequence[tuple[str, str, Mapping[str, float]]]  # effect, place, values
 
@@ -123,9 +124,9 @@ def played(nominal: Mechanism, run: Recording, truth: Truth) -> Mapping[str, np.
         m = VOCABULARY[effect].on_mechanism(m, where, values)
     joints: JointModel = "contact" if m.clearances else "ideal"
     if run.speed is None:
-        request = Request(m.replace(assembly={m.driven: run.angle}), joints, time=run.time)
+        request = request_of(m.replace(assembly={m.driven: run.angle}), joints, time=run.time)
     else:
-        request = Request(with_speed(m, run.speed), joints, crank_angle=run.angle + run.speed * run.time)
+        request = request_of(with_speed(m, run.speed), joints, crank_angle=run.angle + run.speed * run.time)
     seen: Mapping[str, np.ndarray] = engine("exudyn").simulate(request).signals
     if run.speed is not None:
         seen = {**seen, f"{m.driven}_angle": run.angle + run.speed * run.time}  # the encoder sits on the motor
@@ -375,9 +376,9 @@ def sequence_of(nominal: Mechanism, run: Recording, folder: Path, noise: Mapping
     out = folder / f"{run.name}-model"
     out.mkdir()
     if run.speed is None:
-        export(Request(nominal.replace(assembly={nominal.driven: run.angle}), "ideal", time=run.time), out)
+        export(request_of(nominal.replace(assembly={nominal.driven: run.angle}), "ideal", time=run.time), out)
     else:
-        export(Request(with_speed(nominal, run.speed), "ideal", crank_angle=run.angle + run.speed * run.time), out)
+        export(request_of(with_speed(nominal, run.speed), "ideal", crank_angle=run.angle + run.speed * run.time), out)
     begin = json.loads((out / "start.json").read_text(encoding="utf-8"))
     spec = mujoco.MjSpec.from_file(str(out / "model.xml"))
     spec.add_actuator(name="idle", target=nominal.driven, trntype=mujoco.mjtTrn.mjTRN_JOINT, gear=[0.0] * 6)

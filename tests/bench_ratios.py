@@ -15,6 +15,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from asked import request_of
+
 COUNTS = (1, 10, 100, 1_000, 10_000, 100_000, 1_000_000)
 TURNS = 3
 TWO_PI = 2 * np.pi
@@ -90,8 +92,8 @@ def harness() -> None:
     )
     for model in JOINT_MODELS:
         for revolutions in (0, 1, 10):
-            request = Request(m, model, "driven", once, lead_in=revolutions * TWO_PI)
-            nowhere = Request(m, model, "driven", once[:1])  # the start, and no step
+            request = request_of(m, model, "driven", once, lead_in=revolutions * TWO_PI)
+            nowhere = request_of(m, model, "driven", once[:1])  # the start, and no step
             record = whole(request).record
             steps = sum(count for count, *_ in record.stages)
             works = (lambda r=request: whole(r)), (lambda r=record: bare(r)), (lambda r=nowhere: whole(r))

@@ -20,7 +20,8 @@ from analytic.mechanism.file import load
 from analytic.paper.clearance import displaced
 from analytic.paper.compliance import compliance
 from analytic.paper.kinetostatics import kinetostatics, kinetostatics_by_numpy
-from sim_models.engine import Request, engine
+from asked import request_of
+from sim_models.engine import engine
 
 
 def report(benchmark, work: Callable[[], object], count: int, what: str) -> None:
@@ -80,7 +81,7 @@ def test_compliance_of_links_and_joints(benchmark, case: str) -> None:
 
 @pytest.mark.parametrize("joint_model", ["ideal", "massless-link", "spring-damper", "contact"])
 def test_a_driven_mujoco_run(benchmark, joint_model: str) -> None:
-    request = Request(load("paper"), joint_model, "driven", np.radians(np.arange(20.0, 161.0, 5.0)))
+    request = request_of(load("paper"), joint_model, "driven", np.radians(np.arange(20.0, 161.0, 5.0)))
     mujoco = engine("mujoco")
     steps = round(np.radians(140.0) / 1.5707963267948966 / mujoco.simulate(request).settings["step"])
     report(benchmark, lambda: mujoco.simulate(request), steps, "us per step")

@@ -15,6 +15,7 @@ import shared
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import load
 from analytic.mechanism.signals import named as named_signals
+from asked import request_of
 from compare.diagnose.data.recording import Channel, Measured, MeasuredRun
 from compare.diagnose.workflow import diagnose
 from compare.evidence.scoreboard.hidden import Hidden
@@ -22,7 +23,7 @@ from compare.evidence.scoreboard.record import recorded, with_noise
 from compare.evidence.scoreboard.rigs import Experiment, Plan
 from compare.evidence.scoreboard.sizes import Planted
 from compare.results.diagnosis import Diagnosis
-from sim_models.engine import Request, engine
+from sim_models.engine import engine
 
 Result = dict[str, Any]
 START = 0.4  # rad, commanded crank angle at time 0
@@ -104,7 +105,7 @@ def released(
         free = real.replace(
             assembly=placed | {real.driven: angle}, drive={"joint": real.drive_joint.name, "speed": "free"}
         )
-        signals = engine(source).simulate(Request(free, time=time, start_speed=rate)).signals
+        signals = engine(source).simulate(request_of(free, time=time, start_speed=rate)).signals
         channels = {
             s: Channel(known[s], signals[s] + sigma * rng.standard_normal(time.size), sigma, True, known[s].unit)
             for s, sigma in noise.items()

@@ -10,11 +10,12 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
 from analytic.paper.clearance import displaced
 from analytic.paper.kinetostatics import kinetostatics
+from asked import request_of
 from linkages import inverted_slider, scotch_yoke, six_bar_driven_from_the_rocker
 from ode import ClearanceMotion, clearance_four_bar_ode
 from sim_models.common.journal import free_share
 from sim_models.common.start import poses
-from sim_models.engine import Engine, JointModel, Motion, Request, Trace
+from sim_models.engine import Engine, JointModel, Motion, Trace
 
 PAPER_RANGE = np.arange(20.0, 161.0, 5.0)
 SEVERAL = {"D": 1e-4, "F": 2e-4, "B": 1e-4, "G": 5e-5}
@@ -31,7 +32,7 @@ LINKAGES = {
 def run(
     engine: Engine, mechanism: Mechanism, joint_model: JointModel, motion: Motion, degrees: object, **options: object
 ) -> Trace:
-    return engine.simulate(Request(mechanism, joint_model, motion, np.radians(degrees), **options))
+    return engine.simulate(request_of(mechanism, joint_model, motion, np.radians(degrees), **options))
 
 
 def vector(trace: Trace, name: str) -> np.ndarray:
@@ -108,7 +109,7 @@ def one_revolution_against_the_ode(engine: Engine) -> tuple[float, Trace]:
     m = fast_crank_rocker(2e-4, 300.0)
     theta = np.linspace(0.0, 2 * np.pi, 361)
     exact = exact_motion(m, theta, 1e-10)
-    trace = engine.simulate(Request(m, "spring-damper", "driven", theta, start="centred", step=1e-5))
+    trace = engine.simulate(request_of(m, "spring-damper", "driven", theta, start="centred", step=1e-5))
     errors = (trace.signals["coupler_angle"] - exact.coupler, trace.signals["follower_angle"] - exact.follower)
     assert 0.005 < trace.free_share["B"] < 0.05
     return float(max(np.abs(e).max() for e in errors)), trace
@@ -131,7 +132,9 @@ def many_impacts_against_the_ode(
         m = fast_crank_rocker(clearance, 30.0)
         exact = exact_motion(m, np.linspace(0.0, 44 * np.pi, 22 * 3600 + 1), 1e-8)
         later = exact.crank >= theta[0] - 1e-9
-        trace = engine.simulate(Request(m, joint_model, "driven", theta, start="centred", lead_in=4 * np.pi, step=step))
+        trace = engine.simulate(
+            request_of(m, joint_model, "driven", theta, start="centred", lead_in=4 * np.pi, step=step)
+        )
         forces = vector(trace, "reaction_B"), exact.force[later]
         rms.append([float(np.sqrt(np.mean(np.abs(f) ** 2))) for f in forces])
         free.append([trace.free_share["B"], free_share(exact.gap[later], clearance)])

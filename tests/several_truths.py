@@ -16,10 +16,11 @@ from analytic.kinematics.motion import Gap, kinematics
 from analytic.mechanism import MASS_CENTRE, Drive, Mechanism, Spring
 from analytic.mechanism.file import load
 from analytic.paper.kinetostatics import Reactions, kinetostatics
+from asked import request_of
 from engine_checks import vector
 from maximal import Maximal, Posed
 from several_linkages import Knots, splines
-from sim_models.engine import Engine, JointModel, Motion, Request, Trace
+from sim_models.engine import Engine, JointModel, Motion, Trace
 
 G = 9.81  # m/s^2
 ARM = load("2r-arm")
@@ -273,7 +274,7 @@ def holds_by_its_stretch(engine: Engine, model: JointModel, samples: int) -> Non
     """At rest the torque that holds the crank is the slope of the energy over its angle, pins on their rims or not."""
     m = on_a_spring(load("paper")).with_clearances({} if model == "ideal" else {"B": 1e-4})
     theta = np.radians(np.linspace(30.0, 60.0, samples))
-    trace = engine.simulate(Request(m, model, "static", theta))
+    trace = engine.simulate(request_of(m, model, "static", theta))
     slope = CubicSpline(theta, resting(m, trace) + stretched(m, trace))(theta, 1)[5:-5]
     give = 1e-4 if model == "ideal" else 2e-3  # a contact stores some of it
     close(trace.signals["drive_torque"][5:-5], slope, give * np.abs(slope).max())
@@ -282,7 +283,7 @@ def holds_by_its_stretch(engine: Engine, model: JointModel, samples: int) -> Non
 def gives_what_the_spring_takes(engine: Engine, model: JointModel, theta: np.ndarray) -> None:
     """A crank that turns against a spring and its damper at crank angles (N,) rad."""
     bare = load("paper").with_clearances({} if model == "ideal" else {"B": 1e-5})
-    with_it, without = (engine.simulate(Request(m, model, "driven", theta)) for m in (on_a_spring(bare), bare))
+    with_it, without = (engine.simulate(request_of(m, model, "driven", theta)) for m in (on_a_spring(bare), bare))
     spring = on_a_spring(bare).springs[0]
     apart = vector(with_it, "coupler") - bare.ground.point("E")
     coupler, body = with_it.rates["coupler"], bare.moving["coupler"]
@@ -304,7 +305,7 @@ def pulls_each_as_the_other(engine: Engine, motion: Motion) -> None:
     spring = Spring(bodies=("crank", "follower"), points=("A", "E"), stiffness=300.0, length=0.2, damping=30.0)
     theta = np.radians(np.linspace(30.0, 60.0, 5))
     found, without = (
-        engine.simulate(Request(m, "ideal", motion, theta)) for m in (bare.replace(springs=(spring,)), bare)
+        engine.simulate(request_of(m, "ideal", motion, theta)) for m in (bare.replace(springs=(spring,)), bare)
     )
     crank = bare.moving["crank"]
     reach = (crank.point("A") - crank.point("D")) * np.exp(1j * theta)

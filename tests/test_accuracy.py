@@ -18,8 +18,9 @@ from analytic.mechanism.file import load
 from analytic.paper.envelope import Output, transmission, unit_reactions
 from analytic.paper.kinetostatics import kinetostatics
 from analytic.paper.superposition import Accuracy, accuracy, total_displacement
+from asked import request_of
 from linkages import inverted_slider, scotch_yoke, six_bar_driven_from_the_rocker
-from sim_models.engine import ENGINES, Request, declared
+from sim_models.engine import ENGINES, declared
 
 CYCLE = np.radians(np.arange(30.0, 151.0, 10.0))
 C = 1e-4  # m
@@ -216,7 +217,7 @@ def test_a_simulation_with_clearance_in_every_joint_agrees(m: Mechanism, joint_m
     engine = declared(simulator)
     theta = CYCLE[::3]
     found = at_rest(m, C, theta)
-    trace = engine.simulate(Request(m.with_clearances(dict.fromkeys(found.pins, C)), joint_model, "static", theta))
+    trace = engine.simulate(request_of(m.with_clearances(dict.fromkeys(found.pins, C)), joint_model, "static", theta))
     ideal = found.total.clearance.ideal
     simulated = moved(m, {d: trace.signals[d.name] - d.value(ideal.motion) for d in everything(m)})
     stiffness = trace.settings.get("contact_stiffness") or np.inf

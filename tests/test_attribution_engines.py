@@ -12,7 +12,8 @@ from analytic.kinematics.assembly import Assembly
 from analytic.mechanism.file import load
 from analytic.paper import printed
 from analytic.paper.clearance import Model
-from compare.crosscheck import Job, crosscheck_job
+from asked import job_of
+from compare.crosscheck import crosscheck_job
 from compare.judge.discrepancy import load_tolerances
 from compare.judge.reference import Reference, reference
 from compare.judge.signals import with_derived
@@ -49,7 +50,7 @@ def test_an_engine_with_a_mass_5_percent_off_stands_apart(culprit: str) -> None:
     def resolve(name: str) -> Engine:
         return HeavyCoupler(engine(name)) if name == culprit else engine(name)
 
-    job = Job(load("crank-rocker"), INSTALLED, load_tolerances(), "driven", TURN)
+    job = job_of(load("crank-rocker"), INSTALLED, load_tolerances(), "driven", TURN)
     result = crosscheck_job(job, resolve=resolve)
     assert result.odd_one_out == culprit
     assert result.words.startswith(f"{culprit} stands apart")
@@ -69,7 +70,7 @@ def printed_side(
 
 
 def test_the_printed_equation_11_stands_apart_as_the_analytic_model() -> None:
-    job = Job(load("paper").with_clearances({}), INSTALLED, load_tolerances(), "driven", PAPER)
+    job = job_of(load("paper").with_clearances({}), INSTALLED, load_tolerances(), "driven", PAPER)
     result = crosscheck_job(job, measure=printed_side)
     assert result.odd_one_out == "analytic"
     assert result.words.startswith("the analytic model stands apart")
@@ -79,7 +80,7 @@ def test_what_agrees_with_its_contact_yielding_does_not_stand_apart() -> None:
     """Contact yields by more than a tenth of a small clearance: what the verdict allows for, the attribution
     does too.
     """
-    job = Job(
+    job = job_of(
         load("paper").with_clearances({"B": 1e-4}),
         INSTALLED,
         load_tolerances(),
@@ -96,7 +97,7 @@ def test_what_agrees_with_its_contact_yielding_does_not_stand_apart() -> None:
 def test_an_engine_that_lacks_something_is_left_out_and_the_others_go_on() -> None:
     rubbing = load("paper").with_joint("B", friction=0.1)
     result = crosscheck_job(
-        Job(rubbing, ("mujoco", "exudyn"), load_tolerances(), "static", PAPER[:2], joint_model="contact")
+        job_of(rubbing, ("mujoco", "exudyn"), load_tolerances(), "static", PAPER[:2], joint_model="contact")
     )
     assert {run.simulator.name for run in result.runs} == {"mujoco"}
     (warning,) = result.warnings
@@ -104,12 +105,12 @@ def test_an_engine_that_lacks_something_is_left_out_and_the_others_go_on() -> No
     assert "friction" in warning
     assert result.failures == ()
     with pytest.raises(Unsupported, match="friction"):
-        crosscheck_job(Job(rubbing, ("exudyn",), load_tolerances(), "static", PAPER[:2], joint_model="contact"))
+        crosscheck_job(job_of(rubbing, ("exudyn",), load_tolerances(), "static", PAPER[:2], joint_model="contact"))
 
 
 @pytest.mark.slow
 def test_nobody_stands_apart_where_nothing_was_planted() -> None:
-    result = crosscheck_job(Job(load("crank-rocker"), INSTALLED, load_tolerances(), "driven", TURN))
+    result = crosscheck_job(job_of(load("crank-rocker"), INSTALLED, load_tolerances(), "driven", TURN))
     assert result.verdict == "agrees"
     assert result.odd_one_out is None
     assert result.words == "all agree within the tolerances"
@@ -117,7 +118,9 @@ def test_nobody_stands_apart_where_nothing_was_planted() -> None:
 
 
 def test_the_papers_first_order_stands_apart_at_large_clearance() -> None:
-    job = Job(load("paper"), INSTALLED, load_tolerances(), "static", PAPER, joint_model="contact", model="first_order")
+    job = job_of(
+        load("paper"), INSTALLED, load_tolerances(), "static", PAPER, joint_model="contact", model="first_order"
+    )
     result = crosscheck_job(job)
     assert result.verdict == "disagrees"
     assert result.odd_one_out == "analytic"

@@ -23,10 +23,11 @@ from analytic.paper.clearance import Model, displaced
 from analytic.paper.compliance import compliance
 from analytic.paper.frame import ComplianceError
 from analytic.paper.kinetostatics import kinetostatics
+from asked import request_of
 from commands import compare
 from marks import slow
 from multiplier_oracle import Oracle
-from sim_models.engine import JointModel, Motion, Request, engine
+from sim_models.engine import JointModel, Motion, engine
 
 CRANK, ROD = 0.05, 0.12  # m
 RADII = {"O": 3e-3, "A": 2e-3, "B": 1e-3}  # m
@@ -153,7 +154,7 @@ def test_contact_in_an_engine_has_the_friction_of_a_pin_with_clearance() -> None
     theta = np.radians([20.0, 75.0, 140.0, 300.0])
     found = displaced(Assembly(m), theta, m.speed or 1.0, inertia=False).signals()
     smooth = displaced(Assembly(m.without_contact_friction()), theta, m.speed or 1.0, inertia=False).signals()
-    seen = engine("mujoco").simulate(Request(m, "contact", "static", theta)).signals
+    seen = engine("mujoco").simulate(request_of(m, "contact", "static", theta)).signals
     for name in ("drive_torque", "reaction_B_x", "reaction_B_y", "clearance_B_x", "clearance_B_y"):
         largest = np.abs(found[name]).max()
         np.testing.assert_allclose(seen[name], found[name], atol=2e-5 * largest, err_msg=name)
@@ -192,7 +193,7 @@ def test_engines_rub_as_the_analytic_model(name: str, motion: Motion, joints: st
     m = rubbed(plain, dict.fromkeys(joints, 4e-3))
     theta, moving = np.radians(np.arange(5.0, 365.0, 20.0)), motion == "driven"
     expected, without = (kinetostatics(moved(each, theta), moving).drive_torque for each in (m, plain))
-    found = engine(name).simulate(Request(m, "ideal", motion, theta)).signals["drive_torque"]
+    found = engine(name).simulate(request_of(m, "ideal", motion, theta)).signals["drive_torque"]
     largest = np.abs(expected).max()
     assert np.abs(expected - without).max() > 0.02 * largest
     np.testing.assert_allclose(found, expected, atol=OFF[motion] * largest, rtol=0)
@@ -212,7 +213,7 @@ def test_a_step_with_friction_by_reactions_heeds_them_once(model: JointModel) ->
     """A step is begun once, and weighed once: a run with friction takes some times that without, and no twenty."""
     m, theta = driven_slider(), np.radians([20.0, 50.0])
     profile = cProfile.Profile()
-    seen = profile.runcall(engine("mujoco").simulate, Request(m, model, "driven", theta, step=2e-6))
+    seen = profile.runcall(engine("mujoco").simulate, request_of(m, model, "driven", theta, step=2e-6))
     calls = {key[2]: count for key, (count, *_) in pstats.Stats(profile).stats.items()}  # type: ignore[attr-defined]
     looked = calls["look"]
     steps = calls["begin_step"] - looked
@@ -246,8 +247,8 @@ def test_a_released_pendulum_rubs_as_its_equation_of_motion_says(name: str) -> N
     time = np.linspace(0.0, 0.35, 8)  # on its way down, all the while
     theta, omega = solve_ivp(rate, (0.0, 0.35), [0.0, -1e-12], t_eval=time, rtol=1e-10, atol=1e-12).y
     assert omega[1:].max() < -0.5
-    found = engine(name).simulate(Request(rubbed(m, {"O": radius}), time=time, step=5e-5)).signals["pendulum_angle"]
-    free = engine(name).simulate(Request(m, time=time)).signals["pendulum_angle"]
+    found = engine(name).simulate(request_of(rubbed(m, {"O": radius}), time=time, step=5e-5)).signals["pendulum_angle"]
+    free = engine(name).simulate(request_of(m, time=time)).signals["pendulum_angle"]
     assert np.abs(free - theta).max() > 5e-3
     np.testing.assert_allclose(found, theta, atol=3e-5, rtol=0)
 

@@ -13,6 +13,7 @@ import pytest
 
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import load, loads
+from asked import request_of
 from compare.crosscheck import crosscheck
 from compare.evidence.published.flying_block import TOML
 from compare.judge.contact import contact, contact_in, ideal_peaks
@@ -23,7 +24,7 @@ from compare.results.contact import Contact
 from marks import slow
 from sim_models.common.contact_laws import hysteresis
 from sim_models.common.guide import Guide
-from sim_models.engine import Request, Trace, Watched, declared, engine
+from sim_models.engine import Trace, Watched, declared, engine
 
 MODELS = {"mujoco": "contact", "exudyn": "contact", "dart": "spring-damper", "pybullet": "spring-damper"}
 EVERY = pytest.mark.parametrize("name", ["mujoco", "exudyn", *slow("dart", "pybullet")])
@@ -53,7 +54,7 @@ def watched(name: str, m: Mechanism, angle: float, step: float | None = None) ->
     """A driven run from the middle of the guide at 0 to an angle (rad), seen from 0.01 rad on."""
     pytest.importorskip(declared(name).package)
     theta = np.array([0.01, angle])
-    asked = Request(m, MODELS[name], "driven", theta, start="centred", lead_in=0.01, watched=True, step=step)
+    asked = request_of(m, MODELS[name], "driven", theta, start="centred", lead_in=0.01, watched=True, step=step)
     return engine(name).simulate(asked)
 
 
@@ -302,7 +303,7 @@ def test_units_of_an_engine_s_own_leave_a_corner_s_force_what_it_is() -> None:
     m = m.replace(bodies=tuple(bodies)).with_joint("S", guide=(1e-3, 5e-4), clearance=1e-5)
     theta = np.radians(np.arange(1.0, 90.0, 0.5))
     trace = engine("mujoco").simulate(
-        Request(m, "contact", "driven", theta, start="centred", lead_in=0.01, watched=True)
+        request_of(m, "contact", "driven", theta, start="centred", lead_in=0.01, watched=True)
     )
     seen, guide = trace.watched, Guide.of(m.joint("S"))
     assert trace.settings["units"] != "length 1, mass 1, time 1"

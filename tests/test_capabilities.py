@@ -16,6 +16,7 @@ import pytest
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
+from asked import request_of
 from marks import slow
 from sim_models.engine import (
     ENGINES,
@@ -94,14 +95,14 @@ def request(pair: Pair, feature: Feature | None) -> Request:
     model, motion = pair
     m = mechanism(model, feature)
     if feature == "course":
-        return Request(m, model, motion, time=TIMES, course=(KNOTS, COURSE))
+        return request_of(m, model, motion, time=TIMES, course=(KNOTS, COURSE))
     if feature == "released":
-        return Request(m, model, motion, time=TIMES)
+        return request_of(m, model, motion, time=TIMES)
     if feature == "several_drives":
         courses = {"D": (KNOTS, COURSE + np.radians(120.0) - FIRST), "E": (KNOTS, np.radians(60.0) - 3.0 * KNOTS)}
-        return Request(m, model, motion, time=TIMES, courses=courses)
+        return request_of(m, model, motion, time=TIMES, courses=courses)
     start = "centred" if feature == "contact_law" else "steady"  # it shows where pins strike
-    return Request(m, model, motion, FIRST + np.array([0.0, 0.06, 0.1]), start=start)
+    return request_of(m, model, motion, FIRST + np.array([0.0, 0.06, 0.1]), start=start)
 
 
 def bending(asked: Request) -> Request:

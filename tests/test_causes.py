@@ -10,13 +10,14 @@ import pytest
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.mechanism.file import load
-from compare.crosscheck import Job, crosscheck
+from asked import job_of, request_of
+from compare.crosscheck import crosscheck
 from compare.evidence.validation.scales import Scale, linkage
 from compare.judge.tolerances import load_tolerances
 from compare.results.crosscheck import Failure
 from compare.runs import simulate
 from sim_models.common.failed_starts import TooSoft
-from sim_models.engine import CENTRED, ELSEWHERE, Cause, Request, SimulationError, engine
+from sim_models.engine import CENTRED, ELSEWHERE, Cause, SimulationError, engine
 
 PAPER = load("paper").with_clearances({"B": 1e-3})
 ANGLES = np.radians([30.0, 60.0])
@@ -42,7 +43,7 @@ def test_a_command_is_told_of_no_option_that_it_lacks(cause: Cause, offers: tupl
 
 def test_a_map_is_not_told_to_leave_an_angle_out_and_a_cross_check_is() -> None:
     error = SimulationError("it failed", Cause.NO_EQUILIBRIUM, ("use a smaller clearance", ELSEWHERE, CENTRED))
-    job = Job(PAPER, ("mujoco",), load_tolerances())
+    job = job_of(PAPER, ("mujoco",), load_tolerances())
     assert error.said(job.offers) == "it failed; use a smaller clearance, or leave the angle out"
     assert error.said(replace(job, as_it_is=True).offers) == "it failed; use a smaller clearance"
     assert str(error) == "it failed; use a smaller clearance, or leave the angle out, or start it centred"
@@ -71,12 +72,12 @@ def test_failures_pass_between_processes(error: Exception) -> None:
 
 
 RUNS = {
-    Cause.UNPRESSED: Request(PAPER.replace(loads=[]), "contact", "static", ANGLES),
-    Cause.TOO_SOFT: Request(PAPER.with_joint("B", contact_stiffness=1e2), "spring-damper", "static", ANGLES),
-    Cause.TOO_MANY_STEPS: Request(
+    Cause.UNPRESSED: request_of(PAPER.replace(loads=[]), "contact", "static", ANGLES),
+    Cause.TOO_SOFT: request_of(PAPER.with_joint("B", contact_stiffness=1e2), "spring-damper", "static", ANGLES),
+    Cause.TOO_MANY_STEPS: request_of(
         PAPER.replace(drive={"joint": "D", "speed": 1e-5}), "spring-damper", "driven", ANGLES
     ),
-    Cause.UNSUPPORTED: Request(PAPER, "ideal", "driven"),
+    Cause.UNSUPPORTED: request_of(PAPER, "ideal", "driven"),
 }
 
 

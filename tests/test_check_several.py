@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from compare.judge.courses import Courses
 
 import linkage_crosscheck as lc
-from analytic.kinematics.schedule import Turning
 from analytic.kinematics.assembly import Assembly
-from compare.judge.courses import Courses
+from analytic.kinematics.schedule import Turning
 from compare.judge.reference import SURE, followed_drives_reference, timed_reference
 from marks import slow
 from measured_files import written

@@ -11,7 +11,8 @@ import pytest
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
-from compare.crosscheck import Job, crosscheck_job
+from asked import job_of, request_of
+from compare.crosscheck import crosscheck_job
 from compare.judge.closer import HARDER
 from compare.judge.discrepancy import load_tolerances
 from sim_models.common.contact_laws import STATIC_STIFFNESS
@@ -48,7 +49,7 @@ def checked(fault: Callable[[float], float]) -> tuple[dict[str, Any], list[float
     faulty = Faulty(fault, engine("mujoco"), [])
     return (
         crosscheck_job(
-            Job(load("crank-rocker"), ("mujoco",), load_tolerances(), theta=TURN), resolve=lambda name: faulty
+            job_of(load("crank-rocker"), ("mujoco",), load_tolerances(), theta=TURN), resolve=lambda name: faulty
         ),
         faulty.steps,
     )
@@ -91,7 +92,7 @@ def light_contact() -> Mechanism:
 def test_a_contact_of_our_own_stiffness_is_made_harder_and_the_mechanisms_is_not() -> None:
     from compare.judge.closer import finer
 
-    request = Request(light_contact(), "contact", "static", TURN[1:4])
+    request = request_of(light_contact(), "contact", "static", TURN[1:4])
     trace = engine("mujoco").simulate(request)
     harder = finer(request, trace)
     assert harder is not None
@@ -109,7 +110,7 @@ def test_a_contact_that_hides_its_clearance_has_failed_if_it_is_the_mechanisms_a
     m = load("paper").with_clearances({"B": 1e-5})
     theta = np.radians([30.0, 60.0, 120.0])
     soft = m.with_joint("B", contact_stiffness=1e5)
-    result = crosscheck_job(Job(soft, ("mujoco",), load_tolerances(), "static", theta, joint_model="contact"))
+    result = crosscheck_job(job_of(soft, ("mujoco",), load_tolerances(), "static", theta, joint_model="contact"))
     assert result.runs == ()
     (failure,) = result.failures
     assert (
@@ -119,11 +120,11 @@ def test_a_contact_that_hides_its_clearance_has_failed_if_it_is_the_mechanisms_a
     assert "give joint B contact_stiffness = 5.0e+07 (N/m) or more" in failure.why
     enough = m.with_joint("B", contact_stiffness=5.1e7)
     assert (
-        crosscheck_job(Job(enough, ("mujoco",), load_tolerances(), "static", theta, joint_model="contact")).verdict
+        crosscheck_job(job_of(enough, ("mujoco",), load_tolerances(), "static", theta, joint_model="contact")).verdict
         == "agrees"
     )
     ours = crosscheck_job(
-        Job(m.with_clearances({"B": 5e-7}), ("mujoco",), load_tolerances(), "static", theta, joint_model="contact")
+        job_of(m.with_clearances({"B": 5e-7}), ("mujoco",), load_tolerances(), "static", theta, joint_model="contact")
     )
     assert ours.runs[0].settings["contact_stiffness"] == HARDER * STATIC_STIFFNESS
     assert ours.verdict == "agrees"

@@ -11,10 +11,11 @@ import pytest
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism, PeriodicTorque
 from analytic.mechanism.file import load
-from compare.crosscheck import Job, crosscheck_job
+from asked import job_of, request_of
+from compare.crosscheck import crosscheck_job
 from compare.judge.discrepancy import load_tolerances
 from compare.judge.grid import default_angles
-from sim_models.engine import ENGINES, JOINT_MODELS, JointModel, Motion, Request, declared, engine
+from sim_models.engine import ENGINES, JOINT_MODELS, JointModel, Motion, declared, engine
 
 GRAVITY = (0.0, -9.81)
 
@@ -126,7 +127,7 @@ ROWS = [
 @pytest.mark.parametrize(("name", "model", "motion", "case"), ROWS)
 def test_an_engine_agrees_with_the_analytic_model(name: str, model: JointModel, motion: Motion, case: str) -> None:
     mechanism, theta = CASES[case]
-    result = crosscheck_job(Job(mechanism, (name,), load_tolerances(), motion, theta, joint_model=model))
+    result = crosscheck_job(job_of(mechanism, (name,), load_tolerances(), motion, theta, joint_model=model))
     assert not result.failures, result.failures[0].why
     (run,) = result.runs
     differ = [
@@ -145,11 +146,11 @@ def test_a_crank_at_rest_is_behind_its_motor_by_torque_over_stiffness(name: str,
     rigid = load("paper").with_clearances({"B": 1e-3} if model == "contact" else {})
     drive = rigid.drive.model_dump(exclude_unset=True) | {"stiffness": 300.0}
     theta = np.radians([40.0, 90.0, 130.0])
-    found = engine(name).simulate(Request(rigid.replace(drive=drive), model, "static", theta)).signals
+    found = engine(name).simulate(request_of(rigid.replace(drive=drive), model, "static", theta)).signals
     lag = theta - found["crank_angle"]
     assert np.abs(lag).max() > 0.01
     np.testing.assert_allclose(lag, found["drive_torque"] / 300.0, atol=1e-7)
-    held = engine(name).simulate(Request(rigid, model, "static", found["crank_angle"])).signals
+    held = engine(name).simulate(request_of(rigid, model, "static", found["crank_angle"])).signals
     for signal in ("follower_angle", "coupler_angle", "drive_torque"):
         np.testing.assert_allclose(found[signal], held[signal], atol=1e-6)
 

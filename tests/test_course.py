@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analytic.kinematics.schedule import Turning
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.schedule import Turning
 from analytic.mechanism.file import dumps
 from analytic.mechanism.signals import Signal
 from compare.diagnose import prepare

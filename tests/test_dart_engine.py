@@ -9,6 +9,7 @@ from analytic.beyond_paper.released import released
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Drive
 from analytic.mechanism.file import load
+from asked import request_of
 from engine_checks import (
     LINKAGES,
     PAPER_RANGE,
@@ -26,7 +27,7 @@ from marks import slow
 from sim_models.common.start import poses
 from sim_models.dart.engine import ENGINE
 from sim_models.dart.world import DartWorld
-from sim_models.engine import JointModel, Motion, Request, SimulationError, Unsupported
+from sim_models.engine import JointModel, Motion, SimulationError, Unsupported
 
 pytestmark = pytest.mark.dart
 
@@ -151,7 +152,7 @@ def test_a_bar_dropped_in_its_bearing_rebounds_by_newtons_restitution(restitutio
     )
     fall = np.sqrt(2 * eps / 9.81)
     time = np.linspace(1.05 * fall, fall * (1 + 2 * max(restitution, 0.2)), 200)
-    trace = ENGINE.simulate(Request(m, "contact", "driven", time=time, start="centred"))
+    trace = ENGINE.simulate(request_of(m, "contact", "driven", time=time, start="centred"))
     height = eps - trace.signals["clearance_O_y"]  # the pin falls: the bearing's centre is above it
     assert height.max() == pytest.approx(restitution**2 * eps, rel=0.01, abs=1e-5)
     assert height.min() > -1e-5
@@ -161,7 +162,7 @@ def test_a_bar_dropped_in_its_bearing_rebounds_by_newtons_restitution(restitutio
 @pytest.mark.parametrize("joint_model", REAL)
 def test_a_hanging_pendulum_hangs_a_clearance_lower(joint_model: JointModel) -> None:
     m = load("pendulum").with_clearances({"O": 1e-3}).replace(assembly={"pendulum": -np.pi / 2})
-    trace = ENGINE.simulate(Request(m, joint_model, "driven", time=np.array([0.0, 0.02])))
+    trace = ENGINE.simulate(request_of(m, joint_model, "driven", time=np.array([0.0, 0.02])))
     np.testing.assert_allclose(trace.signals["clearance_O_y"], 1e-3, rtol=1e-3)
     np.testing.assert_allclose(trace.signals["reaction_O_y"], 0.2355 * 9.81, rtol=1e-3)
 
@@ -170,7 +171,7 @@ def test_a_hanging_pendulum_hangs_a_clearance_lower(joint_model: JointModel) -> 
 def test_released_pendulum_with_friction_and_damping(start_speed: float) -> None:
     m = load("pendulum").with_joint("O", friction_torque=0.02, damping=0.001)
     time = np.linspace(0, 0.4, 21)
-    trace = ENGINE.simulate(Request(m, "ideal", "driven", time=time, start_speed=start_speed))
+    trace = ENGINE.simulate(request_of(m, "ideal", "driven", time=time, start_speed=start_speed))
     expected = released(Assembly(m), time, omega=start_speed).reactions.signals()
     np.testing.assert_allclose(trace.signals["pendulum_angle"], expected["pendulum_angle"], atol=2e-4)
     np.testing.assert_allclose(
@@ -219,7 +220,7 @@ def test_dart_is_silent(capfd: pytest.CaptureFixture[str]) -> None:
 
 def moving_four_bar() -> DartWorld:
     m = load("crank-rocker")
-    world = DartWorld(Request(m, "ideal", "driven", np.array([1.0])))
+    world = DartWorld(request_of(m, "ideal", "driven", np.array([1.0])))
     world.start(poses(world.assembly, 1.0, world.speed), 1e-3)
     return world
 
@@ -256,7 +257,7 @@ def test_constraint_forces_of_a_second_tree_in_a_skeleton_would_be_forgotten() -
 def test_a_driven_body_alone_in_its_skeleton_still_feels_its_pins() -> None:
     """DART leaves constraint forces out of the wrench of a skeleton that only a motor moves."""
     m, _ = LINKAGES["scotch yoke"]
-    world = DartWorld(Request(m, "ideal", "driven", np.array([1.0])))
+    world = DartWorld(request_of(m, "ideal", "driven", np.array([1.0])))
     assert world.nodes["crank"].getSkeleton().getNumDofs() == 1
     world.start(poses(world.assembly, 1.0, world.speed), 1e-5)
     world.before_observing()
@@ -288,6 +289,6 @@ def test_contact_shapes_are_frictionless() -> None:
     node = dart.dynamics.Skeleton().createFreeJointAndBodyNodePair()[1].createShapeNode(dart.dynamics.SphereShape(1.0))
     node.createDynamicsAspect()
     assert node.getDynamicsAspect().getFrictionCoeff() == 1.0
-    bearing = DartWorld(Request(load("paper"), "contact", "static", np.array([1.0]))).bearings["B"]
+    bearing = DartWorld(request_of(load("paper"), "contact", "static", np.array([1.0]))).bearings["B"]
     assert bearing.journal.getDynamicsAspect().getFrictionCoeff() == 0.0
     assert bearing.anvil.getDynamicsAspect().getFrictionCoeff() == 0.0

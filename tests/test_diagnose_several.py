@@ -21,6 +21,7 @@ import linkage_crosscheck as lc
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import dumps, load
+from asked import request_of
 from commands import compare
 from compare.diagnose.begin import begin
 from compare.diagnose.data.measured import load_measured
@@ -37,7 +38,7 @@ from compare.results.diagnosis import Diagnosis, Parameter
 from compare.results.sentences import own_values
 from measured_files import RunTable, write_measured
 from several_linkages import third_bar
-from sim_models.engine import Request, engine
+from sim_models.engine import engine
 
 DATA = Path(os.environ.get("MEASURED_DATA", "")) / FOLDER
 HERE = pytest.mark.skipif(
@@ -89,7 +90,7 @@ def bench(
         courses = swung(m, way)
         knots = {name: (KNOTS, course(KNOTS)) for name, course in courses.items()}
         model = "contact" if truth.clearances else "ideal"
-        trace = engine(maker).simulate(Request(truth, model, "driven", time=TIME, courses=knots))
+        trace = engine(maker).simulate(request_of(truth, model, "driven", time=TIME, courses=knots))
         columns = {}
         for joint in m.motors:
             unit = "m" if joint.prismatic else "rad"
@@ -300,7 +301,7 @@ def test_a_drive_between_moving_bodies_is_followed_whichever_is_told_first(
     m = m.replace(name="motor on the crank", joints=joints, drives=({"joint": "A", "speed": "measured"},))
     course = CubicSpline(KNOTS, Assembly(m).positions["A"] + 0.2 * np.sin(2.0 * KNOTS))
     truth = m.with_joint("E", damping=0.2)
-    asked = Request(truth, "ideal", "driven", time=TIME, courses={"A": (KNOTS, course(KNOTS))})
+    asked = request_of(truth, "ideal", "driven", time=TIME, courses={"A": (KNOTS, course(KNOTS))})
     torque = engine("pybullet").simulate(asked).signals["drive_torque"]
     random = np.random.default_rng(2)
     columns = {

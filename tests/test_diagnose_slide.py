@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from analytic.mechanism.file import load
+from asked import request_of
 from compare.diagnose.begin import begin
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import Measured, MeasuredError
@@ -28,7 +29,7 @@ from compare.report.diagnosis_text import diagnosis_md, terminal_lines
 from compare.report.preview import files
 from compare.results.diagnosis import Diagnosis
 from compare.results.places import located
-from sim_models.engine import Request, engine
+from sim_models.engine import engine
 
 MASS = 20.0  # kg
 COUNT = 1e-6  # m, of the encoder
@@ -423,7 +424,7 @@ def test_friction_in_a_pin_of_a_linkage_that_a_slide_moves_is_named_there(tmp_pa
     real = load(tmp_path / "nominal.toml").with_joint("O", friction_torque=0.8).with_joint("S", damping=25.0)
     knots = np.arange(-0.001, 3.001, 0.001)
     course = {"S": (knots - knots[0], 0.11 + strokes(knots)[0] / 2)}
-    seen = engine("dart").simulate(Request(real, "ideal", "driven", time=time - knots[0], courses=course)).signals
+    seen = engine("dart").simulate(request_of(real, "ideal", "driven", time=time - knots[0], courses=course)).signals
     read = {"drive_force_S [N]": 0.2, "rocker_angle [rad]": 1e-4, "reaction_O_x [N]": 0.1, "reaction_O_y [N]": 0.1}
     columns = {"time [s]": time, "position_S [m]": np.round(travel / COUNT) * COUNT}
     columns |= {

@@ -13,11 +13,12 @@ from scipy.integrate import solve_ivp
 import analytic.beyond_paper.backlash as backlash
 from analytic.beyond_paper.backlash import Slack
 from analytic.beyond_paper.drive import Motor
-from analytic.kinematics.schedule import Turning
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import kinematics
+from analytic.kinematics.schedule import Turning
 from analytic.mechanism import Mechanism
 from analytic.paper.kinetostatics import kinetostatics
+from asked import request_of
 from compare.diagnose.effects.effect import LANDING
 from compare.diagnose.residuals import SPIKE, Data
 from compare.diagnose.workflow import diagnose
@@ -26,7 +27,7 @@ from compare.evidence.scoreboard.record import recorded, with_noise, write_data
 from diagnosis_rigs import START, assert_recovered, diagnosed, experiment, four_bar, named, played, turn, wrong
 from marks import slow
 from sim_models.common.backlash import SETTLED
-from sim_models.engine import Request, engine
+from sim_models.engine import engine
 
 GAP = 3e-3  # rad, half of it
 SPEED = 5.0  # rad/s
@@ -121,7 +122,7 @@ def test_an_engine_moves_as_the_analytic_model_but_for_landings(name: str) -> No
     time = (theta - START) / SPEED
     found = slack(m, time)
     crank, told = found.at(time), ~found.landing(time)
-    seen = engine(name).simulate(Request(m, crank_angle=theta, lead_in=SETTLED)).signals
+    seen = engine(name).simulate(request_of(m, crank_angle=theta, lead_in=SETTLED)).signals
     torque = torque_of(m, crank)
     off = np.abs(seen["drive_torque"] - torque) / np.abs(torque).max()
     assert np.median(off) < 1e-5
@@ -133,7 +134,7 @@ def test_an_engine_moves_as_the_analytic_model_but_for_landings(name: str) -> No
 @pytest.mark.parametrize("name", ["mujoco", *slow("dart", "pybullet")])
 def test_at_rest_the_torque_says_on_which_flank_the_crank_lies(name: str) -> None:
     theta, m = np.linspace(0.1, 6.1, 9), driven()
-    seen = engine(name).simulate(Request(m, motion="static", crank_angle=theta)).signals
+    seen = engine(name).simulate(request_of(m, motion="static", crank_angle=theta)).signals
     assert len(set(np.sign(seen["drive_torque"]))) == 2
     assert seen[f"{m.driven}_angle"] == pytest.approx(theta - GAP * np.sign(seen["drive_torque"]), abs=1e-7)
 
@@ -147,7 +148,7 @@ def test_on_a_course_too(name: str) -> None:
     course = CubicSpline(knots, START + SPEED * knots + 0.2 * np.sin(4 * knots))
     found = Slack.behind(Motor(course=course), time, None, lambda t: torque_of(m, t), True, GAP)
     crank, told = found.at(time), ~found.landing(time)
-    seen = engine(name).simulate(Request(m, time=time, course=(knots, course(knots)))).signals
+    seen = engine(name).simulate(request_of(m, time=time, course=(knots, course(knots)))).signals
     assert np.abs(seen[f"{m.driven}_angle"] - crank.theta)[told].max() < 5e-3 * GAP
     assert np.abs(seen["drive_torque"] - torque_of(m, crank))[told].max() < 5e-3
 
@@ -156,7 +157,7 @@ def test_on_a_course_too(name: str) -> None:
 def test_a_springy_drive_with_backlash_lags_by_both(name: str) -> None:
     stiffness = 400.0
     m, theta = driven(stiffness=stiffness), START + np.linspace(0.0, 2 * math.pi, 200)
-    seen = engine(name).simulate(Request(m, crank_angle=theta, lead_in=SETTLED)).signals
+    seen = engine(name).simulate(request_of(m, crank_angle=theta, lead_in=SETTLED)).signals
     torque = seen["drive_torque"]
     beyond = theta - seen[f"{m.driven}_angle"] - np.sign(torque) * GAP
     assert np.median(np.abs(beyond - torque / stiffness)) < 5e-3 * np.abs(torque).max() / stiffness

@@ -18,11 +18,12 @@ from typer.testing import CliRunner
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
+from asked import request_of
 from compare.cli.export import export
 from compare.results.export import Exported
 from document_faults import faults
 from linkages import curved_slider, inverted_slider
-from sim_models.engine import ENGINES, JOINT_MODELS, Request, Trace, declared
+from sim_models.engine import ENGINES, JOINT_MODELS, Trace, declared
 from sim_models.mujoco.engine import ENGINE
 
 pytestmark = pytest.mark.mujoco
@@ -57,23 +58,23 @@ SOFT = PAPER.with_clearances({}).with_joint("A", radial_stiffness=1e5).with_join
 SHORT = np.radians([30.0, 40.0, 35.0])
 REQUESTS = {
     **{
-        f"paper, {model}, {motion}": Request(PAPER, model, motion, SHORT)
+        f"paper, {model}, {motion}": request_of(PAPER, model, motion, SHORT)
         for model in JOINT_MODELS
         for motion in ("driven", "static")
     },
-    "every joint law, driven": Request(SLIDER, "contact", "driven", SHORT),
-    "every joint law, static": Request(SLIDER, "contact", "static", SHORT),
-    "laws that are not linear, driven": Request(CURVED, "ideal", "driven", SHORT),
-    "laws that are not linear, static": Request(CURVED, "ideal", "static", SHORT),
-    "two gaps, backwards": Request(
+    "every joint law, driven": request_of(SLIDER, "contact", "driven", SHORT),
+    "every joint law, static": request_of(SLIDER, "contact", "static", SHORT),
+    "laws that are not linear, driven": request_of(CURVED, "ideal", "driven", SHORT),
+    "laws that are not linear, static": request_of(CURVED, "ideal", "static", SHORT),
+    "two gaps, backwards": request_of(
         driven_by(PAPER.with_clearances({"A": 1e-3, "B": 5e-4}), speed=-3.0), "contact", "driven", SHORT
     ),
-    "compliant drive": Request(driven_by(PAPER, stiffness=2000.0), "spring-damper", "driven", SHORT),
-    "impacts": Request(
+    "compliant drive": request_of(driven_by(PAPER, stiffness=2000.0), "spring-damper", "driven", SHORT),
+    "impacts": request_of(
         load("crank-rocker").with_clearances({"B": 2e-4}), "contact", "driven", SHORT, start="centred", lead_in=1.0
     ),
-    "soft bearings, driven": Request(SOFT, "ideal", "driven", SHORT),
-    "a gap in a bearing of known stiffness, driven": Request(
+    "soft bearings, driven": request_of(SOFT, "ideal", "driven", SHORT),
+    "a gap in a bearing of known stiffness, driven": request_of(
         load("crank-rocker").with_joint("B", clearance=2e-4, contact_stiffness=1e6, contact_damping=300.0),
         "contact",
         "driven",
@@ -81,10 +82,12 @@ REQUESTS = {
         start="centred",
         lead_in=1.0,
     ),
-    "soft bearings beside a gap, driven": Request(SOFT.with_clearances({"B": 1e-3}), "contact", "driven", SHORT),
-    "soft bearings, static": Request(SOFT, "ideal", "static", SHORT),
-    "released": Request(load("pendulum"), "ideal", time=np.array([0.3, 0.1, 0.5])),
-    "released with a gap": Request(load("pendulum").with_clearances({"O": 5e-4}), "contact", time=np.array([0.1, 0.2])),
+    "soft bearings beside a gap, driven": request_of(SOFT.with_clearances({"B": 1e-3}), "contact", "driven", SHORT),
+    "soft bearings, static": request_of(SOFT, "ideal", "static", SHORT),
+    "released": request_of(load("pendulum"), "ideal", time=np.array([0.3, 0.1, 0.5])),
+    "released with a gap": request_of(
+        load("pendulum").with_clearances({"O": 5e-4}), "contact", time=np.array([0.1, 0.2])
+    ),
 }
 
 

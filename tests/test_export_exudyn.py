@@ -15,6 +15,7 @@ import pytest
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Drive, Mechanism
 from analytic.mechanism.file import load
+from asked import request_of
 from compare.evidence.validation.files import apart
 from linkages import curved_slider
 from maximal import Maximal
@@ -58,7 +59,7 @@ def freed(m: Mechanism, *joints: str) -> Mechanism:
 def moved(m: Mechanism, joint_model: JointModel = "ideal", time: np.ndarray = FEW, **fields: Any) -> Request:
     """A run along courses of all drives that are not free."""
     courses = {name: course for name, course in waved(CASES[m.name]).items() if m.joint(name) in m.motors}
-    return Request(m, joint_model, time=time, courses=courses, **fields)
+    return request_of(m, joint_model, time=time, courses=courses, **fields)
 
 
 def rubbed(m: Mechanism) -> Mechanism:
@@ -80,17 +81,17 @@ HUGE = Units(length=2.0**-6, mass=2.0**-16)
 SEVERAL = {
     **{f"{name}, {model}": moved(CASES[name].with_clearances({pin: 2e-4}), model)
        for name, pin in GAPS.items() for model in JOINT_MODELS},
-    **{f"{name}, springs and dampers": Request(sprung(CASES[name]), time=FEW, courses=waved(CASES[name]))
+    **{f"{name}, springs and dampers": request_of(sprung(CASES[name]), time=FEW, courses=waved(CASES[name]))
        for name in SHIPPED},
     **{f"{name}, every law of a joint": moved(rubbed(CASES[name])) for name in ("3-rpr", "five-bar")},
     **{f"{name}, the other way round": moved(turned_round(CASES[name], *joints), time=FEW)
        for name, joints in {"2r-arm": ("O", "K"), "five-bar": ("D", "A")}.items()},
-    "rods the other way round": Request(
+    "rods the other way round": request_of(
         turned_round(CASES["3-rpr"], "S1", "A2"), time=FEW, courses=waved(turned_round(CASES["3-rpr"], "S1", "A2"))
     ),
     "soft bearing": moved(CASES["five-bar"].with_joint("A", radial_stiffness=1e5)),
     "impacts along courses": moved(CASES["five-bar"].with_clearances({"A": 2e-4}), "contact", start="centred"),
-    "late courses": Request(CASES["2r-arm"], time=np.array([7.4, 7.02, 7.58, 7.4]), courses=LATE),
+    "late courses": request_of(CASES["2r-arm"], time=np.array([7.4, 7.02, 7.58, 7.4]), courses=LATE),
     **{f"elbow free, {model}": moved(freed(CASES["2r-arm"].with_clearances({"O": 2e-4}), "K"), model)
        for model in JOINT_MODELS},
     **{f"all free, {model}": moved(freed(CASES["2r-arm"].with_clearances({"K": 2e-4}), "O", "K"), model)
@@ -99,48 +100,53 @@ SEVERAL = {
     **{f"{name}, tiny": TINY.request(moved(CASES[name].with_clearances({pin: 2e-4}), "contact"))
        for name, pin in GAPS.items()},
     **{f"3-rpr, huge, {motion}": HUGE.request(moved(CASES["3-rpr"], motion=motion)) for motion in MOTIONS},
-    "no drives": Request(SWINGING, time=FEW, courses={}),
-    "held more than once": Request(third_bar(), time=FEW, courses=waved(third_bar())),
+    "no drives": request_of(SWINGING, time=FEW, courses={}),
+    "held more than once": request_of(third_bar(), time=FEW, courses=waved(third_bar())),
     **{f"{name}, {model}, at rest": moved(CASES[name].with_clearances({pin: 2e-4}), model, motion="static")
        for name, pin in GAPS.items() for model in JOINT_MODELS},
-    "springs, at rest": Request(sprung(CASES["3-rpr"]), motion="static", time=FEW, courses=waved(CASES["3-rpr"])),
+    "springs, at rest": request_of(sprung(CASES["3-rpr"]), motion="static", time=FEW, courses=waved(CASES["3-rpr"])),
     "every law of a joint, at rest": moved(rubbed(CASES["3-rpr"]), motion="static"),
     "soft bearing, at rest": moved(CASES["five-bar"].with_joint("A", radial_stiffness=1e5), motion="static"),
-    "held more than once, at rest": Request(third_bar(), motion="static", time=FEW, courses=waved(third_bar())),
+    "held more than once, at rest": request_of(third_bar(), motion="static", time=FEW, courses=waved(third_bar())),
 }  # fmt: skip
 REQUESTS = {
     **{
-        f"paper, {model}, {motion}": Request(PAPER, model, motion, SHORT)
+        f"paper, {model}, {motion}": request_of(PAPER, model, motion, SHORT)
         for model in JOINT_MODELS
         for motion in ("driven", "static")
     },
-    **{f"crank-rocker, {model}": Request(ROCKER, model, "driven", TURN, lead_in=0.3) for model in JOINT_MODELS},
-    "slider-crank": Request(driven_by(load("slider-crank"), speed=100.0), "ideal", "driven", TURN),
-    "every joint law, driven": Request(SLIDER, "contact", "driven", SHORT),
-    "every joint law, static": Request(SLIDER.with_joint("A", friction=0.0), "contact", "static", SHORT),
-    "laws that are not linear, driven": Request(CURVED, "ideal", "driven", SHORT),
-    "laws that are not linear, static": Request(CURVED, "ideal", "static", SHORT),
-    "linear contact": Request(PAPER.with_joint("B", contact_damping=300.0), "contact", "driven", SHORT),
-    "two gaps, backwards": Request(
+    **{f"crank-rocker, {model}": request_of(ROCKER, model, "driven", TURN, lead_in=0.3) for model in JOINT_MODELS},
+    "slider-crank": request_of(driven_by(load("slider-crank"), speed=100.0), "ideal", "driven", TURN),
+    "every joint law, driven": request_of(SLIDER, "contact", "driven", SHORT),
+    "every joint law, static": request_of(SLIDER.with_joint("A", friction=0.0), "contact", "static", SHORT),
+    "laws that are not linear, driven": request_of(CURVED, "ideal", "driven", SHORT),
+    "laws that are not linear, static": request_of(CURVED, "ideal", "static", SHORT),
+    "linear contact": request_of(PAPER.with_joint("B", contact_damping=300.0), "contact", "driven", SHORT),
+    "two gaps, backwards": request_of(
         driven_by(PAPER.with_clearances({"A": 1e-3, "B": 5e-4}), speed=-3.0), "contact", "driven", SHORT
     ),
-    "compliant drive": Request(driven_by(PAPER, stiffness=2000.0), "spring-damper", "driven", SHORT),
-    "compliant drive, backwards": Request(driven_by(PAPER, stiffness=500.0, speed=-3.0), "ideal", "driven", SHORT),
-    "compliant drive, static": Request(driven_by(PAPER, stiffness=500.0), "contact", "static", SHORT),
-    "impacts": Request(ROCKER, "contact", "driven", SHORT, start="centred"),
-    "soft bearings, driven": Request(SOFT, "ideal", "driven", SHORT),
-    "soft bearings beside a gap, driven": Request(SOFT.with_clearances({"B": 1e-3}), "contact", "driven", SHORT),
-    "soft bearings, static": Request(SOFT, "ideal", "static", SHORT),
-    "released": Request(load("pendulum"), "ideal", time=np.array([0.3, 0.1, 0.5])),
-    "released with a gap": Request(
+    "compliant drive": request_of(driven_by(PAPER, stiffness=2000.0), "spring-damper", "driven", SHORT),
+    "compliant drive, backwards": request_of(driven_by(PAPER, stiffness=500.0, speed=-3.0), "ideal", "driven", SHORT),
+    "compliant drive, static": request_of(driven_by(PAPER, stiffness=500.0), "contact", "static", SHORT),
+    "impacts": request_of(ROCKER, "contact", "driven", SHORT, start="centred"),
+    "soft bearings, driven": request_of(SOFT, "ideal", "driven", SHORT),
+    "soft bearings beside a gap, driven": request_of(SOFT.with_clearances({"B": 1e-3}), "contact", "driven", SHORT),
+    "soft bearings, static": request_of(SOFT, "ideal", "static", SHORT),
+    "released": request_of(load("pendulum"), "ideal", time=np.array([0.3, 0.1, 0.5])),
+    "released with a gap": request_of(
         load("pendulum").with_clearances({"O": 5e-4}), "contact", time=np.array([0.0, 0.1, 0.2])
     ),
-    **{f"course, {model}": Request(measured(PAPER), model, time=FEW, course=(KNOTS, ANGLES)) for model in JOINT_MODELS},
-    "course, compliant drive": Request(measured(PAPER, stiffness=2e3), "contact", time=FEW, course=(KNOTS, ANGLES)),
-    **{f"spring between points, {m}": Request(SPRUNG, "contact", m, SHORT) for m in MOTIONS},
-    **{f"tiny, {m}": TINY.request(Request(SPRUNG, "spring-damper", m, SHORT)) for m in MOTIONS},
-    **{f"held more than once, {m}": Request(third_bar(), "ideal", m, SHORT) for m in MOTIONS},
-    "held more than once, with a gap": Request(third_bar().with_clearances({"f2": 1e-4}), "contact", "driven", SHORT),
+    **{
+        f"course, {model}": request_of(measured(PAPER), model, time=FEW, course=(KNOTS, ANGLES))
+        for model in JOINT_MODELS
+    },
+    "course, compliant drive": request_of(measured(PAPER, stiffness=2e3), "contact", time=FEW, course=(KNOTS, ANGLES)),
+    **{f"spring between points, {m}": request_of(SPRUNG, "contact", m, SHORT) for m in MOTIONS},
+    **{f"tiny, {m}": TINY.request(request_of(SPRUNG, "spring-damper", m, SHORT)) for m in MOTIONS},
+    **{f"held more than once, {m}": request_of(third_bar(), "ideal", m, SHORT) for m in MOTIONS},
+    "held more than once, with a gap": request_of(
+        third_bar().with_clearances({"f2": 1e-4}), "contact", "driven", SHORT
+    ),
     **SEVERAL,
 }
 
@@ -342,5 +348,5 @@ def test_what_exudyn_does_not_do_is_not_exported(
     mechanism: Mechanism, motion: Motion, words: str, tmp_path: Path
 ) -> None:
     with pytest.raises(Unsupported, match=words):
-        ENGINE.export(Request(mechanism, "contact", motion, SHORT), tmp_path)
+        ENGINE.export(request_of(mechanism, "contact", motion, SHORT), tmp_path)
     assert not list(tmp_path.iterdir())

@@ -21,6 +21,7 @@ from typer.testing import CliRunner
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Drive, Load, Mechanism
 from analytic.mechanism.file import load, loads
+from asked import request_of
 from compare.cli.export import export
 from linkages import curved_slider, inverted_slider
 from several_linkages import referee, sprung, third_bar
@@ -49,7 +50,7 @@ runpy.run_path(sys.argv[1], run_name="__main__")
 def request(
     m: Mechanism, joint_model: str = "ideal", motion: str = "driven", degrees: object = (30, 33, 32, 30), **more: object
 ) -> Request:
-    return Request(m, joint_model, motion, np.radians(np.array(degrees, float)), **more)
+    return request_of(m, joint_model, motion, np.radians(np.array(degrees, float)), **more)
 
 
 PAPER = load("paper").with_clearances({"B": 1e-3})
@@ -87,8 +88,8 @@ REQUESTS = {
     "laws that are not linear": request(curved_slider()),
     "laws that are not linear, static": request(curved_slider(), "ideal", "static"),
     "a spring without friction, static": request(PAPER.with_joint("E", stiffness=2.0, damping=0.1), "ideal", "static"),
-    "pendulum": Request(PENDULUM, time=np.array([0.3, 0.1, 0.2])),
-    "pendulum, spring-damper": Request(PENDULUM, "spring-damper", time=np.array([0.03, 0.01])),
+    "pendulum": request_of(PENDULUM, time=np.array([0.3, 0.1, 0.2])),
+    "pendulum, spring-damper": request_of(PENDULUM, "spring-damper", time=np.array([0.03, 0.01])),
     "paper, static": request(PAPER, "ideal", "static"),
     "paper, spring-damper, static": request(PAPER, "spring-damper", "static"),
     "paper, massless link, static": request(PAPER, "massless-link", "static"),
@@ -99,20 +100,20 @@ REQUESTS = {
     "friction that grows with reactions": request(GRIPPED),
     "friction that grows with reactions, static": request(GRIPPED, "ideal", "static"),
     "friction that grows with reactions, contact, static": request(GRIPPED, "contact", "static"),
-    "friction that grows with reactions, released": Request(
+    "friction that grows with reactions, released": request_of(
         PENDULUM.with_joint("O", friction_radius=5e-3), time=np.array([0.03, 0.1, 0.2])
     ),
     "drive that yields": request(YIELDING),
     "drive that yields, lead-in": request(YIELDING, degrees=(30, 31.234, 33), lead_in=0.1),
     "drive that yields, spring-damper": request(YIELDING, "spring-damper"),
-    "drive that yields, course": Request(YIELDING, **COURSE),
+    "drive that yields, course": request_of(YIELDING, **COURSE),
     "soft bearing": request(SOFT_PIN),
     "soft bearing, static": request(SOFT_PIN, "ideal", "static"),
     "soft bearing beside a pin, spring-damper": request(SOFT_PIN, "spring-damper"),
     "soft bearing with clearance, spring-damper": request(PAPER.with_joint("B", radial_stiffness=1e6), "spring-damper"),
-    "course": Request(PAPER, **COURSE),
-    "course, spring-damper": Request(PAPER, "spring-damper", **COURSE),
-    "course, every joint law": Request(LAWS, **COURSE),
+    "course": request_of(PAPER, **COURSE),
+    "course, spring-damper": request_of(PAPER, "spring-damper", **COURSE),
+    "course, every joint law": request_of(LAWS, **COURSE),
 }
 
 
@@ -137,7 +138,7 @@ def several(
     at, speeds = Assembly(m).positions, {d.joint: d.speed for d in m.drives if d.speed != "free"}
     ways = KNOTS + 0.05 * np.sin(8.0 * KNOTS) + KNOTS**2
     courses = {joint: (begin + KNOTS, at[joint] + float(speed) * ways) for joint, speed in speeds.items()}
-    return Request(m, joint_model, time=begin + time, courses=courses, **more)
+    return request_of(m, joint_model, time=begin + time, courses=courses, **more)
 
 
 def rubbing(m: Mechanism) -> Mechanism:

@@ -10,9 +10,10 @@ import pytest
 
 from analytic.mechanism import Drive
 from analytic.mechanism.file import load
+from asked import request_of
 from several_linkages import CASES, waved
 from sim_models.common.units import Units
-from sim_models.engine import ENGINES, JOINT_MODELS, Request, Unsupported, check_exported, declared, engine
+from sim_models.engine import ENGINES, JOINT_MODELS, Unsupported, check_exported, declared, engine
 from test_export import bare, columns, command, difference, table
 
 # of the largest value of a signal's kind; at rest contact makes forces of positions, and PyBullet's loops and free
@@ -21,36 +22,38 @@ TOLERANCE = {"driven": 3e-11, "static": 3e-9}
 IN_PYBULLET = 2e-8
 FEW = np.array([0.1, 0.02, 0.06])  # s
 REQUESTS = {
-    **{f"{name}, along courses": Request(m, time=FEW, courses=waved(m)) for name, m in CASES.items()},
+    **{f"{name}, along courses": request_of(m, time=FEW, courses=waved(m)) for name, m in CASES.items()},
     **{
-        f"five-bar, {model}": Request(
+        f"five-bar, {model}": request_of(
             CASES["five-bar"].with_clearances({"A": 2e-4, "P": 1e-4}), model, time=FEW, courses=waved(CASES["five-bar"])
         )
         for model in JOINT_MODELS
     },
-    "a gap in a driven joint between moving bodies": Request(
+    "a gap in a driven joint between moving bodies": request_of(
         CASES["2r-arm"].with_clearances({"K": 1e-4}), "contact", time=FEW, courses=waved(CASES["2r-arm"])
     ),
-    "slides driven, with gaps": Request(
+    "slides driven, with gaps": request_of(
         CASES["3-rpr"].with_clearances({"C2": 1e-4}), "contact", time=FEW, courses=waved(CASES["3-rpr"])
     ),
-    "one drive free": Request(
+    "one drive free": request_of(
         CASES["five-bar"].replace(drives=(Drive(joint="D", speed=2.0), Drive(joint="E", speed="free"))),
         time=FEW,
         courses={"D": waved(CASES["five-bar"])["D"]},
     ),
-    "all drives free": Request(CASES["2r-arm with springs"].replace(drives=()), time=FEW, courses={}),
-    "all drives held": Request(CASES["3-rpr with springs"], "ideal", "static", time=FEW, courses=waved(CASES["3-rpr"])),
-    "all drives held, with gaps": Request(
+    "all drives free": request_of(CASES["2r-arm with springs"].replace(drives=()), time=FEW, courses={}),
+    "all drives held": request_of(
+        CASES["3-rpr with springs"], "ideal", "static", time=FEW, courses=waved(CASES["3-rpr"])
+    ),
+    "all drives held, with gaps": request_of(
         CASES["five-bar"].with_clearances({"A": 2e-4}), "contact", "static", time=FEW, courses=waved(CASES["five-bar"])
     ),
     "a thousandth of the size": Units(1e3, 1e6, 30.0).request(
-        Request(
+        request_of(
             CASES["five-bar"].with_clearances({"A": 2e-4}), "spring-damper", time=FEW, courses=waved(CASES["five-bar"])
         )
     ),
-    "a fast crank": Request(load("slider-crank"), crank_angle=np.radians([30.0, 40.0])),
-    "a crank along a course": Request(
+    "a fast crank": request_of(load("slider-crank"), crank_angle=np.radians([30.0, 40.0])),
+    "a crank along a course": request_of(
         load("crank-rocker").with_clearances({}),
         time=FEW,
         course=(np.linspace(0, 0.2, 6), np.linspace(0.4, 1.0, 6) ** 2),

@@ -16,8 +16,9 @@ from analytic.paper.clearance import Model, displaced
 from analytic.paper.compliance import compliance
 from analytic.paper.frame import Bar, beam_stiffness
 from analytic.paper.kinetostatics import joint_law, kinetostatics
+from asked import request_of
 from linkages import inverted_slider
-from sim_models.engine import Motion, Request, SimulationError, Unsupported, engine
+from sim_models.engine import Motion, SimulationError, Unsupported, engine
 from sim_models.exudyn.beam_model import Element
 from sim_models.exudyn.beam_motion import RigidMotion
 from sim_models.exudyn.beams import FlexibleLinkage, flexible, flexible_static
@@ -237,7 +238,7 @@ def off(m: Mechanism, motion: Motion) -> dict[str, float]:
     largest.
     """
     theta = np.radians(np.arange(10.0, 370.0, 40.0))
-    trace = flexible(Request(m, "ideal", motion, theta))
+    trace = flexible(request_of(m, "ideal", motion, theta))
     rigid = kinematics(Assembly(m), theta, m.speed or 1.0)
     ideal, elastic = (
         kinetostatics(rigid, inertia=motion == "driven").signals(),
@@ -310,7 +311,7 @@ def test_flexible_links_show_what_the_matrix_says_in_the_first_order(name: str, 
 def test_a_rigid_link_among_flexible_ones_moves_as_they_let_it() -> None:
     m = flexible_links(busy_crank_rocker(), 2e11, (0.004, 0.01), "follower")
     theta = np.radians([20.0, 100.0, 250.0])
-    turned = flexible(Request(m, "ideal", "static", theta)).signals["follower_angle"] - kinematics(
+    turned = flexible(request_of(m, "ideal", "static", theta)).signals["follower_angle"] - kinematics(
         Assembly(m), theta
     ).angle("follower")
     elastic = compliance(kinematics(Assembly(m), theta, m.speed or 0.0)).rotation("follower", "E")
@@ -322,7 +323,7 @@ def test_flexible_links_on_a_course_bear_its_inertia_forces() -> None:
     time = np.linspace(0, 1, 101)
     angle, report = 1 + 0.5 * np.sin(8 * np.pi * time), np.array([0.5, 0.13, 0.9])
     spline = CubicSpline(time, angle)
-    trace = flexible(Request(m, "ideal", "driven", time=report, course=(time, angle)))
+    trace = flexible(request_of(m, "ideal", "driven", time=report, course=(time, angle)))
     rigid = kinematics(Assembly(m), spline(report), spline(report, 1), spline(report, 2))
     turned = trace.signals["follower_angle"] - rigid.angle("follower")
     elastic = compliance(rigid, inertia=True).rotation("follower", "E")
@@ -335,7 +336,7 @@ def test_flexible_links_on_a_course_bear_its_inertia_forces() -> None:
 def test_flexible_links_with_a_gap_are_displaced_by_both() -> None:
     m = load("paper").with_clearances({"B": 1e-4})
     theta = np.radians([30.0, 60.0, 120.0])
-    trace = flexible(Request(m, "contact", "static", theta))
+    trace = flexible(request_of(m, "contact", "static", theta))
     for k, at in enumerate(theta):
         alone = flexible_static(m, float(at), joint_model="contact")
         assert complex(trace.signals["clearance_B_x"][k], trace.signals["clearance_B_y"][k]) == pytest.approx(
@@ -353,9 +354,9 @@ def test_what_beams_do_not_do_is_refused_in_words() -> None:
     with pytest.raises(Unsupported, match="leave out elasticity of joint 'S'"):
         flexible_static(yielding, 0.3)
     with pytest.raises(Unsupported, match="massless-link"):
-        flexible(Request(load("paper"), "massless-link", "static", np.array([0.5])))
+        flexible(request_of(load("paper"), "massless-link", "static", np.array([0.5])))
     with pytest.raises(Unsupported, match="free drive"):
-        flexible(Request(load("pendulum"), time=np.array([0.5])))
+        flexible(request_of(load("pendulum"), time=np.array([0.5])))
     with pytest.raises(Unsupported, match=r"drive\.stiffness"):
         flexible_static(load("paper").replace(drive=Drive(joint="D", speed=1.0, stiffness=100.0)), 0.5)
     with pytest.raises(Unsupported, match="section"):
@@ -378,7 +379,9 @@ def loaded(case: str) -> Mechanism:
 def test_stiff_beams_with_several_gaps_are_where_rigid_links_are(case: str, joints: str) -> None:
     m = loaded(case).with_clearances(dict.fromkeys(joints, 1e-4))
     theta = np.radians(np.arange(7.0, 367.0, 30.0))
-    bent, rigid = (run(Request(m, "contact", "static", theta)).signals for run in (flexible, engine("exudyn").simulate))
+    bent, rigid = (
+        run(request_of(m, "contact", "static", theta)).signals for run in (flexible, engine("exudyn").simulate)
+    )
     for name, values in rigid.items():
         if name.endswith("_angle"):
             np.testing.assert_allclose(bent[name], values, atol=3e-4, err_msg=name)
@@ -391,4 +394,4 @@ def test_a_linkage_that_has_turned_over_is_no_result(degrees: float) -> None:
     """Under a load that its soft links cannot bear, Newton's method ends with the follower on the other side."""
     m = loaded("crank-rocker").replace(loads=(Load(body="follower", point="B", force=(200.0, -300.0), torque=10.0),))
     with pytest.raises(SimulationError, match="assembly mode"):
-        flexible(Request(flexible_links(m, 3e8, (0.01, 0.01)), "ideal", "static", np.radians([degrees])))
+        flexible(request_of(flexible_links(m, 3e8, (0.01, 0.01)), "ideal", "static", np.radians([degrees])))

@@ -17,8 +17,9 @@ from analytic.kinematics.motion import kinematics
 from analytic.mechanism import Drive, Load, Mechanism
 from analytic.mechanism.file import load
 from analytic.paper.kinetostatics import kinetostatics
+from asked import request_of
 from marks import slow
-from sim_models.engine import JointModel, Request, Trace, Unsupported
+from sim_models.engine import JointModel, Trace, Unsupported
 from sim_models.exudyn.engine import ENGINE
 
 pytestmark = pytest.mark.exudyn
@@ -50,7 +51,7 @@ COURSES: dict[str, tuple[Mechanism, np.ndarray, np.ndarray]] = {
 def follow(
     m: Mechanism, course: tuple[np.ndarray, np.ndarray], time: np.ndarray, joint_model: JointModel = "ideal"
 ) -> Trace:
-    return ENGINE.simulate(Request(m, joint_model, "driven", time=time, course=course))
+    return ENGINE.simulate(request_of(m, joint_model, "driven", time=time, course=course))
 
 
 def errors(trace: Trace, m: Mechanism, crank: tuple[np.ndarray, np.ndarray, np.ndarray]) -> dict[str, float]:
@@ -112,9 +113,9 @@ def test_impacts_on_a_course_of_constant_speed_are_those_at_constant_speed(joint
     m = ROCKER.replace(drive=Drive(joint="D", speed=62.8)).with_clearances({"B": 2e-4})
     m = m.with_joint("B", contact_stiffness=1e6, contact_damping=300.0)
     time = np.linspace(0, 0.1, 361)
-    constant = ENGINE.simulate(Request(m, joint_model, "driven", 62.8 * time, start="centred", step=1e-5))
+    constant = ENGINE.simulate(request_of(m, joint_model, "driven", 62.8 * time, start="centred", step=1e-5))
     course = ENGINE.simulate(
-        Request(m, joint_model, "driven", time=time, course=(time, 62.8 * time), start="centred", step=1e-5)
+        request_of(m, joint_model, "driven", time=time, course=(time, 62.8 * time), start="centred", step=1e-5)
     )
     assert 0 < constant.free_share["B"] == pytest.approx(course.free_share["B"], rel=1e-3)
     for name in ("coupler_angle", "follower_angle"):
@@ -146,7 +147,7 @@ def test_a_marker_beside_the_com_is_where_places_are_read_and_loads_act(joint_mo
     worst = errors(trace, m, (angle, np.full(51, 4.0), np.zeros(51)))
     assert max(worst["_x"], worst["_y"]) < 5e-6
     assert max(worst["reaction"], worst["drive_torque"]) < (1e-5 if joint_model == "ideal" else 5e-4)
-    static = ENGINE.simulate(Request(m, "ideal", "static", angle))
+    static = ENGINE.simulate(request_of(m, "ideal", "static", angle))
     expected = kinetostatics(kinematics(Assembly(m), angle, 1.0), inertia=False).signals()
     for name in ("coupler_x", "coupler_y", "follower_x", "reaction_A_x", "drive_torque"):
         np.testing.assert_allclose(static.signals[name], expected[name], rtol=1e-9)
@@ -219,9 +220,9 @@ def test_a_crank_behind_a_spring_repeats_itself_as_its_differential_equation_doe
     time = TURN[::4]
     motor = SPEED * time + ripple * np.sin(6 * SPEED * time + 0.3)
     request = (
-        Request(m, "ideal", "driven", motor)
+        request_of(m, "ideal", "driven", motor)
         if not ripple
-        else Request(m, "ideal", "driven", time=time, course=(TURN, _rippled(TURN, ripple)))
+        else request_of(m, "ideal", "driven", time=time, course=(TURN, _rippled(TURN, ripple)))
     )
     trace = ENGINE.simulate(request)
     crank = Crank(m, lambda t: SPEED * t + ripple * math.sin(6 * SPEED * t + 0.3) if ripple else SPEED * t).repeating(
@@ -259,7 +260,7 @@ def test_an_oscillating_crank_behind_a_spring_does_not_sway(m: Mechanism, middle
 def test_requested_angles_are_the_motors_where_the_crank_cannot_turn_fully(joint_model: JointModel) -> None:
     m = sprung(load("paper").with_clearances({"B": 1e-5}), 500.0, -(load("paper").speed or 0.0))
     asked = np.radians([120.0, 40.0, 80.0])
-    trace = ENGINE.simulate(Request(m, joint_model, "driven", asked))
+    trace = ENGINE.simulate(request_of(m, joint_model, "driven", asked))
     np.testing.assert_array_equal(trace.crank_angle, asked)
     np.testing.assert_allclose(trace.time, (np.radians(120) - asked) / abs(m.speed or 0.0), atol=1e-12)
     grid = np.radians(np.arange(20, 140.5, 0.5))
@@ -281,11 +282,11 @@ def test_requested_angles_are_the_motors_where_the_crank_cannot_turn_fully(joint
 
 def test_what_is_no_course_is_refused_in_words() -> None:
     with pytest.raises(Unsupported, match="measured drive follows a course"):
-        ENGINE.simulate(Request(PENDULUM, "ideal", "driven", np.array([0.1])))
+        ENGINE.simulate(request_of(PENDULUM, "ideal", "driven", np.array([0.1])))
     with pytest.raises(Unsupported, match="not free"):
-        ENGINE.simulate(Request(load("pendulum"), time=SECOND, course=(SECOND, SWING)))
+        ENGINE.simulate(request_of(load("pendulum"), time=SECOND, course=(SECOND, SWING)))
     with pytest.raises(Unsupported, match="leave the course out of a static"):
-        ENGINE.simulate(Request(PENDULUM, "ideal", "static", time=SECOND, course=(SECOND, SWING)))
+        ENGINE.simulate(request_of(PENDULUM, "ideal", "static", time=SECOND, course=(SECOND, SWING)))
     with pytest.raises(Unsupported, match="outside the course"):
         follow(PENDULUM, (SECOND, SWING), np.array([0.5, 1.1]))
     with pytest.raises(AssemblyError):

@@ -16,10 +16,11 @@ from analytic.mechanism import Drive, Mechanism
 from analytic.mechanism.file import load
 from analytic.paper.clearance import displaced
 from analytic.paper.kinetostatics import kinetostatics
+from asked import request_of
 from engine_checks import exact_motion, fast_crank_rocker, many_impacts_against_the_ode
 from linkages import inverted_slider, scotch_yoke, six_bar_driven_from_the_rocker
 from marks import slow
-from sim_models.engine import JointModel, Motion, Request, SimulationError, Trace, Unsupported
+from sim_models.engine import JointModel, Motion, SimulationError, Trace, Unsupported
 from sim_models.exudyn.engine import ENGINE
 from sim_models.exudyn.laws import hysteresis
 
@@ -32,7 +33,7 @@ REAL: tuple[JointModel, ...] = ("massless-link", "spring-damper", "contact")
 def run(
     mechanism: Mechanism, joint_model: JointModel, motion: Motion, degrees: np.ndarray | list[float], **options: object
 ) -> Trace:
-    return ENGINE.simulate(Request(mechanism, joint_model, motion, np.radians(degrees), **options))
+    return ENGINE.simulate(request_of(mechanism, joint_model, motion, np.radians(degrees), **options))
 
 
 def vector(signals: object, name: str) -> np.ndarray:
@@ -204,7 +205,7 @@ def test_a_lead_in_ends_where_a_direct_start_begins() -> None:
 def test_released_pendulum_with_friction_and_damping() -> None:
     m = load("pendulum").with_joint("O", friction_torque=0.02, damping=0.001)
     time = np.linspace(0, 1.5, 31)
-    trace = ENGINE.simulate(Request(m, "ideal", "driven", time=time))
+    trace = ENGINE.simulate(request_of(m, "ideal", "driven", time=time))
     found = released(Assembly(m), time)
     expected, moving = found.reactions.signals(), ~found.turning
     assert moving.sum() >= time.size - 3
@@ -218,7 +219,7 @@ def test_released_pendulum_hangs_a_clearance_lower(joint_model: JointModel) -> N
     """A pin pressed against its bearing makes the pendulum a double one whose first link is the clearance."""
     m = load("pendulum").with_clearances({"O": 1e-4})
     time = np.linspace(0, 0.5, 11)
-    trace = ENGINE.simulate(Request(m, joint_model, "driven", time=time))
+    trace = ENGINE.simulate(request_of(m, joint_model, "driven", time=time))
     expected = released(Assembly(m), time).reactions.signals()
     np.testing.assert_allclose(trace.signals["pendulum_angle"], expected["pendulum_angle"], atol=5e-3)
     np.testing.assert_allclose(np.abs(vector(trace.signals, "clearance_O")), 1e-4, rtol=0.01)
@@ -257,7 +258,7 @@ def test_contact_delivers_the_nominal_restitution(restitution: float) -> None:
     """Impact model 2 does; Hunt-Crossley (model 1) would deliver 0.909, 0.663, 0.547."""
     m = load("pendulum").with_clearances({"O": 1e-3}).with_joint("O", restitution=restitution, contact_stiffness=1e8)
     time = np.linspace(0, 0.02, 2001)
-    trace = ENGINE.simulate(Request(m, "contact", "driven", time=time, start="centred", step=2e-6))
+    trace = ENGINE.simulate(request_of(m, "contact", "driven", time=time, start="centred", step=2e-6))
     gap = vector(trace.signals, "clearance_O")
     touches = int(np.argmax(np.abs(gap) > 1e-3))
     leaves = touches + int(np.argmax(np.abs(gap[touches:]) <= 1e-3))

@@ -15,6 +15,7 @@ from analytic.mechanism import Body, Drive, Ground, Joint, Mechanism
 from analytic.mechanism.file import load
 from analytic.mechanism.parts import ContactLaw
 from analytic.paper.clearance import displaced
+from asked import request_of
 from compare.evidence import contact_ode
 from marks import slow
 from sim_models.common.contact_laws import NamedLaw, delivered, named_law, restitution
@@ -60,7 +61,7 @@ def rebound(m: Mechanism, late: float = 0.0, finer: float = 1.0) -> float:
     half = math.pi * math.sqrt(MASS / law_of(m, "P").stiffness)
     step = half / 20 / finer
     time = math.sqrt(2 * CLEARANCE / GRAVITY) + late * step + half * np.array([20.0, 40.0, 80.0])
-    asked = Request(m, "contact", "driven", time=time, start="centred")
+    asked = request_of(m, "contact", "driven", time=time, start="centred")
     trace = ENGINE.simulate(asked if finer == 1.0 else replace(asked, step=step))
     gap, speed = np.abs(trace.signals["clearance_P_y"]), trace.rates["bar"].velocity.imag
     back = (gap < CLEARANCE) & (speed > 0)
@@ -135,7 +136,7 @@ def rattling(law: ContactLaw | None, friction: float = 0.0, **contact: float) ->
 
 def request(m: Mechanism, revolutions: float = 1.0, joint_model: JointModel = "contact") -> Request:
     theta = np.linspace(0.0, 2 * np.pi * revolutions, round(36 * revolutions) + 1)
-    return Request(m, joint_model, "driven", theta, start="centred", watched=True, beyond=2.5 * np.pi)
+    return request_of(m, joint_model, "driven", theta, start="centred", watched=True, beyond=2.5 * np.pi)
 
 
 @cache
@@ -290,7 +291,7 @@ def test_a_large_gap_at_speed_begins_along_the_ideal_reaction() -> None:
     m = load("paper").rigid().with_joint("B", clearance=1e-2, contact_stiffness=1e7, contact_damping=1253.0)
     speed, theta = 250 * np.pi / 30, np.radians(np.arange(20.0, 60.0, 1.0))
     m = m.replace(drive=Drive(joint=m.drive_joint.name, speed=speed))
-    trace = ENGINE.simulate(Request(m, "contact", "driven", theta))
+    trace = ENGINE.simulate(request_of(m, "contact", "driven", theta))
     along = displaced(Assembly(m), theta, speed, model="first_order").configuration.motion
     turning = trace.signals["follower_angular_velocity"][0]
     assert turning == pytest.approx(along.angular_velocity("follower")[0], rel=0.05)

@@ -11,6 +11,7 @@ from scipy.interpolate import CubicSpline
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.mechanism import Drive, Load, Mechanism
 from analytic.mechanism.file import load
+from asked import request_of
 from engine_checks import vector
 from marks import slow
 from maximal import Maximal
@@ -34,7 +35,7 @@ from several_truths import (
     swung_on_its_spring,
     turned_round,
 )
-from sim_models.engine import JOINT_MODELS, Cause, JointModel, Motion, Request, SimulationError, Trace, Unsupported
+from sim_models.engine import JOINT_MODELS, Cause, JointModel, Motion, SimulationError, Trace, Unsupported
 from sim_models.exudyn.engine import ENGINE
 
 pytestmark = pytest.mark.exudyn
@@ -46,7 +47,7 @@ DRIVEN_ARM = {"O": (KNOTS, -1.2 + 2.0 * KNOTS)}
 
 
 def run(m: Mechanism, courses: Knots, times: np.ndarray, model: JointModel = "ideal", **fields: object) -> Trace:
-    return ENGINE.simulate(Request(m, model, "driven", time=times, courses=courses, **fields))
+    return ENGINE.simulate(request_of(m, model, "driven", time=times, courses=courses, **fields))
 
 
 # ---------------------------------------------------------------- ideal joints along courses
@@ -163,7 +164,7 @@ def test_a_crank_on_a_course_is_the_same_by_either_way() -> None:
     m = load("paper").with_clearances({})
     m = m.replace(drives=(Drive(joint="D", speed="measured"),))
     angle = np.radians(30.0) + 1.5 * KNOTS + 4.0 * KNOTS**2
-    one = ENGINE.simulate(Request(m, "ideal", "driven", time=TIMES[:5], course=(KNOTS, angle)))
+    one = ENGINE.simulate(request_of(m, "ideal", "driven", time=TIMES[:5], course=(KNOTS, angle)))
     other = run(m, {"D": (KNOTS, angle)}, TIMES[:5])
     assert set(one.signals) == set(other.signals)
     for name, values in one.signals.items():
@@ -300,9 +301,9 @@ def test_a_third_bar_leaves_the_torque_of_a_crank_as_the_energy_says(motion: Mot
     """The bars go round in circles alike: coupler and third bar without turning, at a constant speed without power."""
     m = third_bar().with_clearances({})
     theta = np.radians([30.0, 45.0, 60.0])
-    trace = ENGINE.simulate(Request(m, "ideal", motion, theta))
+    trace = ENGINE.simulate(request_of(m, "ideal", motion, theta))
     fine = np.radians(np.linspace(29.0, 61.0, 257))
-    held = resting(m, ENGINE.simulate(Request(m, "ideal", "static", fine)))
+    held = resting(m, ENGINE.simulate(request_of(m, "ideal", "static", fine)))
     slope = CubicSpline(fine, held)(theta, 1)
     close(trace.signals["drive_torque"], slope, 2e-6 * np.abs(slope).max())
 
@@ -322,7 +323,7 @@ def test_a_crank_that_turns_against_a_spring_and_its_damper_gives_what_they_take
 
 def test_a_pendulum_on_a_spring_swings_as_its_equation_says() -> None:
     m, times = pendulum_on_a_spring(), np.linspace(0.0, 0.6, 13)
-    trace = ENGINE.simulate(Request(m, "ideal", "driven", time=times))
+    trace = ENGINE.simulate(request_of(m, "ideal", "driven", time=times))
     close(trace.signals[f"{m.bodies[0].name}_angle"], swung_on_its_spring(m, times), 1e-6)
 
 

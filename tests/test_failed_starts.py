@@ -15,8 +15,9 @@ import pytest
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import dumps, load
+from asked import job_of, request_of
 from commands import compare
-from compare.crosscheck import Job, crosscheck_job
+from compare.crosscheck import crosscheck_job
 from compare.domain_map.cell import examine
 from compare.domain_map.map import RPM, Grid, cells
 from compare.judge.discrepancy import load_tolerances
@@ -45,7 +46,7 @@ def loaded(m: Mechanism) -> Mechanism:
 
 
 def request(m: Mechanism, motion: Motion, joint_model: str = "spring-damper") -> Request:
-    return Request(m, joint_model, motion, ANGLES, lead_in=2 * np.pi if motion == "driven" else 0.0)
+    return request_of(m, joint_model, motion, ANGLES, lead_in=2 * np.pi if motion == "driven" else 0.0)
 
 
 @pytest.mark.parametrize(("name", "motion"), SPRINGS)
@@ -90,7 +91,7 @@ def test_a_load_that_only_hides_the_clearance_is_simulated() -> None:
 @pytest.mark.exudyn
 @pytest.mark.slow
 def test_one_engines_soft_start_leaves_the_other_runs_their_verdicts() -> None:
-    job = Job(soft(100.0, clearance=3e-3), ("mujoco", "exudyn"), load_tolerances(None), theta=ANGLES[:4])
+    job = job_of(soft(100.0, clearance=3e-3), ("mujoco", "exudyn"), load_tolerances(None), theta=ANGLES[:4])
     found = crosscheck_job(job)
     assert {(r.simulator.name, r.joint_model) for r in found.runs} >= {
         ("mujoco", "ideal"),
@@ -135,7 +136,7 @@ def test_an_absurd_speed_of_a_map_is_a_cell_that_failed_for_a_reason() -> None:
 @pytest.mark.parametrize("motion", ["driven", "static"])
 def test_an_angle_that_was_asked_for_and_is_out_of_reach_is_bad_input(name: str, motion: Motion) -> None:
     with pytest.raises(AssemblyError, match="change point at crank angle 0"):
-        engine(name).simulate(Request(load("paper"), "ideal", motion, np.radians([-10.0, 20.0])))
+        engine(name).simulate(request_of(load("paper"), "ideal", motion, np.radians([-10.0, 20.0])))
 
 
 @pytest.mark.parametrize("name", ["mujoco", "exudyn", "pybullet", "dart"])
@@ -144,12 +145,12 @@ def test_rates_taken_from_beyond_a_change_point_are_the_runs_failure(name: str) 
     with pytest.raises(
         SimulationError, match=rf"{name} ideal driven \(paper\): the angles asked for can be reached.*change point"
     ):
-        engine(name).simulate(Request(load("paper"), "ideal", "driven", np.radians([0.05, 1.0])))
+        engine(name).simulate(request_of(load("paper"), "ideal", "driven", np.radians([0.05, 1.0])))
 
 
 def test_what_is_not_asked_for_is_told_from_what_is() -> None:
     m = load("paper")
-    assembly, asked = Assembly(m), Request(m, crank_angle=np.radians([20.0, 30.0]))
+    assembly, asked = Assembly(m), request_of(m, crank_angle=np.radians([20.0, 30.0]))
     with (
         pytest.raises(
             SimulationError, match=r"mujoco ideal driven \(paper\): the angles asked for can be reached.*change point"
@@ -157,5 +158,5 @@ def test_what_is_not_asked_for_is_told_from_what_is() -> None:
         own_start("mujoco", asked, assembly),
     ):
         assembly.coordinates(np.array([-0.1]))
-    with pytest.raises(AssemblyError), own_start("mujoco", Request(m, crank_angle=np.array([-0.1])), assembly):
+    with pytest.raises(AssemblyError), own_start("mujoco", request_of(m, crank_angle=np.array([-0.1])), assembly):
         pytest.fail("it starts from an angle that cannot be reached")

@@ -10,7 +10,8 @@ import pytest
 
 import commands
 from analytic.mechanism.file import dumps, load
-from compare.crosscheck import Job, crosscheck_job
+from asked import job_of, request_of
+from compare.crosscheck import crosscheck_job
 from compare.judge.discrepancy import load_tolerances
 from compare.judge.flexible import Beams
 from sim_models.engine import Request, Trace
@@ -24,7 +25,7 @@ def checked(resolve: Any = None, **changes: Any) -> dict[str, Any]:
     """The paper's case with flexible links at rest."""
     mechanism = load("paper").with_clearances({"B": 1e-3})
     fields = {"mechanism": mechanism, "motion": "static", "theta": THETA, "flexible": True} | changes
-    return crosscheck_job(Job(simulators=("exudyn",), tolerances=load_tolerances(None), **fields), resolve=resolve)
+    return crosscheck_job(job_of(simulators=("exudyn",), tolerances=load_tolerances(None), **fields), resolve=resolve)
 
 
 def outside(run: dict[str, Any]) -> set[str]:
@@ -54,7 +55,7 @@ class Softer:
         m = request.mechanism
         for body in m.bodies:
             m = m.with_body(body.name, youngs_modulus=0.9 * (body.youngs_modulus or 0.0))
-        return self.beams.simulate(Request(m, request.joint_model, request.motion, request.crank_angle))
+        return self.beams.simulate(request_of(m, request.joint_model, request.motion, request.crank_angle))
 
 
 def test_links_a_tenth_softer_on_one_side_are_noticed() -> None:

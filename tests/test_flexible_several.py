@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from compare.judge.courses import Courses
 
 import linkage_crosscheck as lc
 from analytic.kinematics.assembly import Assembly
@@ -20,10 +21,10 @@ from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import dumps, load
 from analytic.paper.frame import ComplianceError
 from analytic.paper.superposition import total_displacement
+from asked import job_of, request_of
 from commands import compare
-from compare.crosscheck import Job, crosscheck_job
+from compare.crosscheck import crosscheck_job
 from compare.faults import ArgumentError
-from compare.judge.courses import Courses
 from compare.judge.discrepancy import load_tolerances
 from compare.judge.flexible import Beams
 from compare.judge.reference import timed_reference, timed_with_flexible_links
@@ -81,7 +82,7 @@ def analysed(m: Mechanism, elastic: bool = True) -> Signals:
 
 def beams(m: Mechanism, element: Element = "euler-bernoulli") -> Signals:
     model = "contact" if m.clearances else "ideal"
-    return flexible(Request(m, model, "static", time=TIMES, courses=waved(m)), element).signals
+    return flexible(request_of(m, model, "static", time=TIMES, courses=waved(m)), element).signals
 
 
 def places(m: Mechanism, signals: Signals) -> np.ndarray:
@@ -239,7 +240,7 @@ def test_a_spring_carries_its_share_as_links_yield(kind: str, stiffness: float) 
     """Of forces too: a spring that is unloaded where the links are rigid takes load as they bend."""
     m = sprung(kind, stiffness)
     _, time, courses = at_one_time(m)
-    seen = flexible(Request(m, "ideal", "static", time=time, courses=courses.knots)).signals
+    seen = flexible(request_of(m, "ideal", "static", time=time, courses=courses.knots)).signals
     side = timed_reference(Assembly(m), time, courses, "static", "equilibrium", {})
     ours, rigid = timed_with_flexible_links(side, Assembly(m), time, courses).signals, side.signals
     elastic = np.abs(places(m, ours) - places(m, rigid)).max()
@@ -263,7 +264,7 @@ def test_a_spring_at_the_tip_of_a_cantilever_shares_its_load(stiffness: float) -
     )
     knots = np.linspace(0.0, 1.0, 5)
     courses, time = Courses(dict.fromkeys("OK", (knots, 0.0 * knots))), np.array([0.5])
-    seen = flexible(Request(m, "ideal", "static", time=time, courses=courses.knots)).signals
+    seen = flexible(request_of(m, "ideal", "static", time=time, courses=courses.knots)).signals
     side = timed_reference(Assembly(m), time, courses, "static", "equilibrium", {})
     ours = timed_with_flexible_links(side, Assembly(m), time, courses).signals
     carried = SMALL / (1 + stiffness * 0.25**3 / (3 * EI))
@@ -309,7 +310,7 @@ def test_a_total_displacement_of_several_drives_is_the_same_sum(name: str) -> No
 
 def checked(m: Mechanism, joint_model: Any, resolve: Any = None, courses: Courses | None = None) -> Any:
     """A cross-check with flexible links."""
-    job = Job(
+    job = job_of(
         m, ("exudyn",), load_tolerances(None), "static",
         time=TIMES, courses=courses or Courses(waved(m)), joint_model=joint_model, flexible=True,
     )  # fmt: skip
@@ -393,7 +394,7 @@ class Softer:
             if body.youngs_modulus is not None:
                 m = m.with_body(body.name, youngs_modulus=0.9 * body.youngs_modulus)
         return self.beams.simulate(
-            Request(m, request.joint_model, "static", time=request.time, courses=request.courses)
+            request_of(m, request.joint_model, "static", time=request.time, courses=request.courses)
         )
 
 
@@ -440,8 +441,8 @@ def test_a_crank_over_time_bends_as_it_does_over_its_angle() -> None:
     m = load("paper")
     time = np.linspace(0.1, 0.5, 5)
     courses = {"D": (np.linspace(0, 1, 5), 0.4 + np.linspace(0, 1, 5))}
-    over = flexible(Request(m, "contact", "static", time=time, courses=courses)).signals
-    at = flexible(Request(m, "contact", "static", 0.4 + time)).signals
+    over = flexible(request_of(m, "contact", "static", time=time, courses=courses)).signals
+    at = flexible(request_of(m, "contact", "static", 0.4 + time)).signals
     for name, values in at.items():
         np.testing.assert_allclose(over[name], values, atol=1e-7 * max(1.0, np.abs(values).max()), err_msg=name)
 
@@ -450,7 +451,7 @@ def test_a_crank_that_is_its_joints_first_body_is_held_by_the_same_torque() -> N
     m, knots = load("paper"), np.linspace(0.0, 1.0, 5)
     turned = m.with_joint("D", bodies=tuple(reversed(m.joint("D").bodies)))
     one, other = (
-        flexible(Request(each, "ideal", "static", time=TIMES, courses={"D": (knots, sign * (0.5 + knots))})).signals
+        flexible(request_of(each, "ideal", "static", time=TIMES, courses={"D": (knots, sign * (0.5 + knots))})).signals
         for each, sign in ((m, 1.0), (turned, -1.0))
     )
     for name in ("drive_torque", "coupler_y", "reaction_B_x"):  # joints' springs are of 2e11 N/m
@@ -479,13 +480,13 @@ def test_what_does_not_bend_over_time_is_refused_in_words() -> None:
         lc.crosscheck("3-rpr", "exudyn", flexible=True, motion="static")
     m = load("five-bar")
     with pytest.raises(Unsupported, match=r"motions of several freedoms.* among links that bend"):
-        engine("exudyn").simulate_flexible(Request(m, "ideal", "driven", time=TIMES, courses=waved(m)))
+        engine("exudyn").simulate_flexible(request_of(m, "ideal", "driven", time=TIMES, courses=waved(m)))
     yields = load("3-rpr").with_joint("S1", elasticity={"translation": 1e8, "rotation": 1e5})
     with pytest.raises(Unsupported, match="leave out elasticity of joint 'S1'"):
-        engine("exudyn").simulate_flexible(Request(yields, "ideal", "static", time=TIMES, courses=waved(yields)))
+        engine("exudyn").simulate_flexible(request_of(yields, "ideal", "static", time=TIMES, courses=waved(yields)))
     paper = load("paper").replace(springs=[{"bodies": ("crank", "follower"), "points": ("A", "E"), "stiffness": 1.0}])
     with pytest.raises(Unsupported, match="springs between points among links that bend"):
-        engine("exudyn").simulate_flexible(Request(paper, "ideal", "driven", np.array([0.5])))
+        engine("exudyn").simulate_flexible(request_of(paper, "ideal", "driven", np.array([0.5])))
 
 
 def test_a_free_drive_is_refused(tmp_path: Path) -> None:

@@ -20,12 +20,13 @@ import fmu_in_c
 import linkage_crosscheck as lc
 from analytic.mechanism.columns import MapError
 from analytic.mechanism.file import load
+from asked import request_of
 from commands import ROOT
 from compare.cli.app import app
 from fmu_files import MAP, build, members, packed, redescribed
 from marks import slow
 from sim_models import engine as seam
-from sim_models.engine import Request, SimulationError, Trace, Unsupported, engine
+from sim_models.engine import SimulationError, Trace, Unsupported, engine
 from sim_models.fmu import run as runs
 from sim_models.fmu.description import FmuError
 
@@ -61,7 +62,7 @@ def mapped(fmu: Path, tmp_path: Path) -> Callable[..., str]:
 
 
 def trace(name: str, theta: np.ndarray = ANGLES, **request: object) -> Trace:
-    return engine(name).simulate(Request(CASE, crank_angle=theta, **request))
+    return engine(name).simulate(request_of(CASE, crank_angle=theta, **request))
 
 
 def apart(one: Trace, other: Trace) -> float:
@@ -160,7 +161,7 @@ def test_a_course_is_followed_with_the_acceleration_that_it_has(fmu: Path, mappe
     course = knots, 0.3 + 100.0 * knots + 0.4 * np.sin(300.0 * knots)
     times = np.array([0.0, 0.004, 0.011, 0.02])
     found = trace(f"fmu:{fmu}", np.zeros(0), time=times, course=course)
-    mujoco = engine("mujoco").simulate(Request(CASE, time=times, course=course))
+    mujoco = engine("mujoco").simulate(request_of(CASE, time=times, course=course))
     for name in ("drive_torque", "reaction_B_x", "rod_angle", "crank_angular_velocity"):
         assert found.signals[name] == pytest.approx(
             mujoco.signals[name], rel=1e-4, abs=1e-4 * np.ptp(mujoco.signals[name])
@@ -189,7 +190,7 @@ def test_a_finer_run_is_finer(fmu: Path, mapped: Callable[..., str]) -> None:
 
 def test_it_turns_backward_and_leads_in(mapped: Callable[..., str]) -> None:
     back = CASE.replace(drive=CASE.drive.model_copy(update={"speed": -CASE.speed}))
-    found = engine(mapped(before="lead_in = 1.0")).simulate(Request(back, crank_angle=ANGLES))
+    found = engine(mapped(before="lead_in = 1.0")).simulate(request_of(back, crank_angle=ANGLES))
     assert found.signals["crank_angle"] == pytest.approx(ANGLES, abs=1e-12)
     assert np.all(found.signals["crank_angular_velocity"] == -CASE.speed)
     assert found.time[ANGLES.argmax()] == 0.0
@@ -237,7 +238,7 @@ def test_instants_that_differ_in_rounding_are_one_and_too_many_steps_are_refused
 
 def test_what_it_does_not_do_is_refused(fmu: Path) -> None:
     with pytest.raises(Unsupported, match="does not simulate ideal joints in static motion"):
-        engine(f"fmu:{fmu}").simulate(Request(CASE, motion="static", crank_angle=ANGLES))
+        engine(f"fmu:{fmu}").simulate(request_of(CASE, motion="static", crank_angle=ANGLES))
 
 
 # ---------------------------------------------------------------- runs that fail: exit status 3

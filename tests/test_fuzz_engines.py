@@ -16,7 +16,8 @@ import pytest
 from analytic.kinematics.assembly import AssemblyError
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import dumps
-from compare.crosscheck import Job, crosscheck_job
+from asked import job_of
+from compare.crosscheck import crosscheck_job
 from compare.judge.discrepancy import load_tolerances
 from multiplier_oracle import LeftOut, Oracle
 from random_linkages import HUMAN, WIDE, seeded
@@ -57,7 +58,7 @@ def outcomes(m: Mechanism, theta: np.ndarray) -> Iterator[tuple[str, str, str]]:
             run = f"{name} {model} {motion}"
             try:
                 engine(name)
-                result = crosscheck_job(Job(m, (name,), load_tolerances(), motion, theta, joint_model=model))
+                result = crosscheck_job(job_of(m, (name,), load_tolerances(), motion, theta, joint_model=model))
             except SimulatorMissing:
                 continue
             except (Unsupported, AssemblyError) as why:

@@ -14,6 +14,7 @@ from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import load, loads
 from analytic.paper.clearance import displaced
+from asked import request_of
 from compare.crosscheck import crosscheck
 from compare.evidence.published.flying_block import flying_block
 from linkages import inverted_slider
@@ -85,7 +86,7 @@ def check(seen: dict[str, np.ndarray], right: dict[str, np.ndarray], flags: set[
 @pytest.mark.parametrize("load", LOADS)
 def test_at_rest_a_block_lies_where_the_analytic_model_has_it(name: str, load: str) -> None:
     m = slider_crank(load).with_joint("S", contact_stiffness=STIFFNESS)
-    trace = simulated(name, Request(m, motion="static", crank_angle=ANGLES))
+    trace = simulated(name, request_of(m, motion="static", crank_angle=ANGLES))
     found = displaced(Assembly(m), ANGLES, 10.0, inertia=False)
     assert {abs(each) for each in found.rests["S"]} == {"flat": {1.0}, "tilted": {2.0}, "either": {1.0, 2.0}}[load]
     check(dict(trace.signals), found.signals(), set(found.flags), 3e-3)
@@ -99,7 +100,7 @@ ROWS = [(name, load) for name in MODELS for load in LOADS if (name, load) != ("m
 def test_in_motion_too_and_it_begins_in_equilibrium(name: str, load: str) -> None:
     """But for what their corners give where they are springs: 6 % of the clearance."""
     m = slider_crank(load)
-    trace = simulated(name, Request(m, crank_angle=ANGLES, lead_in=0.5))
+    trace = simulated(name, request_of(m, crank_angle=ANGLES, lead_in=0.5))
     found = displaced(Assembly(m), ANGLES, 10.0)
     check(dict(trace.signals), found.signals(), set(found.flags), 3e-3 if name == "mujoco" else 0.06)
 
@@ -108,7 +109,7 @@ def test_in_motion_too_and_it_begins_in_equilibrium(name: str, load: str) -> Non
 def test_a_run_begins_where_the_block_rests(name: str) -> None:
     """Without a lead-in; but for what its corners give where they are springs."""
     m, theta = slider_crank("tilted"), np.radians([30.0, 30.2])
-    trace = simulated(name, Request(m, crank_angle=theta))
+    trace = simulated(name, request_of(m, crank_angle=theta))
     check(dict(trace.signals), displaced(Assembly(m), theta, 10.0).signals(), set(), 0.06)
 
 
@@ -121,7 +122,7 @@ def test_the_guide_may_be_on_a_moving_body_and_the_block_carry_it(name: str) -> 
     for each in (m, exchanged(m)):
         loose = each.with_clearances({"S": CLEARANCE}).with_joint("S", contact_stiffness=STIFFNESS)
         theta = np.radians([20.0, 60.0, 140.0, 250.0])
-        trace = simulated(name, Request(loose, motion="static", crank_angle=theta))
+        trace = simulated(name, request_of(loose, motion="static", crank_angle=theta))
         found = displaced(Assembly(loose), theta, -1.0, inertia=False)
         assert not found.flags
         for signal, values in found.signals().items():
@@ -140,7 +141,7 @@ def test_pins_and_a_block_with_clearance_rest_together(name: str) -> None:
     m = slider_crank("tilted").with_clearances({"S": CLEARANCE, "A": 1e-4, "B": 2e-4}).with_joint("B", restitution=None)
     for joint in ("S", "A", "B"):
         m = m.with_joint(joint, contact_stiffness=1e8)
-    asked = Request(m, motion="static", crank_angle=np.radians([30.0, 200.0]))
+    asked = request_of(m, motion="static", crank_angle=np.radians([30.0, 200.0]))
     own, other = (simulated(which, asked).signals for which in (name, "mujoco"))
     for signal, values in other.items():
         if signal.startswith(("reaction", "clearance", "drive")):
@@ -163,7 +164,9 @@ def test_laws_along_the_guide_act_where_the_block_is(name: str) -> None:
     pytest.importorskip("mujoco")
     m = inverted_slider().with_joint("S", guide=(0.05, 0.02), contact_stiffness=STIFFNESS)
     for each in (m, exchanged(m)):
-        asked = Request(each.with_clearances({"S": CLEARANCE}), motion="static", crank_angle=np.radians([20.0, 140.0]))
+        asked = request_of(
+            each.with_clearances({"S": CLEARANCE}), motion="static", crank_angle=np.radians([20.0, 140.0])
+        )
         own, other = (simulated(which, asked).signals for which in (name, "mujoco"))
         for signal, values in other.items():
             if signal.startswith(("reaction", "drive")):
@@ -222,7 +225,7 @@ def test_a_block_that_falls_flat_bounces_as_its_law_has_it(name: str) -> None:
     fall = np.sqrt(2 * 2e-3 / 9.81)
     time = np.array([0.5 * fall, 0.9 * fall, 1.3 * fall, 1.35 * fall])
     knots = np.linspace(0.0, 2 * fall, 5)
-    asked = Request(m, time=time, start="centred", courses={"O": (knots, knots)}, step=2e-6)
+    asked = request_of(m, time=time, start="centred", courses={"O": (knots, knots)}, step=2e-6)
     seen = simulated(name, asked).signals
     np.testing.assert_allclose(seen["block_y"][:2], -9.81 * time[:2] ** 2 / 2, rtol=1e-3)
     np.testing.assert_allclose(seen["clearance_S_y"], -seen["block_y"], atol=1e-12)
@@ -237,17 +240,17 @@ def test_a_block_that_falls_flat_bounces_as_its_law_has_it(name: str) -> None:
 def test_joint_models_that_have_no_blocks_say_so(name: str, model: JointModel) -> None:
     pytest.importorskip(declared(name).package)
     with pytest.raises(Unsupported, match=r"clearance in prismatic joints.*clearance = 0.0001 m of joint 'S'"):
-        engine(name).simulate(Request(slider_crank("flat"), model, "static", ANGLES))
+        engine(name).simulate(request_of(slider_crank("flat"), model, "static", ANGLES))
 
 
 @ANY
 def test_a_block_without_a_moment_of_inertia_rests_but_does_not_move(name: str) -> None:
     """The shipped slider-crank."""
     m = load("slider-crank").replace(gravity=(0.0, -9.81)).with_clearances({"S": CLEARANCE})
-    trace = simulated(name, Request(m, motion="static", crank_angle=ANGLES[:3]))
+    trace = simulated(name, request_of(m, motion="static", crank_angle=ANGLES[:3]))
     np.testing.assert_allclose(trace.signals["reaction_S_y"], 0.5 * 0.21 * 9.81 + 0.14 * 9.81, rtol=1e-6)
     with pytest.raises(Unsupported, match=r"body 'slider' may turn by its clearance.*give its inertia"):
-        simulated(name, Request(m, crank_angle=ANGLES[:3]))
+        simulated(name, request_of(m, crank_angle=ANGLES[:3]))
 
 
 @pytest.mark.parametrize("name", ["pybullet", "dart"])
@@ -255,7 +258,7 @@ def test_motors_that_push_no_loose_block_say_so(name: str) -> None:
     pytest.importorskip(declared(name).package)
     m = loads(FALLING.replace('joint = "S"\nspeed = "free"', 'joint = "S"\nspeed = 0.1'))
     knots = np.linspace(0.0, 0.01, 5)
-    asked = Request(m, time=knots[1:], start="centred", courses={"O": (knots, knots), "S": (knots, 0.1 * knots)})
+    asked = request_of(m, time=knots[1:], start="centred", courses={"O": (knots, knots), "S": (knots, 0.1 * knots)})
     with pytest.raises(Unsupported, match="push no block that has clearance"):
         simulated(name, asked)
 
@@ -265,7 +268,7 @@ def test_a_motor_along_a_guide_pushes_a_block_that_falls(name: str) -> None:
     pytest.importorskip(name)
     m = loads(FALLING.replace('joint = "S"\nspeed = "free"', 'joint = "S"\nspeed = 0.1'))
     knots = np.linspace(0.0, 0.01, 5)
-    asked = Request(m, time=knots[1:], start="centred", courses={"O": (knots, knots), "S": (knots, 0.1 * knots)})
+    asked = request_of(m, time=knots[1:], start="centred", courses={"O": (knots, knots), "S": (knots, 0.1 * knots)})
     seen = simulated(name, asked).signals
     np.testing.assert_allclose(seen["block_x"], 0.1 * knots[1:], atol=1e-9)
     np.testing.assert_allclose(seen["block_y"], -9.81 * knots[1:] ** 2 / 2, atol=1e-8)
@@ -275,7 +278,7 @@ def test_a_motor_along_a_guide_pushes_a_block_that_falls(name: str) -> None:
 def test_a_massless_link_holds_no_block(name: str) -> None:
     pytest.importorskip(name)
     with pytest.raises(Unsupported, match="'S' is a block in a guide"):
-        engine(name).simulate(Request(slider_crank("flat"), "massless-link", "static", ANGLES))
+        engine(name).simulate(request_of(slider_crank("flat"), "massless-link", "static", ANGLES))
 
 
 @pytest.mark.mujoco
@@ -310,7 +313,7 @@ def flight(time: float, state: np.ndarray) -> list[float]:
 @ANY
 def test_a_block_flies_freely_until_its_corners_come_to_a_wall(name: str) -> None:
     time = np.arange(3e-4, 3.05e-3, 1e-4)
-    asked = Request(flying_block(), time=time, start="centred", start_speed=150.0, step=4e-7)
+    asked = request_of(flying_block(), time=time, start="centred", start_speed=150.0, step=4e-7)
     trace = simulated(name, asked)
     right = solve_ivp(flight, (0.0, time[-1]), [0.0, 0.0, 150.0, -75.0], t_eval=time, rtol=1e-11, atol=1e-13).y
     height = 0.153 * np.sin(right[0]) + 0.306 * np.sin(right[1])
@@ -358,7 +361,7 @@ def test_a_block_bounces_as_an_equation_of_motion_has_it(name: str, law: str) ->
     assert np.sum(np.diff((gaps.min(axis=1) < 0).astype(int)) == 1) >= 2
     m = flying_block().with_joint("S", contact_stiffness=1e6, **BOUNCES[law])
     time = 1e-5 * np.arange(30, 1500)
-    seen = simulated(name, Request(m, time=time, start="centred", start_speed=150.0, step=1e-6)).signals
+    seen = simulated(name, request_of(m, time=time, start="centred", start_speed=150.0, step=1e-6)).signals
     height = 0.153 * np.sin(right[30:1500, 0]) + 0.306 * np.sin(right[30:1500, 1])
     np.testing.assert_allclose(seen["crank_angle"], right[30:1500, 0], atol=1e-4 if name == "dart" else 5e-6)
     np.testing.assert_allclose(seen["clearance_S_y"], -height, atol=5e-6 if name == "dart" else 2e-6)
@@ -382,7 +385,7 @@ def test_blocks_bounce_as_mujoco_s_do_and_gain_no_energy(name: str, law: str) ->
     m = flying_block().with_joint("S", contact_stiffness=1e6, **BOUNCES[law])
     m = m.replace(bodies=(*m.bodies[:2], m.bodies[2].model_copy(update={"com": (0.01, 0.005), "inertia": 6e-5})))
     time = np.arange(3e-4, 6e-3, 1e-5)
-    asked = Request(m, time=time, start="centred", start_speed=150.0, step=1e-6)
+    asked = request_of(m, time=time, start="centred", start_speed=150.0, step=1e-6)
     own, other = (simulated(which, asked) for which in (name, "mujoco"))
     kept, reference = energy(m, own), energy(m, other)
     assert np.max(kept - np.minimum.accumulate(kept)) < 1e-6 * kept[0]
@@ -413,7 +416,7 @@ def test_a_cross_check_compares_what_a_block_does(name: str, motion: Motion) -> 
 def test_every_step_of_a_block_is_watched(name: str) -> None:
     m = slider_crank("flat").with_joint("S", contact_law="kelvin-voigt", contact_stiffness=1e7, restitution=0.5)
     theta = np.radians([10.0, 12.0])
-    trace = simulated(name, Request(m, crank_angle=theta, watched=True))
+    trace = simulated(name, request_of(m, crank_angle=theta, watched=True))
     assert trace.watched is not None
     seen = trace.watched.force["S"]
     for k, at in ((0, 0), (1, -1)):
@@ -425,6 +428,6 @@ def test_a_block_too_deep_in_hard_contact_is_called_a_block() -> None:
     from sim_models.mujoco.laws import Contact
     from sim_models.mujoco.limits import check_depth
 
-    asked, hard = Request(slider_crank("flat"), "contact"), Contact(1e7, 0.0, (1e-4, 0.5))
+    asked, hard = request_of(slider_crank("flat"), "contact"), Contact(1e7, 0.0, (1e-4, 0.5))
     with pytest.raises(SimulationError, match=r"the block of joint 'S' is 0\.001 m deep in its guide"):
         check_depth(asked, {"S": hard}, {"S": [CLEARANCE + 1e-3 + 0j]}, {"S": [1.0]})

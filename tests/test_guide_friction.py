@@ -20,6 +20,7 @@ from analytic.paper.clearance import Model, displaced, faint_reactions
 from analytic.paper.compliance import compliance
 from analytic.paper.guide import FLAT, TILTED
 from analytic.paper.kinetostatics import kinetostatics
+from asked import request_of
 from compare.accuracy import accuracy
 from compare.analyse import analyse, simulate
 from compare.arguments import warn_of_friction
@@ -33,7 +34,7 @@ from compare.judge.rocking import rocking as left_rocking
 from compare.judge.signals import with_derived
 from compare.results.validity import Cell
 from marks import slow
-from sim_models.engine import JointModel, Motion, Request, Unsupported, declared, engine
+from sim_models.engine import JointModel, Motion, Unsupported, declared, engine
 from test_guide_contact import ANGLES, FALLING, LOADS, STIFFNESS, slider_crank
 from test_guide_contact import check as assert_alike
 
@@ -55,7 +56,7 @@ def test_a_block_slides_down_its_guide_and_bears_on_the_corners_in_front(name: s
     m = m.with_joint("S", friction=MU)
     time = np.array([0.03, 0.04, 0.05])
     knots = np.linspace(0.0, 0.06, 5)
-    asked = Request(m, "contact", time=time, start="centred", courses={"O": (knots, knots)}, step=1e-5)
+    asked = request_of(m, "contact", time=time, start="centred", courses={"O": (knots, knots)}, step=1e-5)
     seen = engine(name).simulate(asked).signals
     speed = np.diff(seen["block_x"]) / 0.01
     assert (speed[1] - speed[0]) / 0.01 == pytest.approx(pulling - MU * pressing, rel=2e-4)
@@ -106,7 +107,7 @@ def test_friction_shifts_the_load_between_corners_and_may_tilt_a_block(
     across, along, how = by_hand(m, aside, theta)
     assert {0.0: {FLAT}, 0.0475: {FLAT, TILTED}, 0.07: {TILTED}}[aside] == set(how.tolist())
     if engine_too:
-        seen = engine("mujoco").simulate(Request(m, "contact", "static", theta)).signals
+        seen = engine("mujoco").simulate(request_of(m, "contact", "static", theta)).signals
         tilts = np.abs(seen["clearance_S_angle"]) > 1e-6
     else:
         found = displaced(Assembly(m), theta, turning, inertia=False)
@@ -131,7 +132,7 @@ def test_engines_and_the_analytic_model_have_the_same_friction(name: str, motion
     m = slider_crank(load).with_joint("S", friction=MU)
     if motion == "static":
         m = m.with_joint("S", contact_stiffness=STIFFNESS)
-    asked = Request(m, "contact", motion, ANGLES, lead_in=0.5 if motion == "driven" else 0.0)
+    asked = request_of(m, "contact", motion, ANGLES, lead_in=0.5 if motion == "driven" else 0.0)
     seen = dict(engine(name).simulate(asked).signals)
     found = displaced(Assembly(m), ANGLES, 10.0, inertia=motion == "driven")
     assert np.nanmax(np.abs(found.signals()["reaction_S_x"])) > 5.0
@@ -223,7 +224,7 @@ def test_a_block_lies_flat_up_to_its_length_over_its_height_and_tips_beyond(name
     m = m.with_joint("S", restitution=0.2)
     assert m.joint("S").jams_from == 2.0
     time, knots = np.array([0.05, 0.1]), np.linspace(0.0, 0.11, 5)
-    asked = Request(m, "contact", time=time, courses={"O": (knots, knots), "S": (knots, 0.1 * knots)})
+    asked = request_of(m, "contact", time=time, courses={"O": (knots, knots), "S": (knots, 0.1 * knots)})
     seen = engine(name).simulate(asked).signals
     assert abs(seen["clearance_S_angle"][-1]) == pytest.approx(0.002 if mu > 2 else 0.0, abs=2e-5)
 
@@ -262,7 +263,7 @@ def test_after_a_reversal_a_block_turns_into_its_walls_as_fast_as_they_give(name
     """
     pytest.importorskip(name)
     m, theta = rocking(), np.radians([0.5, 1.0, 1.5, 2.0])
-    trace = engine(name).simulate(Request(m, "contact", "driven", theta, lead_in=0.1))
+    trace = engine(name).simulate(request_of(m, "contact", "driven", theta, lead_in=0.1))
     moment, across = trace.signals["reaction_S_moment"], trace.signals["reaction_S_y"]
     speed = trace.settings["minimum_impact_speed"]
     assert isinstance(speed, float)
@@ -401,7 +402,7 @@ def test_a_block_without_clearance_is_rubbed_on_the_corners_that_bear_it(
     theta = np.radians([20.0, 70.0, 130.0, 200.0, 290.0, 340.0])
     across, along, _ = by_hand(m, aside, theta)
     if name:
-        seen = engine(name).simulate(Request(m, "ideal", "static", theta)).signals
+        seen = engine(name).simulate(request_of(m, "ideal", "static", theta)).signals
     else:
         seen = kinetostatics(kinematics(Assembly(m), theta, turning), inertia=False).signals()
     np.testing.assert_allclose(seen["reaction_S_y"], across, rtol=1e-5)
@@ -440,7 +441,7 @@ def test_the_drive_pays_what_pins_and_block_take() -> None:
 def test_engines_rub_all_pins_and_the_block_at_once(name: str, motion: Motion) -> None:
     m, theta = rough_all_over(), np.radians(np.arange(5.0, 365.0, 20.0))
     expected = kinetostatics(kinematics(Assembly(m), theta, m.speed or 1.0), motion == "driven").signals()
-    seen = engine(name).simulate(Request(m, "ideal", motion, theta)).signals
+    seen = engine(name).simulate(request_of(m, "ideal", motion, theta)).signals
     for signal in ("drive_torque", "reaction_S_x", "reaction_S_y", "reaction_B_x"):
         largest = np.abs(expected[signal]).max()
         np.testing.assert_allclose(seen[signal], expected[signal], atol=5e-4 * largest, err_msg=signal)
@@ -489,21 +490,21 @@ def test_engines_whose_contact_has_no_block_refuse_its_friction(name: str, motio
     pytest.importorskip(declared(name).package)
     m = slider_crank("flat").with_joint("S", friction=MU)
     with pytest.raises(Unsupported, match=r"friction in contact .*: leave out friction = 0.2 of joint 'S'"):
-        engine(name).simulate(Request(m, "contact", motion, ANGLES))
+        engine(name).simulate(request_of(m, "contact", motion, ANGLES))
 
 
 def test_exudyn_has_no_friction_at_rest() -> None:
     pytest.importorskip("exudyn")
     m = slider_crank("flat").with_joint("S", friction=MU)
     with pytest.raises(Unsupported, match=r"friction in contact .*: leave out friction = 0.2 of joint 'S'"):
-        engine("exudyn").simulate(Request(m, "contact", "static", ANGLES))
+        engine("exudyn").simulate(request_of(m, "contact", "static", ANGLES))
 
 
 @pytest.mark.mujoco
 @pytest.mark.parametrize("fields", [{"contact_stiffness": 1e7, "contact_damping": 0.0}, {"restitution": 0.5}])
 def test_a_law_without_a_name_rubs_as_hard(fields: dict[str, float]) -> None:
     m = slider_crank("flat").with_joint("S", friction=MU, **fields)
-    seen = engine("mujoco").simulate(Request(m, "contact", "driven", ANGLES[3:6])).signals
+    seen = engine("mujoco").simulate(request_of(m, "contact", "driven", ANGLES[3:6])).signals
     np.testing.assert_allclose(np.abs(seen["reaction_S_x"] / seen["reaction_S_y"]), MU, rtol=1e-4)
 
 

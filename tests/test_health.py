@@ -11,7 +11,8 @@ import pytest
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load, shipped_cases
-from compare.crosscheck import Job, crosscheck_job
+from asked import job_of, request_of
+from compare.crosscheck import crosscheck_job
 from compare.evidence.baseline.runs import setups
 from compare.judge.closer import too_soft
 from compare.judge.discrepancy import load_tolerances
@@ -99,8 +100,8 @@ def test_a_run_of_heavier_inertia_than_the_linkage_has_is_found() -> None:
     raised = small.replace(
         bodies=tuple(b.model_copy(update={"inertia": max(b.moment_of_inertia, 1e-10)}) for b in small.bodies)
     )
-    trace = engine("mujoco").simulate(Request(raised, "ideal", "driven", TURN))
-    request = Request(small, "ideal", "driven", TURN)
+    trace = engine("mujoco").simulate(request_of(raised, "ideal", "driven", TURN))
+    request = request_of(small, "ideal", "driven", TURN)
     assert set(over(request, trace)) == {"moment", "power"}
     assert shares(request, trace)["moment"] > 0.1
     with pytest.raises(
@@ -115,7 +116,7 @@ def test_bullet_in_a_micrograms_linkage_is_found() -> None:
     from sim_models.leapfrog.runs import run
     from sim_models.pybullet.world import BulletWorld
 
-    request = Request(scaled(load("crank-rocker").with_clearances({}), 1e-3, speed=60.0), "ideal", "driven", TURN)
+    request = request_of(scaled(load("crank-rocker").with_clearances({}), 1e-3, speed=60.0), "ideal", "driven", TURN)
     trace = run(BulletWorld, request, "pybullet")
     assert max(np.abs(values).max() for name, values in trace.signals.items() if name.startswith("reaction")) > 1e3
     with pytest.raises(Implausible):
@@ -172,13 +173,13 @@ PRESSED = load("paper").with_clearances({"B": 1e-3})
 LOOSE = load("paper").replace(loads=()).with_clearances({"B": 1e-3})
 DEGREES = np.radians([40.0, 60.0, 80.0])
 REQUESTS = {
-    "rocker": Request(ROCKER, "ideal", "driven", TURN),
-    "rocker at rest": Request(ROCKER.replace(gravity=(0.0, -9.81)), "ideal", "static", TURN),
-    "slider": Request(inverted_slider(), "ideal", "driven", TURN),
-    "soft": Request(PRESSED.with_clearances({}).with_joint("B", radial_stiffness=1e5), "ideal", "driven", DEGREES),
-    "rod": Request(PRESSED, "massless-link", "driven", DEGREES),
-    "contact": Request(PRESSED, "contact", "driven", DEGREES),
-    "loose": Request(LOOSE, "contact", "driven", DEGREES, start="centred"),
+    "rocker": request_of(ROCKER, "ideal", "driven", TURN),
+    "rocker at rest": request_of(ROCKER.replace(gravity=(0.0, -9.81)), "ideal", "static", TURN),
+    "slider": request_of(inverted_slider(), "ideal", "driven", TURN),
+    "soft": request_of(PRESSED.with_clearances({}).with_joint("B", radial_stiffness=1e5), "ideal", "driven", DEGREES),
+    "rod": request_of(PRESSED, "massless-link", "driven", DEGREES),
+    "contact": request_of(PRESSED, "contact", "driven", DEGREES),
+    "loose": request_of(LOOSE, "contact", "driven", DEGREES, start="centred"),
 }
 FALSIFIED = [
     ("pins", "rocker", signal("coupler_x", lambda x: x + 2e-5 * 0.12)),
@@ -273,7 +274,9 @@ def test_a_trace_without_rates_is_held_to_its_positions(runs: dict[str, Trace]) 
 def test_mujoco_takes_the_steps_that_jansens_leg_asks_for(push: float) -> None:
     """Its foot was 2e-5 rad off with steps of 0.5 ms and a push of 20 N, and the model was blamed for it."""
     theta = np.radians(np.arange(0.0, 360.0, 10.0))
-    result = crosscheck_job(Job(jansen_leg(push), ("mujoco",), load_tolerances(), "driven", theta, joint_model="ideal"))
+    result = crosscheck_job(
+        job_of(jansen_leg(push), ("mujoco",), load_tolerances(), "driven", theta, joint_model="ideal")
+    )
     assert result.verdict == "agrees", result.failures
     assert result.runs[0].settings["step"] < 5e-4
     off = [
@@ -285,7 +288,7 @@ def test_mujoco_takes_the_steps_that_jansens_leg_asks_for(push: float) -> None:
 
 
 def test_mujoco_says_how_far_a_body_is_off_where_a_step_is_too_long() -> None:
-    request = Request(jansen_leg(1e4), "ideal", "driven", np.radians(np.arange(180.0, 200.0, 5.0)), step=1e-3)
+    request = request_of(jansen_leg(1e4), "ideal", "driven", np.radians(np.arange(180.0, 200.0, 5.0)), step=1e-3)
     with pytest.raises(SimulationError, match=r"came apart by|is [\d.e-]+ rad off, 2e-06 rad is in order"):
         engine("mujoco").simulate(request)
 
@@ -309,7 +312,7 @@ def test_a_pin_seen_far_beyond_its_rim_is_warned_of_whatever_its_settings_say() 
         None,
     ):  # N/m: at 5000 rpm the first lets the pin 0.8 mm into the wall, and what suits the linkage does not
         soft = m if stiffness is None else m.with_joint("B", contact_stiffness=stiffness)
-        result = crosscheck_job(Job(soft, ("mujoco",), load_tolerances(), theta=theta, joint_model="contact"))
+        result = crosscheck_job(job_of(soft, ("mujoco",), load_tolerances(), theta=theta, joint_model="contact"))
         for settings in (result.runs[0].settings, {}):
             warned = [
                 w

@@ -19,10 +19,11 @@ from analytic.mechanism import Drive, Load, Mechanism
 from analytic.mechanism.file import load
 from analytic.paper.clearance import displaced
 from analytic.paper.kinetostatics import kinetostatics
+from asked import request_of
 from engine_checks import vector
 from linkages import inverted_slider
 from marks import slow
-from sim_models.engine import Engine, JointModel, Request, SimulationError, Trace, Unsupported
+from sim_models.engine import Engine, JointModel, SimulationError, Trace, Unsupported
 
 PACKAGES = {"dart": "dartpy", "pybullet": "pybullet"}
 MODELS: list[tuple[str, JointModel]] = [("dart", "spring-damper"), ("dart", "contact"), ("pybullet", "spring-damper")]
@@ -83,7 +84,7 @@ def assert_agrees(trace: Trace, truth: dict[str, np.ndarray], relative: float, a
 )
 def test_a_course_gives_the_forces_of_its_own_acceleration(leapfrog: Engine, angles: np.ndarray) -> None:
     m = ROCKER.replace(drive=MEASURED, gravity=GRAVITY)
-    trace = leapfrog.simulate(Request(m, course=(TURN, angles), time=TURN))
+    trace = leapfrog.simulate(request_of(m, course=(TURN, angles), time=TURN))
     assert_agrees(trace, expected(m, (TURN, angles), TURN), 1e-4)
     np.testing.assert_allclose(trace.signals["crank_angle"], angles, rtol=0, atol=1e-12)
     np.testing.assert_array_equal(trace.crank_angle, trace.signals["crank_angle"])
@@ -93,13 +94,15 @@ def test_a_pendulum_on_a_motor_swings_as_told(leapfrog: Engine) -> None:
     m = load("pendulum").replace(drive=Drive(joint="O", speed="measured"))
     time = np.linspace(0.0, 1.0, 101)
     course = (time, Assembly(m).start + 0.5 * np.sin(2 * np.pi * time))
-    assert_agrees(leapfrog.simulate(Request(m, course=course, time=time)), expected(m, course, time), 5e-5)
+    assert_agrees(leapfrog.simulate(request_of(m, course=course, time=time)), expected(m, course, time), 5e-5)
 
 
 def test_a_course_may_stand_still(leapfrog: Engine) -> None:
     m = ROCKER.replace(gravity=GRAVITY)
     course = (TURN, np.full(TURN.size, 0.7))
-    assert_agrees(leapfrog.simulate(Request(m, course=course, time=TURN[::20])), expected(m, course, TURN[::20]), 1e-7)
+    assert_agrees(
+        leapfrog.simulate(request_of(m, course=course, time=TURN[::20])), expected(m, course, TURN[::20]), 1e-7
+    )
 
 
 @pytest.mark.parametrize("leapfrog", slow("dart", "pybullet"), indirect=True)
@@ -114,7 +117,7 @@ def test_joint_laws_and_slides_on_a_course(leapfrog: Engine) -> None:
     time = time[
         np.all([np.abs(rate) > 0.02 * np.abs(rate).max() for rate in rubbing], axis=0)
     ]  # at a reversal friction has no direction
-    assert_agrees(leapfrog.simulate(Request(m, course=course, time=time)), expected(m, course, time), 5e-4)
+    assert_agrees(leapfrog.simulate(request_of(m, course=course, time=time)), expected(m, course, time), 5e-4)
 
 
 @pytest.mark.slow
@@ -122,7 +125,7 @@ def test_reports_at_any_time_in_any_order(leapfrog: Engine) -> None:
     course = (TURN, EVEN + 2e-3 * np.sin(6 * EVEN))
     time = np.random.default_rng(3).uniform(0.07, 0.2, 30)
     time = np.append(time, [time[4], 0.2])
-    trace = leapfrog.simulate(Request(ROCKER, course=course, time=time))
+    trace = leapfrog.simulate(request_of(ROCKER, course=course, time=time))
     assert trace.time is not None
     np.testing.assert_array_equal(trace.time, time)
     assert_agrees(trace, expected(ROCKER, course, time), 1e-4)
@@ -131,13 +134,13 @@ def test_reports_at_any_time_in_any_order(leapfrog: Engine) -> None:
 def test_unequal_angles_and_times_change_no_force(leapfrog: Engine) -> None:
     """Steps of changing size would: an engine closes loops by the drift of the step before."""
     angles = np.sort(np.random.default_rng(5).uniform(0.0, 2.0, 25))
-    trace = leapfrog.simulate(Request(ROCKER, crank_angle=angles))
+    trace = leapfrog.simulate(request_of(ROCKER, crank_angle=angles))
     assert_agrees(trace, kinetostatics(kinematics(Assembly(ROCKER), angles, ROCKER.speed or 0.0)).signals(), 1e-4)
     free = ROCKER.replace(drive=Drive(joint="D", speed="free"), gravity=GRAVITY)
     time = np.linspace(0.0, 0.05, 51)
     chosen = np.array([0, 3, 4, 11, 28, 29, 50])
     moved = time[chosen] + np.array([0.0, 1e-4, -2e-4, 3e-4, 0.0, 1e-4, 0.0])
-    every, some = (leapfrog.simulate(Request(free, time=t, start_speed=10.0)) for t in (time, moved))
+    every, some = (leapfrog.simulate(request_of(free, time=t, start_speed=10.0)) for t in (time, moved))
     for name in ("reaction_B_x", "reaction_D_y", "follower_angular_velocity"):
         smooth = CubicSpline(time, every.signals[name])(moved)
         np.testing.assert_allclose(
@@ -159,7 +162,7 @@ def test_pins_start_pressed_and_stay_so_on_a_course(
     m = load("paper").with_clearances({"B": 1e-3}).replace(drive=MEASURED)
     time = np.linspace(0.0, 0.2, 41)
     course = (time, 1.0 + shape(time))
-    trace = engine(name).simulate(Request(m, joint_model, course=course, time=time))
+    trace = engine(name).simulate(request_of(m, joint_model, course=course, time=time))
     spline = CubicSpline(*course)
     found = displaced(Assembly(m), spline(time), spline(time, 1), alpha=spline(time, 2))
     assert not found.flags
@@ -204,7 +207,7 @@ def crank_on_spring(
 def test_a_crank_on_a_spring_moves_by_its_equation_of_motion(leapfrog: Engine) -> None:
     time, stiffness = TURN[:16], 2000.0
     motor = CubicSpline(TURN, EVEN + 2e-3 * np.sin(6 * EVEN))
-    trace = leapfrog.simulate(Request(on_spring(ROCKER, stiffness), course=(TURN, motor(TURN)), time=time))
+    trace = leapfrog.simulate(request_of(on_spring(ROCKER, stiffness), course=(TURN, motor(TURN)), time=time))
     crank = trace.signals["crank_angle"]
     exact = crank_on_spring(ROCKER, stiffness, motor, time, [crank[0], trace.signals["crank_angular_velocity"][0]])
     assert np.abs(motor(time) - crank).max() > 1e-4
@@ -216,7 +219,7 @@ def test_a_crank_on_a_spring_moves_by_its_equation_of_motion(leapfrog: Engine) -
 def test_a_crank_on_a_spring_starts_in_steady_motion(leapfrog: Engine, stiffness: float) -> None:
     """What it does in a revolution it does in the next: it has no oscillation of its own."""
     angles = np.concatenate([np.linspace(0.0, 0.5, 51), 2 * np.pi + np.linspace(0.0, 0.5, 51)])
-    trace = leapfrog.simulate(Request(on_spring(ROCKER, stiffness), crank_angle=angles))
+    trace = leapfrog.simulate(request_of(on_spring(ROCKER, stiffness), crank_angle=angles))
     np.testing.assert_array_equal(trace.crank_angle, angles)
     torque = trace.signals["drive_torque"]
     np.testing.assert_allclose(
@@ -232,7 +235,7 @@ def test_a_motor_on_a_spring_and_a_pin_with_clearance(name: str, joint_model: Jo
     m = load("paper").with_clearances({"B": 1e-3})
     assert m.speed is not None
     angles = np.radians(np.linspace(50.0, 60.0, 31))
-    trace = engine(name).simulate(Request(on_spring(m, 2000.0), joint_model, crank_angle=angles))
+    trace = engine(name).simulate(request_of(on_spring(m, 2000.0), joint_model, crank_angle=angles))
     crank = trace.signals["crank_angle"]
     speed = np.gradient(crank, angles) * m.speed
     found = displaced(Assembly(m), crank, speed).signals()
@@ -244,7 +247,7 @@ def test_a_motor_on_a_spring_and_a_pin_with_clearance(name: str, joint_model: Jo
 
 def test_at_rest_a_crank_lags_its_motor_too(leapfrog: Engine) -> None:
     m, angles = load("paper"), np.radians([40.0, 90.0, 140.0])
-    trace = leapfrog.simulate(Request(on_spring(m, 500.0), motion="static", crank_angle=angles))
+    trace = leapfrog.simulate(request_of(on_spring(m, 500.0), motion="static", crank_angle=angles))
     crank = trace.signals["crank_angle"]
     torque = kinetostatics(kinematics(Assembly(m), crank, 1.0), inertia=False).drive_torque
     np.testing.assert_allclose(crank, angles - torque / 500.0, rtol=0, atol=1e-8)
@@ -253,7 +256,7 @@ def test_at_rest_a_crank_lags_its_motor_too(leapfrog: Engine) -> None:
 
 def test_a_motor_near_resonance_is_refused(leapfrog: Engine) -> None:
     with pytest.raises(SimulationError, match=r"no steady motion of the crank on a drive\.stiffness of 20 N\.m/rad"):
-        leapfrog.simulate(Request(on_spring(ROCKER, 20.0), crank_angle=np.array([0.0, 1.0])))
+        leapfrog.simulate(request_of(on_spring(ROCKER, 20.0), crank_angle=np.array([0.0, 1.0])))
 
 
 # ---------------------------------------------------------------- markers
@@ -274,7 +277,7 @@ def test_signals_and_loads_are_at_the_marker_and_mass_is_not(leapfrog: Engine, m
     if not driven:
         truth = {name: values for name, values in truth.items() if not name.endswith("velocity")}
     assert_agrees(
-        leapfrog.simulate(Request(m, motion="driven" if driven else "static", crank_angle=angles)), truth, 1e-4
+        leapfrog.simulate(request_of(m, motion="driven" if driven else "static", crank_angle=angles)), truth, 1e-4
     )
 
 
@@ -298,4 +301,4 @@ def test_signals_and_loads_are_at_the_marker_and_mass_is_not(leapfrog: Engine, m
 def test_what_makes_no_course_is_refused(leapfrog: Engine, change: dict[str, object], why: str) -> None:
     given: dict[str, object] = {"mechanism": ROCKER.replace(drive=MEASURED), "course": (TURN, EVEN), "time": TURN}
     with pytest.raises(Unsupported, match=why):
-        leapfrog.simulate(Request(**(given | change)))
+        leapfrog.simulate(request_of(**(given | change)))

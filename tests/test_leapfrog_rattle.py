@@ -14,13 +14,14 @@ import pytest
 from analytic.mechanism import GROUND, MASS_CENTRE, Mechanism
 from analytic.mechanism.file import load
 from analytic.mechanism.parts import ContactLaw
+from asked import request_of
 from compare.evidence import contact_ode
 from engine_checks import run, vector
 from marks import slow
 from sim_models.common.contact_laws import NamedLaw, delivered, named_law
 from sim_models.common.mobility import mobility
 from sim_models.common.start import Pose, poses
-from sim_models.engine import JointModel, Request, Trace, Unsupported, Watched, engine
+from sim_models.engine import JointModel, Trace, Unsupported, Watched, engine
 from sim_models.leapfrog.striking import Striking
 
 LAWS: tuple[ContactLaw, ...] = ("kelvin-voigt", "hunt-crossley", "lankarani-nikravesh", "flores", "gonthier")
@@ -44,7 +45,7 @@ def rebound(name: str, m: Mechanism, joint_model: JointModel = "spring-damper", 
     asked = max(m.joint("O").restitution or 0.0, 0.03)
     time = fall * np.linspace(1 + within, 1 + asked / 2, 40)
     step = fall / 4000 if joint_model == "contact" else None
-    trace = engine(name).simulate(Request(m, joint_model, "driven", time=time, start="centred", step=step))
+    trace = engine(name).simulate(request_of(m, joint_model, "driven", time=time, start="centred", step=step))
     force, height = trace.signals["reaction_O_y"], CLEARANCE - trace.signals["clearance_O_y"]
     assert force.min() >= 0.0, "a pin is never pulled"
     rising = (force == 0) & (height > 1e-9) & (trace.rates["pendulum"].velocity.imag > 0)
@@ -99,7 +100,7 @@ def test_darts_own_contact_delivers_what_is_asked(asked: float) -> None:
 def test_darts_own_contact_holds_what_would_rebound_slowly(asked: float) -> None:
     """At less than 0.1 m/s: and its settings say from which speed of impact on it rebounds."""
     time = math.sqrt(2 * CLEARANCE / G) * np.array([1.001, 1.01, 1 + asked / 2])
-    asking = Request(hanging(None, asked, 1e7), "contact", "driven", time=time, start="centred", step=8e-6)
+    asking = request_of(hanging(None, asked, 1e7), "contact", "driven", time=time, start="centred", step=8e-6)
     trace = engine("dart").simulate(asking)
     np.testing.assert_allclose(trace.signals["clearance_O_y"], CLEARANCE, rtol=1e-6)
     least = trace.settings["minimum_impact_speed"]
@@ -165,7 +166,7 @@ def test_a_gap_yields_to_a_force_as_in_the_engine(name: str, case: str, joint: s
         from sim_models.dart.world import DartWorld as World
     else:
         from sim_models.pybullet.world import BulletWorld as World
-    world, h = World(Request(m, "spring-damper", "driven", np.array([1.0]))), 1e-5
+    world, h = World(request_of(m, "spring-damper", "driven", np.array([1.0]))), 1e-5
     at: dict[str, Pose] = poses(world.assembly, 1.0)
     speeds = []
     for force in (0j, 1 + 0j, 1j):
@@ -278,7 +279,7 @@ def test_reports_are_the_same_watched_or_not(
 ) -> None:
     trace = watched(name, joint_model, law, joint)
     m = rattling(law, joint) if joint_model != "ideal" else rattling().with_clearances({"B": 0.0})
-    plain = engine(name).simulate(Request(m, joint_model, "driven", trace.crank_angle, start="centred"))
+    plain = engine(name).simulate(request_of(m, joint_model, "driven", trace.crank_angle, start="centred"))
     assert plain.watched is None
     assert plain.free_share == trace.free_share
     for signal, values in plain.signals.items():
@@ -326,7 +327,7 @@ def test_darts_own_contact_knows_no_law_by_name() -> None:
 
 @pytest.mark.pybullet
 def test_an_exported_script_knows_no_law_by_name(tmp_path: Path) -> None:
-    asked = Request(rattling("flores"), "spring-damper", "driven", np.zeros(1))
+    asked = request_of(rattling("flores"), "spring-damper", "driven", np.zeros(1))
     with pytest.raises(Unsupported, match="pybullet has no contact laws by name in its exports"):
         engine("pybullet").export(asked, tmp_path)
 
@@ -343,7 +344,7 @@ def test_half_a_revolution_converges_to_the_exact_motion(name: str, law: Contact
     theta = np.linspace(0.0, np.pi, 91)
     off = []
     for step in (3.2e-6, 0.8e-6):
-        trace = engine(name).simulate(Request(m, "spring-damper", "driven", theta, start="centred", step=step))
+        trace = engine(name).simulate(request_of(m, "spring-damper", "driven", theta, start="centred", step=step))
         angles = {body: np.interp(theta, exact.crank, exact.watched.angle[body]) for body in ("coupler", "follower")}
         off.append(max(float(np.abs(trace.signals[f"{b}_angle"] - angle).max()) for b, angle in angles.items()))
     assert off[1] < 0.4 * off[0]

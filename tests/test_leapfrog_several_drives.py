@@ -14,6 +14,7 @@ import pytest
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.mechanism import Drive, Mechanism, Spring
 from analytic.mechanism.file import load, loads
+from asked import request_of
 from engine_checks import vector
 from marks import slow
 from maximal import Maximal, Posed
@@ -99,7 +100,7 @@ def drive_signals(m: Mechanism, driven: Mapping[str, object]) -> dict[str, str]:
 def moved(
     chosen: Engine, m: Mechanism, courses: Knots, model: JointModel = "ideal", times: np.ndarray = TIMES
 ) -> Trace:
-    return chosen.simulate(Request(m, model, "driven", time=times, courses=courses))
+    return chosen.simulate(request_of(m, model, "driven", time=times, courses=courses))
 
 
 def driven_at(m: Mechanism, **speeds: float) -> Mechanism:
@@ -253,7 +254,7 @@ def test_a_pin_put_back_on_its_rim_opens_no_other_loop() -> None:
     m, times = load("3-rrr").with_clearances({"C1": LOOSE}), np.linspace(0.0, 1.0, 11)  # s: held badly towards the end
     at = Assembly(m).positions
     courses = {d.joint: (times, at[d.joint] + float(d.speed) * times) for d in m.drives}
-    asked = Request(m, "contact", "driven", time=times, courses=courses)
+    asked = request_of(m, "contact", "driven", time=times, courses=courses)
     coarse, fine = (engine("dart").simulate(replace(asked, step=step)) for step in (2e-4, 1e-4))
     largest = max(np.abs(vector(fine, f"reaction_{joint.name}")).max() for joint in m.joints)
     for joint in m.joints:
@@ -284,7 +285,7 @@ def on_springs(m: Mechanism) -> Mechanism:
 @pytest.mark.parametrize("motion", ["driven", "static"])
 def test_springs_pull_a_cranks_linkage_as_the_referee_says(leapfrog: Engine, motion: Motion) -> None:
     m, theta = on_springs(load("paper").with_clearances({})), np.radians([30.0, 45.0, 60.0])
-    trace, judge = leapfrog.simulate(Request(m, "ideal", motion, theta)), Maximal(m, ("D",))
+    trace, judge = leapfrog.simulate(request_of(m, "ideal", motion, theta)), Maximal(m, ("D",))
     speed = 0.0 if motion == "static" else float(m.speed or 0.0)
     q = judge.home({"D": m.assembly["crank"]})
     posed = [judge.driven_at(q, {"D": (float(angle), speed, 0.0)}) for angle in theta]
@@ -314,10 +315,10 @@ MORE_SPRUNG: list[tuple[str, JointModel, Motion]] = [
 def test_springs_pull_loose_linkages_as_tight_ones(name: str, model: JointModel, motion: Motion) -> None:
     m, theta = on_springs(load("paper")), np.radians([30.0, 32.0, 34.0])
     tight, loose = (
-        engine(name).simulate(Request(m.with_clearances(gaps), joint_model, motion, theta))
+        engine(name).simulate(request_of(m.with_clearances(gaps), joint_model, motion, theta))
         for gaps, joint_model in (({}, "ideal"), ({"B": 1e-6}, model))
     )
-    bare = engine(name).simulate(Request(m.replace(springs=()).with_clearances({}), "ideal", motion, theta))
+    bare = engine(name).simulate(request_of(m.replace(springs=()).with_clearances({}), "ideal", motion, theta))
     torque = {id(t): t.signals["drive_torque"] for t in (tight, loose, bare)}
     assert np.abs(torque[id(tight)] - torque[id(bare)]).min() > 1.0
     close(torque[id(loose)], torque[id(tight)], 2e-4 * np.abs(torque[id(tight)]).max())
@@ -327,8 +328,8 @@ def test_a_pendulum_that_is_let_go_on_a_spring_swings_as_its_equation_says(leapf
     m, times = pendulum_on_a_spring(), np.linspace(0.0, 0.3, 7)
     angle, right = f"{m.bodies[0].name}_angle", swung_on_its_spring(m, times)
     seen: Callable[[Request], Trace] = leapfrog.simulate
-    close(seen(Request(m, time=times)).signals[angle], right, 2e-5)  # of the first order in its steps
-    close(seen(Request(m, time=times, courses={})).signals[angle], right, 1e-6)
+    close(seen(request_of(m, time=times)).signals[angle], right, 2e-5)  # of the first order in its steps
+    close(seen(request_of(m, time=times, courses={})).signals[angle], right, 1e-6)
 
 
 # ---------------------------------------------------------------- what is refused

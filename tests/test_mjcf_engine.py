@@ -13,9 +13,10 @@ from typer.testing import CliRunner
 import linkage_crosscheck as lc
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import dumps, load, loads, shipped_cases
+from asked import request_of
 from compare.cli.app import app
 from mjcf_files import BAR, MASS, PLAIN, WAYS, written
-from sim_models.engine import Request, SimulationError, Unsupported, declared, engine
+from sim_models.engine import SimulationError, Unsupported, declared, engine
 from sim_models.mjcf.errors import MjcfError
 from sim_models.mjcf.imported import imported
 
@@ -401,7 +402,7 @@ def test_one_limit_that_acts_is_one(tmp_path: Path) -> None:
 def test_too_many_steps_are_refused_before_they_are_taken(tmp_path: Path) -> None:
     text = PLAIN.replace("<worldbody>", '<option timestep="1e-9"/><worldbody>')
     with pytest.raises(SimulationError, match="would take"):
-        engine(f"mjcf:{written(tmp_path, {'': text})}").simulate(Request(by_hand(), crank_angle=ANGLES))
+        engine(f"mjcf:{written(tmp_path, {'': text})}").simulate(request_of(by_hand(), crank_angle=ANGLES))
 
 
 # ------------------------------------------------------------------ its name

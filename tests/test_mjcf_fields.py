@@ -16,10 +16,11 @@ import numpy as np
 import pytest
 
 import linkage_crosscheck as lc
+from asked import request_of
 from marks import slow
 from mjcf_files import BAR, COUPLER, FOLLOWER, written
 from mjcf_raw import Raw, moved
-from sim_models.engine import Request, Unsupported
+from sim_models.engine import Unsupported
 from sim_models.mjcf.engine import opened
 from sim_models.mjcf.errors import MjcfError
 from sim_models.mjcf.imported import imported
@@ -493,7 +494,7 @@ def test_what_has_no_word_is_refused_in_a_run_of_the_file_too(what: str, tmp_pat
     m = imported(written(tmp_path, {"": before})).mechanism
     path = written(tmp_path, {"": after})
     with pytest.raises((MjcfError, Unsupported)):
-        opened(str(path)).simulate(Request(m, crank_angle=np.array([0.0, 0.1])))
+        opened(str(path)).simulate(request_of(m, crank_angle=np.array([0.0, 0.1])))
 
 
 @pytest.mark.parametrize("what", [*QUICK, *slow(*(what for what in USED if what not in QUICK))])
@@ -501,6 +502,6 @@ def test_a_run_of_the_file_has_what_was_imported(what: str, tmp_path: Path) -> N
     path = written(tmp_path, {"": ROWS[what].texts[1]})
     m = imported(path).mechanism
     angles = m.assembly["crank"] + np.array([0.0, 0.05, 0.1, 0.15]) * np.sign(m.speed or 1.0)
-    given = opened(str(path)).simulate(Request(m, crank_angle=angles)).signals["drive_torque"]
+    given = opened(str(path)).simulate(request_of(m, crank_angle=angles)).signals["drive_torque"]
     truth = lc.analyse(m, angles=angles).signals["drive_torque"]
     assert given == pytest.approx(truth, abs=3e-3 * np.abs(truth).max())

@@ -15,13 +15,14 @@ import linkage_crosscheck as lc
 from analytic.kinematics.assembly import AssemblyError
 from analytic.mechanism import Drive, Mechanism
 from analytic.mechanism.file import load
+from asked import request_of
 from compare.cli.app import app
 from engine_checks import vector
 from mjcf_files import PLAIN, written
 from mjcf_several_files import ARM, FILES, FIVE_BAR, RK4, SLIDER_CRANK, STIFF, THREE_CRANKS, THREE_RPR, altered
 from several_linkages import CASES, KNOTS, Knots, referee, splines, waved
 from several_truths import G, close, double_pendulum, turned_round
-from sim_models.engine import Motion, Request, Trace, Unsupported, engine
+from sim_models.engine import Motion, Trace, Unsupported, engine
 from sim_models.mjcf.errors import MjcfError
 from sim_models.mjcf.imported import imported
 
@@ -31,7 +32,7 @@ COMMAND = ("--times", "0:0.3:0.02")
 
 
 def run(path: Path, m: Mechanism, courses: Knots, times: np.ndarray = TIMES, motion: Motion = "driven") -> Trace:
-    return engine(f"mjcf:{path}").simulate(Request(m, motion=motion, time=times, courses=courses))
+    return engine(f"mjcf:{path}").simulate(request_of(m, motion=motion, time=times, courses=courses))
 
 
 def read(folder: Path, text: str) -> tuple[Path, Mechanism]:

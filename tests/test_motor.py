@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from sim_models.common.motor import ConstantSpeed, Course, motor_of, report_times
 
 from analytic.mechanism import Drive
 from analytic.mechanism.file import load
-from sim_models.common.motor import ConstantSpeed, Course, motor_of, report_times
-from sim_models.engine import ENGINES, Request, engine
+from asked import request_of
+from sim_models.engine import ENGINES, engine
 
 ROCKER = load("crank-rocker")
 ANGLES = np.array([0.5, 0.2, 0.9])
@@ -20,7 +21,7 @@ def at(speed: object) -> Drive:
 
 @pytest.mark.parametrize(("speed", "first"), [(8.0, 0.2), (-8.0, 0.9)])
 def test_a_motor_at_constant_speed_passes_every_angle_after_its_lead_in(speed: float, first: float) -> None:
-    request = Request(ROCKER.replace(drive=at(speed)), crank_angle=ANGLES, lead_in=0.4)
+    request = request_of(ROCKER.replace(drive=at(speed)), crank_angle=ANGLES, lead_in=0.4)
     motor = motor_of(request)
     assert isinstance(motor, ConstantSpeed)
     assert (motor.theta, motor.begin, motor.top_speed) == (first, -0.05, 8.0)
@@ -35,7 +36,7 @@ def test_a_motor_at_constant_speed_passes_every_angle_after_its_lead_in(speed: f
 def test_a_motor_on_a_course_goes_through_its_knots_and_is_fastest_between_them() -> None:
     knots = np.array([1.0, 1.5, 2.0, 2.5, 3.0])
     cubic = np.polynomial.Polynomial([0.0, 0.0, 3.0, -1.0])(knots - 1)  # its rate 6 t - 3 t^2 is largest at t = 1
-    request = Request(ROCKER.replace(drive=at("measured")), course=(knots, cubic), time=np.array([2.5, 1.2]))
+    request = request_of(ROCKER.replace(drive=at("measured")), course=(knots, cubic), time=np.array([2.5, 1.2]))
     motor = motor_of(request)
     assert isinstance(motor, Course)
     assert (motor.begin, motor.end, motor.knot_spacing) == (1.0, 3.0, 0.5)
@@ -49,8 +50,8 @@ def test_a_motor_on_a_course_goes_through_its_knots_and_is_fastest_between_them(
 
 def test_without_a_motor_there_is_none() -> None:
     free = ROCKER.replace(drive=at("free"))
-    assert motor_of(Request(ROCKER, motion="static", crank_angle=ANGLES)) is None
-    released = Request(free, time=np.array([0.1, 0.0]))
+    assert motor_of(request_of(ROCKER, motion="static", crank_angle=ANGLES)) is None
+    released = request_of(free, time=np.array([0.1, 0.0]))
     assert motor_of(released) is None
     np.testing.assert_array_equal(report_times(released, None), [0.1, 0.0])
 
@@ -68,7 +69,7 @@ def test_at_rest_a_crank_without_motor_is_where_it_was_asked_for(name: str) -> N
     free = pendulum.replace(drive=Drive(joint="O", speed="free", stiffness=200.0))
     yielding = pendulum.replace(drive=Drive(joint="O", speed=1.0, stiffness=200.0))
     found, lagging = (
-        engine(name).simulate(Request(m, motion="static", crank_angle=ANGLES)).signals["pendulum_angle"]
+        engine(name).simulate(request_of(m, motion="static", crank_angle=ANGLES)).signals["pendulum_angle"]
         for m in (free, yielding)
     )
     np.testing.assert_allclose(found, ANGLES, rtol=0, atol=1e-9)

@@ -12,11 +12,12 @@ from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import kinematics
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load, loads
+from asked import request_of
 from compare.crosscheck import crosscheck
 from engine_checks import many_impacts_against_the_ode
 from marks import slow
 from sim_models.common.contact_laws import restitution
-from sim_models.engine import JointModel, Motion, Request
+from sim_models.engine import JointModel, Motion
 from sim_models.mujoco.engine import ENGINE
 
 pytestmark = pytest.mark.mujoco
@@ -81,7 +82,7 @@ def equation_of_motion(
 def test_crank_rocker_at_600_rpm_moves_as_its_equation_of_motion_says(model: JointModel) -> None:
     speed, theta = 20 * np.pi, np.linspace(0.0, 2 * np.pi, 73)
     mechanism = crank_rocker(speed, 2e-4, 1e6, 300.0)
-    trace = ENGINE.simulate(Request(mechanism, model, "driven", theta, start="centred"))
+    trace = ENGINE.simulate(request_of(mechanism, model, "driven", theta, start="centred"))
     coupler, follower = equation_of_motion(speed, 2e-4, 1e6, 300.0, theta / speed)
     assert np.abs(trace.signals["coupler_angle"] - coupler).max() < 1e-4
     assert np.abs(trace.signals["follower_angle"] - follower).max() < 1e-4
@@ -96,9 +97,9 @@ def test_a_smaller_step_comes_closer_to_the_equation_of_motion() -> None:
     coarse, fine = (
         float(
             np.abs(
-                ENGINE.simulate(Request(mechanism, "spring-damper", "driven", theta, start="centred", step=h)).signals[
-                    "follower_angle"
-                ]
+                ENGINE.simulate(
+                    request_of(mechanism, "spring-damper", "driven", theta, start="centred", step=h)
+                ).signals["follower_angle"]
                 - follower
             ).max()
         )
@@ -110,7 +111,7 @@ def test_a_smaller_step_comes_closer_to_the_equation_of_motion() -> None:
 def test_contact_of_known_stiffness_is_of_second_order_in_the_step() -> None:
     """The pin is pressed all the way, on a wall of which its bounces take a fraction of a step's turn."""
     theta = np.radians(np.arange(0.0, 360.0, 5.0))
-    asked = Request(crank_rocker(1000 * np.pi / 30, 1e-4, 1e7, 886.0), "contact", "driven", theta, lead_in=2 * np.pi)
+    asked = request_of(crank_rocker(1000 * np.pi / 30, 1e-4, 1e7, 886.0), "contact", "driven", theta, lead_in=2 * np.pi)
 
     def force(step: float) -> np.ndarray:
         trace = ENGINE.simulate(replace(asked, step=step))
@@ -128,7 +129,7 @@ def test_contact_of_known_stiffness_is_of_second_order_in_the_step() -> None:
 def test_a_dropped_journal_bounces_with_its_restitution(model: JointModel, nominal: float) -> None:
     mechanism = loads(DROPPED).with_joint("O", restitution=nominal)
     time = np.linspace(0.0, 0.13, 1301)
-    trace = ENGINE.simulate(Request(mechanism, model, time=time, start="centred"))
+    trace = ENGINE.simulate(request_of(mechanism, model, time=time, start="centred"))
     height = 0.01 - trace.signals["clearance_O_y"]  # of the journal over its deepest point in the gap
     impact = int(np.argmax(height < 1e-5))
     assert time[impact] == pytest.approx(np.sqrt(2 * 0.01 / 9.81), abs=2e-4)
@@ -161,7 +162,7 @@ def test_stiffness_and_damping_in_si_units_bounce_as_their_law_says() -> None:
     assert delivered == pytest.approx(restitution(ratio), rel=0.015)  # which leaves out the weight
     models: list[tuple[JointModel, float]] = [("spring-damper", 2e-3), ("contact", 2e-4)]
     for model, allowed in models:
-        trace = ENGINE.simulate(Request(mechanism, model, time=time, start="centred", step=1e-5))
+        trace = ENGINE.simulate(request_of(mechanism, model, time=time, start="centred", step=1e-5))
         height = 0.01 - trace.signals["clearance_O_y"]
         impact = int(np.argmax(height < 0))
         top = next(i for i in range(impact + 20, len(time) - 1) if height[i] >= height[i + 1])
@@ -183,7 +184,7 @@ def test_friction_turns_the_displacement_and_moves_the_force_to_the_friction_cir
     assert m.drive is not None
     m = m.replace(drive=m.drive.model_copy(update={"speed": direction * (m.speed or 0)}))
     theta = np.radians(np.arange(30.0, 141.0, 10.0))
-    s = ENGINE.simulate(Request(m, "contact", motion, theta)).signals
+    s = ENGINE.simulate(request_of(m, "contact", motion, theta)).signals
     force, gap = s["reaction_B_x"] + 1j * s["reaction_B_y"], s["clearance_B_x"] + 1j * s["clearance_B_y"]
     angle = np.arctan(friction)
     np.testing.assert_allclose(np.angle(force / gap), -direction * angle, atol=1e-6)
@@ -280,7 +281,7 @@ def test_a_run_whose_contacts_rub_ever_faster_begins_in_steady_motion(simulator:
 def test_contact_gives_way_where_it_is_not_pressed() -> None:
     """Unloaded parallelogram with the pin centred: no force, no contact, the pin stays in its gap."""
     mechanism = load("paper").replace(loads=()).with_clearances({"B": 1e-3})
-    trace = ENGINE.simulate(Request(mechanism, "contact", "driven", np.radians([60.0, 61.0, 62.0]), start="centred"))
+    trace = ENGINE.simulate(request_of(mechanism, "contact", "driven", np.radians([60.0, 61.0, 62.0]), start="centred"))
     assert trace.free_share["B"] == 1.0
     assert np.abs(trace.journal["B"]).max() < 1e-3
     np.testing.assert_array_equal(trace.signals["reaction_B_x"], 0.0)
@@ -288,13 +289,13 @@ def test_contact_gives_way_where_it_is_not_pressed() -> None:
 
 def test_settings_say_what_the_contact_was_made_of() -> None:
     theta = np.radians([60.0, 65.0])
-    soft = ENGINE.simulate(Request(load("paper"), "spring-damper", "driven", theta)).settings
+    soft = ENGINE.simulate(request_of(load("paper"), "spring-damper", "driven", theta)).settings
     assert soft["contact_stiffness"] == 1e7
     assert soft["contact_damping"] == pytest.approx(np.sqrt(1e7 * 0.157))
     assert "K d + C d'" in soft["contact_law"]
-    static = ENGINE.simulate(Request(load("paper"), "contact", "static", theta)).settings
+    static = ENGINE.simulate(request_of(load("paper"), "contact", "static", theta)).settings
     assert static["contact_stiffness"] == 1e8
-    hard = ENGINE.simulate(Request(load("paper"), "contact", "driven", theta)).settings
+    hard = ENGINE.simulate(request_of(load("paper"), "contact", "driven", theta)).settings
     assert "hard" in hard["contact_law"]
     assert hard["step"] > 0
 

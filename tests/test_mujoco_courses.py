@@ -21,8 +21,9 @@ from analytic.kinematics.motion import Gap, kinematics
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import load
 from analytic.paper.kinetostatics import Reactions, kinetostatics
+from asked import request_of
 from marks import slow
-from sim_models.engine import JOINT_MODELS, JointModel, Motion, Request, Trace, Unsupported
+from sim_models.engine import JOINT_MODELS, JointModel, Motion, Trace, Unsupported
 from sim_models.mujoco.engine import ENGINE
 
 pytestmark = pytest.mark.mujoco
@@ -67,7 +68,7 @@ COURSES: dict[str, tuple[Mechanism, Course]] = {
 
 
 def follow(mechanism: Mechanism, course: Course, time: np.ndarray, model: JointModel = "ideal") -> Trace:
-    return ENGINE.simulate(Request(mechanism, model, "driven", time=time, course=course))
+    return ENGINE.simulate(request_of(mechanism, model, "driven", time=time, course=course))
 
 
 def anywhere(course: Course, count: int = 60, seed: int = 1) -> np.ndarray:
@@ -129,7 +130,7 @@ def test_a_course_of_constant_speed_is_the_same_as_the_speed(model: JointModel) 
         np.minimum((theta - theta[0]) / speed, (ends[-1] - theta[0]) / speed),
         model,
     )
-    steadily = ENGINE.simulate(Request(mechanism, model, "driven", theta))
+    steadily = ENGINE.simulate(request_of(mechanism, model, "driven", theta))
     assert angle_error(along.signals, steadily.signals) < 1e-6
     for prefix in ("reaction", "drive_torque"):
         assert error(along.signals, steadily.signals, prefix) < 1e-4
@@ -179,7 +180,7 @@ def test_reports_may_be_unevenly_spaced(model: JointModel) -> None:
     mechanism = load("paper").with_clearances({"B": 1e-3})
     even = np.radians(np.arange(20.0, 161.0, 10.0))
     uneven = np.sort(np.concatenate([even, even[:-1] + np.radians(0.0007), even[3:-1] + np.radians(7.3)]))
-    seen, right = (ENGINE.simulate(Request(mechanism, model, "driven", theta)).signals for theta in (uneven, even))
+    seen, right = (ENGINE.simulate(request_of(mechanism, model, "driven", theta)).signals for theta in (uneven, even))
     pick = np.searchsorted(uneven, even)
     for name in ("reaction_B_x", "reaction_B_y", "drive_torque"):
         np.testing.assert_allclose(seen[name][pick], right[name], atol=1e-4 * np.abs(right[name]).max())
@@ -231,7 +232,7 @@ def test_a_crank_on_a_spring_moves_as_its_equation_says_and_repeats_itself(stiff
     if course == "ripple":
         trace = follow(driven_at(nominal, "measured", stiffness), (TURN, angle), TURN[::6])
     else:
-        trace = ENGINE.simulate(Request(driven_at(nominal, SPEED, stiffness), crank_angle=angle[::6]))
+        trace = ENGINE.simulate(request_of(driven_at(nominal, SPEED, stiffness), crank_angle=angle[::6]))
     crank, omega = trace.signals["crank_angle"], trace.signals["crank_angular_velocity"]
     moved = Crank.of(nominal, stiffness).moves(CubicSpline(TURN, angle), TURN[::6], float(crank[0]), float(omega[0]))
     lag = angle[::6] - crank
@@ -264,7 +265,7 @@ def test_a_crank_on_a_spring_lags_a_swinging_motor_without_swaying(stiffness: fl
 
 def test_a_wound_up_spring_does_not_pass_for_a_motion_that_repeats_itself() -> None:
     mechanism = driven_at(CRANK_ROCKER, SPEED, 200.0).with_joint("D", stiffness=0.1)
-    trace = ENGINE.simulate(Request(mechanism, crank_angle=SPEED * TURN[::6]))
+    trace = ENGINE.simulate(request_of(mechanism, crank_angle=SPEED * TURN[::6]))
     assert trace.settings["start"] == "equilibrium"
     wound = -0.1 * (trace.signals["crank_angle"][-1] - trace.signals["crank_angle"][0])
     assert trace.signals["drive_torque"][-1] - trace.signals["drive_torque"][0] == pytest.approx(-wound, rel=0.02)
@@ -281,9 +282,9 @@ def test_a_marker_is_not_the_centre_of_mass(model: JointModel, motion: Motion) -
     push = Load(body="coupler", force=(30.0, 50.0))
     theta = np.radians(np.arange(0.0, 91.0, 15.0))
     at_point = ENGINE.simulate(
-        Request(named.replace(loads=(push.model_copy(update={"point": "P"}),)), model, motion, theta)
+        request_of(named.replace(loads=(push.model_copy(update={"point": "P"}),)), model, motion, theta)
     ).signals
-    at_marker = ENGINE.simulate(Request(marked.replace(loads=(push,)), model, motion, theta)).signals
+    at_marker = ENGINE.simulate(request_of(marked.replace(loads=(push,)), model, motion, theta)).signals
     for name in set(at_point) - {"coupler_x", "coupler_y"}:
         np.testing.assert_allclose(at_marker[name], at_point[name], atol=1e-9, err_msg=name)
     turned = np.exp(1j * at_point["coupler_angle"]) * (complex(*beside) - complex(0.07, -0.01))
@@ -298,7 +299,7 @@ def test_an_exported_course_runs_in_mujoco_alone(model: JointModel, tmp_path: Pa
     )
     mechanism = driven_at(mechanism, "measured", 200.0) if model == "ideal" else mechanism.with_clearances({"B": 2e-4})
     time = np.sort(np.random.default_rng(3).uniform(0.0, 0.3, 10))
-    ENGINE.export(Request(mechanism, model, "driven", time=time, course=(SECOND, SWING)), tmp_path)
+    ENGINE.export(request_of(mechanism, model, "driven", time=time, course=(SECOND, SWING)), tmp_path)
     subprocess.run([sys.executable, "run.py"], cwd=tmp_path, check=True, capture_output=True)
     expected, found = (
         list(csv.DictReader((tmp_path / name).read_text(encoding="utf-8").splitlines()))
@@ -313,13 +314,13 @@ def test_an_exported_course_runs_in_mujoco_alone(model: JointModel, tmp_path: Pa
 def test_a_course_needs_a_motor_that_can_follow_it() -> None:
     request = {"time": SECOND, "course": (SECOND, SWING)}
     with pytest.raises(Unsupported, match="only a drive that is not free follows a course"):
-        ENGINE.simulate(Request(load("pendulum"), **request))
+        ENGINE.simulate(request_of(load("pendulum"), **request))
     with pytest.raises(Unsupported, match="leave out lead_in = 1 rad"):
-        ENGINE.simulate(Request(CRANK_ROCKER, lead_in=1.0, **request))
+        ENGINE.simulate(request_of(CRANK_ROCKER, lead_in=1.0, **request))
     with pytest.raises(Unsupported, match="a measured drive follows a course"):
-        ENGINE.simulate(Request(CRANK_ROCKER, crank_angle=SWING))
+        ENGINE.simulate(request_of(CRANK_ROCKER, crank_angle=SWING))
     with pytest.raises(Unsupported, match="no crank_angle"):
-        ENGINE.simulate(Request(CRANK_ROCKER, crank_angle=SWING, **request))
+        ENGINE.simulate(request_of(CRANK_ROCKER, crank_angle=SWING, **request))
     with pytest.raises(Unsupported, match="outside the course"):
         follow(CRANK_ROCKER, (SECOND, SWING), SECOND + 0.1)
 
@@ -328,6 +329,6 @@ def test_reports_a_billionth_of_a_second_apart_are_followed() -> None:
     """The cubic between two such instants is rounding, and its slope was larger than MuJoCo takes for a control."""
     mechanism, course = COURSES["ripple"]
     time = np.sort(np.concatenate([TURN[10:-10:40], TURN[10:-10:40] + 1e-9]))
-    trace = ENGINE.simulate(Request(mechanism, time=time, course=course))
+    trace = ENGINE.simulate(request_of(mechanism, time=time, course=course))
     apart = np.abs(np.diff(trace.signals["drive_torque"].reshape(-1, 2), axis=1))
     assert apart.max() < 1e-4 * np.abs(trace.signals["drive_torque"]).max()

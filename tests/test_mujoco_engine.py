@@ -12,13 +12,13 @@ from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import load
 from analytic.paper.clearance import displaced
+from asked import request_of
 from linkages import inverted_slider, scotch_yoke, six_bar_driven_from_the_rocker
 from marks import slow
 from sim_models.engine import (
     JOINT_MODELS,
     JointModel,
     Motion,
-    Request,
     SimulationError,
     Trace,
     Unsupported,
@@ -83,7 +83,7 @@ def test_reaction_of_the_paper_case_is_the_finite_gap_equilibrium(
     model: JointModel, motion: Motion, clearance: float
 ) -> None:
     mechanism = PAPER.with_clearances({"B": clearance})
-    trace = ENGINE.simulate(Request(mechanism, model, motion, RANGE))
+    trace = ENGINE.simulate(request_of(mechanism, model, motion, RANGE))
     truth = expected(mechanism, model, motion, RANGE)
     seen, right = vector(trace.signals, "reaction", "B"), vector(truth, "reaction", "B")
     degrees, percent = TOLERANCE[model, motion]
@@ -93,7 +93,7 @@ def test_reaction_of_the_paper_case_is_the_finite_gap_equilibrium(
 
 
 def test_published_reactions_of_the_paper_case() -> None:
-    trace = ENGINE.simulate(Request(PAPER, "ideal", "driven", np.radians([20.0, 30.0, 60.0, 90.0, 120.0, 160.0])))
+    trace = ENGINE.simulate(request_of(PAPER, "ideal", "driven", np.radians([20.0, 30.0, 60.0, 90.0, 120.0, 160.0])))
     s = trace.signals
     np.testing.assert_allclose(
         s["reaction_B_x"], [68.7597, 43.3684, 14.4725, 0.0, -14.4725, -68.7597], rtol=1e-4, atol=1e-4
@@ -105,7 +105,7 @@ def test_published_reactions_of_the_paper_case() -> None:
 @pytest.mark.parametrize("rpm", [60, 300, 600, -600])
 def test_crank_rocker_with_ideal_joints_over_a_revolution(rpm: float) -> None:
     mechanism = at_speed(load("crank-rocker"), speed=rpm * np.pi / 30)
-    trace = ENGINE.simulate(Request(mechanism, "ideal", "driven", TURN))
+    trace = ENGINE.simulate(request_of(mechanism, "ideal", "driven", TURN))
     truth = expected(mechanism, "ideal", "driven", TURN)
     assert error(trace, truth, "reaction") < 2e-4
     assert error(trace, truth, "drive_torque") < 3e-4
@@ -125,7 +125,7 @@ def test_other_linkages_with_ideal_joints(name: str, motion: Motion) -> None:
     mechanism = made[name]() if name in made else load(name)
     mechanism = mechanism.replace(gravity=(1.0, -9.81))
     theta = Assembly(mechanism).start + np.radians(np.arange(-8.0, 8.1, 2.0)) if name == "six-bar-from-G" else TURN
-    trace = ENGINE.simulate(Request(mechanism, "ideal", motion, theta))
+    trace = ENGINE.simulate(request_of(mechanism, "ideal", motion, theta))
     truth = expected(mechanism, "ideal", motion, theta)
     assert error(trace, truth, "reaction") < (5e-4 if motion == "driven" else 1e-6)
     assert error(trace, truth, "drive_torque") < (5e-4 if motion == "driven" else 1e-6)
@@ -138,7 +138,7 @@ def test_other_linkages_with_ideal_joints(name: str, motion: Motion) -> None:
 def test_clearance_at_any_joint_and_at_several(model: JointModel, motion: Motion, joints: str) -> None:
     mechanism = PAPER.with_clearances(dict.fromkeys(joints, 1e-3 if len(joints) < 4 else 1e-4))
     theta = RANGE[::2]
-    trace = ENGINE.simulate(Request(mechanism, model, motion, theta))
+    trace = ENGINE.simulate(request_of(mechanism, model, motion, theta))
     truth = expected(mechanism, model, motion, theta)
     limit = {"massless-link": 1e-4, "spring-damper": 3e-3, "contact": 1e-3}[model]
     assert error(trace, truth, "reaction") < limit
@@ -164,7 +164,7 @@ def test_clearance_in_a_slider_crank_and_a_six_bar_at_rest(model: JointModel) ->
         load("six-bar").with_clearances({"C": 1e-4, "F": 1e-4}),
     ):
         theta = TURN[1::6]
-        trace = ENGINE.simulate(Request(mechanism, model, "static", theta))
+        trace = ENGINE.simulate(request_of(mechanism, model, "static", theta))
         truth = expected(mechanism, model, "static", theta)
         assert error(trace, truth, "reaction") < 1e-4
         assert error(trace, truth, "drive_torque") < 1e-4
@@ -175,7 +175,7 @@ def test_clearance_in_a_slider_crank_and_a_six_bar_at_rest(model: JointModel) ->
 def test_six_bar_with_two_clearances_in_motion(model: JointModel) -> None:
     mechanism = load("six-bar").with_clearances({"C": 1e-4, "F": 1e-4})
     theta = TURN[::4]
-    trace = ENGINE.simulate(Request(mechanism, model, "driven", theta))
+    trace = ENGINE.simulate(request_of(mechanism, model, "driven", theta))
     truth = expected(mechanism, model, "driven", theta)
     assert error(trace, truth, "reaction") < (2e-4 if model == "massless-link" else 5e-3)
     assert angle_error(trace, truth) < 3e-4
@@ -184,7 +184,7 @@ def test_six_bar_with_two_clearances_in_motion(model: JointModel) -> None:
 @pytest.mark.parametrize("model", JOINT_MODELS)
 def test_the_crank_may_turn_backwards(model: JointModel) -> None:
     mechanism = at_speed(PAPER.with_clearances({"B": 1e-3}), speed=-(PAPER.speed or 0))
-    trace = ENGINE.simulate(Request(mechanism, model, "driven", RANGE[::4]))
+    trace = ENGINE.simulate(request_of(mechanism, model, "driven", RANGE[::4]))
     assert error(trace, expected(mechanism, model, "driven", RANGE[::4]), "reaction") < 1e-3
     assert trace.time is not None
     assert np.all(np.diff(trace.time) < 0)
@@ -200,7 +200,7 @@ def test_the_crank_may_turn_backwards(model: JointModel) -> None:
 def test_joint_laws_on_any_joint(joint: str, law: dict[str, float], motion: Motion) -> None:
     mechanism = load("crank-rocker").replace(gravity=(1.0, -9.81)).with_joint(joint, **law)
     theta = TURN[1::4]
-    trace = ENGINE.simulate(Request(mechanism, "ideal", motion, theta))
+    trace = ENGINE.simulate(request_of(mechanism, "ideal", motion, theta))
     truth = expected(mechanism, "ideal", motion, theta)
     assert error(trace, truth, "reaction") < 3e-4
     assert error(trace, truth, "drive_torque") < 3e-4
@@ -212,7 +212,7 @@ def test_joint_laws_beside_clearance_at_rest(model: JointModel) -> None:
     mechanism = mechanism.with_joint("B", clearance=1e-4, friction_torque=0.004, stiffness=0.1).with_joint(
         "E", stiffness=0.5, rest_angle=1.0
     )
-    trace = ENGINE.simulate(Request(mechanism, model, "static", TURN[1::4]))
+    trace = ENGINE.simulate(request_of(mechanism, model, "static", TURN[1::4]))
     assert error(trace, expected(mechanism, model, "static", TURN[1::4]), "reaction") < 1e-4
 
 
@@ -228,7 +228,7 @@ def test_laws_and_loads_of_a_slider(law: dict[str, float], motion: Motion) -> No
         loads=(Load(body="slider", force=(-30.0, 5.0)), Load(body="rod", point="B", force=(3.0, 7.0), torque=0.2))
     )
     theta = TURN[1::4]
-    trace = ENGINE.simulate(Request(mechanism, "ideal", motion, theta))
+    trace = ENGINE.simulate(request_of(mechanism, "ideal", motion, theta))
     truth = expected(mechanism, "ideal", motion, theta)
     assert error(trace, truth, "reaction") < 3e-4
     assert error(trace, truth, "drive_torque") < 3e-4
@@ -236,7 +236,7 @@ def test_laws_and_loads_of_a_slider(law: dict[str, float], motion: Motion) -> No
 
 def test_pendulum_swings_as_its_equation_says() -> None:
     instants = np.linspace(0.0, 1.0, 11)
-    trace = ENGINE.simulate(Request(load("pendulum"), time=instants[::-1]))
+    trace = ENGINE.simulate(request_of(load("pendulum"), time=instants[::-1]))
     truth = released(Assembly(load("pendulum")), instants).reactions.signals()
     for name in ("pendulum_angle", "pendulum_angular_velocity", "reaction_O_x", "reaction_O_y"):
         np.testing.assert_allclose(trace.signals[name][::-1], truth[name], atol=1e-7)
@@ -247,7 +247,7 @@ def test_pendulum_swings_as_its_equation_says() -> None:
 def test_released_crank_rocker_falls_as_its_equation_says() -> None:
     mechanism = at_speed(load("crank-rocker").replace(gravity=(0.0, -9.81)), speed="free")
     instants = np.linspace(0.0, 0.3, 4)
-    trace = ENGINE.simulate(Request(mechanism, time=instants))
+    trace = ENGINE.simulate(request_of(mechanism, time=instants))
     truth = released(Assembly(mechanism), instants).reactions.signals()
     assert angle_error(trace, truth) < 2e-6
     assert error(trace, truth, "reaction") < 2e-4
@@ -256,11 +256,11 @@ def test_released_crank_rocker_falls_as_its_equation_says() -> None:
 @pytest.mark.parametrize("motion", MOTIONS)
 def test_a_drive_that_yields_lags_by_its_torque(motion: Motion) -> None:
     mechanism = at_speed(load("crank-rocker").replace(gravity=(0.0, -9.81)), stiffness=2000.0)
-    trace = ENGINE.simulate(Request(mechanism, "ideal", motion, TURN))
+    trace = ENGINE.simulate(request_of(mechanism, "ideal", motion, TURN))
     lag = trace.crank_angle - trace.signals["crank_angle"]
     np.testing.assert_allclose(lag, trace.signals["drive_torque"] / 2000.0, atol=1e-9)
     assert np.abs(lag).max() > 1e-5
-    rigid = ENGINE.simulate(Request(load("crank-rocker").replace(gravity=(0.0, -9.81)), "ideal", motion, TURN))
+    rigid = ENGINE.simulate(request_of(load("crank-rocker").replace(gravity=(0.0, -9.81)), "ideal", motion, TURN))
     peak = np.abs(rigid.signals["drive_torque"]).max()
     assert np.abs(trace.signals["drive_torque"] - rigid.signals["drive_torque"]).max() < 0.01 * peak
 
@@ -268,7 +268,7 @@ def test_a_drive_that_yields_lags_by_its_torque(motion: Motion) -> None:
 def test_signals_come_in_the_order_asked_for_and_angles_are_not_wrapped() -> None:
     mechanism = at_speed(load("crank-rocker"), speed=10.0)
     theta = np.radians([700.0, 20.0, 380.0, 20.0])
-    trace = ENGINE.simulate(Request(mechanism, "ideal", "driven", theta))
+    trace = ENGINE.simulate(request_of(mechanism, "ideal", "driven", theta))
     np.testing.assert_allclose(trace.signals["crank_angle"], theta, atol=1e-9)
     np.testing.assert_allclose(trace.signals["reaction_B_x"][1:], trace.signals["reaction_B_x"][1], rtol=1e-3)
 
@@ -276,7 +276,7 @@ def test_signals_come_in_the_order_asked_for_and_angles_are_not_wrapped() -> Non
 def test_a_lead_in_comes_before_the_first_angle() -> None:
     mechanism = at_speed(load("crank-rocker"), speed=20.0)
     short, long = (
-        ENGINE.simulate(Request(mechanism, "ideal", "driven", TURN[:10], lead_in=lead)) for lead in (0.0, 2.0)
+        ENGINE.simulate(request_of(mechanism, "ideal", "driven", TURN[:10], lead_in=lead)) for lead in (0.0, 2.0)
     )
     assert short.time is not None
     assert long.time is not None
@@ -285,7 +285,7 @@ def test_a_lead_in_comes_before_the_first_angle() -> None:
 
 
 def test_the_same_request_gives_the_same_bits() -> None:
-    request = Request(PAPER, "contact", "driven", RANGE[:5])
+    request = request_of(PAPER, "contact", "driven", RANGE[:5])
     first, second = (ENGINE.simulate(request) for _ in range(2))
     for name, values in first.signals.items():
         np.testing.assert_array_equal(values, second.signals[name])
@@ -294,28 +294,28 @@ def test_the_same_request_gives_the_same_bits() -> None:
 def test_a_change_point_in_the_range_is_an_error() -> None:
     for motion in MOTIONS:
         with pytest.raises(AssemblyError, match="change point at crank angle 0"):
-            ENGINE.simulate(Request(PAPER, "ideal", motion, np.radians([-10.0, 20.0])))
+            ENGINE.simulate(request_of(PAPER, "ideal", motion, np.radians([-10.0, 20.0])))
 
 
 def test_a_drive_without_speed_or_angles_is_refused() -> None:
     with pytest.raises(Unsupported, match="a measured drive follows a course"):
-        ENGINE.simulate(Request(at_speed(PAPER, speed="measured"), "ideal", "driven", RANGE))
+        ENGINE.simulate(request_of(at_speed(PAPER, speed="measured"), "ideal", "driven", RANGE))
     with pytest.raises(Unsupported, match="no crank angle"):
-        ENGINE.simulate(Request(PAPER, "ideal", "static"))
+        ENGINE.simulate(request_of(PAPER, "ideal", "static"))
     with pytest.raises(Unsupported, match="cannot start with its pin centred"):
-        ENGINE.simulate(Request(load("paper"), "massless-link", "driven", TURN[:3], start="centred"))
+        ENGINE.simulate(request_of(load("paper"), "massless-link", "driven", TURN[:3], start="centred"))
 
 
 def test_a_pin_that_nothing_presses_has_no_static_place() -> None:
     with pytest.raises(SimulationError, match=r"nothing presses the pin of joint 'B' at crank angle 20 deg"):
-        ENGINE.simulate(Request(PAPER.replace(loads=()), "contact", "static", RANGE))
+        ENGINE.simulate(request_of(PAPER.replace(loads=()), "contact", "static", RANGE))
 
 
 @pytest.mark.slow
 def test_a_slow_crank_is_not_moved_aside_by_reactions_in_minutes() -> None:
     """Two minutes under 50 N; the motor's armature of 1e9 kg.m^2 alone would gain 3e-5 rad in them."""
     theta = np.radians([20.0, 90.0, 160.0])
-    trace = ENGINE.simulate(Request(at_speed(PAPER, speed=0.02), "ideal", "driven", theta))
+    trace = ENGINE.simulate(request_of(at_speed(PAPER, speed=0.02), "ideal", "driven", theta))
     np.testing.assert_allclose(trace.signals["crank_angle"], theta, rtol=0, atol=3e-7)
     truth = expected(at_speed(PAPER, speed=0.02), "ideal", "driven", theta)
     assert error(trace, truth, "reaction") < 1e-4
@@ -325,7 +325,7 @@ def test_a_slow_crank_is_not_moved_aside_by_reactions_in_minutes() -> None:
 def test_a_mass_below_mujocos_least_is_refused_in_a_sentence(joint_model: JointModel) -> None:
     m = load("paper").with_body("crank", mass=1e-30).with_clearances({"B": 1e-3})
     with pytest.raises(Unsupported, match=r"body 'crank' has mass = 1e-30 kg, .* more than 1e-15"):
-        ENGINE.simulate(Request(m, joint_model, "driven", np.radians([40.0])))
+        ENGINE.simulate(request_of(m, joint_model, "driven", np.radians([40.0])))
 
 
 def test_at_rest_a_mass_is_nothing_but_a_weight() -> None:
@@ -333,7 +333,7 @@ def test_at_rest_a_mass_is_nothing_but_a_weight() -> None:
     theta = np.radians([30.0, 90.0, 150.0])
     heavy, light = (
         ENGINE.simulate(
-            Request(
+            request_of(
                 load("paper").with_body("crank", mass=mass).with_clearances({"B": 1e-3}), "contact", "static", theta
             )
         ).signals
@@ -364,28 +364,28 @@ def test_a_run_without_end_is_refused_before_it_begins(
     with pytest.raises(
         SimulationError, match=r"would take .* steps of .* s, and .* are the most; ask for less, change drive\.speed"
     ):
-        engine(name).simulate(Request(m, joint_model, "driven", np.radians([20.0, 160.0])))
+        engine(name).simulate(request_of(m, joint_model, "driven", np.radians([20.0, 160.0])))
 
 
 def test_too_long_a_step_is_an_error_not_a_number() -> None:
     mechanism = at_speed(load("crank-rocker").with_clearances({"B": 2e-4}), speed=60.0)
     for model in JOINT_MODELS:
         with pytest.raises(SimulationError, match="use a smaller step"):
-            ENGINE.simulate(Request(mechanism, model, "driven", TURN, step=2e-3))
+            ENGINE.simulate(request_of(mechanism, model, "driven", TURN, step=2e-3))
 
 
 @pytest.mark.parametrize("model", ["massless-link", "spring-damper", "contact"])
 def test_a_released_pendulum_hangs_in_its_loose_pin(model: JointModel) -> None:
     loose = load("pendulum").with_clearances({"O": 5e-4})
-    trace = ENGINE.simulate(Request(loose, model, "driven", time=np.linspace(0.0, 0.5, 11)))
-    ideal = ENGINE.simulate(Request(loose, "ideal", "driven", time=np.linspace(0.0, 0.5, 11)))
+    trace = ENGINE.simulate(request_of(loose, model, "driven", time=np.linspace(0.0, 0.5, 11)))
+    ideal = ENGINE.simulate(request_of(loose, "ideal", "driven", time=np.linspace(0.0, 0.5, 11)))
     np.testing.assert_allclose(trace.signals["pendulum_angle"], ideal.signals["pendulum_angle"], atol=0.02)
 
 
 def test_a_mechanism_of_any_name_runs() -> None:
     m, theta = load("crank-rocker"), np.array([0.1, 0.2])
     odd, plain = (
-        ENGINE.simulate(Request(each, crank_angle=theta)).signals["follower_angle"]
+        ENGINE.simulate(request_of(each, crank_angle=theta)).signals["follower_angle"]
         for each in (m.replace(name='R&D "x" <1>'), m)
     )
     np.testing.assert_array_equal(odd, plain)

@@ -19,13 +19,14 @@ from analytic.mechanism import GROUND, Mechanism
 from analytic.mechanism.file import load
 from analytic.mechanism.parts import ContactLaw
 from analytic.paper.kinetostatics import kinetostatics
+from asked import request_of
 from compare.crosscheck import crosscheck
 from compare.evidence.validation.rebounds import dropped, hanging, rebound
 from compare.evidence.validation.striking import LAWS
 from compare.judge.watched import Run, integral, taken
 from rebounds import exact_rebound, law_of, restitutions
 from sim_models.common.contact_laws import delivered, restitution
-from sim_models.engine import JointModel, Request, Trace, Unsupported
+from sim_models.engine import JointModel, Trace, Unsupported
 from sim_models.mujoco.engine import ENGINE
 
 pytestmark = pytest.mark.mujoco
@@ -46,7 +47,7 @@ def crank_rocker(law: ContactLaw | None, asked: float = 0.8, friction: float = 0
 def turned(m: Mechanism, model: JointModel = "contact", **asked: object) -> Trace:
     """A part of a revolution from the pin in the middle of its gap."""
     theta = np.linspace(0.0, REPORTED, 9)
-    return ENGINE.simulate(replace(Request(m, model, "driven", theta, start="centred"), **asked))
+    return ENGINE.simulate(replace(request_of(m, model, "driven", theta, start="centred"), **asked))
 
 
 @cache
@@ -63,7 +64,7 @@ def test_a_run_that_starts_centred_and_reports_at_once_has_its_accelerations(law
     m = load("crank-rocker").with_joint("D", clearance=2e-4, contact_law=law, restitution=0.9)
     assert m.drive is not None
     m = m.replace(drive=m.drive.model_copy(update={"speed": 150.0}))
-    trace = ENGINE.simulate(Request(m, "contact", "driven", np.radians([0.0, 5.0, 10.0]), start="centred"))
+    trace = ENGINE.simulate(request_of(m, "contact", "driven", np.radians([0.0, 5.0, 10.0]), start="centred"))
     found = {}
     for body in ("coupler", "follower"):
         part, rate = m.body(body), trace.rates[body]
@@ -318,7 +319,7 @@ def test_a_law_with_hysteresis_pushes_as_hooke_says_where_the_pin_turns_back() -
 def test_what_rests_in_contact_is_damped_as_by_the_slowest_touch() -> None:
     """A run that begins pressed has touched nothing yet."""
     m = crank_rocker("hunt-crossley", 0.5)
-    trace = ENGINE.simulate(Request(m, "contact", "driven", np.array([1.0, 1.1]), watched=True))
+    trace = ENGINE.simulate(request_of(m, "contact", "driven", np.array([1.0, 1.1]), watched=True))
     assert trace.watched is not None
     law, (pin,) = law_of(m, "B"), Run(m, trace.watched).course(m.joint("B")).contacts
     assert np.all(pin.push > 0)
@@ -345,7 +346,7 @@ def test_settings_say_what_is_delivered() -> None:
 
 def test_a_run_of_one_report_is_watched_from_there() -> None:
     m = crank_rocker("flores")
-    trace = ENGINE.simulate(Request(m, "contact", "driven", np.array([0.5]), watched=True, beyond=0.3, lead_in=0.2))
+    trace = ENGINE.simulate(request_of(m, "contact", "driven", np.array([0.5]), watched=True, beyond=0.3, lead_in=0.2))
     assert trace.watched is not None
     assert trace.watched.angle["crank"][[0, -1]] == pytest.approx([0.5, 0.8])
 
@@ -354,7 +355,7 @@ def test_backward_as_well() -> None:
     m = crank_rocker("flores")
     assert m.drive is not None
     m = m.replace(drive=m.drive.model_copy(update={"speed": -SPEED}))
-    trace = ENGINE.simulate(Request(m, "contact", "driven", np.array([0.5, 1.0]), watched=True, beyond=0.3))
+    trace = ENGINE.simulate(request_of(m, "contact", "driven", np.array([0.5, 1.0]), watched=True, beyond=0.3))
     assert trace.watched is not None
     assert trace.watched.angle["crank"][[0, -1]] == pytest.approx([1.0, 0.2])
     assert missing(trace, m) < 3e-6
@@ -363,7 +364,7 @@ def test_backward_as_well() -> None:
 def test_ideal_pins_and_massless_links_go_on_unwatched() -> None:
     m = crank_rocker(None)
     for model in ("ideal", "massless-link"):
-        request = Request(m, model, "driven", np.array([0.5, 1.0]))
+        request = request_of(m, model, "driven", np.array([0.5, 1.0]))
         trace = ENGINE.simulate(replace(request, watched=True, beyond=0.2))
         assert trace.watched is None
         for name, values in ENGINE.simulate(request).signals.items():
@@ -372,7 +373,7 @@ def test_ideal_pins_and_massless_links_go_on_unwatched() -> None:
 
 def test_a_law_by_name_is_not_exported(tmp_path: Path) -> None:
     with pytest.raises(Unsupported, match="contact laws by name"):
-        ENGINE.export(Request(crank_rocker("flores"), "contact", "driven", np.array([0.0, 0.1])), tmp_path)
+        ENGINE.export(request_of(crank_rocker("flores"), "contact", "driven", np.array([0.0, 0.1])), tmp_path)
 
 
 def test_a_slide_is_watched_too() -> None:

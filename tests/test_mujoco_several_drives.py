@@ -13,6 +13,7 @@ from scipy.interpolate import CubicSpline
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.mechanism import Drive, Load, Mechanism
 from analytic.mechanism.file import load
+from asked import request_of
 from engine_checks import vector
 from marks import slow
 from maximal import Maximal
@@ -34,7 +35,7 @@ from several_truths import (
     swung_on_its_spring,
     turned_round,
 )
-from sim_models.engine import JOINT_MODELS, Cause, JointModel, Motion, Request, SimulationError, Trace, Unsupported
+from sim_models.engine import JOINT_MODELS, Cause, JointModel, Motion, SimulationError, Trace, Unsupported
 from sim_models.mujoco.engine import ENGINE
 
 pytestmark = pytest.mark.mujoco
@@ -47,7 +48,7 @@ LATER = ("3-rrr with springs", "five-bar with springs")  # for the long suite
 
 
 def run(m: Mechanism, courses: Knots, times: np.ndarray, model: JointModel = "ideal", **fields: object) -> Trace:
-    return ENGINE.simulate(Request(m, model, "driven", time=times, courses=courses, **fields))
+    return ENGINE.simulate(request_of(m, model, "driven", time=times, courses=courses, **fields))
 
 
 # ---------------------------------------------------------------- ideal joints along courses
@@ -249,7 +250,7 @@ def test_a_crank_that_turns_against_a_spring_and_its_damper_gives_what_they_take
 
 def test_a_pendulum_on_a_spring_swings_as_its_equation_says() -> None:
     m, times = pendulum_on_a_spring(), np.linspace(0.0, 1.0, 21)
-    trace = ENGINE.simulate(Request(m, "ideal", "driven", time=times))
+    trace = ENGINE.simulate(request_of(m, "ideal", "driven", time=times))
     close(trace.signals[f"{m.bodies[0].name}_angle"], swung_on_its_spring(m, times), 1e-7)
 
 

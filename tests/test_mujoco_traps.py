@@ -9,8 +9,9 @@ import pytest
 
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism.file import load
+from asked import request_of
 from sim_models.common.start import poses
-from sim_models.engine import Request, SimulationError
+from sim_models.engine import SimulationError
 from sim_models.mujoco.engine import ENGINE
 
 mujoco = pytest.importorskip("mujoco", exc_type=ImportError)
@@ -65,7 +66,7 @@ def test_after_a_runge_kutta_step_forces_are_the_last_stages() -> None:
     m = load("crank-rocker")
     theta = np.radians([40.0, 41.0])
     fine, coarse = (
-        ENGINE.simulate(Request(m, "ideal", "driven", theta, step=h)).signals["reaction_B_x"] for h in (2e-6, 2e-5)
+        ENGINE.simulate(request_of(m, "ideal", "driven", theta, step=h)).signals["reaction_B_x"] for h in (2e-6, 2e-5)
     )
     np.testing.assert_allclose(fine, coarse, rtol=1e-3)
 
@@ -80,7 +81,7 @@ def test_a_diverging_run_is_an_error_and_leaves_no_log(tmp_path: Path, monkeypat
     monkeypatch.chdir(tmp_path)
     stiff = PAPER.with_joint("B", contact_stiffness=1e9, contact_damping=0.0)
     with pytest.raises(SimulationError, match=r"mujoco.*use a smaller step"):
-        ENGINE.simulate(Request(stiff, "spring-damper", "driven", np.radians([20.0, 60.0]), step=3e-3))
+        ENGINE.simulate(request_of(stiff, "spring-damper", "driven", np.radians([20.0, 60.0]), step=3e-3))
     assert list(tmp_path.iterdir()) == []  # MuJoCo writes MUJOCO_LOG.TXT into the current folder when left alone
 
 

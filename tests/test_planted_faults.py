@@ -12,7 +12,8 @@ import pytest
 
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism.file import load
-from compare.crosscheck import Job, crosscheck_job
+from asked import job_of
+from compare.crosscheck import crosscheck_job
 from compare.judge.discrepancy import ToleranceError, load_tolerances
 from compare.judge.grid import default_angles
 from compare.judge.tolerances import Known
@@ -32,7 +33,7 @@ def result(
 ) -> dict[str, Any]:
     mechanism = load(case)
     theta = default_angles(Assembly(mechanism))
-    asked = Job(mechanism, ("planted",), tolerances, motion=motion, theta=theta, joint_model=joint_model, **job)
+    asked = job_of(mechanism, ("planted",), tolerances, motion=motion, theta=theta, joint_model=joint_model, **job)
     return crosscheck_job(asked, resolve=lambda name: Planted(fault))
 
 

@@ -11,7 +11,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from analytic.mechanism import Mechanism
-from sim_models.engine import ENGINES, Request, SimulationError, declared
+from asked import request_of
+from sim_models.engine import ENGINES, SimulationError, declared
 
 G = 9.81
 TIME = np.linspace(0.0, 10.0, 501)
@@ -74,7 +75,7 @@ def energy(n: int, signals: dict[str, np.ndarray]) -> np.ndarray:
 @pytest.mark.parametrize("n", [1, 2])
 @pytest.mark.parametrize("name", [e for e in ENGINES if e != "exudyn"])
 def test_rows_of_four_bars_swing_as_one_pendulum(name: str, n: int) -> None:
-    trace = declared(name).simulate(Request(four_bars(n), "ideal", "driven", time=TIME, start_speed=-1.0))
+    trace = declared(name).simulate(request_of(four_bars(n), "ideal", "driven", time=TIME, start_speed=-1.0))
     off = np.abs(trace.signals["rod0_angle"] - pendulum(n)).max()
     total = energy(n, dict(trace.signals))
     drift = np.ptp(total)
@@ -94,4 +95,4 @@ def test_an_engine_that_cannot_pass_a_singular_position_says_so(n: int) -> None:
     energy.
     """
     with pytest.raises(SimulationError, match=r"gave up|come from nothing"):
-        declared("exudyn").simulate(Request(four_bars(n), "ideal", "driven", time=TIME, start_speed=-1.0))
+        declared("exudyn").simulate(request_of(four_bars(n), "ideal", "driven", time=TIME, start_speed=-1.0))

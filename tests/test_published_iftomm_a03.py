@@ -13,9 +13,10 @@ from analytic.beyond_paper.free_motion import free_motion
 from analytic.beyond_paper.released import released
 from analytic.kinematics.assembly import Assembly
 from analytic.paper.kinetostatics import Reactions
+from asked import request_of
 from compare.evidence.published.squeezer import ANGLES, END, MULTIPLIERS, PINS, RATES, STATED, STEP, relative, squeezer
 from marks import slow
-from sim_models.engine import Request, declared, engine
+from sim_models.engine import declared, engine
 
 
 def by_its_crank(times: np.ndarray) -> Reactions:
@@ -48,6 +49,6 @@ SIMULATES = [
 
 @pytest.mark.parametrize("name", slow(*SIMULATES))
 def test_an_engine_moves_it_as_published_within_what_it_states(name: str) -> None:
-    trace = engine(name).simulate(Request(squeezer(), "ideal", "driven", time=np.linspace(0.0, END, 4), step=STEP))
+    trace = engine(name).simulate(request_of(squeezer(), "ideal", "driven", time=np.linspace(0.0, END, 4), step=STEP))
     for angle, value in relative(lambda body: trace.signals[f"{body}_angle"][-1]).items():
         assert abs(value - ANGLES[angle]) < STATED[name] * ANGLES["beta"], angle

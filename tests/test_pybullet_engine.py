@@ -12,6 +12,7 @@ from analytic.beyond_paper.released import released
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Drive, Load
 from analytic.mechanism.file import load
+from asked import request_of
 from engine_checks import (
     LINKAGES,
     PAPER_RANGE,
@@ -28,7 +29,7 @@ from linkages import inverted_slider
 from marks import slow
 from sim_models.common.silence import silence
 from sim_models.common.start import poses
-from sim_models.engine import JointModel, Motion, Request, SimulationError, Unsupported
+from sim_models.engine import JointModel, Motion, SimulationError, Unsupported
 from sim_models.pybullet.engine import ENGINE
 from sim_models.pybullet.world import BulletWorld
 
@@ -101,7 +102,7 @@ def test_a_pin_that_nothing_presses_has_no_static_equilibrium(joint_model: Joint
 def test_a_contact_strut_holds_at_its_length_and_not_before() -> None:
     m = load("paper").with_clearances({"B": 1e-3})
     forces = []
-    with silence(), closing(BulletWorld(Request(m, "contact", "static", np.array([1.0])))) as world:
+    with silence(), closing(BulletWorld(request_of(m, "contact", "static", np.array([1.0])))) as world:
         for gap in (0.9e-3, 1e-3):
             world.place(poses(world.assembly, 1.0, 0.0, lambda theta, gap=gap: {"B": gap * np.exp(1j)}))
             world.step(1e-6)
@@ -158,7 +159,7 @@ def test_many_impacts_have_the_exact_statistics() -> None:
 def test_released_pendulum_with_friction_and_damping(start_speed: float) -> None:
     m = load("pendulum").with_joint("O", friction_torque=0.02, damping=0.001)
     time = np.linspace(0, 0.4, 21)
-    trace = ENGINE.simulate(Request(m, "ideal", "driven", time=time, start_speed=start_speed))
+    trace = ENGINE.simulate(request_of(m, "ideal", "driven", time=time, start_speed=start_speed))
     expected = released(Assembly(m), time, omega=start_speed).reactions.signals()
     np.testing.assert_allclose(trace.signals["pendulum_angle"], expected["pendulum_angle"], atol=2e-4)
     np.testing.assert_allclose(trace.signals["reaction_O_x"], expected["reaction_O_x"], atol=5e-3)
@@ -275,7 +276,7 @@ def test_a_fast_bar_is_held_to_the_default_speed_limit(client: int) -> None:
 def test_a_constraints_force_belongs_to_the_positions_before_the_step() -> None:
     """A coarse step at 15 rpm tells the crank's positions at its two ends apart."""
     m, h = load("paper"), 2e-3
-    with silence(), closing(BulletWorld(Request(m, "ideal", "driven", np.array([1.0])))) as world:
+    with silence(), closing(BulletWorld(request_of(m, "ideal", "driven", np.array([1.0])))) as world:
         world.start(poses(world.assembly, 1.0, world.speed), h)
         world.before_observing()
         before, turn = world.before["crank"].angle, world.speed * h

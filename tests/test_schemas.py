@@ -17,9 +17,10 @@ import typer
 
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism.file import load
+from asked import job_of
 from compare import cli
 from compare.cli.app import app
-from compare.crosscheck import Job, crosscheck_job
+from compare.crosscheck import crosscheck_job
 from compare.judge.discrepancy import load_tolerances
 from compare.judge.grid import FREE_TIME, default_angles
 from compare.judge.tolerances import Known
@@ -48,7 +49,7 @@ def written(case: str, motion: Motion = "driven", clearance: dict[str, float] | 
         job |= {"time": FREE_TIME}
     else:
         job = {"theta": default_angles(Assembly(mechanism))[::4]} | job
-    return json.loads(crosscheck_job(Job(mechanism, ("mujoco",), TOLERANCES, motion=motion, **job)).to_json())
+    return json.loads(crosscheck_job(job_of(mechanism, ("mujoco",), TOLERANCES, motion=motion, **job)).to_json())
 
 
 @pytest.fixture(scope="module")
@@ -165,7 +166,7 @@ def test_several_engines_a_failure_and_a_known_difference_are_in_the_schema() ->
         "second": Planted(turned("B", 0.05), name="second"),
         "third": Planted(lambda s: {name: np.full_like(v, np.nan) for name, v in s.items()}, name="third"),
     }
-    job = Job(
+    job = job_of(
         mechanism,
         tuple(engines),
         TOLERANCES.with_known(known),

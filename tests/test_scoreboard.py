@@ -21,6 +21,7 @@ from typer.testing import CliRunner
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Load
 from analytic.mechanism.file import load
+from asked import request_of
 from compare.cli.app import app
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.effects.effect import Rig
@@ -79,7 +80,7 @@ from compare.results.scoreboard import (
 )
 from document_faults import faults
 from marks import slow
-from sim_models.engine import Request, engine
+from sim_models.engine import engine
 
 REPORTS = Path(__file__).parents[1] / "reports" / "scoreboard"
 DRAWN = [name for name, effect in VOCABULARY.items() if effect.hiding.sets == "effects"]
@@ -1169,7 +1170,7 @@ def test_the_pendulum_of_the_bench_swings_as_an_engine_swings_it() -> None:
     pendulum = Pendulum.of(m).with_things(things)
     angle, rate = pendulum.swing(0.0, 0.7, time)
     push = pendulum.push(angle, rate)
-    trace = engine("exudyn").simulate(Request(true, time=time, start_speed=0.7))
+    trace = engine("exudyn").simulate(request_of(true, time=time, start_speed=0.7))
     assert np.allclose(angle, trace.signals["pendulum_angle"], rtol=0, atol=2e-5)
     assert np.allclose(rate, trace.signals["pendulum_angular_velocity"], rtol=0, atol=3e-4)
     assert np.allclose(push.real, trace.signals["reaction_O_x"], rtol=0, atol=2e-3 * np.abs(push).max())

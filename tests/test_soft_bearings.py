@@ -16,11 +16,12 @@ from analytic.mechanism import Elasticity, Mechanism, MechanismError
 from analytic.mechanism.file import load
 from analytic.paper.clearance import displaced
 from analytic.paper.compliance import compliance
+from asked import request_of
 from compare.diagnose.predict import _balanced
 from compare.faults import ArgumentError
 from marks import slow
 from sim_models.common.health import Implausible, check
-from sim_models.engine import ENGINES, Motion, Request, Trace, Unsupported, engine
+from sim_models.engine import ENGINES, Motion, Trace, Unsupported, engine
 
 TURN = np.radians(np.arange(5.0, 365.0, 20.0))
 ROCKER = load("crank-rocker").rigid().replace(
@@ -178,15 +179,15 @@ def test_what_cannot_be_compared_is_refused_in_a_sentence() -> None:
 @pytest.mark.parametrize("name", ENGINES)
 def test_what_an_engine_cannot_do_with_a_soft_bearing_it_says(name: str) -> None:
     chosen, both = engine(name), turned_at(soft("B"), 12.0).with_joint("B", clearance=1e-4)
-    free = Request(load("pendulum").with_joint("O", radial_stiffness=1e5), time=np.array([0.1]))
+    free = request_of(load("pendulum").with_joint("O", radial_stiffness=1e5), time=np.array([0.1]))
     with pytest.raises(Unsupported, match="a released linkage has no soft bearings"):
         chosen.simulate(free)
     if ("massless-link", "static") in chosen.capabilities.runs:
         with pytest.raises(Unsupported, match="a massless link does not give"):
-            chosen.simulate(Request(both, "massless-link", "static", TURN))
+            chosen.simulate(request_of(both, "massless-link", "static", TURN))
     if name in ("pybullet", "dart"):
         with pytest.raises(Unsupported, match="its contact is rigid"):
-            chosen.simulate(Request(both, "contact", "static", TURN))
+            chosen.simulate(request_of(both, "contact", "static", TURN))
 
 
 # ---------------------------------------------------------------- engines
@@ -208,7 +209,7 @@ def worst(trace: Trace, m: Mechanism, motion: Motion, kind: str) -> float:
 def test_pins_give_in_an_engine_as_in_the_model(name: str, joints: str) -> None:
     """0.2 mm; rigid bearings would be off by 3e-3 of the reactions.  In motion dampers hold 2e-4 of the gap."""
     m = turned_at(soft(*joints), 12.0)
-    still, moving = (engine(name).simulate(Request(m, "ideal", motion, TURN)) for motion in ("static", "driven"))
+    still, moving = (engine(name).simulate(request_of(m, "ideal", motion, TURN)) for motion in ("static", "driven"))
     for kind in ("clearance", "reaction", "drive_torque"):
         assert worst(still, m, "static", kind) < 1e-8
     assert worst(moving, m, "driven", "clearance") < 5e-4
@@ -220,7 +221,7 @@ def test_pins_give_in_an_engine_as_in_the_model(name: str, joints: str) -> None:
 @pytest.mark.parametrize("joint", ["A", *slow("B")])
 def test_a_bearing_gives_beside_a_gap_and_beyond_its_own(name: str, joint: str) -> None:
     m = turned_at(soft(joint), 12.0).with_joint("B", clearance=2e-4)
-    trace = engine(name).simulate(Request(m, "spring-damper", "static", TURN))
+    trace = engine(name).simulate(request_of(m, "spring-damper", "static", TURN))
     assert worst(trace, m, "static", "reaction") < 3e-6  # of which the contact gives 8e-4 of the clearance
     assert worst(trace, m, "static", "clearance") < 1e-3
 
@@ -241,7 +242,7 @@ def test_a_small_and_a_large_linkage_give_alike(name: str) -> None:
             ground=m.ground.model_copy(update={"points": sized(dict(m.ground.points))}),
             bodies=tuple(b.model_copy(update={"points": sized(dict(b.points))}) for b in m.bodies),
         )
-        trace = engine(name).simulate(Request(m, "ideal", "static", TURN))
+        trace = engine(name).simulate(request_of(m, "ideal", "static", TURN))
         assert worst(trace, m, "static", "clearance") < 1e-6
         assert np.abs(trace.signals["clearance_B_x"]).max() == pytest.approx(1.07e-4 * scale, rel=0.2)
 
@@ -250,7 +251,7 @@ def test_a_small_and_a_large_linkage_give_alike(name: str) -> None:
 def test_a_bearing_that_gives_otherwise_than_it_is_stiff_is_implausible() -> None:
     m = turned_at(soft("B"), 12.0)
     for motion in ("static", "driven"):
-        request = Request(m, "ideal", motion, TURN)
+        request = request_of(m, "ideal", motion, TURN)
         trace = engine("mujoco").simulate(request)
         check(request, trace)
         with pytest.raises(Implausible, match="the bearing of joint 'B' does not give as it is stiff"):

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from compare.judge.courses import Courses
 
 import linkage_crosscheck as lc
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Drive, Mechanism
 from analytic.mechanism.file import load, loads
-from compare.judge.courses import Courses
 from compare.judge.reference import timed_reference
 from several_linkages import GANTRY, waved
 from sim_models.engine import ENGINES

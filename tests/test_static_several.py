@@ -11,15 +11,16 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from compare.judge.courses import Courses
 
 import linkage_crosscheck as lc
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.mechanism import MASS_CENTRE, Mechanism
 from analytic.mechanism.file import load
+from asked import request_of
 from compare.analyse import request
 from compare.arguments import timed
 from compare.faults import ArgumentError
-from compare.judge.courses import Courses
 from compare.judge.reference import Reference, timed_reference
 from compare.results.crosscheck import CrossCheck
 from engine_checks import vector
@@ -28,7 +29,7 @@ from marks import slow
 from maximal import Maximal, Posed
 from several_linkages import CASES, KNOTS, SHIPPED, TIMES, Knots, splines, waved
 from several_truths import agrees, close
-from sim_models.engine import ENGINES, Cause, JointModel, Request, SimulationError, Trace, Unsupported, engine
+from sim_models.engine import ENGINES, Cause, JointModel, SimulationError, Trace, Unsupported, engine
 
 EACH = [pytest.param(name, marks=getattr(pytest.mark, name)) for name in ENGINES]
 NEAR = {"within": 1e-6, "motors": 1e-6, "rates": 1e-6}  # PyBullet's pins let a rounding of its rates through
@@ -73,7 +74,7 @@ def analysed(m: Mechanism, courses: Knots, times: np.ndarray = TIMES) -> Referen
 
 
 def rest(name: str, m: Mechanism, courses: Knots, times: np.ndarray = TIMES, model: JointModel = "ideal") -> Trace:
-    return engine(name).simulate(Request(m, model, "static", time=times, courses=courses))
+    return engine(name).simulate(request_of(m, model, "static", time=times, courses=courses))
 
 
 def efforts(signals: Mapping[str, np.ndarray], m: Mechanism) -> dict[str, np.ndarray]:
@@ -195,7 +196,7 @@ def test_it_is_what_slow_drives_come_to(name: str, slowed: float, within: float)
     still, off = rest(name, m, waved(m), times), {}
     for pace in (1.0, 10.0, slowed):
         courses = {joint: (pace * t, x) for joint, (t, x) in waved(m).items()}
-        driven = engine(name).simulate(Request(m, "ideal", "driven", time=pace * times, courses=courses))
+        driven = engine(name).simulate(request_of(m, "ideal", "driven", time=pace * times, courses=courses))
         apart = [driven.signals[f"drive_torque_{j}"] - still.signals[f"drive_torque_{j}"] for j in courses]
         off[pace] = float(np.abs(apart).max()) / max(np.abs(x).max() for x in efforts(still.signals, m).values())
     assert off[1.0] > 1e-3
@@ -430,7 +431,7 @@ def test_a_linkage_that_no_drive_holds_has_no_static_motion() -> None:
         lc.analyse(load("2r-arm").replace(drives=()), motion="static", times=[0.0, 0.1])
     courses = {"O": waved(load("2r-arm"))["O"]}
     with pytest.raises(Unsupported, match="2r-arm: no drive holds joint 'K' at rest; use motion 'driven'"):
-        engine("mujoco").simulate(Request(m, "ideal", "static", time=TIMES, courses=courses))
+        engine("mujoco").simulate(request_of(m, "ideal", "static", time=TIMES, courses=courses))
 
 
 def test_what_is_asked_of_a_crank_is_refused_at_rest_too() -> None:
@@ -471,7 +472,7 @@ def test_a_crank_held_along_its_course_rests_as_at_its_angles(name: str) -> None
     times = np.linspace(0.0, 0.5, 5)
     courses = {m.drive_joint.name: (times, angle)}
     by_time = rest(name, m, courses, times)
-    by_angle = engine(name).simulate(Request(m, "ideal", "static", angle))
+    by_angle = engine(name).simulate(request_of(m, "ideal", "static", angle))
     for signal, values in by_angle.signals.items():
         close(by_time.signals[signal], values, 1e-6 * max(1.0, np.abs(values).max()))
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from analytic.kinematics.schedule import Turning
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.schedule import Turning
 from analytic.mechanism import Body, Drive, Elasticity, Ground, Joint, Load, Mechanism
 from analytic.paper.superposition import total_displacement
 from compare.diagnose.predict import derived

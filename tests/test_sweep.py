@@ -20,6 +20,7 @@ import pytest
 
 import sweep_work
 from analytic.mechanism.file import load
+from asked import request_of
 from compare.domain_map.cell import examine
 from compare.domain_map.map import RPM, Grid, cells
 from compare.judge.discrepancy import load_tolerances
@@ -27,7 +28,6 @@ from compare.results.crosscheck import Failure
 from compare.runs import simulate_all
 from compare.sweep import AHEAD, ClusterError, Outcome, sweep
 from marks import slow
-from sim_models.engine import Request
 
 HERE = Path(__file__).parent
 POSIX = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="this system has no SIGKILL")
@@ -114,7 +114,7 @@ def test_a_run_that_kills_its_process_is_reported_and_the_others_are_done(tmp_pa
 @POSIX
 def test_an_engine_that_kills_its_process_is_a_failed_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("compare.runs._simulate", sweep_work.die_on_spring_damper)
-    tasks = [("mujoco", Request(load("paper"), model)) for model in ("ideal", "spring-damper", "massless-link")]
+    tasks = [("mujoco", request_of(load("paper"), model)) for model in ("ideal", "spring-damper", "massless-link")]
     found = dict(simulate_all(tasks, workers=2))
     assert sorted(found) == [0, 1, 2]
     assert isinstance(found[1], Failure)

@@ -12,7 +12,8 @@ import pytest
 from analytic.mechanism import Drive, Load, Mechanism
 from analytic.mechanism.file import dumps, load, loads, shipped_cases
 from analytic.mechanism.signals import named
-from compare.crosscheck import Job, crosscheck_job
+from asked import job_of, request_of
+from compare.crosscheck import crosscheck_job
 from compare.evidence.baseline.runs import setups
 from compare.evidence.validation.scales import Scale, linkage, scale_rows, scales
 from compare.judge.discrepancy import load_tolerances
@@ -21,7 +22,7 @@ from marks import slow
 from sim_models.common.contact_laws import DRIVEN_STIFFNESS, STATIC_STIFFNESS, TURNS, carried, default_stiffness
 from sim_models.common.units import OF_UNIT, SI, Units
 from sim_models.common.weights import with_equal_masses
-from sim_models.engine import ENGINES, Request, SimulationError, Trace, engine
+from sim_models.engine import ENGINES, SimulationError, Trace, engine
 
 TURN = np.radians(np.arange(0.0, 360.0, 30.0))
 OTHER = Units(2.0**3, 2.0**-30, 2.0**-12)  # of length (m), mass (kg) and time (s)
@@ -86,7 +87,7 @@ def test_similar_linkages_have_the_same_digits(name: str, joint_model: str, moti
     chosen = engine(name)
     small = linkage(Scale(1e-5, 300.0, 1.0))
     smaller = Units(2.0**3, 2.0**7, 2.0**2).mechanism(small)
-    first, second = (chosen.simulate(Request(m, joint_model, motion, TURN[1:4])) for m in (small, smaller))
+    first, second = (chosen.simulate(request_of(m, joint_model, motion, TURN[1:4])) for m in (small, smaller))
     known = named(small.bodies, small.joints, small.drives)
     for signal, values in first.signals.items():
         scale = Units(2.0**3, 2.0**7, 2.0**2).size(OF_UNIT[known[signal].unit])
@@ -104,7 +105,7 @@ def test_a_bodys_name_does_not_make_its_signals_others(name: str, joint_model: s
     plain = linkage(Scale(1e-5, 300.0, 1.0))
     hub = loads(dumps(plain).replace("coupler", "reaction_hub"))
     assert "reaction_hub" in hub.moving
-    expected, found = (chosen.simulate(Request(m, joint_model, motion, TURN[1:4])) for m in (plain, hub))
+    expected, found = (chosen.simulate(request_of(m, joint_model, motion, TURN[1:4])) for m in (plain, hub))
     assert found.settings["units"]["length"] < 1e-3
     for signal, values in expected.signals.items():
         assert np.array_equal(values, found.signals[signal.replace("coupler", "reaction_hub")]), signal
@@ -129,7 +130,7 @@ def test_units_are_those_of_si_where_engines_are_at_home() -> None:
 def test_the_units_of_a_course_are_those_of_its_pace() -> None:
     m = load("crank-rocker").replace(drive=Drive(joint="D", speed="measured"))
     time = np.linspace(0.0, 1e-3, 9)
-    fast = Request(m, time=time, course=(time, 2e4 * time))
+    fast = request_of(m, time=time, course=(time, 2e4 * time))
     assert Units.of(fast).time < 1e-2
     assert Units.of(replace(fast, course=(time, 20 * time))) == SI
 
@@ -141,7 +142,7 @@ def test_a_crank_rocker_of_a_twentieth_agrees(name: str) -> None:
     m = linkage(Scale(0.006, 60.0, 1.0))
     assert min(b.moment_of_inertia for b in m.bodies) < 3e-12
     result = crosscheck_job(
-        Job(
+        job_of(
             m.replace(gravity=(0.0, 0.0), loads=()).with_clearances({}),
             (name,),
             load_tolerances(),
@@ -156,7 +157,7 @@ def test_a_crank_rocker_of_a_twentieth_agrees(name: str) -> None:
 @pytest.mark.parametrize("name", ENGINES)
 def test_masses_of_nine_decades_agree_or_are_refused(name: str, ratio: float) -> None:
     for motion in ("driven", "static"):
-        job = Job(
+        job = job_of(
             linkage(Scale(0.12, 30.0, ratio)),
             (name,),
             load_tolerances(),
@@ -214,7 +215,7 @@ def test_an_error_in_other_units_says_which() -> None:
     with pytest.raises(
         SimulationError, match=r"would take .* steps .*\(numbers in units of [\d.e-]+ m, [\d.e-]+ kg and [\d.e-]+ s\)"
     ):
-        engine("mujoco").simulate(Request(linkage(Scale(1e-6, 1e-3, 1.0)), "ideal", "driven", TURN))
+        engine("mujoco").simulate(request_of(linkage(Scale(1e-6, 1e-3, 1.0)), "ideal", "driven", TURN))
 
 
 @pytest.mark.slow

@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from compare.judge.courses import Courses, at_their_speeds
 from jsonschema import Draft202012Validator
 
 import linkage_crosscheck as lc
@@ -28,13 +29,13 @@ from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import dumps, load
 from analytic.mechanism.parts import Load
+from asked import job_of
 from commands import Ended, compare, compare_alone, without
-from compare.crosscheck import Job, crosscheck_job
+from compare.crosscheck import crosscheck_job
 from compare.domain_map.cell import Task, examined, judged
 from compare.domain_map.map import RPM, Grid, cells, clearance_joints, summarised, too_soft, versions
 from compare.files import to_json
 from compare.judge.assumptions import Examined
-from compare.judge.courses import Courses, at_their_speeds
 from compare.judge.discrepancy import load_tolerances
 from compare.judge.grid import default_angles
 from compare.report.validity_figure import BOUNDARIES, PREDICTED, draw
@@ -241,7 +242,7 @@ def test_a_simulation_that_cannot_be_made_is_a_failed_cell() -> None:
 def planted(rpm: float, clearance: float, fault: Callable[[Any], Any] = truth) -> Examined:
     """A cell of the paper's case in an engine that says what the equilibrium says, but for a fault."""
     linkage = grid(load("paper"), (rpm,), (clearance,)).linkage(rpm * RPM, clearance)
-    job = Job(linkage, ("planted",), TOLERANCES, theta=default_angles(Assembly(linkage)), joint_model="contact")
+    job = job_of(linkage, ("planted",), TOLERANCES, theta=default_angles(Assembly(linkage)), joint_model="contact")
     run = crosscheck_job(job, resolve=lambda name: Planted(fault, supports=DRIVEN)).runs[0]
     return Examined(linkage, job.theta, run, TOLERANCES)
 

@@ -41,12 +41,13 @@ def run(request: Request) -> Trace:
     m = request.mechanism
     linkage, assembly = Multipliers(m), Assembly(m)
     speed = (m.speed or 0.0) if request.motion == "driven" else 0.0
-    found = [linkage.at(theta, speed, assembly) for theta in request.crank_angle]
+    theta = request.schedule.crank_angle  # nothing else is declared
+    assert theta is not None
+    found = [linkage.at(angle, speed, assembly) for angle in theta]
     signals = {name: np.array([signals[name] for signals, _ in found]) for name in found[0][0]}
     rates = {b: Rates(*(np.array([moved[b][k] for _, moved in found]) for k in range(3))) for b in linkage.column}
-    theta = np.array(request.crank_angle, float)
-    time = (theta - theta[0]) / speed if speed else None
-    return Trace("multipliers", "1.0", "ideal", request.motion, theta, time, signals, rates=rates)
+    time = request.schedule.time if speed else None
+    return Trace("multipliers", "1.0", "ideal", request.motion, theta.copy(), time, signals, rates=rates)
 
 
 @dataclass

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
 from compare.diagnose.data.measured_file import Entry, read_file
@@ -47,7 +48,9 @@ def recorded(nominal: Mechanism, run: Entry, seed: int) -> str:
     assert run.drive_angle is not None
     time = np.linspace(0.0, 2 * np.pi / abs(run.drive_speed), SAMPLES)
     command = run.drive_angle + run.drive_speed * time
-    trace = engine("exudyn").simulate(Request(real(nominal, run), "massless-link", crank_angle=command))
+    trace = engine("exudyn").simulate(
+        Request(it := real(nominal, run), "massless-link", Schedule.at_angles(it, command))
+    )
     rng = np.random.default_rng(seed)
     columns = [[f"{t:.8f}" for t in time]]
     for signal, (_, size, decimals) in COLUMNS.items():

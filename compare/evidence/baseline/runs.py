@@ -14,16 +14,16 @@ import numpy as np
 from pydantic import JsonValue
 
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Drive, Load, Mechanism
 from analytic.mechanism.file import load, shipped_cases
-from compare.arguments import timed
 from compare.evidence.baseline.file import NO_DIRECTION, StoredRun
-from compare.judge.courses import Courses
 from compare.judge.grid import FREE_TIME, default_angles
 from compare.recorded.errors import DataError
 from compare.recorded.table import Table
 from compare.results.crosscheck import Failure
 from compare.runs import Counted, Resolve, simulate
+from compare.schedules import by_angle, over_time
 from sim_models.engine import Engine, JointModel, Request, SimulationError, Trace, Unsupported, check_supported
 
 ROWS = 36  # of a table, at most
@@ -76,33 +76,33 @@ def setups(mechanism: Mechanism) -> list[Setup]:
     Raises AssemblyError where the case cannot be assembled.
     """
     assembly = Assembly(mechanism)
-    moved = timed(assembly, None)
-    if moved is not None:
-        return list(_over_time(mechanism, *moved))
+    if not by_angle(assembly):
+        return list(_over_time(mechanism, over_time(assembly)))
     theta = _thinned(default_angles(assembly))
     found = []
     if mechanism.speed is not None:
-        found.append(Setup(Request(mechanism.tight(), "ideal", "driven", theta)))
+        found.append(Setup(Request(mechanism.tight(), "ideal", Schedule.at_angles(mechanism, theta))))
     else:
-        found.append(Setup(Request(mechanism.tight(), "ideal", "driven", time=_thinned(FREE_TIME))))
+        found.append(Setup(Request(mechanism.tight(), "ideal", Schedule.released(mechanism, _thinned(FREE_TIME)))))
     loaded = _loaded(mechanism)
     if loaded.clearance:
         added: dict[str, JsonValue] = {"clearance": dict(loaded.clearance)}
         if loaded.loads:
             added["load"] = [load.model_dump(exclude_unset=True, mode="json") for load in loaded.loads]
         at_rest = mechanism.with_clearances(loaded.clearance).replace(loads=mechanism.loads + loaded.loads)
-        found += [Setup(Request(at_rest, model, "static", theta), added) for model in LOOSE]
+        held = Schedule.at_angles(at_rest, theta, at_rest=True)
+        found += [Setup(Request(at_rest, model, held), added) for model in LOOSE]
     if _shipped(mechanism) and mechanism.name == "crank-rocker":
         found += _impacting(mechanism)
     return found
 
 
-def _over_time(mechanism: Mechanism, time: np.ndarray, courses: Courses) -> Iterator[Setup]:
+def _over_time(mechanism: Mechanism, schedule: Schedule) -> Iterator[Setup]:
     """Drives along their courses, with ideal joints and, where all freedoms have a drive, with clearance."""
-    ideal = Request(mechanism.tight(), time=_thinned(time), courses=courses.knots)
+    ideal = Request(mechanism.tight(), "ideal", replace(schedule, time=_thinned(schedule.time)))
     yield Setup(ideal)
     loaded = _loaded(mechanism)
-    if loaded.clearance and len(courses.knots) == len(Assembly(mechanism).structure.inputs):
+    if loaded.clearance and len(schedule.drives) == len(Assembly(mechanism).structure.inputs):
         loose = mechanism.with_clearances(loaded.clearance)
         for model in LOOSE:
             yield Setup(replace(ideal, mechanism=loose, joint_model=model), {"clearance": dict(loaded.clearance)})
@@ -132,7 +132,8 @@ def _impacting(mechanism: Mechanism) -> Iterator[Setup]:
     }
     theta = np.arange(SAMPLES * REVOLUTIONS) * (2 * np.pi / SAMPLES)
     for model in BOUNCING:
-        yield Setup(Request(fast, model, "driven", theta, lead_in=2 * np.pi, watched=True), added, impacting=True)
+        request = Request(fast, model, Schedule.at_angles(fast, theta), lead_in=2 * np.pi, watched=True)
+        yield Setup(request, added, impacting=True)
 
 
 def _thinned(grid: np.ndarray) -> np.ndarray:
@@ -185,8 +186,9 @@ def _table(setup: Setup, trace: Trace) -> StoredRun:
     """
     forces = {joint.name: _force(trace, joint.name) for joint in setup.request.mechanism.joints}
     largest = max(float(np.abs(f).max()) for f in forces.values())
-    time = setup.request.time
-    columns = {"crank_angle [deg]": np.degrees(trace.crank_angle)} if time is None else {"time [s]": time}
+    schedule = setup.request.schedule
+    angles = {"crank_angle [deg]": np.degrees(trace.crank_angle)}
+    columns = angles if schedule.turns_evenly else {"time [s]": schedule.time}
     for joint, force in forces.items():
         size = np.abs(force)
         known = size > max(NO_DIRECTION * size.max(), NO_FORCE * largest)

@@ -23,6 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import brentq
 
+from analytic.kinematics.schedule import Schedule
 from compare.evidence.nonsmooth import Guide, compliant, time_stepping
 from compare.evidence.published.flying_block import FOLDER, flying_block
 from compare.results.validation import Ended, Span
@@ -153,7 +154,9 @@ def in_engine(name: str) -> Summary:
     stiffness, step = WALLS[0]
     m = flying_block().with_joint("S", friction=FRICTION, contact_stiffness=stiffness, contact_law="kelvin-voigt")
     time = np.linspace(0.0, END, round(END / STEP) + 1)
-    seen = engine(name).simulate(Request(m, "contact", time=time, start="centred", start_speed=START[3], step=step))
+    seen = engine(name).simulate(
+        Request(m, "contact", Schedule.released(m, time, START[3]), start="centred", step=step)
+    )
     bodies = ("crank", "rod", "slider")
     q = np.column_stack([seen.signals[f"{body}_angle"] for body in bodies])
     v = np.column_stack([seen.signals[f"{body}_angular_velocity"] for body in bodies])

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import loads
 from sim_models.engine import JointModel, Request
@@ -83,4 +84,4 @@ def recorded(data: Path) -> dict[str, np.ndarray]:
 
 def request(joint_model: JointModel, time: np.ndarray) -> Request:
     """Its flight, let go in the middle of its guide, told at times (N,) s."""
-    return Request(flying_block(), joint_model, time=time, start="centred", start_speed=SPEED, step=STEP)
+    return Request(it := flying_block(), joint_model, Schedule.released(it, time, SPEED), start="centred", step=STEP)

@@ -18,6 +18,7 @@ from scipy.interpolate import CubicSpline
 
 from analytic.beyond_paper.free_motion import driven_motion
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
 from analytic.paper.kinetostatics import Reactions
@@ -71,7 +72,7 @@ class Recorded:
         """What an engine is asked for while one polynomial follows the motion."""
         knots = np.linspace(0.0, SMOOTH, KNOTS)
         courses = {name: (knots, fit(knots)) for name, fit in self.beginning.items()}
-        return Request(self.mechanism, time=self.time[self.early], courses=courses)
+        return Request(self.mechanism, "ideal", Schedule.along(courses, self.time[self.early]))
 
     def in_motion(self) -> Reactions:
         """The analytic side along the splines through all samples."""
@@ -81,7 +82,7 @@ class Recorded:
     def request(self) -> Request:
         """What an engine is asked for."""
         courses = {name: (self.time, at) for name, at in self.position.items()}
-        return Request(self.mechanism, time=self.time[self.clear][::EVERY], courses=courses)
+        return Request(self.mechanism, "ideal", Schedule.along(courses, self.time[self.clear][::EVERY]))
 
 
 def recorded(data: Path) -> Recorded:

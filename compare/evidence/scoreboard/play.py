@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from compare.evidence.scoreboard.outside import Course
 from compare.evidence.scoreboard.rigs import Plan, Rejected, course_grid
@@ -21,13 +22,14 @@ def run(name: str, m: Mechanism, plan: Plan, time: np.ndarray, course: Course | 
     if m.several:
         grid = course_grid(plan, time)
         courses = {joint.name: (grid - grid[0], at) for joint, at in zip(m.motors, plan.command(grid), strict=True)}
-        request = Request(m, joint_model, time=time - grid[0], courses=courses)
+        request = Request(m, joint_model, Schedule.along(courses, time - grid[0]))
     elif course is None:
         m = _driven(m, plan)
-        request = Request(m, joint_model, crank_angle=plan.command(time), lead_in=SETTLED if m.half_gap else 0.0)
+        turned = Schedule.at_angles(m, plan.command(time))
+        request = Request(m, joint_model, turned, lead_in=SETTLED if m.half_gap else 0.0)
     else:
         m, grid = _driven(m, plan), course_grid(plan, time)
-        request = Request(m, joint_model, time=time, course=(grid, course(grid)))
+        request = Request(m, joint_model, Schedule.of_crank(m, (grid, course(grid)), time))
     trace = engine(name).simulate_flexible(request) if m.bends else engine(name).simulate(request)
     if any(trace.free_share.values()):
         raise Rejected(f"a pin flies free in {plan.name}")

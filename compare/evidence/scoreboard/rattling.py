@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 from scipy.signal import lfilter
 
+from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import load
 from analytic.mechanism.parts import ContactLaw
@@ -231,7 +232,8 @@ def _run(rng: np.random.Generator, real: Mechanism, speed: float, joint: str | N
         assert joint is not None
         return by_equation(real, joint, time, start)
     angle = start + speed * time
-    trace = engine(source).simulate(Request(real, "ideal" if joint is None else "contact", "driven", crank_angle=angle))
+    turned = Schedule.at_angles(real, angle)
+    trace = engine(source).simulate(Request(real, "ideal" if joint is None else "contact", turned))
     free = 0.0 if joint is None else float(trace.free_share[joint])
     return Played(time, {**trace.signals, "crank_angle": angle}, free)
 

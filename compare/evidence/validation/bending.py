@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
-from analytic.kinematics.motion import kinematics
+from analytic.kinematics.motion import along
 from compare.evidence.validation.workspaces import Spiral, digits
 from compare.judge.flexible import Beams
-from compare.judge.reference import timed_reference, timed_with_flexible_links
+from compare.judge.reference import reference, with_flexible_links
 from compare.results.validation import Bent
 from sim_models.engine import JointModel, Request
 
@@ -29,23 +29,19 @@ def bending(names: Sequence[str]) -> tuple[Bent, ...]:
 
 def _bent(case: str, body: str, joints: JointModel) -> Bent:
     spiral = Spiral(case, "static")
-    m, time, courses = (
-        spiral.mechanism if joints == "contact" else spiral.mechanism.ideal(),
-        spiral.time,
-        spiral.courses,
-    )
+    m, schedule = spiral.mechanism if joints == "contact" else spiral.mechanism.ideal(), spiral.schedule
     assembly = Assembly(m)
-    beams = Beams.of("exudyn").simulate(Request(m, joints, "static", time=time, courses=courses.knots)).signals
-    side = timed_reference(assembly, time, courses, "static", "equilibrium", m.clearances)
-    ours = timed_with_flexible_links(side, assembly, time, courses).signals
-    ideal = kinematics(assembly, assembly.inputs_at(courses.at(time))).position(body)
+    beams = Beams.of("exudyn").simulate(Request(m, joints, schedule)).signals
+    side = reference(assembly, schedule, "equilibrium", m.clearances)
+    ours = with_flexible_links(side, assembly, schedule).signals
+    ideal = along(assembly, schedule).position(body)
     theirs, told = (s[f"{body}_x"] + 1j * s[f"{body}_y"] for s in (beams, ours))
     moved = np.abs(theirs - ideal)
     off = np.abs(told - theirs) / moved
     return Bent(
         case=case,
         joints=joints,
-        poses=time.size,
+        poses=schedule.time.size,
         displacement=digits(moved.max()),
         off=digits(np.median(off)),
         off_worst=digits(off.max()),

@@ -9,6 +9,7 @@ from itertools import product
 
 import numpy as np
 
+from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import load
 from compare.arguments import cores
@@ -49,9 +50,10 @@ def guided(names: Sequence[str], tolerances: Tolerances) -> Iterator[tuple[str, 
     rough: list[tuple[str, Motion, JointModel, float]] = [(*run, "contact", FRICTION) for run in RUNS]
     for pressed, motion, model, friction in [*smooth, *rough]:
         m = block(pressed, motion, friction)
-        able = tuple(name for name in names if _can(name, Request(m, model, motion, ANGLES[motion])))
+        schedule = Schedule.at_angles(m, ANGLES[motion], at_rest=motion == "static")
+        able = tuple(name for name in names if _can(name, Request(m, model, schedule)))
         if able:
-            job = Job(m, able, tolerances, motion, ANGLES[motion], None, model, workers=cores())
+            job = Job(m, able, tolerances, schedule, model, workers=cores())
             words = f", friction {friction:g}" if friction else ""
             yield f"block {pressed}{words}, {model}, {motion}", crosscheck_job(job)
 

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import load
 from compare.diagnose.effects.joints import ContactLaw
@@ -84,7 +85,7 @@ def _seen(turning: Mechanism, angle: np.ndarray, source: str) -> Mapping[str, np
     if source == EQUATION:
         assert turning.speed
         return by_equation(turning, JOINT, (angle - angle[0]) / turning.speed, float(angle[0])).signals
-    return engine(source).simulate(Request(turning, "contact", "driven", crank_angle=angle)).signals
+    return engine(source).simulate(Request(turning, "contact", Schedule.at_angles(turning, angle))).signals
 
 
 def laws_found(names: Sequence[str]) -> Iterator[LawFound]:

@@ -12,6 +12,7 @@ import numpy as np
 from analytic.beyond_paper.free_motion import free_motion
 from analytic.beyond_paper.released import released
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.schedule import Schedule
 from analytic.paper.kinetostatics import Reactions
 from compare.diagnose.workflow import diagnose
 from compare.evidence.published import flying_block as block
@@ -60,7 +61,7 @@ def _squeezer(names: Sequence[str]) -> Published:
     turned = andrews.ANGLES["beta"]
     in_engines = []
     for name in names:
-        trace = engine(name).simulate(Request(m, "ideal", "driven", time=times, step=andrews.STEP))
+        trace = engine(name).simulate(Request(m, "ideal", Schedule.released(m, times), step=andrews.STEP))
         here = andrews.relative(partial(_read, trace))
         off = max(abs(here[angle] - value) for angle, value in andrews.ANGLES.items()) / turned
         in_engines.append(Apart(side=name, off=_digits(off), allowed=andrews.STATED[name]))

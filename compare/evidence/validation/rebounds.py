@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
 from analytic.mechanism.parts import ContactLaw
@@ -56,7 +57,7 @@ def _model(name: str, m: Mechanism) -> JointModel | None:
     models: tuple[JointModel, ...] = ("contact", "spring-damper")
     for model in models:
         try:
-            check_supported(declared(name), Request(m, model, "driven", time=np.zeros(1)))
+            check_supported(declared(name), Request(m, model, Schedule.released(m, np.zeros(1))))
         except Unsupported:
             continue
         return model
@@ -79,7 +80,7 @@ def dropped(
     period = 2 * math.pi * math.sqrt(m.bodies[0].mass / stiffness)
     after = np.concatenate([np.linspace(0.0, 1.0, SAMPLES), [1.5, 2.0, 4.0, 8.0]])
     time = SPEED / G + late + period * after
-    return engine.simulate(Request(m, model, "driven", time=time, start="centred", step=step))
+    return engine.simulate(Request(m, model, Schedule.released(m, time), start="centred", step=step))
 
 
 def rebound(trace: Trace) -> float:

@@ -26,7 +26,6 @@ from compare.evidence.validation.scales import Scale, scale_rows
 from compare.evidence.validation.speed import timed
 from compare.evidence.validation.striking import CHECKED, LAWS, MORE, striking
 from compare.evidence.validation.workspaces import SPIRALS, in_engines, workspaces
-from compare.judge.courses import Courses
 from compare.judge.discrepancy import load_tolerances
 from compare.results.crosscheck import CrossCheck
 from compare.results.crosscheck import Run as Compared
@@ -55,11 +54,7 @@ def run_all(names: tuple[str, ...], which: Sequence[Scale], data: Path | None, w
             r = setup.request
             engines = tuple(n for n in names if not not_run(n, declared(n), r))
             workers = min(len(engines), cores())
-            courses = None if r.courses is None else Courses(r.courses)
-            job = Job(
-                r.mechanism, engines, tolerances, r.motion, r.crank_angle, r.time, r.joint_model,
-                workers=workers, courses=courses,
-            )  # fmt: skip
+            job = Job(r.mechanism, engines, tolerances, r.schedule, r.joint_model, workers=workers)
             result = crosscheck_job(job)
             rows += told(case, setup.name, result)
             if r.joint_model == "contact":

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 
+from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Drive, Load, Mechanism, MechanismWarning
 from analytic.mechanism.file import load
 from compare.results.validation import AtScale
@@ -112,7 +113,9 @@ def _runs(scale: Scale, simulator: str, motion: Motion) -> Iterator[AtScale]:
         verdict="refused",
     )
     try:
-        result = crosscheck_job(Job(linkage(scale), (simulator,), load_tolerances(), motion, theta))
+        m = linkage(scale)
+        schedule = Schedule.at_angles(m, theta, at_rest=motion == "static")
+        result = crosscheck_job(Job(m, (simulator,), load_tolerances(), schedule))
     except Unsupported as error:
         yield row.model_copy(update={"why": str(error), "cause": error.cause})
         return

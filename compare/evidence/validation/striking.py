@@ -12,6 +12,7 @@ from typing import get_args
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
 from analytic.mechanism.parts import ContactLaw
@@ -130,7 +131,9 @@ def _request(m: Mechanism, name: str, revolutions: int = REVOLUTIONS) -> Request
     rough = any(joint.friction for joint in m.joints if joint.clearance)
     models: tuple[JointModel, ...] = ("contact",) if rough else ("contact", "spring-damper")
     for model in models:
-        asked = Request(m, model, "driven", theta, start="centred", lead_in=TURN, beyond=beyond, watched=True)
+        asked = Request(
+            m, model, Schedule.at_angles(m, theta), start="centred", lead_in=TURN, beyond=beyond, watched=True
+        )
         try:
             check_supported(declared(name), asked)
         except Unsupported:

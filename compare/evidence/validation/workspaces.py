@@ -12,11 +12,11 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.inverse import Coordinate, inverse
 from analytic.kinematics.motion import Motion, kinematics
+from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
 from analytic.paper.clearance import Model, displaced
 from compare.arguments import cores
-from compare.judge.courses import Courses
 from compare.platform import Grid, platform_accuracy
 from compare.results.crosscheck import Failure
 from compare.results.platform import PlatformAccuracy
@@ -114,12 +114,12 @@ class Spiral:
         poses[0] += out.real
         poses[1] += out.imag
         along, time = inverse(self.assembly, self.wanted, poses).coordinates, np.linspace(0.0, LASTING, KNOTS)
-        self.courses = Courses({s.coordinates[i].joint: (time, s.signs[i] * along[i]) for i in s.inputs})
-        self.time = time[EVERY::EVERY]
+        courses = {s.coordinates[i].joint: (time, s.signs[i] * along[i]) for i in s.inputs}
+        self.schedule = Schedule.along(courses, time[EVERY::EVERY], at_rest=motion == "static")
 
     def request(self) -> Request:
         """What an engine is asked for."""
-        return Request(self.mechanism, "contact", self.motion, time=self.time, courses=self.courses.knots)
+        return Request(self.mechanism, "contact", self.schedule)
 
     def told(self, trace: Trace) -> InEngine:
         """How far the analytic side is off an engine."""
@@ -144,13 +144,12 @@ class Spiral:
         b = self.mechanism.moving[body]
         arm = 0.0 if point == "com" else b.point(point) - b.centre
         place = signals[f"{body}_x"] + 1j * signals[f"{body}_y"] + arm * np.exp(1j * signals[f"{body}_angle"])
-        inputs = self.assembly.inputs_at(self.courses.at(self.time))
+        inputs = self.assembly.inputs_at(self.schedule.positions())
         return place - self.place(kinematics(self.assembly, inputs))
 
     def analytic(self, model: Model) -> np.ndarray:
         """The same by the analytic model, with the inertia of the motion where there is one."""
-        orders = ({n: s(self.time, order) for n, s in self.courses.splines.items()} for order in range(3))
-        theta, omega, alpha = (self.assembly.inputs_at(each) for each in orders)
+        theta, omega, alpha = (self.assembly.inputs_at(self.schedule.positions(order=order)) for order in range(3))
         if self.motion == "static":
             omega, alpha = np.zeros_like(omega), np.zeros_like(alpha)
         found = displaced(self.assembly, theta, omega, alpha=alpha, model=model)
