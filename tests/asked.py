@@ -15,7 +15,7 @@ from sim_models.engine import JointModel, Motion, Request
 
 
 def scheduled(
-    m: Mechanism,
+    mechanism: Mechanism,
     motion: Motion = "driven",
     crank_angle: np.ndarray | None = None,
     time: np.ndarray | None = None,
@@ -29,14 +29,14 @@ def scheduled(
     if courses is not None:
         return Schedule.along(courses, np.zeros(0) if time is None else time, at_rest=at_rest)
     if course is not None and time is not None:
-        return Schedule.of_crank(m, course, time)
+        return Schedule.of_crank(mechanism, course, time)
     if time is not None:
-        return Schedule.released(m, time, start_speed)
-    return Schedule.at_angles(m, np.zeros(0) if crank_angle is None else crank_angle, at_rest=at_rest)
+        return Schedule.released(mechanism, time, start_speed)
+    return Schedule.at_angles(mechanism, np.zeros(0) if crank_angle is None else crank_angle, at_rest=at_rest)
 
 
 def request_of(
-    m: Mechanism,
+    mechanism: Mechanism,
     joint_model: JointModel = "ideal",
     motion: Motion = "driven",
     crank_angle: np.ndarray | None = None,
@@ -48,12 +48,12 @@ def request_of(
     **options: Any,
 ) -> Request:
     """A request along such a schedule, with the other fields of a Request as options."""
-    schedule = scheduled(m, motion, crank_angle, time, course=course, courses=courses, start_speed=start_speed)
-    return Request(m, joint_model, schedule, **options)
+    schedule = scheduled(mechanism, motion, crank_angle, time, course=course, courses=courses, start_speed=start_speed)
+    return Request(mechanism, joint_model, schedule, **options)
 
 
 def job_of(
-    m: Mechanism,
+    mechanism: Mechanism,
     simulators: Sequence[str],
     tolerances: Tolerances,
     motion: Motion = "driven",
@@ -64,4 +64,5 @@ def job_of(
     **options: Any,
 ) -> Job:
     """A cross-check along such a schedule, with the other fields of a Job as options."""
-    return Job(m, tuple(simulators), tolerances, scheduled(m, motion, theta, time, courses=courses), **options)
+    schedule = scheduled(mechanism, motion, theta, time, courses=courses)
+    return Job(mechanism, tuple(simulators), tolerances, schedule, **options)

@@ -50,9 +50,11 @@ class Planted:
     def simulate(self, request: Request) -> Trace:
         """The answer to a request."""
         mechanism, sizes = request.mechanism, {} if request.joint_model == "ideal" else request.mechanism.clearances
+        theta = request.schedule.crank_angle
+        assert theta is not None  # it has nothing else
         found = displaced(
             Assembly(mechanism),
-            request.crank_angle,
+            theta,
             mechanism.speed or 1.0,
             inertia=request.motion == "driven",
             clearances=sizes,
@@ -63,7 +65,7 @@ class Planted:
             self.version,
             request.joint_model,
             request.motion,
-            request.crank_angle,
+            theta,
             None,
             signals,
             clearance=sizes,

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.schedule import Schedule
 from analytic.mechanism.file import load
 from analytic.paper import printed
 from analytic.paper.clearance import Model
@@ -19,7 +20,7 @@ from compare.judge.reference import Reference, reference
 from compare.judge.signals import with_derived
 from engines_here import present
 from marks import slow
-from sim_models.engine import Engine, Motion, Request, Trace, Unsupported, engine
+from sim_models.engine import Engine, Request, Trace, Unsupported, engine
 
 INSTALLED = present()
 TURN = np.radians(np.arange(0.0, 360.0, 20.0))
@@ -56,11 +57,9 @@ def test_an_engine_with_a_mass_5_percent_off_stands_apart(culprit: str) -> None:
     assert result.words.startswith(f"{culprit} stands apart")
 
 
-def printed_side(
-    assembly: Assembly, theta: np.ndarray, motion: Motion, model: Model, clearances: Mapping[str, float]
-) -> Reference:
+def printed_side(assembly: Assembly, schedule: Schedule, model: Model, clearances: Mapping[str, float]) -> Reference:
     """The analytic side with Eq. 11 as printed: the load in the x row."""
-    right = reference(assembly, theta, motion, model, clearances)
+    right, theta = reference(assembly, schedule, model, clearances), schedule.crank_angle
     bar = printed.FourBar(0.4, (0.2, 0.4, 0.2), (0.1, 0.2, 0.1), (0.157, 0.314, 0.157), (5.25e-4, 4.19e-3, 5.25e-4))
     found = printed.printed_reactions(bar, printed.four_bar_motion(bar, theta, assembly.mechanism.speed or 0.0), 50.0)
     wrong = dict(right.signals) | {"drive_torque": found["T_s"]}

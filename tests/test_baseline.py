@@ -448,7 +448,7 @@ def test_every_shipped_case_has_ideal_joints_driven_and_clearance_joints_at_rest
             models = ["ideal", "massless-link", "spring-damper", "contact"]
             assert [setup.request.joint_model for setup in runs] == models
             for setup in runs:
-                assert sorted(setup.request.courses) == sorted(drive.joint for drive in load(case).drives)
+                assert sorted(setup.request.schedule.courses) == sorted(drive.joint for drive in load(case).drives)
                 assert setup.request.mechanism.clearances == setup.added.get("clearance", {})
             continue
         at_rest = [setup for setup in runs if setup.request.motion == "static"]

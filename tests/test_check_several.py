@@ -6,12 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from compare.judge.courses import Courses
 
 import linkage_crosscheck as lc
 from analytic.kinematics.assembly import Assembly
-from analytic.kinematics.schedule import Turning
-from compare.judge.reference import SURE, followed_drives_reference, timed_reference
+from analytic.kinematics.schedule import Schedule, Turning
+from compare.judge.reference import SURE, reference
 from marks import slow
 from measured_files import written
 from several_linkages import arm
@@ -64,17 +63,9 @@ def test_positions_leave_a_place_open_by_the_sum_of_what_each_drive_moves_it(mot
     """The forearm's middle of an arm, by its angles: x = 0.1 cos D + 0.08 cos (D + A)."""
     assembly, off = Assembly(ARM), {"D": 4e-4, "A": 3e-4}
     at = {"D": 1.234567 + 2.0 * TIME, "A": 0.348889 - TIME}
-    if motion == "static":
-        errors = {name: np.full(TIME.size, each / SURE) for name, each in off.items()}
-        courses = Courses({name: (TIME, values) for name, values in at.items()})
-        side = timed_reference(assembly, TIME, courses, motion, "equilibrium", {}, errors)
-    else:
-        none, one = np.zeros(TIME.size), np.ones(TIME.size)
-        drives = {
-            name: (Turning(at[name], rate * one, none), Turning(off[name] / SURE * one, none, none))
-            for name, rate in (("D", 2.0), ("A", -1.0))
-        }
-        side = followed_drives_reference(assembly, drives, "equilibrium", {})
+    errors = assembly.inputs_at({name: np.full(TIME.size, each / SURE) for name, each in off.items()})
+    schedule = Schedule.along({name: (TIME, values) for name, values in at.items()}, TIME, at_rest=motion == "static")
+    side = reference(assembly, schedule, "equilibrium", {}, None, Turning(errors, 0 * errors, 0 * errors))
     by_a = 0.08 * np.sin(at["D"] + at["A"])
     by_d = 0.1 * np.sin(at["D"]) + by_a
     wanted = np.abs(by_d) * off["D"] + np.abs(by_a) * off["A"]

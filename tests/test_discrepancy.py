@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.schedule import Schedule
 from analytic.mechanism.file import load
 from analytic.mechanism.signals import Signal, named
 from compare.judge.discrepancy import (
@@ -402,7 +403,7 @@ def test_what_is_allowed_at_an_angle_does_not_depend_on_which_others_are_asked_f
     theta = np.radians([25.0, 63.0, 97.0, 140.0])
 
     def allowed(angles: np.ndarray) -> dict[str, np.ndarray]:
-        side = reference(assembly, angles, "static", "equilibrium", clearance)
+        side = reference(assembly, Schedule.at_angles(mechanism, angles, at_rest=True), "equilibrium", clearance)
         scales = Scales.of(side.signals, mechanism, side.peaks)
         joint_model: JointModel = "contact" if clearance else "ideal"
         return {
@@ -420,6 +421,6 @@ def test_at_the_usual_angles_the_peaks_are_the_runs() -> None:
     mechanism = load("crank-rocker")
     assembly = Assembly(mechanism)
     theta = default_angles(assembly)
-    side = reference(assembly, theta, "driven", "equilibrium", {})
+    side = reference(assembly, Schedule.at_angles(mechanism, theta), "equilibrium", {})
     assert Scales.of(side.signals, mechanism, side.peaks).force == Scales.of(side.signals, mechanism).force
     assert side.peaks["reaction_B_magnitude"] == side.signals["reaction_B_magnitude"].max()

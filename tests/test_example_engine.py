@@ -143,7 +143,8 @@ WRONG = {
         "it raised LinAlgError (Singular matrix) at",
     ),
     "half of the angles": (
-        "return multiplier_engine.run(replace(request, crank_angle=request.crank_angle[:1]))",
+        "some = Schedule.at_angles(request.mechanism, request.schedule.crank_angle[:1])\n"
+        "    return multiplier_engine.run(replace(request, schedule=some))",
         "its trace has 1 sample, and 2 were asked for",
     ),
 }

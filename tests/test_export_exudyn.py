@@ -154,7 +154,7 @@ REQUESTS = {
 def simulated(request: Request) -> dict[str, np.ndarray]:
     """What is exported of a request: along courses there is no crank's angle, but the joints' positions."""
     trace = ENGINE.simulate(request)
-    if request.courses is None:
+    if request.schedule.crank is not None:
         return columns(trace)
     assert trace.time is not None
     order = np.argsort(trace.time, kind="stable")

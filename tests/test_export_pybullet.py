@@ -271,7 +271,7 @@ def test_bare_engine_gives_the_same_numbers(name: str, exported: dict[str, Path]
 @pytest.mark.parametrize("name", REQUESTS)
 def test_expected_values_are_the_trace_to_the_last_digit(name: str, exported: dict[str, Path]) -> None:
     asked = REQUESTS[name]
-    truth = columns(ENGINE.simulate(asked), asked.mechanism.speed, crank=asked.courses is None)
+    truth = columns(ENGINE.simulate(asked), asked.mechanism.speed, crank=asked.schedule.crank is not None)
     written = table(exported[name] / "expected.csv")
     assert list(written) == list(truth)
     for signal, values in truth.items():

@@ -83,7 +83,7 @@ def test_bare_engine_gives_the_same_numbers(name: str, title: str, tmp_path: Pat
     engine(name).export(request, tmp_path)
     bare(tmp_path)
     found, expected = (table(tmp_path / file) for file in ("signals.csv", "expected.csv"))
-    truth = columns(engine(name).simulate(request), crank=request.courses is None)
+    truth = columns(engine(name).simulate(request), crank=request.schedule.crank is not None)
     assert list(expected) == list(truth)
     assert difference(expected, truth) <= tolerance
     assert found.keys() == truth.keys()

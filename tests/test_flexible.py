@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import pytest
 
 import commands
 from analytic.mechanism.file import dumps, load
-from asked import job_of, request_of
+from asked import job_of
 from compare.crosscheck import crosscheck_job
 from compare.judge.discrepancy import load_tolerances
 from compare.judge.flexible import Beams
@@ -55,7 +56,7 @@ class Softer:
         m = request.mechanism
         for body in m.bodies:
             m = m.with_body(body.name, youngs_modulus=0.9 * (body.youngs_modulus or 0.0))
-        return self.beams.simulate(request_of(m, request.joint_model, request.motion, request.crank_angle))
+        return self.beams.simulate(replace(request, mechanism=m))
 
 
 def test_links_a_tenth_softer_on_one_side_are_noticed() -> None:

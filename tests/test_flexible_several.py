@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from compare.judge.courses import Courses
 
 import linkage_crosscheck as lc
 from analytic.kinematics.assembly import Assembly
-from analytic.kinematics.motion import Motion, kinematics
+from analytic.kinematics.motion import Motion, along
+from analytic.kinematics.schedule import Knots, Schedule
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import dumps, load
 from analytic.paper.frame import ComplianceError
@@ -27,7 +27,7 @@ from compare.crosscheck import crosscheck_job
 from compare.faults import ArgumentError
 from compare.judge.discrepancy import load_tolerances
 from compare.judge.flexible import Beams
-from compare.judge.reference import timed_reference, timed_with_flexible_links
+from compare.judge.reference import reference, with_flexible_links
 from marks import slow
 from several_linkages import SHIPPED, TIMES, third_bar, waved
 from sim_models.engine import Request, SimulationError, Trace, Unsupported, engine
@@ -75,9 +75,9 @@ def pushed(name: str, size: float) -> Mechanism:
 
 def analysed(m: Mechanism, elastic: bool = True) -> Signals:
     """The superposition, or what clearance makes of rigid links."""
-    courses = Courses(waved(m))
-    side = timed_reference(Assembly(m), TIMES, courses, "static", "equilibrium", m.clearances)
-    return (timed_with_flexible_links(side, Assembly(m), TIMES, courses) if elastic else side).signals
+    schedule = Schedule.along(waved(m), TIMES, at_rest=True)
+    side = reference(Assembly(m), schedule, "equilibrium", m.clearances)
+    return (with_flexible_links(side, Assembly(m), schedule) if elastic else side).signals
 
 
 def beams(m: Mechanism, element: Element = "euler-bernoulli") -> Signals:
@@ -152,7 +152,7 @@ def test_drives_hold_both_joints_of_an_arm_whose_links_are_cantilevers() -> None
 def test_drives_stay_where_their_courses_have_them(name: str) -> None:
     m = pushed(name, FULL)
     seen = beams(m)
-    for joint, at in Courses(waved(m)).at(TIMES).items():
+    for joint, at in Schedule.along(waved(m), TIMES).positions().items():
         np.testing.assert_allclose(seen[f"position_{joint}"], at, atol=1e-12)
 
 
@@ -205,23 +205,22 @@ def test_a_drive_beside_its_links_axis_holds_it_too() -> None:
     seen, ours, rigid = beams(m), analysed(m), analysed(m, elastic=False)
     elastic = np.abs(places(m, ours) - places(m, rigid)).max()
     assert np.abs(places(m, seen) - places(m, ours)).max() < 2e-5 * elastic
-    np.testing.assert_allclose(seen["position_D"], Courses(waved(m)).at(TIMES)["D"], atol=1e-12)
+    np.testing.assert_allclose(seen["position_D"], Schedule.along(waved(m), TIMES).positions()["D"], atol=1e-12)
 
 
 # ---------------------------------------------------------------- springs
 
 
-def at_one_time(m: Mechanism) -> tuple[Motion, np.ndarray, Courses]:
+def at_one_time(m: Mechanism) -> tuple[Motion, Schedule]:
     """The ideal linkage in one of its poses."""
-    assembly, time, courses = Assembly(m), TIMES[3:4], Courses(waved(m))
-    inputs = assembly.inputs_at(courses.at(time))
-    return kinematics(assembly, inputs, path=assembly.follow(inputs)), time, courses
+    schedule = Schedule.along(waved(m), TIMES[3:4], at_rest=True)
+    return along(Assembly(m), schedule), schedule
 
 
 def sprung(kind: str, stiffness: float) -> Mechanism:
     """A five-bar under a small load with a spring that is unloaded in one pose of the rigid linkage."""
     m = pushed("five-bar", SMALL)
-    motion, _, _ = at_one_time(m)
+    motion, _ = at_one_time(m)
     if kind == "joint":
         rest = float(motion.relative(m.joint("A"))[0])
         return m.with_joint("A", stiffness=stiffness, rest_angle=rest)
@@ -239,10 +238,10 @@ def sprung(kind: str, stiffness: float) -> Mechanism:
 def test_a_spring_carries_its_share_as_links_yield(kind: str, stiffness: float) -> None:
     """Of forces too: a spring that is unloaded where the links are rigid takes load as they bend."""
     m = sprung(kind, stiffness)
-    _, time, courses = at_one_time(m)
-    seen = flexible(request_of(m, "ideal", "static", time=time, courses=courses.knots)).signals
-    side = timed_reference(Assembly(m), time, courses, "static", "equilibrium", {})
-    ours, rigid = timed_with_flexible_links(side, Assembly(m), time, courses).signals, side.signals
+    _, schedule = at_one_time(m)
+    seen = flexible(Request(m, "ideal", schedule)).signals
+    side = reference(Assembly(m), schedule, "equilibrium", {})
+    ours, rigid = with_flexible_links(side, Assembly(m), schedule).signals, side.signals
     elastic = np.abs(places(m, ours) - places(m, rigid)).max()
     assert np.abs(places(m, seen) - places(m, ours)).max() < 3e-5 * elastic
     names = [name for name in ours if name.startswith(("reaction_", "drive_")) and name in seen]
@@ -263,10 +262,10 @@ def test_a_spring_at_the_tip_of_a_cantilever_shares_its_load(stiffness: float) -
         springs=[{"bodies": ("ground", "forearm"), "points": ("up", "T"), "stiffness": stiffness, "length": 0.2}]
     )
     knots = np.linspace(0.0, 1.0, 5)
-    courses, time = Courses(dict.fromkeys("OK", (knots, 0.0 * knots))), np.array([0.5])
-    seen = flexible(request_of(m, "ideal", "static", time=time, courses=courses.knots)).signals
-    side = timed_reference(Assembly(m), time, courses, "static", "equilibrium", {})
-    ours = timed_with_flexible_links(side, Assembly(m), time, courses).signals
+    schedule = Schedule.along(dict.fromkeys("OK", (knots, 0.0 * knots)), np.array([0.5]), at_rest=True)
+    seen = flexible(Request(m, "ideal", schedule)).signals
+    side = reference(Assembly(m), schedule, "equilibrium", {})
+    ours = with_flexible_links(side, Assembly(m), schedule).signals
     carried = SMALL / (1 + stiffness * 0.25**3 / (3 * EI))
     com = 0.19
     moved = -carried * (com**2 * (3 * 0.25 - com) / 6) / EI
@@ -297,7 +296,7 @@ def test_clearance_and_small_loads_add_up(name: str, within: float) -> None:
 def test_a_total_displacement_of_several_drives_is_the_same_sum(name: str) -> None:
     m = pushed(name, SMALL).with_clearances(LOOSE[name])
     assembly = Assembly(m)
-    inputs = assembly.inputs_at(Courses(waved(m)).at(TIMES))
+    inputs = assembly.inputs_at(Schedule.along(waved(m), TIMES).positions())
     total = total_displacement(assembly, inputs, model="equilibrium", near=assembly.follow(inputs)).signals()
     ours = analysed(m)
     for body in m.bodies:
@@ -308,11 +307,11 @@ def test_a_total_displacement_of_several_drives_is_the_same_sum(name: str) -> No
 # ---------------------------------------------------------------- cross-checks
 
 
-def checked(m: Mechanism, joint_model: Any, resolve: Any = None, courses: Courses | None = None) -> Any:
+def checked(m: Mechanism, joint_model: Any, resolve: Any = None, courses: dict[str, Knots] | None = None) -> Any:
     """A cross-check with flexible links."""
     job = job_of(
         m, ("exudyn",), load_tolerances(None), "static",
-        time=TIMES, courses=courses or Courses(waved(m)), joint_model=joint_model, flexible=True,
+        time=TIMES, courses=courses or waved(m), joint_model=joint_model, flexible=True,
     )  # fmt: skip
     (run,) = crosscheck_job(job, resolve=resolve).runs
     return run
@@ -347,7 +346,7 @@ def test_friction_of_joints_bends_links_on_both_sides(name: str, joint_model: st
     assert np.abs(more - efforts(m, run.analytic) + efforts(m, smooth.analytic)).max() < 0.01 * np.abs(more).max()
 
 
-def slid(clearance: float = 0.0) -> tuple[Mechanism, Courses]:
+def slid(clearance: float = 0.0) -> tuple[Mechanism, dict[str, Knots]]:
     """A slider-crank moved by its slide."""
     m = load("slider-crank").replace(
         gravity=(0.0, -9.81),
@@ -358,7 +357,7 @@ def slid(clearance: float = 0.0) -> tuple[Mechanism, Courses]:
     for body in ("crank", "rod"):
         m = m.with_body(body, **STEEL)
     knots = np.linspace(0.0, 1.0, 5)
-    return m.with_clearances({"A": clearance}), Courses({"S": (knots, Assembly(m).positions["S"] + 0.01 * knots)})
+    return m.with_clearances({"A": clearance}), {"S": (knots, Assembly(m).positions["S"] + 0.01 * knots)}
 
 
 @pytest.mark.parametrize("clearance", [0.0, 1e-4])
@@ -367,7 +366,7 @@ def test_a_linkage_that_a_slide_moves_bends(clearance: float) -> None:
     run = checked(m, "contact" if clearance else "ideal", courses=courses)
     assert not outside(run)
     assert "drive_force_S" in {d.signal for d in run.discrepancies}
-    rigid = timed_reference(Assembly(m), TIMES, courses, "static", "equilibrium", m.clearances).signals
+    rigid = reference(Assembly(m), Schedule.along(courses, TIMES, at_rest=True), "equilibrium", m.clearances).signals
     assert np.abs(np.array(run.simulated["crank_y"]) - rigid["crank_y"]).max() > 5e-8  # m
 
 
@@ -376,7 +375,7 @@ def test_a_linkage_that_is_held_more_often_than_it_needs_bends(rigid: tuple[str,
     m, knots = third_bar(), np.linspace(0.0, 1.0, 5)
     for body in rigid:
         m = m.with_body(body, youngs_modulus=None)
-    run = checked(m, "ideal", courses=Courses({"D": (knots, 0.5 + knots)}))
+    run = checked(m, "ideal", courses={"D": (knots, 0.5 + knots)})
     assert not outside(run)
     assert {"coupler_y", "drive_torque"} <= {d.signal for d in run.discrepancies}
 
@@ -393,9 +392,7 @@ class Softer:
         for body in m.bodies:
             if body.youngs_modulus is not None:
                 m = m.with_body(body.name, youngs_modulus=0.9 * body.youngs_modulus)
-        return self.beams.simulate(
-            request_of(m, request.joint_model, "static", time=request.time, courses=request.courses)
-        )
+        return self.beams.simulate(replace(request, mechanism=m))
 
 
 @pytest.mark.parametrize("name", ["five-bar", "3-rrr", "2r-arm"])

@@ -18,6 +18,7 @@ from scipy.interpolate import CubicSpline
 
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import Gap, kinematics
+from analytic.kinematics.schedule import Schedule, ScheduleError
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import load
 from analytic.paper.kinetostatics import Reactions, kinetostatics
@@ -317,10 +318,8 @@ def test_a_course_needs_a_motor_that_can_follow_it() -> None:
         ENGINE.simulate(request_of(load("pendulum"), **request))
     with pytest.raises(Unsupported, match="leave out lead_in = 1 rad"):
         ENGINE.simulate(request_of(CRANK_ROCKER, lead_in=1.0, **request))
-    with pytest.raises(Unsupported, match="a measured drive follows a course"):
-        ENGINE.simulate(request_of(CRANK_ROCKER, crank_angle=SWING))
-    with pytest.raises(Unsupported, match="no crank_angle"):
-        ENGINE.simulate(request_of(CRANK_ROCKER, crank_angle=SWING, **request))
+    with pytest.raises(ScheduleError, match="give times and a course"):
+        Schedule.at_angles(CRANK_ROCKER, SWING)
     with pytest.raises(Unsupported, match="outside the course"):
         follow(CRANK_ROCKER, (SECOND, SWING), SECOND + 0.1)
 

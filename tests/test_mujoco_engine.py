@@ -9,6 +9,7 @@ import pytest
 
 from analytic.beyond_paper.released import released
 from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.kinematics.schedule import Schedule, ScheduleError
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import load
 from analytic.paper.clearance import displaced
@@ -298,8 +299,8 @@ def test_a_change_point_in_the_range_is_an_error() -> None:
 
 
 def test_a_drive_without_speed_or_angles_is_refused() -> None:
-    with pytest.raises(Unsupported, match="a measured drive follows a course"):
-        ENGINE.simulate(request_of(at_speed(PAPER, speed="measured"), "ideal", "driven", RANGE))
+    with pytest.raises(ScheduleError, match="its drive has no constant speed"):
+        Schedule.at_angles(at_speed(PAPER, speed="measured"), RANGE)
     with pytest.raises(Unsupported, match="no crank angle"):
         ENGINE.simulate(request_of(PAPER, "ideal", "static"))
     with pytest.raises(Unsupported, match="cannot start with its pin centred"):

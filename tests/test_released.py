@@ -9,9 +9,10 @@ from scipy.special import ellipk
 from analytic.beyond_paper.freedom import Freedom, swing
 from analytic.beyond_paper.released import released
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
-from compare.judge.reference import released_reference
+from compare.judge.reference import reference
 from marks import slow
 
 
@@ -97,7 +98,7 @@ def test_a_four_bar_that_several_joints_hold_has_no_answer_from_there_on() -> No
     time = np.linspace(0.0, 4.0, 401)
     held = released(Assembly(m), time).held
     assert 0 < held.sum() < held.size
-    side = released_reference(Assembly(m), time)
+    side = reference(Assembly(m), Schedule.released(m, time), "equilibrium", {})
     assert {i for i in side.flags if "D and E" in side.flags[i]} == set(np.flatnonzero(held).tolist())
     assert np.isnan(side.signals["reaction_A_x"][held]).all()
 

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from compare.judge.courses import Courses
 
 import linkage_crosscheck as lc
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Drive, Mechanism
 from analytic.mechanism.file import load, loads
-from compare.judge.reference import timed_reference
+from compare.judge.reference import reference
 from several_linkages import GANTRY, waved
 from sim_models.engine import ENGINES
 
@@ -78,8 +78,8 @@ def test_how_near_a_reversal_a_slide_is_silent_is_no_matter_of_its_unit() -> Non
     for size in (1.0, 100.0):
         text = GANTRY.replace("[0.2, 0.0]", f"[{0.2 * size}, 0.0]")
         m = loads(text).with_joint("X", friction_torque=1.0)
-        courses = Courses({"X": (t, 0.05 * size * np.sin(5 * t)), "Y": (t, 0.01 * size * t)})
-        side = timed_reference(Assembly(m), t, courses, "driven", "equilibrium", {})
+        schedule = Schedule.along({"X": (t, 0.05 * size * np.sin(5 * t)), "Y": (t, 0.01 * size * t)}, t)
+        side = reference(Assembly(m), schedule, "equilibrium", {})
         shares.append(int(np.isnan(side.signals["drive_force_X"]).sum()))
         assert np.all(np.isfinite(side.signals["drive_force_Y"]))
     assert shares[0] == shares[1]

@@ -11,17 +11,16 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from compare.judge.courses import Courses
 
 import linkage_crosscheck as lc
 from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import MASS_CENTRE, Mechanism
 from analytic.mechanism.file import load
 from asked import request_of
 from compare.analyse import request
-from compare.arguments import timed
 from compare.faults import ArgumentError
-from compare.judge.reference import Reference, timed_reference
+from compare.judge.reference import Reference, reference
 from compare.results.crosscheck import CrossCheck
 from engine_checks import vector
 from engines_here import present
@@ -70,7 +69,7 @@ def held(judge: Maximal, courses: Knots, times: np.ndarray, near: np.ndarray | N
 
 
 def analysed(m: Mechanism, courses: Knots, times: np.ndarray = TIMES) -> Reference:
-    return timed_reference(Assembly(m), times, Courses(courses), "static", "equilibrium", m.clearances)
+    return reference(Assembly(m), Schedule.along(courses, times, at_rest=True), "equilibrium", m.clearances)
 
 
 def rest(name: str, m: Mechanism, courses: Knots, times: np.ndarray = TIMES, model: JointModel = "ideal") -> Trace:
@@ -312,7 +311,7 @@ def test_pins_lie_on_their_rims_where_the_referee_has_their_reactions_point(name
 @pytest.mark.parametrize("model", ["first_order", "equilibrium"])
 def test_the_analytic_pin_is_where_the_referees_reaction_presses_it(model: str) -> None:
     m = load("3-rrr").with_clearances({"C1": 1e-4})
-    side = timed_reference(Assembly(m), TIMES, Courses(waved(m)), "static", model, m.clearances).signals
+    side = reference(Assembly(m), Schedule.along(waved(m), TIMES, at_rest=True), model, m.clearances).signals
     gaps = side["clearance_C1_x"] + 1j * side["clearance_C1_y"]
     judge = Maximal(m, tuple(waved(m)))
     near = judge.home(Assembly(m).positions)
@@ -441,10 +440,9 @@ def test_what_is_asked_of_a_crank_is_refused_at_rest_too() -> None:
 
 def test_a_request_of_the_command_is_static_with_its_courses() -> None:
     m = load("five-bar")
-    asked = request(m, "ideal", "static", None, timed(Assembly(m), np.linspace(0.0, 0.2, 5)))
+    asked = request(m, "ideal", "static", times=np.linspace(0.0, 0.2, 5))
     assert asked.motion == "static"
-    assert set(asked.courses or ()) == {"D", "E"}
-    assert not asked.released
+    assert set(asked.schedule.courses) == {"D", "E"}
 
 
 @pytest.mark.parametrize("name", EACH)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from analytic.kinematics.assembly import Assembly
-from analytic.kinematics.schedule import Turning
+from analytic.kinematics.schedule import Schedule, Turning
 from analytic.mechanism import Body, Drive, Elasticity, Ground, Joint, Load, Mechanism
 from analytic.paper.superposition import total_displacement
 from compare.diagnose.predict import derived
@@ -79,10 +79,11 @@ def test_fig_7c_by_hand(turned: float, elastic: bool) -> None:
         (CLEARANCE + GIVE * elastic + BENDING) * 1j * np.exp(1j * turned), rel=1e-6
     )
     still = np.zeros(1)
-    side = reference(assembly, theta, "static", "equilibrium", assembly.mechanism.clearances)
+    schedule = Schedule.at_angles(assembly.mechanism, theta, at_rest=True)
+    side = reference(assembly, schedule, "equilibrium", assembly.mechanism.clearances)
     for found in (
         total.signals(),
-        with_flexible_links(side, assembly, theta).signals,
+        with_flexible_links(side, assembly, schedule).signals,
         derived(assembly, Turning(theta, still, still)),
     ):
         for name, value in expected(turned, elastic).items():

@@ -20,12 +20,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from compare.judge.courses import Courses, at_their_speeds
 from jsonschema import Draft202012Validator
 
 import linkage_crosscheck as lc
 import shared
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import dumps, load
 from analytic.mechanism.parts import Load
@@ -41,6 +41,7 @@ from compare.judge.grid import default_angles
 from compare.report.validity_figure import BOUNDARIES, PREDICTED, draw
 from compare.report.validity_text import about, brief, percent
 from compare.results.validity import Boundary, Cell, Failed, Validity
+from compare.schedules import at_their_speeds
 from linkages import shaper
 from marks import slow
 from planted import Planted, truth, turned
@@ -244,7 +245,7 @@ def planted(rpm: float, clearance: float, fault: Callable[[Any], Any] = truth) -
     linkage = grid(load("paper"), (rpm,), (clearance,)).linkage(rpm * RPM, clearance)
     job = job_of(linkage, ("planted",), TOLERANCES, theta=default_angles(Assembly(linkage)), joint_model="contact")
     run = crosscheck_job(job, resolve=lambda name: Planted(fault, supports=DRIVEN)).runs[0]
-    return Examined(linkage, job.theta, run, TOLERANCES)
+    return Examined(linkage, job.schedule, run, TOLERANCES)
 
 
 def verdict(held: Examined) -> dict[str, Any]:
@@ -300,10 +301,9 @@ def test_assumptions_cost_the_same_where_the_crank_s_motion_is_told_as_a_course(
     plain = planted(5.0, 1e-4)
     speed = plain.mechanism.speed
     assert speed is not None
-    time = (plain.theta - plain.theta[0]) / speed
+    time = plain.schedule.time
     knots = np.linspace(time[0] - 1.0, time[-1] + 1.0, 9)
-    course = Courses({"D": (knots, plain.theta[0] + speed * knots)})
-    told = replace(plain, run=plain.run.model_copy(update={"time": time}), courses=course)
+    told = replace(plain, schedule=Schedule.along({"D": (knots, plain.theta[0] + speed * knots)}, time))
     for name, cost in plain.costs.items():
         assert told.costs[name] == pytest.approx(cost, rel=1e-4), name
 
@@ -316,7 +316,7 @@ def test_a_platform_whose_pins_are_too_loose_for_first_order_is_told_so() -> Non
     assert run.verdict == "disagrees"
     assert run.because is not None
     assert run.because.assumption == "first-order"
-    examined = Examined(loose, run.crank_angle, run, TOLERANCES, at_their_speeds(Assembly(loose), run.time)[1])
+    examined = Examined(loose, at_their_speeds(Assembly(loose), run.time), run, TOLERANCES)
     assert examined.costs["first-order"] > 1
     assert examined.costs["quasi-static"] > examined.costs["quasi-static-corrected"] > 0
 
