@@ -14,8 +14,8 @@ from asked import request_of
 from linkages import inverted_slider, scotch_yoke, six_bar_driven_from_the_rocker
 from ode import ClearanceMotion, clearance_four_bar_ode
 from sim_models.common.journal import free_share
-from sim_models.common.start import poses
 from sim_models.engine import Engine, JointModel, Motion, Trace
+from sim_models.run.path import CrankPath
 
 PAPER_RANGE = np.arange(20.0, 161.0, 5.0)
 SEVERAL = {"D": 1e-4, "F": 2e-4, "B": 1e-4, "G": 5e-5}
@@ -86,7 +86,7 @@ def fast_crank_rocker(clearance: float, damping: float) -> Mechanism:
 
 def exact_motion(m: Mechanism, theta: np.ndarray, tolerance: float) -> ClearanceMotion:
     """The differential equation's motion at crank angles (rad) from a centred pin at angle 0."""
-    b, start = m.joint("B"), poses(Assembly(m), 0.0)
+    b, start = m.joint("B"), CrankPath(Assembly(m)).poses(0.0)
     assert b.contact_stiffness is not None
     assert b.contact_damping is not None
     assert m.speed is not None

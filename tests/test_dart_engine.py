@@ -24,10 +24,10 @@ from engine_checks import (
 )
 from linkages import inverted_slider
 from marks import slow
-from sim_models.common.start import poses
 from sim_models.dart.engine import ENGINE
 from sim_models.dart.world import DartWorld
 from sim_models.engine import JointModel, Motion, SimulationError, Unsupported
+from sim_models.run.path import CrankPath
 
 pytestmark = pytest.mark.dart
 
@@ -221,7 +221,7 @@ def test_dart_is_silent(capfd: pytest.CaptureFixture[str]) -> None:
 def moving_four_bar() -> DartWorld:
     m = load("crank-rocker")
     world = DartWorld(request_of(m, "ideal", "driven", np.array([1.0])))
-    world.start(poses(world.assembly, 1.0, world.speed), 1e-3)
+    world.start(CrankPath(world.assembly).moving(1.0, world.speed), 1e-3)
     return world
 
 
@@ -259,7 +259,7 @@ def test_a_driven_body_alone_in_its_skeleton_still_feels_its_pins() -> None:
     m, _ = LINKAGES["scotch yoke"]
     world = DartWorld(request_of(m, "ideal", "driven", np.array([1.0])))
     assert world.nodes["crank"].getSkeleton().getNumDofs() == 1
-    world.start(poses(world.assembly, 1.0, world.speed), 1e-5)
+    world.start(CrankPath(world.assembly).moving(1.0, world.speed), 1e-5)
     world.before_observing()
     world.step(1e-5)
     forces = world.reactions()[0]

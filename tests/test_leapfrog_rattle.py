@@ -20,9 +20,10 @@ from engine_checks import run, vector
 from marks import slow
 from sim_models.common.contact_laws import NamedLaw, delivered, named_law
 from sim_models.common.mobility import mobility
-from sim_models.common.start import Pose, poses
+from sim_models.common.start import Pose
 from sim_models.engine import JointModel, Trace, Unsupported, Watched, engine
 from sim_models.leapfrog.striking import Striking
+from sim_models.run.path import CrankPath
 
 LAWS: tuple[ContactLaw, ...] = ("kelvin-voigt", "hunt-crossley", "lankarani-nikravesh", "flores", "gonthier")
 CLEARANCE, G = 5e-3, 9.81
@@ -167,7 +168,7 @@ def test_a_gap_yields_to_a_force_as_in_the_engine(name: str, case: str, joint: s
     else:
         from sim_models.pybullet.world import BulletWorld as World
     world, h = World(request_of(m, "spring-damper", "driven", np.array([1.0]))), 1e-5
-    at: dict[str, Pose] = poses(world.assembly, 1.0)
+    at: dict[str, Pose] = CrankPath(world.assembly).poses(1.0)
     speeds = []
     for force in (0j, 1 + 0j, 1j):
         world.place(at)

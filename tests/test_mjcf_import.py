@@ -25,9 +25,10 @@ from analytic.mechanism.file import load, shipped_cases
 from compare.cli.app import app
 from marks import slow
 from mjcf_files import BAR, COUPLER, MASS, PLAIN, WAYS, written
-from sim_models.common.start import AT_REST, poses
+from sim_models.common.start import AT_REST
 from sim_models.mjcf.errors import MjcfError
 from sim_models.mjcf.imported import imported
+from sim_models.run.path import CrankPath
 
 pytestmark = pytest.mark.mujoco
 ROOT = Path(__file__).parents[1]
@@ -144,7 +145,7 @@ def test_a_shipped_case_survives_export_and_import(case: str, exports: Path) -> 
 
 def shape(m: Mechanism) -> dict[str, float]:
     """What a four-bar is, whatever its bodies' frames and the ground's are."""
-    pose = {"ground": AT_REST, **poses(Assembly(m), m.assembly["crank"])}
+    pose = {"ground": AT_REST, **CrankPath(Assembly(m)).poses(m.assembly["crank"])}
     found: dict[str, float] = {}
     ends = {"ground": "DE", "crank": "DA", "coupler": "AB", "follower": "EB"}
     along = {

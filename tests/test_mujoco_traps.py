@@ -10,9 +10,9 @@ import pytest
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism.file import load
 from asked import request_of
-from sim_models.common.start import poses
 from sim_models.engine import SimulationError
 from sim_models.mujoco.engine import ENGINE
+from sim_models.run.path import CrankPath
 
 mujoco = pytest.importorskip("mujoco", exc_type=ImportError)
 from sim_models.mujoco.mjcf import Setting  # noqa: E402
@@ -45,7 +45,7 @@ def closing_force(link: MujocoLinkage) -> complex:
 
 
 def test_the_default_impedance_bends_an_ideal_joint() -> None:
-    link = MujocoLinkage(PAPER, {}, poses(Assembly(PAPER), np.radians(30.0)), Setting("ideal", 2.5e-5))
+    link = MujocoLinkage(PAPER, {}, CrankPath(Assembly(PAPER)).poses(np.radians(30.0)), Setting("ideal", 2.5e-5))
     ours = closing_force(link)
     link.model.eq_solimp[:], link.model.eq_solref[:] = (0.9, 0.95, 1e-3, 0.5, 2.0), (0.02, 1.0)
     default = closing_force(link)
@@ -72,7 +72,7 @@ def test_after_a_runge_kutta_step_forces_are_the_last_stages() -> None:
 
 
 def test_the_default_tolerance_stops_the_solver_early_and_ours_does_not() -> None:
-    link = MujocoLinkage(PAPER, {}, poses(Assembly(PAPER), np.radians(30.0)), Setting("ideal", 1e-4))
+    link = MujocoLinkage(PAPER, {}, CrankPath(Assembly(PAPER)).poses(np.radians(30.0)), Setting("ideal", 1e-4))
     assert mujoco.MjModel.from_xml_string("<mujoco/>").opt.tolerance > 0
     assert link.model.opt.tolerance <= 1e-14
 
@@ -89,7 +89,7 @@ def test_a_diverging_run_is_an_error_and_leaves_no_log(tmp_path: Path, monkeypat
 def test_the_writer_of_a_specification_prints_six_digits(case: str) -> None:
     """A specification of the same text compiles to the same bits; written out, its closed pins come apart."""
     m = load(case)
-    link = MujocoLinkage(m, {}, poses(Assembly(m), Assembly(m).start + 0.1), Setting("ideal", 1e-4))
+    link = MujocoLinkage(m, {}, CrankPath(Assembly(m)).poses(Assembly(m).start + 0.1), Setting("ideal", 1e-4))
     ours = mujoco.MjModel.from_xml_string(link.description.mjcf())
     specified = mujoco.MjSpec.from_string(link.description.mjcf())
     compiled, written = specified.compile(), mujoco.MjModel.from_xml_string(specified.to_xml())

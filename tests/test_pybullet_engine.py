@@ -28,10 +28,10 @@ from engine_checks import (
 from linkages import inverted_slider
 from marks import slow
 from sim_models.common.silence import silence
-from sim_models.common.start import poses
 from sim_models.engine import JointModel, Motion, SimulationError, Unsupported
 from sim_models.pybullet.engine import ENGINE
 from sim_models.pybullet.world import BulletWorld
+from sim_models.run.path import CrankPath
 
 pytestmark = pytest.mark.pybullet
 
@@ -104,7 +104,7 @@ def test_a_contact_strut_holds_at_its_length_and_not_before() -> None:
     forces = []
     with silence(), closing(BulletWorld(request_of(m, "contact", "static", np.array([1.0])))) as world:
         for gap in (0.9e-3, 1e-3):
-            world.place(poses(world.assembly, 1.0, 0.0, lambda theta, gap=gap: {"B": gap * np.exp(1j)}))
+            world.place(CrankPath(world.assembly).poses(1.0, {"B": gap * np.exp(1j)}))
             world.step(1e-6)
             forces.append(abs(world.pin_forces["B"]))
     assert forces[1] == pytest.approx(25 / np.sin(1.0), rel=0.01)
@@ -277,7 +277,7 @@ def test_a_constraints_force_belongs_to_the_positions_before_the_step() -> None:
     """A coarse step at 15 rpm tells the crank's positions at its two ends apart."""
     m, h = load("paper"), 2e-3
     with silence(), closing(BulletWorld(request_of(m, "ideal", "driven", np.array([1.0])))) as world:
-        world.start(poses(world.assembly, 1.0, world.speed), h)
+        world.start(CrankPath(world.assembly).moving(1.0, world.speed), h)
         world.before_observing()
         before, turn = world.before["crank"].angle, world.speed * h
         world.step(h)

@@ -121,6 +121,11 @@ class Assembly:
         return self._resting[key]
 
     @property
+    def overheld(self) -> bool:
+        """Whether joints hold the linkage more often than it needs, so that constraints say the same thing twice."""
+        return any(group.surplus for group in self.structure.groups)
+
+    @property
     def inputs(self) -> np.ndarray:
         """The inputs (n_inputs,) rad, m at the assembly."""
         return np.asarray(self.home[list(self.structure.inputs), 0])

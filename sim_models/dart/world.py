@@ -25,8 +25,8 @@ from sim_models.common.tree import Branch
 from sim_models.dart.contact import FLOOR, REBOUND, Bearing, plane, rebound, vector
 from sim_models.engine import Request, SettingValue
 from sim_models.leapfrog.bodies import LeapfrogWorld
-from sim_models.leapfrog.courses import assembled
 from sim_models.leapfrog.parts import coordinates, moving_body
+from sim_models.run.path import assembled
 
 if TYPE_CHECKING:
     from dartpy.math import Isometry3
@@ -165,7 +165,7 @@ class DartWorld(LeapfrogWorld):
     def _close(self) -> None:
         """Tie the remaining pins, with the linkage assembled: DART takes their places from where the bodies are."""
         constraint = self.dart.constraint
-        self.place(assembled(self.assembly, self.request))
+        self.place(assembled(self.assembly))
         for joint in self.closing:
             at = self.frames[joint.name][0].getTransform().translation()
             nodes = [self.nodes[name] for name in joint.bodies if name != GROUND]

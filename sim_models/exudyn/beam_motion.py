@@ -7,17 +7,15 @@ that beams owe nothing to the analytic kinematics and kinetostatics that they ar
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cached_property
 
 import numpy as np
 
-from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint
-from sim_models.common.held import HeldPath
-from sim_models.common.start import poses
 from sim_models.common.travel import slide_travel
 from sim_models.exudyn.linkage import Inertia
+from sim_models.run.path import Path
 
 # rad from one crank angle to the next (of several drives, of the fastest): a second derivative's rounding and the
 # cut-off fifth order weigh about the same
@@ -38,51 +36,20 @@ class RigidMotion:
     """
 
     def __init__(
-        self,
-        assembly: Assembly,
-        around: Sequence[Placed],
-        rate: np.ndarray | float = 0.0,
-        acceleration: np.ndarray | float = 0.0,
+        self, path: Path, at: np.ndarray, rate: np.ndarray | float = 0.0, acceleration: np.ndarray | float = 0.0
     ) -> None:
-        self.m = assembly.mechanism
-        names = [body.name for body in self.m.bodies]
-        still = np.zeros((len(around), around[0][names[0]][1].size))
-        self._rate, self._acceleration = (
-            np.broadcast_to(np.asarray(x, float), still[0].shape) for x in (rate, acceleration)
-        )
-        self._origin = {name: np.array([placed[name][0] for placed in around]) for name in names} | {GROUND: still}
-        self._angle = {name: np.array([placed[name][1] for placed in around]) for name in names} | {GROUND: still}
-
-    @classmethod
-    def of_crank(
-        cls,
-        assembly: Assembly,
-        theta: np.ndarray,
-        rate: np.ndarray | float = 0.0,
-        acceleration: np.ndarray | float = 0.0,
-    ) -> RigidMotion:
-        """At crank angles (N,) rad, with the crank's rate (rad/s) and acceleration (rad/s^2).  Raises AssemblyError
-        where it cannot be assembled; if it moves, two STENCIL around, too.
+        """At places (N,) on a path: crank angles with the crank's rate (rad/s) and acceleration (rad/s^2), or times
+        whose rate is that of the fastest drive.  Raises AssemblyError where it cannot be assembled; if it moves, two
+        STENCIL around, too.
         """
         moves = bool(np.any(rate) or np.any(acceleration))
-
-        def placed(theta: np.ndarray) -> Placed:
-            found = [poses(assembly, float(at)) for at in theta]
-            return {
-                b.name: (np.array([p[b.name].origin for p in found]), np.array([p[b.name].angle for p in found]))
-                for b in assembly.mechanism.bodies
-            }
-
-        return cls(assembly, [placed(theta + aside * moves) for aside in ASIDE], rate, acceleration)
-
-    @classmethod
-    def held(cls, along: HeldPath, times: np.ndarray) -> RigidMotion:
-        """Held by its drives at times (N,) s of their courses; its rates only give friction its direction, 1 being that
-        of the fastest drive.  Raises AssemblyError.
-        """
-        rubs = any(joint.rubs for joint in along.assembly.mechanism.joints)
-        around = [along.place(times, beside=float(aside) * rubs) for aside in ASIDE]
-        return cls(along.assembly, around, float(rubs))
+        around = [path.placed(at, beside=float(aside) * moves) for aside in ASIDE]
+        self.m = path.assembly.mechanism
+        names = [body.name for body in self.m.bodies]
+        still = np.zeros((len(around), at.size))
+        self._rate, self._acceleration = (np.broadcast_to(np.asarray(x, float), at.shape) for x in (rate, acceleration))
+        self._origin = {name: np.array([placed[name][0] for placed in around]) for name in names} | {GROUND: still}
+        self._angle = {name: np.array([placed[name][1] for placed in around]) for name in names} | {GROUND: still}
 
     def place(self, body: str, point: str) -> np.ndarray:
         """Position (m) of a body's point."""

@@ -40,9 +40,9 @@ from sim_models.exudyn.beam_model import (
 from sim_models.exudyn.beam_motion import RigidMotion
 from sim_models.exudyn.courses import PACE
 from sim_models.exudyn.equilibria import Equilibria
-from sim_models.exudyn.path import CrankPath, RestingPath
 from sim_models.exudyn.record import FLIPPED
 from sim_models.exudyn.settings import console_off
+from sim_models.run.path import CrankPath, RestingPath
 
 
 @dataclass(frozen=True)
@@ -144,13 +144,14 @@ class _Beams:
         if request.schedule.crank is not None:
             self.path: CrankPath | RestingPath = CrankPath(self.assembly)
             self.at, rate, acceleration, self.time = _crank(request)
-            self.motion = RigidMotion.of_crank(self.assembly, self.at, rate, acceleration)
+            self.motion = RigidMotion(self.path, self.at, rate, acceleration)
             self.told, self.held = self.at, [self.m.drive_joint.name]
         else:
-            self.path = RestingPath(request, self.assembly)
+            self.path = resting = RestingPath(request, self.assembly)
             self.at = self.time = request.schedule.time
-            self.motion = RigidMotion.held(self.path.along, self.at)
-            self.told, self.held = self.path.along.leading(self.at), [*self.path.along.names]
+            rubs = any(joint.rubs for joint in self.m.joints)  # rates only give friction its direction
+            self.motion = RigidMotion(resting, self.at, float(rubs))
+            self.told, self.held = resting.leading(self.at), [*request.schedule.drives]
         # N.m (N along a slide) on the second body
         self.law = {j.name: self.motion.law(j, self.moving) for j in self.m.joints}
 

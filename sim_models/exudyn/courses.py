@@ -15,11 +15,11 @@ from sim_models.exudyn.equilibria import Equilibria
 from sim_models.exudyn.laws import joint_creep
 from sim_models.exudyn.linkage import ExudynLinkage, Inertia
 from sim_models.exudyn.model import ExudynModel
-from sim_models.exudyn.motor import INSTANT
-from sim_models.exudyn.path import CoursePath, RestingPath
+from sim_models.exudyn.motor import BEGIN, INSTANT, RunMotor
 from sim_models.exudyn.record import Record, join, travel
 from sim_models.exudyn.runs import Run, swing_step
-from sim_models.exudyn.steady import instants, passing
+from sim_models.exudyn.steady import passing, spaced
+from sim_models.run.path import CoursePath, RestingPath
 
 PACE = 1.0  # rad/s of the fastest drive of an equilibrium, which only has a direction
 TURN_PER_STEP = 1e-3  # rad of the fastest body in a step, at most: loops that several motors hold give more
@@ -35,16 +35,22 @@ class CoursesRun(Run):
 
     def __init__(self, request: Request) -> None:
         super().__init__(request)
-        self.path = CoursePath(request, self.assembly)
-        self.motors = [*self.path.motors.values()]
-        signals = driving([self.m.joint(name) for name in self.path.motors])
+        first, courses = request.schedule.begin, request.schedule.courses
+        self.path = CoursePath(request, self.assembly, ahead=BEGIN - first if courses else 0.0)
+        slides = {joint.name for joint in self.m.joints if joint.prismatic}
+        self.drives = {
+            name: RunMotor.of(course, first, self.path.size if name in slides else 1.0)
+            for name, course in courses.items()
+        }
+        self.motors = [*self.drives.values()]
+        signals = driving([self.m.joint(name) for name in self.drives])
         named = {signal.name: motor for signal, motor in zip(signals, self.motors, strict=False)}  # none: one signal
         self.judge = replace(self.judge, motors=named)
 
     def trace(self) -> Trace:
         """Run the request."""
         time = self.request.schedule.time
-        passed = self.path.clock(time)
+        passed = time + self.path.ahead
         order = np.argsort(passed, kind="stable")
         with own_start("exudyn", self.request, self.assembly):
             linkage, longest = self.launch()
@@ -55,7 +61,7 @@ class CoursesRun(Run):
 
     def check_moved(self, history: Record) -> None:
         """Raise SimulationError where the linkage has not moved as one does."""
-        if not self.path.still:
+        if self.path.held:
             self.check(self.judge.in_assembly_mode(history, self.path))
         elif self.request.joint_model in ("ideal", "massless-link"):
             jump = self.judge.abrupt(history)
@@ -70,17 +76,17 @@ class CoursesRun(Run):
     def launch(self) -> tuple[ExudynLinkage, float]:
         """The linkage ready to go, and its longest step (s)."""
         r, path = self.request, self.path
-        inertia = self.release_accelerations() if path.still else None
-        start, pressing = path.moving(path.start if inertia else 0.0, 0.0), dict[str, float]()
+        inertia = self.release_accelerations() if not path.held else None
+        start, pressing = path.moving(path.begin if inertia else 0.0), dict[str, float]()
         if (self.clearance or self.bearings) and r.start == "steady":
             equilibria = Equilibria(r, path, 0.0, joint_creep(self.motors))
             if inertia is None:
-                time = instants(path)
+                time = spaced(path.top_speed, path.schedule.end + path.ahead)
                 start, here = passing(equilibria, time, time)
             else:
-                here = equilibria.at(path.start, inertia)
+                here = equilibria.at(path.begin, inertia)
                 gaps = here.gaps(equilibria.displaced)
-                start = path.moving(path.start, 0.0, gaps)
+                start = path.moving(path.begin, gaps=gaps)
             pressing = {name: abs(force[0]) for name, force in here.force.items()}
         if inertia is not None:
             start = self.before(start, inertia)
@@ -93,12 +99,12 @@ class CoursesRun(Run):
     def linkage(self, joint_model: JointModel, start: Mapping[str, Pose]) -> ExudynLinkage:
         """The linkage with its motors."""
         return ExudynLinkage(
-            ExudynModel(self.m, joint_model, "driven", start, drives=self.path.motors, redundant=self.redundant)
+            ExudynModel(self.m, joint_model, "driven", start, drives=self.drives, redundant=self.redundant)
         )
 
     def before(self, start: Mapping[str, Pose], inertia: Inertia) -> dict[str, Pose]:
         """Poses at time 0 of a run in which what moves freely is let go in these poses, where the courses begin."""
-        found, time = {}, self.path.start
+        found, time = {}, self.path.begin
         for name, pose in start.items():
             spin, arm = pose.angular_velocity, self.m.moving[name].centre * np.exp(1j * pose.angle)
             acceleration = inertia.linear[name] - (1j * inertia.angular[name] - spin**2) * arm
@@ -112,10 +118,10 @@ class CoursesRun(Run):
 
     def release_accelerations(self) -> Inertia:
         """Accelerations of the ideal linkage as it, or a part of it, is let go."""
-        linkage = self.linkage("ideal", self.path.moving(0.0, 0.0))
+        linkage = self.linkage("ideal", self.path.moving(0.0))
         self.advance(linkage, 0.0, INSTANT, 1)
         if self.motors:
-            self.advance(linkage, INSTANT, self.path.start, 0)
+            self.advance(linkage, INSTANT, self.path.begin, 0)
         return linkage.inertia()
 
     def leading(self, sampled: Record) -> np.ndarray:

@@ -20,8 +20,8 @@ from sim_models.exudyn.block import Block
 from sim_models.exudyn.laws import CONTACT_CREEP
 from sim_models.exudyn.linkage import ExudynLinkage, Inertia
 from sim_models.exudyn.model import ExudynModel, point_at
-from sim_models.exudyn.path import Gaps, Path, redundant
 from sim_models.exudyn.record import Record, locate
+from sim_models.run.path import Gaps, Path
 
 STILL = 1e-12  # rad: last correction of a crank's angle behind a compliant drive
 RUBBINGS = 200  # times that friction is found anew from the forces that it changes
@@ -44,9 +44,9 @@ class Equilibria:
     def __init__(self, request: Request, path: Path, speed: float, creep: float = 0.0) -> None:
         m = request.mechanism
         self.request, self.m, self.path, self.speed, self.creep = request, m, path, speed, creep
-        home = path.poses(path.start)
-        held: dict[str, Any] = {"redundant": redundant(path.assembly)}
-        held["drives"] = None if path.held is None else dict.fromkeys(path.held)
+        home = path.poses(path.begin)
+        held: dict[str, Any] = {"redundant": path.assembly.overheld}
+        held["drives"] = None if path.driven is None else dict.fromkeys(path.assembly.positions)
         self.ideal = ExudynLinkage(ExudynModel(m, "ideal", "static", home, **held))
         self.clearance = request.clearances
         self.displaced = (*self.clearance, *request.bearings)  # joints whose pins leave their bearings' centres

@@ -14,6 +14,7 @@ from analytic.kinematics.schedule import Motor, Steady
 
 INSTANT = 1e-9  # s, the first step of a run: it puts velocities right that are only nearly consistent
 SETTLING = 1e-7  # s, the step after which accelerations are consistent, where Exudyn does not know the motor's
+BEGIN = INSTANT + SETTLING  # s of a run's clock, at which its courses begin
 BESIDE = 0.1  # of a step: how near a report a knot may be for the step to pass over it
 DRIFT = 5e-8  # rad that the trapezoidal rule may be off a course
 OF_SCATTER = 1e-3  # of a noisy course's scatter, that it may be off
@@ -39,7 +40,7 @@ class RunMotor:
         """On the clock of a run, whose motion begins with the motor's or, on a course, at its time ``first`` (s)."""
         if isinstance(motor, Steady):
             return cls(motor, PPoly([[motor.speed], [motor.angle(motor.begin)]], [0.0, 1.0]), motor.begin, 0.0)
-        begins, first = INSTANT + SETTLING, motor.begin if first is None else first
+        begins, first = BEGIN, motor.begin if first is None else first
         return cls(motor, PPoly(motor.spline.c, motor.knots - first + begins), first, begins, size)
 
     def clock(self, time: np.ndarray) -> np.ndarray:

@@ -18,7 +18,7 @@ from sim_models.common.travel import slide_travel
 from sim_models.engine import Rates, Watched
 from sim_models.exudyn.block import Block
 from sim_models.exudyn.motor import RunMotor
-from sim_models.exudyn.path import Path
+from sim_models.run.path import Path
 
 OPEN_LOOP = 1e-4  # of the largest link: gap at an ideal joint beyond which a run is garbage
 ENERGY_FROM_NOTHING = 0.05  # of the energy that a run turns over
@@ -230,9 +230,10 @@ class Judge:
     def in_assembly_mode(self, record: Record, path: Path) -> str | None:
         """A linkage that has flipped over; it stays so, and a dozen instants will show it."""
         rows = np.linspace(0, record.time.size - 1, 12).astype(int)
-        expected = path.turned(record, rows)
+        crank = path.assembly.mechanism.driven if path.driven is None else None
+        expected = path.turned((record.time if crank is None else record.angle[crank])[rows])
         for i, k in enumerate(rows):
-            for name, angle in expected.items():
+            for name, (_, angle) in expected.items():
                 if abs(record.angle[name][k] - angle[i]) > FLIPPED:
                     return f"body {name} has left its assembly mode at {self._place(record, int(k))}"
         return None

@@ -22,7 +22,7 @@ from sim_models.common.contact_laws import (
 from sim_models.common.failed_starts import own_start
 from sim_models.common.journal import free_share
 from sim_models.common.mobility import corner_mass
-from sim_models.common.start import check_steps, poses, substeps
+from sim_models.common.start import check_steps, substeps
 from sim_models.engine import (
     Cause,
     Request,
@@ -37,9 +37,9 @@ from sim_models.exudyn.linkage import ExudynLinkage, Inertia
 from sim_models.exudyn.model import ExudynModel, named_laws
 from sim_models.exudyn.motor import INSTANT, SETTLING, RunMotor
 from sim_models.exudyn.named_contact import said
-from sim_models.exudyn.path import CrankPath, Path, redundant
 from sim_models.exudyn.record import Judge, Record, join, join_watched
 from sim_models.exudyn.steady import steady_start
+from sim_models.run.path import CrankPath, Path
 
 TURN_PER_STEP = 2e-3  # rad of crank angle in a step, at most
 SWING_PER_STEP = 5e-4  # rad, of a released linkage's time scale: it has no motor to keep its phase
@@ -70,7 +70,7 @@ class Run:
         self.bearings = request.bearings
         loose = {**self.clearance, **dict.fromkeys(self.bearings, 0.0)}
         self.judge = Judge(self.m, loose, {name: law.stiffness for name, law in self.contact.items()} | self.bearings)
-        self.redundant = redundant(self.assembly)
+        self.redundant = self.assembly.overheld
 
     # ---------------------------------------------------------------- steps
 
@@ -102,7 +102,7 @@ class Run:
         loose = self.clearance.keys() | self.bearings.keys()
         closed = [each for each in self.m.joints if each.name not in loose]
         held = [self.m.joint(name) for name in self.request.schedule.drives]
-        return corner_mass(self.m, self.path.poses(self.path.start), joint, closed, held)
+        return corner_mass(self.m, self.path.poses(self.path.begin), joint, closed, held)
 
     def march(
         self, linkage: ExudynLinkage, times: np.ndarray, longest: float, motors: Sequence[RunMotor] = ()
@@ -326,7 +326,7 @@ class ExudynRun(Run):
         inertia = None if motor else self.release_accelerations()
         theta = float(motor.angle(0.0)) if motor else self.assembly.start
         speed = float(motor.rate(0.0)) if motor else r.schedule.start_speed(m)
-        start = poses(self.assembly, theta, speed)
+        start = self.path.moving(theta, speed)
         stiffness = m.drive_stiffness if motor else None
         if stiffness is not None or ((self.clearance or self.bearings) and r.start == "steady"):
             resting = r if r.start == "steady" else Request(m.tight())
@@ -348,7 +348,7 @@ class ExudynRun(Run):
 
     def release_accelerations(self) -> Inertia:
         """Accelerations of the ideal linkage as it is let go at rest."""
-        start = self.path.poses(self.path.start)
+        start = self.path.poses(self.path.begin)
         linkage = ExudynLinkage(ExudynModel(self.m, "ideal", "driven", start, redundant=self.redundant))
         self.advance(linkage, 0.0, INSTANT, 1)
         return linkage.inertia()

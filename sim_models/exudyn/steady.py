@@ -12,9 +12,9 @@ from sim_models.engine import Request
 from sim_models.exudyn.equilibria import Equilibria
 from sim_models.exudyn.linkage import Inertia
 from sim_models.exudyn.motor import RunMotor
-from sim_models.exudyn.path import CoursePath, Path
 from sim_models.exudyn.record import Record
 from sim_models.exudyn.sway import sway
+from sim_models.run.path import Path
 
 NODES = 7  # instants around the first, on whose polynomial rates and accelerations are taken
 APART = 4e-3  # rad of crank angle from one to the next
@@ -26,14 +26,19 @@ PASSES_COMPLIANT = 8  # at most
 STILL = 1e-11  # rad by which a crank that has been found moves from one pass to the next
 
 
-def instants(motor: RunMotor | CoursePath, compliant: bool = False) -> np.ndarray:
+def instants(motor: RunMotor, compliant: bool = False) -> np.ndarray:
     """Times (s), the first instant among them: around it at constant speed, from it on along courses or where they
     reach far.
     """
-    turn = APART_COMPLIANT if compliant else APART
     first = NODES // 2 if motor.steady and not compliant else 0
-    end = motor.end / (NODES - 1)
-    spacing = min(turn / motor.top_speed if motor.top_speed else np.inf, end)
+    return spaced(motor.top_speed, motor.end, APART_COMPLIANT if compliant else APART, first)
+
+
+def spaced(top_speed: float, end: float, turn: float = APART, first: int = 0) -> np.ndarray:
+    """Times (s), 0 the ``first`` of them, between which what is fastest (rad/s) turns by so much (rad), before the
+    ``end`` (s).
+    """
+    spacing = min(turn / top_speed if top_speed else np.inf, end / (NODES - 1))
     return spacing * (np.arange(NODES) - first)
 
 

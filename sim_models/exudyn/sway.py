@@ -15,7 +15,6 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
 from analytic.kinematics.assembly import AssemblyError
-from sim_models.common.start import poses
 from sim_models.exudyn.equilibria import Equilibria
 from sim_models.exudyn.linkage import Inertia
 from sim_models.exudyn.motor import RunMotor
@@ -102,8 +101,8 @@ def _coefficients(equilibria: Equilibria, speed: float) -> _Coefficients:
     """
     m, assembly = equilibria.m, equilibria.path.assembly
     theta = assembly.start + 2 * np.pi * np.arange(AROUND) / AROUND
-    places = [poses(assembly, float(at)) for at in theta]
-    once_more = poses(assembly, float(theta[0] + 2 * np.pi))
+    places = [equilibria.path.poses(float(at)) for at in theta]
+    once_more = equilibria.path.poses(float(theta[0] + 2 * np.pi))
     rate = _fourier(AROUND, 2 * np.pi)
     first: dict[str, tuple[np.ndarray, np.ndarray]] = {}
     second: dict[str, tuple[np.ndarray, np.ndarray]] = {}
@@ -152,7 +151,7 @@ def _fourier(n: int, span: float) -> np.ndarray:
 
 def _winds(equilibria: Equilibria, joint: str) -> bool:
     """Whether a joint's spring winds up from one revolution to the next."""
-    start = equilibria.path.start
+    start = equilibria.path.begin
     try:
         before, after = (equilibria.path.poses(at) for at in (start, start + 2 * math.pi))
     except AssemblyError:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import ClassVar
 
@@ -11,18 +11,15 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from analytic.kinematics.assembly import Assembly
-from analytic.kinematics.schedule import Course, Motor, Steady
+from analytic.kinematics.schedule import Motor, Steady
 from analytic.kinematics.structure import Rest
-from sim_models.common.contact_laws import longest
-from sim_models.common.guide import opened
-from sim_models.common.held import HeldPath
-from sim_models.common.start import Pose, poses, substeps
+from sim_models.common.start import Pose, substeps
 from sim_models.engine import Request
+from sim_models.run.path import CoursePath, CrankPath, RestingPath
 
 STENCIL = 1e-3  # rad of crank angle, for rates of positions and of the pins' equilibria
 KNOT_SHARE = 0.125  # of the time between a course's knots: below it a course has nothing new to say
 ON_GRID = 1e-6  # of a step: a report no farther from one is at it
-LOOKED_AT = 400  # instants of courses, at least, between which it is looked how fast they turn the bodies
 
 Changes = Mapping[str, complex]  # by joint: a pin's gap (m); a block's height (m) and i times its tilt (rad)
 NONE: Changes = MappingProxyType({})
@@ -64,100 +61,30 @@ class Behind:
         return np.asarray(self.motor.angles(times) - self.lag(times))
 
 
-@dataclass(frozen=True)
-class Together:
-    """Motors that each move a joint along a course.  What else may move starts as the assembly has it, at rest."""
-
-    motors: Mapping[str, Course]  # by joint: its position (rad, m), second body relative to first
-    begin: float  # s
-    top_speed: float  # rad/s, of the body that they turn fastest; of one that they push, over the longest body
-
-    @classmethod
-    def of(cls, request: Request, assembly: Assembly) -> Together:
-        """The motors of a request with courses.  Raises AssemblyError where the linkage cannot follow them."""
-        motors, begin = request.schedule.courses, request.schedule.begin
-        path = cls(motors, begin, 0.0)
-        if path.leaves_free(assembly):
-            path.place(assembly, np.array([begin]))
-            scale = longest(request.mechanism)
-            prismatic = {j.name for j in request.mechanism.joints if j.prismatic}
-            speeds = [motor.top_speed / (scale if name in prismatic else 1.0) for name, motor in motors.items()]
-            return replace(path, top_speed=max(speeds, default=0.0))
-        return replace(path, top_speed=path._fastest(assembly, float(np.max(request.schedule.time))))
-
-    @property
-    def constant_speed(self) -> bool:
-        """Whether there is no course to follow."""
-        return not self.motors
-
-    @property
-    def knot_spacing(self) -> float:
-        """Time (s) between the knots of the finest course."""
-        return min((motor.knot_spacing for motor in self.motors.values()), default=np.inf)
-
-    def leaves_free(self, assembly: Assembly) -> bool:
-        """Whether anything moves freely beside what motors move."""
-        return len(assembly.positions) > len(self.motors)
-
-    def place(
-        self, assembly: Assembly, times: np.ndarray, gaps: Mapping[str, np.ndarray] | None = None
-    ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """Origin (N,) m, complex, and angle (N,) rad of every moving body at times (N,) s, its pins off centre by gaps
-        (N,) m.  Raises AssemblyError.
-        """
-        still = {name: np.full(times.size, where) for name, where in assembly.positions.items()}
-        given = still | {name: motor.angles(times) for name, motor in self.motors.items()}
-        s, u = assembly.structure, assembly.coordinates(assembly.inputs_at(given), gaps)
-        origins = s.origins @ assembly.columns(u, gaps)
-        angles = [u[list(turned)].sum(axis=0) + held for turned, held in zip(s.turned, s.held_at, strict=True)]
-        return {name: (origins[b], angles[b]) for b, name in enumerate(s.bodies) if b}
-
-    def _fastest(self, assembly: Assembly, end: float) -> float:
-        """The largest speed (rad/s) of a body until a time (s), by the ways between instants that are equally far
-        apart.
-        """
-        finest = max(motor.knots.size for motor in self.motors.values())
-        times = np.linspace(self.begin, max(end, self.begin + self.knot_spacing), max(LOOKED_AT, 2 * finest))
-        scale, placed = longest(assembly.mechanism), self.place(assembly, times).values()
-        ways = np.array([way for origin, angle in placed for way in (np.abs(np.diff(origin)) / scale, np.diff(angle))])
-        return float(np.abs(ways).max()) / float(times[1] - times[0])
+Path = Motor | Behind | CoursePath | RestingPath
 
 
-@dataclass(frozen=True)
-class Resting:
-    """A linkage at rest whose drives hold it where their courses have them."""
-
-    along: HeldPath
-
-    constant_speed: ClassVar[bool] = True
-    top_speed: ClassVar[float] = 0.0
-    knot_spacing: ClassVar[float] = np.inf
-
-
-Path = Motor | Behind | Together | Resting
-
-
-def motion_of(request: Request, assembly: Assembly) -> Motor | Together | None:
+def motion_of(request: Request, assembly: Assembly) -> Motor | CoursePath | None:
     """What moves the linkage of a request that makes a run; None at rest, and where all of it moves freely.  Raises
     AssemblyError where a linkage cannot follow its courses.
     """
     if request.schedule.at_rest or request.schedule.lets_go:
         return None
-    return request.motor if request.schedule.crank is not None else Together.of(request, assembly)
+    return request.motor if request.schedule.crank is not None else CoursePath(request, assembly)
 
 
 def told_angle(path: Path, time: float) -> float:
     """A crank's angle (rad) at a time (s) of a path; of what is no crank NaN, and at rest that time."""
-    if isinstance(path, Resting):
+    if isinstance(path, RestingPath):
         return time
-    return float("nan") if isinstance(path, Together) else path.angle(time)
+    return float("nan") if isinstance(path, CoursePath) else path.angle(time)
 
 
 def path_of(path: Path, joint: str) -> Motor | Behind:
     """The path of one driven joint, which at rest goes nowhere."""
-    if isinstance(path, Resting):
+    if isinstance(path, RestingPath):
         return Steady(0.0)
-    return path.motors[joint] if isinstance(path, Together) else path
+    return path.motors[joint] if isinstance(path, CoursePath) else path
 
 
 def duration(path: Path, angle: float, knots: float = KNOT_SHARE) -> float:
@@ -198,20 +125,9 @@ def still(assembly: Assembly, path: Path, time: float, gaps: Changes = NONE) -> 
     """Pose of every moving body at a time (s) of a path, with these gaps (m), as if at rest.  Raises AssemblyError."""
     slides = {joint.name for joint in assembly.mechanism.joints if joint.prismatic}
     seats = {name: Rest(gap.real, gap.imag) if name in slides else gap for name, gap in gaps.items()}
-    if isinstance(path, Resting):
-        return path.along.poses(time, seats)
-    assembly, pins = opened(assembly, seats)
-    if not isinstance(path, Together):
-        return poses(assembly, path.angle(time), gaps=lambda _: pins)
-    placed = path.place(assembly, np.array([time]), {name: np.array([gap]) for name, gap in pins.items()})
-    return {name: Pose(complex(origin[0]), float(angle[0])) for name, (origin, angle) in placed.items()}
-
-
-def assembled(assembly: Assembly, request: Request) -> dict[str, Pose]:
-    """Pose of every moving body as the mechanism's file assembles it, at rest."""
-    if request.schedule.crank is not None:
-        return poses(assembly, assembly.start)
-    return still(assembly, Together({}, 0.0, 0.0), 0.0)
+    if isinstance(path, CoursePath | RestingPath):
+        return path.poses(time, seats)
+    return CrankPath(assembly).poses(path.angle(time), seats)
 
 
 def near(gaps: Changes, time: float, rate: Changes = NONE, bend: Changes = NONE) -> Callable[[float], Changes]:

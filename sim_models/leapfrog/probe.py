@@ -9,8 +9,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from analytic.mechanism import Joint
-from sim_models.common.start import Pose, poses
+from sim_models.common.start import Pose
 from sim_models.leapfrog.bodies import LeapfrogWorld
+from sim_models.run.path import CrankPath
 
 PROBE = 1e-5  # s, the step
 
@@ -65,7 +66,7 @@ def drive_inertia(world: LeapfrogWorld, theta: float) -> float:
     spins = []
     world.hold(False)
     for torque in (0.0, 1.0):
-        world.place(poses(world.assembly, theta))
+        world.place(CrankPath(world.assembly).poses(theta))
         world.turn(world.mechanism.driven, torque)
         world.advance(PROBE)
         spins.append(world.pose(world.mechanism.driven).angular_velocity)

@@ -15,11 +15,10 @@ from analytic.mechanism.signals import position
 from sim_models.common.backlash import Felt, Flanks
 from sim_models.common.contact_laws import TOO_DEEP, shortest_link
 from sim_models.common.failed_starts import own_start
-from sim_models.common.held import HeldPath
 from sim_models.common.journal import free_share
 from sim_models.common.rates import part_rates
 from sim_models.common.silence import silence
-from sim_models.common.start import Pose, check_steps, poses
+from sim_models.common.start import Pose, check_steps
 from sim_models.common.travel import told_by
 from sim_models.engine import Cause, Request, SimulationError, Trace, Unsupported, installed_version
 from sim_models.leapfrog.bodies import WARM_UP, LeapfrogWorld
@@ -28,8 +27,6 @@ from sim_models.leapfrog.courses import (
     Changes,
     Grid,
     Path,
-    Resting,
-    Together,
     moving,
     near,
     path_of,
@@ -39,6 +36,7 @@ from sim_models.leapfrog.equilibria import Equilibria
 from sim_models.leapfrog.probe import PROBE, drive_inertia, forces_at
 from sim_models.leapfrog.steps import longest_step
 from sim_models.leapfrog.watch import Watch
+from sim_models.run.path import CoursePath, CrankPath, RestingPath
 
 JOURNAL_SAMPLES = 4000  # at least, where a run has as many steps
 AT_REST = 1e-9  # rad, of a crank on a spring
@@ -119,10 +117,10 @@ def _static(world: LeapfrogWorld, found: Equilibria, rods: Equilibria | None) ->
 
 def _along(world: LeapfrogWorld) -> Rest:
     """How to find signals at rest with the drives where their courses have them at a time (s)."""
-    path = Resting(HeldPath(world.request, world.assembly))
+    path = RestingPath(world.request, world.assembly)
 
     def rest(world: LeapfrogWorld, found: Equilibria, rods: Equilibria | None, time: float) -> dict[str, float]:
-        _slide(world, found, rods, lambda: path.along.moving(time, 1.0))
+        _slide(world, found, rods, lambda: path.moving(time, 1.0))
         row = _seen(world, found, rods, path, time)
         _check_depth(world, f"{time:.4g} s")
         return row
@@ -134,7 +132,7 @@ def _rest(world: LeapfrogWorld, found: Equilibria, rods: Equilibria | None, moto
     """Signals at rest with the motor at an angle (rad), which a crank on a spring lags."""
     theta = motor
     for _ in range(50):
-        _slide(world, found, rods, partial(poses, world.assembly, theta, -1.0 if world.speed < 0 else 1.0))
+        _slide(world, found, rods, partial(CrankPath(world.assembly).moving, theta, -1.0 if world.speed < 0 else 1.0))
         row = _seen(world, found, rods, Steady(theta), 0.0)
         _check_depth(world, _at_angle(theta))
         lagging = motor - world.behind(row["drive_torque"])
@@ -221,7 +219,7 @@ class Plan:
         request, motor = world.request, world.motor
         if request.schedule.crank is None:
             return cls._together(world)
-        assert not isinstance(motor, Together)
+        assert not isinstance(motor, CoursePath)
         times = request.schedule.time
         if motor is None:
             start = Steady(world.assembly.start, request.schedule.start_speed(world.mechanism))
@@ -233,7 +231,7 @@ class Plan:
     @classmethod
     def _together(cls, world: LeapfrogWorld) -> Plan:
         """The plan of courses, and of what moves freely."""
-        motor = world.motor if isinstance(world.motor, Together) else Together({}, 0.0, 0.0)
+        motor = world.motor if isinstance(world.motor, CoursePath) else CoursePath(world.request, world.assembly)
         times = world.request.schedule.time
         knots = np.unique([t for each in motor.motors.values() for t in each.knots if motor.begin <= t <= times.max()])
         return cls(times, motor.begin, motor, np.array([motor.begin]) if world.free else knots)

@@ -14,7 +14,7 @@ from sim_models.mjcf.planar import Planar
 from sim_models.mjcf.runs import BEND, SLOPE, STENCIL, TheirRun
 from sim_models.mjcf.start import rest
 from sim_models.mjcf.steering import Steering
-from sim_models.mujoco.path import CoursePath
+from sim_models.run.path import CoursePath
 
 WITHIN = 4.0  # the instants of a stencil lie no farther apart than a fourth of the time between knots
 SIDE = float(STENCIL[-1] - STENCIL[-2])  # rad

@@ -20,13 +20,14 @@ from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, Joint, Mechanism
 from analytic.mechanism.parts import Body
 from analytic.mechanism.signals import driving
-from sim_models.common.start import AT_REST, Pose, poses_along
+from sim_models.common.start import AT_REST, Pose
 from sim_models.engine import Unsupported
 from sim_models.mjcf.compiled import AT_JOINT
 from sim_models.mjcf.drive import AT_SITE, flywheel, gravity, steady_force, switched_off, throttled
 from sim_models.mjcf.laws import TendonLaw, acts, law, point_spring
 from sim_models.mjcf.match import Match, match
 from sim_models.mjcf.planar import Frames, Pin, Planar
+from sim_models.run.path import assembled
 
 # Times the whole linkage's inertia, or mass: the armature that stands for a motor.  What reactions accelerate of it is
 # made up for (Steering); a larger one MuJoCo's solvers, which measure by the forces that accelerate inertias, do not
@@ -71,14 +72,14 @@ class TheirLinkage:
         self.check_readable()
         self.home = planar.at(planar.pose)
         self.spin = planar.spin
-        assembled = poses_along(self.assembly, {}, {})
-        at_start = self.wanted(assembled)
+        home = assembled(self.assembly)
+        at_start = self.wanted(home)
         self.turns = {
             id(pin): round((self.apart(pin, at_start) - self.planar.relative(pin, self.home)) / (2 * math.pi))
             for pin in planar.pins
             if not pin.slides
         }
-        start = self.placed(assembled)
+        start = self.placed(home)
         self.zero = {
             body: self.ours(body, at_start[self.match.links[body]][1])
             - float(self.spin[self.match.links[body]] @ start)

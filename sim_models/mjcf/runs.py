@@ -11,12 +11,13 @@ import numpy as np
 from analytic.kinematics.assembly import AssemblyError
 from analytic.kinematics.schedule import Steady
 from analytic.mechanism import GROUND, Joint
-from sim_models.common.start import check_steps, poses
+from sim_models.common.start import check_steps
 from sim_models.engine import Cause, Request, SettingValue, SimulationError, Trace
 from sim_models.mjcf.linkage import EQUALITY, TheirLinkage
 from sim_models.mjcf.planar import Planar
 from sim_models.mjcf.start import DRY, Rest, rest
 from sim_models.mjcf.steering import Steering
+from sim_models.run.path import CrankPath, Path
 
 STENCIL = np.arange(-2, 3) * 1e-3  # rad, angles whose poses give the rates of the ideal linkage
 SLOPE = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12e-3  # 1/rad, and the second derivative
@@ -35,6 +36,7 @@ class TheirRun:
     def __init__(self, name: str, request: Request, planar: Planar) -> None:
         self.name, self.request, self.planar = name, request, planar
         self.link = TheirLinkage(request.mechanism, planar, self.driven_joints())
+        self.path: Path = CrankPath(self.link.assembly)
         self.model, self.data = self.link.model, self.link.data
         self.step = float(self.model.opt.timestep)
         self.lag = 0.0 if int(self.model.opt.integrator) == RK4 else self.step / 2
@@ -59,7 +61,7 @@ class TheirRun:
         rows = []
         asked = self.angles()
         for theta in asked.tolist():
-            q = self.link.placed(poses(self.link.assembly, theta))
+            q = self.link.placed(self.path.poses(theta))
             where = f"at crank angle {math.degrees(theta):.4g} deg"
             self.found(rest(self.link, q, still, still, 0.0), where)
             self.free_of_others(where)
@@ -108,7 +110,7 @@ class TheirRun:
         """Released at the assembly angles, at rest or with the request's speed."""
         start, time = self.link.assembly.start, self.request.schedule.time
         rate = self.request.schedule.start_speed(self.request.mechanism)
-        q = np.array([self.link.placed(poses(self.link.assembly, start + side)) for side in STENCIL])
+        q = np.array([self.link.placed(self.path.poses(start + side)) for side in STENCIL])
         rows = self.march(q[2], SLOPE @ q * rate, time, Steering(self.link))
         rows = [{"drive_torque": 0.0, **row} for row in rows]
         crank = np.array([row[f"{self.request.mechanism.driven}_angle"] for row in rows])
@@ -132,7 +134,7 @@ class TheirRun:
 
     def ideal(self, theta: float, speed: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Coordinates, velocities and accelerations of the ideal linkage at a crank angle."""
-        q = np.array([self.link.placed(poses(self.link.assembly, theta + side)) for side in STENCIL])
+        q = np.array([self.link.placed(self.path.poses(theta + side)) for side in STENCIL])
         v, a = SLOPE @ q * speed, BEND @ q * speed**2
         a[self.link.dofs] = 0.0
         return q[2], v, a

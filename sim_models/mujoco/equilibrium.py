@@ -22,7 +22,6 @@ from sim_models.mujoco.laws import Contact
 from sim_models.mujoco.mjcf import Setting
 from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.passive import felt
-from sim_models.mujoco.path import SIDE, Gaps, Path
 from sim_models.mujoco.state import (
     HEEDINGS,
     contact_rows,
@@ -37,6 +36,7 @@ from sim_models.mujoco.state import (
     unheeded,
 )
 from sim_models.mujoco.steady import STENCIL, derivative
+from sim_models.run.path import NO_GAPS, SIDE, Gaps, Path
 
 NUDGE = 1e-7  # rad or m, of difference quotients
 SETTLED = 1e-9  # rad, or m over the linkage's size: Newton's last step; the error left is its square
@@ -178,7 +178,7 @@ class Equilibria:
         self.pressed = MujocoLinkage(self.mechanism, laws, pose, setting) if laws else self.ideal
         self.forces: dict[str, float] = {}
 
-    def place(self, link: MujocoLinkage, theta: float, gaps: Gaps | None = None) -> np.ndarray:
+    def place(self, link: MujocoLinkage, theta: float, gaps: Gaps = NO_GAPS) -> np.ndarray:
         """Coordinates (nq,) of an assembled linkage with these gaps (m) of pins, and blocks where they rest."""
         return link.placed(self.path.poses(theta, gaps))
 

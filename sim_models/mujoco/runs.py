@@ -16,7 +16,6 @@ from sim_models.common.backlash import HOLDS, Felt, Flanks, side
 from sim_models.common.failed_starts import own_start
 from sim_models.common.journal import free_share
 from sim_models.common.rates import part_rates
-from sim_models.common.start import poses
 from sim_models.engine import Cause, Request, SettingValue, SimulationError, Trace, Watched
 from sim_models.mujoco.equilibrium import Equilibria
 from sim_models.mujoco.laws import contact_laws, law_settings
@@ -24,7 +23,6 @@ from sim_models.mujoco.march import Log, march
 from sim_models.mujoco.mjcf import Setting
 from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.motor import AlongCourse, AtConstantSpeed, Steering, steering
-from sim_models.mujoco.path import CrankPath, Gaps, Path
 from sim_models.mujoco.state import (
     joint_forces,
     look,
@@ -33,6 +31,7 @@ from sim_models.mujoco.state import (
     stiffest_law,
 )
 from sim_models.mujoco.steady import STENCIL, Revolution, derivative
+from sim_models.run.path import CrankPath, Gaps, Path
 
 STATIC_STEP = 1.25e-5  # s; nothing steps in statics, but it makes the rigid rows stiff
 LARGEST_STEP = 4e-4  # s
@@ -322,7 +321,7 @@ class MujocoRun(Run):
         rigid = not (self.laws or near.pressed.soft)
         if near.pressed.description.compliant and rigid and steering.period is not None:
             setting = Setting("ideal", step, follows=self.follows)
-            link = MujocoLinkage(self.mechanism, {}, poses(self.assembly, angles[here]), setting)
+            link = MujocoLinkage(self.mechanism, {}, self.path.poses(angles[here]), setting)
             revolution = Revolution(link, self.assembly, steering, steering.period)
             repeated = revolution.steady(q, v) if revolution.repeats() else None
             if repeated is not None:
@@ -374,7 +373,7 @@ class MujocoRun(Run):
         centred.
         """
         setting = Setting("ideal", STATIC_STEP, hold=False)
-        link = MujocoLinkage(self.mechanism, {}, poses(self.assembly, theta), setting)
+        link = MujocoLinkage(self.mechanism, {}, self.path.poses(theta), setting)
         look(link)
         forces = near.noted(signals(link, joint_forces(link, link.data.efc_force), {}))
         return {} if self.centred else {name: near.rim(name, force or complex(1e-12)) for name, force in forces.items()}

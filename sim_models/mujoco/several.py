@@ -13,10 +13,10 @@ from sim_models.mujoco.equilibrium import Equilibria
 from sim_models.mujoco.mjcf import Setting
 from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.motor import AHEAD, AROUND, BESIDE, AlongCourses, spacing
-from sim_models.mujoco.path import CoursePath, Gaps, RestingPath
 from sim_models.mujoco.runs import GLIMPSES, RESTING, STATIC_STEP, MujocoRun, Run, State, scatter
 from sim_models.mujoco.state import friction_torques, joint_forces, look, on_track, signals
 from sim_models.mujoco.steady import derivative
+from sim_models.run.path import CoursePath, Gaps, RestingPath
 
 LARGEST_STEP = 2e-4  # s: loops that several motors hold give more than one behind a crank
 

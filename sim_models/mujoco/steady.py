@@ -13,10 +13,11 @@ import mujoco
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
-from sim_models.common.start import check_steps, poses, substeps
+from sim_models.common.start import check_steps, substeps
 from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.motor import AlongCourse, AtConstantSpeed
 from sim_models.mujoco.state import look, on_track, stiffest_law
+from sim_models.run.path import CrankPath
 
 RETURNED = 5e-8  # rad: where it was, a revolution later
 NUDGE = 1e-5  # rad
@@ -43,10 +44,11 @@ class Revolution:
         self, link: MujocoLinkage, assembly: Assembly, steering: AtConstantSpeed | AlongCourse, period: float
     ) -> None:
         self.link, self.assembly, self.steering = link, assembly, steering
+        self.path = CrankPath(assembly)
         self.theta, self.speed = steering.stencil.theta, steering.motor.rate(steering.motor.begin)
         check_steps(f"mujoco: {link.mechanism.name}, a revolution on its drive.stiffness", period, link.setting.step)
         self.count, self.step = substeps(period, link.setting.step)
-        self.sway = stiffest_law(link, link.placed(poses(assembly, self.theta)))
+        self.sway = stiffest_law(link, link.placed(self.path.poses(self.theta)))
 
     def repeats(self) -> bool:
         """Whether a revolution of the crank is possible, and winds up no spring."""
@@ -55,14 +57,14 @@ class Revolution:
             self.assembly.coordinates(ends)
         except AssemblyError:
             return False
-        first, last = (link.placed(poses(self.assembly, at)) for at in ends)
+        first, last = (link.placed(self.path.poses(at)) for at in ends)
         springs = [link.between(j) for j in link.mechanism.joints if j.springy]
         return all(abs(float(form @ (last - first))) < 1.0 for form in springs)
 
     def state(self, lag: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Coordinates and velocities at the start."""
         link = self.link
-        beside = np.array([link.placed(poses(self.assembly, at)) for at in self.theta - lag[0] + STENCIL])
+        beside = np.array([link.placed(self.path.poses(at)) for at in self.theta - lag[0] + STENCIL])
         q, v = beside[2], (derivative(STENCIL) @ beside)[2] * (self.speed - lag[1] * self.sway)
         q[link.motor], v[link.motor] = self.theta, self.speed
         return q, v

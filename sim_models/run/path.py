@@ -1,0 +1,235 @@
+"""Where a linkage is along the motion that its motors give it: over the angle of its crank, or the time of courses.
+
+The one thing of the analytic model that an engine is given is the assembly: where the bodies are at a place on this
+path, with their joints' gaps taken up.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from analytic.kinematics.assembly import Assembly, Followed
+from analytic.kinematics.schedule import GLIMPSES, Course
+from analytic.kinematics.structure import Rest, Structure
+from sim_models.common.contact_laws import longest
+from sim_models.common.guide import opened
+from sim_models.common.start import Pose
+from sim_models.engine import Request
+
+SIDE = 1e-4  # rad of a crank, or of what turns fastest: to where the linkage comes from and goes
+ASIDE = (
+    1e-3  # rad, or longest bodies, of the fastest drive (s of one that is slower than 1/s): to neighbours, for rates
+)
+BESIDE = np.arange(-2, 3)  # those neighbours
+SLOPE = np.array([1, -8, 0, 8, -1]) / 12  # of the rate of the quartic through values there
+
+Poses = dict[str, Pose]  # of every moving body
+Placed = dict[str, tuple[np.ndarray, np.ndarray]]  # of every moving body: origin (N,) m, complex, and angle (N,) rad
+Gaps = Mapping[str, complex | Rest]  # by joint: a pin's gap (m), first minus second, or where a block rests
+NO_GAPS: Gaps = {}
+
+
+class Path:
+    """A motion, told by one number: a crank's angle (rad), or a time (s).
+
+    ``driven`` are the joints that follow courses, None where a crank is turned; ``held`` says that nothing is left to
+    move freely; ``begin`` is where the linkage is first closed.  All that places bodies raises AssemblyError.
+    """
+
+    driven: tuple[str, ...] | None = None
+    held = True
+    begin: float
+    constant_speed = True  # nothing follows a course
+    top_speed = 0.0
+    knot_spacing = np.inf  # s
+
+    def __init__(self, assembly: Assembly) -> None:
+        self.assembly = assembly
+
+    def inputs(self, at: np.ndarray, beside: np.ndarray | float = 0.0) -> np.ndarray:
+        """Inputs (n_inputs, N) at places (N,), each ``beside`` (N,) it by so much of what moves fastest."""
+        raise NotImplementedError
+
+    def near(self, at: np.ndarray) -> Followed | None:
+        """The ideal linkage's coordinates at places (N,), where more is known than the inputs say."""
+        return None
+
+    def placed(self, at: np.ndarray, gaps: Gaps = NO_GAPS, beside: np.ndarray | float = 0.0) -> Placed:
+        """Every moving body at places (N,), with these gaps of its joints."""
+        linkage, own = opened(self.assembly, gaps)
+        gap = {name: np.full(at.size, value) for name, value in own.items()}
+        return placed_at(linkage, self.inputs(at, beside), gap, self.near(at))
+
+    def poses(self, at: float, gaps: Gaps = NO_GAPS, beside: float = 0.0) -> Poses:
+        """Every moving body at a place, as if at rest."""
+        found = self.placed(np.array([at]), gaps, beside)
+        return {name: Pose(complex(origin[0]), float(angle[0])) for name, (origin, angle) in found.items()}
+
+    def moving(self, at: float, speed: float, gaps: Gaps = NO_GAPS) -> Poses:
+        """The same with rates; ``speed`` (rad/s, or longest bodies/s) is that of the crank, or the fastest drive."""
+        if not speed:
+            return self.poses(at, gaps)
+        return in_motion(self.placed(np.full(BESIDE.size, at), gaps, ASIDE * BESIDE), speed / ASIDE)
+
+    def turned(self, at: np.ndarray) -> Placed:
+        """The ideal linkage at places (N,), however it got there."""
+        return self.placed(at)
+
+    def around(self, at: float) -> tuple[Poses, Poses] | None:
+        """Where the ideal linkage comes from and where it goes, close by; None where it stands."""
+        return self.poses(at, beside=-SIDE), self.poses(at, beside=SIDE)
+
+
+class CrankPath(Path):
+    """A crank that turns; ``direction`` is its sign, 0 where it stands."""
+
+    def __init__(self, assembly: Assembly, direction: float = 1.0) -> None:
+        super().__init__(assembly)
+        self.direction, self.begin = direction, assembly.start
+
+    def inputs(self, at: np.ndarray, beside: np.ndarray | float = 0.0) -> np.ndarray:
+        """Crank angles (1, N) rad."""
+        return np.atleast_2d(at + beside)
+
+    def around(self, at: float) -> tuple[Poses, Poses] | None:
+        """On either side of a crank angle (rad)."""
+        if self.direction == 0:
+            return None
+        h = math.copysign(SIDE, self.direction)
+        return self.poses(at, beside=-h), self.poses(at, beside=h)
+
+
+class CoursePath(Path):
+    """Joints that each follow a course, told by the time (s) of a clock that is ``ahead`` (s) of the schedule's; what
+    else may move is where the assembly has it.
+
+    ``top_speed`` is that of the body that turns fastest, in rad/s, or that goes fastest, in lengths of the longest body
+    per second; of what moves freely it knows nothing.
+    """
+
+    def __init__(self, request: Request, assembly: Assembly, ahead: float = 0.0) -> None:
+        super().__init__(assembly)
+        self.schedule, self.ahead = request.schedule, ahead
+        self.motors: dict[str, Course] = self.schedule.courses
+        self.driven = tuple(self.motors)
+        self.constant_speed = not self.motors
+        self.held = len(assembly.positions) == len(self.motors)
+        self.begin = self.schedule.begin + ahead
+        self.size = longest(request.mechanism)
+        self.top_speed = self._fastest()
+        self.knot_spacing = min((motor.knot_spacing for motor in self.motors.values()), default=np.inf)
+
+    def inputs(self, at: np.ndarray, beside: np.ndarray | float = 0.0) -> np.ndarray:
+        """Inputs (n_inputs, N) at times (N,) s; beside them all goes on as it does then."""
+        time = np.asarray(at, float) - self.ahead
+        where = {name: np.full(time.size, home) for name, home in self.assembly.positions.items()}
+        where |= self.schedule.positions(time)
+        if np.any(beside):
+            where |= {n: where[n] + rate * beside for n, rate in self.schedule.positions(time, 1).items()}
+        return self.assembly.inputs_at(where)
+
+    def moving(self, at: float, speed: float = 0.0, gaps: Gaps = NO_GAPS) -> Poses:
+        """At a time (s), at the rates that the drives then have."""
+        rates = self.schedule.positions(np.array([at - self.ahead]), 1)
+        apart = ASIDE / max([1.0, *(abs(float(rate[0])) for rate in rates.values())])
+        return in_motion(self.placed(np.full(BESIDE.size, at), gaps, apart * BESIDE), 1.0 / apart)
+
+    def around(self, at: float) -> tuple[Poses, Poses] | None:
+        """At a time (s) and after it: a motion that begins from rest has no other side."""
+        return (self.poses(at), self.poses(at + SIDE / self.top_speed)) if self.top_speed else None
+
+    def turned(self, times: np.ndarray) -> Placed:
+        """The ideal linkage at times (N,) s, reached along the courses."""
+        way = self.schedule.until(times - self.ahead) + self.ahead
+        rows, found = np.searchsorted(way, times), self.placed(way)
+        return {name: (origin[rows], angle[rows]) for name, (origin, angle) in found.items()}
+
+    def _fastest(self) -> float:
+        """The top speed up to the last report; where something moves freely, of the motors."""
+        last = float(self.schedule.time.max()) + self.ahead
+        if not self.held or last <= self.begin:
+            self.poses(self.begin)
+            slides = {joint.name for joint in self.assembly.mechanism.joints if joint.prismatic}
+            own = [motor.top_speed / (self.size if name in slides else 1.0) for name, motor in self.motors.items()]
+            return max(own, default=0.0)
+        finest = max(motor.knots.size for motor in self.motors.values())
+        times = np.linspace(self.begin, last, max(GLIMPSES, 2 * finest))
+        self.placed(self.schedule.until(self.schedule.time) + self.ahead)
+        found = self.placed(times).values()
+        ways = [way for origin, angle in found for way in (np.abs(np.diff(origin)) / self.size, np.abs(np.diff(angle)))]
+        return float(np.max(ways) / (times[1] - times[0]))
+
+
+class RestingPath(Path):
+    """A linkage at rest that all of its drives hold where their courses have them, told by the time (s) on these.
+
+    The way along the courses says which of its closures a pose is; nothing of it is left in an equilibrium but the
+    direction of each joint's motion, against which friction acts.
+    """
+
+    def __init__(self, request: Request, assembly: Assembly) -> None:
+        super().__init__(assembly)
+        self.schedule = request.schedule
+        self.driven = tuple(self.schedule.drives)
+        size = longest(request.mechanism)
+        self.scale = {name: size if request.mechanism.joint(name).prismatic else 1.0 for name in self.driven}
+        self.begin = self.schedule.begin
+        self.times = self.schedule.until(self.schedule.time)
+        self.way = assembly.follow(assembly.inputs_at(self.schedule.positions(self.times))).coordinates
+
+    def inputs(self, at: np.ndarray, beside: np.ndarray | float = 0.0) -> np.ndarray:
+        """Inputs (n_inputs, N) at times (N,) s; a drive that stands stays where it is beside them."""
+        here = self.assembly.inputs_at(self.schedule.positions(np.asarray(at, float)))
+        return here + beside * self.assembly.inputs_at(self.direction(at)) if np.any(beside) else here
+
+    def near(self, at: np.ndarray) -> Followed:
+        """The coordinates that the way along the courses leads to."""
+        return Followed(np.array([np.interp(at, self.times, row) for row in self.way]))
+
+    def around(self, at: float) -> tuple[Poses, Poses] | None:
+        """On either side of where it is at a time (s), as its drives then go on."""
+        stands = not any(rate.any() for rate in self.direction(np.array([at])).values())
+        return None if stands else super().around(at)
+
+    def direction(self, times: np.ndarray) -> dict[str, np.ndarray]:
+        """Rates (N,) of the drives as their courses have them at times (N,) s, the fastest one's being 1 (rad, or
+        lengths of the longest body); 0 of those that stand.
+        """
+        rates = self.schedule.directions(times)
+        fastest = np.max([np.abs(rate) / self.scale[name] for name, rate in rates.items()], axis=0)
+        return {name: rate / np.where(fastest > 0, fastest, 1.0) for name, rate in rates.items()}
+
+    def leading(self, times: np.ndarray) -> np.ndarray:
+        """The crank's angle (N,) rad, or without a crank the position (rad, m) of the first input's joint."""
+        s: Structure = self.assembly.structure
+        return s.mechanism.crank_sign * self.schedule.positions(times)[s.coordinates[s.inputs[0]].joint]
+
+
+def placed_at(
+    linkage: Assembly, inputs: np.ndarray, gaps: Mapping[str, np.ndarray], near: Followed | None = None
+) -> Placed:
+    """Every moving body of a linkage at inputs (n_inputs, N), its pins off centre by gaps (N,) m.  Raises
+    AssemblyError.
+    """
+    s, u = linkage.structure, linkage.coordinates(inputs, gaps, near)
+    origins = s.origins @ linkage.columns(u, gaps)
+    angles = [u[list(turned)].sum(axis=0) + held for turned, held in zip(s.turned, s.held_at, strict=True)]
+    return {name: (origins[b], angles[b]) for b, name in enumerate(s.bodies) if b}
+
+
+def assembled(assembly: Assembly) -> Poses:
+    """Every moving body as the mechanism's file assembles it, at rest."""
+    found = placed_at(assembly, assembly.inputs[:, None], {})
+    return {name: Pose(complex(origin[0]), float(angle[0])) for name, (origin, angle) in found.items()}
+
+
+def in_motion(around: Placed, per: float) -> Poses:
+    """Poses of bodies at the middle of BESIDE places, whose rates are differences by so much (1/s)."""
+    weights = SLOPE * per
+    return {
+        name: Pose(complex(origin[2]), float(angle[2]), complex(origin @ weights), float(angle @ weights))
+        for name, (origin, angle) in around.items()
+    }
