@@ -187,7 +187,7 @@ def request(
     loose(m, joint_model)
     assembly = Assembly(m)
     schedule = scheduled(assembly, motion, angles, times, course, path)
-    if schedule.lets_go or assembly.structure.free:
+    if assembly.left_free(schedule):
         assembly.check_springs(assembly.home)
     else:
         assembly.check_springs(along(assembly, schedule).coordinates)

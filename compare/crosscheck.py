@@ -240,7 +240,7 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
         left_out += omitted(m, Asked.of_engines("compare", m, motion, joint_model, flexible))
         assembly = Assembly(m)
         schedule = scheduled(assembly, motion, angles, times, course, path)
-        if schedule.lets_go or assembly.structure.free:
+        if assembly.left_free(schedule):
             _with_ideal_joints(m, joint_model)
         _with_stiff_rims(m)
         loose(m, joint_model)
@@ -506,7 +506,7 @@ def _with_block(able: Capabilities, joint_model: JointModel, motion: Motion) -> 
 
 def _requests(job: Job, assembly: Assembly, simulator: str, resolve: Resolve) -> list[Request]:
     """The runs of one engine: ideal first; a joint model that it lacks is left out unless it was asked for by name."""
-    free = job.schedule.lets_go or bool(assembly.structure.free)
+    free = assembly.left_free(job.schedule)
     models = [m for m in JOINT_MODELS if m == "ideal" or (job.mechanism.clearances and not free)]
     if job.joint_model is not None:
         models = [m for m in models if m == job.joint_model]

@@ -31,13 +31,13 @@ WORKS = {
         m = kinematics(Assembly(load("paper")), np.linspace(0.4, 2.7, 721), 1.0)
         work(lambda: compliance(m, inertia=True), 3)""",
     "paper in MuJoCo, contact, driven": """
-        r = request_of(load("paper"), "contact", "driven", np.radians(np.arange(20.0, 161.0, 5.0)))
+        r = Request(load("paper"), "contact", "driven", np.radians(np.arange(20.0, 161.0, 5.0)))
         work(lambda: engine("mujoco").simulate(r), 2)""",
     "paper in Exudyn, contact, static": """
-        r = request_of(load("paper"), "contact", "static", np.radians(np.arange(20.0, 161.0, 5.0)))
+        r = Request(load("paper"), "contact", "static", np.radians(np.arange(20.0, 161.0, 5.0)))
         work(lambda: engine("exudyn").simulate(r), 2)""",
     "paper in DART, contact, static": """
-        r = request_of(load("paper"), "contact", "static", np.radians(np.arange(20.0, 161.0, 5.0)))
+        r = Request(load("paper"), "contact", "static", np.radians(np.arange(20.0, 161.0, 5.0)))
         work(lambda: engine("dart").simulate(r), 2)""",
     "cross-check of the paper's case in all engines": """
         work(lambda: lc.crosscheck("paper", simulators="all", workers=1), 1)""",

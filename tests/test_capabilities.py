@@ -188,7 +188,7 @@ def shows(feature: Feature, pair: Pair, seen: dict[str, np.ndarray], without: di
     if feature == "released":
         return bool(np.all(seen["drive_torque"] == 0) and np.ptp(crank) > 1e-4)
     if feature in ("drive_compliance", "backlash"):
-        return lags(feature, request(pair, feature).crank_angle - crank, seen["drive_torque"])
+        return lags(feature, request(pair, feature).schedule.crank_angle - crank, seen["drive_torque"])
     changed = [name for name in without if name.startswith("reaction_") or name == "drive_torque"]
     return max(float(np.abs(seen[name] - without[name]).max()) for name in changed) > 1e-3
 

@@ -218,7 +218,7 @@ def test_a_longer_run_that_fails_leaves_the_shorter_one_which_says_so() -> None:
             return super().simulate(request)
 
     fast = ROCKER.replace(drive={"joint": ROCKER.drive_joint.name, "speed": 60.0})
-    job = replace(question(fast, "mujoco", joint_model="contact"), theta=np.radians(np.arange(0.0, 360.0, 30.0)))
+    job = question(fast, "mujoco", joint_model="contact", angles=np.radians(np.arange(0.0, 360.0, 30.0)))
     found = crosscheck_job(job, resolve=lambda name: Tires())
     (run,) = found.runs
     assert not found.failures

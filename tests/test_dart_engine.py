@@ -200,8 +200,8 @@ def test_what_dart_does_not_do_is_refused(
 
 
 def test_a_released_linkage_needs_times() -> None:
-    with pytest.raises(Unsupported, match=r"request\.time"):
-        run(ENGINE, load("paper").replace(drive=Drive(joint="D", speed="free")), "ideal", "driven", [])
+    with pytest.raises(Unsupported, match="needs times to report at"):
+        ENGINE.simulate(request_of(load("paper").replace(drive=Drive(joint="D", speed="free")), time=np.zeros(0)))
 
 
 def test_divergence_is_an_error() -> None:

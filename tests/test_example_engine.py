@@ -152,6 +152,7 @@ BODY = """
 from dataclasses import replace
 import multiplier_engine
 import numpy as np
+from analytic.kinematics.schedule import Schedule
 from sim_models.common.simulate import simulate
 
 class Mine(multiplier_engine.MultiplierEngine):

@@ -153,7 +153,8 @@ LOOSE = FIVE_BAR.with_clearances({"P": 5e-4, "A": 2e-4})
 
 def at_rest(m: Mechanism, joint_model: str = "ideal") -> Request:
     """The same at instants, one of them asked for twice."""
-    return replace(several(m, joint_model, time=np.array([0.03, 0.0, 0.0523, 0.03])), motion="static")
+    moving = several(m, joint_model, time=np.array([0.03, 0.0, 0.0523, 0.03]))
+    return replace(moving, schedule=replace(moving.schedule, at_rest=True))
 
 
 REQUESTS |= {
@@ -387,7 +388,9 @@ def test_bare_engine_is_right_by_the_referee_in_maximal_coordinates(name: str, e
     """Whose equations of motion are written in the tests, for every body and every joint."""
     bare(exported[name])
     found, m = table(exported[name] / "signals.csv"), REQUESTS[name].mechanism
-    _, posed = referee(m, dict(REQUESTS[name].courses or {}), found["time"])
+    _, posed = referee(
+        m, {n: (c.knots, c.positions) for n, c in REQUESTS[name].schedule.courses.items()}, found["time"]
+    )
     largest = max(abs(p.forces[j.name]) for p in posed for j in m.joints)
     for joint in m.joints:
         right = np.array([p.forces[joint.name] for p in posed])

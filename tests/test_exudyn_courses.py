@@ -14,6 +14,7 @@ from scipy.interpolate import CubicSpline
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import kinematics
+from analytic.kinematics.schedule import Schedule, ScheduleError
 from analytic.mechanism import Drive, Load, Mechanism
 from analytic.mechanism.file import load
 from analytic.paper.kinetostatics import kinetostatics
@@ -281,12 +282,10 @@ def test_requested_angles_are_the_motors_where_the_crank_cannot_turn_fully(joint
 
 
 def test_what_is_no_course_is_refused_in_words() -> None:
-    with pytest.raises(Unsupported, match="measured drive follows a course"):
-        ENGINE.simulate(request_of(PENDULUM, "ideal", "driven", np.array([0.1])))
+    with pytest.raises(ScheduleError, match="give times and a course"):
+        Schedule.at_angles(PENDULUM, np.array([0.1]))
     with pytest.raises(Unsupported, match="not free"):
         ENGINE.simulate(request_of(load("pendulum"), time=SECOND, course=(SECOND, SWING)))
-    with pytest.raises(Unsupported, match="leave the course out of a static"):
-        ENGINE.simulate(request_of(PENDULUM, "ideal", "static", time=SECOND, course=(SECOND, SWING)))
     with pytest.raises(Unsupported, match="outside the course"):
         follow(PENDULUM, (SECOND, SWING), np.array([0.5, 1.1]))
     with pytest.raises(AssemblyError):

@@ -12,6 +12,7 @@ import pytest
 from analytic.beyond_paper.released import released
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import kinematics
+from analytic.kinematics.schedule import ScheduleError
 from analytic.mechanism import Drive, Mechanism
 from analytic.mechanism.file import load
 from analytic.paper.clearance import displaced
@@ -315,14 +316,16 @@ def test_silent_and_nothing_left_on_disk(
 
 def test_what_exudyn_does_not_do_is_refused_in_words() -> None:
     m = load("paper").with_clearances({"B": 1e-3})
-    with pytest.raises(Unsupported, match="measured drive"):
+    with pytest.raises(ScheduleError, match="no constant speed"):
         run(m.replace(drive=Drive(joint="D", speed="measured")), "ideal", "driven", [30.0])
     with pytest.raises(Unsupported, match="pin centred"):
         run(m, "massless-link", "driven", [30.0], start="centred")
     with pytest.raises(Unsupported, match="friction"):
         run(m.with_joint("B", friction=0.1), "contact", "static", [30.0])
-    with pytest.raises(Unsupported, match=r"request\.time"):
+    with pytest.raises(ScheduleError, match="no constant speed"):
         run(load("pendulum"), "ideal", "driven", [30.0])
+    with pytest.raises(Unsupported, match="needs times to report at"):
+        ENGINE.simulate(request_of(load("pendulum"), time=np.zeros(0)))
     with pytest.raises(Unsupported, match="no crank angle"):
         run(m, "ideal", "driven", [])
 

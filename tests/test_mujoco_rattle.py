@@ -44,9 +44,9 @@ def crank_rocker(law: ContactLaw | None, asked: float = 0.8, friction: float = 0
     return m.replace(gravity=(0.0, GRAVITY), drive=m.drive.model_copy(update={"speed": SPEED}))
 
 
-def turned(m: Mechanism, model: JointModel = "contact", **asked: object) -> Trace:
+def turned(m: Mechanism, model: JointModel = "contact", last: float = REPORTED, **asked: object) -> Trace:
     """A part of a revolution from the pin in the middle of its gap."""
-    theta = np.linspace(0.0, REPORTED, 9)
+    theta = np.linspace(0.0, last, 9)
     return ENGINE.simulate(replace(request_of(m, model, "driven", theta, start="centred"), **asked))
 
 
@@ -336,12 +336,12 @@ def test_settings_say_what_is_delivered() -> None:
     assert settings["restitution_delivered"] == {"B": delivered(law.hysteresis)}
     assert settings["minimum_impact_speed"] == pytest.approx(1e-3 * 0.12 * SPEED)
     assert "contact_damping" not in settings
-    voigt = turned(crank_rocker("kelvin-voigt", 0.7), crank_angle=np.array([0.0, 0.1])).settings
+    voigt = turned(crank_rocker("kelvin-voigt", 0.7), last=0.1).settings
     assert voigt["restitution_delivered"] == {"B": pytest.approx(0.7)}
     ratio = law_of(crank_rocker("kelvin-voigt", 0.7), "B").damping / (2 * math.sqrt(1e6 * 0.0785))
     assert restitution(ratio) == pytest.approx(0.7)
     bare = crank_rocker("flores").with_joint("B", contact_stiffness=None)
-    assert "hard" not in str(turned(bare, crank_angle=np.array([0.0, 0.1])).settings["contact_law"])
+    assert "hard" not in str(turned(bare, last=0.1).settings["contact_law"])
 
 
 def test_a_run_of_one_report_is_watched_from_there() -> None:

@@ -259,6 +259,10 @@ class Assembly:
             return Turning(self.inputs_at(schedule.positions()), directions, np.zeros(directions.shape))
         return Turning(*(self.inputs_at(schedule.positions(order=order)) for order in range(3)))
 
+    def left_free(self, schedule: Schedule) -> bool:
+        """Whether anything moves freely in a schedule."""
+        return schedule.lets_go or (schedule.crank is None and bool(self.structure.free))
+
     def walk(self, schedule: Schedule) -> Followed | None:
         """The ideal linkage's coordinates at the instants of a schedule in which nothing moves freely, reached along
         its courses: few samples do not say by which way it comes from one to the next.  None of a crank, whose path is

@@ -107,7 +107,7 @@ def reference(
             *(np.array([x]) for x in (assembly.start, schedule.start_speed(assembly.mechanism), 0))
         )
         return _let_go(assembly, schedule.time, start, errors)
-    if assembly.structure.free:
+    if assembly.left_free(schedule):
         return _free(assembly, schedule)
     moving = moving or assembly.inputs_along(schedule)
     still = _still(assembly, schedule) if schedule.at_rest else frozenset()

@@ -15,8 +15,8 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, MASS_CENTRE, Mechanism
 from sim_models.common.simulate import simulate
-from sim_models.common.start import poses
 from sim_models.engine import Capabilities, Engine, Rates, Request, Scope, SimulationError, Trace
+from sim_models.run.path import CrankPath
 
 ITERATIONS, CLOSED = 20, 1e-13  # of Newton's method; how far pins may be apart, of the longest body
 
@@ -85,7 +85,7 @@ class Multipliers:
 
     def closed(self, theta: float, assembly: Assembly) -> np.ndarray:
         """Coordinates with all pins closed, near where the linkage was assembled.  Raises SimulationError."""
-        start, q = poses(assembly, theta), np.zeros(self.size)
+        start, q = CrankPath(assembly).poses(theta), np.zeros(self.size)
         for body in self.mechanism.bodies:
             pose = start[body.name]
             centre = pose.origin + body.point(MASS_CENTRE) * cmath.exp(1j * pose.angle)

@@ -149,7 +149,7 @@ def _asked(request: Request, assembly: Assembly) -> np.ndarray:
     if schedule.crank_angle is not None:
         theta, motor = schedule.crank_angle, request.motor
         return theta if motor is None else np.append(theta, motor.angle(motor.begin))
-    if schedule.lets_go or (schedule.crank is None and assembly.structure.free):
+    if assembly.left_free(schedule):
         return np.zeros(0)
     last = float(np.max(schedule.time))
     knots = np.unique(np.concatenate([course.knots for course in schedule.courses.values()]))
