@@ -11,8 +11,8 @@ import pytest
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load, shipped_cases
+from compare.baseline.runs import setups
 from compare.crosscheck import Job, crosscheck_job
-from compare.evidence.baseline.runs import setups
 from compare.judge.closer import too_soft
 from compare.judge.discrepancy import load_tolerances
 from linkages import inverted_slider, jansen_leg

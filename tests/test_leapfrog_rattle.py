@@ -14,7 +14,6 @@ import pytest
 from analytic.mechanism import GROUND, MASS_CENTRE, Mechanism
 from analytic.mechanism.file import load
 from analytic.mechanism.parts import ContactLaw
-from compare.evidence import contact_ode
 from engine_checks import run, vector
 from marks import slow
 from sim_models.common.contact_laws import NamedLaw, delivered, named_law
@@ -22,6 +21,7 @@ from sim_models.common.mobility import mobility
 from sim_models.common.start import Pose, poses
 from sim_models.engine import JointModel, Request, Trace, Unsupported, Watched, engine
 from sim_models.leapfrog.striking import Striking
+from tests.evidence import contact_ode
 
 LAWS: tuple[ContactLaw, ...] = ("kelvin-voigt", "hunt-crossley", "lankarani-nikravesh", "flores", "gonthier")
 CLEARANCE, G = 5e-3, 9.81
