@@ -143,9 +143,8 @@ def kept(stored: Scoreboard) -> dict[int, Scored]:
 def digest() -> str:
     """Of all code that a score depends on, so that a resumed board is never made of two versions."""
     root = Path(__file__).parents[3]
-    compare = root / "compare"
-    parts = [root / "analytic", root / "sim_models", compare / "recorded", compare / "diagnose", Path(__file__).parent]
-    files = [compare / "evidence" / "contact_ode.py", *(p for part in parts for p in part.rglob("*"))]
+    parts = ("analytic", "sim_models", "compare/recorded", "compare/diagnose", "tests/evidence/scoreboard")
+    files = [root / "tests" / "evidence" / "contact_ode.py", *(p for part in parts for p in (root / part).rglob("*"))]
     hashed = hashlib.sha256()
     for path in sorted(p for p in files if p.suffix in (".py", ".toml")):
         hashed.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes())
