@@ -86,7 +86,8 @@ def page(board: Scoreboard) -> str:
         "another, which sees only the CSV files; the seal is opened afterwards. Written by",
         "`python -m tests.evidence scoreboard update`; one set again, with its truth:",
         f"`python -m tests.evidence scoreboard show SEED`. Versions: {versions};",
-        f"code {board.code} (a hash over `analytic/`, `sim_models/`, `compare/diagnose/` and `tests/evidence/scoreboard/`;",
+        f"code {board.code} (a hash over `analytic/`, `sim_models/`, `compare/diagnose/` and"
+        " `tests/evidence/scoreboard/`;",
         "`python -m tests.evidence scoreboard check` says whether they have changed since).",
         "",
         (
