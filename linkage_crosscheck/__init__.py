@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from analytic.mechanism.file import load
     from compare.accuracy import accuracy
     from compare.analyse import analyse, simulate
+    from compare.baseline.check import check_baselines
     from compare.catalogue import cases, effects, simulators
     from compare.check import check
     from compare.crosscheck import crosscheck
@@ -42,7 +43,6 @@ if TYPE_CHECKING:
     from compare.diagnose.preview import preview
     from compare.diagnose.workflow import diagnose
     from compare.domain_map.validity import validity
-    from compare.evidence.baseline.check import check_baselines
     from compare.export import export
     from compare.history import runs
     from compare.imported import import_mjcf
@@ -62,7 +62,7 @@ _WHERE = {
     "begin": "compare.diagnose.begin",
     "cases": "compare.catalogue",
     "check": "compare.check",
-    "check_baselines": "compare.evidence.baseline.check",
+    "check_baselines": "compare.baseline.check",
     "crosscheck": "compare.crosscheck",
     "diagnose": "compare.diagnose.workflow",
     "effects": "compare.catalogue",

@@ -135,7 +135,7 @@ class LinkageCheck:
     def _moved(self, mechanism: Mechanism, simulators: Simulators, stored: Path) -> Iterator[str]:
         """A line for each reaction force that is not where the baseline has it; none where the baseline is written."""
         from compare.arguments import engines
-        from compare.evidence.baseline.check import check_file, file_of, update_file
+        from compare.baseline.check import check_file, file_of, update_file
         from compare.faults import ArgumentError
         from compare.files import made_folder
 

@@ -1,6 +1,6 @@
 """Our kinematics with all reactions beside two other Python packages' kinematics alone: ratios in one run.
 
-Run with ``pip install '.[bench]'`` and ``python tests/bench_against.py``.  The linkage is the shipped crank-rocker over
+Run with ``pip install '.[bench]'`` and ``python -m tests.bench_against``.  The linkage is the shipped crank-rocker over
 one revolution; each figure is the best of five turns of three calls, all in turn so that they see the same machine.
 Beside them a 3-RRR with all reactions along a long trajectory, and the memory that a batch needs beyond its results.
 """
@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from analytic.compiled.run import CALLS
-from compare.evidence.validation.speed import (
+from tests.evidence.validation.speed import (
     COUPLER,
     CRANK,
     FOLLOWER,

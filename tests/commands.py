@@ -1,4 +1,4 @@
-"""The command, as tests give it: in this process, or in one of its own."""
+"""The commands, as tests give them: in this process, or in one of its own."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ import os
 import subprocess
 import sys
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 from unittest import mock
 
-from compare.cli.app import main
+from compare.cli import app
+from tests.evidence import __main__ as of_evidence
 
 ROOT = Path(__file__).parent.parent
 Ended = subprocess.CompletedProcess[str]
@@ -19,8 +21,16 @@ Ended = subprocess.CompletedProcess[str]
 
 def compare(*arguments: str, cwd: Path) -> Ended:
     """The command in this process, which saves the time that imports take: its status and all that Python printed."""
+    return _here(app.main, ["compare", *arguments], cwd)
+
+
+def evidence(*arguments: str, cwd: Path) -> Ended:
+    """``python -m tests.evidence`` in this process."""
+    return _here(of_evidence.main, ["tests.evidence", *arguments], cwd)
+
+
+def _here(main: Callable[[], None], command: list[str], cwd: Path) -> Ended:
     out, err = io.StringIO(), io.StringIO()
-    command = ["compare", *arguments]
     with (
         contextlib.chdir(cwd),
         contextlib.redirect_stdout(out),

@@ -18,12 +18,12 @@ from analytic.mechanism.signals import named as named_signals
 from asked import request_of
 from compare.diagnose.data.recording import Channel, Measured, MeasuredRun
 from compare.diagnose.workflow import diagnose
-from compare.evidence.scoreboard.hidden import Hidden
-from compare.evidence.scoreboard.record import recorded, with_noise
-from compare.evidence.scoreboard.rigs import Experiment, Plan
-from compare.evidence.scoreboard.sizes import Planted
 from compare.results.diagnosis import Diagnosis
 from sim_models.engine import engine
+from tests.evidence.scoreboard.hidden import Hidden
+from tests.evidence.scoreboard.record import recorded, with_noise
+from tests.evidence.scoreboard.rigs import Experiment, Plan
+from tests.evidence.scoreboard.sizes import Planted
 
 Result = dict[str, Any]
 START = 0.4  # rad, commanded crank angle at time 0

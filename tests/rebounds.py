@@ -10,10 +10,10 @@ from scipy.integrate import solve_ivp
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism.parts import ContactLaw
-from compare.evidence.validation.rebounds import ASKED, SPEED, G, dropped, hanging, rebound
-from compare.evidence.validation.striking import LAWS
 from sim_models.common.contact_laws import NamedLaw, named_law
 from sim_models.engine import Engine, JointModel
+from tests.evidence.validation.rebounds import ASKED, SPEED, G, dropped, hanging, rebound
+from tests.evidence.validation.striking import LAWS
 
 
 def law_of(m: Mechanism, joint: str) -> NamedLaw:

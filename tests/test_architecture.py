@@ -10,9 +10,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-SOURCES = sorted(
-    p for folder in ("analytic", "sim_models", "compare", "linkage_crosscheck") for p in (ROOT / folder).rglob("*.py")
-)
+ROOMS = ("analytic", "sim_models", "compare", "linkage_crosscheck", "tests/evidence")
+SOURCES = sorted(p for folder in ROOMS for p in (ROOT / folder).rglob("*.py"))
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=lambda p: str(p.relative_to(ROOT)))
@@ -71,7 +70,7 @@ BY_SIGNAL = (
     "compare/judge",
     "compare/domain_map",
     "compare/diagnose",
-    "compare/evidence/scoreboard",
+    "tests/evidence/scoreboard",
 )  # rooms that know signals as values
 
 

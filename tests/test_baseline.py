@@ -18,10 +18,10 @@ import pytest
 import commands
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import dumps, load, shipped_cases
-from compare.evidence.baseline.check import check_one, file_of, update_one
-from compare.evidence.baseline.file import Baseline, BaselineError, StoredRun, Tolerance, read, write
-from compare.evidence.baseline.moved import fits, moved
-from compare.evidence.baseline.runs import not_run, setups
+from compare.baseline.check import check_one, file_of, update_one
+from compare.baseline.file import Baseline, BaselineError, StoredRun, Tolerance, read, write
+from compare.baseline.moved import fits, moved
+from compare.baseline.runs import not_run, setups
 from compare.report.baselines import lines
 from compare.results.schemas import FOLDER
 from planted import Planted, turned

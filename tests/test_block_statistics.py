@@ -15,7 +15,6 @@ from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import load, loads
 from asked import request_of
 from compare.crosscheck import crosscheck
-from compare.evidence.published.flying_block import TOML
 from compare.judge.contact import contact, contact_in, ideal_peaks
 from compare.judge.watched import Run
 from compare.report.contact import told
@@ -25,6 +24,7 @@ from marks import slow
 from sim_models.common.contact_laws import hysteresis
 from sim_models.common.guide import Guide
 from sim_models.engine import Trace, Watched, declared, engine
+from tests.evidence.published.flying_block import TOML
 
 MODELS = {"mujoco": "contact", "exudyn": "contact", "dart": "spring-damper", "pybullet": "spring-damper"}
 EVERY = pytest.mark.parametrize("name", ["mujoco", "exudyn", *slow("dart", "pybullet")])
@@ -210,7 +210,7 @@ def reference(law: str, friction: float) -> tuple[np.ndarray, np.ndarray, np.nda
     """Time (M,) s, rod and block (M, 2) rad, corners' forces (4, M) N, and touches (s, m/s), by Runge and Kutta's steps
     of 0.1 us, of a crank that is too heavy to be slowed; friction fades where corners slide more slowly than 1 mm/s.
     """
-    nonsmooth = pytest.importorskip("compare.evidence.nonsmooth")
+    nonsmooth = pytest.importorskip("tests.evidence.nonsmooth")
     masses, inertias = (0.038, 0.038, 0.076), (1e6, 5.9e-4, 6e-5)
     numbers = nonsmooth.Guide(0.153, 0.306, masses, inertias, 0.05, 0.025, 1e-3, 9.81, TORQUE)
     chi, step, every = 0.0 if law == "elastic" else hysteresis("flores", 0.7), 1e-7, 5

@@ -36,11 +36,11 @@ def break_engine(folder: Path, package: str, fault: str) -> None:
     (folder / "broken" / package / "__init__.py").write_text(f"print('half way')\nraise {fault}\n", encoding="utf-8")
 
 
-def compare(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+def compare(folder: Path, *arguments: str, module: str = "compare") -> subprocess.CompletedProcess[str]:
     paths = [str(folder / "broken"), str(Path(__file__).parents[1])]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(paths), "COLUMNS": "300"}
     return subprocess.run(
-        [sys.executable, "-m", "compare", *arguments],
+        [sys.executable, "-m", module, *arguments],
         cwd=folder,
         env=environment,
         capture_output=True,
@@ -144,7 +144,7 @@ def test_validity_validation_and_diagnosis_go_on_without_it(tmp_path: Path) -> N
     assert "left out: simulator 'exudyn'" in done.stderr
     for name in ("README.md", "validation.json"):
         (tmp_path / name).write_text((REPORTS / name).read_text(encoding="utf-8"), encoding="utf-8")
-    done = compare(tmp_path, "validation", "check", "--reports", ".", "--simulator", "exudyn")
+    done = compare(tmp_path, "validation", "check", "--reports", ".", "--simulator", "exudyn", module="tests.evidence")
     assert done.returncode == 3
     assert "Traceback" not in done.stderr
     assert "simulator 'exudyn' is installed but cannot be imported" in done.stderr

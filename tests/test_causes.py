@@ -12,12 +12,12 @@ from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.mechanism.file import load
 from asked import job_of, request_of
 from compare.crosscheck import crosscheck
-from compare.evidence.validation.scales import Scale, linkage
 from compare.judge.tolerances import load_tolerances
 from compare.results.crosscheck import Failure
 from compare.runs import simulate
 from sim_models.common.failed_starts import TooSoft
 from sim_models.engine import CENTRED, ELSEWHERE, Cause, SimulationError, engine
+from tests.evidence.validation.scales import Scale, linkage
 
 PAPER = load("paper").with_clearances({"B": 1e-3})
 ANGLES = np.radians([30.0, 60.0])

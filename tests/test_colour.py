@@ -11,8 +11,8 @@ from scipy.signal import lfilter
 
 from compare.diagnose.colour import colours
 from compare.diagnose.residuals import Colour, Data
-from compare.evidence.scoreboard.rigs import Experiment, Plan
 from diagnosis_rigs import experiment
+from tests.evidence.scoreboard.rigs import Experiment, Plan
 
 SPEED, SAMPLES = 12.0, 600  # rad/s; three turns at 382 Hz
 TIME = np.linspace(0.0, 3 * 2 * math.pi / SPEED, SAMPLES)

@@ -15,10 +15,10 @@ from scipy.optimize import brentq
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
 from analytic.mechanism.parts import ContactLaw
-from compare.evidence import contact_ode as ode
-from compare.evidence.contact_ode import ContactMotion, Loop, centred, kinetic, loop_of, pressed, simulate
 from marks import slow
 from sim_models.common.contact_laws import NamedLaw, named_law
+from tests.evidence import contact_ode as ode
+from tests.evidence.contact_ode import ContactMotion, Loop, centred, kinetic, loop_of, pressed, simulate
 
 # Factor chi by its author's formula, and the restitution delivered for .9, .7, .5 and .3 by chi (1 + e) =
 # ln[(1 + chi)/(1 - chi e)]: Hunt and Crossley 1975, Lankarani and Nikravesh 1990, Flores et al. 2011, Gonthier et al.

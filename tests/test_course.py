@@ -22,10 +22,10 @@ from compare.diagnose.data.smooth import Smoother
 from compare.diagnose.data.thin import missed, picked
 from compare.diagnose.predict import Model, derived
 from compare.diagnose.residuals import Data
-from compare.evidence.scoreboard.rigs import Plan
 from diagnosis_rigs import diagnosed, experiment, readings, wrong
 from marks import slow
 from measured_files import RunTable, write_measured
+from tests.evidence.scoreboard.rigs import Plan
 
 COUNTS = (None, 200, 2000)  # per revolution
 NOISE = (0.0, 1e-4, 1e-2)  # rad

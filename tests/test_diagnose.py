@@ -28,9 +28,6 @@ from compare.diagnose.locate import locate
 from compare.diagnose.prepare import thinned
 from compare.diagnose.residuals import Data
 from compare.diagnose.workflow import diagnose
-from compare.evidence.scoreboard.record import write_data
-from compare.evidence.scoreboard.rigs import Experiment, Plan
-from compare.evidence.scoreboard.sizes import Planted
 from diagnosis_rigs import (
     SENSORS,
     assert_recovered,
@@ -46,6 +43,9 @@ from diagnosis_rigs import (
     wrong,
 )
 from marks import slow
+from tests.evidence.scoreboard.record import write_data
+from tests.evidence.scoreboard.rigs import Experiment, Plan
+from tests.evidence.scoreboard.sizes import Planted
 
 VISCOUS = wrong("viscous_friction", "E", damping=0.01)
 LONGER = wrong("link_length", "coupler", length_error=1e-4)
@@ -449,7 +449,7 @@ def test_a_clipped_sensor_is_a_fault_of_the_data_and_nothing_is_named(tmp_path: 
 
 
 def written(rig: Experiment, seen: list[dict[str, np.ndarray]], folder: Path) -> Path:
-    from compare.evidence.scoreboard.hidden import Hidden
+    from tests.evidence.scoreboard.hidden import Hidden
 
     write_data(Hidden(0, "effects", rig, "exudyn", "mujoco"), seen, folder)
     return folder / "measured.toml"

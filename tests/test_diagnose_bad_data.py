@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from commands import compare, without
-from compare.evidence.scoreboard.hidden import Hidden
-from compare.evidence.scoreboard.record import write_data
 from diagnosis_rigs import experiment, readings
 from marks import slow
+from tests.evidence.scoreboard.hidden import Hidden
+from tests.evidence.scoreboard.record import write_data
 
 RIG = experiment()
 RUN = "slow.csv"

@@ -21,12 +21,12 @@ from compare.diagnose.rattle.law import Law, LawSearch, Room
 from compare.diagnose.rattle.statistics import Readings
 from compare.diagnose.sensitivities import candidates
 from compare.diagnose.workflow import diagnose
-from compare.evidence.scoreboard.hidden import Hidden
-from compare.evidence.scoreboard.record import write_data
-from compare.evidence.validation.laws import CLEARANCE, LAWS, recorded, rig
 from diagnosis_rigs import experiment, four_bar, played, readings
 from sim_models.engine import Unsupported
 from test_diagnose_rattle import smooth, statistics, struck
+from tests.evidence.scoreboard.hidden import Hidden
+from tests.evidence.scoreboard.record import write_data
+from tests.evidence.validation.laws import CLEARANCE, LAWS, recorded, rig
 
 TRUE = Law(0.7, 3e6, 0.1)
 USUAL = 1e7  # N/m

@@ -20,9 +20,9 @@ from compare.diagnose.rattle.statistics import QUANTILES, Statistics, quantiles
 from compare.diagnose.rattle.trial import Trials, Tried, least, reaching, wanted
 from compare.diagnose.rattle.turns import Turns, rattles
 from compare.diagnose.workflow import diagnose
-from compare.evidence.scoreboard.rattling import Rattling, drawn
 from marks import slow
 from sim_models.common.contact_laws import default_stiffness
+from tests.evidence.scoreboard.rattling import Rattling, drawn
 
 SPEED, SAMPLES, COUNT = 30.0, 150, 6
 SENSORS = {"follower_angle": 1e-4, "reaction_E_x": 0.05, "reaction_E_y": 0.05}

@@ -31,7 +31,6 @@ from compare.diagnose.predict import Term
 from compare.diagnose.prepare import followed, nominal
 from compare.diagnose.preview import preview
 from compare.diagnose.workflow import diagnose
-from compare.evidence.published.parallel_robot import FOLDER
 from compare.report.diagnosis_page import diagnosis_html
 from compare.report.diagnosis_text import diagnosis_md
 from compare.results.diagnosis import Diagnosis, Parameter
@@ -39,6 +38,7 @@ from compare.results.sentences import own_values
 from measured_files import RunTable, write_measured
 from several_linkages import third_bar
 from sim_models.engine import engine
+from tests.evidence.published.parallel_robot import FOLDER
 
 DATA = Path(os.environ.get("MEASURED_DATA", "")) / FOLDER
 HERE = pytest.mark.skipif(

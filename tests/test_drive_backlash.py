@@ -22,12 +22,12 @@ from asked import request_of
 from compare.diagnose.effects.effect import LANDING
 from compare.diagnose.residuals import SPIKE, Data
 from compare.diagnose.workflow import diagnose
-from compare.evidence.scoreboard.hidden import FIRST, draw
-from compare.evidence.scoreboard.record import recorded, with_noise, write_data
 from diagnosis_rigs import START, assert_recovered, diagnosed, experiment, four_bar, named, played, turn, wrong
 from marks import slow
 from sim_models.common.backlash import SETTLED
 from sim_models.engine import engine
+from tests.evidence.scoreboard.hidden import FIRST, draw
+from tests.evidence.scoreboard.record import recorded, with_noise, write_data
 
 GAP = 3e-3  # rad, half of it
 SPEED = 5.0  # rad/s

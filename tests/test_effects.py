@@ -15,9 +15,9 @@ from analytic.mechanism import Joint, Mechanism
 from compare.cli.app import app
 from compare.diagnose.effects.effect import Draw, Effect, Rig
 from compare.diagnose.effects.vocabulary import VOCABULARY
-from compare.evidence.scoreboard.rigs import ideal
 from diagnosis_rigs import experiment, four_bar, turn
 from sim_models.engine import ENGINES, declared
+from tests.evidence.scoreboard.rigs import ideal
 
 ROOT = Path(__file__).parent.parent
 RIGS = {

@@ -14,7 +14,7 @@ import pytest
 
 from analytic.mechanism.checks import MechanismWarning
 from analytic.mechanism.file import dumps, load
-from commands import compare
+from commands import compare, evidence
 
 ROOT = Path(__file__).parents[1]
 ENVIRONMENT = os.environ | {"PYTHONPATH": str(ROOT)}
@@ -63,9 +63,6 @@ def test_a_reader_that_goes_away_is_no_verdict(arguments: list[str], tmp_path: P
         ["validity", "--speeds", "60", "--clearances", "1e-4", "--out"],
         ["diagnose", "measured.toml", "--out"],
         ["export", "--simulator", "mujoco", "--out"],
-        ["scoreboard", "show", "7", "--out"],
-        ["scoreboard", "update", "--reports"],
-        ["validation", "update", "--reports"],
         ["baseline", "update", "--baselines"],
         ["baseline", "check", "--junit"],
     ],
@@ -74,6 +71,16 @@ def test_a_reader_that_goes_away_is_no_verdict(arguments: list[str], tmp_path: P
 @pytest.mark.parametrize("empty", ["", " "])
 def test_an_empty_folder_name_is_refused(arguments: list[str], empty: str, tmp_path: Path) -> None:
     done = compare(*arguments, empty, cwd=tmp_path)
+    assert done.returncode == 2
+    assert "it is empty; name a folder, or give . for the current one" in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "line", ["scoreboard show 7 --out", "scoreboard update --reports", "validation update --reports"]
+)
+def test_an_empty_folder_name_is_refused_for_evidence_too(line: str, tmp_path: Path) -> None:
+    done = evidence(*line.split(), "", cwd=tmp_path)
     assert done.returncode == 2
     assert "it is empty; name a folder, or give . for the current one" in done.stderr
     assert not list(tmp_path.iterdir())
@@ -105,8 +112,8 @@ def test_an_interrupt_is_one_line_and_leaves_no_empty_folder(what: str, there: b
 
 
 def test_a_scoreboard_says_that_it_goes_on(tmp_path: Path) -> None:
-    with mock.patch("compare.evidence.scoreboard.check.update_scoreboard", side_effect=KeyboardInterrupt):
-        done = compare("scoreboard", "update", "--reports", "board", cwd=tmp_path)
+    with mock.patch("tests.evidence.scoreboard.check.update_scoreboard", side_effect=KeyboardInterrupt):
+        done = evidence("scoreboard", "update", "--reports", "board", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (130, "compare: stopped; the same command goes on where it stopped\n")
 
 

@@ -16,7 +16,6 @@ from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Drive, Mechanism
 from analytic.mechanism.file import load
 from asked import request_of
-from compare.evidence.validation.files import apart
 from linkages import curved_slider
 from maximal import Maximal
 from several_linkages import CASES, KNOTS, SHIPPED, referee, sprung, third_bar, waved
@@ -25,6 +24,7 @@ from sim_models.common.units import Units
 from sim_models.engine import JOINT_MODELS, MOTIONS, JointModel, Motion, Request, Unsupported
 from sim_models.exudyn.engine import ENGINE
 from test_export import PAPER, SHORT, SLIDER, bare, columns, command, driven_by, table
+from tests.evidence.validation.files import apart
 
 pytestmark = [pytest.mark.exudyn, pytest.mark.slow]  # test_export is in the short part
 

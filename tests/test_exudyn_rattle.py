@@ -16,11 +16,11 @@ from analytic.mechanism.file import load
 from analytic.mechanism.parts import ContactLaw
 from analytic.paper.clearance import displaced
 from asked import request_of
-from compare.evidence import contact_ode
 from marks import slow
 from sim_models.common.contact_laws import NamedLaw, delivered, named_law, restitution
 from sim_models.engine import JointModel, Request, Trace, Unsupported, Watched
 from sim_models.exudyn.engine import ENGINE
+from tests.evidence import contact_ode
 
 pytestmark = pytest.mark.exudyn
 

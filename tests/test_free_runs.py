@@ -23,9 +23,9 @@ from compare.diagnose.inverse import beginnings
 from compare.diagnose.prepare import on_one_turn
 from compare.diagnose.problem import Options, Problem
 from compare.diagnose.search import costs
-from compare.evidence.scoreboard.bench.pendulum import Pendulum
-from compare.evidence.scoreboard.sizes import Planted
 from diagnosis_rigs import diagnosed
+from tests.evidence.scoreboard.bench.pendulum import Pendulum
+from tests.evidence.scoreboard.sizes import Planted
 
 PENDULUM = load("pendulum")
 MASS, ARM = PENDULUM.bodies[0].mass, 0.15

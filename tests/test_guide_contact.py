@@ -16,7 +16,6 @@ from analytic.mechanism.file import load, loads
 from analytic.paper.clearance import displaced
 from asked import request_of
 from compare.crosscheck import crosscheck
-from compare.evidence.published.flying_block import flying_block
 from linkages import inverted_slider
 from marks import slow
 from sim_models.common.contact_laws import hysteresis
@@ -32,6 +31,7 @@ from sim_models.engine import (
     declared,
     engine,
 )
+from tests.evidence.published.flying_block import flying_block
 
 MODELS: dict[str, JointModel] = {  # of each engine that has blocks, one that has them
     name: model
@@ -353,7 +353,7 @@ BOUNCES = {
 @pytest.mark.parametrize("law", ["elastic", "flores"])
 def test_a_block_bounces_as_an_equation_of_motion_has_it(name: str, law: str) -> None:
     """Two or three touches, of both corners at once, by Runge and Kutta's steps of 0.1 us."""
-    nonsmooth = pytest.importorskip("compare.evidence.nonsmooth")
+    nonsmooth = pytest.importorskip("tests.evidence.nonsmooth")
     numbers = nonsmooth.Guide(0.153, 0.306, (0.038, 0.038, 0.076), (7.4e-5, 5.9e-4, 2.7e-6), 0.05, 0.025, 1e-3, 9.81)
     chi = 0.0 if law == "elastic" else hysteresis("flores", 0.7)
     begin, end = np.zeros(3), np.array([150.0, -75.0, 0.0])

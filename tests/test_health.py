@@ -13,8 +13,8 @@ from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load, shipped_cases
 from asked import job_of, request_of
+from compare.baseline.runs import setups
 from compare.crosscheck import crosscheck_job
-from compare.evidence.baseline.runs import setups
 from compare.judge.closer import too_soft
 from compare.judge.discrepancy import load_tolerances
 from linkages import inverted_slider, jansen_leg

@@ -91,7 +91,7 @@ def test_a_file_where_the_folder_should_be(what: str, tmp_path: Path) -> None:
 def test_the_option_that_names_the_folder_is_named(tmp_path: Path) -> None:
     (tmp_path / "out").write_text("in the way", encoding="utf-8")
     assert "--baselines out" in commands.compare(*COMMANDS["baseline"], cwd=tmp_path).stderr
-    assert "--reports out" in commands.compare("validation", "update", "--reports", "out", cwd=tmp_path).stderr
+    assert "--reports out" in commands.evidence("validation", "update", "--reports", "out", cwd=tmp_path).stderr
 
 
 @posix
@@ -134,15 +134,15 @@ REFUSED = [
     "baseline update --case paper --simulator adams --baselines out/deep",
     "baseline update --case paper --results none.csv --baselines out",
     "baseline check --case none.toml --junit out/junit.xml",
-    "scoreboard update --minutes 0 --reports out",
-    "validation update --data none --reports out",
 ]
+EVIDENCE = ["scoreboard update --minutes 0 --reports out", "validation update --data none --reports out"]
 
 
 @pytest.mark.mujoco
-@pytest.mark.parametrize("line", REFUSED)
+@pytest.mark.parametrize("line", [*REFUSED, *EVIDENCE])
 def test_a_command_that_is_refused_leaves_no_folder(line: str, tmp_path: Path) -> None:
-    done = commands.compare(*line.split(), cwd=tmp_path)
+    command = commands.evidence if line in EVIDENCE else commands.compare
+    done = command(*line.split(), cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, ""), done.stderr
     assert list(tmp_path.iterdir()) == []
 

@@ -41,6 +41,7 @@ from compare.cli.app import main
 from compare.files import to_json
 from linkages import INVERTED_SLIDER, SCOTCH_YOKE, chain
 from sample_result import sample_result
+from tests.evidence import __main__ as evidence
 
 TEXT = dumps(load("paper"))
 PAPER = tomllib.loads(TEXT)
@@ -61,6 +62,7 @@ class Row:
     arguments: list[str]
     words: list[str]
     files: dict[str, str | bytes | Callable[[Path], object]] = field(default_factory=dict)
+    main: Callable[[], None] = main
 
 
 def with_field(path: tuple[Any, ...], value: Any, base: dict[str, Any] = PAPER) -> dict[str, Any]:
@@ -592,7 +594,7 @@ RESULTS = {
 
 
 def report(command: list[str], name: str, text: str | bytes | Callable[[Path], object], *words: str) -> Row:
-    return Row([*command, "--reports", "."], ["--reports: ", name, *words], {name: text})
+    return Row([*command, "--reports", "."], ["--reports: ", name, *words], {name: text}, evidence.main)
 
 
 STORED = (["validation", "check", "--simulator", "mujoco"], "validation.json")
@@ -873,7 +875,7 @@ def test_a_hostile_input_is_one_sentence_and_status_2_and_nothing_is_written(
     before = listing(tmp_path)
     monkeypatch.setattr(sys, "argv", ["compare", *row.arguments])
     with pytest.raises(SystemExit) as left:
-        main()
+        row.main()
     out, err = capsys.readouterr()
     assert left.value.code == 2, err
     assert out == ""

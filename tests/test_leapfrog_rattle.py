@@ -15,7 +15,6 @@ from analytic.mechanism import GROUND, MASS_CENTRE, Mechanism
 from analytic.mechanism.file import load
 from analytic.mechanism.parts import ContactLaw
 from asked import request_of
-from compare.evidence import contact_ode
 from engine_checks import run, vector
 from marks import slow
 from sim_models.common.contact_laws import NamedLaw, delivered, named_law
@@ -24,6 +23,7 @@ from sim_models.common.start import Pose
 from sim_models.engine import JointModel, Trace, Unsupported, Watched, engine
 from sim_models.leapfrog.striking import Striking
 from sim_models.run.path import CrankPath
+from tests.evidence import contact_ode
 
 LAWS: tuple[ContactLaw, ...] = ("kelvin-voigt", "hunt-crossley", "lankarani-nikravesh", "flores", "gonthier")
 CLEARANCE, G = 5e-3, 9.81

@@ -15,8 +15,8 @@ from compare.diagnose.predict import Term
 from compare.diagnose.residuals import Data
 from compare.diagnose.search import Search, costs
 from compare.diagnose.sensitivities import candidates, sensitivities
-from compare.evidence.scoreboard.sizes import Sizer
 from diagnosis_rigs import experiment
+from tests.evidence.scoreboard.sizes import Sizer
 
 
 def term(label: str) -> Term:

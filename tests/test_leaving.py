@@ -14,9 +14,9 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
 from compare.domain_map.leaving import Reaction, boundary, contact_law, leaving, reaction
 from compare.domain_map.rim import Way
-from compare.evidence.contact_ode import loop_of, pressed, simulate
 from marks import slow
 from sim_models.common.contact_laws import NamedLaw
+from tests.evidence.contact_ode import loop_of, pressed, simulate
 
 RPM = math.pi / 30
 MASS, FORCE, SPEED = 0.05, 3.0, 20.0  # kg, N, rad/s

@@ -21,13 +21,13 @@ from analytic.mechanism.parts import ContactLaw
 from analytic.paper.kinetostatics import kinetostatics
 from asked import request_of
 from compare.crosscheck import crosscheck
-from compare.evidence.validation.rebounds import dropped, hanging, rebound
-from compare.evidence.validation.striking import LAWS
 from compare.judge.watched import Run, integral, taken
 from rebounds import exact_rebound, law_of, restitutions
 from sim_models.common.contact_laws import delivered, restitution
 from sim_models.engine import JointModel, Trace, Unsupported
 from sim_models.mujoco.engine import ENGINE
+from tests.evidence.validation.rebounds import dropped, hanging, rebound
+from tests.evidence.validation.striking import LAWS
 
 pytestmark = pytest.mark.mujoco
 

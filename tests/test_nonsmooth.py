@@ -12,10 +12,10 @@ from scipy.optimize import brentq
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
-from compare.evidence.contact_ode import Loop, State, centred, kinetic, loop_of, simulate
-from compare.evidence.nonsmooth import Floor, Steps, time_stepping
 from marks import slow
 from sim_models.common.contact_laws import NamedLaw
+from tests.evidence.contact_ode import Loop, State, centred, kinetic, loop_of, simulate
+from tests.evidence.nonsmooth import Floor, Steps, time_stepping
 
 E = 0.6
 

@@ -23,6 +23,7 @@ from analytic.mechanism import Load
 from analytic.mechanism.columns import Layout, Meaning
 from analytic.mechanism.file import dumps, load
 from commands import compare
+from compare.baseline.check import check_baselines, update_baselines
 from compare.cli.app import app
 from compare.cli.folders import ASIDE
 from compare.diagnose import prepare
@@ -30,7 +31,6 @@ from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.measured_file import QUANTITIES, Entry, MeasuredFile
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.sensitivities import candidates
-from compare.evidence.baseline.check import check_baselines, update_baselines
 from compare.faults import OPTIONS
 from marks import slow
 from measured_files import csv_text
@@ -235,7 +235,6 @@ ELSEWHERE = {  # options whose effect another test shows
     ("list", "folder"): "test_history.py",
     ("check", "simulator"): "compares engines beside: above, as simulators",
 }
-EVIDENCE = ("scoreboard", "validation")  # what the project says of itself: test_scoreboard.py, test_validation.py
 OF_TYPER = {"install_completion", "show_completion"}
 NAMES = {option: argument for argument, option in OPTIONS.items()} | {
     "map_": "map", "results": "results", "case": "mechanism"
@@ -270,7 +269,6 @@ def options() -> list[tuple[str, str]]:
     return [
         (name, each.name)
         for name, command in commands()
-        if not name.startswith(EVIDENCE)
         for each in command.params
         if each.name not in ASIDE | OF_TYPER
     ]

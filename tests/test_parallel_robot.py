@@ -1,5 +1,5 @@
 """A pick-and-place robot with two motors, held more often than it needs, by MSC Adams: not in this repository
-(:mod:`compare.evidence.published.parallel_robot`).
+(:mod:`tests.evidence.published.parallel_robot`).
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import linkage_crosscheck as lc
-from compare.evidence.published.parallel_robot import AT_REST, EVERY, FOLDER, recorded
 from sim_models.engine import ENGINES, declared, engine
+from tests.evidence.published.parallel_robot import AT_REST, EVERY, FOLDER, recorded
 
 DATA = Path(os.environ.get("MEASURED_DATA", ""))
 HERE = pytest.mark.skipif(

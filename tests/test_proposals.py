@@ -15,9 +15,6 @@ from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.problem import Options, Problem
 from compare.diagnose.propose.proposal import proposal
 from compare.diagnose.workflow import diagnose
-from compare.evidence.scoreboard.hidden import FIRST
-from compare.evidence.scoreboard.record import make_set
-from compare.evidence.scoreboard.score import opened
 from compare.report.diagnosis_page import diagnosis_html
 from compare.report.diagnosis_text import diagnosis_md, terminal_lines
 from compare.report.proposed import figure
@@ -25,6 +22,9 @@ from compare.results.diagnosis import Diagnosis, Proposed
 from diagnosis_rigs import SENSORS, experiment, four_bar, played, turn
 from marks import slow
 from sim_models.engine import ENGINES
+from tests.evidence.scoreboard.hidden import FIRST
+from tests.evidence.scoreboard.record import make_set
+from tests.evidence.scoreboard.score import opened
 
 CELLS = {"reaction_B_x": 0.02, "reaction_B_y": 0.02}
 MACHINES = tuple(e.name for e in VOCABULARY.values() if e.hiding.sets == "machines")  # what has a name is not proposed

@@ -1,5 +1,5 @@
 """Andrews' squeezer: what the analytic side and the engines make of it, held to its published solution
-(:mod:`compare.evidence.published.squeezer`).
+(:mod:`tests.evidence.published.squeezer`).
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from analytic.beyond_paper.released import released
 from analytic.kinematics.assembly import Assembly
 from analytic.paper.kinetostatics import Reactions
 from asked import request_of
-from compare.evidence.published.squeezer import ANGLES, END, MULTIPLIERS, PINS, RATES, STATED, STEP, relative, squeezer
 from marks import slow
 from sim_models.engine import declared, engine
+from tests.evidence.published.squeezer import ANGLES, END, MULTIPLIERS, PINS, RATES, STATED, STEP, relative, squeezer
 
 
 def by_its_crank(times: np.ndarray) -> Reactions:

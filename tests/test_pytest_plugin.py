@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import linkage_crosscheck as lc
-from compare.evidence.baseline.check import check_baselines
+from compare.baseline.check import check_baselines
 from sim_models import engine as seam
 
 pytest_plugins = ["pytester"]

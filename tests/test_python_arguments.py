@@ -23,10 +23,10 @@ from analytic.mechanism import MechanismError
 from analytic.mechanism.file import dumps, load
 from analytic.paper.frame import ComplianceError
 from compare.arguments import engines, every_one, names, numbers, refuse_large
+from compare.baseline.file import BaselineError
 from compare.cli.app import app
 from compare.diagnose.data.recording import MeasuredError
 from compare.domain_map.validity import gridded, increasing
-from compare.evidence.baseline.file import BaselineError
 from compare.faults import ArgumentError
 from compare.files import OutputError
 from compare.judge.grid import GridError

@@ -15,8 +15,8 @@ from compare.diagnose.data.recording import Measured
 from compare.diagnose.effects.effect import Effect, Rig, Values
 from compare.diagnose.effects.sensors import EFFECTS
 from compare.diagnose.effects.vocabulary import VOCABULARY
-from compare.evidence.scoreboard.sizes import Planted
 from diagnosis_rigs import SENSORS, assert_recovered, diagnosed, experiment, four_bar, named, played, turn, wrong
+from tests.evidence.scoreboard.sizes import Planted
 
 RECOVERED = {  # effect -> where, values
     "gravity": ("linkage", {"x": 1.0, "y": -9.0}),

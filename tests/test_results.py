@@ -9,7 +9,6 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-import jsonschema
 import numpy as np
 import pytest
 from IPython.core.formatters import DisplayFormatter
@@ -17,9 +16,9 @@ from IPython.core.formatters import DisplayFormatter
 import linkage_crosscheck as lc
 import sample_diagnosis
 from compare.results.document import Document, DocumentError
-from compare.results.schemas import FOLDER, documents, schema
-from compare.results.scoreboard import Scoreboard
-from compare.results.validation import Validation
+from document_faults import faults
+from tests.evidence.results.scoreboard import Scoreboard
+from tests.evidence.results.validation import Validation
 
 REPORTS = Path(__file__).parents[1] / "reports"
 ANGLES = np.radians([30.0, 60.0, 90.0])
@@ -84,8 +83,7 @@ def test_a_result_is_written_read_again_and_as_its_schema_says(result: Document,
     assert {path.name for path in folder.iterdir()} == set(result.files())
     content = json.loads((folder / result.file).read_text(encoding="utf-8"))
     assert content == json.loads(result.to_json())
-    rules = json.loads((FOLDER / result.file).read_text(encoding="utf-8"))
-    assert [e.message for e in jsonschema.Draft202012Validator(rules).iter_errors(content)] == []
+    assert faults(type(result), content) == []
     assert type(result).read(folder / result.file).to_json() == result.to_json()
 
 
@@ -93,13 +91,6 @@ def test_a_file_that_is_another_document_is_refused_with_field_and_remedy(result
     (tmp_path / "other.json").write_text('{"schema": 1, "case": "paper"}', encoding="utf-8")
     with pytest.raises(DocumentError, match=r"other\.json: .* is missing; add it; (give|restore)"):
         type(result).read(tmp_path / "other.json")
-
-
-@pytest.mark.parametrize("name", documents())
-def test_a_schema_file_is_in_step_with_its_model(name: str) -> None:
-    assert (FOLDER / name).read_text(encoding="utf-8") == schema(documents()[name]), (
-        "run python -m compare.results.schemas"
-    )
 
 
 @pytest.mark.parametrize("name", lc.__all__)

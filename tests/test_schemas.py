@@ -6,7 +6,6 @@ import copy
 import json
 import re
 from collections.abc import Callable, Iterator
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -28,9 +27,12 @@ from compare.results.schemas import FOLDER, documents, schema
 from marks import slow
 from planted import Planted, turned
 from sim_models.engine import Motion
+from tests.evidence import __main__ as of_evidence
+from tests.evidence import results as evidence
 
-SCHEMAS = sorted(p.name for p in resources.files("compare").joinpath("schemas").iterdir() if p.name.endswith(".json"))
-RESULT = json.loads(resources.files("compare").joinpath("schemas", "result.json").read_text(encoding="utf-8"))
+SCHEMAS = {path.name: path for folder in (FOLDER, evidence.FOLDER) for path in sorted(folder.glob("*.json"))}
+DOCUMENTS = documents() | evidence.documents()
+RESULT = json.loads(SCHEMAS["result.json"].read_text(encoding="utf-8"))
 TOLERANCES = load_tolerances()
 REPORTS = Path(__file__).parents[1] / "reports"
 
@@ -59,7 +61,7 @@ def paper() -> Any:
 
 @pytest.mark.parametrize("name", SCHEMAS)
 def test_a_schema_is_one_and_pins_the_version(name: str) -> None:
-    schema = json.loads(resources.files("compare").joinpath("schemas", name).read_text(encoding="utf-8"))
+    schema = json.loads(SCHEMAS[name].read_text(encoding="utf-8"))
     jsonschema.Draft202012Validator.check_schema(schema)
     assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
     assert schema["properties"]["schema"] == {"const": 1}
@@ -79,14 +81,14 @@ JSON_OF = {  # what a command prints with --json
     "compare export": "export.json",
     "compare import": "import.json",
     "compare list": "runs.json",
-    "compare scoreboard check": "scoreboard-check.json",
-    "compare scoreboard show": "scoreboard-set.json",
-    "compare scoreboard update": "scoreboard.json",
+    "python -m tests.evidence scoreboard check": "scoreboard-check.json",
+    "python -m tests.evidence scoreboard show": "scoreboard-set.json",
+    "python -m tests.evidence scoreboard update": "scoreboard.json",
     "compare show": "provenance.json",
     "compare simulate": "simulation.json",
     "compare simulators": "simulators.json",
-    "compare validation check": "validation-check.json",
-    "compare validation update": "validation.json",
+    "python -m tests.evidence validation check": "validation-check.json",
+    "python -m tests.evidence validation update": "validation.json",
     "compare validity": "validity.json",
 }
 # what compare show prints of it, without a signal and with one, and what compare diagnose --check prints
@@ -102,15 +104,19 @@ def commands(name: str, command: Any) -> Iterator[tuple[str, Any]]:
 
 def test_every_command_that_prints_json_prints_a_document_with_a_schema() -> None:
     """That it is as its schema says is for the tests of each document."""
-    every = commands("compare", typer.main.get_command(app))
+    every = [
+        each
+        for name, one in (("compare", app), ("python -m tests.evidence", of_evidence.app))
+        for each in commands(name, typer.main.get_command(one))
+    ]
     able = {name for name, command in every if any("--json" in parameter.opts for parameter in command.params)}
     assert able == set(JSON_OF)
-    assert set(JSON_OF.values()) | OF_A_DIAGNOSIS <= set(documents()) == set(SCHEMAS)
+    assert set(JSON_OF.values()) | OF_A_DIAGNOSIS <= set(DOCUMENTS) == set(SCHEMAS)
 
 
 @pytest.mark.parametrize("name", SCHEMAS)
 def test_a_schema_is_that_of_its_document(name: str) -> None:
-    assert (FOLDER / name).read_text(encoding="utf-8") == schema(documents()[name])
+    assert SCHEMAS[name].read_text(encoding="utf-8") == schema(DOCUMENTS[name]), "run python -m compare.results.schemas"
 
 
 def test_json_is_printed_in_one_place_and_of_a_document() -> None:
@@ -129,7 +135,7 @@ COMMITTED = [
 @pytest.mark.parametrize("path", COMMITTED)
 def test_every_committed_report_is_what_its_schema_says(path: str) -> None:
     name = path.rpartition("/")[2]
-    schema = json.loads(resources.files("compare").joinpath("schemas", name).read_text(encoding="utf-8"))
+    schema = json.loads(SCHEMAS[name].read_text(encoding="utf-8"))
     assert faults(json.loads((REPORTS / path).read_text(encoding="utf-8")), schema) == []
 
 

@@ -16,13 +16,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from rich.console import Console
-from typer.testing import CliRunner
 
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Load
 from analytic.mechanism.file import load
 from asked import request_of
-from compare.cli.app import app
+from commands import evidence
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.effects.effect import Rig
 from compare.diagnose.effects.sensors import EncoderOffset
@@ -30,43 +29,13 @@ from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.fit import Fitter
 from compare.diagnose.predict import Term
 from compare.diagnose.problem import Options, Problem
-from compare.evidence.scoreboard import board as board_module
-from compare.evidence.scoreboard import check, several
-from compare.evidence.scoreboard.bench.coarse import EFFECTS, effect_of
-from compare.evidence.scoreboard.bench.large import draw as draw_large
-from compare.evidence.scoreboard.bench.nuisances import encoder_zeros, of_channels
-from compare.evidence.scoreboard.bench.pendulum import Pendulum
-from compare.evidence.scoreboard.bench.rig import is_empty, slightly_off, uneven
-from compare.evidence.scoreboard.bench.rig import moved as moved_on_bench
-from compare.evidence.scoreboard.bench.sensors import counted, drifting, filtered, pink
-from compare.evidence.scoreboard.bench.sigmas import Ruler
-from compare.evidence.scoreboard.board import FULL, board, in_turn, run_all, scored, seeds, thresholds, wilson
-from compare.evidence.scoreboard.hidden import (
-    COUNTS,
-    DIAGNOSING,
-    FIRST,
-    MANY,
-    Hidden,
-    analytic,
-    draw,
-    hidden_in,
-    kind_of,
-    placed,
-)
-from compare.evidence.scoreboard.memory import bouc_wen, bristle, remembered
-from compare.evidence.scoreboard.outside import EXCLUDED, OUTSIDE, UNNAMED, Outside, draw_outside, moved, pull
-from compare.evidence.scoreboard.rattling import BANDS, SOURCES
-from compare.evidence.scoreboard.rattling import CASES as LINKAGES
-from compare.evidence.scoreboard.record import make, make_set, recorded
-from compare.evidence.scoreboard.rigs import Experiment, Plan, Rejected, ideal
-from compare.evidence.scoreboard.score import BENCH, failed, opened, score
-from compare.evidence.scoreboard.several import Moves
-from compare.evidence.scoreboard.sizes import Planted, Sizer
-from compare.evidence.stored import read, status
 from compare.faults import Exit, OptionError
 from compare.results.diagnosis import Closing, Diagnosis, Effect, Parameter, Proposed, SamePlace, SmallError, Unknown
 from compare.results.document import DocumentError
-from compare.results.scoreboard import (
+from document_faults import faults
+from marks import slow
+from sim_models.engine import engine
+from tests.evidence.results.scoreboard import (
     HiddenSet,
     Kind,
     Recorder,
@@ -78,9 +47,39 @@ from compare.results.scoreboard import (
     TrueOutsider,
     Truth,
 )
-from document_faults import faults
-from marks import slow
-from sim_models.engine import engine
+from tests.evidence.scoreboard import board as board_module
+from tests.evidence.scoreboard import check, several
+from tests.evidence.scoreboard.bench.coarse import EFFECTS, effect_of
+from tests.evidence.scoreboard.bench.large import draw as draw_large
+from tests.evidence.scoreboard.bench.nuisances import encoder_zeros, of_channels
+from tests.evidence.scoreboard.bench.pendulum import Pendulum
+from tests.evidence.scoreboard.bench.rig import is_empty, slightly_off, uneven
+from tests.evidence.scoreboard.bench.rig import moved as moved_on_bench
+from tests.evidence.scoreboard.bench.sensors import counted, drifting, filtered, pink
+from tests.evidence.scoreboard.bench.sigmas import Ruler
+from tests.evidence.scoreboard.board import FULL, board, in_turn, run_all, scored, seeds, thresholds, wilson
+from tests.evidence.scoreboard.hidden import (
+    COUNTS,
+    DIAGNOSING,
+    FIRST,
+    MANY,
+    Hidden,
+    analytic,
+    draw,
+    hidden_in,
+    kind_of,
+    placed,
+)
+from tests.evidence.scoreboard.memory import bouc_wen, bristle, remembered
+from tests.evidence.scoreboard.outside import EXCLUDED, OUTSIDE, UNNAMED, Outside, draw_outside, moved, pull
+from tests.evidence.scoreboard.rattling import BANDS, SOURCES
+from tests.evidence.scoreboard.rattling import CASES as LINKAGES
+from tests.evidence.scoreboard.record import make, make_set, recorded
+from tests.evidence.scoreboard.rigs import Experiment, Plan, Rejected, ideal
+from tests.evidence.scoreboard.score import BENCH, failed, opened, score
+from tests.evidence.scoreboard.several import Moves
+from tests.evidence.scoreboard.sizes import Planted, Sizer
+from tests.evidence.stored import read, status
 
 REPORTS = Path(__file__).parents[1] / "reports" / "scoreboard"
 DRAWN = [name for name, effect in VOCABULARY.items() if effect.hiding.sets == "effects"]
@@ -687,8 +686,8 @@ def test_a_seal_with_an_effect_of_no_size_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_set_that_is_shown_is_as_its_schema_says_and_in_words_for_a_person(tmp_path: Path) -> None:
-    done = CliRunner().invoke(app, ["scoreboard", "show", "2", "--json", "--out", str(tmp_path / "o")])
-    assert done.exit_code == 0, done.output
+    done = evidence("scoreboard", "show", "2", "--json", "--out", "o", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
     content = json.loads(done.stdout)
     assert faults(HiddenSet, content) == []
     assert content["truth"] == json.loads((tmp_path / "o" / "seal" / "truth.json").read_text(encoding="utf-8"))
@@ -759,7 +758,7 @@ def test_a_check_names_the_sets_that_are_worse_and_no_others(monkeypatch: pytest
     assert found.made_again == f"{len(stored.results)} of {len(stored.results)} sets made again"
     assert faults(ScoreboardCheck, json.loads(found.to_json())) == []
     assert status(found) == Exit.DISAGREES
-    with pytest.raises(OptionError, match=r"scoreboard.json.*compare scoreboard update"):
+    with pytest.raises(OptionError, match=r"scoreboard.json.*python -m tests.evidence scoreboard update"):
         check.check_scoreboard(tmp_path)
 
 

@@ -11,8 +11,8 @@ from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.predict import Term
 from compare.diagnose.propose.regression import solved
 from compare.diagnose.sensitivities import Columns, Screen, Sensitivity
-from compare.evidence.scoreboard.sizes import Sizer
 from diagnosis_rigs import experiment
+from tests.evidence.scoreboard.sizes import Sizer
 
 SIZE = 200
 RIG = Sizer(experiment()).rig

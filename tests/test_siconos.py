@@ -18,8 +18,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from compare.evidence.nonsmooth import time_stepping
-from compare.evidence.published.after_impact import (
+from marks import slow
+from tests.evidence.nonsmooth import time_stepping
+from tests.evidence.published.after_impact import (
     FINER,
     FRICTION,
     GUIDE,
@@ -40,8 +41,7 @@ from compare.evidence.published.after_impact import (
     starts,
     told,
 )
-from compare.evidence.published.flying_block import FOLDER
-from marks import slow
+from tests.evidence.published.flying_block import FOLDER
 
 DATA = Path(os.environ.get("MEASURED_DATA", ""))
 published = pytest.mark.skipif(

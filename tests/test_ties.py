@@ -6,9 +6,9 @@ import pytest
 
 from compare.diagnose.explain import explain
 from compare.diagnose.problem import Options, Problem
-from compare.evidence.scoreboard.sizes import Planted
 from diagnosis_rigs import Result, diagnosed, experiment, named, played, turn, wrong
 from marks import slow
+from tests.evidence.scoreboard.sizes import Planted
 
 RUNS = (turn("slow", 4.0), turn("fast", 9.0), turn("reverse", -6.0))
 NOISE = {"crank_angle": 5e-5, "follower_angle": 5e-5, "drive_torque": 5e-3}

@@ -12,9 +12,8 @@ from analytic.mechanism import Drive, Load, Mechanism
 from analytic.mechanism.file import dumps, load, loads, shipped_cases
 from analytic.mechanism.signals import named
 from asked import job_of, request_of
+from compare.baseline.runs import setups
 from compare.crosscheck import crosscheck_job
-from compare.evidence.baseline.runs import setups
-from compare.evidence.validation.scales import Scale, linkage, scale_rows, scales
 from compare.judge.discrepancy import load_tolerances
 from linkages import inverted_slider, shaper
 from marks import slow
@@ -22,6 +21,7 @@ from sim_models.common.contact_laws import DRIVEN_STIFFNESS, STATIC_STIFFNESS, T
 from sim_models.common.units import OF_UNIT, SI, Units
 from sim_models.common.weights import with_equal_masses
 from sim_models.engine import ENGINES, SimulationError, Trace, engine
+from tests.evidence.validation.scales import Scale, linkage, scale_rows, scales
 
 TURN = np.radians(np.arange(0.0, 360.0, 30.0))
 OTHER = Units(2.0**3, 2.0**-30, 2.0**-12)  # of length (m), mass (kg) and time (s)

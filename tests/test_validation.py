@@ -13,22 +13,22 @@ import numpy as np
 import pytest
 
 from analytic.mechanism.file import load, shipped_cases
-from commands import compare, without
-from compare.evidence.stored import other_versions, read, stale_page
-from compare.evidence.validation.beside import diagnosed, maps, with_beside
-from compare.evidence.validation.check import REMEDY, differences, looked_at, update_validation
-from compare.evidence.validation.files import apart
-from compare.evidence.validation.runs import first_order
-from compare.evidence.validation.scales import checked
+from commands import evidence, without
 from compare.faults import OptionError
-from compare.report.validation import drawn, page
-from compare.report.validation_striking import beside
-from compare.results.scoreboard import Scoreboard
-from compare.results.validation import Validation, ValidationCheck
 from compare.results.validity import Validity
 from document_faults import faults
 from sample_result import as_document, sample_result
 from sim_models.engine import declared
+from tests.evidence.pages.striking import beside
+from tests.evidence.pages.validation import drawn, page
+from tests.evidence.results.scoreboard import Scoreboard
+from tests.evidence.results.validation import Validation, ValidationCheck
+from tests.evidence.stored import other_versions, read, stale_page
+from tests.evidence.validation.beside import diagnosed, maps, with_beside
+from tests.evidence.validation.check import REMEDY, differences, looked_at, update_validation
+from tests.evidence.validation.files import apart
+from tests.evidence.validation.runs import first_order
+from tests.evidence.validation.scales import checked
 
 REPORTS = Path(__file__).parents[1] / "reports"
 CONTENT = json.loads((REPORTS / "validation.json").read_text(encoding="utf-8"))
@@ -329,7 +329,7 @@ def test_an_update_keeps_what_it_does_not_make(tmp_path: Path, monkeypatch: pyte
     copied(tmp_path)
     again = STORED.ended[2].model_copy(update={"starts": 7})
     bare = STORED.model_copy(update={"published": STORED.published[:1], "laws": (), "ended": (again,), "maps": ()})
-    monkeypatch.setattr("compare.evidence.validation.check.run_all", lambda *_, **__: bare)
+    monkeypatch.setattr("tests.evidence.validation.check.run_all", lambda *_, **__: bare)
     update_validation(tmp_path)
     found = read(Validation, tmp_path)
     assert found.laws == STORED.laws
@@ -397,7 +397,7 @@ def test_a_damaged_report_is_refused_in_one_sentence(damage: str, tmp_path: Path
     with pytest.raises(OptionError) as caught:
         read(Validation, tmp_path)
     assert words in str(caught.value)
-    assert "compare validation update" in str(caught.value)
+    assert "python -m tests.evidence validation update" in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
@@ -416,7 +416,7 @@ def test_the_command_makes_the_runs_of_the_engines_that_are_here_and_does_not_pa
 ) -> None:
     copied(tmp_path)
     with without("exudyn", "pybullet", "dartpy"):
-        done = compare("validation", "check", "--reports", ".", cwd=tmp_path)
+        done = evidence("validation", "check", "--reports", ".", cwd=tmp_path)
     assert done.returncode == 3, done.stdout + done.stderr
     again, scales = len(checked()) * 8, len(STORED.scales)
     assert (
@@ -439,9 +439,9 @@ def test_the_command_says_what_is_not_found_again_and_leaves_with_status_1(
     (tmp_path / "validation.json").write_text(json.dumps(tampered), encoding="utf-8")
     asked = []
     monkeypatch.setattr(
-        "compare.evidence.validation.check.run_all", lambda engines, *_, **__: asked.append(engines) or only("mujoco")
+        "tests.evidence.validation.check.run_all", lambda engines, *_, **__: asked.append(engines) or only("mujoco")
     )
-    done = compare("validation", "check", "--reports", ".", "--simulator", "mujoco", cwd=tmp_path)
+    done = evidence("validation", "check", "--reports", ".", "--simulator", "mujoco", cwd=tmp_path)
     assert asked == [("mujoco",)]
     assert done.returncode == 1, done.stdout + done.stderr
     page_line, run_line, table_line, summary = done.stdout.splitlines()
@@ -449,16 +449,16 @@ def test_the_command_says_what_is_not_found_again_and_leaves_with_status_1(
     assert run_line.startswith("crank-rocker, ideal, driven, mujoco: largest share")
     assert table_line.startswith("first_order, clearance 0.01: angle was 99")
     assert summary.endswith("; 3 differ from validation.json")
-    told = compare("validation", "check", "--reports", ".", "--simulator", "mujoco", "--json", cwd=tmp_path)
+    told = evidence("validation", "check", "--reports", ".", "--simulator", "mujoco", "--json", cwd=tmp_path)
     content = json.loads(told.stdout)
     assert faults(ValidationCheck, content) == []
     assert content["differences"] == [page_line, run_line, table_line]
 
 
 def test_a_folder_of_data_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    done = compare("validation", "check", "--data", "nowhere", cwd=tmp_path)
+    done = evidence("validation", "check", "--data", "nowhere", cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == "compare: --data nowhere: there is no such folder\n"
-    done = compare("validation", "check", "--data", ".", cwd=tmp_path)
+    done = evidence("validation", "check", "--data", ".", cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
     assert "has none of adams-parallel-robot, emps" in done.stderr

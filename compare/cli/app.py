@@ -35,9 +35,7 @@ from compare.cli.options import (
 )
 from compare.cli.pipe import reader_may_go
 from compare.cli.publish import finished, publish
-from compare.cli.scoreboard import scoreboard
 from compare.cli.show import show
-from compare.cli.validation import validation
 from compare.cli.validity import validity
 from compare.faults import Exit, complaints
 from compare.files import made_folder
@@ -197,5 +195,3 @@ app.command()(simulators)
 app.command()(validity)
 app.command()(show)
 app.add_typer(baseline, name="baseline")
-app.add_typer(scoreboard, name="scoreboard")
-app.add_typer(validation, name="validation")

@@ -52,7 +52,7 @@ def check(
     failed.
     """
     with complaints(context):
-        from compare.evidence.baseline.check import check_baselines
+        from compare.baseline.check import check_baselines
 
         refuse_inputs(context, [junit] if junit is not None else [], "--junit")
         with nullcontext() if junit is None else made_folder(junit.parent, "--junit"):
@@ -84,7 +84,7 @@ def update(
     Exit status: 0 written, 2 bad input, 3 a simulator is missing or failed.
     """
     with complaints(context):
-        from compare.evidence.baseline.check import update_baselines
+        from compare.baseline.check import update_baselines
 
         with progress_bar() as progress:
             found = update_baselines(
@@ -101,7 +101,7 @@ def _recorded(results: list[Path] | None, case: str | None) -> list[Path] | None
 
 def _end(found: Baselines, json: bool, quiet: bool) -> None:
     """Print what was found, say what was not, and leave with the gravest status."""
-    from compare.evidence.baseline.check import status
+    from compare.baseline.check import status
 
     show(found, json=json, quiet=quiet)
     faults = [entry.why for entry in found.entries if entry.status in ("unusable", "failed")]

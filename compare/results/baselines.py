@@ -7,8 +7,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from analytic.mechanism.one_line import count
-from compare.results.document import Number, Part, Row
-from compare.results.evidence import Remade
+from compare.results.document import Document, Number, Part, Row
 
 Status = Literal["same", "moved", "unusable", "failed", "written", "unchanged"]
 
@@ -78,7 +77,7 @@ class Entry(Part):
         return f"Entry({self.case}, {self.simulator}: {self.status})"
 
 
-class Baselines(Remade):
+class Baselines(Document):
     """Reaction forces of every case in every engine, held to their baselines."""
 
     file: ClassVar[str] = "baselines.json"
@@ -87,7 +86,19 @@ class Baselines(Remade):
     opens: ClassVar[str] = "baselines.json"
     opened: ClassVar[str] = "numbers"
 
+    stored: Annotated[str, Field(description="The file or folder that holds it.")]
+    made_again: Annotated[str, Field(description="How much of it was made again, in words.")]
+    differences: Annotated[tuple[str, ...], Field(description="What is no longer as it is stored, a sentence each.")]
+    notes: Annotated[
+        tuple[str, ...], Field(description="What is otherwise and no difference, such as another version of an engine.")
+    ]
+    left_out: Annotated[tuple[str, ...], Field(description="What could not be made again here, and why.")]
     entries: tuple[Entry, ...]
+
+    @property
+    def holds(self) -> bool:
+        """Whether nothing that was made again differs."""
+        return not self.differences
 
     def rows(self) -> list[Row]:
         """A row for each column that moved, and one for each baseline in which none did."""
@@ -104,3 +115,7 @@ class Baselines(Remade):
             ]
             rows += [head | each for each in moved] or [head]
         return rows
+
+    def __repr__(self) -> str:
+        left = f", {len(self.left_out)} left out" if self.left_out else ""
+        return f"Baselines({self.stored}: {self.made_again}; {len(self.differences)} differ{left})"

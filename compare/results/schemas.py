@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib
 import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from pydantic.json_schema import GenerateJsonSchema
@@ -28,8 +29,6 @@ MODULES = (
     "residuals",
     "preview",
     "baselines",
-    "validation",
-    "scoreboard",
 )
 FOLDER = Path(__file__).parents[1] / "schemas"
 
@@ -63,17 +62,18 @@ def _close(schema: object) -> None:
             _close(item)
 
 
-def documents() -> dict[str, type[Document]]:
-    """Every document by the name of its schema's file, which is that of its own but where two have the same."""
-    for module in MODULES:
-        importlib.import_module(f"compare.results.{module}")
-    return {found.described or found.file: found for found in _below(Document)}
-
-
-def _below(model: type[Document]) -> list[type[Document]]:
-    return [
-        each for child in model.__subclasses__() for each in ([child] if "file" in vars(child) else []) + _below(child)
-    ]
+def documents(package: str = "compare.results", modules: Sequence[str] = MODULES) -> dict[str, type[Document]]:
+    """Every document of a package's modules by the name of its schema's file, which is that of its own but where two
+    documents have the same.
+    """
+    every = [importlib.import_module(f"{package}.{name}") for name in modules]
+    return {
+        kind.described or kind.file: kind
+        for module in every
+        for kind in vars(module).values()
+        if isinstance(kind, type) and issubclass(kind, Document) and kind.__module__ == module.__name__
+        if "file" in vars(kind)
+    }
 
 
 def schema(document: type[Document]) -> str:
@@ -89,11 +89,11 @@ def schema(document: type[Document]) -> str:
     return json.dumps(head | found, indent=2, ensure_ascii=False) + "\n"
 
 
-def main() -> None:
-    """Write the schema files."""
-    for name, document in documents().items():
-        (FOLDER / name).write_text(schema(document), encoding="utf-8")
+def write(folder: Path, kinds: Mapping[str, type[Document]]) -> None:
+    """Write the schema files of documents, by name, into a folder."""
+    for name, document in kinds.items():
+        (folder / name).write_text(schema(document), encoding="utf-8")
 
 
 if __name__ == "__main__":
-    main()
+    write(FOLDER, documents())

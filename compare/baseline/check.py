@@ -1,0 +1,297 @@
+"""The baselines of cases in engines: checked, or written where they are not what is found."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from analytic.kinematics.closure import AssemblyError
+from analytic.kinematics.structure import StructureError
+from analytic.mechanism import Mechanism
+from analytic.mechanism.file import shipped_cases
+from analytic.mechanism.one_line import count
+from compare.arguments import Linkage, Simulators, engines, linkage, modelling, warn_of_friction
+from compare.arguments import path as checked_path
+from compare.baseline.file import Baseline, BaselineError, StoredRun, owned, read, write
+from compare.baseline.moved import fits, moved
+from compare.baseline.runs import of_results, simulated
+from compare.check import Results, layout_of, result_files
+from compare.faults import ArgumentError, Exit, OptionError
+from compare.files import OutputError, file_name, made_folder, write_atomically
+from compare.progress import Progress, progress_bar
+from compare.recorded.errors import DataError
+from compare.recorded.table import Table, read_table, unused
+from compare.results.baselines import Baselines, Entry, Moved, Status
+from compare.results.crosscheck import RECORDED
+from compare.runs import Resolve
+from sim_models.engine import SimulationError, SimulatorMissing, Unsupported, engine
+
+WHERE = Path("reports") / "baselines"
+Cases = Linkage | Sequence[Linkage]
+"""One linkage or several: mechanisms, names of shipped cases, or mechanism files."""
+Made = Callable[[Mechanism, str, Resolve], tuple[str, list[StoredRun]]]
+Work = Callable[[Mechanism, str, Path, Resolve, str, Made], Entry]
+GRAVITY: dict[Status, Exit] = {
+    "moved": Exit.DISAGREES,
+    "unusable": Exit.BAD_INPUT,
+    "failed": Exit.SIMULATOR_FAILED,
+}
+
+
+def check_baselines(
+    cases: Cases | None = None,
+    simulators: Simulators = "all",
+    folder: str | Path = WHERE,
+    *,
+    results: Results | None = None,
+    map: str | Path | None = None,
+    progress: Progress | None = None,
+) -> Baselines:
+    """Run every case in every engine, and find all reaction forces that are not where the baseline has them.
+
+    ``cases`` are all shipped ones by default, ``folder`` is where the baseline files are.  A baseline that is missing
+    or damaged, and an engine that fails, is an entry with its reason, whatever becomes of the others.  ``results`` are
+    files of another program's results of one case, in place of engines; ``map`` says what their columns are.
+
+    Raises MechanismError for a case, Unsupported for an unknown engine, SimulatorMissing where none is installed.
+    """
+    where = checked_path(folder, "folder")
+    _one_source(simulators, results, map)
+    if results is not None:
+        return _recorded(check_one, cases, results, map, where)
+    with progress_bar(progress) as told:
+        return _each(check_one, cases, simulators, where, told)
+
+
+def update_baselines(
+    cases: Cases | None = None,
+    simulators: Simulators = "all",
+    folder: str | Path = WHERE,
+    *,
+    results: Results | None = None,
+    map: str | Path | None = None,
+    progress: Progress | None = None,
+) -> Baselines:
+    """Write the baseline of every case in every engine; numbers that have not moved, and files without any that have,
+    stay as they are.  Raises OutputError, and what :func:`check_baselines` does.
+    """
+    _one_source(simulators, results, map)
+    with made_folder(Path(folder), "--baselines") as place, progress_bar(progress) as told:
+        if results is not None:
+            return _recorded(update_one, cases, results, map, place)
+        return _each(update_one, cases, simulators, place, told)
+
+
+def _one_source(simulators: Simulators, results: Results | None, map: str | Path | None) -> None:
+    """Raises ArgumentError for what belongs to engines beside results, or to results that are not given."""
+    if results is not None and simulators != "all":
+        raise ArgumentError(
+            "simulators", "results are another program's, in place of an engine's; leave one of them out"
+        )
+    if results is None and map is not None:
+        raise ArgumentError("map", "says what the columns of results are; give them, or leave it out")
+
+
+def status(found: Baselines) -> Exit:
+    """The gravest exit status of all entries."""
+    return max((GRAVITY.get(entry.status, Exit.AGREES) for entry in found.entries), default=Exit.AGREES)
+
+
+def _each(work: Work, cases: Cases | None, simulators: Simulators, folder: Path, progress: Progress) -> Baselines:
+    if cases is None:
+        wanted: Sequence[Linkage] = shipped_cases()
+    else:
+        wanted = [cases] if isinstance(cases, Mechanism | str) or not isinstance(cases, Sequence) else cases
+    mechanisms = [
+        (linkage(case, large=True), case.name if isinstance(case, Mechanism) else str(case)) for case in wanted
+    ]
+    installed, left_out = engines(simulators)
+    names = [modelling(name) for name in installed]
+    for mechanism, _ in mechanisms:
+        warn_of_friction(mechanism, None, "static")
+    entries = []
+    for mechanism, typed in mechanisms:
+        for name in names:
+            entries.append(_safely(work, mechanism, name, folder, typed))
+            progress("baselines", len(entries), len(mechanisms) * len(names))
+    return _baselines(folder, entries, left_out)
+
+
+def _recorded(work: Work, cases: Cases | None, results: Results, map: str | Path | None, folder: Path) -> Baselines:
+    """The baselines of results that another program has recorded of one case."""
+    if cases is None or not isinstance(cases, Mechanism | str | Path):
+        raise ArgumentError("cases", "results are of one case; give it")
+    mechanism = linkage(cases, large=True)
+    files, layout = result_files(results), layout_of(map)
+    tables: list[Table] = []
+
+    def made(m: Mechanism, simulator: str, resolve: Resolve) -> tuple[str, list[StoredRun]]:
+        tables.append(read_table(files[simulator], m, layout, timed=False, derived=True))
+        return RECORDED, [of_results(m, tables[-1])]
+
+    typed = cases.name if isinstance(cases, Mechanism) else str(cases)
+    entries = [_safely(work, mechanism, name, folder, typed, made) for name in files]
+    idle = set(layout.columns) - {entry for table in tables for entry in table.used} if tables else set()
+    headings = list(dict.fromkeys(heading for table in tables for heading in table.headings))
+    return _baselines(folder, entries, [unused(f"{map}: ", entry, headings) for entry in sorted(idle)])
+
+
+def _baselines(folder: Path, entries: Sequence[Entry], left_out: Sequence[str]) -> Baselines:
+    """What was found, with what differs in sentences."""
+    differences = [f"{e.case}, {e.simulator}: {m.sentence}" for e in entries if e.status == "moved" for m in e.moved]
+    faults = [e.why for e in entries if e.status in ("unusable", "failed")]
+    notes = [
+        f"{e.file}: made with {e.simulator} {e.stored_version}, and {e.version} is here"
+        for e in entries
+        if e.status in ("same", "moved") and e.stored_version != e.version
+    ]
+    done = len(entries) - len(faults)
+    return Baselines(
+        stored=str(folder),
+        made_again=f"{done} of {count(len(entries), 'baseline')}",
+        differences=tuple(differences),
+        notes=tuple(notes),
+        left_out=(*left_out, *faults),
+        entries=tuple(entries),
+    )
+
+
+def _safely(
+    work: Work, mechanism: Mechanism, simulator: str, folder: Path, typed: str, made: Made = simulated
+) -> Entry:
+    """The entry of a pair; with the reason in place of an answer where there is a foreseen fault."""
+    try:
+        return work(mechanism, simulator, folder, engine, typed, made)
+    except (SimulatorMissing, SimulationError) as error:
+        failed: Status = "failed"
+        why = error.said(()) if isinstance(error, SimulationError) else str(error)
+    except (OptionError, OutputError, Unsupported, AssemblyError, StructureError, DataError) as error:
+        failed, why = "unusable", str(error)
+    path = file_of(folder, mechanism.name, simulator)
+    return Entry(case=mechanism.name, simulator=simulator, file=str(path), status=failed, why=why)
+
+
+def file_of(folder: Path, case: str, simulator: str) -> Path:
+    """Where the baseline of a case in an engine is kept."""
+    return folder / f"{file_name(case)}-{file_name(simulator)}.toml"
+
+
+def command(verb: str, typed: str, simulator: str, folder: Path) -> str:
+    """The command line that does this to one baseline, to be pasted into a shell."""
+    elsewhere = [] if folder == WHERE else ["--baselines", str(folder)]
+    return shlex.join(["compare", "baseline", verb, "--case", typed, "--simulator", simulator, *elsewhere])
+
+
+def check_one(
+    mechanism: Mechanism,
+    simulator: str,
+    folder: Path,
+    resolve: Resolve = engine,
+    typed: str | None = None,
+    made: Made = simulated,
+) -> Entry:
+    """What moved in one baseline.  ``resolve`` is where the engine comes from, ``typed`` what names the case on a
+    command line, ``made`` what makes the runs again.
+
+    Raises BaselineError, SimulationError, SimulatorMissing, Unsupported.
+    """
+    path = file_of(folder, mechanism.name, simulator)
+    again = command("update", typed or mechanism.name, simulator, folder)
+    return check_file(path, mechanism, simulator, again, resolve, made)
+
+
+def check_file(
+    path: Path,
+    mechanism: Mechanism,
+    simulator: str,
+    again: str,
+    resolve: Resolve = engine,
+    made: Made = simulated,
+) -> Entry:
+    """What moved in the baseline of a file; ``again`` is the command that writes it anew.  Raises what
+    :func:`check_one` does.
+    """
+    stored = read(path, mechanism.name, simulator, again)
+    version, fresh = made(mechanism, simulator, resolve)
+    misfit = fits(stored.runs, fresh)
+    if misfit:
+        raise BaselineError(f"{path}: {misfit}; if that is meant, write it anew with: {again}")
+    found = _moved(stored, fresh)
+    return _entry(path, stored, version, found, "moved" if found else "same", "")
+
+
+def update_one(
+    mechanism: Mechanism,
+    simulator: str,
+    folder: Path,
+    resolve: Resolve = engine,
+    typed: str | None = None,
+    made: Made = simulated,
+) -> Entry:
+    """Write one baseline if anything in it changed.  Raises what check_one does, but a damaged file of the case is
+    replaced.
+    """
+    path = file_of(folder, mechanism.name, simulator)
+    checks = command("check", typed or mechanism.name, simulator, folder)
+    return update_file(path, mechanism, simulator, checks, resolve, made)
+
+
+def update_file(
+    path: Path,
+    mechanism: Mechanism,
+    simulator: str,
+    checks: str,
+    resolve: Resolve = engine,
+    made: Made = simulated,
+) -> Entry:
+    """Write the baseline of a file if anything in it changed; ``checks`` is the command that checks it.  Raises what
+    :func:`update_one` does.
+    """
+    owned(path, mechanism.name, simulator)
+    version, fresh = made(mechanism, simulator, resolve)
+    new = Baseline(mechanism.name, simulator, version, tuple(fresh))
+    found: tuple[Moved, ...] = ()
+    old, why = new, "written"
+    try:
+        stored = read(path, mechanism.name, simulator, "")
+    except BaselineError:
+        pass
+    else:
+        old, why, new = stored, "rewritten: other runs than before", replace(new, tolerance=stored.tolerance)
+        if not fits(stored.runs, fresh):
+            found = _moved(stored, fresh)
+            new = replace(new, runs=tuple(_kept(stored, fresh, found)))
+            why = "" if not found and version == stored.version else "rewritten"
+    if why:
+        write_atomically(path, write(new, checks))
+    return _entry(path, old, version, found, "written" if why else "unchanged", why)
+
+
+def _entry(path: Path, stored: Baseline, version: str, found: tuple[Moved, ...], became: Status, why: str) -> Entry:
+    return Entry(
+        case=stored.case,
+        simulator=stored.simulator,
+        file=str(path),
+        status=became,
+        version=version,
+        stored_version=stored.version,
+        runs=len(stored.runs),
+        signals=sum(max(0, len(run.columns) - (run.places is not None)) for run in stored.runs),
+        numbers=sum(run.rows.size for run in stored.runs),
+        moved=found,
+        why=why,
+    )
+
+
+def _moved(stored: Baseline, fresh: Sequence[StoredRun]) -> tuple[Moved, ...]:
+    pairs = zip(stored.runs, fresh, strict=True)
+    return tuple(each for old, new in pairs for each in moved(old, new, stored.tolerance))
+
+
+def _kept(stored: Baseline, fresh: Sequence[StoredRun], found: Sequence[Moved]) -> Iterator[StoredRun]:
+    """The old run where nothing in it moved, so that a rewritten file differs in what moved and nothing else."""
+    changed = {each.run for each in found}
+    for old, new in zip(stored.runs, fresh, strict=True):
+        yield new if new.name in changed else old

@@ -1,0 +1,97 @@
+"""What has moved against a baseline: whether its runs are still the case's, and each column that is not where
+it was.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+
+import numpy as np
+
+from compare.baseline.file import NO_DIRECTION, PLACES, StoredRun, Tolerance, inline
+from compare.results.baselines import Moved
+
+SAME_PLACE = 1e-6  # deg, s
+WEAK = 1e-3  # of the run's largest force: the size of a weaker joint's is held to that
+
+
+def fits(stored: Sequence[StoredRun], fresh: Sequence[StoredRun]) -> str:
+    """Why two sets of runs cannot be compared, or nothing."""
+    if [run.name for run in stored] != [run.name for run in fresh]:
+        return f"it has the runs {_listed(stored)}; the case now has {_listed(fresh)}"
+    for old, new in zip(stored, fresh, strict=True):
+        if json.loads(json.dumps(old.added)) != json.loads(json.dumps(new.added)):
+            return f"run {old.name!r} was made with {inline(old.added)}, and is now made with {inline(new.added)}"
+        if bool(old.skipped) != bool(new.skipped):
+            return f"run {old.name!r} " + (
+                f"was skipped ({old.skipped}) and now runs" if old.skipped else f"is skipped now: {new.skipped}"
+            )
+        if old.columns != new.columns or old.rows.shape != new.rows.shape:
+            return f"run {old.name!r} has other columns or another number of crank angles"
+        if (
+            old.places is not None
+            and new.places is not None
+            and not np.allclose(old.places, new.places, rtol=0, atol=0.5e-4 + SAME_PLACE)
+        ):
+            return f"run {old.name!r} is at other crank angles"
+    return ""
+
+
+def _listed(runs: Sequence[StoredRun]) -> str:
+    return ", ".join(repr(run.name) for run in runs) or "none"
+
+
+def moved(old: StoredRun, new: StoredRun, tolerance: Tolerance) -> list[Moved]:
+    """Every column of a run that moved; the runs must fit."""
+    largest = max(
+        (float(np.nanmax(old.rows[:, j])) for j, name in enumerate(old.columns) if name.endswith("_magnitude [N]")),
+        default=0.0,
+    )
+    found = []
+    for j, column in enumerate(old.columns):
+        if column in PLACES:
+            continue
+        signal, _, unit = column.removesuffix("]").partition(" [")
+        by = new.rows[:, j] - old.rows[:, j]
+        if unit == "deg":
+            by = (by + 180) % 360 - 180
+            by[_turned_up_or_lost(old.rows[:, j], new.rows[:, j], old.rows[:, j + 1])] = np.inf
+        allowed = _allowed(signal, unit, old.rows[:, j], largest, tolerance)
+        gone = np.flatnonzero(np.abs(by) > allowed)
+        if gone.size:
+            k = int(gone[np.argmax(np.abs(by[gone]))])
+            found.append(
+                Moved(
+                    run=old.name,
+                    signal=signal,
+                    unit=unit,
+                    by=float(by[k]),
+                    was=float(old.rows[k, j]),
+                    tolerance=allowed,
+                    at=_place(old, k),
+                    count=gone.size,
+                    of=by.size,
+                )
+            )
+    return found
+
+
+def _turned_up_or_lost(old: np.ndarray, new: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """Where (N,) only one side has a direction, though the stored force is not just at the limit of having one."""
+    limit = NO_DIRECTION * size.max()
+    return (np.isnan(old) != np.isnan(new)) & (np.abs(size - limit) > 0.01 * limit)
+
+
+def _allowed(signal: str, unit: str, values: np.ndarray, largest: float, tolerance: Tolerance) -> float:
+    if unit == "deg":
+        return tolerance.angle
+    if signal.endswith("_magnitude"):
+        return tolerance.magnitude * max(float(values.max()), WEAK * largest)
+    return tolerance.free_share if signal.startswith("free_share_") else tolerance.rms * float(values.max())
+
+
+def _place(run: StoredRun, k: int) -> str:
+    if run.places is None:
+        return ""
+    return f"{run.places[k]:.6g} {'deg' if run.columns[0] == PLACES[0] else 's'}"

@@ -1,0 +1,247 @@
+"""What a baseline holds of a case: which runs, and each run's reaction forces as a table.
+
+Ideal joints are driven; joints with clearance rest in static equilibrium under load, the only motion in which every
+engine gives the same direction to many digits.  A pin that bounces repeats only on average, so such a run keeps
+averages over its revolutions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from pydantic import JsonValue
+
+from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.schedule import Schedule
+from analytic.mechanism import Drive, Load, Mechanism
+from analytic.mechanism.file import load, shipped_cases
+from compare.baseline.file import NO_DIRECTION, StoredRun
+from compare.judge.grid import FREE_TIME, default_angles
+from compare.recorded.errors import DataError
+from compare.recorded.table import Table
+from compare.results.crosscheck import Failure
+from compare.runs import Counted, Resolve, simulate
+from compare.schedules import by_angle, over_time
+from sim_models.engine import Engine, JointModel, Request, SimulationError, Trace, Unsupported, check_supported
+
+ROWS = 36  # of a table, at most
+NO_FORCE = 1e-6  # of the run's largest force: a joint below it carries none
+LOOSE: tuple[JointModel, ...] = ("massless-link", "spring-damper", "contact")
+BOUNCING: tuple[JointModel, ...] = ("spring-damper", "contact")
+REVOLUTIONS = 40  # of an impacting run
+SAMPLES = 360  # of each of them
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """What a shipped case is given so that its pins rest against their bearings: clearance (m), and loads beside its
+    own.
+    """
+
+    clearance: Mapping[str, float]
+    loads: tuple[Load, ...] = ()
+
+
+LOADED = {
+    "2r-arm": Loaded({"K": 2e-4}),
+    "3-rpr": Loaded({"C1": 2e-4}),
+    "3-rrr": Loaded({"C1": 2e-4}),
+    "five-bar": Loaded({"P": 2e-4}),
+    "crank-rocker": Loaded({"B": 5e-4}, (Load(body="follower", torque=-2.0),)),
+    "pendulum": Loaded({"O": 5e-4}),
+    "six-bar": Loaded({"B": 5e-4}),
+    "slider-crank": Loaded({"B": 5e-4}, (Load(body="slider", force=(-100.0, 0.0)),)),
+}
+
+
+@dataclass(frozen=True)
+class Setup:
+    """One run to make; ``added`` is what it has that the case has not, as the file says it."""
+
+    request: Request
+    added: Mapping[str, JsonValue] = field(default_factory=dict)
+    impacting: bool = False
+
+    @property
+    def name(self) -> str:
+        """What the run is called in the file."""
+        return f"{self.request.joint_model}, {'impacting' if self.impacting else self.request.motion}"
+
+
+def setups(mechanism: Mechanism) -> list[Setup]:
+    """The runs of a case, ideal first; one that no crank moves has its drives at their speeds in all of them.
+
+    Raises AssemblyError where the case cannot be assembled.
+    """
+    assembly = Assembly(mechanism)
+    if not by_angle(assembly):
+        return list(_over_time(mechanism, over_time(assembly)))
+    theta = _thinned(default_angles(assembly))
+    found = []
+    if mechanism.speed is not None:
+        found.append(Setup(Request(mechanism.tight(), "ideal", Schedule.at_angles(mechanism, theta))))
+    else:
+        found.append(Setup(Request(mechanism.tight(), "ideal", Schedule.released(mechanism, _thinned(FREE_TIME)))))
+    loaded = _loaded(mechanism)
+    if loaded.clearance:
+        added: dict[str, JsonValue] = {"clearance": dict(loaded.clearance)}
+        if loaded.loads:
+            added["load"] = [load.model_dump(exclude_unset=True, mode="json") for load in loaded.loads]
+        at_rest = mechanism.with_clearances(loaded.clearance).replace(loads=mechanism.loads + loaded.loads)
+        held = Schedule.at_angles(at_rest, theta, at_rest=True)
+        found += [Setup(Request(at_rest, model, held), added) for model in LOOSE]
+    if _shipped(mechanism) and mechanism.name == "crank-rocker":
+        found += _impacting(mechanism)
+    return found
+
+
+def _over_time(mechanism: Mechanism, schedule: Schedule) -> Iterator[Setup]:
+    """Drives along their courses, with ideal joints and, where all freedoms have a drive, with clearance."""
+    ideal = Request(mechanism.tight(), "ideal", replace(schedule, time=_thinned(schedule.time)))
+    yield Setup(ideal)
+    loaded = _loaded(mechanism)
+    if loaded.clearance and len(schedule.drives) == len(Assembly(mechanism).structure.inputs):
+        loose = mechanism.with_clearances(loaded.clearance)
+        for model in LOOSE:
+            yield Setup(replace(ideal, mechanism=loose, joint_model=model), {"clearance": dict(loaded.clearance)})
+
+
+def _shipped(mechanism: Mechanism) -> bool:
+    return mechanism.name in shipped_cases() and mechanism == load(mechanism.name)
+
+
+def _loaded(mechanism: Mechanism) -> Loaded:
+    """What a case is given so that its pins rest against their bearings."""
+    own = _shipped(mechanism) and mechanism.name in LOADED
+    return LOADED[mechanism.name] if own else Loaded(mechanism.clearances)
+
+
+def _impacting(mechanism: Mechanism) -> Iterator[Setup]:
+    """600 rpm, 0.5 mm in B: its pin loses contact several times a revolution, and damping is too weak to hold
+    it down.
+    """
+    fast = mechanism.with_clearances({"B": 5e-4}).with_joint("B", contact_damping=30.0)
+    fast = fast.replace(drive=Drive(joint=mechanism.drive_joint.name, speed=20 * np.pi))
+    added: dict[str, JsonValue] = {
+        "speed": 20 * np.pi,
+        "clearance": {"B": 5e-4},
+        "contact_damping": 30.0,
+        "revolutions": REVOLUTIONS,
+    }
+    theta = np.arange(SAMPLES * REVOLUTIONS) * (2 * np.pi / SAMPLES)
+    for model in BOUNCING:
+        request = Request(fast, model, Schedule.at_angles(fast, theta), lead_in=2 * np.pi, watched=True)
+        yield Setup(request, added, impacting=True)
+
+
+def _thinned(grid: np.ndarray) -> np.ndarray:
+    return grid[:: -(-grid.size // ROWS)]
+
+
+def simulated(mechanism: Mechanism, simulator: str, resolve: Resolve) -> tuple[str, list[StoredRun]]:
+    """The engine's version, and the runs of a case in it; what it does not support is listed without a table.
+
+    Raises SimulatorMissing or Unsupported for the engine, SimulationError where a run fails.
+    """
+    engine, version, runs = resolve(simulator), "", []
+    for setup in setups(mechanism):
+        request = setup.request
+        why = not_run(simulator, engine, request)
+        if why:
+            runs.append(StoredRun(setup.name, setup.added, skipped=why))
+            continue
+        trace = _trace(engine, request)
+        version = trace.version
+        runs.append(_averages(setup, trace) if setup.impacting else _table(setup, trace))
+    return version, runs
+
+
+def not_run(simulator: str, engine: Engine, request: Request) -> str:
+    """Why an engine does not run a request, in a sentence; empty if it does."""
+    if (request.joint_model, request.motion) not in engine.capabilities.runs:
+        return f"{simulator} does not simulate {request.joint_model} joints in {request.motion} motion"
+    try:
+        check_supported(engine, request)
+    except Unsupported as error:
+        return str(error)
+    return ""
+
+
+def _trace(engine: Engine, request: Request) -> Trace:
+    outcome = simulate(engine.name, request, lambda name: engine)
+    if isinstance(outcome, Failure):
+        raise Unsupported(outcome.why) if outcome.unsupported else SimulationError(outcome.why)
+    return outcome
+
+
+def _force(trace: Trace, joint: str) -> np.ndarray:
+    return trace.signals[f"reaction_{joint}_x"] + 1j * trace.signals[f"reaction_{joint}_y"]
+
+
+def _table(setup: Setup, trace: Trace) -> StoredRun:
+    """Direction (deg) and size (N) of every reaction, a row for each crank angle (deg), or time (s) of a released
+    linkage.
+    """
+    forces = {joint.name: _force(trace, joint.name) for joint in setup.request.mechanism.joints}
+    largest = max(float(np.abs(f).max()) for f in forces.values())
+    schedule = setup.request.schedule
+    angles = {"crank_angle [deg]": np.degrees(trace.crank_angle)}
+    columns = angles if schedule.turns_evenly else {"time [s]": schedule.time}
+    for joint, force in forces.items():
+        size = np.abs(force)
+        known = size > max(NO_DIRECTION * size.max(), NO_FORCE * largest)
+        columns[f"reaction_{joint}_angle [deg]"] = np.where(known, np.degrees(np.angle(force)), np.nan)
+        columns[f"reaction_{joint}_magnitude [N]"] = size
+    return StoredRun(setup.name, setup.added, tuple(columns), np.column_stack(list(columns.values())))
+
+
+def of_results(mechanism: Mechanism, table: Table) -> StoredRun:
+    """The reactions that a file of results has, as a run: a row for each of at most ROWS of its samples.
+
+    Raises DataError where it has none.
+    """
+    encoder = table.values.get(f"{mechanism.driven}_angle") if mechanism.cranked else None
+    size = next(iter(table.values.values())).size
+    every = slice(None, None, -(-size // ROWS))
+    if table.time.size:
+        columns = {"time [s]": table.time[every]}
+    elif encoder is not None:
+        columns = {"crank_angle [deg]": np.degrees(encoder[every])}
+    else:
+        raise DataError(f"the results of {mechanism.name} have neither time nor the crank's angle; add one")
+    for joint in (joint.name for joint in mechanism.joints):
+        sides = [table.values.get(f"reaction_{joint}_{axis}") for axis in ("x", "y")]
+        if sides[0] is None or sides[1] is None:
+            continue
+        force = (sides[0] + 1j * sides[1])[every]
+        known = np.abs(force) > NO_DIRECTION * np.nanmax(np.abs(force))
+        columns[f"reaction_{joint}_angle [deg]"] = np.where(known, np.degrees(np.angle(force)), np.nan)
+        columns[f"reaction_{joint}_magnitude [N]"] = np.abs(force)
+    if len(columns) == 1 or not all(np.all(np.isfinite(v)) for n, v in columns.items() if not n.endswith("[deg]")):
+        raise DataError(
+            f"the results of {mechanism.name} have no reaction in every row with both components, reaction_<joint>_x"
+            " and _y; add them"
+        )
+    return StoredRun("recorded", {}, tuple(columns), np.column_stack(list(columns.values())))
+
+
+def _averages(setup: Setup, trace: Trace) -> StoredRun:
+    """Averages of each joint with clearance over the revolutions: root mean square force and peak force (N), the share
+    of time without contact, and impacts.
+
+    A rigid contact (no stiffness in its settings) has impulses, whose force is a matter of the time step: none is kept.
+    """
+    columns: dict[str, float] = {}
+    found = trace.contact if isinstance(trace, Counted) else None
+    for joint, share in trace.free_share.items():
+        known = found.joints[joint].statistics if found is not None else {}
+        average = {name: each.value or 0.0 for name, each in known.items()}
+        if "contact_stiffness" in trace.settings:
+            columns[f"reaction_{joint}_rms [N]"] = float(np.sqrt(np.mean(np.abs(_force(trace, joint)) ** 2)))
+            columns |= {f"reaction_{joint}_peak [N]": average["peak_force"]} if average else {}
+        columns[f"free_share_{joint} [1]"] = share
+        if average:
+            columns[f"impacts_{joint} [per turn]"] = average["impacts"]
+    return StoredRun(setup.name, setup.added, tuple(columns), np.array([list(columns.values())]))

@@ -1,1 +1,0 @@
-"""Evidence that is stored, made again and compared: baselines, validation, scoreboard."""

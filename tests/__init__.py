@@ -1,0 +1,1 @@
+"""Tests; ``evidence``, what the project says of itself; and benchmarks."""
