@@ -13,8 +13,8 @@ from scipy.ndimage import maximum_filter1d
 from analytic.beyond_paper.drive import Motor, Turning
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
-from compare.diagnose.data.smooth import Smoother
 from compare.judge.reference import SURE
+from compare.recorded.smooth import Smoother
 from sim_models.engine import JointModel, Motion, Request
 
 STRAIGHT = 1e-6  # rad: a crank that is off an even turning by no more turns evenly
