@@ -15,13 +15,13 @@ from analytic.mechanism.signals import Signal, wrapped
 from compare.arguments import number
 from compare.faults import ArgumentError
 from compare.quantities import quantities
+from compare.report.words.effects import quantity
 from compare.results.crosscheck import CrossCheck, Discrepancy, Run
 from compare.results.diagnosis import DiagnosedRun, Diagnosis, Side
 from compare.results.document import Number
 from compare.results.kinds import read_as
 from compare.results.provenance import Analytic, Equation, Provenance, Sample, Simulated
 from compare.results.residuals import Residual, Residuals, SignalResiduals
-from compare.results.sentences import quantity
 from sim_models.engine import ENGINES, SCHEMES, offers, scheme_of
 
 KINETOSTATICS = "analytic/paper/kinetostatics.py"

@@ -10,9 +10,9 @@ import numpy as np
 
 from analytic.mechanism import GROUND, Mechanism
 from compare.quantities import number
-from compare.report.contact import MEASURES
 from compare.report.figures import Axis, Figure, Numbers, Series, clearance_circle, scaled, simulators
 from compare.report.summary import REAL
+from compare.report.words.contact import MEASURES
 from compare.results.contact import JointContact, Orbit
 from compare.results.crosscheck import CrossCheck, Run
 from sim_models.common.guide import Guide

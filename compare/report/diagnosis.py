@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.console import Console
 
-from compare.quantities import fitting
+from compare.quantities import fitting, plainly
 from compare.report.diagnosis_page import diagnosis_html
 from compare.report.diagnosis_text import diagnosis_md, terminal_lines
-from compare.report.diagnosis_words import of_effect, remaining
 from compare.report.explained import explained_toml
 from compare.report.junit import Case, junit_xml
+from compare.report.tables import html_table, say
+from compare.report.words.effects import of_effect, phrase, spoken
+from compare.report.words.measured import remaining
 from compare.results.diagnosis import Diagnosis
-from compare.results.sentences import phrase, plainly, spoken
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -56,8 +57,7 @@ def junit(result: Diagnosis) -> str:
 
 def print_table(result: Diagnosis, console: Console) -> None:
     """Print the verdict in a few lines: what is missing, with intervals; the gap; where it shows."""
-    for line in terminal_lines(result):
-        console.print(line, soft_wrap=True, highlight=False)
+    say(console, *terminal_lines(result))
 
 
 def summary_html(result: Diagnosis) -> str:
@@ -65,10 +65,8 @@ def summary_html(result: Diagnosis) -> str:
     rows = [
         (phrase(result, effect.name, effect.where), *row) for effect in result.effects for row in of_effect(effect)
     ] or [("nothing", "", "", "")]
-    body = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
-    head = "<tr><th>missing</th><th>parameter</th><th>value</th><th>95 % interval</th></tr>"
     verdict = f"<b>{html.escape(result.case)}: {html.escape(result.verdict)}.</b> {html.escape(result.statement)}"
-    return f"<p>{verdict}</p><table>{head}{body}</table>"
+    return f"<p>{verdict}</p>" + html_table(rows, ("missing", "parameter", "value", "95 % interval"))
 
 
 def plot(result: Diagnosis, figure: Figure) -> None:

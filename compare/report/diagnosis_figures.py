@@ -13,12 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from compare.quantities import MINUS, Quantity, number
-from compare.report.diagnosis_words import SIGMA, run_title
 from compare.report.figures import Axis, Figure, Numbers, Series, scaled
 from compare.report.svg import ticks
+from compare.report.words.diagnosis import SIGMA
+from compare.report.words.effects import quantity, spoken
+from compare.report.words.located import wrapped
+from compare.report.words.measured import off, off_by, reading, run_title
 from compare.results.diagnosis import DiagnosedRun, Diagnosis, Side
 from compare.results.document import listed
-from compare.results.sentences import off, off_by, quantity, reading, spoken, wrapped
 
 COLUMNS = 72  # of the map: 5 degrees where the crank turns fully
 LEVELS = (2.0, 4.0, 10.0, 30.0)  # sigmas at which the map's colour changes

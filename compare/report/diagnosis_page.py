@@ -3,34 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib import resources
+from functools import partial
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from compare.quantities import DASH, MINUS, assumptions
+from compare.quantities import DASH, MINUS, assumptions, plainly
 from compare.report import diagnosis_figures as figures
-from compare.report import diagnosis_words as words
-from compare.report import proposed
-from compare.report.diagnosis_text import NOTHING_TRIED, SIGNS
 from compare.report.explained import changes, without_null
-from compare.report.pages import script_json
+from compare.report.pages import Script, Section, page
+from compare.report.proposed import figure as law_figure
 from compare.report.svg import NOT_XML, draw
-from compare.results.diagnosis import DiagnosedRun, Diagnosis
+from compare.report.words import diagnosis as words
+from compare.report.words import proposals
+from compare.report.words.effects import called, of_effect, of_runs, phrase, rival_words, small_errors, spoken
+from compare.report.words.located import located, worst_first
+from compare.report.words.measured import in_units, off_by, run_title, validation_sentences
+from compare.results.diagnosis import Diagnosis
 from compare.results.document import as_written
-from compare.results.places import located
-from compare.results.sentences import (
-    called,
-    capital,
-    in_units,
-    off_by,
-    phrase,
-    plainly,
-    small_errors,
-    spoken,
-    validation_sentences,
-)
 
 LOOKS = {
     "no gap": "agrees",
@@ -41,76 +31,105 @@ LOOKS = {
 }
 PLACES = 10  # located deviations that are listed before one has to ask for the rest
 CANDIDATES = 12
-STATUS = {
-    "named": "named",
-    "tied": "tied",
-    "not needed": "not named",
-    "not physical": "not physical",
-    "invisible": "not visible in these data",
-    "excluded": "ruled out",
-}
 
 
 def diagnosis_html(result: Diagnosis) -> str:
     """The page over a diagnosis."""
-    nominal, explained = (as_written(mechanism) for mechanism in (result.mechanism, result.explained))
-    panels, found = figures.panels(result), figures.maps(result)
-    places = words.worst_first(result)
-    candidates = sorted(result.candidates, key=lambda c: (c.status not in ("named", "tied"), -(c.sigmas or 0.0)))
-    context = {
+    panels, maps = figures.panels(result), figures.maps(result)
+    parts: dict[str, dict[str, object]] = {
+        "where": _where(result, maps),
+        "story": {"steps": [step for step in result.steps if step.title != "Result"]},
+        "residuals": _residuals(result, panels),
+        "engines": {},
+        "candidates": _candidates(result),
+        "faults": {},
+        "provenance": _provenance(result),
+    }
+    said: dict[str, object] = {
         "result": result,
+        "words": words,
+        "phrase": lambda effect: phrase(result, effect.name, effect.where),
+        "named": partial(called, result),
+        "spoken": partial(spoken, result),
+        "off": partial(off_by, result),
+    }
+    return page(
+        f"{result.case}: {result.verdict} {DASH} diagnosis",
+        Section("diagnosis/header.html.j2", said | _header(result)),
+        [Section(f"diagnosis/{name}.html.j2", said | part) for name, part in parts.items()],
+        styles=("diagnosis.css",),
+        script=Script(("chart.js", "diagnosis.js"), _data(result, panels, maps)),
+        skip_to="where they disagree",
+        footer="All values come from diagnosis.json beside this page, which needs no network.",
+    )
+
+
+def _header(result: Diagnosis) -> dict[str, object]:
+    """The verdict, what is missing, what was tried and is proposed, and what to do next."""
+    laws = [Markup(draw(law_figure(result, p, f"law-{i}"))) for i, p in enumerate(result.proposed)]
+    return {
         "look": LOOKS[result.verdict],
-        "sign": SIGNS[result.verdict],
+        "sign": words.SIGNS[result.verdict],
         "singles": [group for group in words.ties(result) if len(group) == 1],
         "tied": [group for group in words.ties(result) if len(group) > 1],
         "bars": words.waterfall(result),
         "sensors": in_units(result),
         "validation": validation_sentences(result),
         "attempts": words.attempts(result),
-        "nothing_tried": NOTHING_TRIED,
         "proposed": [
-            (
-                p,
-                proposed.sentences(result, p),
-                proposed.numbers(p),
-                Markup(draw(proposed.figure(result, p, f"law-{i}"))),
-            )
-            for i, p in enumerate(result.proposed)
+            (p, proposals.sentences(result, p), proposals.numbers(p), law)
+            for p, law in zip(result.proposed, laws, strict=True)
         ],
-        "proposal": proposed,
-        "unsettled": words.unsettled(result),
-        "words": words,
-        "steps": [step for step in result.steps if step.title != "Result"],
-        "maps": found,
+        "heading": proposals.heading(result),
+        "next_steps": words.next_steps(result),
+        "own": partial(of_runs, result),
+        "parameters": of_effect,
+        "small_errors": partial(small_errors, result),
+        "rival": partial(rival_words, result),
+        "percent": lambda share: DASH if share is None else f"{plainly(100 * share, 2)} %",
+    }
+
+
+def _where(result: Diagnosis, maps: list[figures.Map]) -> dict[str, object]:
+    """Where measured and simulated are apart: the maps, and in words."""
+    return {
+        "maps": maps,
         "cells": _strip,
         "legend": _legend(),
-        "places": places,
+        "places": worst_first(result),
         "listed": PLACES,
-        "panels": panels,
-        "runs": _runs(result, panels),
-        "widest": max(
-            (i for i, run in enumerate(result.runs) if run.role == "fit"),
-            key=lambda i: max((p.gap_before or 0.0 for p in panels if p.run == i), default=0.0),
-        ),
+        "located": partial(located, result),
+    }
+
+
+def _residuals(result: Diagnosis, panels: list[figures.Panel]) -> dict[str, object]:
+    """Each run with its panels and their numbers, the widest gap first."""
+    worst = sorted(enumerate(panels), key=lambda item: -(item[1].gap_before or 0.0))
+    return {
+        "runs": [(i, run, [item for item in worst if item[1].run == i]) for i, run in enumerate(result.runs)],
+        "widest": next(panel.run for _, panel in worst if result.runs[panel.run].role == "fit"),
+        "band": figures.BAND,
+        "run_title": run_title,
         "drawings": [
             Markup(draw(figures.overlay(panel, f"values-{i}")) + draw(figures.figure(panel, f"residual-{i}")))
             for i, panel in enumerate(panels)
         ],
-        "candidates": candidates,
-        "candidates_listed": CANDIDATES,
-        "statuses": STATUS,
-        "next_steps": words.next_steps(result),
-        "mechanism": toml(nominal),
-        "explained": toml(explained),
+    }
+
+
+def _candidates(result: Diagnosis) -> dict[str, object]:
+    order = sorted(result.candidates, key=lambda c: (c.status not in ("named", "tied"), -(c.sigmas or 0.0)))
+    return {"candidates": order, "candidates_listed": CANDIDATES, "statuses": words.STATUS}
+
+
+def _provenance(result: Diagnosis) -> dict[str, object]:
+    return {
+        "mechanism": toml(as_written(result.mechanism)),
+        "explained": toml(as_written(result.explained)),
         "changes": changes(result),
         "settings": words.settings(result),
         "assumed": assumptions(result.assumed),
-        "band": figures.BAND,
-        "css": _static("report.css") + _static("diagnosis.css"),
-        "scripts": _static("chart.js") + _static("diagnosis.js"),
-        "data": script_json(_data(result, panels, found)),
     }
-    return _environment(result).get_template("diagnosis.html.j2").render(context)
 
 
 def toml(mechanism: Mapping[str, object]) -> str:
@@ -118,15 +137,6 @@ def toml(mechanism: Mapping[str, object]) -> str:
     import tomli_w
 
     return tomli_w.dumps(without_null(mechanism))
-
-
-def _runs(
-    result: Diagnosis, panels: list[figures.Panel]
-) -> list[tuple[int, DiagnosedRun, list[tuple[int, figures.Panel]]]]:
-    """Each run with its panels and their numbers, the widest gap first."""
-    numbered = list(enumerate(panels))
-    worst = sorted(numbered, key=lambda item: -(item[1].gap_before or 0.0))
-    return [(i, run, [item for item in worst if item[1].run == i]) for i, run in enumerate(result.runs)]
 
 
 def _strip(found: figures.Map, strip: figures.Strip, side: str) -> Markup:
@@ -193,35 +203,3 @@ def _data(result: Diagnosis, panels: list[figures.Panel], found: list[figures.Ma
             for m in found
         ],
     }
-
-
-def _environment(result: Diagnosis) -> Environment:
-    environment = Environment(
-        loader=PackageLoader("compare.report"), autoescape=True, undefined=StrictUndefined, keep_trailing_newline=True
-    )
-    environment.filters |= {
-        "number": plainly,
-        "percent": lambda share: DASH if share is None else f"{plainly(100 * share, 2)} %",
-        "signed": lambda value: plainly(value, 3, True),
-        "parameters": words.of_effect,
-        "own": lambda effect: words.of_runs(result, effect),
-        "small_errors": lambda effect: small_errors(result, effect),
-        "headline": lambda effect: words.headline(result, effect),
-        "rival": lambda group, effect: words.rival_words(result, group, effect),
-        "phrase": lambda effect: phrase(result, effect.name, effect.where),
-        "named": lambda key: called(result, key),
-        "spoken": lambda signal: spoken(result, signal),
-        "off": lambda value, signal: off_by(result, signal, value),
-        "sentence": lambda place: located(result, place),
-        "advice": words.advice,
-        "remark": words.remark,
-        "run_title": words.run_title,
-        "simulated_by": words.simulated_by,
-        "sigmas": lambda value: plainly(value, 2),
-        "capital": capital,
-    }
-    return environment
-
-
-def _static(name: str) -> Markup:
-    return Markup(resources.files("compare.report").joinpath("static", name).read_text(encoding="utf-8"))

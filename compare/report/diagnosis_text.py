@@ -5,9 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from compare.quantities import DASH, MINUS, SUPERSCRIPT, TIMES, assumptions
-from compare.report import proposed
-from compare.report.diagnosis_words import (
+from analytic.mechanism.one_line import capital
+from compare.quantities import DASH, MINUS, SUPERSCRIPT, TIMES, assumptions, plainly
+from compare.report.pages import code_block
+from compare.report.pages import escape_markdown as md
+from compare.report.words import proposals
+from compare.report.words.diagnosis import (
     GAP,
     HELD_OUT,
     SIGMA,
@@ -15,39 +18,29 @@ from compare.report.diagnosis_words import (
     TIE,
     advice,
     attempts,
-    headline,
     next_steps,
-    of_effect,
-    of_runs,
     percent,
-    rival_odds,
-    rival_words,
     settings,
     simulated_by,
     ties,
-    unsettled,
-    values_of,
     waterfall,
-    worst_first,
 )
-from compare.report.pages import code_block
-from compare.report.pages import escape_markdown as md
-from compare.results.diagnosis import Diagnosis, Effect, Place, Side
-from compare.results.places import located
-from compare.results.sentences import (
-    NOISE,
-    capital,
+from compare.report.words.effects import (
     errors_in_words,
-    in_units,
-    off,
-    off_by,
+    headline,
+    of_effect,
+    of_runs,
     phrase,
-    plainly,
     quantity,
+    rival_odds,
+    rival_words,
     small_errors,
     spoken,
-    validation_sentences,
+    values_of,
 )
+from compare.report.words.located import located, worst_first
+from compare.report.words.measured import NOISE, in_units, off, off_by, validation_sentences
+from compare.results.diagnosis import Diagnosis, Effect, Place, Side
 
 SIGNS = {"no gap": "✓", "explained": "✓", "partly explained": "≈", "ambiguous": "?", "unexplained": "✗"}
 PLACES_SHOWN = 3  # in a terminal
@@ -80,7 +73,7 @@ def terminal_lines(result: Diagnosis) -> list[str]:
     out += validation_sentences(result)
     out += _tried(result)
     for p in result.proposed:
-        out.append(f"proposed ({'adopted' if p.adopted else 'not named'}): {' '.join(proposed.sentences(result, p))}")
+        out.append(f"proposed ({'adopted' if p.adopted else 'not named'}): {' '.join(proposals.sentences(result, p))}")
     places = worst_first(result)
     lead = "where, before" if settled else "where"  # it is the nominal model that is off there
     out += [f"{lead}: {located(result, place)} ({plainly(place.sigmas)} sigma)" for place in places[:PLACES_SHOWN]]
@@ -224,7 +217,7 @@ def _shrinks(effect: Place) -> str:
 def _attempts(result: Diagnosis) -> list[str]:
     """What was tried and is not named; always there where the verdict leaves a question."""
     tried = attempts(result)
-    if not unsettled(result) and not tried:
+    if result.settled and not tried:
         return []
     rows = [[str(i), *map(md, row)] for i, row in enumerate(tried, 1)]
     head = ["", "Effect", "Values", "Share of the squared gap", "Gap without → with", "Not named because"]
@@ -234,11 +227,11 @@ def _attempts(result: Diagnosis) -> list[str]:
 def _proposed(result: Diagnosis) -> list[str]:
     if not result.proposed:
         return []
-    heading, meaning = proposed.heading(result)
+    heading, meaning = proposals.heading(result)
     out = [f"## {heading}", "", meaning, ""]
     for p in result.proposed:
-        rows = [[md(cell) for cell in row] for row in proposed.numbers(p)]
-        out += [md(" ".join(proposed.sentences(result, p))), ""]
+        rows = [[md(cell) for cell in row] for row in proposals.numbers(p)]
+        out += [md(" ".join(proposals.sentences(result, p))), ""]
         out += _table(["Number", "Value", "95 % interval"], rows, (1, 2)) if rows else []
     return out
 

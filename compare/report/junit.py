@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from xml.etree import ElementTree
 
 from compare.quantities import plain
-from compare.report.contact import ASCII, Held, Pair
 from compare.report.summary import Row, ShownRun, Summary
 from compare.report.svg import NOT_XML
+from compare.report.words.contact import ASCII, Held, Pair
+from compare.report.words.crosscheck import row_sentence
 
 
 def junit(summary: Summary) -> str:
@@ -126,11 +127,11 @@ def _case(case: str, run: ShownRun, row: Row) -> ElementTree.Element:
     element = ElementTree.Element("testcase", _clean({"classname": _place(case, run), "name": row.quantity.signal}))
     if row.verdict in ("disagrees", "unjudged"):
         kind = "disagreement" if row.verdict == "disagrees" else "not judged"
-        message = _clean({"message": row.sentence, "type": kind})
+        message = _clean({"message": row_sentence(row), "type": kind})
         ElementTree.SubElement(element, "failure", message).text = message["message"]
     else:
         known = "known difference: " if row.verdict == "known" else ""
-        ElementTree.SubElement(element, "system-out").text = NOT_XML.sub("", known + row.sentence)
+        ElementTree.SubElement(element, "system-out").text = NOT_XML.sub("", known + row_sentence(row))
     return element
 
 

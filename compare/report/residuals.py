@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
@@ -13,6 +12,7 @@ from rich.console import Console
 from analytic.mechanism.one_line import count
 from compare.quantities import amount, fitting, number
 from compare.report.diagnosis_text import in_ascii
+from compare.report.tables import html_table, say
 from compare.results.residuals import Residual, Residuals, SignalResiduals
 
 if TYPE_CHECKING:
@@ -26,8 +26,7 @@ def files(result: SignalResiduals) -> dict[str, str]:
 
 def print_table(result: SignalResiduals, console: Console) -> None:
     """Print the residuals of each run in a few numbers."""
-    for line in lines(result):
-        console.print(line, soft_wrap=True, highlight=False)
+    say(console, *lines(result))
 
 
 def lines(result: SignalResiduals) -> Iterator[str]:
@@ -68,10 +67,8 @@ def summary_html(result: SignalResiduals) -> str:
         for run in result.runs
         for side, residual in (("before", run.before), ("after", run.after))
     ]
-    head = "".join(f"<th>{name}</th>" for name in ("run", "side", "rms", "largest", "at", "gap"))
-    body = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
-    title = html.escape(f"{result.signal}: {result.label}, measured minus simulated")
-    return f"<p>{title}</p><table><tr>{head}</tr>{body}</table>"
+    title = f"{result.signal}: {result.label}, measured minus simulated"
+    return html_table(rows, ("run", "side", "rms", "largest", "at", "gap"), title)
 
 
 def plot(result: SignalResiduals, figure: Figure) -> None:
