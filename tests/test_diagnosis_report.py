@@ -416,7 +416,7 @@ def test_values_of_each_run_are_a_range_and_have_one_unit(explained: dict[str, A
     own = own_values(result, "encoder_offset", "crank_angle", given)
     assert own is not None
     assert own.sentence(2) == "each run has its own encoder zero, 1.7 deg too little to 3.6 deg too much"
-    assert own.located(6).startswith("two of six runs have their own encoder zero")
+    assert own.sentence(6).startswith("two of six runs have their own encoder zero")
     assert own.runs[0] == ("a", f"{MINUS}1.702 deg", f"{MINUS}1.730 to {MINUS}1.673 deg")
     assert [value.split()[-1] for _, value, _ in own.runs] == ["deg", "deg"]  # the first alone would be in mrad
     assert own_values(result, "joint_clearance", "B", {"radial_clearance": given["offset@a"]}) is None

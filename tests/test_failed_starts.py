@@ -18,8 +18,9 @@ from analytic.mechanism.file import dumps, load
 from commands import compare
 from compare.crosscheck import Job, crosscheck_job
 from compare.domain_map.cell import examine
-from compare.domain_map.map import RPM, Grid, cells
+from compare.domain_map.map import Grid, cells
 from compare.judge.discrepancy import load_tolerances
+from compare.report.words.validity import RPM
 from sim_models.common.failed_starts import TooSoft, own_start
 from sim_models.engine import Motion, Request, SimulationError, engine
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from compare.report.tables import html_table
 from compare.report.validity_figure import draw
-from compare.report.validity_text import brief, markdown, millimetres, panel_title, print_table, rpm
+from compare.report.validity_text import markdown, print_table
+from compare.report.words.validity import brief, millimetres, panel_title, rpm
 from compare.results.validity import Cell, Validity
 
 if TYPE_CHECKING:

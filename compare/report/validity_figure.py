@@ -10,7 +10,7 @@ from itertools import product
 from xml.sax.saxutils import quoteattr
 
 from compare.report.svg import NOT_XML, text
-from compare.report.validity_text import (
+from compare.report.words.validity import (
     Measure,
     about,
     edges,
