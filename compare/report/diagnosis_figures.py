@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from compare.quantities import MINUS, Quantity, number
-from compare.report.figures import Axis, Figure, Numbers, Series, scaled
+from compare.report.figures import Axis, Figure, Numbers, Series, extreme, scaled
 from compare.report.svg import ticks
 from compare.report.words.diagnosis import SIGMA
 from compare.report.words.effects import quantity, spoken
@@ -87,10 +87,7 @@ class Panel:
     def summary(self) -> str:
         """The text alternative."""
         sides = (("before", self.before), ("after", self.after))
-        worst = [
-            f"{name} up to {number(max((abs(v) for v in side if v is not None), default=None))} {self.unit}"
-            for name, side in sides
-        ]
+        worst = [f"{name} up to {extreme(side)} {self.unit}" for name, side in sides]
         return f"Measured minus simulated over {self.x.label}: {'; '.join(worst)}; noise {self.noise_text}."
 
     def simulated(self, side: Side) -> Numbers:
