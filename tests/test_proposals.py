@@ -18,8 +18,8 @@ from compare.diagnose.workflow import diagnose
 from compare.evidence.scoreboard.hidden import FIRST
 from compare.evidence.scoreboard.record import make_set
 from compare.evidence.scoreboard.score import opened
-from compare.report.diagnosis_page import diagnosis_html
-from compare.report.diagnosis_text import diagnosis_md, terminal_lines
+from compare.report.diagnosis_page import diagnosis_html, diagnosis_md
+from compare.report.diagnosis_text import terminal_lines
 from compare.report.proposed import figure
 from compare.results.diagnosis import Diagnosis, Proposed
 from diagnosis_rigs import SENSORS, experiment, four_bar, played, turn

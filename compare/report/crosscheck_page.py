@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 
@@ -12,7 +11,7 @@ from markupsafe import Markup
 from compare.quantities import DASH, assumptions
 from compare.report.figures import Figure
 from compare.report.linkage import explorer
-from compare.report.pages import Script, Section, page
+from compare.report.pages import Script, Section, markdown, page
 from compare.report.summary import REAL, ShownRun, Summary
 from compare.report.words.crosscheck import MODELS, SIGNS, WORDS, frame_and_signs, headline, motion, same_order, why
 from compare.results.crosscheck import CrossCheck
@@ -55,8 +54,7 @@ def render(
         skip_to="the differences" if whole else "its provenance",
         footer="All values come from result.json beside this page, which needs no network.",
     )
-    markdown = Section("crosscheck/report.md.j2", shared | {"keys": summary.keys(True, result.mechanism)}).text()
-    return html, re.sub(r"\n{3,}", "\n\n", markdown)
+    return html, markdown(Section("crosscheck/report.md.j2", shared | {"keys": summary.keys(True, result.mechanism)}))
 
 
 def _shared(

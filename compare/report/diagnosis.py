@@ -9,8 +9,8 @@ import numpy as np
 from rich.console import Console
 
 from compare.quantities import fitting, plainly
-from compare.report.diagnosis_page import diagnosis_html
-from compare.report.diagnosis_text import diagnosis_md, terminal_lines
+from compare.report.diagnosis_page import diagnosis_html, diagnosis_md
+from compare.report.diagnosis_text import terminal_lines
 from compare.report.explained import explained_toml
 from compare.report.junit import Case, junit_xml
 from compare.report.tables import html_table, say

@@ -1,25 +1,36 @@
-"""The page of a diagnosis: one file that needs no network, verdict first."""
+"""The page of a diagnosis, one file that needs no network, verdict first; and Markdown that fits a pull request."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
 from markupsafe import Markup, escape
 
+from analytic.mechanism.one_line import capital
 from compare.quantities import DASH, MINUS, assumptions, plainly
 from compare.report import diagnosis_figures as figures
 from compare.report.explained import changes, without_null
-from compare.report.pages import Script, Section, page
+from compare.report.pages import Script, Section, escape_markdown, markdown, page
 from compare.report.proposed import figure as law_figure
 from compare.report.svg import NOT_XML, draw
 from compare.report.words import diagnosis as words
 from compare.report.words import proposals
-from compare.report.words.effects import called, of_effect, of_runs, phrase, rival_words, small_errors, spoken
+from compare.report.words.effects import (
+    called,
+    headline,
+    of_effect,
+    of_runs,
+    phrase,
+    quantity,
+    rival_words,
+    small_errors,
+    spoken,
+)
 from compare.report.words.located import located, worst_first
-from compare.report.words.measured import in_units, off_by, run_title, validation_sentences
-from compare.results.diagnosis import Diagnosis
+from compare.report.words.measured import InUnits, in_units, off, off_by, run_title, validation_sentences
+from compare.results.diagnosis import DiagnosedRun, Diagnosis, Effect, Place
 from compare.results.document import as_written
 
 LOOKS = {
@@ -30,6 +41,7 @@ LOOKS = {
     "unexplained": "disagrees",
 }
 PLACES = 10  # located deviations that are listed before one has to ask for the rest
+PLACES_IN_TEXT = 12
 CANDIDATES = 12
 
 
@@ -45,14 +57,7 @@ def diagnosis_html(result: Diagnosis) -> str:
         "faults": {},
         "provenance": _provenance(result),
     }
-    said: dict[str, object] = {
-        "result": result,
-        "words": words,
-        "phrase": lambda effect: phrase(result, effect.name, effect.where),
-        "named": partial(called, result),
-        "spoken": partial(spoken, result),
-        "off": partial(off_by, result),
-    }
+    said = _said(result)
     return page(
         f"{result.case}: {result.verdict} {DASH} diagnosis",
         Section("diagnosis/header.html.j2", said | _header(result)),
@@ -62,6 +67,85 @@ def diagnosis_html(result: Diagnosis) -> str:
         skip_to="where they disagree",
         footer="All values come from diagnosis.json beside this page, which needs no network.",
     )
+
+
+def _said(result: Diagnosis) -> dict[str, object]:
+    """How the result's signals, effects and places are called."""
+    return {
+        "result": result,
+        "words": words,
+        "phrase": lambda effect: phrase(result, effect.name, effect.where),
+        "named": partial(called, result),
+        "spoken": partial(spoken, result),
+        "located": partial(located, result),
+        "off": partial(off_by, result),
+    }
+
+
+def diagnosis_md(result: Diagnosis) -> str:
+    """The text of diagnosis.md."""
+    tables: dict[str, Sequence[Sequence[str]]] = {
+        "shares": [(capital(bar.label), words.percent(bar.share / 100)) for bar in words.waterfall(result)],
+        "effects": [row for group in words.ties(result) for row in _effect_rows(result, group)],
+        "numbered": [(str(i), *row) for i, row in enumerate(words.attempts(result), 1)],
+        "off_units": [_off_row(result, sensor) for sensor in in_units(result)],
+        "gaps": [_gap_row(result, run, name) for run in result.runs for name in run.signals],
+        "faults": [(f.run, spoken(result, f.signal), f.kind, str(f.samples), f.text) for f in result.faults],
+        "settings": words.settings(result),
+    }
+    own = [(effect, of_runs(result, effect)) for group in words.ties(result) for effect in group]
+    context = (
+        _said(result)
+        | _header(result)
+        | {
+            "places": worst_first(result),
+            "listed": PLACES_IN_TEXT,
+            "ties": words.ties(result),
+            "own_values": [f"{headline(result, effect)}." for effect, values in own if values],
+            "assumed": assumptions(result.assumed),
+        }
+    )
+    escaped = {name: [[escape_markdown(cell) for cell in row] for row in rows] for name, rows in tables.items()}
+    return markdown(Section("diagnosis/report.md.j2", context | escaped))
+
+
+def _effect_rows(result: Diagnosis, group: Sequence[Place]) -> Iterator[tuple[str, ...]]:
+    """What is missing and what is tied with it, a row for each parameter."""
+    for i, effect in enumerate(group):
+        rivals = ", ".join(phrase(result, other.name, other.where) for other in group[1:]) or DASH
+        others = rival_words(result, group, effect) if i else rivals
+        kind, held_out = DASH, DASH
+        if isinstance(effect, Effect):
+            kind = effect.kind
+            if effect.held_out_before is not None and effect.held_out_after is not None:
+                held_out = f"{plainly(effect.held_out_before)} → {plainly(effect.held_out_after)}"
+        for row in of_effect(effect) or [(DASH, DASH, DASH)]:
+            yield phrase(result, effect.name, effect.where), kind, *row, held_out, others
+
+
+def _off_row(result: Diagnosis, sensor: InUnits) -> tuple[str, ...]:
+    """How far a sensor is off in its own unit."""
+    before, after = (off_by(result, sensor.signal, value) for value in (sensor.before, sensor.after))
+    return quantity(result, sensor.signal).title, before, after, _percent(sensor.share())
+
+
+def _gap_row(result: Diagnosis, run: DiagnosedRun, name: str) -> tuple[str, ...]:
+    """How far a sensor is off in a run, in its unit and in its noise."""
+    channel = run.signals[name]
+    before, after = (off_by(result, name, off(result, run, name, side)) for side in figures.SIDES)
+    return (
+        run.name + " (validation)" * (run.role == "validation"),
+        quantity(result, name).title,
+        off_by(result, name, channel.noise) + ("" if channel.noise_given else ", estimated"),
+        before,
+        after,
+        plainly(channel.gap_before),
+        plainly(channel.gap_after),
+    )
+
+
+def _percent(share: float | None) -> str:
+    return DASH if share is None else f"{plainly(100 * share, 2)} %"
 
 
 def _header(result: Diagnosis) -> dict[str, object]:
@@ -86,7 +170,7 @@ def _header(result: Diagnosis) -> dict[str, object]:
         "parameters": of_effect,
         "small_errors": partial(small_errors, result),
         "rival": partial(rival_words, result),
-        "percent": lambda share: DASH if share is None else f"{plainly(100 * share, 2)} %",
+        "percent": _percent,
     }
 
 
@@ -98,7 +182,6 @@ def _where(result: Diagnosis, maps: list[figures.Map]) -> dict[str, object]:
         "legend": _legend(),
         "places": worst_first(result),
         "listed": PLACES,
-        "located": partial(located, result),
     }
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 
@@ -26,12 +26,19 @@ def code_block(text: str, language: str = "sh") -> str:
     return f"{fence}{language}\n{text}\n{fence}"
 
 
+def markdown_table(heads: Sequence[str], rows: Iterable[Sequence[str]], right: Collection[int] = ()) -> str:
+    """A table in Markdown, its columns of these numbers aligned to the right; a line break at its end."""
+    rule = ["--:" if i in right else "---" for i in range(len(heads))]
+    return "".join("| " + " | ".join(cells) + " |\n" for cells in (heads, rule, *rows))
+
+
 ENVIRONMENT = Environment(
     loader=PackageLoader("compare.report"),
     autoescape=lambda name: name is not None and name.endswith(".html.j2"),
     undefined=StrictUndefined,
     keep_trailing_newline=True,
 )
+ENVIRONMENT.globals["table"] = markdown_table
 ENVIRONMENT.filters |= {
     "capital": capital,
     "md": escape_markdown,
@@ -58,6 +65,11 @@ class Section:
     def text(self) -> str:
         """What the page shows."""
         return ENVIRONMENT.get_template(self.template).render(self.context)
+
+
+def markdown(section: Section) -> str:
+    """A whole text in Markdown, without the empty lines that a template leaves."""
+    return re.sub(r"\n{3,}", "\n\n", section.text()).rstrip("\n") + "\n"
 
 
 @dataclass(frozen=True)
@@ -108,9 +120,3 @@ def script_json(value: object) -> Markup:
 def static(name: str) -> Markup:
     """A style sheet or script of the pages."""
     return Markup(resources.files("compare.report").joinpath("static", name).read_text(encoding="utf-8"))
-
-
-def markdown_table(heads: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[int] = ()) -> list[str]:
-    """A table in Markdown, its columns of these numbers aligned to the right."""
-    rule = ["--:" if i in right else "---" for i in range(len(heads))]
-    return ["| " + " | ".join(cells) + " |" for cells in (heads, rule, *rows)]

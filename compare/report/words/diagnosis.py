@@ -149,6 +149,11 @@ def separation(text: str) -> tuple[str, str]:
     return words, "\n".join(lines[start:end]).strip()
 
 
+def others(count: int) -> str:
+    """How many places are not listed."""
+    return f"and in {count} other place{'s' if count > 1 else ''}"
+
+
 def next_steps(result: Diagnosis) -> list[str]:
     """What the person at the rig does now, a sentence each."""
     steps = [
