@@ -244,7 +244,40 @@ class Contact:
         return f"{some} {verb} between engines, worst {row.sentence(say)} ({pair.title})."
 
 
-NO_CONTACT = Contact()
+@dataclass(frozen=True)
+class Steadiness:
+    """Whether the statistics of a run of so many ``turns`` have converged: all are known ``within`` a share over its
+    ``whole`` revolutions, or one of a joint, the ``worst``, is not.  Where nothing left its wall, all are ``touching``.
+    """
+
+    converged: bool
+    turns: float
+    whole: int = 0
+    worst: tuple[str, StatisticName] | None = None
+    within: float = 0.0
+    touching: bool = False
+
+
+def steadiness(found: Steadiness, loose: Sequence[str]) -> str:
+    """How well the averages of a run are known; what is ``loose`` in it: pins, blocks."""
+    revolutions = count(found.whole, "revolution")
+    if found.touching:
+        return f"no {' and no '.join(loose)} leaves its wall in {count(f'{found.turns:.3g}', 'revolution')}"
+    if not found.whole:
+        return "the crank makes no whole revolution, so that there are no averages"
+    if found.converged:
+        return f"averages over {revolutions} are known to {100 * found.within:g} %"
+    if found.worst is None:
+        return f"{revolutions} {'is' if found.whole == 1 else 'are'} too few for averages"
+    joint, statistic = found.worst
+    return (
+        f"after {revolutions} the {statistic.replace('_', ' ')} of {joint} is known to {100 * found.within:.2g} % only"
+    )
+
+
+def no_longer_run(words: str, why: str) -> str:
+    """The same of a run that could not be made longer."""
+    return f"{words}; a longer run failed ({why})"
 
 
 def told(result: CrossCheck) -> Contact:
