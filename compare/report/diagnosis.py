@@ -9,10 +9,12 @@ import numpy as np
 from rich.console import Console
 
 from compare.quantities import fitting, plainly
+from compare.report.diagnosis_figures import SIDES
 from compare.report.diagnosis_page import diagnosis_html, diagnosis_md
 from compare.report.diagnosis_text import terminal_lines
 from compare.report.explained import explained_toml
 from compare.report.junit import Case, junit_xml
+from compare.report.residuals import draw as draw_residuals
 from compare.report.tables import html_table, say
 from compare.report.words.effects import of_effect, phrase, spoken
 from compare.report.words.measured import remaining
@@ -83,10 +85,8 @@ def plot(result: Diagnosis, figure: Figure) -> None:
         channel = run.signals[name]
         x = run.time if run.over_time else np.degrees(run.crank_angle)
         unit, factor = fitting(channel.unit, float(np.nanmax(np.abs(result.residual(run, name, "before")))))
-        for side in ("before", "after"):
-            axis.plot(x, factor * result.residual(run, name, side), ".", markersize=3, label=side)
-        axis.axhspan(-2 * factor * channel.noise, 2 * factor * channel.noise, color="0.9", zorder=0)
+        before, after = (factor * result.residual(run, name, side) for side in SIDES)
+        draw_residuals(axis, x, before, after, factor * channel.noise)
         axis.set_ylabel(f"{spoken(result, name)} ({unit})")
         axis.set_xlabel(f"{'time (s)' if run.over_time else 'crank angle (deg)'}, run {run.name}")
-        axis.legend(fontsize="small")
     figure.suptitle(f"{result.case}: {result.verdict}; measured minus simulated, noise within two sigmas shaded")

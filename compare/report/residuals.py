@@ -16,6 +16,7 @@ from compare.report.tables import html_table, say
 from compare.results.residuals import Residual, Residuals, SignalResiduals
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -77,10 +78,15 @@ def plot(result: SignalResiduals, figure: Figure) -> None:
     unit, factor = fitting(result.unit, *sizes)
     for axis, run in zip(figure.subplots(len(result.runs), 1, squeeze=False)[:, 0], result.runs, strict=True):
         x = run.time if run.over_time else np.degrees(run.crank_angle)
-        for side, residual in (("before", run.before), ("after", run.after)):
-            axis.plot(x, factor * residual.values, ".", markersize=3, label=side)
-        axis.axhspan(-2 * factor * run.noise, 2 * factor * run.noise, color="0.9", zorder=0)
+        draw(axis, x, factor * run.before.values, factor * run.after.values, factor * run.noise)
         axis.set_ylabel(f"{result.label} ({unit})")
         axis.set_xlabel(f"{'time (s)' if run.over_time else 'crank angle (deg)'}, run {run.name}")
-        axis.legend(fontsize="small")
     figure.suptitle(f"{result.case}: measured minus simulated, noise within two sigmas shaded")
+
+
+def draw(axis: Axes, x: np.ndarray, before: np.ndarray, after: np.ndarray, noise: float) -> None:
+    """Residuals (N,) before and after over x (N,), and the noise (1 sigma) within two sigmas shaded."""
+    for side, values in (("before", before), ("after", after)):
+        axis.plot(x, values, ".", markersize=3, label=side)
+    axis.axhspan(-2 * noise, 2 * noise, color="0.9", zorder=0)
+    axis.legend(fontsize="small")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,13 +25,19 @@ STEADY = 1e-6  # of a step between samples: steps that differ by less are equal
 
 
 @dataclass(frozen=True)
-class Row:
-    """One signal of one run: simulated minus analytic, in ``quantity.unit``; None where nothing could be compared."""
+class Order:
+    """First-order answer minus equilibrium of one signal of one run, in ``quantity.unit``; None where there is none."""
 
     quantity: Quantity
     maximum: float | None
     rms: float | None
     at: str
+
+
+@dataclass(frozen=True)
+class Row(Order):
+    """One signal of one run: simulated minus analytic; None where nothing could be compared."""
+
     tolerance: float | None
     verdict: str
     reason: str = ""
@@ -40,16 +46,6 @@ class Row:
     def share(self) -> float | None:
         """Largest difference over tolerance."""
         return abs(self.maximum) / self.tolerance if self.maximum is not None and self.tolerance else None
-
-
-@dataclass(frozen=True)
-class Order:
-    """First-order answer minus equilibrium, of one signal of one run."""
-
-    quantity: Quantity
-    maximum: float | None
-    rms: float | None
-    at: str
 
 
 @dataclass(frozen=True)
@@ -257,26 +253,23 @@ def _span(run: results.Run, mechanism: Mechanism) -> str:
 
 
 def _row(d: results.Discrepancy, run: results.Run, mechanism: Mechanism, signals: Mapping[str, Quantity]) -> Row:
-    quantity = _in_unit(signals[d.signal], d.unit)
-    values = (None if value is None else quantity.factor * value for value in (d.max, d.rms, d.tolerance))
-    maximum, rms, tolerance = values
-    return Row(quantity, maximum, rms, _where(d.at_crank_angle, run, mechanism), tolerance, d.verdict, d.reason)
+    one = _order(signals[d.signal], d, run, mechanism)
+    tolerance = None if d.tolerance is None else one.quantity.factor * d.tolerance
+    return Row(one.quantity, one.maximum, one.rms, one.at, tolerance, d.verdict, d.reason)
 
 
-def _order(quantity: Quantity, fields: results.OrderDifference, run: results.Run, mechanism: Mechanism) -> Order:
-    quantity = _in_unit(quantity, fields.unit)
-    maximum, rms = (None if value is None else quantity.factor * value for value in (fields.max, fields.rms))
-    return Order(quantity, maximum, rms, _where(fields.at_crank_angle, run, mechanism))
+def _order(
+    quantity: Quantity, found: results.OrderDifference | results.Discrepancy, run: results.Run, mechanism: Mechanism
+) -> Order:
+    quantity = _in_unit(quantity, found.unit)
+    maximum, rms = (None if value is None else quantity.factor * value for value in (found.max, found.rms))
+    return Order(quantity, maximum, rms, _where(found.at_crank_angle, run, mechanism))
 
 
 def _in_unit(quantity: Quantity, unit: str) -> Quantity:
     """The quantity in the unit that a difference is given in, which need not be the signal's own."""
     name, factor = shown(unit)
-    return (
-        quantity
-        if name == quantity.unit
-        else Quantity(quantity.signal, quantity.name, quantity.symbol, quantity.place, name, factor)
-    )
+    return quantity if name == quantity.unit else replace(quantity, unit=name, factor=factor)
 
 
 def _where(at: float | None, run: results.Run, mechanism: Mechanism) -> str:
