@@ -99,8 +99,6 @@ def _short(values: np.ndarray) -> list[float | None]:
     return [float(f"{v:.{DIGITS}g}") if math.isfinite(v) else None for v in np.asarray(values, float).tolist()]
 
 
-# ---------------------------------------------------------------- tables
-
 HEADS = ("output", "unit", "equilibrium", "worst case", "resolution", "compliance", "together", "first order off by")
 
 

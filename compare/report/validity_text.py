@@ -7,6 +7,7 @@ from itertools import product
 from typing import TYPE_CHECKING
 
 from compare.quantities import assumptions
+from compare.report.tables import say, terminal_table
 from compare.report.words.validity import (
     Cells,
     about,
@@ -27,20 +28,8 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 
-# ---------------------------------------------------------------- what contact does
-
-
 def print_table(result: Validity, console: Console) -> None:
     """Print each engine's map as a small table, then what it comes to; ASCII but for names."""
-    from rich.table import Table
-
-    def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-        shown = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
-        for column in head:
-            shown.add_column(column, no_wrap=True)
-        for row in rows:
-            shown.add_row(*row)
-        console.print(shown)
 
     def show(panel: tuple[str, float | None], what: str, text: Callable[[Cell | Failed], str]) -> None:
         (simulator, restitution), found = panel, result.of(*panel)
@@ -48,10 +37,8 @@ def print_table(result: Validity, console: Console) -> None:
         if layer or what:  # too long for a column
             console.print(f"{simulator}{layer}{what}", highlight=False, soft_wrap=True)
         head = "mm \\ rpm" if layer or what else f"{simulator}: mm \\ rpm"
-        table(
-            [head, *map(rpm, result.speeds)],
-            [[millimetres(c), *(text(found[w, c]) for w in result.speeds)] for c in result.clearances],
-        )
+        rows = [[millimetres(c), *(text(found[w, c]) for w in result.speeds)] for c in result.clearances]
+        console.print(terminal_table([head, *map(rpm, result.speeds)], rows))
 
     for panel in result.panels():
         show(panel, "", brief)
@@ -64,9 +51,8 @@ def print_table(result: Validity, console: Console) -> None:
     head, *rows = edge_rows(result)
     if rows:
         console.print("clearance (mm) at which contact is first lost")
-        table(head, rows)
-    for line in [*legend(result), about(result), *result.words]:
-        console.print(line, highlight=False, soft_wrap=True)
+        console.print(terminal_table(head, rows))
+    say(console, *legend(result), about(result), *result.words)
 
 
 def _contact_tables(result: Validity) -> list[tuple[str, Callable[[Cell | Failed], str]]]:
