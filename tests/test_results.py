@@ -16,6 +16,8 @@ from IPython.core.formatters import DisplayFormatter
 
 import linkage_crosscheck as lc
 import sample_diagnosis
+from compare.diagnose.data.recording import Measured
+from compare.presentation import PRESENTATIONS
 from compare.results.document import Document, DocumentError
 from compare.results.schemas import FOLDER, documents, schema
 from compare.results.scoreboard import Scoreboard
@@ -100,6 +102,12 @@ def test_a_schema_file_is_in_step_with_its_model(name: str) -> None:
     assert (FOLDER / name).read_text(encoding="utf-8") == schema(documents()[name]), (
         "run python -m compare.results.schemas"
     )
+
+
+def test_every_kind_of_document_is_shown() -> None:
+    kinds = documents().values()
+    assert not [kind for kind in kinds if not {base.__name__ for base in kind.__mro__} & set(PRESENTATIONS)]
+    assert not set(PRESENTATIONS) - {base.__name__ for kind in (*kinds, Measured) for base in kind.__mro__}
 
 
 @pytest.mark.parametrize("name", lc.__all__)
