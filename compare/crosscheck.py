@@ -75,6 +75,7 @@ from compare.judge.statistics import held_together
 from compare.judge.tolerances import Tolerances
 from compare.left_out import Asked, omitted, rigid_walls
 from compare.progress import Progress, progress_bar
+from compare.report.words.disagreement import because, between_engines
 from compare.results.contact import Compared
 from compare.results.crosscheck import CrossCheck, Failure, Path, Printed, Run, Simulator, Verdict, without
 from compare.results.crosscheck import Discrepancy as Judgement
@@ -476,7 +477,7 @@ def concluded(job: Job, ran: Ran, alike: Callable[[Judged], bool] = lambda one: 
     if len({run.simulator.name for run, _ in together}) < 2:
         return result
     found = attribute(together)
-    several = {"spread": found.spread, "odd_one_out": found.odd_one_out, "words": found.words}
+    several = {"spread": found.spread, "odd_one_out": found.odd_one_out, "words": between_engines(found)}
     return result.model_copy(update=several)
 
 
@@ -612,8 +613,8 @@ def _explained(job: Job, run: Run) -> Run:
     """A run that disagrees with the assumption that fails in it, where one is known to."""
     if run.verdict != "disagrees" or not run.clearance or job.as_it_is or run.simulator.recorded:
         return run
-    because = failing_assumption(run, job.mechanism, job.tolerances, job.schedule)
-    return run.model_copy(update={"because": because}) if because else run
+    failing = failing_assumption(run, job.mechanism, job.tolerances, job.schedule)
+    return run.model_copy(update={"because": because(run, job.mechanism, failing)}) if failing else run
 
 
 def _rules(job: Job, side: Reference, trace: Trace, simulated: Mapping[str, np.ndarray]) -> dict[str, Rule]:

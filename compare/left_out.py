@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from analytic.mechanism import Body, Drive, Joint, Load, Mechanism, Spring
+from analytic.mechanism.one_line import enumerated
 from analytic.mechanism.parts import Part
-from compare.results.sentences import enumerated
 from sim_models.engine import JOINT_MODELS, TOUCHING, JointModel, Motion, SettingValue
 
 Command = Literal["analyse", "accuracy", "compare", "simulate", "check", "validity", "export", "diagnose"]

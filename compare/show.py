@@ -9,36 +9,26 @@ from typing import overload
 
 import numpy as np
 
-from analytic.mechanism import Mechanism
 from analytic.mechanism.errors import quoted
 from analytic.mechanism.signals import Signal, wrapped
 from compare.arguments import number
 from compare.faults import ArgumentError
 from compare.quantities import quantities
+from compare.report.words import provenance as words
+from compare.report.words.effects import quantity
 from compare.results.crosscheck import CrossCheck, Discrepancy, Run
 from compare.results.diagnosis import DiagnosedRun, Diagnosis, Side
 from compare.results.document import Number
 from compare.results.kinds import read_as
 from compare.results.provenance import Analytic, Equation, Provenance, Sample, Simulated
 from compare.results.residuals import Residual, Residuals, SignalResiduals
-from compare.results.sentences import quantity
 from sim_models.engine import ENGINES, SCHEMES, offers, scheme_of
 
 KINETOSTATICS = "analytic/paper/kinetostatics.py"
 CLEARANCE = "analytic/paper/clearance.py"
-DRIVEN = "Eqs. 9-14, inertia forces and force balance of the {} linkage"
-STATIC = "Eqs. 11-14, static force balance of the {} linkage"
-ZERO = Equation(words="no clearance: zero", module=None)
-GAP = {  # Eq. 8, by analytic model
-    "first_order": "Eq. 8: the clearance along the ideal linkage's reaction",
-    "equilibrium": "Eq. 8 along the displaced linkage's own reaction",
-}
-SWUNG = Equation(
-    words="equation of motion of the released linkage, integrated", module="analytic/beyond_paper/released.py"
-)
-BENT = Equation(
-    words="plus the elastic displacement of links and joints (Eqs. 1-7)", module="analytic/paper/compliance.py"
-)
+COMPLIANCE = "analytic/paper/compliance.py"
+MOTION = "analytic/kinematics/motion.py"
+RELEASED = "analytic/beyond_paper/released.py"
 
 
 @overload
@@ -121,7 +111,7 @@ def provenance(
         versions=dict(result.versions),
         signal=name,
         label=quantities(result.mechanism)[name].label,
-        acts=_acts(result.mechanism, signal),
+        acts=words.acts(result.mechanism, signal),
         unit=signal.unit,
         over_time=result.over_time,
         at=_given(having[0], at, result.over_time),
@@ -145,17 +135,6 @@ def _chosen(runs: Sequence[Run], joint_model: str | None, simulator: str | None)
 
 def _titles(runs: Iterable[Run]) -> str:
     return "; ".join(run.title for run in runs) or "no runs"
-
-
-def _acts(mechanism: Mechanism, signal: Signal) -> str:
-    """Which body pushes which, for what belongs to a joint."""
-    joint = next((j for j in mechanism.joints if j.name == signal.place), None)
-    if joint is None or signal.kind not in ("reaction", "clearance"):
-        return ""
-    first, second = joint.bodies
-    if signal.kind == "clearance":
-        return f"{'angle' if signal.component == 'angle' else 'pin centre'} of {first} minus that of {second}"
-    return f"{'moment' if signal.component == 'moment' else 'force'} of {first} on {second}"
 
 
 def _places(run: Run, over_time: bool) -> np.ndarray:
@@ -244,39 +223,35 @@ def _components(side: Mapping[str, np.ndarray], signal: Signal, k: int) -> dict[
 def _equations(run: Run, signal: Signal, over_time: bool) -> Iterator[Equation]:
     """What an analytic number was computed from."""
     if over_time and not run.drive_position:
-        yield SWUNG
+        yield Equation(words=words.SWUNG, module=RELEASED)
     elif signal.kind in ("reaction", "drive"):
         yield from _forces(run)
     else:
         yield from _motion(run, signal)
     if run.bends and signal.kind not in ("reaction", "drive"):
-        yield BENT
+        yield Equation(words=words.BENT, module=COMPLIANCE)
 
 
 def _forces(run: Run) -> Iterator[Equation]:
-    first_order = run.analytic_model == "first_order"
-    loose = any(run.clearance.values())
-    words = (STATIC if run.motion == "static" else DRIVEN).format("displaced" if loose and not first_order else "ideal")
-    yield Equation(words=words, module=KINETOSTATICS)
-    if loose and first_order:
-        yield Equation(words="first order: reactions as without clearance", module=CLEARANCE)
-    elif loose:
-        yield Equation(words=f"displaced by {GAP['equilibrium']}", module=CLEARANCE)
+    loose, first_order = any(run.clearance.values()), run.analytic_model == "first_order"
+    yield Equation(words=words.forces(run.motion, loose and not first_order), module=KINETOSTATICS)
+    if loose:
+        said = words.FIRST_ORDER if first_order else f"displaced by {words.GAP['equilibrium']}"
+        yield Equation(words=said, module=CLEARANCE)
 
 
 def _motion(run: Run, signal: Signal) -> Iterator[Equation]:
     loose = any(run.clearance.values())
-    gap = Equation(words=GAP[run.analytic_model], module=CLEARANCE) if loose else ZERO
+    gap = words.GAP[run.analytic_model] if loose else words.NO_CLEARANCE
+    gap_module = CLEARANCE if loose else None
     if signal.kind == "clearance":
-        yield gap
+        yield Equation(words=gap, module=gap_module)
     elif signal.kind == "rotation":
-        turned = "the body's angle in the displaced linkage minus that in the ideal one"
-        yield Equation(words=f"{turned}; {gap.words}", module=gap.module)
+        yield Equation(words=f"{words.TURNED}; {gap}", module=gap_module)
     else:
-        words = f"loop closure of the {'displaced' if loose else 'ideal'} linkage"
-        yield Equation(words=words, module="analytic/kinematics/motion.py")
+        yield Equation(words=words.closure(loose), module=MOTION)
         if loose:
-            yield Equation(words=f"displaced by {gap.words}", module=gap.module)
+            yield Equation(words=f"displaced by {gap}", module=CLEARANCE)
 
 
 def _engine_module(run: Run) -> str | None:

@@ -189,13 +189,14 @@ def _differences(result: CrossCheck) -> Iterator[str]:
     """What speaks against a result, a line each; none where both sides agree."""
     if result.verdict == "agrees":
         return
-    from compare.report.summary import WORDS, summarise
+    from compare.report.summary import summarise
+    from compare.report.words.crosscheck import WORDS, row_sentence, why
 
     summary = summarise(result)
     yield f"{result.case}: {WORDS[summary.verdict]}"
     for run in summary.runs:
-        yield from (f"{run.title}: {row.sentence}" for row in run.rows if row.verdict in ("disagrees", "unjudged"))
+        yield from (f"{run.title}: {row_sentence(row)}" for row in run.rows if row.verdict in ("disagrees", "unjudged"))
         if not run.rows:
             yield f"{run.title}: not judged: {run.reason or 'it has no signal to compare'}"
-    yield from (f"failed: {why}" for why in summary.failures)
-    yield from (text for text in (summary.why, summary.between) if text)
+    yield from (f"failed: {failure}" for failure in summary.failures)
+    yield from (text for text in (why(summary), summary.between) if text)

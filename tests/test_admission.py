@@ -18,8 +18,8 @@ from compare.diagnose.problem import Options, Problem
 from compare.diagnose.residuals import Data
 from compare.diagnose.search import costs
 from compare.diagnose.sensitivities import candidates
-from compare.diagnose.statement import parted
 from compare.diagnose.workmanship import bundle, size_of
+from compare.report.words.statement import parted
 from diagnosis_rigs import assert_recovered, diagnosed, experiment, named, played, turn, wrong
 
 PASSES = Trial(400.0, 30.0, 300.0, 0.8, 0.7, ("drive_torque",), closed=False)

@@ -18,10 +18,10 @@ from compare.diagnose import prepare
 from compare.diagnose.data import quality
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import Channel, MeasuredRun
-from compare.diagnose.data.smooth import Smoother
 from compare.diagnose.data.thin import missed, picked
 from compare.diagnose.predict import Model, derived
 from compare.diagnose.residuals import Data
+from compare.recorded.smooth import Smoother
 from diagnosis_rigs import diagnosed, experiment, readings, wrong
 from marks import slow
 from measured_files import RunTable, write_measured

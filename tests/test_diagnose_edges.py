@@ -19,8 +19,8 @@ from compare.diagnose.data.recording import Measured, MeasuredError, MeasuredRun
 from compare.diagnose.data.thin import picked
 from compare.diagnose.prepare import thinned
 from compare.quantities import SUPERSCRIPT
+from compare.report.words.located import located
 from compare.results.diagnosis import Located
-from compare.results.sentences import sentence
 from diagnosis_rigs import (
     SENSORS,
     assert_recovered,
@@ -268,7 +268,7 @@ def test_a_located_deviation_has_the_sign_of_its_size_whatever_the_next_turn_bri
 
     def said(start: float, end: float, size: float) -> str:
         here: Located = place.model_copy(update={"crank_angle_from": start, "crank_angle_to": end, "size": size})
-        return sentence(document, here)
+        return located(document, here)
 
     assert "drive torque in run two turns is too high by 1 N" in said(1.0, 2.0, 1.0)
     assert "drive torque in run two turns is too low by 2 N" in said(1.0 + 2 * np.pi, 2.0 + 2 * np.pi, -2.0)

@@ -33,8 +33,8 @@ from compare.diagnose.preview import preview
 from compare.diagnose.workflow import diagnose
 from compare.report.diagnosis_page import diagnosis_html
 from compare.report.diagnosis_text import diagnosis_md
+from compare.report.words.effects import own_values
 from compare.results.diagnosis import Diagnosis, Parameter
-from compare.results.sentences import own_values
 from measured_files import RunTable, write_measured
 from several_linkages import third_bar
 from sim_models.engine import engine

@@ -24,11 +24,11 @@ from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.prepare import followed, nominal
 from compare.diagnose.preview import preview
 from compare.diagnose.workflow import diagnose
-from compare.report.diagnosis_page import diagnosis_html
-from compare.report.diagnosis_text import diagnosis_md, terminal_lines
+from compare.report.diagnosis_page import diagnosis_html, diagnosis_md
+from compare.report.diagnosis_text import terminal_lines
 from compare.report.preview import files
+from compare.report.words.located import located
 from compare.results.diagnosis import Diagnosis
-from compare.results.places import located
 from sim_models.engine import engine
 
 MASS = 20.0  # kg

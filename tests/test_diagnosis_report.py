@@ -22,30 +22,16 @@ from compare.diagnose.effects.effect import Effect as VocabularyEffect
 from compare.diagnose.effects.effect import Parameter as SignedParameter
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.files import to_json
-from compare.quantities import DASH, MINUS, TIMES, amount, fitting
+from compare.quantities import DASH, MINUS, TIMES, amount, fitting, plainly
 from compare.report.diagnosis import junit
 from compare.report.diagnosis_figures import COLUMNS, LEVELS, broken, figure, level, maps, overlay, panels
-from compare.report.diagnosis_page import changes, diagnosis_html, toml
-from compare.report.diagnosis_text import diagnosis_md, terminal_lines
-from compare.report.diagnosis_words import attempts, next_steps, ties, waterfall
+from compare.report.diagnosis_page import changes, diagnosis_html, diagnosis_md, toml
+from compare.report.diagnosis_text import terminal_lines
+from compare.report.words.diagnosis import attempts, next_steps, separation, ties, waterfall
+from compare.report.words.effects import amounts, odds, own_values, parameter, phrase, spoken
+from compare.report.words.located import located, span, wrapped
+from compare.report.words.measured import data_sentences, explained_to, off, off_by
 from compare.results.diagnosis import Diagnosis, Effect, Located, Parameter
-from compare.results.sentences import (
-    amounts,
-    data_sentences,
-    explained_to,
-    odds,
-    off,
-    off_by,
-    own_values,
-    parameter,
-    phrase,
-    plainly,
-    sentence,
-    separation,
-    span,
-    spoken,
-    wrapped,
-)
 from marks import slow
 from sample_diagnosis import (
     CLEARANCE,
@@ -240,7 +226,7 @@ def test_an_angle_that_moves_one_way_is_late_or_early(
     )
     where = "at 250 to 320 deg" if way < 0 else "at 40 to 110 deg"
     said = f"crank angle in run {run} is {word} by 0.6 mrad {where}, turn 1, 0.175 s"
-    assert sentence(as_document(planted), place) == said
+    assert located(as_document(planted), place) == said
 
 
 def test_what_turns_back_or_is_no_angle_is_too_high_or_too_low(explained: dict[str, Any]) -> None:
@@ -254,11 +240,11 @@ def test_what_turns_back_or_is_no_angle_is_too_high_or_too_low(explained: dict[s
         "sigmas": 12.0,
     }
     assert (
-        sentence(as_document(explained), Located.model_validate(whole))
+        located(as_document(explained), Located.model_validate(whole))
         == "follower angle in run slow-forward is too low by 2 mrad throughout the run"
     )
     torque = whole | {"signal": "drive_torque", "size": 0.5, "unit": "N.m", "crank_angle_to": 1.0}
-    said = sentence(as_document(explained), Located.model_validate(torque))
+    said = located(as_document(explained), Located.model_validate(torque))
     assert re.fullmatch(
         r"drive torque in run slow-forward is too (high|low) by 0.5 N·m at 20 to 57.3 deg, turn 1, 0 s", said
     )
@@ -539,7 +525,7 @@ def test_a_deviation_of_every_turn_is_told_by_its_angle(
         }
     )
     assert span(result, place) == said
-    assert sentence(result, place).endswith(said)
+    assert located(result, place).endswith(said)
 
 
 def test_what_was_found_of_the_noise_is_noted(explained: dict[str, Any]) -> None:

@@ -15,7 +15,7 @@ from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.problem import Options, Problem
 from compare.diagnose.propose.proposal import proposal
 from compare.diagnose.workflow import diagnose
-from compare.report.diagnosis_page import diagnosis_html
+from compare.report.diagnosis_page import diagnosis_html, diagnosis_md
 from compare.report.diagnosis_text import diagnosis_md, terminal_lines
 from compare.report.proposed import figure
 from compare.results.diagnosis import Diagnosis, Proposed

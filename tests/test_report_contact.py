@@ -16,7 +16,6 @@ from rich.console import Console
 from compare.judge.statistics import held_together
 from compare.judge.tolerances import load_tolerances
 from compare.quantities import number
-from compare.report.contact import MEASURES, told
 from compare.report.contact_figures import bands, contact_figures
 from compare.report.figures import Figure, figures
 from compare.report.junit import junit
@@ -25,6 +24,8 @@ from compare.report.provenance import lines
 from compare.report.summary import summarise
 from compare.report.svg import COLOURS, draw
 from compare.report.terminal import print_table
+from compare.report.words.contact import MEASURES, told
+from compare.report.words.crosscheck import headline
 from compare.results.contact import STATISTICS, Statistic
 from compare.results.crosscheck import CrossCheck, Failure, Run
 from compare.show import show
@@ -130,7 +131,7 @@ def test_the_terminal_has_a_line_for_each_run_in_ascii_and_eighty_columns(agreei
 def test_engines_whose_statistics_agree_pass_and_the_headline_says_so(agreeing: CrossCheck) -> None:
     summary = summarise(agreeing)
     assert {one.verdict for one in agreeing.statistics} == {"agrees"}
-    assert summary.headline.endswith(f"All {len(STATISTICS)} judged statistics of contact agree between engines.")
+    assert headline(summary).endswith(f"All {len(STATISTICS)} judged statistics of contact agree between engines.")
     (suite,) = [s for s in ElementTree.fromstring(junit(summary)) if s.get("name") == "contact statistics"]
     assert (suite.get("tests"), suite.get("failures")) == (str(len(STATISTICS)), "0")
     assert [case.get("name") for case in suite] == list(STATISTICS)
@@ -146,7 +147,7 @@ def test_a_statistic_that_disagrees_is_in_the_headline_the_page_and_the_junit_fi
     summary = summarise(disagreeing)
     assert summary.verdict == "disagrees"
     said = f"{len(wrong)} of {len(STATISTICS)} statistics of contact disagree between engines, worst "
-    assert said in summary.headline
+    assert said in headline(summary)
     assert said in " ".join(printed(disagreeing).split())
     (suite,) = [s for s in ElementTree.fromstring(junit(summary)) if s.get("name") == "contact statistics"]
     failed = {case.get("name"): case.find("failure") for case in suite if case.find("failure") is not None}
@@ -171,7 +172,7 @@ def test_what_is_not_judged_passes_and_its_reason_is_said_once(tmp_path: Path) -
     (suite,) = [s for s in ElementTree.fromstring(junit(summary)) if s.get("name") == "contact statistics"]
     assert suite.get("failures") == "0"
     assert all(f"not judged: {reason}" in case.findtext("system-out", "") for case in suite)
-    assert "No statistics of contact were judged between engines." in summary.headline
+    assert "No statistics of contact were judged between engines." in headline(summary)
     result.write(tmp_path)
     assert (tmp_path / "report.html").read_text(encoding="utf-8").count(f"not judged: {reason}") == 1
     assert " ".join(printed(result, 400).split()).count(f"not judged: {reason}") == 1

@@ -15,6 +15,8 @@ from IPython.core.formatters import DisplayFormatter
 
 import linkage_crosscheck as lc
 import sample_diagnosis
+from compare.diagnose.data.recording import Measured
+from compare.presentation import PRESENTATIONS
 from compare.results.document import Document, DocumentError
 from document_faults import faults
 from tests.evidence.results.scoreboard import Scoreboard
@@ -91,6 +93,12 @@ def test_a_file_that_is_another_document_is_refused_with_field_and_remedy(result
     (tmp_path / "other.json").write_text('{"schema": 1, "case": "paper"}', encoding="utf-8")
     with pytest.raises(DocumentError, match=r"other\.json: .* is missing; add it; (give|restore)"):
         type(result).read(tmp_path / "other.json")
+
+
+def test_every_kind_of_document_is_shown() -> None:
+    kinds = documents().values()
+    assert not [kind for kind in kinds if not {base.__name__ for base in kind.__mro__} & set(PRESENTATIONS)]
+    assert not set(PRESENTATIONS) - {base.__name__ for kind in (*kinds, Measured) for base in kind.__mro__}
 
 
 @pytest.mark.parametrize("name", lc.__all__)

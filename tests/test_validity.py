@@ -33,13 +33,13 @@ from asked import job_of
 from commands import Ended, compare, compare_alone, without
 from compare.crosscheck import crosscheck_job
 from compare.domain_map.cell import Task, examined, judged
-from compare.domain_map.map import RPM, Grid, cells, clearance_joints, summarised, too_soft, versions
+from compare.domain_map.map import Grid, cells, clearance_joints, summarised, too_soft, versions
 from compare.files import to_json
 from compare.judge.assumptions import Examined
 from compare.judge.discrepancy import load_tolerances
 from compare.judge.grid import default_angles
 from compare.report.validity_figure import BOUNDARIES, PREDICTED, draw
-from compare.report.validity_text import about, brief, percent
+from compare.report.words.validity import RPM, about, brief, percent
 from compare.results.validity import Boundary, Cell, Failed, Validity
 from compare.schedules import at_their_speeds
 from linkages import shaper

@@ -13,10 +13,10 @@ from jsonschema import Draft202012Validator
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
-from compare.domain_map.map import RPM
 from compare.domain_map.validity import gridded, validity
 from compare.faults import ArgumentError
-from compare.report.validity_text import edge_rows, markdown
+from compare.report.validity_text import markdown
+from compare.report.words.validity import RPM, edge_rows
 from compare.results.validity import Cell, Validity
 from sim_models.engine import Unsupported, declared
 

@@ -1,14 +1,17 @@
-"""One line of text for results that hold arrays: what a person wants to see of them at a prompt."""
+"""One line of text for results that hold arrays, as a person wants to see them at a prompt, and the plurals and lists
+of plain English.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 LONGEST = 200  # characters
 LISTED = 3  # joints that are listed with their clearances
 SHOWN = 80  # characters of what a file has, in a message
+WORDS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 
 
 def one_line(result: object, *parts: str) -> str:
@@ -21,6 +24,21 @@ def one_line(result: object, *parts: str) -> str:
 def count(number: int | str, thing: str) -> str:
     """``1 joint``, ``2 joints``; of a number, or of one as it is printed: ``0.5 turns``."""
     return f"{number} {thing}{'' if str(number) == '1' else 's'}"
+
+
+def in_words(number: int) -> str:
+    """A count as one says it: ``six``, ``3,000``."""
+    return WORDS[number] if 0 <= number < len(WORDS) else f"{number:,}"
+
+
+def enumerated(names: Sequence[str]) -> str:
+    """``a, b and c``."""
+    return " and ".join(part for part in (", ".join(names[:-1]), names[-1] if names else "") if part)
+
+
+def capital(text: str) -> str:
+    """A text that begins a sentence."""
+    return text[:1].upper() + text[1:]
 
 
 def angles(theta: np.ndarray, of: str = "crank angle") -> str:

@@ -22,13 +22,13 @@ from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import turned_near
 from compare.diagnose.data.quality import noise
 from compare.diagnose.data.recording import Fault, Measured, MeasuredError, MeasuredRun
-from compare.diagnose.data.smooth import Smoother
 from compare.diagnose.data.thin import frozen, missed, picked
 from compare.diagnose.effects.effect import STOPS, Effect, Parameter, Rig
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.fit import Bounds
 from compare.diagnose.predict import Model, Motors, StartOfRun, Term
 from compare.diagnose.residuals import Data
+from compare.recorded.smooth import Smoother
 from compare.recorded.text import ROWS
 
 SAMPLES = 60_000  # of all sensors together; of more, evenly spaced ones are used

@@ -32,7 +32,7 @@ from compare.diagnose.sensitivities import candidates, sensitivities
 from compare.diagnose.simulate import Simulated
 from compare.progress import Progress
 from compare.quantities import amount
-from compare.results.sentences import NOISE
+from compare.report.words.measured import NOISE
 from sim_models.engine import SimulationError, SimulatorMissing, engine, engine_names
 
 EQUIVALENT = 0.1  # of the noise: an engine this near the analytic model is the same

@@ -16,12 +16,12 @@ from compare.diagnose.data.recording import Fault as RecordedFault
 from compare.diagnose.data.recording import MeasuredRun
 from compare.diagnose.effects.effect import LANDING
 from compare.diagnose.experiment_design import would_separate
-from compare.diagnose.explain import Attempt, Explanation, Named
+from compare.diagnose.explain import Attempt, Explanation, Interval, Named
 from compare.diagnose.fit import Fit, without_columns
 from compare.diagnose.noise import rms
 from compare.diagnose.predict import Term
 from compare.diagnose.residuals import FOLDS, SEGMENTS
-from compare.diagnose.statement import as_parameter, named, statement, tied
+from compare.report.words import statement as words
 from compare.results.crosscheck import Simulator
 from compare.results.diagnosis import Attempt as DocumentAttempt
 from compare.results.diagnosis import (
@@ -35,24 +35,15 @@ from compare.results.diagnosis import (
     Engine,
     Kind,
     Located,
+    Parameter,
     Proposed,
     Rival,
     SensorGap,
     Side,
     SmallError,
     Status,
-    Step,
 )
 from compare.results.diagnosis import Fault as DataFault
-from compare.results.places import located
-from compare.results.sentences import (
-    called,
-    capital,
-    data_sentences,
-    plainly,
-    separation,
-    validation_sentences,
-)
 from sim_models.engine import SettingValue, installed_version
 
 if TYPE_CHECKING:
@@ -66,15 +57,7 @@ if TYPE_CHECKING:
 
 INSEPARABLE = 0.999  # cosine between two sensitivities
 LISTED = 40  # pairs
-PLACES = 3  # told in the story; the page lists all
-BUDGET = "The budget of {:g} s ended the search: this is the best so far, and what ties with it was not looked for."
-LANDED = (
-    "The crank lands in the gap of its drive at {}. How forces and rates jump there nobody foretells: there they count"
-    " for little in the gap, and not at all in how far each sensor is off."
-)
-TOUCHING = "more revolutions, or a run so slow or so loaded that pins keep touching: its samples can be foretold"
 SIDES: tuple[Side, ...] = ("before", "after")
-SIGMA = "\N{GREEK SMALL LETTER SIGMA}"
 
 
 def as_document(
@@ -119,14 +102,14 @@ def as_document(
         mechanism=problem.measured.mechanism,
         explained=found.explained,
         steps=(),
-        notes=(*problem.notes, *([LANDED.format(count(landed, "sample"))] if landed else [])),
+        notes=(*problem.notes, *([words.LANDED.format(count(landed, "sample"))] if landed else [])),
         assumed=(*assumed(problem.measured.mechanism), *problem.measured.assumed),
         complete=problem.complete,
     )
-    cut = "" if problem.complete else f" {BUDGET.format(problem.options.budget)}"
-    told = {"statement": statement(result, e, failure) + cut, "candidates": _candidates(problem, found, result)}
+    cut = "" if problem.complete else f" {words.BUDGET.format(problem.options.budget)}"
+    told = {"statement": words.statement(result, e, failure) + cut, "candidates": _candidates(problem, found, result)}
     result = result.model_copy(update=told)
-    return result.model_copy(update={"steps": _steps(problem, found, result)})
+    return result.model_copy(update={"steps": words.steps(result, e, found.agreement_before, problem.notes)})
 
 
 def _still_faults(problem: Problem, e: Explanation) -> list[RecordedFault]:
@@ -236,6 +219,11 @@ def _attempt(a: Attempt) -> DocumentAttempt:
     )
 
 
+def as_parameter(interval: Interval) -> Parameter:
+    """A parameter as the document has it; an open end of its interval is no number."""
+    return Parameter(value=interval.value, unit=interval.unit, low=interval.low, high=interval.high)
+
+
 def _effects(problem: Problem, e: Explanation) -> tuple[Effect, ...]:
     noise = {
         (problem.measured.runs[p.run].name, p.signal): float(problem.data.sigma[p.place][0])
@@ -273,7 +261,7 @@ def _separating(problem: Problem, e: Explanation, n: Named, noise: dict[tuple[st
     """What would tell an effect from the first of its rivals."""
     if not n.ties:
         return ""
-    return TOUCHING if e.statistics is not None else would_separate(problem.model, noise, e.fit, n.ties[0][1])
+    return words.TOUCHING if e.statistics is not None else would_separate(problem.model, noise, e.fit, n.ties[0][1])
 
 
 def _candidates(problem: Problem, found: Verified, result: Diagnosis) -> tuple[Candidate, ...]:
@@ -305,11 +293,11 @@ def _candidates(problem: Problem, found: Verified, result: Diagnosis) -> tuple[C
             sigmas = math.sqrt(max(gain, 0.0))
             if term.key in chosen:
                 rival, remaining = nearest[chosen[term.key].term]
-                status, why = "named", named(result, chosen[term.key])
+                status, why = "named", words.named(result, chosen[term.key])
             elif term.key in tied:
-                status, why = "tied", f"explains the data as well as {called(result, tied[term.key].term.label)}"
+                status, why = "tied", words.why_tied(result, tied[term.key])
             elif _unphysical(screen, shown, problem):
-                status, why = "not physical", "it would have to have the wrong sign"
+                status, why = "not physical", words.WRONG_SIGN
             else:
                 status, why = "not needed", failed.get(term.key) or _not_needed(search, e, shown, sigmas)
         rows[term.key] = Candidate(
@@ -327,21 +315,15 @@ def _candidates(problem: Problem, found: Verified, result: Diagnosis) -> tuple[C
 def _unseen(result: Diagnosis, n: Named | None) -> tuple[Status, str]:
     """What is said of an effect that no sample shows: one that is asked for may be named by statistics."""
     if n is not None and n.term.effect.asked_for:
-        return "named", named(result, n)
-    return "invisible", "these sensors and runs do not show it"
+        return "named", words.named(result, n)
+    return "invisible", words.UNSEEN
 
 
 def _not_needed(search: Search, e: Explanation, term: Term, sigmas: float) -> str:
     """Why an effect that would take so many sigmas alone is not named, where no attempt says it."""
-    alone = f"alone it would take {plainly(sigmas, 2)} {SIGMA}"
-    if sigmas**2 < search.cost[term]:
-        chance = f"chance gives the luckiest of {len({t.key for t in search.cost})} candidates up to"
-        return f"{alone}; {chance} {plainly(math.sqrt(search.cost[term]), 2)} {SIGMA}"
-    if not e.named:
-        return f"{alone} of the gap's {plainly(math.sqrt(e.base.chi2), 2)} {SIGMA}; no set of effects with it was named"
     left = beside(e, search.sensitivities[term].columns) if term in search.sensitivities else 0.0
-    rest = "nothing beyond chance is" if left**2 < search.cost[term] else f"{plainly(left, 2)} {SIGMA} are"
-    return f"{alone}; beside the named effects {rest} left for it"
+    luck, candidates = math.sqrt(search.cost[term]), len({t.key for t in search.cost})
+    return words.not_needed(sigmas, luck, candidates, math.sqrt(e.base.chi2), left if e.named else None)
 
 
 def beside(e: Explanation, columns: np.ndarray) -> float:
@@ -541,61 +523,3 @@ def _versions(found: Verified) -> dict[str, str]:
         **packages,
         **{n: s.version for n, s in found.before.items() if s.version},
     }
-
-
-def _steps(problem: Problem, found: Verified, result: Diagnosis) -> tuple[Step, ...]:
-    """The story, step by step."""
-    e = found.explanation
-    measured = (*data_sentences(result.runs), *(capital(f"{fault.text}.") for fault in result.faults))
-    places = [capital(f"{located(result, place)}.") for place in result.located[:PLACES]]
-    more = len(result.located) - PLACES
-    places += [f"And in {count(more, 'other place')}."] if more > 0 else []
-    add = tuple(_added(engine) for engine in result.engines)
-    return (
-        Step(title="Measured data", text=measured),
-        Step(title="Locate", text=tuple(places) or ("No sensor leaves its noise anywhere.",)),
-        Step(title="Isolate", text=_isolated(problem, found, result)),
-        Step(title="Name", text=_named(e, result) or ("No effect passes the tests that a name has to pass.",)),
-        Step(title="Add", text=add if e.named else ("Nothing to add.",)),
-        Step(title="Result", text=(result.statement, *validation_sentences(result))),
-    )
-
-
-def _isolated(problem: Problem, found: Verified, result: Diagnosis) -> tuple[str, ...]:
-    visible = sum(c.status not in ("invisible", "excluded") for c in result.candidates)
-    considered = (
-        f"{len(result.candidates)} effects, each at each place where it can be, were considered, and {visible} of them"
-        f" would show in these data. What a little of each would do comes from the analytic model, which agrees with"
-        f" {problem.simulator} on the nominal mechanism within {plainly(found.agreement_before, 2)} of the noise."
-    )
-    if not result.inseparable:
-        return (considered, *problem.notes)
-    pairs = ", ".join(f"{called(result, a)} and {called(result, b)}" for a, b, _ in result.inseparable[:5])
-    others = " and others" if len(result.inseparable) > 5 else ""
-    return (considered, *problem.notes, f"These data cannot tell apart: {pairs}{others}.")
-
-
-def _named(e: Explanation, result: Diagnosis) -> tuple[str, ...]:
-    told = []
-    for n, effect in zip(e.named, result.effects, strict=True):
-        told.append(
-            f"{named(result, n)} It takes the gap from {plainly(n.gap[0])} to {plainly(n.gap[1])} times the noise, and"
-            f" on held-out data, which its values were not fitted to, from {plainly(n.held_out[0])} to"
-            f" {plainly(n.held_out[1])}."
-        )
-        if n.ties:
-            words = separation(effect.would_separate)[0].rstrip(":.") or "no run of these sensors can"
-            told.append(f"As good: {tied(result, n)}. To tell them apart: {words}.")
-    return tuple(told)
-
-
-def _added(engine: Engine) -> str:
-    """What the explanation does to the gap of one engine."""
-    if engine.before is None or engine.after is None:
-        return f"{engine.name}: {engine.skipped}."
-    lacking = (
-        f"; it has no {', '.join(engine.added)}, and got the difference that the analytic model makes of it"
-        if engine.added
-        else ""
-    )
-    return f"{engine.name}: gap {plainly(engine.before)} before, {plainly(engine.after)} after{lacking}."

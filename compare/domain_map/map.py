@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import platform
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -15,7 +14,6 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, Mechanism
 from analytic.mechanism.assumed import Assumed, assumed
-from analytic.mechanism.one_line import count
 from compare.domain_map.cell import Task
 from compare.domain_map.leaving import boundary
 from compare.faults import ArgumentError, no_pin
@@ -23,25 +21,13 @@ from compare.judge.assumptions import ASSUMPTIONS
 from compare.judge.closer import SOFT
 from compare.judge.grid import default_angles, turns_fully
 from compare.judge.tolerances import Tolerances
-from compare.results.validity import Between, Boundary, Cell, Failed, Law, Limits, Meaning, Validity, foretold
+from compare.report.words import validity as words
+from compare.results.validity import Between, Boundary, Cell, Failed, Law, Limits, Meaning, Validity
 from sim_models.common.contact_laws import assumed_of_contact, contact_parameters
 from sim_models.common.failed_starts import STIFF
 from sim_models.engine import declared, installed_version
 
 RealJoint = Literal["massless-link", "spring-damper", "contact"]
-RPM = math.pi / 30  # rad/s
-MEANS = {
-    "contact": "the pin never leaves its bearing",
-    "first-order": "the ideal linkage's reactions give the displacement and are the forces (Eq. 8)",
-    "quasi-static": "the pin follows the reaction; its own motion in the gap costs nothing",
-    "rigid": "the contact does not yield",
-    "superposition": "clearance and compliance add up; not examined, the links are rigid",
-}
-MEANS_OF_BLOCKS = MEANS | {
-    "contact": "one of the block's corners at least is at its wall at all times",
-    "quasi-static": "the block is at rest on its corners; it takes no time to pass to others",
-    "rigid": "the walls do not yield under its corners",
-}
 
 
 @dataclass(frozen=True)
@@ -187,6 +173,9 @@ def versions(*simulators: str) -> dict[str, str]:
 def summarised(grid: Grid, tasks: Sequence[Task], found: Sequence[Cell | Failed]) -> Validity:
     """The map, but for the command and warnings; ``found`` are the cells of ``tasks``, in their order."""
     between, edge = _between(grid, found), _boundary(grid, tasks, found)
+    blocks = [name for name in grid.joints if grid.mechanism.joint(name).prismatic]
+    means = words.MEANS_OF_BLOCKS if blocks else words.MEANS
+    told = words.come_to(grid.simulators, found, between, _inertia_only(grid.mechanism))
     result = Validity(
         case=grid.mechanism.name,
         mechanism=grid.mechanism,
@@ -201,10 +190,10 @@ def summarised(grid: Grid, tasks: Sequence[Task], found: Sequence[Cell | Failed]
         clearances=grid.clearances,
         crank_angle=tasks[0].crank_angle[tasks[0].skip :],
         contact=_contact(grid),
-        assumptions={name: Meaning(means=means, examined=name in ASSUMPTIONS) for name, means in _means(grid).items()},
+        assumptions={name: Meaning(means=each, examined=name in ASSUMPTIONS) for name, each in means.items()},
         cells=tuple(found),
         holds_up_to={name: _holds(grid, [c for c in found if c.simulator == name]) for name in grid.simulators},
-        words=(*_words(grid, found, between), *_lost_words(grid, found)),
+        words=(*told, *words.contact_lost(found, blocks)),
         command="",
         warnings=tuple(too_soft(found)),
         assumed=(*assumed(grid.mechanism), *_assumed(grid, found)),
@@ -233,28 +222,6 @@ def _boundary(grid: Grid, tasks: Sequence[Task], found: Sequence[Cell | Failed])
     return tuple(out)
 
 
-def _means(grid: Grid) -> dict[str, str]:
-    """What the assumptions say of the joints that have the clearance."""
-    return MEANS_OF_BLOCKS if any(grid.mechanism.joint(name).prismatic for name in grid.joints) else MEANS
-
-
-def _lost_words(grid: Grid, found: Sequence[Cell | Failed]) -> tuple[str, ...]:
-    """In how many cells contact is kept or lost as the analytic model predicts; of blocks, that it does not."""
-    blocks = [name for name in grid.joints if grid.mechanism.joint(name).prismatic]
-    if blocks and any(isinstance(cell, Cell) and cell.watched is not None for cell in found):
-        return (
-            f"where contact is first lost is not predicted, as {' and '.join(blocks)} has a block, which turns on one"
-            " corner before it leaves: the boundary is that of the simulations",
-        )
-    told = foretold(found)
-    if not told.cells:
-        return ()
-    return (
-        f"contact is kept or lost as the reaction's turning predicts in {told.yielding} of"
-        f" {count(told.cells, 'cell')} with the walls' give, and in {told.rigid} with rigid walls",
-    )
-
-
 def _assumed(grid: Grid, found: Sequence[Cell | Failed]) -> Iterator[Assumed]:
     """What contact is made of in the cells that the mechanism does not say."""
     asked = grid.asked(grid.speeds[0], grid.clearances[0], grid.layers[0])
@@ -269,13 +236,8 @@ def too_soft(found: Sequence[Cell | Failed]) -> Iterator[str]:
     for name in dict.fromkeys(cell.simulator for cell in soft):
         mine = [cell for cell in soft if cell.simulator == name]
         cell = max(mine, key=lambda cell: cell.give / cell.clearance)
-        times, stiffness = cell.give / cell.clearance, cell.settings.get("contact_stiffness")
-        remedy = f" = {stiffness * times / STIFF:.1e} (N/m) or more" if isinstance(stiffness, float) else ""
-        yield (
-            f"{name}: the contact gives by more than half of the clearance in {count(len(mine), 'cell')}, at most by"
-            f" {1e3 * cell.give:.2g} mm, {times:.1f} times it, at {cell.speed / RPM:.5g} rpm and"
-            f" {1e3 * cell.clearance:.4g} mm: too soft to see this clearance; give contact_stiffness{remedy}"
-        )
+        stiffness, times = cell.settings.get("contact_stiffness"), cell.give / cell.clearance
+        yield words.too_soft(name, mine, stiffness * times / STIFF if isinstance(stiffness, float) else None)
 
 
 def _contact(grid: Grid) -> dict[str, Law]:
@@ -328,41 +290,6 @@ def _between(grid: Grid, each: Sequence[Cell | Failed]) -> Between | None:
         free_share_spread=max(float(np.ptp([cell.free for cell in group])) for group in groups),
         agreeing_share_spread=max(float(np.ptp([cell.agreeing_share for cell in group])) for group in groups),
     )
-
-
-def _words(grid: Grid, each: Sequence[Cell | Failed], between: Between | None) -> tuple[str, ...]:
-    out = [_tally(name, [cell for cell in each if cell.simulator == name]) for name in grid.simulators]
-    if between:
-        out.append(
-            f"{' and '.join(grid.simulators)} give the same verdict in {between.same_verdict} of {between.cells}"
-            f" cells and the same cause in {between.same_cause}; their shares without contact differ by at most"
-            f" {100 * between.free_share_spread:.2g} % of the cycle"
-        )
-    if _inertia_only(grid.mechanism):
-        out.append(
-            "nothing but inertia loads this linkage: every force grows with the square of the speed, so that between"
-            " rigid parts the speed would change nothing; what does change with it is how far the contact yields"
-        )
-    return tuple(out)
-
-
-def _tally(simulator: str, mine: Sequence[Cell | Failed]) -> str:
-    judged = [cell for cell in mine if isinstance(cell, Cell)]
-    agreeing, enough = sum(c.agrees for c in judged), sum(c.first_order_is_enough for c in judged)
-    cells = count(len(mine), "cell")
-    text = f"{simulator}: the equilibrium agrees in {agreeing} of {cells}, and Eq. 8 is enough in {enough}"
-    if judged and not agreeing:
-        best = max(judged, key=lambda c: c.agreeing_share)
-        where = f"{best.speed / RPM:.5g} rpm, {best.clearance * 1e3:.4g} mm"
-        text += f", at best at {100 * best.agreeing_share:.0f} % of the crank angles ({where})"
-    causes = Counter(c.cause or "none that was examined" for c in judged if not c.agrees)
-    if causes:
-        text += (
-            "; where it does not agree, the cause is"
-            f" {', '.join(f'{cause} ({n})' for cause, n in causes.most_common())}"
-        )
-    failed = len(mine) - len(judged)
-    return text + (f"; {failed} could not be simulated" if failed else "")
 
 
 def _inertia_only(mechanism: Mechanism) -> bool:

@@ -24,7 +24,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import get_args
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -48,8 +48,8 @@ from compare.judge.reference import TURNS_BACK
 from compare.judge.rocking import rocking, undamped
 from compare.judge.signals import with_derived, with_rotations
 from compare.judge.tolerances import Tolerances
-from compare.results.crosscheck import Because, Run
 from compare.results.crosscheck import Discrepancy as Judged
+from compare.results.crosscheck import Run
 from compare.results.validity import Assumption, Costing
 from sim_models.common.guide import Guide
 
@@ -335,85 +335,62 @@ def excess(found: Discrepancy) -> float:
 
 # ---------------------------------------------------------------- why a cross-check disagrees
 
-MEANS: Mapping[Assumption, str] = {
-    "contact": "contact at all times",
-    "first-order": "that the ideal linkage's reactions are those of the displaced one (Eq. 8)",
-    "quasi-static": "that a pin's own motion in its gap costs nothing",
-    "rigid": "that the contact does not yield",
-}
+
+@dataclass(frozen=True)
+class Failing:
+    """The assumption of the analytic model that fails in a run that disagrees, and where: that of ``contact`` in a
+    joint, or ``unknown`` if none that was examined explains the disagreement.
+
+    ``cost`` is what it costs, in tolerances; ``give`` (m) how far the contact yields; ``worst`` the signal that the
+    first order moves most, of those that it explains.  A pin that stays in contact ``swings`` along its rim; a block
+    ``rocks`` on its walls, for a while or for ever.
+    """
+
+    assumption: Assumption | Literal["unknown"]
+    joint: str | None = None
+    cost: float = math.nan
+    give: float = math.nan
+    worst: str = ""
+    swings: bool = False
+    rocks: Literal["", "for a while", "for ever"] = ""
 
 
-def failing_assumption(run: Run, mechanism: Mechanism, tolerances: Tolerances, schedule: Schedule) -> Because | None:
+def failing_assumption(run: Run, mechanism: Mechanism, tolerances: Tolerances, schedule: Schedule) -> Failing | None:
     """Why a run with clearance disagrees: the assumption of the analytic model that fails in it, and where.
 
     None where nothing is known of it: a run that is flagged everywhere.
     """
     lost = {joint: share for joint, share in run.free_share.items() if share > 0}
     if lost:
-        joint = max(lost, key=lambda name: lost[name])
-        turned = "the crank angles" if run.motion == "static" else "the motion that is compared"
-        of = turned if mechanism.cranked else "the poses" if run.motion == "static" else "the motion"
-        also = "".join(f", {name} for {100 * lost[name]:.2g} %" for name in lost if name != joint)
-        words = (
-            f"{joint} loses contact for {100 * lost[joint]:.2g} % of {of}{also}; the analytic model presumes contact"
-        )
-        return Because(assumption="contact", joint=joint, words=words)
-    if run.analytic_model == "first_order" and _first_order_costs(run):
-        return Because(assumption="first-order", joint=None, words=_first_order_words(run))
+        return Failing("contact", max(lost, key=lambda name: lost[name]))
+    moved = [d for d in run.discrepancies if _of_first_order(run, d)]
+    if run.analytic_model == "first_order" and moved:
+        return Failing("first-order", worst=max(moved, key=lambda d: d.share or 0.0).signal)
     if run.motion != "driven" or len(run.flags) == run.crank_angle.size:
         return None
     examined = Examined(mechanism, schedule, run, tolerances)
     return _rocking(examined) if examined.blocks else _tested(examined)  # no assumption's cost has blocks' rests
 
 
-def _tested(examined: Examined) -> Because:
+def _tested(examined: Examined) -> Failing:
     """Why a run whose pins keep contact disagrees, as its assumptions cost."""
     cause = examined.cause
-    if cause is None:
-        words = (
-            "no assumption of the analytic model that was tested explains it (contact is kept; the costs of first"
-            " order, of the gap's own motion and of the contact's give are within tolerance): suspect the simulation"
-        )
-        return Because(assumption="unknown", joint=None, words=words)
-    if cause == "quasi-static" and examined.swings:
-        words = "the pin stays in contact and swings along the rim; the analytic model presumes that it rests there"
-    elif cause == "quasi-static":
-        cost = examined.costs["quasi-static-corrected"]
-        words = f"the gap's own motion costs {cost:.2g} tolerances; the analytic model corrects for it once"
-    else:
-        words = (
-            f"the contact yields by {1e6 * examined.give:.2g} um, which costs {examined.costs['rigid']:.2g} tolerances;"
-            " the analytic model presumes rigid contact"
-        )
-    return Because(assumption=cause, joint=None, words=words)
+    if cause == "quasi-static":
+        return Failing(cause, cost=examined.costs["quasi-static-corrected"], swings=examined.swings)
+    return Failing(cause or "unknown", cost=examined.costs["rigid"], give=examined.give)
 
 
-def _rocking(examined: Examined) -> Because | None:
+def _rocking(examined: Examined) -> Failing | None:
     """Why a run with blocks disagrees, where that is that one rocks on its walls."""
     if not (name := examined.rocks):
         return None
     forever = undamped(examined.mechanism, examined.mechanism.joint(name))
-    lasts = "for ever, as nothing damps its contact" if forever else "for a while after its friction turns round"
-    words = f"the block of {name} stays on its walls and rocks there {lasts}; the analytic model has it at rest"
-    return Because(assumption="quasi-static", joint=name, words=words)
-
-
-def _first_order_costs(run: Run) -> bool:
-    """Whether a signal that disagrees is off by about what the paper's first order is from the equilibrium."""
-    return any(_of_first_order(run, d) for d in run.discrepancies)
+    return Failing("quasi-static", name, rocks="for ever" if forever else "for a while")
 
 
 def _of_first_order(run: Run, d: Judged) -> bool:
+    """Whether a signal that disagrees is off by about what the paper's first order is from the equilibrium."""
     apart = run.order_difference.get(d.signal)
     if d.verdict != "disagrees" or apart is None or apart.max is None or d.tolerance is None:
         return False
     return abs(apart.max) > d.tolerance
-
-
-def _first_order_words(run: Run) -> str:
-    worst = max((d for d in run.discrepancies if _of_first_order(run, d)), key=lambda d: d.share or 0.0)
-    apart = run.order_difference[worst.signal]
-    return (
-        "the first order takes the ideal linkage's reactions (Eq. 8); in the displaced linkage"
-        f" {worst.signal} is up to {abs(apart.max or 0.0):.2g} {apart.unit} elsewhere"
-    )

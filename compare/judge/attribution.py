@@ -30,15 +30,6 @@ class Spread:
 
 
 @dataclass(frozen=True)
-class Attribution:
-    """What several engines say together: their spread by signal, who stands apart (or None), and that in words."""
-
-    spread: Mapping[str, Widest]
-    odd_one_out: str | None
-    words: str
-
-
-@dataclass(frozen=True)
 class Apart:
     """A party that stands apart on a signal: by how much from the nearest other, and how far the others are spread."""
 
@@ -47,6 +38,20 @@ class Apart:
     by: float  # in the signal's unit, signed
     share: float  # the same, over the tolerance
     others_spread: float
+
+
+@dataclass(frozen=True)
+class Attribution:
+    """What several engines say together: their spread by signal, who stands apart (or None), and where most clearly.
+
+    ``differ`` says whether any of them disagrees with the analytic model, ``struck`` whether pins struck in any.
+    """
+
+    spread: Mapping[str, Widest]
+    odd_one_out: str | None
+    clearest: Apart | None
+    differ: bool
+    struck: bool
 
 
 def spread(signal: Signal, engines: Mapping[str, np.ndarray], tolerance: np.ndarray) -> Spread | None:
@@ -125,8 +130,8 @@ def attribute(judged: Sequence[tuple[Run, Mapping[str, Rule]]]) -> Attribution:
     odd = odd_one_out(apart)
     differ = any(run.verdict == "disagrees" for run in runs)
     struck = any(run.contact is not None and run.contact.struck for run in runs)
-    nothing = "pins strike, so that averages are compared and no samples" if struck else "nothing could be compared"
-    return Attribution(widest, odd, _words(odd, apart, differ) if widest else nothing)
+    clearest = max((a for a in apart if a.party == odd), key=lambda a: a.share, default=None)
+    return Attribution(widest, odd, clearest, differ, struck)
 
 
 def before_impact(run: Run) -> np.ndarray:
@@ -141,16 +146,3 @@ def before_impact(run: Run) -> np.ndarray:
         abs(j.first_impact - run.crank_angle[0]) for j in run.contact.joints.values() if j.first_impact is not None
     )
     return np.abs(run.crank_angle - run.crank_angle[0]) < first
-
-
-def _words(odd: str | None, apart: Sequence[Apart], differ: bool) -> str:
-    if odd is None:
-        return "they differ, and no single one stands apart" if differ else "all agree within the tolerances"
-    worst = max((a for a in apart if a.party == odd), key=lambda a: a.share)
-    name = "the analytic model" if odd == ANALYTIC else odd
-    by, others = (_said(worst.signal, value) for value in (worst.by, worst.others_spread))
-    return f"{name} stands apart, most clearly in {worst.signal.name}: off by {by}, the others agree within {others}"
-
-
-def _said(signal: Signal, value: float) -> str:
-    return f"{np.degrees(value):.3g} deg" if signal.wraps else f"{value:.3g} {signal.unit}"

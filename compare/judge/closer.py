@@ -20,7 +20,6 @@ from analytic.mechanism.signals import AXES, Signal
 from compare.judge.discrepancy import Rule
 from compare.results.analysis import Simulation
 from compare.results.crosscheck import Discrepancy, Failure, Run
-from compare.runs import failure
 from sim_models.common.contact_laws import default_stiffness
 from sim_models.common.failed_starts import STIFF
 from sim_models.engine import Cause, Request, Trace
@@ -159,7 +158,7 @@ def _too_soft(one: Judged) -> Failure:
     )
     times = f"{depths[joint] / one.run.clearance[joint]:.2g} times its clearance"
     why = f"{what} beyond its rim, {times}; {stiff_enough(one.run, joint)}, or a smaller load"
-    return failure(t.simulator, t, why, Cause.TOO_SOFT)
+    return Failure(simulator=t.simulator, joint_model=t.joint_model, why=why, cause=Cause.TOO_SOFT)
 
 
 def finer(request: Request, trace: Trace) -> Request | None:
@@ -180,4 +179,5 @@ def finer(request: Request, trace: Trace) -> Request | None:
 def _undecided(one: Judged, why: str) -> Failure:
     t = one.trace
     said = f"{t.simulator} {t.joint_model} {t.motion}: {one.words} is its own error: {why}"
-    return failure(t.simulator, t, f"{said}; {Cause.NOT_CONVERGED.remedy}", Cause.NOT_CONVERGED)
+    cause = Cause.NOT_CONVERGED
+    return Failure(simulator=t.simulator, joint_model=t.joint_model, why=f"{said}; {cause.remedy}", cause=cause)

@@ -13,10 +13,10 @@ from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import kinematics
 from analytic.kinematics.reach import usual_angles
 from analytic.mechanism import Mechanism
-from analytic.mechanism.one_line import count
 from analytic.paper.kinetostatics import kinetostatics
 from compare.judge.statistics import needed, statistic
 from compare.judge.watched import Course, Run, Touch, dot, integral, taken
+from compare.report.words.contact import Steadiness, steadiness
 from compare.results.contact import (
     Balance,
     Contact,
@@ -90,12 +90,12 @@ def contact(
     whole = marks.size - 1
     periods = [_period(joint.section, courses[name]) for name, joint in joints.items()]
     parts = {"block" if m.joint(name).prismatic else "pin" for name in joints}
-    converged, words = _converged(joints, whole, float(run.turned[-1]) / TURN, " and no ".join(sorted(parts)))
+    steady = _steadiness(joints, whole, float(run.turned[-1]) / TURN)
     return Contact(
-        revolutions=float(run.turned[-1]) / TURN,
-        converged=converged,
+        revolutions=steady.turns,
+        converged=steady.converged,
         period=None if None in periods else math.lcm(*(each for each in periods if each)),
-        words=words,
+        words=steadiness(steady, sorted(parts)),
         energy=balance(run, courses, marks),
         joints=joints,
     )
@@ -271,28 +271,27 @@ def _brought(joint: JointContact) -> float:
     return impulse * speed / 2
 
 
-def _converged(joints: Mapping[str, JointContact], whole: int, turns: float, loose: str) -> tuple[bool, str]:
-    """Whether the statistics of a run would change no more, and that in words; what is ``loose`` in it has a name."""
-    if all(not joint.impacts.crank_angle.size for joint in joints.values()):
-        free = any((joint.statistics["free_share"].value or 0.0) > 0 for joint in joints.values())
-        if not free:
-            return True, f"no {loose} leaves its wall in {count(f'{turns:.3g}', 'revolution')}"
+def _steadiness(joints: Mapping[str, JointContact], whole: int, turns: float) -> Steadiness:
+    """Whether the statistics of a run would change no more, and which of them is known worst."""
+    free = any((joint.statistics["free_share"].value or 0.0) > 0 for joint in joints.values())
+    if not free and not any(joint.impacts.crank_angle.size for joint in joints.values()):
+        return Steadiness(True, turns, touching=True)
     if turns < 1 - 1e-6:
-        return False, "the crank makes no whole revolution, so that there are no averages"
+        return Steadiness(False, turns)
     wide = [
         (name, key, found)
         for name, joint in joints.items()
         for key, (found, wanted) in zip(WANTED, _wanted(joint), strict=True)
         if found.half_width is None or found.half_width > wanted
     ]
-    told = count(whole, "revolution")
     if not wide:
-        return True, f"averages over {told} are known to {100 * KNOWN:g} %"
+        return Steadiness(True, turns, whole, within=KNOWN)
     name, key, found = max(wide, key=lambda one: (one[2].half_width or math.inf) / (abs(one[2].value or 0.0) or 1.0))
     if found.half_width is None:
-        return False, f"{told} {'is' if whole == 1 else 'are'} too few for averages"
-    share = 100 * found.half_width / abs(found.value) if found.value else math.inf
-    return False, f"after {told} the {key.replace('_', ' ')} of {name} is known to {share:.2g} % only"
+        return Steadiness(False, turns, whole)
+    return Steadiness(
+        False, turns, whole, (name, key), found.half_width / abs(found.value) if found.value else math.inf
+    )
 
 
 def _orbit(course: Course, size: np.ndarray, angle: np.ndarray, here: slice) -> Orbit:

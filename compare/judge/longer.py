@@ -10,6 +10,7 @@ import numpy as np
 
 from compare.judge.closer import Judged
 from compare.judge.contact import TURN, more_revolutions
+from compare.report.words.contact import no_longer_run
 from compare.results.crosscheck import Failure
 from sim_models.engine import Request, Trace
 
@@ -43,8 +44,7 @@ def _as_far(one: Judged | Failure, longer: Failure) -> Judged | Failure:
     """A run that could not be prolonged, with the reason in its words."""
     if isinstance(one, Failure) or one.run.contact is None:
         return one
-    words = f"{one.run.contact.words}; a longer run failed ({longer.why})"
-    contact = one.run.contact.model_copy(update={"words": words})
+    contact = one.run.contact.model_copy(update={"words": no_longer_run(one.run.contact.words, longer.why)})
     return replace(one, run=one.run.model_copy(update={"contact": contact}))
 
 

@@ -17,9 +17,9 @@ from analytic.mechanism.columns import PLAIN
 from analytic.mechanism.signals import Signal, turned_near, unwound
 from analytic.mechanism.units import SI, dimension, factor
 from analytic.paper.kinetostatics import kinetostatics
-from compare.diagnose.data.smooth import Smoother
 from compare.judge.signals import with_derived
 from compare.recorded.headings import TIME, Names, told_unit, unit_of
+from compare.recorded.smooth import Smoother
 
 UNITS = {
     "time": ("s", "ms", "us"),

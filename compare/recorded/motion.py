@@ -15,8 +15,8 @@ from analytic.beyond_paper.drive import Motor
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.schedule import Schedule, Turning
 from analytic.mechanism import Mechanism
-from compare.diagnose.data.smooth import Smoother
 from compare.judge.reference import SURE
+from compare.recorded.smooth import Smoother
 
 PARTS = ("theta", "omega", "alpha")  # of a turning
 STRAIGHT = 1e-6  # rad: a crank that is off an even turning by no more turns evenly

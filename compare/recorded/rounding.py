@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from compare.diagnose.data.quality import quantum
+from compare.recorded.quantum import quantum
 
 FEWEST, MOST = 2, 9  # significant digits that are looked for
 DECIMALS = 12  # at most, that are told

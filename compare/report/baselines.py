@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import html
-from typing import TYPE_CHECKING
-
 from rich.console import Console
 
 from compare.report.junit import Case, junit_xml
+from compare.report.tables import html_table, say
 from compare.results.baselines import Baselines, Entry
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def files(result: Baselines) -> dict[str, str]:
@@ -34,9 +29,7 @@ def lines(entry: Entry) -> list[str]:
 
 def print_table(result: Baselines, console: Console) -> None:
     """Print what became of every baseline."""
-    for entry in result.entries:
-        for line in lines(entry):
-            console.print(line, soft_wrap=True, highlight=False)
+    say(console, *(line for entry in result.entries for line in lines(entry)))
 
 
 def junit(result: Baselines) -> str:
@@ -56,12 +49,6 @@ def summary_html(result: Baselines) -> str:
     rows = []
     for entry in result.entries:
         said = entry.why if entry.status in ("unusable", "failed") else entry.words
-        cells = (entry.case, entry.simulator, entry.status, said, "; ".join(each.sentence for each in entry.moved))
-        rows.append("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in cells) + "</tr>")
-    head = "<tr><th>case</th><th>engine</th><th>status</th><th>compared</th><th>moved</th></tr>"
-    return f"<p>{html.escape(repr(result))}</p><table>{head}{''.join(rows)}</table>"
-
-
-def plot(result: Baselines, figure: Figure) -> None:
-    """What moved has no picture.  Raises TypeError."""
-    raise TypeError("Baselines is a list and has no picture; use to_dataframe()")
+        moved = "; ".join(each.sentence for each in entry.moved)
+        rows.append((entry.case, entry.simulator, entry.status, said, moved))
+    return html_table(rows, ("case", "engine", "status", "compared", "moved"), repr(result))

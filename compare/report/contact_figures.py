@@ -10,9 +10,9 @@ import numpy as np
 
 from analytic.mechanism import GROUND, Mechanism
 from compare.quantities import number
-from compare.report.contact import MEASURES
-from compare.report.figures import Axis, Figure, Numbers, Series, clearance_circle, scaled, simulators
+from compare.report.figures import Axis, Figure, Numbers, Series, clearance_circle, extreme, scaled, simulators
 from compare.report.summary import REAL
+from compare.report.words.contact import MEASURES
 from compare.results.contact import JointContact, Orbit
 from compare.results.crosscheck import CrossCheck, Run
 from sim_models.common.guide import Guide
@@ -135,7 +135,7 @@ def force(result: CrossCheck, runs: list[tuple[Run, JointContact]], joint: str) 
     )
     blocks = part(result.mechanism, joint) == "block"
     title = f"Largest contact force on a corner in {joint}" if blocks else f"Contact force in {joint}"
-    said = [f"{s.name} up to {number(max((v for v in s.y if v is not None), default=None))} N" for s in means]
+    said = [f"{s.name} up to {extreme(s.y)} N" for s in means]
     text = f"{title} over the crank angle, all revolutions together: {'; '.join(said)}."
     series = (band, *means, *([analytic] if analytic.y else []))
     note = "All revolutions together; the analytic side has no answer where its line is broken."

@@ -10,13 +10,15 @@ import numpy as np
 
 from compare.quantities import plain
 from compare.report.contact_figures import contact_figures
+from compare.report.crosscheck_page import render
 from compare.report.figures import figures
 from compare.report.junit import junit
 from compare.report.linkage import linkage_figure
-from compare.report.pages import render
-from compare.report.summary import WORDS, summarise
+from compare.report.summary import summarise
 from compare.report.svg import draw
+from compare.report.tables import html_table
 from compare.report.terminal import print_table
+from compare.report.words.crosscheck import WORDS, headline
 from compare.results.crosscheck import CrossCheck
 
 if TYPE_CHECKING:
@@ -44,11 +46,9 @@ def summary_html(result: CrossCheck) -> str:
     for run in summary.runs:
         worst = max(run.rows, key=lambda row: row.share or 0.0, default=None)
         said = f"{worst.quantity.label} {plain(worst.maximum, 3, True)} {worst.quantity.unit}" if worst else "-"
-        cells = (run.title, WORDS[run.verdict], said, plain(worst.tolerance) if worst else "-")
-        rows.append("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in cells) + "</tr>")
-    head = "<tr><th>run</th><th>verdict</th><th>closest to its tolerance</th><th>tolerance</th></tr>"
-    verdict = f"<b>{html.escape(summary.case)}: {WORDS[summary.verdict]}.</b> {html.escape(summary.headline)}"
-    return f"<p>{verdict}</p><table>{head}{''.join(rows)}</table>"
+        rows.append((run.title, WORDS[run.verdict], said, plain(worst.tolerance) if worst else "-"))
+    verdict = f"<b>{html.escape(summary.case)}: {WORDS[summary.verdict]}.</b> {html.escape(headline(summary))}"
+    return f"<p>{verdict}</p>" + html_table(rows, ("run", "verdict", "closest to its tolerance", "tolerance"))
 
 
 def plot(result: CrossCheck, figure: Figure) -> None:

@@ -8,14 +8,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.console import Console
 
-from compare.quantities import fitting
-from compare.report.diagnosis_page import diagnosis_html
-from compare.report.diagnosis_text import diagnosis_md, terminal_lines
-from compare.report.diagnosis_words import of_effect, remaining
+from compare.quantities import fitting, plainly
+from compare.report.diagnosis_figures import SIDES
+from compare.report.diagnosis_page import diagnosis_html, diagnosis_md
+from compare.report.diagnosis_text import terminal_lines
 from compare.report.explained import explained_toml
 from compare.report.junit import Case, junit_xml
+from compare.report.residuals import draw as draw_residuals
+from compare.report.tables import html_table, say
+from compare.report.words.effects import of_effect, phrase, spoken
+from compare.report.words.measured import remaining
 from compare.results.diagnosis import Diagnosis
-from compare.results.sentences import phrase, plainly, spoken
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -56,8 +59,7 @@ def junit(result: Diagnosis) -> str:
 
 def print_table(result: Diagnosis, console: Console) -> None:
     """Print the verdict in a few lines: what is missing, with intervals; the gap; where it shows."""
-    for line in terminal_lines(result):
-        console.print(line, soft_wrap=True, highlight=False)
+    say(console, *terminal_lines(result))
 
 
 def summary_html(result: Diagnosis) -> str:
@@ -65,10 +67,8 @@ def summary_html(result: Diagnosis) -> str:
     rows = [
         (phrase(result, effect.name, effect.where), *row) for effect in result.effects for row in of_effect(effect)
     ] or [("nothing", "", "", "")]
-    body = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
-    head = "<tr><th>missing</th><th>parameter</th><th>value</th><th>95 % interval</th></tr>"
     verdict = f"<b>{html.escape(result.case)}: {html.escape(result.verdict)}.</b> {html.escape(result.statement)}"
-    return f"<p>{verdict}</p><table>{head}{body}</table>"
+    return f"<p>{verdict}</p>" + html_table(rows, ("missing", "parameter", "value", "95 % interval"))
 
 
 def plot(result: Diagnosis, figure: Figure) -> None:
@@ -85,10 +85,8 @@ def plot(result: Diagnosis, figure: Figure) -> None:
         channel = run.signals[name]
         x = run.time if run.over_time else np.degrees(run.crank_angle)
         unit, factor = fitting(channel.unit, float(np.nanmax(np.abs(result.residual(run, name, "before")))))
-        for side in ("before", "after"):
-            axis.plot(x, factor * result.residual(run, name, side), ".", markersize=3, label=side)
-        axis.axhspan(-2 * factor * channel.noise, 2 * factor * channel.noise, color="0.9", zorder=0)
+        before, after = (factor * result.residual(run, name, side) for side in SIDES)
+        draw_residuals(axis, x, before, after, factor * channel.noise)
         axis.set_ylabel(f"{spoken(result, name)} ({unit})")
         axis.set_xlabel(f"{'time (s)' if run.over_time else 'crank angle (deg)'}, run {run.name}")
-        axis.legend(fontsize="small")
     figure.suptitle(f"{result.case}: {result.verdict}; measured minus simulated, noise within two sigmas shaded")

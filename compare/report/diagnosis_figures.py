@@ -13,12 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from compare.quantities import MINUS, Quantity, number
-from compare.report.diagnosis_words import SIGMA, run_title
-from compare.report.figures import Axis, Figure, Numbers, Series, scaled
+from compare.report.figures import Axis, Figure, Numbers, Series, extreme, scaled
 from compare.report.svg import ticks
+from compare.report.words.diagnosis import SIGMA
+from compare.report.words.effects import quantity, spoken
+from compare.report.words.located import wrapped
+from compare.report.words.measured import off, off_by, reading, run_title
 from compare.results.diagnosis import DiagnosedRun, Diagnosis, Side
 from compare.results.document import listed
-from compare.results.sentences import off, off_by, quantity, reading, spoken, wrapped
 
 COLUMNS = 72  # of the map: 5 degrees where the crank turns fully
 LEVELS = (2.0, 4.0, 10.0, 30.0)  # sigmas at which the map's colour changes
@@ -85,10 +87,7 @@ class Panel:
     def summary(self) -> str:
         """The text alternative."""
         sides = (("before", self.before), ("after", self.after))
-        worst = [
-            f"{name} up to {number(max((abs(v) for v in side if v is not None), default=None))} {self.unit}"
-            for name, side in sides
-        ]
+        worst = [f"{name} up to {extreme(side)} {self.unit}" for name, side in sides]
         return f"Measured minus simulated over {self.x.label}: {'; '.join(worst)}; noise {self.noise_text}."
 
     def simulated(self, side: Side) -> Numbers:

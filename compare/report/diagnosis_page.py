@@ -1,36 +1,37 @@
-"""The page of a diagnosis: one file that needs no network, verdict first."""
+"""The page of a diagnosis, one file that needs no network, verdict first; and Markdown that fits a pull request."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from importlib import resources
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from compare.quantities import DASH, MINUS, assumptions
+from analytic.mechanism.one_line import capital
+from compare.quantities import DASH, MINUS, assumptions, plainly
 from compare.report import diagnosis_figures as figures
-from compare.report import diagnosis_words as words
-from compare.report import proposed
-from compare.report.diagnosis_text import NOTHING_TRIED, SIGNS
 from compare.report.explained import changes, without_null
-from compare.report.pages import script_json
+from compare.report.pages import Script, Section, escape_markdown, markdown, page
+from compare.report.proposed import figure as law_figure
 from compare.report.svg import NOT_XML, draw
-from compare.results.diagnosis import DiagnosedRun, Diagnosis
-from compare.results.document import as_written
-from compare.results.places import located
-from compare.results.sentences import (
+from compare.report.words import diagnosis as words
+from compare.report.words import proposals
+from compare.report.words.effects import (
     called,
-    capital,
-    in_units,
-    off_by,
+    headline,
+    of_effect,
+    of_runs,
     phrase,
-    plainly,
+    quantity,
+    rival_words,
     small_errors,
     spoken,
-    validation_sentences,
 )
+from compare.report.words.located import located, worst_first
+from compare.report.words.measured import InUnits, in_units, off, off_by, run_title, validation_sentences
+from compare.results.diagnosis import DiagnosedRun, Diagnosis, Effect, Place
+from compare.results.document import as_written
 
 LOOKS = {
     "no gap": "agrees",
@@ -40,77 +41,178 @@ LOOKS = {
     "unexplained": "disagrees",
 }
 PLACES = 10  # located deviations that are listed before one has to ask for the rest
+PLACES_IN_TEXT = 12
 CANDIDATES = 12
-STATUS = {
-    "named": "named",
-    "tied": "tied",
-    "not needed": "not named",
-    "not physical": "not physical",
-    "invisible": "not visible in these data",
-    "excluded": "ruled out",
-}
 
 
 def diagnosis_html(result: Diagnosis) -> str:
     """The page over a diagnosis."""
-    nominal, explained = (as_written(mechanism) for mechanism in (result.mechanism, result.explained))
-    panels, found = figures.panels(result), figures.maps(result)
-    places = words.worst_first(result)
-    candidates = sorted(result.candidates, key=lambda c: (c.status not in ("named", "tied"), -(c.sigmas or 0.0)))
-    context = {
+    panels, maps = figures.panels(result), figures.maps(result)
+    parts: dict[str, dict[str, object]] = {
+        "where": _where(result, maps),
+        "story": {"steps": [step for step in result.steps if step.title != "Result"]},
+        "residuals": _residuals(result, panels),
+        "engines": {},
+        "candidates": _candidates(result),
+        "faults": {},
+        "provenance": _provenance(result),
+    }
+    said = _said(result)
+    return page(
+        f"{result.case}: {result.verdict} {DASH} diagnosis",
+        Section("diagnosis/header.html.j2", said | _header(result)),
+        [Section(f"diagnosis/{name}.html.j2", said | part) for name, part in parts.items()],
+        styles=("diagnosis.css",),
+        script=Script(("chart.js", "diagnosis.js"), _data(result, panels, maps)),
+        skip_to="where they disagree",
+        footer="All values come from diagnosis.json beside this page, which needs no network.",
+    )
+
+
+def _said(result: Diagnosis) -> dict[str, object]:
+    """How the result's signals, effects and places are called."""
+    return {
         "result": result,
+        "words": words,
+        "phrase": lambda effect: phrase(result, effect.name, effect.where),
+        "named": partial(called, result),
+        "spoken": partial(spoken, result),
+        "located": partial(located, result),
+        "off": partial(off_by, result),
+    }
+
+
+def diagnosis_md(result: Diagnosis) -> str:
+    """The text of diagnosis.md."""
+    tables: dict[str, Sequence[Sequence[str]]] = {
+        "shares": [(capital(bar.label), words.percent(bar.share / 100)) for bar in words.waterfall(result)],
+        "effects": [row for group in words.ties(result) for row in _effect_rows(result, group)],
+        "numbered": [(str(i), *row) for i, row in enumerate(words.attempts(result), 1)],
+        "off_units": [_off_row(result, sensor) for sensor in in_units(result)],
+        "gaps": [_gap_row(result, run, name) for run in result.runs for name in run.signals],
+        "faults": [(f.run, spoken(result, f.signal), f.kind, str(f.samples), f.text) for f in result.faults],
+        "settings": words.settings(result),
+    }
+    own = [(effect, of_runs(result, effect)) for group in words.ties(result) for effect in group]
+    context = (
+        _said(result)
+        | _header(result)
+        | {
+            "places": worst_first(result),
+            "listed": PLACES_IN_TEXT,
+            "ties": words.ties(result),
+            "own_values": [f"{headline(result, effect)}." for effect, values in own if values],
+            "assumed": assumptions(result.assumed),
+        }
+    )
+    escaped = {name: [[escape_markdown(cell) for cell in row] for row in rows] for name, rows in tables.items()}
+    return markdown(Section("diagnosis/report.md.j2", context | escaped))
+
+
+def _effect_rows(result: Diagnosis, group: Sequence[Place]) -> Iterator[tuple[str, ...]]:
+    """What is missing and what is tied with it, a row for each parameter."""
+    for i, effect in enumerate(group):
+        rivals = ", ".join(phrase(result, other.name, other.where) for other in group[1:]) or DASH
+        others = rival_words(result, group, effect) if i else rivals
+        kind, held_out = DASH, DASH
+        if isinstance(effect, Effect):
+            kind = effect.kind
+            if effect.held_out_before is not None and effect.held_out_after is not None:
+                held_out = f"{plainly(effect.held_out_before)} → {plainly(effect.held_out_after)}"
+        for row in of_effect(effect) or [(DASH, DASH, DASH)]:
+            yield phrase(result, effect.name, effect.where), kind, *row, held_out, others
+
+
+def _off_row(result: Diagnosis, sensor: InUnits) -> tuple[str, ...]:
+    """How far a sensor is off in its own unit."""
+    before, after = (off_by(result, sensor.signal, value) for value in (sensor.before, sensor.after))
+    return quantity(result, sensor.signal).title, before, after, _percent(sensor.share())
+
+
+def _gap_row(result: Diagnosis, run: DiagnosedRun, name: str) -> tuple[str, ...]:
+    """How far a sensor is off in a run, in its unit and in its noise."""
+    channel = run.signals[name]
+    before, after = (off_by(result, name, off(result, run, name, side)) for side in figures.SIDES)
+    return (
+        run.name + " (validation)" * (run.role == "validation"),
+        quantity(result, name).title,
+        off_by(result, name, channel.noise) + ("" if channel.noise_given else ", estimated"),
+        before,
+        after,
+        plainly(channel.gap_before),
+        plainly(channel.gap_after),
+    )
+
+
+def _percent(share: float | None) -> str:
+    return DASH if share is None else f"{plainly(100 * share, 2)} %"
+
+
+def _header(result: Diagnosis) -> dict[str, object]:
+    """The verdict, what is missing, what was tried and is proposed, and what to do next."""
+    laws = [Markup(draw(law_figure(result, p, f"law-{i}"))) for i, p in enumerate(result.proposed)]
+    return {
         "look": LOOKS[result.verdict],
-        "sign": SIGNS[result.verdict],
+        "sign": words.SIGNS[result.verdict],
         "singles": [group for group in words.ties(result) if len(group) == 1],
         "tied": [group for group in words.ties(result) if len(group) > 1],
         "bars": words.waterfall(result),
         "sensors": in_units(result),
         "validation": validation_sentences(result),
         "attempts": words.attempts(result),
-        "nothing_tried": NOTHING_TRIED,
         "proposed": [
-            (
-                p,
-                proposed.sentences(result, p),
-                proposed.numbers(p),
-                Markup(draw(proposed.figure(result, p, f"law-{i}"))),
-            )
-            for i, p in enumerate(result.proposed)
+            (p, proposals.sentences(result, p), proposals.numbers(p), law)
+            for p, law in zip(result.proposed, laws, strict=True)
         ],
-        "proposal": proposed,
-        "unsettled": words.unsettled(result),
-        "words": words,
-        "steps": [step for step in result.steps if step.title != "Result"],
-        "maps": found,
+        "heading": proposals.heading(result),
+        "next_steps": words.next_steps(result),
+        "own": partial(of_runs, result),
+        "parameters": of_effect,
+        "small_errors": partial(small_errors, result),
+        "rival": partial(rival_words, result),
+        "percent": _percent,
+    }
+
+
+def _where(result: Diagnosis, maps: list[figures.Map]) -> dict[str, object]:
+    """Where measured and simulated are apart: the maps, and in words."""
+    return {
+        "maps": maps,
         "cells": _strip,
         "legend": _legend(),
-        "places": places,
+        "places": worst_first(result),
         "listed": PLACES,
-        "panels": panels,
-        "runs": _runs(result, panels),
-        "widest": max(
-            (i for i, run in enumerate(result.runs) if run.role == "fit"),
-            key=lambda i: max((p.gap_before or 0.0 for p in panels if p.run == i), default=0.0),
-        ),
+    }
+
+
+def _residuals(result: Diagnosis, panels: list[figures.Panel]) -> dict[str, object]:
+    """Each run with its panels and their numbers, the widest gap first."""
+    worst = sorted(enumerate(panels), key=lambda item: -(item[1].gap_before or 0.0))
+    return {
+        "runs": [(i, run, [item for item in worst if item[1].run == i]) for i, run in enumerate(result.runs)],
+        "widest": next(panel.run for _, panel in worst if result.runs[panel.run].role == "fit"),
+        "band": figures.BAND,
+        "run_title": run_title,
         "drawings": [
             Markup(draw(figures.overlay(panel, f"values-{i}")) + draw(figures.figure(panel, f"residual-{i}")))
             for i, panel in enumerate(panels)
         ],
-        "candidates": candidates,
-        "candidates_listed": CANDIDATES,
-        "statuses": STATUS,
-        "next_steps": words.next_steps(result),
-        "mechanism": toml(nominal),
-        "explained": toml(explained),
+    }
+
+
+def _candidates(result: Diagnosis) -> dict[str, object]:
+    order = sorted(result.candidates, key=lambda c: (c.status not in ("named", "tied"), -(c.sigmas or 0.0)))
+    return {"candidates": order, "candidates_listed": CANDIDATES, "statuses": words.STATUS}
+
+
+def _provenance(result: Diagnosis) -> dict[str, object]:
+    return {
+        "mechanism": toml(as_written(result.mechanism)),
+        "explained": toml(as_written(result.explained)),
         "changes": changes(result),
         "settings": words.settings(result),
         "assumed": assumptions(result.assumed),
-        "band": figures.BAND,
-        "css": _static("report.css") + _static("diagnosis.css"),
-        "scripts": _static("chart.js") + _static("diagnosis.js"),
-        "data": script_json(_data(result, panels, found)),
     }
-    return _environment(result).get_template("diagnosis.html.j2").render(context)
 
 
 def toml(mechanism: Mapping[str, object]) -> str:
@@ -118,15 +220,6 @@ def toml(mechanism: Mapping[str, object]) -> str:
     import tomli_w
 
     return tomli_w.dumps(without_null(mechanism))
-
-
-def _runs(
-    result: Diagnosis, panels: list[figures.Panel]
-) -> list[tuple[int, DiagnosedRun, list[tuple[int, figures.Panel]]]]:
-    """Each run with its panels and their numbers, the widest gap first."""
-    numbered = list(enumerate(panels))
-    worst = sorted(numbered, key=lambda item: -(item[1].gap_before or 0.0))
-    return [(i, run, [item for item in worst if item[1].run == i]) for i, run in enumerate(result.runs)]
 
 
 def _strip(found: figures.Map, strip: figures.Strip, side: str) -> Markup:
@@ -193,35 +286,3 @@ def _data(result: Diagnosis, panels: list[figures.Panel], found: list[figures.Ma
             for m in found
         ],
     }
-
-
-def _environment(result: Diagnosis) -> Environment:
-    environment = Environment(
-        loader=PackageLoader("compare.report"), autoescape=True, undefined=StrictUndefined, keep_trailing_newline=True
-    )
-    environment.filters |= {
-        "number": plainly,
-        "percent": lambda share: DASH if share is None else f"{plainly(100 * share, 2)} %",
-        "signed": lambda value: plainly(value, 3, True),
-        "parameters": words.of_effect,
-        "own": lambda effect: words.of_runs(result, effect),
-        "small_errors": lambda effect: small_errors(result, effect),
-        "headline": lambda effect: words.headline(result, effect),
-        "rival": lambda group, effect: words.rival_words(result, group, effect),
-        "phrase": lambda effect: phrase(result, effect.name, effect.where),
-        "named": lambda key: called(result, key),
-        "spoken": lambda signal: spoken(result, signal),
-        "off": lambda value, signal: off_by(result, signal, value),
-        "sentence": lambda place: located(result, place),
-        "advice": words.advice,
-        "remark": words.remark,
-        "run_title": words.run_title,
-        "simulated_by": words.simulated_by,
-        "sigmas": lambda value: plainly(value, 2),
-        "capital": capital,
-    }
-    return environment
-
-
-def _static(name: str) -> Markup:
-    return Markup(resources.files("compare.report").joinpath("static", name).read_text(encoding="utf-8"))

@@ -5,7 +5,7 @@ page.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Literal
@@ -94,6 +94,11 @@ def scaled(values: Iterable[float | None] | np.ndarray, factor: float = 1.0) -> 
     return tuple(None if v is None or not math.isfinite(v) else float(f"{factor * v:.7g}") for v in values)
 
 
+def extreme(values: Numbers) -> str:
+    """The largest size of some values, as a summary says it."""
+    return number(max((abs(v) for v in values if v is not None), default=None))
+
+
 def simulators(result: CrossCheck) -> list[str]:
     """Names of the simulators, in order; their index is the level of their series."""
     return list(dict.fromkeys(run.simulator.name for run in result.runs))
@@ -108,56 +113,41 @@ def _simulated(result: CrossCheck, run: Run) -> dict[str, Any]:
 
 def reaction_directions(result: CrossCheck, summary: Summary, joint: str) -> Figure:
     """Gamma of one joint over the crank angle: analytic as lines, each simulated joint model as markers."""
-    quantity = summary.signals[f"reaction_{joint}_angle"]
-    axis, unit, _, _ = abscissa(result.runs[0], result.mechanism)
-    lines: dict[str, Series] = {}
-    marks: list[Series] = []
-
-    def direction(values: Sequence[float | None] | np.ndarray) -> Numbers:
-        first = next(iter(lines.values()), None)
-        return beside(scaled(values, quantity.factor), first.y if first else ())
-
-    def marked(values: Sequence[float | None] | np.ndarray) -> Numbers:
-        first = next(iter(lines.values()), None)
-        return same_turn(direction(values), first.y if first else ())
-
-    for run in result.runs:
-        _, _, factor, x = abscissa(run, result.mechanism)
-        over = scaled(x, factor)
-        if quantity.signal in run.analytic:
-            name, role, mark = _analytic(run, summary)
-            lines.setdefault(name, Series(name, over, direction(run.analytic[quantity.signal]), role, mark))
-        if _shows(run, quantity.signal):
-            marks.append(
-                Series(**_simulated(result, run), x=over, y=marked(run.simulated[quantity.signal]), mark="marker")
-            )
-    spans = [f"{s.name} {_span(s.y, quantity)}" for s in [*lines.values(), *marks]]
-    title = f"Direction of the reaction at {joint}"
-    text = f"{title} over {axis}. {'; '.join(spans)}."
-    return Figure(f"gamma_{joint}", title, text, Axis(axis, unit), Axis(GAMMA, "deg"), (*lines.values(), *marks))
+    signal, title = f"reaction_{joint}_angle", f"Direction of the reaction at {joint}"
+    return _sides(result, summary, signal, f"gamma_{joint}", title, Axis(GAMMA, "deg"))
 
 
 def both_sides(result: CrossCheck, summary: Summary, signal: str) -> Figure:
     """A signal over the crank angle: analytic as lines, each simulated joint model as markers."""
     quantity = summary.signals[signal]
+    return _sides(result, summary, signal, signal, quantity.title, Axis(quantity.name, quantity.unit))
+
+
+def _sides(result: CrossCheck, summary: Summary, signal: str, name: str, title: str, up: Axis) -> Figure:
+    """Both sides of a signal; angles lie next to those of the first analytic line."""
+    quantity = summary.signals[signal]
     axis, unit, _, _ = abscissa(result.runs[0], result.mechanism)
     lines: dict[str, Series] = {}
     marks: list[Series] = []
+
+    def first() -> Numbers:
+        return next((line.y for line in lines.values()), ())
+
     for run in result.runs:
         _, _, factor, x = abscissa(run, result.mechanism)
         over = scaled(x, factor)
         if signal in run.analytic:
-            name, role, mark = _analytic(run, summary)
+            called, role, mark = _analytic(run, summary)
             values = scaled(run.analytic[signal], quantity.factor)
-            lines.setdefault(name, Series(name, over, values, role, mark))
+            values = beside(values, first()) if quantity.angular else values
+            lines.setdefault(called, Series(called, over, values, role, mark))
         if _shows(run, signal):
             values = scaled(run.simulated[signal], quantity.factor)
+            values = same_turn(beside(values, first()), first()) if quantity.angular else values
             marks.append(Series(**_simulated(result, run), x=over, y=values, mark="marker"))
     spans = [f"{s.name} {_span(s.y, quantity)}" for s in [*lines.values(), *marks]]
-    text = f"{quantity.title} over {axis}. {'; '.join(spans)}."
-    return Figure(
-        signal, quantity.title, text, Axis(axis, unit), Axis(quantity.name, quantity.unit), (*lines.values(), *marks)
-    )
+    text = f"{title} over {axis}. {'; '.join(spans)}."
+    return Figure(name, title, text, Axis(axis, unit), up, (*lines.values(), *marks))
 
 
 def _shows(run: Run, signal: str) -> bool:
@@ -238,16 +228,10 @@ def journal_path(result: CrossCheck, summary: Summary, joint: str) -> Figure:
         if joint in dict(run.free)
     ]
     text = f"Path of the journal of {joint} in its clearance circle of radius {number(radius)} {unit}."
+    said = "; ".join(share)
     axes = (Axis("displacement x", unit), Axis("displacement y", unit))
-    return Figure(
-        f"journal_{joint}",
-        f"Path of the journal in {joint}",
-        f"{text} {'; '.join(share)}".strip(),
-        *axes,
-        (rim, *paths, points),
-        "plane",
-        "; ".join(share),
-    )
+    series, title = (rim, *paths, points), f"Path of the journal in {joint}"
+    return Figure(f"journal_{joint}", title, f"{text} {said}".strip(), *axes, series, "plane", said)
 
 
 def clearance_circle(radius: float) -> Series:
@@ -294,10 +278,7 @@ def differences(result: CrossCheck, summary: Summary, quantity: Quantity) -> Fig
         _, _, factor, x = abscissa(run, result.mechanism)
         lines.append(Series(**_simulated(result, run), x=scaled(x, factor), y=difference(run, quantity)))
         limits |= {row.tolerance} if row and row.tolerance and row.quantity.unit == quantity.unit else set()
-    worst = [
-        f"{line.name} up to {number(max((abs(v) for v in line.y if v is not None), default=None))} {quantity.unit}"
-        for line in lines
-    ]
+    worst = [f"{line.name} up to {extreme(line.y)} {quantity.unit}" for line in lines]
     note = f"Tolerance: {', '.join(f'±{number(t)}' for t in sorted(limits))} {quantity.unit}" if limits else ""
     over = [line.x for line in lines if line.x]
     ends = (over[0][0], over[0][-1]) if over else ()

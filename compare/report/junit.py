@@ -7,22 +7,26 @@ from dataclasses import dataclass
 from xml.etree import ElementTree
 
 from compare.quantities import plain
-from compare.report.contact import ASCII, Held, Pair
 from compare.report.summary import Row, ShownRun, Summary
 from compare.report.svg import NOT_XML
+from compare.report.words.contact import ASCII, Held, Pair
+from compare.report.words.crosscheck import row_sentence
 
 
 def junit(summary: Summary) -> str:
     """JUnit XML: a disagreement is a failure with its numbers, and so is a run that is not judged; a known difference
     passes and says so.
     """
-    suites = [_suite(summary.case, run) for run in summary.runs]
+    suites = [_of_cases(f"{run.title}, {run.motion}", _cases(summary.case, run)) for run in summary.runs]
     if summary.contact.pairs:
         cases = [_held(summary.case, pair, row) for pair in summary.contact.pairs for row in pair.rows]
         suites.append(_of_cases("contact statistics", cases))
-    if summary.contact.runs:
-        _tell_contact(suites, summary)
-    suites += [_failed(summary)] * bool(summary.failures)
+    _tell_contact(suites, summary)
+    failed = [
+        Case(f"{summary.case}.simulation", f"failure {i}", error=why, kind="simulation")
+        for i, why in enumerate(summary.failures, 1)
+    ]
+    suites += [_of_cases("simulations that failed", failed)] * bool(failed)
     return _text(f"cross-check of {summary.case}", suites)
 
 
@@ -67,27 +71,20 @@ def _text(name: str, suites: list[ElementTree.Element]) -> str:
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
-def _suite(case: str, run: ShownRun) -> ElementTree.Element:
-    cases = [_case(case, run, row) for row in run.rows] + [_unjudged(case, run)] * (not run.rows)
-    failures = sum(each.find("failure") is not None for each in cases)
-    counts = {"tests": str(len(cases)), "failures": str(failures), "errors": "0"}
-    suite = ElementTree.Element("testsuite", _clean({"name": f"{run.title}, {run.motion}", **counts}))
-    suite.extend(cases)
-    return suite
+def _cases(case: str, run: ShownRun) -> list[Case]:
+    """A case for each signal of a run; one where nothing could be compared."""
+    place = f"{case}.{run.simulator}.{run.joint_model}.{run.motion}"
+    if not run.rows:
+        return [Case(place, "anything to compare", failure=run.reason, kind="not judged")]
+    return [_case(place, row) for row in run.rows]
 
 
-def _failed(summary: Summary) -> ElementTree.Element:
-    """A suite of the runs that came to no end."""
-    count = str(len(summary.failures))
-    suite = ElementTree.Element(
-        "testsuite", {"name": "simulations that failed", "tests": count, "failures": "0", "errors": count}
-    )
-    for i, why in enumerate(summary.failures, 1):
-        case = ElementTree.SubElement(
-            suite, "testcase", _clean({"classname": f"{summary.case}.simulation", "name": f"failure {i}", "time": "0"})
-        )
-        ElementTree.SubElement(case, "error", _clean({"message": why, "type": "simulation"}))
-    return suite
+def _case(place: str, row: Row) -> Case:
+    if row.verdict in ("disagrees", "unjudged"):
+        kind = "disagreement" if row.verdict == "disagrees" else "not judged"
+        return Case(place, row.quantity.signal, failure=row_sentence(row), kind=kind)
+    known = "known difference: " if row.verdict == "known" else ""
+    return Case(place, row.quantity.signal, said=known + row_sentence(row))
 
 
 def _held(case: str, pair: Pair, row: Held) -> Case:
@@ -109,29 +106,6 @@ def _tell_contact(suites: Sequence[ElementTree.Element], summary: Summary) -> No
             lines += [f"{table.joint}: {m.title.translate(ASCII)} {values[k].said(plain)}" for m, values in table.rows]
         element = ElementTree.SubElement(by_title[run.run], "system-out")
         element.text = NOT_XML.sub("", "\n".join(lines))
-
-
-def _unjudged(case: str, run: ShownRun) -> ElementTree.Element:
-    """The one case of a run in which nothing could be compared."""
-    element = ElementTree.Element("testcase", _clean({"classname": _place(case, run), "name": "anything to compare"}))
-    ElementTree.SubElement(element, "failure", _clean({"message": run.reason, "type": "not judged"}))
-    return element
-
-
-def _place(case: str, run: ShownRun) -> str:
-    return f"{case}.{run.simulator}.{run.joint_model}.{run.motion}"
-
-
-def _case(case: str, run: ShownRun, row: Row) -> ElementTree.Element:
-    element = ElementTree.Element("testcase", _clean({"classname": _place(case, run), "name": row.quantity.signal}))
-    if row.verdict in ("disagrees", "unjudged"):
-        kind = "disagreement" if row.verdict == "disagrees" else "not judged"
-        message = _clean({"message": row.sentence, "type": kind})
-        ElementTree.SubElement(element, "failure", message).text = message["message"]
-    else:
-        known = "known difference: " if row.verdict == "known" else ""
-        ElementTree.SubElement(element, "system-out").text = NOT_XML.sub("", known + row.sentence)
-    return element
 
 
 def _totals(suites: list[ElementTree.Element]) -> dict[str, str]:

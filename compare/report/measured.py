@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import html
 
+from rich.console import Console
+
 from compare.diagnose.data.recording import Measured
 from compare.quantities import amount
+from compare.report.tables import html_table, say
 
 
 def summary_html(measured: Measured) -> str:
@@ -15,7 +18,11 @@ def summary_html(measured: Measured) -> str:
         for name, channel in run.channels.items():
             noise = amount(channel.noise, channel.signal.unit) + ("" if channel.noise_given else ", estimated")
             rows.append((run.name, run.role, run.drive, name, str(channel.values.size), noise))
-    head = "".join(f"<th>{name}</th>" for name in ("run", "role", "drive", "signal", "samples", "noise (1 sigma)"))
-    body = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
+    heads = ("run", "role", "drive", "signal", "samples", "noise (1 sigma)")
     faults = "".join(f"<li>{html.escape(f'{f.run}, {f.signal}: {f.text}')}</li>" for f in measured.faults)
-    return f"<p>{html.escape(repr(measured))}</p><table><tr>{head}</tr>{body}</table><ul>{faults}</ul>"
+    return f"{html_table(rows, heads, repr(measured))}<ul>{faults}</ul>"
+
+
+def print_table(measured: Measured, console: Console) -> None:
+    """Print the recording in a line."""
+    say(console, repr(measured))

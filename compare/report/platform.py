@@ -2,78 +2,38 @@
 
 from __future__ import annotations
 
-import html
 import math
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from rich.console import Console
-from rich.table import Table
 
 from analytic.mechanism.one_line import count
 from compare.quantities import plain, shown
 from compare.report.linkage import parts
-from compare.report.pages import script_json, static
+from compare.report.pages import Script, Section, page
+from compare.report.tables import html_table, say, terminal_table
+from compare.report.words.accuracy import FIELDS, NOTES, facts
 from compare.results.platform import PlatformAccuracy, PoseError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DIGITS = 5  # of numbers in the page
-FIELDS: Mapping[str, str] = {
-    "total": "all together, to either side",
-    "worst_case": "clearance, worst case",
-    "equilibrium": "clearance, finite gaps in equilibrium",
-    "nominal": "clearance, first order (Eq. 8)",
-    "resolution": "resolution of the drives",
-    "compliance": "compliance",
-}
-NOTES = (
-    "Clearance, worst case: the largest displacement to either side, wherever the pins lie. In equilibrium: every pin"
-    " where its own reaction presses it, with finite gaps; first order: along the ideal linkage's reactions (Eq. 8)."
-    " Resolution: all drives half a step of their encoders off. All together: worst case, resolution and compliance.",
-    "Dexterity is the condition number of the platform's velocity by its drives: infinite where it cannot move in some"
-    " direction (first kind). Holding is that of the loops: infinite where its drives do not hold it (second kind).",
-)
 
 
 def files(result: PlatformAccuracy) -> dict[str, str]:
     """The page, and the numbers as a table for other programs."""
-    return {"accuracy.html": _page(result), "accuracy.csv": result.to_csv()}
-
-
-def _page(result: PlatformAccuracy) -> str:
-    environment = Environment(
-        loader=PackageLoader("compare.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
+    context = {"result": result, "facts": facts(result), "notes": NOTES, "heads": HEADS, "rows": _rows(result)}
+    sections = ["map", "largest", *["warnings"] * bool(result.warnings)]
+    html = page(
+        f"{result.case}: accuracy of the platform",
+        Section("platform/header.html.j2", context),
+        [Section(f"platform/{name}.html.j2", context) for name in sections],
+        styles=("platform.css",),
+        script=Script(("platform.js",), _data(result)),
     )
-    return environment.get_template("platform.html.j2").render(
-        result=result,
-        css=static("report.css"),
-        script=static("platform.js"),
-        data=script_json(_data(result)),
-        facts=_facts(result),
-        notes=NOTES,
-        heads=HEADS,
-        rows=_rows(result),
-    )
-
-
-def _facts(result: PlatformAccuracy) -> dict[str, str]:
-    sizes = ", ".join(f"{joint} {1e3 * size:.4g} mm" for joint, size in result.clearance.items()) or "none"
-    steps = ", ".join(f"{joint} {_step(result, joint, step)}" for joint, step in result.encoder_step.items()) or "none"
-    reached = int(result.reached.sum())
-    where = f"{reached} of {result.reached.size}" if result.workspace else f"{reached}"
-    found = {"radial clearance": sizes, "encoder steps": steps, "poses": where}
-    if result.workspace is not None and result.workspace.angle is not None:
-        found["angle"] = f"{math.degrees(result.workspace.angle):.5g} deg"
-    return found
-
-
-def _step(result: PlatformAccuracy, joint: str, step: float) -> str:
-    unit, factor = shown("m" if result.mechanism.joint(joint).prismatic else "rad")
-    return f"{plain(factor * step)} {unit}"
+    return {"accuracy.html": html, "accuracy.csv": result.to_csv()}
 
 
 def _data(result: PlatformAccuracy) -> dict[str, object]:
@@ -139,8 +99,6 @@ def _short(values: np.ndarray) -> list[float | None]:
     return [float(f"{v:.{DIGITS}g}") if math.isfinite(v) else None for v in np.asarray(values, float).tolist()]
 
 
-# ---------------------------------------------------------------- tables
-
 HEADS = ("output", "unit", "equilibrium", "worst case", "resolution", "compliance", "together", "first order off by")
 
 
@@ -158,25 +116,17 @@ def _row(output: PoseError, off: float | None) -> tuple[str, ...]:
 
 def print_table(result: PlatformAccuracy, console: Console) -> None:
     """Print the largest errors of each output over the poses, then what to beware of; ASCII."""
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
-    for heading in HEADS:
-        table.add_column(heading, justify="left" if heading in ("output", "unit") else "right", no_wrap=True)
-    for row in _rows(result):
-        table.add_row(*row)
-    console.print(table)
-    told = [f"{what} {value}" for what, value in _facts(result).items()]
-    console.print("largest over the poses, to either side; " + "; ".join(told), highlight=False, soft_wrap=True)
+    console.print(terminal_table(HEADS, _rows(result), left=("output", "unit")))
+    told = [f"{what} {value}" for what, value in facts(result).items()]
+    say(console, "largest over the poses, to either side; " + "; ".join(told))
     for first, why in list(result.flags.items())[:1]:
-        what = f"{count(len(result.flags), 'pose')} without an equilibrium, first number {first}: {why}"
-        console.print(what, highlight=False, soft_wrap=True)
-    console.print(repr(result), highlight=False, soft_wrap=True)
+        say(console, f"{count(len(result.flags), 'pose')} without an equilibrium, first number {first}: {why}")
+    say(console, repr(result))
 
 
 def summary_html(result: PlatformAccuracy) -> str:
     """The same for a notebook."""
-    rows = "".join("<tr>" + "".join(f"<td>{html.escape(c)}</td>" for c in row) + "</tr>" for row in _rows(result))
-    head = "".join(f"<th>{name}</th>" for name in HEADS)
-    return f"<p>{html.escape(repr(result))}</p><table><tr>{head}</tr>{rows}</table>"
+    return html_table(_rows(result), HEADS, repr(result))
 
 
 def plot(result: PlatformAccuracy, figure: Figure) -> None:

@@ -4,57 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from analytic.mechanism.one_line import capital
 from compare.quantities import fitting
-from compare.report.diagnosis_words import percent
 from compare.report.figures import Axis, Figure, Mark, Series
+from compare.report.words.effects import unknown
 from compare.results.diagnosis import Diagnosis, Proposed
 from compare.results.document import listed
-from compare.results.sentences import Row, capital, enumerated, parameter, unknown
 
-HEADING = "Proposed, not named"
-ADOPTED = "Proposed, and adopted"
 GAP = 0.1  # of what a law is shown over: no line is drawn across more without a sample
 SCATTER = 0.02  # of its range, by which a law's samples differ from their neighbours' mean: it is drawn as points
-MEANING = (
-    "A place where one unknown number at each moment would tell what is left, and the law that it looks like. It is"
-    " solved for with the analytic model, beside what is named, whose values are fitted again with it. It is a hint for"
-    " the engineer: it has no name in the vocabulary, and it changes neither the verdict nor the gap."
-)
-
-
-def heading(result: Diagnosis) -> tuple[str, str]:
-    """The heading of what is proposed, and what it means."""
-    if all(p.adopted for p in result.proposed):
-        return ADOPTED, "You decided that it is there: it is an effect of the model, and counts in the verdict."
-    return HEADING, MEANING
-
-
-def sentences(result: Diagnosis, p: Proposed) -> list[str]:
-    """What is proposed, how much it would take away, what does as well, and what would tell them apart; of what is
-    adopted, that it is.
-    """
-    out = [p.says]
-    if p.adopted:
-        return [*out, "It is adopted: an effect like the others, with the gap that every engine leaves with it."]
-    if p.not_adopted:
-        out.append(f"It cannot be adopted: {p.not_adopted}.")
-    if p.share is not None:
-        of = "what is left" if result.verdict in ("unexplained", "partly explained") else "the whole gap"
-        where = ", on data left out" if p.law else ", with a number for each moment"
-        out.append(f"It would take {percent(min(p.share, 1.0))} of {of} beyond the noise away{where}.")
-    if p.ties:
-        nouns = [unknown(result, tie) for tie in p.ties]
-        others = enumerated([f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}" for noun in nouns])
-        out.append(f"These data would be told as well by {others}.")
-        out.append(
-            f"{capital(p.would_separate)}." if p.would_separate else "No sensor of this linkage would part them."
-        )
-    return out
-
-
-def numbers(p: Proposed) -> list[Row]:
-    """Letter, value and 95 % interval of each number of the law."""
-    return [parameter(letter, found) for letter, found in p.coefficients.items()]
 
 
 def figure(result: Diagnosis, p: Proposed, name: str) -> Figure:

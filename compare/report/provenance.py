@@ -2,34 +2,24 @@
 
 from __future__ import annotations
 
-import html
 import math
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
 
 from rich.console import Console
 
 from compare.quantities import shown
+from compare.report.tables import html_table, say
 from compare.results.provenance import Analytic, Provenance, Sample, Simulated
 from sim_models.engine import SettingValue
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SETTING_UNITS = {"contact_stiffness": "N/m", "contact_damping": "N.s/m", "step": "s"}
 INDENT = " " * 16
 MADE = {"rad": "atan2(y, x)", "N": "hypot(x, y)"}  # how a direction or a size is made of its components
 
 
-def files(result: Provenance) -> dict[str, str]:
-    """Nothing beside the JSON file."""
-    return {}
-
-
 def print_table(result: Provenance, console: Console) -> None:
     """Print both sides in each run, and what each comes from."""
-    for line in lines(result):
-        console.print(line, soft_wrap=True, highlight=False)
+    say(console, *lines(result))
 
 
 def summary_html(result: Provenance) -> str:
@@ -45,14 +35,7 @@ def summary_html(result: Provenance) -> str:
         )
         for run in result.runs
     ]
-    head = "".join(f"<th>{name}</th>" for name in heads)
-    body = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
-    return f"<p>{html.escape(_head(result))}</p><table><tr>{head}</tr>{body}</table>"
-
-
-def plot(result: Provenance, figure: Figure) -> None:
-    """One number has no picture.  Raises TypeError."""
-    raise TypeError("Provenance is about one number and has no picture; plot the cross-check, or print it")
+    return html_table(rows, heads, _head(result))
 
 
 def lines(result: Provenance) -> Iterator[str]:

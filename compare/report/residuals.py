@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
@@ -13,9 +12,11 @@ from rich.console import Console
 from analytic.mechanism.one_line import count
 from compare.quantities import amount, fitting, number
 from compare.report.diagnosis_text import in_ascii
+from compare.report.tables import html_table, say
 from compare.results.residuals import Residual, Residuals, SignalResiduals
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -26,8 +27,7 @@ def files(result: SignalResiduals) -> dict[str, str]:
 
 def print_table(result: SignalResiduals, console: Console) -> None:
     """Print the residuals of each run in a few numbers."""
-    for line in lines(result):
-        console.print(line, soft_wrap=True, highlight=False)
+    say(console, *lines(result))
 
 
 def lines(result: SignalResiduals) -> Iterator[str]:
@@ -68,10 +68,8 @@ def summary_html(result: SignalResiduals) -> str:
         for run in result.runs
         for side, residual in (("before", run.before), ("after", run.after))
     ]
-    head = "".join(f"<th>{name}</th>" for name in ("run", "side", "rms", "largest", "at", "gap"))
-    body = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
-    title = html.escape(f"{result.signal}: {result.label}, measured minus simulated")
-    return f"<p>{title}</p><table><tr>{head}</tr>{body}</table>"
+    title = f"{result.signal}: {result.label}, measured minus simulated"
+    return html_table(rows, ("run", "side", "rms", "largest", "at", "gap"), title)
 
 
 def plot(result: SignalResiduals, figure: Figure) -> None:
@@ -80,10 +78,15 @@ def plot(result: SignalResiduals, figure: Figure) -> None:
     unit, factor = fitting(result.unit, *sizes)
     for axis, run in zip(figure.subplots(len(result.runs), 1, squeeze=False)[:, 0], result.runs, strict=True):
         x = run.time if run.over_time else np.degrees(run.crank_angle)
-        for side, residual in (("before", run.before), ("after", run.after)):
-            axis.plot(x, factor * residual.values, ".", markersize=3, label=side)
-        axis.axhspan(-2 * factor * run.noise, 2 * factor * run.noise, color="0.9", zorder=0)
+        draw(axis, x, factor * run.before.values, factor * run.after.values, factor * run.noise)
         axis.set_ylabel(f"{result.label} ({unit})")
         axis.set_xlabel(f"{'time (s)' if run.over_time else 'crank angle (deg)'}, run {run.name}")
-        axis.legend(fontsize="small")
     figure.suptitle(f"{result.case}: measured minus simulated, noise within two sigmas shaded")
+
+
+def draw(axis: Axes, x: np.ndarray, before: np.ndarray, after: np.ndarray, noise: float) -> None:
+    """Residuals (N,) before and after over x (N,), and the noise (1 sigma) within two sigmas shaded."""
+    for side, values in (("before", before), ("after", after)):
+        axis.plot(x, values, ".", markersize=3, label=side)
+    axis.axhspan(-2 * noise, 2 * noise, color="0.9", zorder=0)
+    axis.legend(fontsize="small")

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 
 from analytic.mechanism.one_line import count
 from compare.quantities import assumptions, drive_signals, plain, quantities
+from compare.report.tables import html_table, say, terminal_table
 from compare.results.analysis import Analysis, Simulation
 
 if TYPE_CHECKING:
@@ -51,25 +51,19 @@ def _said(result: Side) -> Iterator[str]:
             yield f"no answer at {count(len(at), 'sample')}, first {where}: {why}"
 
 
+HEADS = ("signal", "unit", "smallest", "largest")
+
+
 def print_table(result: Side, console: Console) -> None:
     """Print the range of each signal, in degrees and millimetres."""
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
-    for heading in ("signal", "unit", "smallest", "largest"):
-        table.add_column(heading, justify="left" if heading in ("signal", "unit") else "right")
-    for row in _ranges(result):
-        table.add_row(*row)
-    console.print(table)
-    for line in _said(result):
-        console.print(line, highlight=False, soft_wrap=True)
-    console.print(repr(result), highlight=False, soft_wrap=True)
+    console.print(terminal_table(HEADS, _ranges(result), left=("signal", "unit")))
+    say(console, *_said(result), repr(result))
 
 
 def summary_html(result: Side) -> str:
     """The same for a notebook."""
-    rows = "".join("<tr>" + "".join(f"<td>{html.escape(c)}</td>" for c in row) + "</tr>" for row in _ranges(result))
-    head = "<tr><th>signal</th><th>unit</th><th>smallest</th><th>largest</th></tr>"
     said = "".join(f"<li>{html.escape(line)}</li>" for line in _said(result))
-    return f"<p>{html.escape(repr(result))}</p><table>{head}{rows}</table><ul>{said}</ul>"
+    return f"{html_table(_ranges(result), HEADS, repr(result))}<ul>{said}</ul>"
 
 
 def plot(result: Side, figure: Figure) -> None:

@@ -7,42 +7,37 @@ own.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import count
-from compare.quantities import Quantity, key_signals, number, plain, quantities, shown
-from compare.report.contact import NO_CONTACT, Contact, told
+from compare.quantities import Quantity, key_signals, plain, quantities, shown
+from compare.report.words.contact import Contact, told
 from compare.results import crosscheck as results
 from compare.results.crosscheck import CrossCheck
 from sim_models.engine import SettingValue
 
 REAL = ("contact", "spring-damper", "massless-link", "ideal")  # joint models, the most real first
 STEADY = 1e-6  # of a step between samples: steps that differ by less are equal
-WORDS = {
-    "agrees": "agrees",
-    "disagrees": "disagrees",
-    "known": "known difference",
-    "unjudged": "not judged",
-    "failed": "failed",
-}
-MODELS = {
-    "first_order": "first order (Eq. 8: ideal reaction directions)",
-    "equilibrium": "equilibrium (displaced linkage, self-consistent)",
-}
 
 
 @dataclass(frozen=True)
-class Row:
-    """One signal of one run: simulated minus analytic, in ``quantity.unit``; None where nothing could be compared."""
+class Order:
+    """First-order answer minus equilibrium of one signal of one run, in ``quantity.unit``; None where there is none."""
 
     quantity: Quantity
     maximum: float | None
     rms: float | None
     at: str
+
+
+@dataclass(frozen=True)
+class Row(Order):
+    """One signal of one run: simulated minus analytic; None where nothing could be compared."""
+
     tolerance: float | None
     verdict: str
     reason: str = ""
@@ -51,28 +46,6 @@ class Row:
     def share(self) -> float | None:
         """Largest difference over tolerance."""
         return abs(self.maximum) / self.tolerance if self.maximum is not None and self.tolerance else None
-
-    @property
-    def sentence(self) -> str:
-        """The row in words, ASCII but for names: ``reaction angle at B: +0.2 deg at 30 deg, rms 0.1 deg (tolerance 0.05
-        deg)``.
-        """
-        unit = self.quantity.unit.replace("·", ".")
-        numbers = (
-            f"{plain(self.maximum, 4, True)} {unit} at {self.at}, rms {plain(self.rms)} {unit} (tolerance"
-            f" {plain(self.tolerance)} {unit})"
-        )
-        return f"{self.quantity.label}: {numbers}" + (f"; {self.reason}" if self.reason else "")
-
-
-@dataclass(frozen=True)
-class Order:
-    """First-order answer minus equilibrium, of one signal of one run."""
-
-    quantity: Quantity
-    maximum: float | None
-    rms: float | None
-    at: str
 
 
 @dataclass(frozen=True)
@@ -127,7 +100,6 @@ class Summary:
 
     case: str
     verdict: str
-    headline: str
     runs: tuple[ShownRun, ...]
     signals: Mapping[str, Quantity]
     joints: tuple[str, ...]  # the joints that the report is about: those with clearance, or all
@@ -135,7 +107,6 @@ class Summary:
     between: str  # who stands apart, in words; empty with one engine
     failures: tuple[str, ...]  # runs that have no result, and why
     printed: tuple[Printed, ...]
-    why: str  # which assumption of the analytic model fails, and where; empty where none is known to
     contact: Contact  # what it did in the runs that were watched
 
     def keys(self, all_joints: bool, mechanism: Mechanism) -> list[Quantity]:
@@ -173,12 +144,10 @@ def summarise(result: CrossCheck) -> Summary:
     contact = told(result)
     speaks_against = any(pair.wrong for pair in contact.pairs) or any(run.verdict != "agrees" for run in runs)
     verdict = "failed" if failures and not speaks_against else result.verdict
-    said = headline(runs, len(failures), contact=contact)
     printed = tuple(_printed(signals[one.signal], one) for one in result.printed)
     return Summary(
         result.case,
         verdict,
-        said,
         runs,
         signals,
         tuple(joints),
@@ -186,7 +155,6 @@ def summarise(result: CrossCheck) -> Summary:
         result.words,
         failures,
         printed,
-        why(runs),
         contact,
     )
 
@@ -197,20 +165,6 @@ def _printed(quantity: Quantity, one: results.Printed) -> Printed:
     )
     at = f"{plain(math.degrees(one.crank_angle), 4)} deg"
     return Printed(quantity, at, printed, first_order, equilibrium, one.source)
-
-
-def why(runs: Sequence[ShownRun]) -> str:
-    """Each assumption that fails, in a sentence: of the run with the most real joints, and in how many others."""
-    told: dict[str, list[ShownRun]] = {}
-    for run in sorted((run for run in runs if run.because), key=lambda run: REAL.index(run.joint_model)):
-        told.setdefault(run.assumption, []).append(run)
-    return " ".join(_why(mine) for mine in told.values())
-
-
-def _why(runs: Sequence[ShownRun]) -> str:
-    also = f", and likewise in {count(len(runs) - 1, 'other run')}" if len(runs) > 1 else ""
-    because = runs[0].because
-    return f"{because[:1].upper()}{because[1:]} ({runs[0].title}{also})."
 
 
 def released(run: results.Run, mechanism: Mechanism) -> bool:
@@ -289,25 +243,6 @@ def _ranges(samples: list[int], x: Sequence[float], unit: str) -> Iterator[str]:
         samples = samples[size:]
 
 
-def frame_and_signs(mechanism: Mechanism) -> str:
-    """On which body each force acts, and from where an angle counts, for a reader of the numbers."""
-    pairs = ", ".join(f"{j.name} of {j.bodies[0]} on {j.bodies[1]}" for j in mechanism.joints)
-    return (
-        f"Reactions are forces at {pairs}, in the ground frame; a displacement in a joint is the first body's pin"
-        " centre minus the second's. Angles count counter-clockwise from the ground's x axis, and"
-        f" {_of_motors(mechanism)}."
-    )
-
-
-def _of_motors(mechanism: Mechanism) -> str:
-    """On what the motors act."""
-    if mechanism.cranked:
-        return f"the drive torque is the motor's on the {mechanism.driven}"
-    ends = [mechanism.joint(drive.joint) for drive in mechanism.drives]
-    acting = ", ".join(f"in {joint.name} on {joint.bodies[1]}" for joint in ends)
-    return f"a motor's torque or force is that of its joint's first body on its second ({acting})"
-
-
 def _span(run: results.Run, mechanism: Mechanism) -> str:
     """How many samples a run has, and over what: ``29 crank angles, 20 to 160 deg``."""
     _, unit, factor, x = abscissa(run, mechanism)
@@ -318,26 +253,23 @@ def _span(run: results.Run, mechanism: Mechanism) -> str:
 
 
 def _row(d: results.Discrepancy, run: results.Run, mechanism: Mechanism, signals: Mapping[str, Quantity]) -> Row:
-    quantity = _in_unit(signals[d.signal], d.unit)
-    values = (None if value is None else quantity.factor * value for value in (d.max, d.rms, d.tolerance))
-    maximum, rms, tolerance = values
-    return Row(quantity, maximum, rms, _where(d.at_crank_angle, run, mechanism), tolerance, d.verdict, d.reason)
+    one = _order(signals[d.signal], d, run, mechanism)
+    tolerance = None if d.tolerance is None else one.quantity.factor * d.tolerance
+    return Row(one.quantity, one.maximum, one.rms, one.at, tolerance, d.verdict, d.reason)
 
 
-def _order(quantity: Quantity, fields: results.OrderDifference, run: results.Run, mechanism: Mechanism) -> Order:
-    quantity = _in_unit(quantity, fields.unit)
-    maximum, rms = (None if value is None else quantity.factor * value for value in (fields.max, fields.rms))
-    return Order(quantity, maximum, rms, _where(fields.at_crank_angle, run, mechanism))
+def _order(
+    quantity: Quantity, found: results.OrderDifference | results.Discrepancy, run: results.Run, mechanism: Mechanism
+) -> Order:
+    quantity = _in_unit(quantity, found.unit)
+    maximum, rms = (None if value is None else quantity.factor * value for value in (found.max, found.rms))
+    return Order(quantity, maximum, rms, _where(found.at_crank_angle, run, mechanism))
 
 
 def _in_unit(quantity: Quantity, unit: str) -> Quantity:
     """The quantity in the unit that a difference is given in, which need not be the signal's own."""
     name, factor = shown(unit)
-    return (
-        quantity
-        if name == quantity.unit
-        else Quantity(quantity.signal, quantity.name, quantity.symbol, quantity.place, name, factor)
-    )
+    return quantity if name == quantity.unit else replace(quantity, unit=name, factor=factor)
 
 
 def _where(at: float | None, run: results.Run, mechanism: Mechanism) -> str:
@@ -347,73 +279,3 @@ def _where(at: float | None, run: results.Run, mechanism: Mechanism) -> str:
     if released(run, mechanism) and run.time is not None:
         return f"{plain(float(run.time[np.argmin(np.abs(run.crank_angle - at))]), 4)} s"
     return f"{plain(math.degrees(at), 4)} deg"
-
-
-def headline(
-    runs: tuple[ShownRun, ...],
-    failures: int = 0,
-    say: Callable[..., str] = number,
-    contact: Contact = NO_CONTACT,
-) -> str:
-    """The verdict in a few sentences: runs that failed or are not judged, comparisons that disagree, and the worst (or
-    closest) by its tolerance; and what the engines' statistics of contact say of each other.
-    """
-    if not runs:
-        return "No simulation came to its end: nothing was compared."
-    return " ".join(filter(None, [*_sentences(runs, failures, say), contact.headline(say)]))
-
-
-def _sentences(runs: tuple[ShownRun, ...], failures: int, say: Callable[..., str]) -> Iterator[str]:
-    rows = [(run, row) for run in runs for row in run.rows]
-    wrong = [(run, row) for run, row in rows if row.verdict == "disagrees"]
-    exceeding = [(run, row) for run, row in wrong if not row.reason]
-    otherwise = [(run, row) for run, row in wrong if row.reason]
-    agreeing = [(run, row) for run, row in rows if row.verdict == "agrees"]
-    hidden = [(run, row) for run, row in rows if row.verdict == "unjudged"]
-    known = len(rows) - len(wrong) - len(agreeing) - len(hidden)
-    silent = [run for run in runs if run.reason or not run.rows]
-    if failures:
-        yield f"{failures} of {count(failures + len(runs), 'run')} failed."
-    if silent:
-        why = f"; {silent[0].title}: {silent[0].reason}" if silent[0].reason else ""
-        yield f"Nothing could be compared in {len(silent)} of {count(len(runs), 'run')}{why}."
-    if exceeding:
-        yield f"{_share(exceeding, rows, runs)} {'exceeds its' if len(exceeding) == 1 else 'exceed their'} tolerance."
-    elif agreeing and not wrong:
-        compared = len({run.index for run, _ in rows})
-        all_of = f"All {len(agreeing)} judged comparisons" if len(agreeing) > 1 else "The one judged comparison"
-        verb = "are" if len(agreeing) > 1 else "is"
-        yield f"{all_of} of {count(compared, 'run')} {verb} within tolerance."
-    if known:
-        yield f"{known} of {count(len(rows), 'comparison')} {'differs' if known == 1 else 'differ'} as known."
-    if hidden:
-        run, row = hidden[0]
-        first = "is" if len(hidden) == 1 else "are"
-        yield f"{_share(hidden, rows, runs)} {first} not judged: {row.quantity.label} ({run.title}): {row.reason}."
-    if exceeding:
-        yield f"Worst: {_most(exceeding, say)}."
-    elif agreeing and not wrong:
-        yield f"Closest to it: {_most(agreeing, say)}."
-    if otherwise:
-        run, row = otherwise[0]
-        first = "disagrees:" if len(otherwise) == 1 else "disagree, the first being"
-        yield f"{_share(otherwise, rows, runs)} {first} {row.quantity.label} ({run.title}): {row.reason}."
-
-
-def _share(
-    some: Sequence[tuple[ShownRun, Row]], rows: Sequence[tuple[ShownRun, Row]], runs: tuple[ShownRun, ...]
-) -> str:
-    return (
-        f"{len(some)} of {count(len(rows), 'comparison')} in {len({run.index for run, _ in some})} of"
-        f" {count(len(runs), 'run')}"
-    )
-
-
-def _most(rows: Sequence[tuple[ShownRun, Row]], say: Callable[..., str]) -> str:
-    """The row that uses up most of its tolerance, in words."""
-    run, row = max(rows, key=lambda pair: pair[1].share or 0.0)
-    unit = row.quantity.unit
-    return (
-        f"{row.quantity.label} ({run.title}), {say(row.maximum, 3, True)} {unit} at {row.at}, tolerance"
-        f" {say(row.tolerance)} {unit}"
-    )

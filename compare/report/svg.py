@@ -1,9 +1,13 @@
-"""A figure as an SVG file: on white, with presentation attributes only, so that any viewer shows it alike."""
+"""A figure as an SVG file: on white, with presentation attributes only, so that any viewer shows it alike.
+
+Every drawing of a report is made of these: the picture with its text alternative, words, boxes and axes.
+"""
 
 from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from xml.sax.saxutils import escape, quoteattr
 from zlib import crc32
@@ -36,6 +40,7 @@ GLYPHS = {  # r is half the size
     "cross": "m-{r} -{r}l{d} {d}m-{d} 0l{d} -{d}",
     "dot": "m-{r} 0h{d}m-{r} -{r}v{d}",
 }
+INK, PAPER, RULE, GRID = "#1b1f24", "#fff", "#8a919c", "#e4e7eb"
 NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
@@ -86,9 +91,8 @@ def draw(figure: Figure) -> str:
     top = 44.0 + LINE * len(legend)
     x, y, height = _scales(figure, top)
     area = f"area-{crc32(figure.name.encode()):x}"  # its own, because a page may hold several drawings
-    label = quoteattr(NOT_XML.sub("", f"{figure.title}. {figure.summary}"))
-    body = [_text(figure.title, 14, 22, size=15, weight="600"), *_drawn_legend(legend)]
-    body += _axes(figure, x, y, height)
+    body = [label(figure.title, 14, 22, size=15, weight="600"), *_drawn_legend(legend)]
+    body += _axes(figure, x, y)
     body.append(
         f'<clipPath id="{area}"><rect x="{LEFT}" y="{top}" width="{WIDTH - LEFT - RIGHT}"'
         f' height="{height - BOTTOM - top}"/></clipPath>'
@@ -99,11 +103,63 @@ def draw(figure: Figure) -> str:
         "</g>",
         *_labels(figure, x, y),
     ]
+    return picture(WIDTH, height, f"{figure.title}. {figure.summary}", body)
+
+
+def picture(width: float, height: float, alternative: str, body: Iterable[str]) -> str:
+    """A whole drawing (px), with what it shows in words."""
+    label = quoteattr(NOT_XML.sub("", alternative))
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:g} {height:g}" width="{WIDTH:g}"'
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:g}" width="{width:g}"'
         f' height="{height:g}" role="img" aria-label={label} font-family="system-ui, sans-serif" font-size="12"><rect'
-        ' width="100%" height="100%" fill="#fff"/>\n' + "\n".join(body) + "\n</svg>\n"
+        f' width="100%" height="100%" fill="{PAPER}"/>\n' + "\n".join(body) + "\n</svg>\n"
     )
+
+
+def label(
+    said: str,
+    x: float,
+    y: float,
+    anchor: str = "start",
+    size: int = 12,
+    weight: str = "400",
+    fill: str = INK,
+    extra: str = "",
+) -> str:
+    """Words at a place (px)."""
+    style = f'text-anchor="{anchor}" font-size="{size}" font-weight="{weight}" fill="{fill}"'
+    return f'<text x="{x:.1f}" y="{y:.1f}" {style}{extra}>{text(said)}</text>'
+
+
+def box(x: float, y: float, width: float, height: float, fill: str) -> str:
+    """A filled box (px) with a thin edge."""
+    return (
+        f'<rect x="{x:g}" y="{y:g}" width="{width:g}" height="{height:g}" fill="{fill}" stroke="{RULE}"'
+        ' stroke-width="0.6"/>'
+    )
+
+
+@dataclass(frozen=True)
+class Marked:
+    """An axis as it is drawn: its title, its numbers with their places (px), and how far from the area both are."""
+
+    title: str
+    numbers: Sequence[tuple[str, float]]
+    away: float
+    title_away: float = 0.0
+    size: int = 12
+
+
+def axis_labels(across: Marked, up: Marked, left: float, right: float, top: float, bottom: float) -> list[str]:
+    """Numbers and titles of the axes beside an area (px)."""
+    out = [label(number, x, bottom + across.away, "middle", across.size) for number, x in across.numbers]
+    out += [label(number, left - up.away, y + 4, "end", up.size) for number, y in up.numbers]
+    if across.title:
+        out.append(label(across.title, (left + right) / 2, bottom + across.title_away, "middle"))
+    if up.title:
+        x, y = left - up.title_away, (top + bottom) / 2
+        out.append(label(up.title, x, y, "middle", extra=f' transform="rotate(-90 {x:g} {y:.1f})"'))
+    return out
 
 
 def _scales(figure: Figure, top: float) -> tuple[Scale, Scale, float]:
@@ -131,29 +187,22 @@ def _scales(figure: Figure, top: float) -> tuple[Scale, Scale, float]:
     )
 
 
-def _text(
-    words: str, x: float, y: float, anchor: str = "start", size: int = 12, weight: str = "400", extra: str = ""
-) -> str:
-    style = f'text-anchor="{anchor}" font-size="{size}" font-weight="{weight}" fill="#1b1f24"'
-    return f'<text x="{x:.1f}" y="{y:.1f}" {style}{extra}>{text(words)}</text>'
+def _axes(figure: Figure, x: Scale, y: Scale) -> list[str]:
+    """Grid, frame, numbers and titles of a figure's axes."""
+    across, power_x = _marked(figure.x, x, 8)
+    up, power_y = _marked(figure.y, y, 6)
+    out = [f'<path d="M{at:.1f} {y.start:.1f}V{y.end:.1f}" stroke="{GRID}"/>' for _, at in across]
+    out += [f'<path d="M{x.start:.1f} {at:.1f}H{x.end:.1f}" stroke="{GRID}"/>' for _, at in up]
+    out.append(f'<path d="M{x.start:.1f} {y.end:.1f}V{y.start:.1f}H{x.end:.1f}" fill="none" stroke="{RULE}"/>')
+    titles = Marked(_axis_title(figure.x, power_x), across, 17, 40), Marked(_axis_title(figure.y, power_y), up, 8, 60)
+    return out + axis_labels(*titles, x.start, x.end, y.end, y.start)
 
 
-def _axes(figure: Figure, x: Scale, y: Scale, height: float) -> list[str]:
-    out = []
-    power_x, power_y = (exponent(max(abs(s.low), abs(s.high))) for s in (x, y))
-    for value in ticks(x.low, x.high, 8, figure.x.unit == "deg"):
-        out.append(f'<path d="M{x(value):.1f} {y.start:.1f}V{y.end:.1f}" stroke="#e4e7eb"/>')
-        out.append(_text(f"{value / 10**power_x + 0.0:.6g}", x(value), height - BOTTOM + 17, "middle"))
-    for value in ticks(y.low, y.high, 6, figure.y.unit == "deg"):
-        out.append(f'<path d="M{x.start:.1f} {y(value):.1f}H{x.end:.1f}" stroke="#e4e7eb"/>')
-        out.append(_text(f"{value / 10**power_y + 0.0:.6g}", LEFT - 8, y(value) + 4, "end"))
-    out.append(f'<path d="M{x.start:.1f} {y.end:.1f}V{y.start:.1f}H{x.end:.1f}" fill="none" stroke="#8a919c"/>')
-    out.append(_text(_axis_title(figure.x, power_x), (x.start + x.end) / 2, height - 12, "middle"))
-    middle = (y.start + y.end) / 2
-    out.append(
-        _text(_axis_title(figure.y, power_y), 16, middle, "middle", extra=f' transform="rotate(-90 16 {middle:.1f})"')
-    )
-    return out
+def _marked(axis: Axis, scale: Scale, count: int) -> tuple[list[tuple[str, float]], int]:
+    """About so many numbers along an axis with their places (px), and the power of ten that its title has."""
+    power = exponent(max(abs(scale.low), abs(scale.high)))
+    marks = ticks(scale.low, scale.high, count, axis.unit == "deg")
+    return [(f"{value / 10**power + 0.0:.6g}", scale(value)) for value in marks], power
 
 
 def _axis_title(axis: Axis, power: int) -> str:
@@ -184,7 +233,7 @@ def _drawn_legend(lines: list[list[tuple[Series, float]]]) -> list[str]:
                 mark: Mark = "link" if series.mark == "band" else series.mark
                 key = Series("", (at, at + 24), (y, y), series.role, mark, series.level)
             same = Scale(0, 1, 0, 1)
-            out += [f'<g fill="none">{_series(key, same, same)}</g>', _text(series.name, at + 30, y + 4)]
+            out += [f'<g fill="none">{_series(key, same, same)}</g>', label(series.name, at + 30, y + 4)]
     return out
 
 
@@ -227,19 +276,10 @@ def _line(xs: Numbers, ys: Numbers, x: Scale, y: Scale) -> str:
 
 
 def _labels(figure: Figure, x: Scale, y: Scale) -> list[str]:
-    out = []
-    for s in figure.series:
-        for name, a, b in zip(s.labels, s.x, s.y, strict=False):
-            if a is not None and b is not None:
-                out.append(
-                    _text(
-                        name,
-                        x(a) - 12,
-                        y(b) - 11,
-                        "end",
-                        14,
-                        "600",
-                        ' paint-order="stroke" stroke="#fff" stroke-width="3"',
-                    )
-                )
-    return out
+    halo = f' paint-order="stroke" stroke="{PAPER}" stroke-width="3"'
+    return [
+        label(name, x(a) - 12, y(b) - 11, "end", 14, "600", extra=halo)
+        for s in figure.series
+        for name, a, b in zip(s.labels, s.x, s.y, strict=False)
+        if a is not None and b is not None
+    ]

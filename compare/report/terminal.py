@@ -11,8 +11,9 @@ from rich.text import Text
 
 from analytic.mechanism.one_line import count
 from compare.quantities import plain
-from compare.report.contact import ASCII, Contact, Value
-from compare.report.summary import WORDS, ShownRun, headline, summarise
+from compare.report.summary import ShownRun, summarise
+from compare.report.words.contact import ASCII, Contact, Value
+from compare.report.words.crosscheck import WORDS, headline, why
 from compare.results.contact import StatisticName
 from compare.results.crosscheck import CrossCheck
 
@@ -53,11 +54,10 @@ def print_table(result: CrossCheck, console: Console) -> None:
     _print_contact(summary.contact, console)
     if summary.between:
         console.print(f"between engines: {summary.between}")
-    for why in summary.failures:
-        console.print(f"failed: {why}")
-    said = headline(summary.runs, len(summary.failures), plain, summary.contact).translate(ASCII)
-    because = f" {summary.why}" if summary.why else ""
-    console.print(Text.assemble((f"{summary.case}: ", "bold"), _word(summary.verdict), f".{because} {said}"))
+    for failure in summary.failures:
+        console.print(f"failed: {failure}")
+    said = " ".join(filter(None, (why(summary), headline(summary, plain).translate(ASCII))))
+    console.print(Text.assemble((f"{summary.case}: ", "bold"), _word(summary.verdict), f". {said}"))
 
 
 def _print_contact(contact: Contact, console: Console) -> None:

@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from compare.report.tables import html_table
 from compare.report.validity_figure import draw
-from compare.report.validity_text import brief, markdown, millimetres, panel_title, print_table, rpm
+from compare.report.validity_text import markdown, print_table
+from compare.report.words.validity import brief, millimetres, panel_title, rpm
 from compare.results.validity import Cell, Validity
 
 if TYPE_CHECKING:
@@ -26,15 +28,13 @@ def summary_html(result: Validity) -> str:
     """Each engine's map as a small table."""
     out = [f"<p>{html.escape(repr(result))}</p>"]
     for panel in result.panels():
-        found, title = result.of(*panel), panel_title(result, *panel)
-        head = "".join(f"<th>{rpm(speed)} rpm</th>" for speed in result.speeds)
+        cells = result.of(*panel)
+        heads = (panel_title(result, *panel), *(f"{rpm(speed)} rpm" for speed in result.speeds))
         rows = [
-            f"<tr><th>{millimetres(gap)} mm</th>"
-            + "".join(f"<td>{brief(found[speed, gap])}</td>" for speed in result.speeds)
-            + "</tr>"
+            (f"{millimetres(gap)} mm", *(brief(cells[speed, gap]) for speed in result.speeds))
             for gap in result.clearances
         ]
-        out.append(f"<table><tr><th>{html.escape(title)}</th>{head}</tr>{''.join(rows)}</table>")
+        out.append(html_table(rows, heads, named=True))
     return "".join(out)
 
 

@@ -7,10 +7,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from itertools import product
-from xml.sax.saxutils import quoteattr
 
-from compare.report.svg import NOT_XML, text
-from compare.report.validity_text import (
+from compare.report.svg import INK, PAPER, Marked, axis_labels, box, label, picture
+from compare.report.words.validity import (
     Measure,
     about,
     edges,
@@ -27,7 +26,6 @@ from compare.results.validity import Boundary, Cell, Failed, Validity
 
 LEFT, RIGHT, TOP, BETWEEN = 76.0, 18.0, 84.0, 74.0
 CELL_WIDTH, CELL_HEIGHT, NARROWEST = 78.0, 80.0, 720.0
-INK, PAPER, GRID = "#1b1f24", "#fff", "#8a919c"
 SHADES = (
     (1.0, "#0b6e4f", PAPER),
     (0.75, "#4f9d7e", INK),
@@ -94,7 +92,7 @@ def draw(result: Validity) -> str:
     end = top + panel * len(panels) + 6
     height = end + 17 * len(wrapped) + 6
     title = f"Where the analytic model holds: {result.case}"
-    body = [_text(title, 14, 22, size=15, weight="600"), *_key(14.0, 42.0, bool(result.boundary))]
+    body = [label(title, 14, 22, size=15, weight="600"), *_key(14.0, 42.0, bool(result.boundary))]
     for k, one in enumerate(panels):
         start = top + k * panel
         body += _panel(result, *one, start)
@@ -102,13 +100,8 @@ def draw(result: Validity) -> str:
             place = (aside, start + 22 + j * small) if beside else (LEFT, start + main + 12 + j * small)
             size = SMALL_WIDTH if beside else CELL_WIDTH
             body += _small(result, result.of(*one), measure, place, size, last=j == len(shown) - 1)
-    body += [_text(line, 14, end + 17 * k, size=11) for k, line in enumerate(wrapped)]
-    label = quoteattr(NOT_XML.sub("", " ".join([title + ".", *(f"{line}." for line in result.words)])))
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:g}" width="{width:g}"'
-        f' height="{height:g}" role="img" aria-label={label} font-family="system-ui, sans-serif" font-size="12"><rect'
-        f' width="100%" height="100%" fill="{PAPER}"/>\n' + "\n".join(body) + "\n</svg>\n"
-    )
+    body += [label(line, 14, end + 17 * k, size=11) for k, line in enumerate(wrapped)]
+    return picture(width, height, " ".join([title + ".", *(f"{line}." for line in result.words)]), body)
 
 
 def _panel(result: Validity, simulator: str, restitution: float | None, top: float) -> list[str]:
@@ -124,15 +117,14 @@ def _panel(result: Validity, simulator: str, restitution: float | None, top: flo
         shade, *said = _cell(found[speeds[i], clearances[j]], *corner(i, j))
         shades.append(shade)
         words += said
-    out = [_text(panel_title(result, simulator, restitution), LEFT, top + 14, weight="600"), *shades]
+    out = [label(panel_title(result, simulator, restitution), LEFT, top + 14, weight="600"), *shades]
     out += [*_curves(edges(result, restitution), result, corner), *words]
-    for i, speed in enumerate(speeds):
-        out.append(_text(rpm(speed), LEFT + (i + 0.5) * CELL_WIDTH, bottom + 16, "middle"))
-    for j, clearance in enumerate(clearances):
-        out.append(_text(millimetres(clearance), LEFT - 8, corner(0, j)[1] + CELL_HEIGHT / 2 + 4, "end"))
-    out.append(_text("speed (rpm)", LEFT + len(speeds) * CELL_WIDTH / 2, bottom + 34, "middle"))
-    middle = (start + bottom) / 2
-    out.append(_text("clearance (mm)", 20, middle, "middle", extra=f' transform="rotate(-90 20 {middle:.1f})"'))
+    across = [(rpm(speed), LEFT + (i + 0.5) * CELL_WIDTH) for i, speed in enumerate(speeds)]
+    up = [(millimetres(gap), corner(0, j)[1] + CELL_HEIGHT / 2) for j, gap in enumerate(clearances)]
+    right = LEFT + len(speeds) * CELL_WIDTH
+    out += axis_labels(
+        Marked("speed (rpm)", across, 16, 34), Marked("clearance (mm)", up, 8, 56), LEFT, right, start, bottom
+    )
     grid = [[found[speed, clearance] for clearance in clearances] for speed in speeds]
     for _, state, stroke, beside in BOUNDARIES:
         path = _boundary([[state(cell) for cell in column] for column in grid], corner, beside)
@@ -182,24 +174,22 @@ def _small(
 ) -> list[str]:
     """One figure of contact over speed and clearance, its axes as the panel's; the speeds below the ``last`` one."""
     x, y = place
-    out, count = [_text(measure.title, x, y - 6, size=11, weight="600")], len(result.clearances)
+    out, count = [label(measure.title, x, y - 6, size=11, weight="600")], len(result.clearances)
     for j, clearance in enumerate(result.clearances):
         top = y + (count - 1 - j) * SMALL_HEIGHT
-        out.append(_text(millimetres(clearance), x - 8, top + 16, "end", size=10))
         for i, speed in enumerate(result.speeds):
             cell = found[speed, clearance]
             value = measure.of(cell)
             fill, ink = (FAILED, INK) if value is None else HEAT[sum(value >= least for least in measure.shades)]
             left = x + i * width
-            out.append(
-                f'<rect x="{left:g}" y="{top:g}" width="{width:g}" height="{SMALL_HEIGHT:g}" fill="{fill}"'
-                f' stroke="{GRID}" stroke-width="0.6"/>'
-            )
-            out.append(_text(measure.told(cell), left + width / 2, top + 16, "middle", size=11, fill=ink))
-    if last:
-        for i, speed in enumerate(result.speeds):
-            out.append(_text(rpm(speed), x + (i + 0.5) * width, y + count * SMALL_HEIGHT + 14, "middle", size=10))
-    return out
+            out.append(box(left, top, width, SMALL_HEIGHT, fill))
+            out.append(label(measure.told(cell), left + width / 2, top + 16, "middle", size=11, fill=ink))
+    speeds = enumerate(result.speeds if last else ())
+    across = Marked("", [(rpm(speed), x + (i + 0.5) * width) for i, speed in speeds], 14, size=10)
+    places = (y + (count - j - 0.5) * SMALL_HEIGHT for j in range(count))
+    up = Marked("", list(zip(map(millimetres, result.clearances), places, strict=True)), 8, size=10)
+    bottom = y + count * SMALL_HEIGHT
+    return out + axis_labels(across, up, x, x + len(result.speeds) * width, y, bottom)
 
 
 def _cell(cell: Cell | Failed, x: float, y: float) -> list[str]:
@@ -211,19 +201,16 @@ def _cell(cell: Cell | Failed, x: float, y: float) -> list[str]:
         if isinstance(cell, Failed)
         else next((fill, on) for least, fill, on in SHADES if cell.agreeing_share >= least)
     )
-    out = [
-        f'<rect x="{x:g}" y="{y:g}" width="{CELL_WIDTH:g}" height="{CELL_HEIGHT:g}" fill="{shade}" stroke="{GRID}"'
-        ' stroke-width="0.6"/>'
-    ]
+    out = [box(x, y, CELL_WIDTH, CELL_HEIGHT, shade)]
     middle = x + CELL_WIDTH / 2
     if isinstance(cell, Failed):
-        return [*out, _text("failed", middle, y + 44, "middle")]
-    out.append(_text(f"{percent(cell.agreeing_share)} %", middle, y + 15, "middle", weight="600", fill=ink))
+        return [*out, label("failed", middle, y + 44, "middle")]
+    out.append(label(f"{percent(cell.agreeing_share)} %", middle, y + 15, "middle", weight="600", fill=ink))
     if lost(cell):
-        out.append(_text(f"free {percent(lost(cell))} %", middle, y + 28, "middle", size=10, fill=ink))
+        out.append(label(f"free {percent(lost(cell))} %", middle, y + 28, "middle", size=10, fill=ink))
     for k, name in enumerate(failing(cell)):
         weight = "800" if name == cell.cause else "400"
-        out.append(_text(name, middle, y + 41 + 11 * k, "middle", size=10, weight=weight, fill=ink))
+        out.append(label(name, middle, y + 41 + 11 * k, "middle", size=10, weight=weight, fill=ink))
     return out
 
 
@@ -247,38 +234,19 @@ def _boundary(states: list[list[bool | None]], corner: Callable[[int, int], tupl
 def _key(x: float, y: float, predicted: bool) -> list[str]:
     out, start = [], x
     for least, fill, _ in SHADES:
-        out.append(
-            f'<rect x="{x:g}" y="{y - 10:g}" width="14" height="12" fill="{fill}" stroke="{GRID}" stroke-width="0.6"/>'
-        )
+        out.append(box(x, y - 10, 14, 12, fill))
         name = "all" if least == 1 else f"{100 * least:.0f} %" if least else "less"
-        out.append(_text(name, x + 18, y, size=11))
+        out.append(label(name, x + 18, y, size=11))
         x += 26 + 6.4 * len(name)
-    out.append(_text("of the angles agree", x, y, size=11))
-    x, y = start, y + 20
-    for name, _, stroke, _ in BOUNDARIES:
-        out.append(f'<path d="M{x:g} {y - 4:g}h22" fill="none" {stroke}/>')
-        out.append(_text(name, x + 27, y, size=11))
-        x += 38 + 5.6 * len(name)
-    x, y = start, y + 20
-    for name, _, stroke in PREDICTED if predicted else ():
-        out.append(f'<path d="M{x:g} {y - 4:g}h22" fill="none" {stroke}/>')
-        out.append(_text(name, x + 27, y, size=11))
-        x += 38 + 5.6 * len(name)
+    out.append(label("of the angles agree", x, y, size=11))
+    boundaries = [(name, stroke) for name, _, stroke, _ in BOUNDARIES]
+    for line in (boundaries, [(name, stroke) for name, _, stroke in PREDICTED] if predicted else []):
+        x, y = start, y + 20
+        for name, stroke in line:
+            out.append(f'<path d="M{x:g} {y - 4:g}h22" fill="none" {stroke}/>')
+            out.append(label(name, x + 27, y, size=11))
+            x += 38 + 5.6 * len(name)
     return out
-
-
-def _text(
-    words: str,
-    x: float,
-    y: float,
-    anchor: str = "start",
-    size: int = 12,
-    weight: str = "400",
-    fill: str = INK,
-    extra: str = "",
-) -> str:
-    style = f'text-anchor="{anchor}" font-size="{size}" font-weight="{weight}" fill="{fill}"'
-    return f'<text x="{x:.1f}" y="{y:.1f}" {style}{extra}>{text(words)}</text>'
 
 
 def _wrapped(note: str, count: int) -> list[str]:

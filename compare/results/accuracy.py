@@ -90,7 +90,6 @@ class Accuracy(Document):
     """
 
     file: ClassVar[str] = "accuracy.json"
-    presentation: ClassVar[str] = "accuracy"
     remedy: ClassVar[str] = "give the accuracy.json of compare accuracy"
     opens: ClassVar[str] = "accuracy.json"
     opened: ClassVar[str] = "numbers"

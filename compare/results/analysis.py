@@ -75,7 +75,6 @@ class Analysis(_Side):
     """
 
     file: ClassVar[str] = "analysis.json"
-    presentation: ClassVar[str] = "sides"
     remedy: ClassVar[str] = "give the analysis.json of compare analyse"
     opens: ClassVar[str] = "signals.csv"
     opened: ClassVar[str] = "signals"
@@ -99,7 +98,6 @@ class Simulation(_Side):
     """One run of one engine.  SI units and radians."""
 
     file: ClassVar[str] = "simulation.json"
-    presentation: ClassVar[str] = "sides"
     remedy: ClassVar[str] = "give the simulation.json of compare simulate"
     opens: ClassVar[str] = "signals.csv"
     opened: ClassVar[str] = "signals"

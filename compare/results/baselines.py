@@ -81,7 +81,6 @@ class Baselines(Document):
     """Reaction forces of every case in every engine, held to their baselines."""
 
     file: ClassVar[str] = "baselines.json"
-    presentation: ClassVar[str] = "baselines"
     remedy: ClassVar[str] = "give what compare baseline check --json prints"
     opens: ClassVar[str] = "baselines.json"
     opened: ClassVar[str] = "numbers"

@@ -13,7 +13,6 @@ from sim_models.engine import JointModel, Motion
 class Listing(Document):
     """A list of things, each with a row."""
 
-    presentation: ClassVar[str] = "catalogue"
     opens: ClassVar[str] = ""
 
     @property

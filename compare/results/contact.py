@@ -29,28 +29,6 @@ UNITS: Mapping[StatisticName, str] = {
     "wear": "N.m",
     "penetration": "m",
 }
-RUBS = "at the rim of a pin of pin_radius, 10 mm where the mechanism gives none"
-MEANING: Mapping[StatisticName, str] = {
-    "free_share": "share of the time that the pin is off its wall, by distance",
-    "impacts": "times that a free pin strikes its wall in a revolution",
-    "impulse": "normal impulse of these impacts in a revolution",
-    "approach_speed": "fastest approach of an impact in a revolution",
-    "rms_force": "root mean square of the contact force",
-    "peak_force": "largest contact force in a revolution",
-    "high_peak": "what nine in ten of these peaks stay below",
-    "restitution_loss": "energy that the normal force takes in a revolution, less what the wall gives back",
-    "friction_loss": f"energy that friction in the contact takes in a revolution, {RUBS}",
-    "wear": f"integral of normal force times sliding over a revolution (Archard), {RUBS}",
-    "penetration": "deepest penetration in a revolution",
-}
-MEANING_OF_BLOCKS: Mapping[StatisticName, str] = {  # where it is another
-    "free_share": "share of the time that no corner of the block is at its wall, by distance",
-    "impacts": "times that a free corner of the block strikes its wall in a revolution",
-    "rms_force": "root mean square of the force on the corner that is pressed most",
-    "peak_force": "largest force on a corner in a revolution",
-    "friction_loss": "energy that friction at the corners takes in a revolution",
-    "wear": "integral of normal force times sliding over a revolution (Archard), all corners together",
-}
 
 
 class Statistic(Part):

@@ -256,7 +256,6 @@ class CrossCheck(Document):
     )
 
     file: ClassVar[str] = "result.json"
-    presentation: ClassVar[str] = "crosscheck"
     remedy: ClassVar[str] = "give the result.json of a cross-check"
     opens: ClassVar[str] = "report.html"
 

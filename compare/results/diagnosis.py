@@ -345,7 +345,6 @@ class Diagnosis(Document):
     """
 
     file: ClassVar[str] = "diagnosis.json"
-    presentation: ClassVar[str] = "diagnosis"
     remedy: ClassVar[str] = "give the diagnosis.json of compare diagnose"
     opens: ClassVar[str] = "diagnosis.html"
 

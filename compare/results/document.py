@@ -7,14 +7,13 @@ none of is null; in Python it is None where it stands alone and NaN in a series.
 from __future__ import annotations
 
 import csv
-import importlib
 import io
 import math
 import os
 from collections.abc import Mapping, Sequence
 from copy import copy
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, Self, cast, overload
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, overload
 
 import numpy as np
 from pydantic import (
@@ -36,6 +35,7 @@ from analytic.mechanism.assumed import Assumed
 from analytic.mechanism.file import describe
 from analytic.mechanism.reading import ReadingError, read_json
 from compare.files import alone_in, check_replaceable, made_folder, to_json, write_atomically, write_together
+from compare.presentation import Presentation, presentation
 
 if TYPE_CHECKING:
     import pandas
@@ -136,26 +136,6 @@ def _brief(text: str, length: int = 160) -> str:
     return line if len(line) <= length else f"{line[: length - 4]} ..."
 
 
-class Presentation(Protocol):
-    """How a document is shown: the module ``compare.report.<presentation>`` has these functions."""
-
-    def files(self, document: Document) -> dict[str, str]:
-        """Text by file name, beside the JSON file itself."""
-        ...
-
-    def summary_html(self, document: Document) -> str:
-        """A short piece of HTML for a notebook."""
-        ...
-
-    def plot(self, document: Document, figure: Figure) -> None:
-        """Draw into a matplotlib figure."""
-        ...
-
-    def print_table(self, document: Document, console: Console) -> None:
-        """Print what matters as a table for a terminal."""
-        ...
-
-
 class Document(Part):
     """One result, as it stands in its JSON file and as Python has it."""
 
@@ -163,8 +143,6 @@ class Document(Part):
     """Name of its JSON file."""
     described: ClassVar[str] = ""
     """Name of its JSON Schema's file, where another document's has that of its own."""
-    presentation: ClassVar[str]
-    """Module of :mod:`compare.report` that shows it, found by name, so that no result imports a page."""
     remedy: ClassVar[str]
     """What to give instead, for messages about a file that is another one."""
     opens: ClassVar[str]
@@ -234,14 +212,17 @@ class Document(Part):
     def plot(self) -> Figure:
         """A matplotlib figure of what matters most, which a notebook shows by itself at the end of a cell.
 
-        Raises ImportError with the remedy where matplotlib is not installed.
+        Raises ImportError with the remedy where matplotlib is not installed, TypeError for what has no picture.
         """
         try:
             from compare.results.picture import Picture
         except ImportError:
             raise ImportError("plot needs matplotlib; run: pip install 'linkage-crosscheck[plot]'") from None
+        shown = self._shown()
+        if shown.plot is None:
+            raise TypeError(f"{type(self).__name__} {shown.no_picture}")
         figure = Picture(figsize=(8, 5), layout="constrained")
-        self._shown().plot(self, figure)
+        shown.plot(self, figure)
         return figure
 
     def files(self) -> dict[str, str]:
@@ -278,8 +259,8 @@ class Document(Part):
     def _repr_html_(self) -> str:
         return self._shown().summary_html(self)
 
-    def _shown(self) -> Presentation:
-        return cast(Presentation, importlib.import_module(f"compare.report.{self.presentation}"))
+    def _shown(self) -> Presentation[Self]:
+        return presentation(self)
 
 
 def replace_result(folder: Path, texts: Mapping[str, str]) -> None:

@@ -16,7 +16,6 @@ class Exported(Document):
     """An engine's own model of a linkage, as files."""
 
     file: ClassVar[str] = "export.json"
-    presentation: ClassVar[str] = "export"
     remedy: ClassVar[str] = "give what compare export --json prints"
     opens: ClassVar[str] = ""
 

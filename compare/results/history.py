@@ -30,7 +30,6 @@ class Runs(Listing):
     """Earlier results in a folder, newest first."""
 
     file: ClassVar[str] = "runs.json"
-    presentation: ClassVar[str] = "history"
     remedy: ClassVar[str] = "give what compare list --json prints"
 
     folder: str

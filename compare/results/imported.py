@@ -15,7 +15,6 @@ class Imported(Document):
     """A mechanism from a model file."""
 
     file: ClassVar[str] = "import.json"
-    presentation: ClassVar[str] = "imported"
     remedy: ClassVar[str] = "give what compare import --json prints"
     opens: ClassVar[str] = ""
 

@@ -69,7 +69,6 @@ class PlatformAccuracy(Document):
 
     file: ClassVar[str] = "accuracy.json"
     described: ClassVar[str] = "accuracy-platform.json"
-    presentation: ClassVar[str] = "platform"
     remedy: ClassVar[str] = "give the accuracy.json of compare accuracy for a linkage with several drives"
     opens: ClassVar[str] = "accuracy.html"
 

@@ -59,7 +59,6 @@ class Preview(Document):
     """Measured data with the nominal model behind them, and what they could tell.  SI units and radians."""
 
     file: ClassVar[str] = "data.json"
-    presentation: ClassVar[str] = "preview"
     remedy: ClassVar[str] = "give the data.json of compare diagnose --check"
     opens: ClassVar[str] = "data.html"
     opened: ClassVar[str] = "page"

@@ -85,7 +85,6 @@ class Provenance(Document):
     """
 
     file: ClassVar[str] = "provenance.json"
-    presentation: ClassVar[str] = "provenance"
     remedy: ClassVar[str] = "give what compare show --json prints of a result.json"
     opens: ClassVar[str] = ""
 

@@ -47,7 +47,6 @@ class SignalResiduals(Document):
     """Measured minus simulated of one signal in every run of a diagnosis that has it, before and after."""
 
     file: ClassVar[str] = "residuals.json"
-    presentation: ClassVar[str] = "residuals"
     remedy: ClassVar[str] = "give what compare show --json --signal prints of a diagnosis.json"
     opens: ClassVar[str] = ""
 

@@ -260,7 +260,6 @@ class Validity(Document):
     """
 
     file: ClassVar[str] = "validity.json"
-    presentation: ClassVar[str] = "validity"
     remedy: ClassVar[str] = "give the validity.json of a map of validity"
     opens: ClassVar[str] = "validity.svg"
     opened: ClassVar[str] = "map"

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from compare.diagnose.data.quality import FLOOR, noise, quantum
+from compare.diagnose.data.quality import FLOOR, noise
+from compare.recorded.quantum import quantum
 
 PLATEAU = 4  # equal extreme samples in a row that a clipped sensor shows
 STAYS = 0.25  # of the samples beside it that read as the one before: they climb stairs, and a plateau is one of them

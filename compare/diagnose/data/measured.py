@@ -30,10 +30,10 @@ from compare.diagnose.data.clipping import clipped
 from compare.diagnose.data.measured_file import Entry, read_file, tolerances
 from compare.diagnose.data.quality import FLOOR, gaps, noise, outliers, unwrapped
 from compare.diagnose.data.recording import Channel, Drive, Fault, Measured, MeasuredError, MeasuredRun
-from compare.diagnose.data.smooth import Smoother
 from compare.diagnose.data.thin import frozen, held, missed, picked
 from compare.recorded.errors import DataError
 from compare.recorded.headings import TIME, Column, canonical
+from compare.recorded.smooth import Smoother
 from compare.recorded.table import LARGEST, Table, read_table, unused
 from compare.recorded.text import ROWS
 

@@ -4,7 +4,6 @@ data.
 
 from __future__ import annotations
 
-import importlib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -17,6 +16,7 @@ from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.assumed import Assumed
 from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal, named
+from compare.presentation import presentation
 from compare.recorded.errors import DataError
 
 if TYPE_CHECKING:
@@ -160,4 +160,4 @@ class Measured:
         return f"Measured({self.mechanism.name}, {runs} ({names}), {count(samples, 'sample')}{faults})"
 
     def _repr_html_(self) -> str:
-        return str(importlib.import_module("compare.report.measured").summary_html(self))
+        return presentation(self).summary_html(self)

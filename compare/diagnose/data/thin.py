@@ -8,7 +8,7 @@ import numpy as np
 
 from compare.diagnose.data.quality import FLOOR, GAP
 from compare.diagnose.data.recording import MeasuredRun
-from compare.diagnose.data.smooth import Smoother
+from compare.recorded.smooth import Smoother
 
 
 def picked(run: MeasuredRun, every: int) -> MeasuredRun:

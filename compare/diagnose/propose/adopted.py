@@ -16,11 +16,10 @@ from compare.diagnose.effects.bodies import LinkLength
 from compare.diagnose.effects.drive import with_drive
 from compare.diagnose.effects.effect import Effect, Parameter, Readings, Rig, Values
 from compare.diagnose.propose.document import in_letters, units
-from compare.diagnose.propose.laws import Candidate
+from compare.diagnose.propose.laws import UNKNOWNS, Candidate
 from compare.diagnose.propose.places import EFFECTS, Bend
 from compare.diagnose.propose.proposal import Proposal
 from compare.results.diagnosis import Unknown, adopted_name
-from compare.results.sentences import UNKNOWNS
 
 SMALL = 0.01  # of a coefficient: a small amount of it
 Numbers = Sequence[float]  # of a law: its coefficients, then its shapes

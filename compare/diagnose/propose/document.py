@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from string import ascii_lowercase
 
@@ -13,12 +12,10 @@ from compare.diagnose.propose.parting import would_separate
 from compare.diagnose.propose.places import RELATIVES, recovered
 from compare.diagnose.propose.proposal import Proposal
 from compare.diagnose.propose.regression import Told, solved
-from compare.quantities import amount
+from compare.report.words.proposals import says
 from compare.results.diagnosis import Curve, Parameter, Proposed, SamePlace
-from compare.results.sentences import capital, enumerated
 
 POINTS = 400  # of a curve
-WHOLE = 0.99  # of an unknown: a law that tells as much tells all of it
 STEP = 1e-4  # of a shape's own step, for its slope
 OVER: Mapping[Argument, tuple[str, str]] = {
     "theta": ("crank angle", "rad"),
@@ -43,40 +40,21 @@ PER = {  # as one writes it
     ("m", "s"): "m/s",
     ("rad", "s"): "rad/s",
 }
-LETTERS: Mapping[str, str] = {  # of the dictionary's laws, by what a term has in it
-    r"\bw\b": "w is the angular velocity in joint {}, of the {second} less the {first}",
-    r"\bq\b": "q is the angle in joint {}, of the {second} less the {first}",
-    r"\|F\|": "|F| is the reaction at {}",
-    r"\bP\b": "P is the pull in the {}",
-    r"\bS\b": "S is the size of the drive torque summed over the run, in the sense of its turning",
-    r"\bT\b": "T is the drive torque",
-    r"\btheta\b": "theta is the crank angle",
-    r"\by\b": "y is what the sensor for {} should read",
-    r"\bt\b": "t is the time",
-    r"\bgap\(": "gap(x, h) is zero as far as h to both sides of x = 0, and as long as x is beyond that",
-    r"\bbump\(": "bump(x, s) is exp(-(x/s)^2/2)",
-}
-SAID = {
-    "torque": "a torque acts in joint {} on the {second} (and back on the {first})",
-    "give": "the bearing of joint {} gives along its reaction",
-    "length": "the length of the {} changes",
-    "bend": "the end of the {} lies beside its axis",
-    "lag": "the crank is behind its encoder",
-    "error": "the sensor for {} has an error",
-}
 
 
 def as_proposed(p: Proposal) -> Proposed:
     """The document's proposal."""
-    coefficients = _coefficients(p)
+    coefficients, law = _coefficients(p), in_letters(p.law)
+    like = RELATIVES[p.place.unknown]
+    related = all(t.where == p.place.where and t.effect.name in like for t in p.replaced)
     return Proposed(
         place=p.place.where,
         unknown=p.place.unknown,
         unit=p.place.unit,
-        law=in_letters(p.law),
+        law=law,
         coefficients=coefficients,
         share=p.share,
-        says=_sentence(p, coefficients),
+        says=says(p, law, coefficients, related),
         curve=_curve(p),
         ties=tuple(SamePlace(place=t.place.where, unknown=t.place.unknown, law=in_letters(t.law)) for t in p.ties),
         would_separate=would_separate(p, p.ties[0]) if p.ties else "",
@@ -190,36 +168,3 @@ def _parts(p: Proposal) -> list[np.ndarray]:
         found.append(one.columns(p.regression.state) @ p.law.coefficients[at : at + n])
         at += n
     return found
-
-
-def _sentence(p: Proposal, coefficients: Mapping[str, Parameter]) -> str:
-    """``A torque acts in joint E, and it looks like this: ...``."""
-    what, law = SAID[p.place.unknown].format(p.place.where, **_bodies(p)), in_letters(p.law)
-    if p.place.unit == "N":
-        what = what.replace("a torque acts in", "a force acts along")
-    named = enumerated([t.effect.called(t.where) for t in p.replaced])
-    if law is None:
-        return f"{f'In place of {named}: ' if named else ''}{what if named else capital(what)}; no known law tells it."
-    numbers = ", ".join(f"{name} = {amount(c.value, c.unit)}" for name, c in coefficients.items())
-    names = enumerated(list(dict.fromkeys(one.law.name for one in p.law.laws)))
-    most = "" if p.told > WHOLE else f" That tells {100 * p.told:.0f} % of it."
-    looks = f"looks like {names}: {law}, with {numbers}{_legend(p, law)}.{most}"
-    if named and all(t.where == p.place.where and t.effect.name in RELATIVES[p.place.unknown] for t in p.replaced):
-        on = " on the {second} (and back on the {first})".format(**_bodies(p)) if p.place.unknown == "torque" else ""
-        return f"More than {named}: what acts there{on} {looks}"
-    return f"In place of {named}: {what}, and it {looks}" if named else f"{capital(what)}, and it {looks}"
-
-
-def _bodies(p: Proposal) -> dict[str, str]:
-    """The two bodies of a joint: its torque acts on the ``second``, whose angle and rate count less the ``first``'s."""
-    joints = {j.name: j.bodies for j in p.scene.rig.mechanism.joints}
-    return dict(zip(("first", "second"), joints.get(p.place.where, ("", "")), strict=True))
-
-
-def _legend(p: Proposal, law: str) -> str:
-    """``; w is the angular velocity in joint E``: what the letters of a law mean."""
-    meant = [means.format(p.place.where, **_bodies(p)) for letter, means in LETTERS.items() if re.search(letter, law)]
-    return f"; {enumerated(meant)}" if meant else ""
-
-
-__all__ = ["as_proposed", "in_letters"]

@@ -6,7 +6,7 @@ that the data refine; its size is a coefficient.  Every law says in which places
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
 from typing import Literal
@@ -16,6 +16,14 @@ import numpy as np
 from compare.results.diagnosis import Unknown
 
 HARMONICS = range(1, 41)
+UNKNOWNS: Mapping[Unknown, str] = {  # what is not known at a place, as a noun
+    "torque": "torque in joint {}",
+    "give": "give of the bearing of joint {}, along its reaction",
+    "length": "change of the length of the {}",
+    "bend": "distance of the end of the {} from its axis",
+    "lag": "angle of the crank behind its encoder",
+    "error": "error of the sensor for {}",
+}
 
 
 @dataclass(frozen=True)

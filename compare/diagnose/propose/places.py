@@ -14,9 +14,9 @@ from compare.diagnose.effects.bodies import LinkLength, body_of
 from compare.diagnose.effects.effect import Effect, Parameter, Rig, Values
 from compare.diagnose.effects.joints import JointClearance
 from compare.diagnose.predict import Hypothesis, Term
+from compare.diagnose.propose.laws import UNKNOWNS
 from compare.diagnose.residuals import Data
 from compare.results.diagnosis import Unknown
-from compare.results.sentences import UNKNOWNS
 
 if TYPE_CHECKING:
     from compare.diagnose.propose.scene import Scene

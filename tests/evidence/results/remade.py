@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import importlib
-from typing import Annotated, ClassVar, cast
+from typing import Annotated, ClassVar, Self
 
 from pydantic import Field
 
-from compare.results.document import Document, Presentation
+from compare.presentation import Presentation
+from compare.results.document import Document
 
 
 class Evidence(Document):
     """A document about the project itself; the module :mod:`tests.evidence.pages` of its ``presentation`` shows it."""
 
-    def _shown(self) -> Presentation:
-        return cast(Presentation, importlib.import_module(f"tests.evidence.pages.{self.presentation}"))
+    presentation: ClassVar[str]
+
+    def _shown(self) -> Presentation[Self]:
+        page = importlib.import_module(f"tests.evidence.pages.{self.presentation}")
+        return Presentation(page.summary_html, page.print_table, page.files, page.plot)
 
 
 class Stored(Evidence):

@@ -1,34 +1,34 @@
-"""A diagnosis in an engineer's words: names of effects at their places, what is tied, and what to do next."""
+"""What a diagnosis's page and text say: what is tied, what takes the gap away, what was tried, what to do next."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from compare.diagnose.effects.vocabulary import VOCABULARY
-from compare.quantities import setting
-from compare.results.diagnosis import Attempt, DiagnosedRun, Diagnosis, Effect, Engine, Located, Parameter, Place, Rival
-from compare.results.sentences import (
-    OwnValues,
-    Row,
-    amounts,
-    called,
-    enumerated,
-    odds,
-    off,
-    off_by,
-    own_values,
-    phrase,
-    plainly,
-    rows,
-    separation,
-    spoken,
-    unknown,
-)
+from analytic.mechanism.one_line import enumerated
+from compare.quantities import plainly, setting
+from compare.report.words.effects import called, headline, of_runs, phrase, spoken, unknown, values_of
+from compare.report.words.measured import remaining
+from compare.results.diagnosis import Attempt, Diagnosis, Effect, Engine, Place, Verdict
 
-SIGMA = "\N{GREEK SMALL LETTER SIGMA}"
-LESS, FAINT = 0.2, 0.01  # odds below which a tie does nearly as well, or can only not be ruled out
+TOML_STARTS = ("[", "#")
 SHOWN = 0.001  # of the squared gap: a smaller share of everything is no bar
+SIGMA = "\N{GREEK SMALL LETTER SIGMA}"
+SIGNS: dict[Verdict, str] = {
+    "no gap": "✓",
+    "explained": "✓",
+    "partly explained": "≈",
+    "ambiguous": "?",
+    "unexplained": "✗",
+}
+STATUS = {
+    "named": "named",
+    "tied": "tied",
+    "not needed": "not named",
+    "not physical": "not physical",
+    "invisible": "not visible in these data",
+    "excluded": "ruled out",
+}
 # what a word means, for who does not know it; each stands where the word is first used
 GAP = (
     "The gap is how far measured and simulated are apart in multiples of the sensors' noise (root mean square over all"
@@ -52,37 +52,7 @@ PARTS = (
     " decides. To copy into measured.toml:"
 )
 INTERVAL = "95 %: in 95 of 100 repetitions of the measurement the interval would hold the true value."
-
-
-def headline(result: Diagnosis, effect: Place) -> str:
-    """What is said of an effect in one line: the phrase, or of one with values for each run that and their range."""
-    own = of_runs(result, effect)
-    return own.sentence(len(result.fitted)) if own else phrase(result, effect.name, effect.where)
-
-
-def of_runs(result: Diagnosis, effect: Place) -> OwnValues | None:
-    """The values for each run of an effect that has such."""
-    found = _parameters(effect)
-    return own_values(result, effect.name, effect.where, found) if found else None
-
-
-def of_effect(effect: Place) -> list[Row]:
-    """Name, value and interval of each parameter; nothing for an effect that is only tied."""
-    return rows(_parameters(effect))
-
-
-def values_of(result: Diagnosis, effect: Place, intervals: bool = False) -> list[str]:
-    """The values of an effect as one says them, with their 95 % ``intervals`` on request."""
-    return amounts(result, VOCABULARY.get(effect.name), effect.where, _parameters(effect), intervals)
-
-
-def _parameters(effect: Place) -> Mapping[str, Parameter]:
-    return effect.parameters if isinstance(effect, Effect | Attempt) else {}
-
-
-def worst_first(result: Diagnosis) -> list[Located]:
-    """Located deviations, the strongest first."""
-    return sorted(result.located, key=lambda place: -place.sigmas)
+NOTHING_TRIED = "Nothing else that was tried takes away a part of the gap that would be worth listing."
 
 
 def ties(result: Diagnosis) -> list[list[Place]]:
@@ -99,22 +69,6 @@ def ties(result: Diagnosis) -> list[list[Place]]:
         groups.append([effect, *(full.get(other.key, other) for other in effect.ambiguous_with)])
         listed |= {key, *(other.key for other in effect.ambiguous_with)}
     return groups
-
-
-def rival_odds(result: Diagnosis, group: Sequence[Place], place: Place) -> str:
-    """The odds between the first of a tie and another of it, in words; empty where they are not known."""
-    likely = place.odds if isinstance(place, Rival) else None
-    return odds(likely, phrase(result, group[0].name, group[0].where))
-
-
-def rival_words(result: Diagnosis, group: Sequence[Place], place: Place) -> str:
-    """How an effect that is only tied stands against the first of its group, with the odds where they are known."""
-    found = rival_odds(result, group, place)
-    likely = place.odds if isinstance(place, Rival) else None
-    if likely is not None and likely < FAINT:
-        return f"Cannot be ruled out: odds {found}."
-    nearly = "nearly " * (likely is not None and likely < LESS)
-    return f"Explains these data {nearly}as well{f': odds {found}' if found else ''}."
 
 
 @dataclass(frozen=True)
@@ -177,19 +131,27 @@ def _gaps(attempt: Attempt) -> tuple[str, str]:
     return plainly(attempt.gap_before), plainly(attempt.gap_after)
 
 
-def unsettled(result: Diagnosis) -> bool:
-    """Whether the verdict leaves a question, so that what was tried has to be shown."""
-    return not result.settled
-
-
-def run_title(run: DiagnosedRun) -> str:
-    """A run's name, and that it is a validation run."""
-    return f"{run.name} (validation run: nothing was fitted to it)" if run.role == "validation" else run.name
-
-
 def advice(group: Sequence[Place]) -> tuple[str, str]:
     """What would tell a group's effects apart: in words, and as the ``[[run]]`` to copy; each may be empty."""
     return separation(group[0].would_separate if isinstance(group[0], Effect) else "")
+
+
+def separation(text: str) -> tuple[str, str]:
+    """The words of a ``would_separate`` and the ``[[run]]`` to copy from it; the latter may be empty."""
+    lines = text.splitlines()
+    start = next((i for i, line in enumerate(lines) if line.strip().startswith("[[run]]")), len(lines))
+    end = start
+    while end < len(lines) and (
+        not lines[end].strip() or lines[end].strip().startswith(TOML_STARTS) or "=" in lines[end]
+    ):
+        end += 1
+    words = " ".join(line.strip() for line in (*lines[:start], *lines[end:]) if line.strip())
+    return words, "\n".join(lines[start:end]).strip()
+
+
+def others(count: int) -> str:
+    """How many places are not listed."""
+    return f"and in {count} other place{'s' if count > 1 else ''}"
 
 
 def next_steps(result: Diagnosis) -> list[str]:
@@ -235,22 +197,6 @@ def next_steps(result: Diagnosis) -> list[str]:
 def _values(result: Diagnosis, effect: Effect) -> str:
     own = of_runs(result, effect)
     return own.reach if own else ", ".join(values_of(result, effect))
-
-
-def remaining(result: Diagnosis) -> dict[tuple[str, str], str]:
-    """The signals of fitted runs whose gap is still above the noise floor, by run and signal, the largest first."""
-    floor = 1.1 * result.gap.noise_floor
-    found = [
-        (channel.gap_after, run, name)
-        for run in result.fitted
-        for name, channel in run.signals.items()
-        if channel.gap_after is not None and channel.gap_after > floor
-    ]
-    return {
-        (run.name, name): f"{spoken(result, name)} in run {run.name} is still off by"
-        f" {off_by(result, name, off(result, run, name, 'after'))} (rms), {plainly(gap)} times its noise"
-        for gap, run, name in sorted(found, key=lambda row: -row[0])
-    }
 
 
 def simulated_by(result: Diagnosis) -> str:

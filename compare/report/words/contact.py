@@ -8,8 +8,6 @@ from dataclasses import dataclass, replace
 from analytic.mechanism.one_line import count
 from compare.quantities import number, plain
 from compare.results.contact import (
-    MEANING,
-    MEANING_OF_BLOCKS,
     STATISTICS,
     UNITS,
     Balance,
@@ -20,6 +18,28 @@ from compare.results.contact import (
 from compare.results.contact import Contact as Found
 from compare.results.crosscheck import CrossCheck
 
+RUBS = "at the rim of a pin of pin_radius, 10 mm where the mechanism gives none"
+MEANING: Mapping[StatisticName, str] = {
+    "free_share": "share of the time that the pin is off its wall, by distance",
+    "impacts": "times that a free pin strikes its wall in a revolution",
+    "impulse": "normal impulse of these impacts in a revolution",
+    "approach_speed": "fastest approach of an impact in a revolution",
+    "rms_force": "root mean square of the contact force",
+    "peak_force": "largest contact force in a revolution",
+    "high_peak": "what nine in ten of these peaks stay below",
+    "restitution_loss": "energy that the normal force takes in a revolution, less what the wall gives back",
+    "friction_loss": f"energy that friction in the contact takes in a revolution, {RUBS}",
+    "wear": f"integral of normal force times sliding over a revolution (Archard), {RUBS}",
+    "penetration": "deepest penetration in a revolution",
+}
+MEANING_OF_BLOCKS: Mapping[StatisticName, str] = {  # where it is another
+    "free_share": "share of the time that no corner of the block is at its wall, by distance",
+    "impacts": "times that a free corner of the block strikes its wall in a revolution",
+    "rms_force": "root mean square of the force on the corner that is pressed most",
+    "peak_force": "largest force on a corner in a revolution",
+    "friction_loss": "energy that friction at the corners takes in a revolution",
+    "wear": "integral of normal force times sliding over a revolution (Archard), all corners together",
+}
 NAMES: Mapping[StatisticName, str] = {
     "impacts": "impacts per revolution",
     "rms_force": "RMS force",
@@ -224,7 +244,40 @@ class Contact:
         return f"{some} {verb} between engines, worst {row.sentence(say)} ({pair.title})."
 
 
-NO_CONTACT = Contact()
+@dataclass(frozen=True)
+class Steadiness:
+    """Whether the statistics of a run of so many ``turns`` have converged: all are known ``within`` a share over its
+    ``whole`` revolutions, or one of a joint, the ``worst``, is not.  Where nothing left its wall, all are ``touching``.
+    """
+
+    converged: bool
+    turns: float
+    whole: int = 0
+    worst: tuple[str, StatisticName] | None = None
+    within: float = 0.0
+    touching: bool = False
+
+
+def steadiness(found: Steadiness, loose: Sequence[str]) -> str:
+    """How well the averages of a run are known; what is ``loose`` in it: pins, blocks."""
+    revolutions = count(found.whole, "revolution")
+    if found.touching:
+        return f"no {' and no '.join(loose)} leaves its wall in {count(f'{found.turns:.3g}', 'revolution')}"
+    if not found.whole:
+        return "the crank makes no whole revolution, so that there are no averages"
+    if found.converged:
+        return f"averages over {revolutions} are known to {100 * found.within:g} %"
+    if found.worst is None:
+        return f"{revolutions} {'is' if found.whole == 1 else 'are'} too few for averages"
+    joint, statistic = found.worst
+    return (
+        f"after {revolutions} the {statistic.replace('_', ' ')} of {joint} is known to {100 * found.within:.2g} % only"
+    )
+
+
+def no_longer_run(words: str, why: str) -> str:
+    """The same of a run that could not be made longer."""
+    return f"{words}; a longer run failed ({why})"
 
 
 def told(result: CrossCheck) -> Contact:

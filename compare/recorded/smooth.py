@@ -22,7 +22,7 @@ from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
 from scipy.optimize import minimize_scalar
 from scipy.sparse import csr_array, hstack
 
-from compare.diagnose.data.quality import quantum
+from compare.recorded.quantum import quantum
 
 DEGREE = 7
 CHARGED = 5  # order of the derivative that is charged

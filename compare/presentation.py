@@ -1,0 +1,37 @@
+"""How each kind of result is shown: a registry that :mod:`compare.report` fills, so that no result imports a page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Generic, Never, TypeVar, cast
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from rich.console import Console
+
+
+D = TypeVar("D", contravariant=True)
+
+
+@dataclass(frozen=True)
+class Presentation(Generic[D]):
+    """How a kind of result is shown: a short piece of HTML for a notebook, a table on a terminal; text by file name
+    beside its JSON file; a drawing into a matplotlib figure, or what to do in its place.
+    """
+
+    summary_html: Callable[[D], str]
+    print_table: Callable[[D, Console], None]
+    files: Callable[[D], dict[str, str]] = lambda result: {}
+    plot: Callable[[D, Figure], None] | None = None
+    no_picture: str = "has no picture; print it"
+
+
+PRESENTATIONS: dict[str, Callable[[], Presentation[Never]]] = {}
+"""By the name of a kind of result, what loads its presentation when the first one of the kind is shown."""
+
+
+def presentation(result: D) -> Presentation[D]:
+    """How a result of its kind is shown, or of the nearest kind that it is one of."""
+    kind = next(base.__name__ for base in type(result).__mro__ if base.__name__ in PRESENTATIONS)
+    return cast(Presentation[D], PRESENTATIONS[kind]())

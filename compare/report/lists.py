@@ -1,0 +1,112 @@
+"""What is a list, shown: cases, engines and effects, earlier results, exported files, an import."""
+
+from __future__ import annotations
+
+import html
+
+from rich.console import Console
+from rich.text import Text
+
+from analytic.mechanism.one_line import count
+from compare.report.tables import html_table, say, terminal_table
+from compare.results.catalogue import Cases, Effects, Listing, Simulators
+from compare.results.export import Exported
+from compare.results.history import Runs
+from compare.results.imported import Imported
+from sim_models.engine import JOINT_MODELS, SCHEMES
+
+WIDEST = 130  # columns of a terminal that the table of engines takes
+
+
+def list_files(result: Listing) -> dict[str, str]:
+    """The list as a table for other programs."""
+    return {result.file.replace(".json", ".csv"): result.to_csv()}
+
+
+def list_html(result: Listing) -> str:
+    """The list as an HTML table."""
+    rows = result.rows()
+    columns = list(dict.fromkeys(name for row in rows for name in row))
+    return html_table(([str(row.get(name, "")) for name in columns] for row in rows), columns)
+
+
+def print_cases(result: Cases, console: Console) -> None:
+    """Print a line for each case."""
+    for case in result.cases:
+        gaps = ", ".join(f"{joint} {c * 1000:g} mm" for joint, c in case.clearance.items()) or "none"
+        bodies = f"{len(case.bodies)} {'body' if len(case.bodies) == 1 else 'bodies'}"
+        say(console, f"{case.name:14} {bodies}, {count(len(case.joints), 'joint')}, clearance: {gaps}")
+
+
+def print_effects(result: Effects, console: Console) -> None:
+    """Print two lines for each effect."""
+    for effect in result.effects:
+        values = ", ".join(f"{p.name} [{p.unit}]" for p in effect.parameters)
+        said = f"{effect.name:<18} {effect.says}\n{'':<18} {values}; simulated by {', '.join(effect.simulators)}"
+        say(console, said + (f"; tried only with --only {effect.name}" if effect.asked_for else ""))
+
+
+def print_simulators(result: Simulators, console: Console) -> None:
+    """Print what each engine has, and how to get it."""
+    known = dict.fromkeys(effect for engine in result.simulators for effect in engine.effects)
+    rows = []
+    for engine in result.simulators:
+        motions = {c.joint_model: ", ".join(c.motions) or "-" for c in engine.supports}
+        lacks = [effect for effect in known if effect not in engine.effects]
+        effects = f"all but {', '.join(lacks)}" if lacks else "all"
+        version = engine.version if engine.status == "installed" else engine.status
+        rows.append((engine.name, version or "", *(motions.get(model, "-") for model in JOINT_MODELS), effects))
+    heads = ("simulator", "version", *JOINT_MODELS, "effects")
+    console.width = max(console.width, WIDEST)
+    console.print(terminal_table(heads, rows, folded=heads, header_style=""))
+    faults = [f"{e.name} is installed but cannot be imported: {e.fault}" for e in result.simulators if e.fault]
+    say(console, *faults, f"effects: {', '.join(known)}; see compare effects")
+    for line in (
+        f"somebody's own model is one too: {', '.join(f'{each}:FILE' for each in SCHEMES)}",
+        "install one with: pip install 'linkage-crosscheck[NAME]' (in a clone: pip install '.[NAME]')",
+    ):
+        console.print(line, markup=False, highlight=False)
+
+
+def print_runs(result: Runs, console: Console) -> None:
+    """Print a line for each earlier result, newest first, and one for each file that is none."""
+    rows = [
+        (
+            run.date[:16].replace("T", " "),
+            run.verdict or run.kind,
+            Text(run.case),
+            Text(f"{run.command or 'Python'}\n{run.file}"),
+        )
+        for run in result.runs
+    ]
+    if rows:
+        heads = ("date (UTC)", "verdict", "case", "made by")
+        console.print(terminal_table(heads, rows, folded=heads[1:]))
+    say(console, *result.unreadable, f"{result.folder}: {count(len(result.runs), 'result')}")
+
+
+def print_exported(result: Exported, console: Console) -> None:
+    """Print each path, and the command that runs the model."""
+    say(console, *result.paths, f"run it in an environment that has {' and '.join(result.needs)}: {result.run}")
+
+
+def exported_html(result: Exported) -> str:
+    """The files as a table."""
+    return html_table(([path] for path in result.paths), title=repr(result))
+
+
+def print_imported(result: Imported, console: Console) -> None:
+    """Print the mechanism, the notes, and where the file is."""
+    say(console, repr(result.mechanism), *(f"note: {note}" for note in result.notes))
+    say(console, *([f"written: {result.path}"] if result.path else []))
+
+
+def imported_files(result: Imported) -> dict[str, str]:
+    """The mechanism file."""
+    return {"mechanism.toml": result.text}
+
+
+def imported_html(result: Imported) -> str:
+    """The mechanism in a line, and the notes as a list."""
+    notes = "".join(f"<li>{html.escape(note)}</li>" for note in result.notes)
+    return f"<p>{html.escape(repr(result.mechanism))}</p><ul>{notes}</ul>"

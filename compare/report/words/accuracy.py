@@ -1,0 +1,74 @@
+"""How accurate a linkage or a platform can be, in words: what the numbers are, and what to beware of."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from analytic.mechanism.one_line import count
+from compare.quantities import plain, shown
+from compare.results.accuracy import Accuracy
+from compare.results.platform import PlatformAccuracy
+
+FIELDS: Mapping[str, str] = {
+    "total": "all together, to either side",
+    "worst_case": "clearance, worst case",
+    "equilibrium": "clearance, finite gaps in equilibrium",
+    "nominal": "clearance, first order (Eq. 8)",
+    "resolution": "resolution of the drives",
+    "compliance": "compliance",
+}
+NOTES = (
+    "Clearance, worst case: the largest displacement to either side, wherever the pins lie. In equilibrium: every pin"
+    " where its own reaction presses it, with finite gaps; first order: along the ideal linkage's reactions (Eq. 8)."
+    " Resolution: all drives half a step of their encoders off. All together: worst case, resolution and compliance.",
+    "Dexterity is the condition number of the platform's velocity by its drives: infinite where it cannot move in some"
+    " direction (first kind). Holding is that of the loops: infinite where its drives do not hold it (second kind).",
+)
+
+
+def notes(result: Accuracy) -> list[str]:
+    """What the numbers of the table are, and what to beware of."""
+    sizes = ", ".join(f"{joint} {1e3 * c:.4g} mm" for joint, c in result.clearance.items()) or "none"
+    closed = "each closed again" if result.nonlinear else "to first order"
+    notes = [
+        "x and y in the ground frame; largest over the crank angles; worst case to either side;"
+        " sigma with contacts anywhere on the rim",
+        (
+            f"{result.case}: {result.motion}, clearance {sizes}; {count(result.samples, 'sample')} {closed},"
+            f" seed {result.seed}"
+        ),
+    ]
+    for what, found in (("flags", result.flags), ("cautions", result.cautions)):
+        for first, why in list(found.items())[:1]:
+            notes.append(
+                f"{count(len(found), 'crank angle')} with {what}, first"
+                f" {math.degrees(result.crank_angle[int(first)]):.4g} deg: {why}"
+            )
+    for change in result.side_changes:
+        name = max(change.jump, key=lambda n: (result.outputs[n].unit == "m", abs(change.jump[n])))
+        unit, factor = shown(result.outputs[name].unit)
+        what = "changes side" if abs(change.turned) > math.pi / 2 else "is hardly loaded"
+        where = f"{math.degrees(change.crank_angle):.4g} deg"
+        notes.append(
+            f"the contact in {change.joint} {what} at {where}: {name} jumps by"
+            f" {plain(change.jump[name] * factor)} {unit}"
+        )
+    return notes
+
+
+def facts(result: PlatformAccuracy) -> dict[str, str]:
+    """What a platform's numbers are of."""
+    sizes = ", ".join(f"{joint} {1e3 * size:.4g} mm" for joint, size in result.clearance.items()) or "none"
+    steps = ", ".join(f"{joint} {_step(result, joint, step)}" for joint, step in result.encoder_step.items()) or "none"
+    reached = int(result.reached.sum())
+    where = f"{reached} of {result.reached.size}" if result.workspace else f"{reached}"
+    found = {"radial clearance": sizes, "encoder steps": steps, "poses": where}
+    if result.workspace is not None and result.workspace.angle is not None:
+        found["angle"] = f"{math.degrees(result.workspace.angle):.5g} deg"
+    return found
+
+
+def _step(result: PlatformAccuracy, joint: str, step: float) -> str:
+    unit, factor = shown("m" if result.mechanism.joint(joint).prismatic else "rad")
+    return f"{plain(factor * step)} {unit}"

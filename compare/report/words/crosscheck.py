@@ -1,0 +1,157 @@
+"""What a cross-check comes to: its verdict in a few sentences, and how its numbers are to be read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+from analytic.mechanism import Mechanism
+from analytic.mechanism.one_line import capital, count
+from compare.quantities import number, plain
+from compare.report.summary import REAL, Row, ShownRun, Summary, released
+from compare.results.crosscheck import Run
+
+WORDS = {
+    "agrees": "agrees",
+    "disagrees": "disagrees",
+    "known": "known difference",
+    "unjudged": "not judged",
+    "failed": "failed",
+}
+SIGNS = {"agrees": "✓", "disagrees": "✗", "known": "≈", "unjudged": "?", "failed": "✗"}
+MODELS = {
+    "first_order": "first order (Eq. 8: ideal reaction directions)",
+    "equilibrium": "equilibrium (displaced linkage, self-consistent)",
+}
+
+
+def headline(summary: Summary, say: Callable[..., str] = number) -> str:
+    """The verdict in a few sentences: runs that failed or are not judged, comparisons that disagree, and the worst (or
+    closest) by its tolerance; and what the engines' statistics of contact say of each other.
+    """
+    if not summary.runs:
+        return "No simulation came to its end: nothing was compared."
+    told = [*_sentences(summary.runs, len(summary.failures), say), summary.contact.headline(say)]
+    return " ".join(filter(None, told))
+
+
+def _sentences(runs: tuple[ShownRun, ...], failures: int, say: Callable[..., str]) -> Iterator[str]:
+    rows = [(run, row) for run in runs for row in run.rows]
+    wrong = [(run, row) for run, row in rows if row.verdict == "disagrees"]
+    exceeding = [(run, row) for run, row in wrong if not row.reason]
+    otherwise = [(run, row) for run, row in wrong if row.reason]
+    agreeing = [(run, row) for run, row in rows if row.verdict == "agrees"]
+    hidden = [(run, row) for run, row in rows if row.verdict == "unjudged"]
+    known = len(rows) - len(wrong) - len(agreeing) - len(hidden)
+    silent = [run for run in runs if run.reason or not run.rows]
+    if failures:
+        yield f"{failures} of {count(failures + len(runs), 'run')} failed."
+    if silent:
+        why = f"; {silent[0].title}: {silent[0].reason}" if silent[0].reason else ""
+        yield f"Nothing could be compared in {len(silent)} of {count(len(runs), 'run')}{why}."
+    if exceeding:
+        yield f"{_share(exceeding, rows, runs)} {'exceeds its' if len(exceeding) == 1 else 'exceed their'} tolerance."
+    elif agreeing and not wrong:
+        compared = len({run.index for run, _ in rows})
+        all_of = f"All {len(agreeing)} judged comparisons" if len(agreeing) > 1 else "The one judged comparison"
+        verb = "are" if len(agreeing) > 1 else "is"
+        yield f"{all_of} of {count(compared, 'run')} {verb} within tolerance."
+    if known:
+        yield f"{known} of {count(len(rows), 'comparison')} {'differs' if known == 1 else 'differ'} as known."
+    if hidden:
+        run, row = hidden[0]
+        first = "is" if len(hidden) == 1 else "are"
+        yield f"{_share(hidden, rows, runs)} {first} not judged: {row.quantity.label} ({run.title}): {row.reason}."
+    if exceeding:
+        yield f"Worst: {_most(exceeding, say)}."
+    elif agreeing and not wrong:
+        yield f"Closest to it: {_most(agreeing, say)}."
+    if otherwise:
+        run, row = otherwise[0]
+        first = "disagrees:" if len(otherwise) == 1 else "disagree, the first being"
+        yield f"{_share(otherwise, rows, runs)} {first} {row.quantity.label} ({run.title}): {row.reason}."
+
+
+def _share(
+    some: Sequence[tuple[ShownRun, Row]], rows: Sequence[tuple[ShownRun, Row]], runs: tuple[ShownRun, ...]
+) -> str:
+    return (
+        f"{len(some)} of {count(len(rows), 'comparison')} in {len({run.index for run, _ in some})} of"
+        f" {count(len(runs), 'run')}"
+    )
+
+
+def _most(rows: Sequence[tuple[ShownRun, Row]], say: Callable[..., str]) -> str:
+    """The row that uses up most of its tolerance, in words."""
+    run, row = max(rows, key=lambda pair: pair[1].share or 0.0)
+    unit = row.quantity.unit
+    return (
+        f"{row.quantity.label} ({run.title}), {say(row.maximum, 3, True)} {unit} at {row.at}, tolerance"
+        f" {say(row.tolerance)} {unit}"
+    )
+
+
+def why(summary: Summary) -> str:
+    """Each assumption of the analytic model that fails, in a sentence: of the run with the most real joints, and in how
+    many others; empty where none is known to.
+    """
+    by_assumption: dict[str, list[ShownRun]] = {}
+    for run in sorted((run for run in summary.runs if run.because), key=lambda run: REAL.index(run.joint_model)):
+        by_assumption.setdefault(run.assumption, []).append(run)
+    return " ".join(_why(runs) for runs in by_assumption.values())
+
+
+def _why(runs: Sequence[ShownRun]) -> str:
+    also = f", and likewise in {count(len(runs) - 1, 'other run')}" if len(runs) > 1 else ""
+    return f"{capital(runs[0].because)} ({runs[0].title}{also})."
+
+
+def row_sentence(row: Row) -> str:
+    """A row in words, ASCII but for names: ``reaction angle at B: +0.2 deg at 30 deg, rms 0.1 deg (tolerance 0.05
+    deg)``.
+    """
+    unit = row.quantity.unit.replace("·", ".")
+    numbers = (
+        f"{plain(row.maximum, 4, True)} {unit} at {row.at}, rms {plain(row.rms)} {unit} (tolerance"
+        f" {plain(row.tolerance)} {unit})"
+    )
+    return f"{row.quantity.label}: {numbers}" + (f"; {row.reason}" if row.reason else "")
+
+
+def frame_and_signs(mechanism: Mechanism) -> str:
+    """On which body each force acts, and from where an angle counts, for a reader of the numbers."""
+    pairs = ", ".join(f"{j.name} of {j.bodies[0]} on {j.bodies[1]}" for j in mechanism.joints)
+    return (
+        f"Reactions are forces at {pairs}, in the ground frame; a displacement in a joint is the first body's pin"
+        " centre minus the second's. Angles count counter-clockwise from the ground's x axis, and"
+        f" {_of_motors(mechanism)}."
+    )
+
+
+def _of_motors(mechanism: Mechanism) -> str:
+    """On what the motors act."""
+    if mechanism.cranked:
+        return f"the drive torque is the motor's on the {mechanism.driven}"
+    ends = [mechanism.joint(drive.joint) for drive in mechanism.drives]
+    acting = ", ".join(f"in {joint.name} on {joint.bodies[1]}" for joint in ends)
+    return f"a motor's torque or force is that of its joint's first body on its second ({acting})"
+
+
+def motion(run: Run, mechanism: Mechanism) -> str:
+    """How a run moved."""
+    if not released(run, mechanism):
+        return run.motion
+    if run.motion == "static":
+        return "static over time"
+    moved = [drive.speed for drive in mechanism.drives if drive.speed != "free"]
+    if not moved:
+        return "swings freely"
+    if any(speed == "measured" for speed in moved) or not run.drive_position:
+        return "follows a recorded course"
+    return "driven over time"
+
+
+def same_order(runs: Sequence[ShownRun]) -> str:
+    """What is said where no run has a difference between first order and equilibrium."""
+    if any(run.clearance != "none" for run in runs):
+        return "First order and equilibrium cannot be compared: the analytic model has no answer at any crank angle."
+    return "Without clearance first order and equilibrium are the same."

@@ -1,0 +1,251 @@
+"""Effects at their places, and their parameters: ``clearance in joint B``, ``0.3 mm longer than drawn``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from analytic.mechanism.one_line import enumerated, in_words
+from compare.diagnose.effects.effect import Effect as Kind
+from compare.diagnose.effects.vocabulary import VOCABULARY
+from compare.diagnose.propose.laws import UNKNOWNS
+from compare.quantities import MINUS, Quantity, fitting, number, plainly, quantities, shown
+from compare.results.diagnosis import Attempt, Diagnosis, Effect, Parameter, Place, Proposed, Rival, SamePlace
+
+PERCENT = {p.name for effect in VOCABULARY.values() for p in effect.parameters if p.percent}  # parameters read in %
+ZEROS = {  # what each run has of its own where an effect has a value for each; {} is the sensor
+    "encoder_offset": "encoder zero",
+    "sensor_bias": "zero of the sensor for {}",
+    "sensor_drift": "drift of the sensor for {}",
+    "stamp_jitter": "jitter of the time stamps",
+}
+Row = tuple[str, str, str]  # a parameter's name, its value and its 95 % interval
+LESS, FAINT = 0.2, 0.01  # odds below which a tie does nearly as well, or can only not be ruled out
+LESS, FAINT = 0.2, 0.01  # odds below which a tie does nearly as well, or can only not be ruled out
+
+
+def quantity(result: Diagnosis, signal: str) -> Quantity:
+    """The quantity of a signal; one that the mechanism does not have (a person's own sensor) goes by its own name."""
+    known = quantities(result.mechanism)
+    if signal in known:
+        return known[signal]
+    unit = next((run.signals[signal].unit for run in result.runs if signal in run.signals), "1")
+    return Quantity(signal, signal, "", "", *shown(unit))
+
+
+def spoken(result: Diagnosis, signal: str) -> str:
+    """A signal as one says it: ``follower angle``, ``reaction x at B``; several joined by + one after the other."""
+    if "+" in signal and signal not in result.signals:
+        return enumerated([spoken(result, each) for each in signal.split("+")])
+    found = quantity(result, signal)
+    return f"{found.place[3:]} {found.name}" if found.place.startswith("of ") else found.label
+
+
+def phrase(result: Diagnosis, name: str, where: str) -> str:
+    """An effect at its place: ``clearance in joint B``; one outside the vocabulary by its own name."""
+    effect = VOCABULARY.get(name)
+    if effect is None:
+        return f"{name.replace('_', ' ')} at {where}"
+    return effect.called(spoken(result, where) if effect.place == "signal" else where)
+
+
+def called(result: Diagnosis, key: str) -> str:
+    """``joint_clearance@B`` in words."""
+    name, _, where = key.partition("@")
+    return phrase(result, name, where)
+
+
+def unknown(result: Diagnosis, p: Proposed | SamePlace) -> str:
+    """A proposal's unknown at its place as a noun."""
+    if p.unknown == "torque" and isinstance(p, Proposed) and p.unit == "N":
+        return f"force along joint {p.place}"
+    return UNKNOWNS[p.unknown].format(spoken(result, p.place) if p.unknown == "error" else p.place)
+
+
+def parameter(name: str, found: Parameter, like: Sequence[Parameter] = ()) -> Row:
+    """A parameter's name, its value, and its 95 % interval, in one unit and to as many digits as the interval allows.
+
+    The unit fits the values that it is ``like`` too.  A value of one run is called ``offset@run``.
+    """
+    value, low, high = found.value, found.low, found.high
+    what, _, run = name.partition("@")
+    unit, factor = _unit(what, (found, *like))
+    half = 0.5 * abs(high - low) * factor if low is not None and high is not None else 0.0
+    decimals = min(1 - math.floor(math.log10(half * (1 + 1e-9))), 9) if half > 0 else None
+
+    def say(v: float) -> str:
+        if decimals is None or decimals < 0:
+            return number(v * factor, 4)
+        text = f"{v * factor:.{decimals}f}"
+        return text.replace("-", MINUS) if float(text) else "0"
+
+    suffix = "" if unit == "1" else f" {unit}"
+    interval = f"{say(low)} to {say(high)}{suffix}" if low is not None and high is not None else "not known"
+    words = what.replace("_", " ")
+    words = words.replace("torque", "force") if found.unit == "N" else words  # of a slide
+    return words + (f" in run {run}" if run else ""), say(value) + suffix, interval
+
+
+def _unit(what: str, found: Sequence[Parameter]) -> tuple[str, float]:
+    """The unit in which some parameters of one name are read, and the factor to it."""
+    if what in PERCENT:
+        return "%", 100.0
+    return fitting(found[0].unit, *(v for p in found for v in (p.value, p.low, p.high)))
+
+
+def rows(parameters: Mapping[str, Parameter]) -> list[Row]:
+    """Every parameter of an effect; the values of one parameter in several runs in one unit."""
+    return [
+        parameter(name, found, [p for other, p in parameters.items() if _base(other) == _base(name)])
+        for name, found in parameters.items()
+    ]
+
+
+def _base(name: str) -> str:
+    return name.partition("@")[0]
+
+
+def amounts(
+    result: Diagnosis,
+    effect: Kind | None,
+    where: str,
+    parameters: Mapping[str, Parameter],
+    intervals: bool = False,
+) -> list[str]:
+    """Each value of an effect (None: one that is not known here) as one says it: ``0.298 mm longer than drawn``, or by
+    its name where no direction has a word: ``radial clearance 0.15 mm``; with its 95 % ``intervals`` on request.
+    """
+    out = []
+    for key, found in parameters.items():
+        way = _direction_word(result, effect, where, key, found.value)
+        like = [p for other, p in parameters.items() if _base(other) == _base(key)]
+        called, value, interval = parameter(key, _minus(found) if way and found.value < 0 else found, like)
+        run = called.partition(" in run ")[1:] if "@" in key else ("", "")
+        open_ended = found.low is None or found.high is None
+        known = f" (95 %: {interval})" if intervals and (open_ended or found.low != found.high) else ""
+        out.append((f"{value} {way}{''.join(run)}" if way else f"{called} {value}") + known)
+    return out
+
+
+def _direction_word(result: Diagnosis, effect: Kind | None, where: str, key: str, value: float) -> str:
+    """What follows the size of a parameter of this sign: ``longer than drawn``; empty where no direction has a word."""
+    known = next((p for p in effect.parameters if p.name == _base(key)), None) if effect else None
+    if effect is None or known is None:
+        return ""
+    return known.less if effect.sense(result.mechanism, where) * value < 0 else known.more
+
+
+def _minus(p: Parameter) -> Parameter:
+    """A parameter of the other sign."""
+    low, high = (None if end is None else -end for end in (p.high, p.low))
+    return p.model_copy(update={"value": -p.value, "low": low, "high": high})
+
+
+@dataclass(frozen=True)
+class OwnValues:
+    """The values that a parameter has in each run: ``called`` is what each run has of its own, ``reach`` from the
+    smallest to the largest, and ``runs`` the value and interval in each.
+    """
+
+    called: str
+    reach: str
+    runs: tuple[Row, ...]
+
+    def sentence(self, runs: int) -> str:
+        """``each run has its own encoder zero, -1.7 to +3.6 deg``, where there are so many runs."""
+        whose = (
+            "each run has" if len(self.runs) >= runs else f"{in_words(len(self.runs))} of {in_words(runs)} runs have"
+        )
+        return f"{whose} {'its' if len(self.runs) >= runs else 'their'} own {self.called}, {self.reach}"
+
+
+def own_values(result: Diagnosis, name: str, where: str, parameters: Mapping[str, Parameter]) -> OwnValues | None:
+    """The values for each run of an effect that has such; None of any other."""
+    found = {key.partition("@")[2]: p for key, p in parameters.items() if "@" in key}
+    if len(found) < len(parameters):
+        return None
+    what = _base(next(iter(parameters)))
+    unit, factor = _unit(what, tuple(found.values()))
+    low, high = (factor * end(p.value for p in found.values()) for end in (min, max))
+    less, more = (_direction_word(result, VOCABULARY.get(name), where, what, end) for end in (low, high))
+    sensor = spoken(result, where) if name in VOCABULARY and VOCABULARY[name].place == "signal" else where
+    called = ZEROS.get(name, name.replace("_", " ") + " of {}")
+    called = called.format(sensor) + f" for {sensor}" * (result.mechanism.several and "{}" not in called)
+    own = tuple((run, value, interval) for run, (_, value, interval) in zip(found, rows(parameters), strict=True))
+    suffix = "" if unit == "1" else f" {unit}"
+    if less == more:
+        low, high = sorted((abs(low), abs(high))) if more else (low, high)
+        return OwnValues(called, f"{plainly(low, 2)} to {plainly(high, 2)}{suffix} {more}".strip(), own)
+    return OwnValues(called, f"{plainly(-low, 2)}{suffix} {less} to {plainly(high, 2)}{suffix} {more}", own)
+
+
+def errors_in_words(result: Diagnosis, effect: Effect) -> str:
+    """The small errors of the rig that together would do as well in place of an effect, with their values."""
+    said = []
+    for error in effect.small_errors:
+        values = ", ".join(amounts(result, VOCABULARY.get(error.name), error.where, error.parameters))
+        said.append(f"{phrase(result, error.name, error.where)} ({values})")
+    return enumerated(said)
+
+
+def small_errors(result: Diagnosis, effect: Effect) -> str:
+    """The same in a sentence; empty where there are none."""
+    if not effect.small_errors:
+        return ""
+    errors, instead = errors_in_words(result, effect), phrase(result, effect.name, effect.where)
+    return f"Small errors of the rig together would explain these data as well as {instead}: {errors}."
+
+
+def headline(result: Diagnosis, effect: Place) -> str:
+    """What is said of an effect in one line: the phrase, or of one with values for each run that and their range."""
+    own = of_runs(result, effect)
+    return own.sentence(len(result.fitted)) if own else phrase(result, effect.name, effect.where)
+
+
+def of_runs(result: Diagnosis, effect: Place) -> OwnValues | None:
+    """The values for each run of an effect that has such."""
+    found = _parameters(effect)
+    return own_values(result, effect.name, effect.where, found) if found else None
+
+
+def of_effect(effect: Place) -> list[Row]:
+    """Name, value and interval of each parameter; nothing for an effect that is only tied."""
+    return rows(_parameters(effect))
+
+
+def values_of(result: Diagnosis, effect: Place, intervals: bool = False) -> list[str]:
+    """The values of an effect as one says them, with their 95 % ``intervals`` on request."""
+    return amounts(result, VOCABULARY.get(effect.name), effect.where, _parameters(effect), intervals)
+
+
+def _parameters(effect: Place) -> Mapping[str, Parameter]:
+    return effect.parameters if isinstance(effect, Effect | Attempt) else {}
+
+
+def rival_odds(result: Diagnosis, group: Sequence[Place], place: Place) -> str:
+    """The odds between the first of a tie and another of it, in words; empty where they are not known."""
+    likely = place.odds if isinstance(place, Rival) else None
+    return odds(likely, phrase(result, group[0].name, group[0].where))
+
+
+def rival_words(result: Diagnosis, group: Sequence[Place], place: Place) -> str:
+    """How an effect that is only tied stands against the first of its group, with the odds where they are known."""
+    found = rival_odds(result, group, place)
+    likely = place.odds if isinstance(place, Rival) else None
+    if likely is not None and likely < FAINT:
+        return f"Cannot be ruled out: odds {found}."
+    nearly = "nearly " * (likely is not None and likely < LESS)
+    return f"Explains these data {nearly}as well{f': odds {found}' if found else ''}."
+
+
+def odds(likely: float | None, named: str) -> str:
+    """The odds between the ``named`` effect (in words) and one that is ``likely`` times as likely: ``19 to 1 for
+    clearance in joint B``, ``3.4 to 1 for it``, ``even``; empty where that is not known.
+    """
+    if likely is None:
+        return ""
+    if 0.95 < likely < 1.05:
+        return "even"
+    high, whom = (likely, "it") if likely > 1 else (1 / max(likely, 1e-300), named)
+    return f"{plainly(high, 2) if high < 1000 else 'more than 1,000'} to 1 for {whom}"
