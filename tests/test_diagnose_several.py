@@ -31,8 +31,7 @@ from compare.diagnose.predict import Term
 from compare.diagnose.prepare import followed, nominal
 from compare.diagnose.preview import preview
 from compare.diagnose.workflow import diagnose
-from compare.report.diagnosis_page import diagnosis_html
-from compare.report.diagnosis_text import diagnosis_md
+from compare.report.diagnosis_page import diagnosis_html, diagnosis_md
 from compare.report.words.effects import own_values
 from compare.results.diagnosis import Diagnosis, Parameter
 from measured_files import RunTable, write_measured

@@ -18,6 +18,7 @@ import sample_diagnosis
 from compare.diagnose.data.recording import Measured
 from compare.presentation import PRESENTATIONS
 from compare.results.document import Document, DocumentError
+from compare.results.schemas import documents
 from document_faults import faults
 from tests.evidence.results.scoreboard import Scoreboard
 from tests.evidence.results.validation import Validation
