@@ -103,6 +103,24 @@ def numbers(given: object, called: str, unit: str) -> np.ndarray:
     return found.astype(float).reshape(-1)
 
 
+def increasing(given: object, called: str, unit: str) -> tuple[float, ...]:
+    """Finite numbers, each once, increasing.  Raises ArgumentError."""
+    found = tuple(sorted(numbers(given, called, unit).tolist()))
+    if len(set(found)) < len(found):
+        raise ArgumentError(
+            called, f"{quoted(list(found))} has a number twice; give each{f' ({unit})' * bool(unit)} once"
+        )
+    return found
+
+
+def positive(given: object, called: str, unit: str) -> tuple[float, ...]:
+    """The same, all above zero.  Raises ArgumentError."""
+    found = increasing(given, called, unit)
+    if found[0] <= 0:
+        raise ArgumentError(called, f"{found[0]:g} cannot be used; give {unit} above 0")
+    return found
+
+
 def number(given: object, called: str, unit: str) -> float:
     """One number.  Raises ArgumentError."""
     if isinstance(given, Real) and not isinstance(given, bool):
@@ -115,6 +133,13 @@ def seconds(given: object, called: str) -> float:
     if isinstance(given, Real) and not isinstance(given, bool) and 0 < float(given) < math.inf:
         return float(given)
     raise ArgumentError(called, f"{quoted(given)} cannot be used; give a number of seconds above 0")
+
+
+def address(given: object, called: str) -> str:
+    """Where a scheduler listens.  Raises ArgumentError."""
+    if isinstance(given, str):
+        return given
+    raise ArgumentError(called, f"{quoted(given)} cannot be used; give its address, such as tcp://localhost:8786")
 
 
 def names(given: object, called: str, least: int = 0) -> tuple[str, ...]:

@@ -17,7 +17,6 @@ from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.mechanism import MASS_CENTRE, Mechanism
 from analytic.mechanism.file import load
 from compare.analyse import request
-from compare.arguments import timed
 from compare.faults import ArgumentError
 from compare.judge.courses import Courses
 from compare.judge.reference import Reference, timed_reference
@@ -440,7 +439,7 @@ def test_what_is_asked_of_a_crank_is_refused_at_rest_too() -> None:
 
 def test_a_request_of_the_command_is_static_with_its_courses() -> None:
     m = load("five-bar")
-    asked = request(m, "ideal", "static", None, timed(Assembly(m), np.linspace(0.0, 0.2, 5)))
+    asked = request(m, SimulateQuestion(m, motion="static", times=np.linspace(0.0, 0.2, 5)))
     assert asked.motion == "static"
     assert set(asked.courses or ()) == {"D", "E"}
     assert not asked.released

@@ -1,0 +1,394 @@
+"""How an argument is typed on a command line and what it must be: written once, in the annotation of its field.
+
+    clearance: Annotated["Metres | None", Option("Radial clearances (m) in place of the case's own.", ByJoint())] = None
+
+A :class:`Kind` reads the word of a command line (``parse``) and proves what a function was given (``check``); both
+raise ArgumentError, which names the argument.  What computes is imported only when one of them is called.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Any, ClassVar
+
+from compare.faults import ArgumentError
+
+REQUIRED: Any = ...
+"""``untyped``: the option must be typed."""
+AS_ARGUMENT: Any = object()
+"""``untyped``: what the function takes where its argument is left out."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """Any text, as it is.
+
+    A command's help calls it ``metavar``.  ``units`` are that of a word and that of the argument.
+    """
+
+    metavar: str | None = None
+    units: tuple[str, str] = ("", "")
+    word: ClassVar[type] = str  # what typer makes of what is typed
+    repeated: ClassVar[bool] = False  # whether it may be typed several times
+
+    def parse(self, word: Any, called: str) -> Any:
+        """The argument that a word stands for."""
+        return word
+
+    def check(self, given: Any, called: str) -> Any:
+        """The argument as it is used."""
+        return given
+
+    def stands_for(self, argument: Any) -> Any:
+        """What typer shows as the default that an argument has; the inverse of ``parse``."""
+        return argument
+
+
+@dataclass(frozen=True)
+class Option:
+    """An argument as an option of a command, or of Python alone where it is not ``typed``.
+
+    ``{unit}`` in the ``help`` stands for the unit of who reads it.  The option is called like the field but for its
+    ``name``.  ``untyped`` is what the command takes where it is left out.
+    """
+
+    help: str
+    kind: Kind = Kind()
+    name: str = ""
+    short: str = ""
+    positional: bool = False
+    typed: bool = True
+    untyped: Any = AS_ARGUMENT
+
+    @property
+    def typed_help(self) -> str:
+        """The help of a command."""
+        return self.help.replace("{unit}", self.kind.units[0])
+
+    @property
+    def python_help(self) -> str:
+        """The help of a function."""
+        return self.help.replace("{unit}", self.kind.units[1])
+
+
+@dataclass(frozen=True)
+class Switch(Kind):
+    """True or False."""
+
+    word: ClassVar[type] = bool
+
+    def check(self, given: Any, called: str) -> bool:
+        """True or False."""
+        from compare.arguments import flag
+
+        return flag(given, called)
+
+
+@dataclass(frozen=True)
+class Choice(Kind):
+    """One of some words."""
+
+    choices: tuple[str, ...] = ()
+
+    @property
+    def word(self) -> Any:  # type: ignore[override]
+        """An enumeration, of which typer offers the choice."""
+        return StrEnum("Choice", {choice: choice for choice in self.choices})
+
+    def parse(self, word: Any, called: str) -> Any:
+        """The word itself."""
+        return str(word)
+
+    def check(self, given: Any, called: str) -> Any:
+        """One of the words."""
+        from compare.arguments import one_of
+
+        return one_of(given, self.choices, called)
+
+    def stands_for(self, argument: Any) -> Any:
+        """The member of the enumeration."""
+        return None if argument is None else self.word(argument)
+
+
+@dataclass(frozen=True)
+class AllOrNone(Choice):
+    """True or False, typed as all or none."""
+
+    choices: tuple[str, ...] = ("all", "none")
+
+    def parse(self, word: Any, called: str) -> bool:
+        """Whether it is all."""
+        return str(word) == "all"
+
+    def check(self, given: Any, called: str) -> bool:
+        """True or False."""
+        return Switch().check(given, called)
+
+    def stands_for(self, argument: bool) -> Any:
+        """The member of the enumeration."""
+        return super().stands_for("all" if argument else "none")
+
+
+@dataclass(frozen=True)
+class Address(Kind):
+    """Where a program listens."""
+
+    def check(self, given: Any, called: str) -> str:
+        """A text."""
+        from compare.arguments import address
+
+        return address(given, called)
+
+
+@dataclass(frozen=True)
+class Whole(Kind):
+    """A whole number within bounds."""
+
+    least: int = 0
+    most: int | None = None
+    word: ClassVar[type] = int
+
+    def check(self, given: Any, called: str) -> int:
+        """The number."""
+        from compare.arguments import whole
+
+        return whole(given, called, self.least, self.most)
+
+
+@dataclass(frozen=True)
+class Number(Kind):
+    """A number, which the function proves."""
+
+    word: ClassVar[type] = float
+
+
+@dataclass(frozen=True)
+class Angle(Number):
+    """An angle, typed in degrees."""
+
+    units: tuple[str, str] = ("deg", "rad")
+
+    def parse(self, word: float, called: str) -> float:
+        """The angle in rad."""
+        return math.radians(word)
+
+
+@dataclass(frozen=True)
+class Seconds(Number):
+    """A stretch of time (s)."""
+
+    def check(self, given: Any, called: str) -> float:
+        """More than nothing."""
+        from compare.arguments import seconds
+
+        return seconds(given, called)
+
+
+@dataclass(frozen=True)
+class Names(Kind):
+    """Names, with commas between them, at least so many."""
+
+    least: int = 0
+
+    def parse(self, word: Any, called: str) -> list[str]:
+        """The names, each once."""
+        return listed_once(word, called)
+
+    def check(self, given: Any, called: str) -> tuple[str, ...]:
+        """The names; a single text is one."""
+        from compare.arguments import names
+
+        return names(given, called, self.least)
+
+
+@dataclass(frozen=True)
+class RepeatedNames(Names):
+    """Names in an option that may be repeated."""
+
+    repeated: ClassVar[bool] = True
+
+    def parse(self, word: Any, called: str) -> list[str]:
+        """The names, each once."""
+        return super().parse(",".join(word), called)
+
+    def stands_for(self, argument: Any) -> Any:
+        """None of no names, which typer cannot show."""
+        return argument or None
+
+
+@dataclass(frozen=True)
+class ByJoint(Kind):
+    """Numbers by joint, ``B=1e-4,E=2e-4``; that the linkage has these joints is for the function to prove."""
+
+    metavar: str | None = "JOINT=M,..."
+    each: str = "JOINT=metres, such as B=1e-4"
+
+    def parse(self, word: str, called: str) -> dict[str, float]:
+        """The numbers, each joint once."""
+        sizes: dict[str, float] = {}
+        for part in word.split(","):
+            name, _, value = part.partition("=")
+            if name in sizes:
+                raise ArgumentError(called, f"joint {name} is there twice; give each joint once")
+            sizes[name] = _number(value, called, f"{part}: give {self.each}")
+        return sizes
+
+
+@dataclass(frozen=True)
+class Increasing(Kind):
+    """Numbers with commas between them, each once."""
+
+    def parse(self, word: str, called: str) -> list[float]:
+        """The numbers, increasing, in the unit of the argument."""
+        unit = self.units[0]
+        remedy = f"is not a number; give {unit or 'numbers'}, separated by commas"
+        typed = [_number(part, called, f"{part!r} {remedy}") for part in listed_once(word, called)]
+        return [self.converted(value) for value in self.increasing(typed, called, unit)]
+
+    def check(self, given: Any, called: str) -> tuple[float, ...]:
+        """The numbers, increasing."""
+        return self.increasing(given, called, self.units[1])
+
+    def increasing(self, given: Any, called: str, unit: str) -> tuple[float, ...]:
+        """The numbers, increasing."""
+        from compare.arguments import increasing
+
+        return increasing(given, called, unit)
+
+    def converted(self, typed: float) -> float:
+        """A typed number in the unit of the argument."""
+        return typed
+
+
+@dataclass(frozen=True)
+class Positive(Increasing):
+    """Numbers above zero."""
+
+    def increasing(self, given: Any, called: str, unit: str) -> tuple[float, ...]:
+        """The numbers, increasing, above zero."""
+        from compare.arguments import positive
+
+        return positive(given, called, unit)
+
+
+@dataclass(frozen=True)
+class Speeds(Positive):
+    """Speeds of a crank, typed in rpm."""
+
+    units: tuple[str, str] = ("rpm", "rad/s")
+
+    def converted(self, typed: float) -> float:
+        """A speed in rad/s."""
+        return typed * math.pi / 30
+
+
+@dataclass(frozen=True)
+class Angles(Kind):
+    """Crank angles, typed as a range of degrees; that they can be reached is for the function to prove."""
+
+    metavar: str | None = "START:STOP:STEP"
+    units: tuple[str, str] = ("deg", "rad")
+
+    def parse(self, word: str, called: str) -> Any:
+        """The angles (N,) rad, stop included."""
+        from compare.judge.grid import parse_angles
+
+        return parse_angles(word)
+
+
+@dataclass(frozen=True)
+class Times(Kind):
+    """Times (s), typed as a range."""
+
+    metavar: str | None = "START:STOP:STEP"
+
+    def parse(self, word: str, called: str) -> Any:
+        """The times (N,) s, stop included."""
+        from compare.judge.courses import parse_times
+
+        return parse_times(word)
+
+
+@dataclass(frozen=True)
+class Places(Kind):
+    """A grid of places (m)."""
+
+    metavar: str | None = "X0:X1:NX,Y0:Y1:NY"
+
+    def parse(self, word: str, called: str) -> Any:
+        """Lowest, highest and number of the x and of the y."""
+        from compare.judge.grid import parse_workspace
+
+        return parse_workspace(word)
+
+
+@dataclass(frozen=True)
+class Source(Kind):
+    """A file that is read; what the function takes in its place is for it to prove."""
+
+    word: ClassVar[type] = Path
+
+
+@dataclass(frozen=True)
+class File(Source):
+    """A file that is read, or a folder."""
+
+    def check(self, given: Any, called: str) -> Path:
+        """Its path."""
+        from compare.arguments import path
+
+        return path(given, called)
+
+
+@dataclass(frozen=True)
+class TomlTolerances(Source):
+    """A file of tolerances, which is read where it is typed, so that a fault in it names the option."""
+
+    def parse(self, word: Path, called: str) -> Any:
+        """The tolerances."""
+        from compare.judge.tolerances import load_tolerances
+
+        return load_tolerances(word)
+
+
+@dataclass(frozen=True)
+class Files(Source):
+    """Files that are read, one or several."""
+
+    repeated: ClassVar[bool] = True
+
+
+@dataclass(frozen=True)
+class Written(File):
+    """A file or a folder that is written; an empty text, which would be the current folder, is none."""
+
+    word: ClassVar[type] = str
+
+    def parse(self, word: str, called: str) -> Path:
+        """Its path."""
+        if not word.strip():
+            raise ArgumentError(called, "it is empty; name a folder, or give . for the current one")
+        return Path(word)
+
+    def stands_for(self, argument: Any) -> str | None:
+        """The text of a path."""
+        return None if argument is None else str(argument)
+
+
+def listed_once(text: str, called: str) -> list[str]:
+    """The items of a list separated by commas.  Raises ArgumentError where one is there twice."""
+    parts = [part.strip() for part in text.split(",")]
+    twice = next((part for i, part in enumerate(parts) if part in parts[:i]), None)
+    if twice is not None:
+        raise ArgumentError(called, f"{twice} is there twice; give each once")
+    return parts
+
+
+def _number(text: str, called: str, why: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise ArgumentError(called, why) from None
