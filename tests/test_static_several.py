@@ -20,6 +20,7 @@ from compare.analyse import request
 from compare.faults import ArgumentError
 from compare.judge.courses import Courses
 from compare.judge.reference import Reference, timed_reference
+from compare.questions.analyse import SimulateQuestion
 from compare.results.crosscheck import CrossCheck
 from engine_checks import vector
 from engines_here import present

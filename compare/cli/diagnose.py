@@ -42,21 +42,14 @@ def diagnose(line: Line) -> None:
             raise OptionError(f"--case {case}: belongs to --init; a measured.toml names its mechanism itself")
         if len(measured) > 1:
             raise OptionError(f"{measured[1]}: one measured.toml at a time; with --init several data files")
-        from compare.diagnose.data.measured import load_measured
-
-        data, stem = load_measured(measured[0]), named_after(measured[0])
         if line.words["check"]:
-            from compare.diagnose.preview import preview
-
-            _only(line, "--check", "check", "out", "overwrite", "json", "quiet")
-            line.answer(lambda: preview(data), caught, line.folder(f"{stem}-data", "data.json", "data.html"))
-            return None
+            return _check(line, measured[0], caught)
+        from compare.diagnose.data.measured import load_measured
         from compare.diagnose.workflow import diagnose
 
-        asked = line.arguments(DiagnoseQuestion) | {"measured": data}
-        found = line.answer(
-            lambda: diagnose(**asked), caught, line.folder(f"{stem}-diagnosis", "diagnosis.json", "junit.xml")
-        )
+        asked = line.arguments(DiagnoseQuestion) | {"measured": load_measured(measured[0])}
+        folder = line.folder(f"{named_after(measured[0])}-diagnosis", "diagnosis.json", "junit.xml")
+        found = line.answer(lambda: diagnose(**asked), caught, folder)
     raise typer.Exit(Exit.AGREES if found.settled else Exit.DISAGREES)
 
 
@@ -65,6 +58,16 @@ def _only(line: Line, mode: str, *allowed: str) -> None:
     for name in filter(line.has, line.words):
         if name not in ("measured", *allowed):
             raise OptionError(f"--{name.replace('_', '-')}: has no part in {mode}; leave it out")
+
+
+def _check(line: Line, measured: Path, caught: list[str]) -> None:
+    """The data alone, on a page."""
+    from compare.diagnose.data.measured import load_measured
+    from compare.diagnose.preview import preview
+
+    _only(line, "--check", "check", "out", "overwrite", "json", "quiet")
+    data = load_measured(measured)
+    line.answer(lambda: preview(data), caught, line.folder(f"{named_after(measured)}-data", "data.json", "data.html"))
 
 
 def _init(line: Line, files: list[Path], case: str | None) -> None:
