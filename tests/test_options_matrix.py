@@ -23,6 +23,7 @@ import linkage_crosscheck as lc
 from analytic.mechanism import Load
 from analytic.mechanism.columns import Layout, Meaning
 from analytic.mechanism.file import dumps, load
+from analytic.paper.clearance import MODELS
 from commands import compare
 from compare.cli.app import app
 from compare.cli.folders import ASIDE
@@ -32,6 +33,7 @@ from compare.diagnose.data.measured_file import QUANTITIES, Entry, MeasuredFile
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.sensitivities import candidates
 from compare.evidence.baseline.check import check_baselines, update_baselines
+from compare.questions import shared
 from compare.questions.accuracy import AccuracyQuestion, PlatformQuestion
 from compare.questions.analyse import AnalyseQuestion, ExportQuestion, SimulateQuestion
 from compare.questions.baseline import BaselinesQuestion
@@ -45,6 +47,7 @@ from compare.questions.show import ShowQuestion
 from compare.questions.validity import ValidityQuestion
 from marks import slow
 from measured_files import csv_text
+from sim_models.engine import JOINT_MODELS, MOTIONS
 
 
 class Refused(dict[str, Any]):
@@ -336,6 +339,13 @@ def test_every_option_is_an_argument_of_the_function_and_back() -> None:
         assert all(option_of(field.type) for question in questions for field in fields(question)), command
 
 
+def test_the_choices_that_a_command_offers_are_those_that_there_are() -> None:
+    """The types behind them are of modules that import numpy, for which ``compare --help`` does not wait."""
+    assert shared.JOINT_MODELS == JOINT_MODELS
+    assert shared.MOTIONS == MOTIONS
+    assert shared.MODELS == MODELS
+
+
 @pytest.mark.parametrize(("command", "function"), FUNCTIONS.items())
 def test_a_function_takes_what_its_question_asks_and_says_what_each_argument_is(
     command: str, function: Callable[..., Any]
@@ -345,9 +355,9 @@ def test_a_function_takes_what_its_question_asks_and_says_what_each_argument_is(
     assert {name: each.default for name, each in parameters.items()} == {
         field.name: inspect.Parameter.empty if field.default is MISSING else field.default for field in fields(question)
     }
-    help_ = inspect.getdoc(function) or ""
+    help_ = " ".join((inspect.getdoc(function) or "").split())
     for name, option in of_question(question).items():
-        assert f"``{name}``   {option.python_help}" in help_
+        assert f"``{name}`` {option.python_help}" in help_
         assert "Option" not in str(parameters[name].annotation)
 
 

@@ -25,10 +25,10 @@ def accuracy(line: Line) -> None:
 
         files = ("accuracy.json", "accuracy.csv", "accuracy.html")
         folder = line.folder(f"{line.stem}-accuracy", *files)
-        if not any(map(line.has, OF_SEVERAL)) and moved_by_one_crank(linkage(line.words["case"], large=True)):
-            line.answer(lambda: accuracy(**line.arguments(AccuracyQuestion)), caught, folder)
+        if not any(map(line.has, OF_SEVERAL)) and moved_by_one_crank(linkage(line.case, large=True)):
+            line.answer(lambda: line.ask(accuracy, AccuracyQuestion), caught, folder)
             return
         for name in filter(line.has, OF_A_CRANK):
             option = f"--{name.replace('_', '-')}"
             raise OptionError(f"{option} is of linkages that one crank moves, over its angle; leave it out")
-        line.answer(lambda: platform_accuracy(**line.arguments(PlatformQuestion)), caught, folder)
+        line.answer(lambda: line.ask(platform_accuracy, PlatformQuestion), caught, folder)

@@ -16,7 +16,7 @@ def analyse(line: Line) -> None:
         from compare.analyse import analyse
 
         folder = line.folder(f"{line.stem}-analysis", "analysis.json", "signals.csv")
-        line.answer(lambda: analyse(**line.arguments(AnalyseQuestion)), caught, folder)
+        line.answer(lambda: line.ask(analyse, AnalyseQuestion), caught, folder)
 
 
 @command(SimulateQuestion, Where, Shown)
@@ -29,4 +29,4 @@ def simulate(line: Line) -> None:
         from compare.analyse import simulate
 
         folder = line.folder(f"{line.stem}-simulation", "simulation.json", "signals.csv")
-        line.answer(lambda: simulate(**line.arguments(SimulateQuestion)), caught, folder)
+        line.answer(lambda: line.ask(simulate, SimulateQuestion), caught, folder)

@@ -74,7 +74,7 @@ def compare(line: Line) -> None:
             typer.echo(f"compare: {option} stands before {under}, which does not see it; write it after", err=True)
             raise typer.Exit(Exit.BAD_INPUT)
         return
-    if line.words["version"]:
+    if line.asked(Version).version:
         from importlib.metadata import version as installed
 
         typer.echo(f"linkage-crosscheck {installed('linkage-crosscheck')}")
@@ -91,7 +91,7 @@ def compare(line: Line) -> None:
         from compare.crosscheck import crosscheck
 
         folder = line.folder(line.stem, "result.json", "junit.xml", "signals.csv")
-        line.judge(lambda: crosscheck(**line.arguments(CrosscheckQuestion)), caught, folder)
+        line.judge(lambda: line.ask(crosscheck, CrosscheckQuestion), caught, folder)
 
 
 app.command()(accuracy)

@@ -1,15 +1,15 @@
 """``compare baseline update`` and ``check``: reaction forces stored to be reviewed, and whatever has moved since."""
 
+from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from compare.cli.folders import refuse_inputs
 from compare.cli.options import said
-from compare.cli.publish import show
 from compare.cli.typed import Line, Shown, command
 from compare.faults import OptionError, printable
 from compare.files import made_folder, write_atomically
@@ -43,10 +43,10 @@ def check(line: Line) -> None:
     with line.complaints():
         from compare.evidence.baseline.check import check_baselines
 
-        junit = Junit(**line.arguments(Junit)).junit
+        junit = line.asked(Junit).junit
         refuse_inputs(line.context, [junit] if junit is not None else [], "--junit")
         with nullcontext() if junit is None else made_folder(junit.parent, "--junit"):
-            found = check_baselines(**_asked(line))
+            found = _asked(line, check_baselines)
             if junit is not None:
                 from compare.report.baselines import junit as junit_of
 
@@ -65,22 +65,22 @@ def update(line: Line) -> None:
     with line.complaints():
         from compare.evidence.baseline.check import update_baselines
 
-        found = update_baselines(**_asked(line))
+        found = _asked(line, update_baselines)
     _end(line, found)
 
 
-def _asked(line: Line) -> dict[str, Any]:
-    """The arguments of both.  Raises OptionError."""
+def _asked(line: Line, function: Callable[..., "Baselines"]) -> "Baselines":
+    """What comes of a command.  Raises OptionError."""
     if line.has("results") and not line.has("case"):
         raise OptionError("--results: they are of one case; name it with --case")
-    return line.arguments(BaselinesQuestion)
+    return line.ask(function, BaselinesQuestion)
 
 
 def _end(line: Line, found: "Baselines") -> None:
     """Print what was found, say what was not, and leave with the gravest status."""
     from compare.evidence.baseline.check import status
 
-    show(found, **line.arguments(Shown))
+    line.show(found)
     faults = [entry.why for entry in found.entries if entry.status in ("unusable", "failed")]
     said(each for each in found.left_out if each not in faults)
     said(f"compare: {printable(why)}" for why in faults)

@@ -16,6 +16,6 @@ def check(line: Line) -> None:
     with line.complaints() as caught:
         from compare.check import check
 
-        stem = "-".join([line.stem, *(file.stem for file in line.words["results"][:3])])
+        stem = "-".join([line.stem, *(file.stem for file in line.files("results")[:3])])
         folder = line.folder(stem, "result.json", "junit.xml", "signals.csv")
-        line.judge(lambda: check(**line.arguments(CheckQuestion)), caught, folder)
+        line.judge(lambda: line.ask(check, CheckQuestion), caught, folder)

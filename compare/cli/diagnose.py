@@ -35,21 +35,22 @@ def diagnose(line: Line) -> None:
     missing or failed.
     """
     with line.complaints() as caught:
-        measured, case = line.words["measured"], line.words["case"]
-        if line.words["init"]:
+        measured, instead = line.files("measured"), line.asked(Instead)
+        case = instead.case
+        if instead.init:
             return _init(line, measured, case)
         if case is not None:
             raise OptionError(f"--case {case}: belongs to --init; a measured.toml names its mechanism itself")
         if len(measured) > 1:
             raise OptionError(f"{measured[1]}: one measured.toml at a time; with --init several data files")
-        if line.words["check"]:
+        if instead.check:
             return _check(line, measured[0], caught)
         from compare.diagnose.data.measured import load_measured
         from compare.diagnose.workflow import diagnose
 
-        asked = line.arguments(DiagnoseQuestion) | {"measured": load_measured(measured[0])}
+        data = load_measured(measured[0])
         folder = line.folder(f"{named_after(measured[0])}-diagnosis", "diagnosis.json", "junit.xml")
-        found = line.answer(lambda: diagnose(**asked), caught, folder)
+        found = line.answer(lambda: line.ask(diagnose, DiagnoseQuestion, measured=data), caught, folder)
     raise typer.Exit(Exit.AGREES if found.settled else Exit.DISAGREES)
 
 
@@ -77,7 +78,7 @@ def _init(line: Line, files: list[Path], case: str | None) -> None:
     _only(line, "--init", "init", "case", "out", "overwrite", "quiet")
     if case is None:
         raise OptionError("--init: give the nominal mechanism with --case, a shipped case or a mechanism file")
-    where = Where(**line.arguments(Where))
+    where = line.asked(Where)
     target = where.out or Path()
     target = target if target.suffix == ".toml" else target / "measured.toml"
     refuse_inputs(line.context, [target])
@@ -86,7 +87,7 @@ def _init(line: Line, files: list[Path], case: str | None) -> None:
         if not where.overwrite and target.exists():
             raise OutputError(f"{target}: is there already; choose another with --out, or add --overwrite")
         write_atomically(target, begun.text)
-    if not line.words["quiet"]:
+    if not line.asked(Shown).quiet:
         for note in begun.notes:
             typer.echo(note, err=True)
         typer.echo(f"written: {target}")

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from compare.cli.folders import refuse_others
 from compare.cli.options import said
-from compare.cli.publish import show
 from compare.cli.typed import Line, Overwrite, Shown, command
 from compare.questions.analyse import ExportQuestion
 
@@ -29,7 +28,7 @@ def export(line: Line) -> None:
         from sim_models.common.contact_laws import assumed_of_contact
         from sim_models.engine import declared
 
-        question = ExportQuestion(**line.arguments(ExportQuestion))
+        question = line.asked(ExportQuestion)
         joint_model, motion, simulator = question.joint_model, question.motion, one_engine(question.simulator)
         mechanism = linkage(question.mechanism, question.clearance, large=question.large)
         with made_folder(Path(question.folder)) as folder:
@@ -37,7 +36,7 @@ def export(line: Line) -> None:
                 texts = exported(question)
             settings = used_in(texts)
             with alone_in(folder):
-                refuse_others(line.context, folder, texts, line.words["overwrite"])
+                refuse_others(line.context, folder, texts, line.asked(Overwrite).overwrite)
                 paths = tuple(str(path) for path in write_together(folder, texts))
         left_out = tuple(omitted(mechanism, Asked.of_engines("export", mechanism, motion, joint_model)))
         said(left_out)
@@ -53,4 +52,4 @@ def export(line: Line) -> None:
             assumed=(*assumed(mechanism), *assumed_of_contact(mechanism, mechanism.clearances, settings)),
             warnings=(*left_out, *warned),
         )
-        show(found, **line.arguments(Shown))
+        line.show(found)

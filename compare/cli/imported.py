@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Annotated
 
 from compare.cli.folders import refuse_others
-from compare.cli.publish import show
 from compare.cli.typed import Line, Overwrite, Shown, command
 from compare.questions.listing import ImportQuestion
 from compare.questions.option import Option, Written
@@ -32,11 +31,11 @@ def import_(line: Line) -> None:
         from compare.files import OutputError, alone_in, made_folder, write_atomically
         from compare.imported import import_mjcf
 
-        out = Target(**line.arguments(Target)).out
-        found = import_mjcf(**line.arguments(ImportQuestion))
+        out = line.asked(Target).out
+        found = line.ask(import_mjcf, ImportQuestion)
         if out.is_dir():
             raise OutputError(f"--out {out}: it is a folder; name the file to write, such as {out / 'linkage.toml'}")
         with made_folder(out.parent) as folder, alone_in(folder):
-            refuse_others(line.context, folder, {out.name: found.text}, line.words["overwrite"])
+            refuse_others(line.context, folder, {out.name: found.text}, line.asked(Overwrite).overwrite)
             write_atomically(out, found.text)
-        show(found.model_copy(update={"path": str(out)}), **line.arguments(Shown))
+        line.show(found.model_copy(update={"path": str(out)}))

@@ -4,7 +4,6 @@ list``: what was found before.
 
 from __future__ import annotations
 
-from compare.cli.publish import show
 from compare.cli.typed import Line, Shown, command
 from compare.questions.listing import RunsQuestion
 
@@ -15,7 +14,7 @@ def cases(line: Line) -> None:
     with line.complaints():
         from compare.catalogue import cases
 
-        show(cases(), **line.arguments(Shown))
+        line.show(cases())
 
 
 @command(Shown)
@@ -24,7 +23,7 @@ def simulators(line: Line) -> None:
     with line.complaints():
         from compare.catalogue import simulators
 
-        show(simulators(), **line.arguments(Shown))
+        line.show(simulators())
 
 
 @command(Shown)
@@ -33,7 +32,7 @@ def effects(line: Line) -> None:
     with line.complaints():
         from compare.catalogue import effects
 
-        show(effects(), **line.arguments(Shown))
+        line.show(effects())
 
 
 @command(RunsQuestion, Shown)
@@ -45,4 +44,4 @@ def runs(line: Line) -> None:
     with line.complaints():
         from compare.history import runs
 
-        show(runs(**line.arguments(RunsQuestion)), **line.arguments(Shown))
+        line.show(line.ask(runs, RunsQuestion))

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
+from typing import cast
 
-from compare.cli.publish import show as show_document
 from compare.cli.typed import Line, Shown, command
 from compare.questions.show import ShowQuestion
 
@@ -20,8 +21,8 @@ def show(line: Line) -> None:
         from compare.results.crosscheck import CrossCheck
         from compare.show import read, show
 
-        arguments = line.arguments(ShowQuestion)
-        document = read(arguments["result"])
-        if "at" in arguments and not (isinstance(document, CrossCheck) and document.over_time):
-            arguments["at"] = math.radians(arguments["at"])
-        show_document(show(**arguments | {"result": document}), **line.arguments(Shown))
+        question = line.asked(ShowQuestion)
+        document, at = read(cast(Path, question.result)), question.at
+        over_time = isinstance(document, CrossCheck) and document.over_time
+        where = at if at is None or over_time else math.radians(at)
+        line.show(line.ask(show, ShowQuestion, result=document, at=where))

@@ -6,15 +6,15 @@ from contextlib import AbstractContextManager
 from dataclasses import MISSING, Field, dataclass, fields
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, cast
 
 import typer
 
 from compare.cli.folders import named_after, result_folder
-from compare.cli.publish import finished, publish
+from compare.cli.publish import finished, publish, show
 from compare.faults import Exit, complaints
 from compare.files import made_folder
-from compare.questions.option import AS_ARGUMENT, REQUIRED, Option, Switch, Whole, Written
+from compare.questions.option import LeftOut, Option, Switch, Whole, Written
 from compare.questions.question import Question, option_of
 
 if TYPE_CHECKING:
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from compare.results.document import Document
 
 D = TypeVar("D", bound="Document")
+Q = TypeVar("Q", bound=Question)
+R = TypeVar("R")
 TYPED = "COMMANDLINE"  # typer's word for what is not left out
 
 
@@ -59,7 +61,7 @@ class Line:
 
     context: typer.Context
     questions: tuple[type[Question], ...]
-    words: Mapping[str, Any]
+    words: Mapping[str, object]
 
     def complaints(self) -> AbstractContextManager[list[str]]:
         """Faults as sentences that name an option as it was typed; see :func:`compare.faults.complaints`."""
@@ -71,23 +73,36 @@ class Line:
         source = self.context.get_parameter_source(name)
         return source is not None and source.name == TYPED
 
-    def arguments(self, question: type[Question]) -> dict[str, Any]:
-        """The arguments of a question, for those options that are not left out.  Raises ArgumentError."""
+    def ask(self, function: Callable[..., R], question: type[Question], **more: object) -> R:
+        """Call a function with the arguments of its question that are not left out, and ``more``.
+
+        Raises ArgumentError, and what the function raises.
+        """
         words = ((field.name, option.kind, self.words[name]) for field, name, option in _typed(question))
-        return {name: kind.parse(word, name) for name, kind, word in words if word not in (None, [], ())}
+        arguments = {name: kind.parse(word, name) for name, kind, word in words if word not in (None, [], ())}
+        return function(**arguments | more)
+
+    def asked(self, question: type[Q]) -> Q:
+        """A question itself.  Raises ArgumentError."""
+        return self.ask(question, question)
 
     def folder(self, stem: str, file: str, *beside: str) -> Path:
         """The folder of the answer, whose result is ``file``; see :func:`compare.cli.folders.result_folder`."""
-        where = self.arguments(Where)
-        return result_folder(self.context, stem, file, where.get("out"), where["overwrite"], beside)
+        where = self.asked(Where)
+        return result_folder(self.context, stem, file, where.out, where.overwrite, beside)
 
     def answer(self, ask: Callable[[], D], caught: Sequence[str], folder: Path) -> D:
         """Ask, write what comes of it into a folder, and print it."""
+        shown, overwrite = self.asked(Shown), self.asked(Overwrite).overwrite
         with made_folder(folder) as place:
             document = finished(ask(), caught)
-            overwrite = self.words["overwrite"]
-            publish(document, place, **self.arguments(Shown), overwrite=overwrite, context=self.context)
+            publish(document, place, json=shown.json, quiet=shown.quiet, overwrite=overwrite, context=self.context)
         return document
+
+    def show(self, document: "Document", place: Path | None = None) -> None:
+        """Print a document, whose files are in a folder."""
+        shown = self.asked(Shown)
+        show(document, json=shown.json, quiet=shown.quiet, place=place)
 
     def judge(self, ask: Callable[[], "CrossCheck"], caught: Sequence[str], folder: Path) -> None:
         """Answer by a cross-check, and leave with its verdict as the status.  Raises typer's Exit."""
@@ -98,10 +113,19 @@ class Line:
             raise typer.Exit(Exit.SIMULATOR_FAILED)
         raise typer.Exit(Exit.AGREES if result.verdict == "agrees" else Exit.DISAGREES)
 
+    def files(self, name: str) -> list[Path]:
+        """The files of an option that may be repeated."""
+        return cast(list[Path], self.words[name] or [])
+
+    @property
+    def case(self) -> str:
+        """The linkage that is meant, as it was typed."""
+        return cast(str, self.words["case"])
+
     @property
     def stem(self) -> str:
         """What a folder is named after: the case."""
-        return named_after(self.words["case"])
+        return named_after(self.case)
 
 
 def command(*questions: type[Question]) -> Callable[[Callable[[Line], None]], Callable[..., None]]:
@@ -137,9 +161,10 @@ def _typed(question: type[Question]) -> Iterator[tuple[Field[Any], str, Option]]
 
 def _parameter(field: Field[Any], name: str, option: Option) -> inspect.Parameter:
     """An option as typer takes it from a function's signature."""
-    kind, default = option.kind, field.default if option.untyped is AS_ARGUMENT else option.untyped
+    kind, left_out = option.kind, option.left_out
+    default = field.default if left_out is LeftOut.AS_ARGUMENT else left_out
     word: Any = kind.word
-    required = default in (MISSING, REQUIRED)
+    required = default in (MISSING, LeftOut.REFUSED)
     default = default if required else kind.stands_for(default)
     if kind.repeated:
         word = list[word]

@@ -4,7 +4,7 @@ where it does not.
 
 from __future__ import annotations
 
-from compare.cli.publish import finished, put, resumed, show
+from compare.cli.publish import finished, put, resumed
 from compare.cli.typed import Line, Shown, Where, command
 from compare.faults import Exit, stop
 from compare.files import alone_in, made_folder
@@ -23,12 +23,12 @@ def validity(line: Line) -> None:
         from compare.results.validity import Failed
 
         files = ("validity.json", "validity.csv", "validity.md", "validity.svg")
-        place, arguments = line.folder(f"{line.stem}-validity", *files), line.arguments(ValidityQuestion)
+        place = line.folder(f"{line.stem}-validity", *files)
         with made_folder(place) as folder, resumed():
             with alone_in(folder, patience=0.0):  # two maps would take each other's records away
-                result = finished(validity(**arguments, records=folder / "runs"), caught)
-                put(result, folder, result.files(), line.words["overwrite"], line.context)
-        show(result, **line.arguments(Shown), place=folder)
+                result = finished(line.ask(validity, ValidityQuestion, records=folder / "runs"), caught)
+                put(result, folder, result.files(), line.asked(Where).overwrite, line.context)
+        line.show(result, folder)
         failed = [cell.failure for cell in result.cells if isinstance(cell, Failed)]
         if len(failed) == len(result.cells):
             raise stop(f"every cell failed, the first because {failed[0]}", Exit.SIMULATOR_FAILED)

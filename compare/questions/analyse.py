@@ -3,7 +3,7 @@
 from dataclasses import KW_ONLY, dataclass
 from typing import Annotated
 
-from compare.questions.option import REQUIRED, Option, Switch, Written
+from compare.questions.option import LeftOut, Option, Switch, Written
 from compare.questions.question import Question
 from compare.questions.shared import (
     Analytic,
@@ -60,9 +60,9 @@ class ExportQuestion(Question):
     """What an engine is to do without this project."""
 
     mechanism: Case = "paper"
-    simulator: Annotated[str, Option("Engine whose model is wanted (see: compare simulators).", untyped=REQUIRED)] = (
-        "mujoco"
-    )
+    simulator: Annotated[
+        str, Option("Engine whose model is wanted (see: compare simulators).", left_out=LeftOut.REFUSED)
+    ] = "mujoco"
     _: KW_ONLY
     folder: Annotated[AnyPath, Option("Folder for the files.", Written("DIR"), name="out")]
     joint_model: OneModel = "ideal"

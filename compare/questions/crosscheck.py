@@ -41,7 +41,7 @@ class CrosscheckQuestion(Question):
             " your own models.",
             Kind("NAME,..."),
             name="simulator",
-            untyped=None,
+            left_out=None,
         ),
     ] = "mujoco"
     _: KW_ONLY

@@ -10,20 +10,29 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from enum import StrEnum
+from enum import Enum, StrEnum
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Generic, TypeVar, cast
 
 from compare.faults import ArgumentError
 
-REQUIRED: Any = ...
-"""``untyped``: the option must be typed."""
-AS_ARGUMENT: Any = object()
-"""``untyped``: what the function takes where its argument is left out."""
+if TYPE_CHECKING:
+    import numpy as np
+
+    from compare.judge.tolerances import Tolerances
+
+W = TypeVar("W")  # what typer makes of what is typed
+
+
+class LeftOut(Enum):
+    """What a command takes for an option that is left out."""
+
+    AS_ARGUMENT = "what the function takes for its argument"
+    REFUSED = "nothing: the option must be typed"
 
 
 @dataclass(frozen=True)
-class Kind:
+class Kind(Generic[W]):
     """Any text, as it is.
 
     A command's help calls it ``metavar``.  ``units`` are that of a word and that of the argument.
@@ -34,16 +43,16 @@ class Kind:
     word: ClassVar[type] = str  # what typer makes of what is typed
     repeated: ClassVar[bool] = False  # whether it may be typed several times
 
-    def parse(self, word: Any, called: str) -> Any:
+    def parse(self, word: W, called: str) -> object:
         """The argument that a word stands for."""
         return word
 
-    def check(self, given: Any, called: str) -> Any:
+    def check(self, given: object, called: str) -> object:
         """The argument as it is used."""
         return given
 
-    def stands_for(self, argument: Any) -> Any:
-        """What typer shows as the default that an argument has; the inverse of ``parse``."""
+    def stands_for(self, argument: object) -> object:
+        """The word for an argument's default, as typer wants it."""
         return argument
 
 
@@ -52,7 +61,7 @@ class Option:
     """An argument as an option of a command, or of Python alone where it is not ``typed``.
 
     ``{unit}`` in the ``help`` stands for the unit of who reads it.  The option is called like the field but for its
-    ``name``.  ``untyped`` is what the command takes where it is left out.
+    ``name``.
     """
 
     help: str
@@ -61,7 +70,7 @@ class Option:
     short: str = ""
     positional: bool = False
     typed: bool = True
-    untyped: Any = AS_ARGUMENT
+    left_out: LeftOut | None = LeftOut.AS_ARGUMENT
 
     @property
     def typed_help(self) -> str:
@@ -75,12 +84,12 @@ class Option:
 
 
 @dataclass(frozen=True)
-class Switch(Kind):
+class Switch(Kind[bool]):
     """True or False."""
 
     word: ClassVar[type] = bool
 
-    def check(self, given: Any, called: str) -> bool:
+    def check(self, given: object, called: str) -> bool:
         """True or False."""
         from compare.arguments import flag
 
@@ -88,29 +97,29 @@ class Switch(Kind):
 
 
 @dataclass(frozen=True)
-class Choice(Kind):
+class Choice(Kind[StrEnum]):
     """One of some words."""
 
     choices: tuple[str, ...] = ()
 
     @property
-    def word(self) -> Any:  # type: ignore[override]
+    def word(self) -> type[StrEnum]:  # type: ignore[override]
         """An enumeration, of which typer offers the choice."""
-        return StrEnum("Choice", {choice: choice for choice in self.choices})
+        return cast(type[StrEnum], StrEnum("Choice", {choice: choice for choice in self.choices}))
 
-    def parse(self, word: Any, called: str) -> Any:
+    def parse(self, word: StrEnum, called: str) -> object:
         """The word itself."""
         return str(word)
 
-    def check(self, given: Any, called: str) -> Any:
+    def check(self, given: object, called: str) -> object:
         """One of the words."""
         from compare.arguments import one_of
 
         return one_of(given, self.choices, called)
 
-    def stands_for(self, argument: Any) -> Any:
+    def stands_for(self, argument: object) -> object:
         """The member of the enumeration."""
-        return None if argument is None else self.word(argument)
+        return None if argument is None else self.word(str(argument))
 
 
 @dataclass(frozen=True)
@@ -119,24 +128,24 @@ class AllOrNone(Choice):
 
     choices: tuple[str, ...] = ("all", "none")
 
-    def parse(self, word: Any, called: str) -> bool:
+    def parse(self, word: StrEnum, called: str) -> bool:
         """Whether it is all."""
         return str(word) == "all"
 
-    def check(self, given: Any, called: str) -> bool:
+    def check(self, given: object, called: str) -> bool:
         """True or False."""
         return Switch().check(given, called)
 
-    def stands_for(self, argument: bool) -> Any:
+    def stands_for(self, argument: object) -> object:
         """The member of the enumeration."""
         return super().stands_for("all" if argument else "none")
 
 
 @dataclass(frozen=True)
-class Address(Kind):
+class Address(Kind[str]):
     """Where a program listens."""
 
-    def check(self, given: Any, called: str) -> str:
+    def check(self, given: object, called: str) -> str:
         """A text."""
         from compare.arguments import address
 
@@ -144,14 +153,14 @@ class Address(Kind):
 
 
 @dataclass(frozen=True)
-class Whole(Kind):
+class Whole(Kind[int]):
     """A whole number within bounds."""
 
     least: int = 0
     most: int | None = None
     word: ClassVar[type] = int
 
-    def check(self, given: Any, called: str) -> int:
+    def check(self, given: object, called: str) -> int:
         """The number."""
         from compare.arguments import whole
 
@@ -159,7 +168,7 @@ class Whole(Kind):
 
 
 @dataclass(frozen=True)
-class Number(Kind):
+class Number(Kind[float]):
     """A number, which the function proves."""
 
     word: ClassVar[type] = float
@@ -180,7 +189,7 @@ class Angle(Number):
 class Seconds(Number):
     """A stretch of time (s)."""
 
-    def check(self, given: Any, called: str) -> float:
+    def check(self, given: object, called: str) -> float:
         """More than nothing."""
         from compare.arguments import seconds
 
@@ -188,16 +197,16 @@ class Seconds(Number):
 
 
 @dataclass(frozen=True)
-class Names(Kind):
+class Names(Kind[str]):
     """Names, with commas between them, at least so many."""
 
     least: int = 0
 
-    def parse(self, word: Any, called: str) -> list[str]:
+    def parse(self, word: str, called: str) -> list[str]:
         """The names, each once."""
         return listed_once(word, called)
 
-    def check(self, given: Any, called: str) -> tuple[str, ...]:
+    def check(self, given: object, called: str) -> tuple[str, ...]:
         """The names; a single text is one."""
         from compare.arguments import names
 
@@ -205,22 +214,26 @@ class Names(Kind):
 
 
 @dataclass(frozen=True)
-class RepeatedNames(Names):
-    """Names in an option that may be repeated."""
+class RepeatedNames(Kind[list[str]]):
+    """Names, with commas between them, in an option that may be repeated."""
 
     repeated: ClassVar[bool] = True
 
-    def parse(self, word: Any, called: str) -> list[str]:
+    def parse(self, word: list[str], called: str) -> list[str]:
         """The names, each once."""
-        return super().parse(",".join(word), called)
+        return Names().parse(",".join(word), called)
 
-    def stands_for(self, argument: Any) -> Any:
+    def check(self, given: object, called: str) -> tuple[str, ...]:
+        """The names; a single text is one."""
+        return Names().check(given, called)
+
+    def stands_for(self, argument: object) -> object:
         """None of no names, which typer cannot show."""
         return argument or None
 
 
 @dataclass(frozen=True)
-class ByJoint(Kind):
+class ByJoint(Kind[str]):
     """Numbers by joint, ``B=1e-4,E=2e-4``; that the linkage has these joints is for the function to prove."""
 
     metavar: str | None = "JOINT=M,..."
@@ -238,7 +251,7 @@ class ByJoint(Kind):
 
 
 @dataclass(frozen=True)
-class Increasing(Kind):
+class Increasing(Kind[str]):
     """Numbers with commas between them, each once."""
 
     def parse(self, word: str, called: str) -> list[float]:
@@ -248,11 +261,11 @@ class Increasing(Kind):
         typed = [_number(part, called, f"{part!r} {remedy}") for part in listed_once(word, called)]
         return [self.converted(value) for value in self.increasing(typed, called, unit)]
 
-    def check(self, given: Any, called: str) -> tuple[float, ...]:
+    def check(self, given: object, called: str) -> tuple[float, ...]:
         """The numbers, increasing."""
         return self.increasing(given, called, self.units[1])
 
-    def increasing(self, given: Any, called: str, unit: str) -> tuple[float, ...]:
+    def increasing(self, given: object, called: str, unit: str) -> tuple[float, ...]:
         """The numbers, increasing."""
         from compare.arguments import increasing
 
@@ -267,7 +280,7 @@ class Increasing(Kind):
 class Positive(Increasing):
     """Numbers above zero."""
 
-    def increasing(self, given: Any, called: str, unit: str) -> tuple[float, ...]:
+    def increasing(self, given: object, called: str, unit: str) -> tuple[float, ...]:
         """The numbers, increasing, above zero."""
         from compare.arguments import positive
 
@@ -286,13 +299,13 @@ class Speeds(Positive):
 
 
 @dataclass(frozen=True)
-class Angles(Kind):
+class Angles(Kind[str]):
     """Crank angles, typed as a range of degrees; that they can be reached is for the function to prove."""
 
     metavar: str | None = "START:STOP:STEP"
     units: tuple[str, str] = ("deg", "rad")
 
-    def parse(self, word: str, called: str) -> Any:
+    def parse(self, word: str, called: str) -> np.ndarray:
         """The angles (N,) rad, stop included."""
         from compare.judge.grid import parse_angles
 
@@ -300,12 +313,12 @@ class Angles(Kind):
 
 
 @dataclass(frozen=True)
-class Times(Kind):
+class Times(Kind[str]):
     """Times (s), typed as a range."""
 
     metavar: str | None = "START:STOP:STEP"
 
-    def parse(self, word: str, called: str) -> Any:
+    def parse(self, word: str, called: str) -> np.ndarray:
         """The times (N,) s, stop included."""
         from compare.judge.courses import parse_times
 
@@ -313,12 +326,12 @@ class Times(Kind):
 
 
 @dataclass(frozen=True)
-class Places(Kind):
+class Places(Kind[str]):
     """A grid of places (m)."""
 
     metavar: str | None = "X0:X1:NX,Y0:Y1:NY"
 
-    def parse(self, word: str, called: str) -> Any:
+    def parse(self, word: str, called: str) -> object:
         """Lowest, highest and number of the x and of the y."""
         from compare.judge.grid import parse_workspace
 
@@ -326,7 +339,7 @@ class Places(Kind):
 
 
 @dataclass(frozen=True)
-class Source(Kind):
+class Source(Kind[Path]):
     """A file that is read; what the function takes in its place is for it to prove."""
 
     word: ClassVar[type] = Path
@@ -336,7 +349,7 @@ class Source(Kind):
 class File(Source):
     """A file that is read, or a folder."""
 
-    def check(self, given: Any, called: str) -> Path:
+    def check(self, given: object, called: str) -> Path:
         """Its path."""
         from compare.arguments import path
 
@@ -347,7 +360,7 @@ class File(Source):
 class TomlTolerances(Source):
     """A file of tolerances, which is read where it is typed, so that a fault in it names the option."""
 
-    def parse(self, word: Path, called: str) -> Any:
+    def parse(self, word: Path, called: str) -> Tolerances:
         """The tolerances."""
         from compare.judge.tolerances import load_tolerances
 
@@ -355,17 +368,16 @@ class TomlTolerances(Source):
 
 
 @dataclass(frozen=True)
-class Files(Source):
+class Files(Kind[list[Path]]):
     """Files that are read, one or several."""
 
+    word: ClassVar[type] = Path
     repeated: ClassVar[bool] = True
 
 
 @dataclass(frozen=True)
-class Written(File):
+class Written(Kind[str]):
     """A file or a folder that is written; an empty text, which would be the current folder, is none."""
-
-    word: ClassVar[type] = str
 
     def parse(self, word: str, called: str) -> Path:
         """Its path."""
@@ -373,7 +385,11 @@ class Written(File):
             raise ArgumentError(called, "it is empty; name a folder, or give . for the current one")
         return Path(word)
 
-    def stands_for(self, argument: Any) -> str | None:
+    def check(self, given: object, called: str) -> Path:
+        """Its path."""
+        return File().check(given, called)
+
+    def stands_for(self, argument: object) -> str | None:
         """The text of a path."""
         return None if argument is None else str(argument)
 

@@ -6,6 +6,7 @@ import functools
 import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
+from textwrap import fill
 from typing import Any, ForwardRef, ParamSpec, TypeVar, get_args
 
 from compare.questions.option import Option
@@ -13,6 +14,7 @@ from compare.questions.option import Option
 P = ParamSpec("P")
 Q = TypeVar("Q", bound="Question")
 R = TypeVar("R")
+WIDTH = 116  # characters of a line of help, which Python indents by four
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,7 @@ def options(question: type[Question]) -> Mapping[str, Option]:
     return {each.name: option for each in fields(question) if (option := option_of(each.type)) is not None}
 
 
-def option_of(annotation: Any) -> Option | None:
+def option_of(annotation: object) -> Option | None:
     """The option in an annotation."""
     return next((each for each in get_args(annotation)[1:] if isinstance(each, Option)), None)
 
@@ -54,7 +56,10 @@ def answers(question: Callable[P, Q]) -> Callable[[Callable[[Q], R]], Callable[P
         asked.__signature__ = told.replace(  # type: ignore[attr-defined]
             parameters=[each.replace(annotation=_type(each.annotation)) for each in told.parameters.values()]
         )
-        helps = [f"``{name}``   {option.python_help}" for name, option in options(question).items()]
+        helps = [
+            fill(f"``{name}``   {option.python_help}", WIDTH, subsequent_indent="  ")
+            for name, option in options(question).items()
+        ]
         asked.__doc__ = "\n".join([inspect.cleandoc(answer.__doc__ or ""), "", *helps])
         return asked
 
