@@ -10,7 +10,7 @@ import re
 import warnings
 from collections.abc import Callable, Iterator
 from copy import deepcopy
-from dataclasses import MISSING, fields
+from dataclasses import MISSING
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +41,7 @@ from compare.questions.check import CheckQuestion
 from compare.questions.crosscheck import CrosscheckQuestion
 from compare.questions.diagnose import DiagnoseQuestion
 from compare.questions.listing import ImportQuestion, RunsQuestion
-from compare.questions.question import Question, option_of
+from compare.questions.question import Question, arguments, option_of
 from compare.questions.question import options as of_question
 from compare.questions.show import ShowQuestion
 from compare.questions.validity import ValidityQuestion
@@ -336,7 +336,7 @@ def test_every_option_is_an_argument_of_the_function_and_back() -> None:
     for command, questions in QUESTIONS.items():
         taken = {option for of, option in options() if of == command and (of, option) not in OF_A_COMMAND}
         assert taken == set(named(command).values()) - ASIDE, command
-        assert all(option_of(field.type) for question in questions for field in fields(question)), command
+        assert all(option_of(field.type) for question in questions for field in arguments(question)), command
 
 
 def test_the_choices_that_a_command_offers_are_those_that_there_are() -> None:
@@ -353,7 +353,8 @@ def test_a_function_takes_what_its_question_asks_and_says_what_each_argument_is(
     (question,) = [PlatformQuestion] if command == "platform" else QUESTIONS[command][:1]
     parameters = inspect.signature(function).parameters
     assert {name: each.default for name, each in parameters.items()} == {
-        field.name: inspect.Parameter.empty if field.default is MISSING else field.default for field in fields(question)
+        field.name: inspect.Parameter.empty if field.default is MISSING else field.default
+        for field in arguments(question)
     }
     help_ = " ".join((inspect.getdoc(function) or "").split())
     for name, option in of_question(question).items():

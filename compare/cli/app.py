@@ -4,7 +4,6 @@ at once.
 
 import os
 import traceback
-from dataclasses import dataclass
 from typing import Annotated
 
 import typer
@@ -51,7 +50,6 @@ def main() -> None:
         raise SystemExit(Exit.SIMULATOR_FAILED) from None
 
 
-@dataclass(frozen=True)
 class Version(Question):
     """Of the package."""
 

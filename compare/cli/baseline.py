@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from contextlib import nullcontext
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -25,7 +24,6 @@ baseline = typer.Typer(
 )
 
 
-@dataclass(frozen=True)
 class Junit(Question):
     """For whoever shows tests."""
 

@@ -1,6 +1,5 @@
 """``compare diagnose``: which effect the model lacks."""
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -15,7 +14,6 @@ from compare.questions.option import Option, Switch
 from compare.questions.question import Question
 
 
-@dataclass(frozen=True)
 class Instead(Question):
     """What a person may want of data in place of a diagnosis."""
 

@@ -1,6 +1,5 @@
 """``compare import``: a mechanism file from somebody's model file."""
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -11,7 +10,6 @@ from compare.questions.option import Option, Written
 from compare.questions.question import Question
 
 
-@dataclass(frozen=True)
 class Target(Question):
     """The file that is to be written."""
 

@@ -3,7 +3,7 @@
 import inspect
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import MISSING, Field, dataclass, fields
+from dataclasses import MISSING, Field, dataclass
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar, cast
@@ -15,7 +15,7 @@ from compare.cli.publish import finished, publish, show
 from compare.faults import Exit, complaints
 from compare.files import made_folder
 from compare.questions.option import LeftOut, Option, Switch, Whole, Written
-from compare.questions.question import Question, option_of
+from compare.questions.question import Question, arguments, option_of
 
 if TYPE_CHECKING:
     from compare.results.crosscheck import CrossCheck
@@ -27,7 +27,6 @@ R = TypeVar("R")
 TYPED = "COMMANDLINE"  # typer's word for what is not left out
 
 
-@dataclass(frozen=True)
 class Shown(Question):
     """What goes to standard output."""
 
@@ -39,14 +38,12 @@ class Shown(Question):
     ] = False
 
 
-@dataclass(frozen=True)
 class Overwrite(Question):
     """Whether files may be replaced."""
 
     overwrite: Annotated[bool, Option("Replace what another command has left in the folder.", Switch())] = False
 
 
-@dataclass(frozen=True)
 class Where(Overwrite):
     """Where the files of an answer go."""
 
@@ -79,8 +76,8 @@ class Line:
         Raises ArgumentError, and what the function raises.
         """
         words = ((field.name, option.kind, self.words[name]) for field, name, option in _typed(question))
-        arguments = {name: kind.parse(word, name) for name, kind, word in words if word not in (None, [], ())}
-        return function(**arguments | more)
+        typed = {name: kind.parse(word, name) for name, kind, word in words if word not in (None, [], ())}
+        return function(**typed | more)
 
     def asked(self, question: type[Q]) -> Q:
         """A question itself.  Raises ArgumentError."""
@@ -153,7 +150,7 @@ def option_names(question: type[Question]) -> list[str]:
 
 def _typed(question: type[Question]) -> Iterator[tuple[Field[Any], str, Option]]:
     """The fields of a question that are options of a command, with their names there."""
-    for field in sorted(fields(question), key=lambda each: bool(each.kw_only)):
+    for field in arguments(question):
         option = option_of(field.type)
         if option is not None and option.typed:
             yield field, option.name or field.name, option

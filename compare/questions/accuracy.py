@@ -1,7 +1,7 @@
 """How accurate a linkage can be: over the turn of one crank, or with several drives along a motion or over places."""
 
 from collections.abc import Mapping
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING, Annotated
 
 from compare.questions.option import Angle, ByJoint, Choice, Option, Places, RepeatedNames, Switch, Whole
@@ -27,7 +27,6 @@ Outputs = Annotated[
 ]
 
 
-@dataclass(frozen=True)
 class AccuracyQuestion(Question):
     """Of a linkage that one crank moves."""
 
@@ -36,7 +35,8 @@ class AccuracyQuestion(Question):
     clearance: Clearance = None
     large: Large = False
     clearance_tolerance: Annotated[
-        "Metres | None", Option("Clearances are uniform within +- this (m) in the Monte Carlo [0].", ByJoint())
+        "Metres | None",
+        Option("Clearances are uniform within +- this (m) in the Monte Carlo [0].", ByJoint("JOINT=M,...")),
     ] = None
     outputs: Outputs = None
     motion: Annotated[
@@ -49,7 +49,6 @@ class AccuracyQuestion(Question):
     nonlinear: Annotated[bool, Option("Close the linkage again for every sample.", Switch())] = False
 
 
-@dataclass(frozen=True)
 class PlatformQuestion(Question):
     """Of a linkage with several drives."""
 
@@ -66,7 +65,8 @@ class PlatformQuestion(Question):
     ] = None
     outputs: Outputs = None
     workspace: Annotated[
-        Grid | None, Option("Map of several drives: places (m) of the first output, and how many.", Places())
+        Grid | None,
+        Option("Map of several drives: places (m) of the first output, and how many.", Places("X0:X1:NX,Y0:Y1:NY")),
     ] = None
     angle: Annotated[
         float | None, Option("Angle ({unit}) of that body over the workspace [as assembled].", Angle("DEG"))

@@ -1,6 +1,6 @@
 """One side of a comparison by itself: what the analytic model says, what an engine does, its model file."""
 
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY
 from typing import Annotated
 
 from compare.questions.option import LeftOut, Option, Switch, Written
@@ -21,7 +21,6 @@ from compare.questions.shared import (
 )
 
 
-@dataclass(frozen=True)
 class AnalyseQuestion(Question):
     """What the analytic model is to say."""
 
@@ -38,7 +37,6 @@ class AnalyseQuestion(Question):
     path: Followed = None
 
 
-@dataclass(frozen=True)
 class SimulateQuestion(Question):
     """What an engine is to do."""
 
@@ -55,7 +53,6 @@ class SimulateQuestion(Question):
     path: Followed = None
 
 
-@dataclass(frozen=True)
 class ExportQuestion(Question):
     """What an engine is to do without this project."""
 

@@ -1,7 +1,7 @@
 """Which baselines are checked or written."""
 
 from collections.abc import Sequence
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 BASELINES = Path("reports") / "baselines"
 
 
-@dataclass(frozen=True)
 class BaselinesQuestion(Question):
     """Of which linkages, in which engines or by which results."""
 

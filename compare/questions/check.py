@@ -1,7 +1,7 @@
 """The check of recorded results: what any program has computed of a linkage, held against the analytic model."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING, Annotated
 
 from compare.questions.option import Choice, Files, Kind, Option, Source
@@ -28,7 +28,6 @@ Results = AnyPath | Sequence[AnyPath] | Mapping[str, AnyPath]
 """A file of results, several, or several by the name of the program that wrote each."""
 
 
-@dataclass(frozen=True)
 class CheckQuestion(Question):
     """Which results are held against what."""
 

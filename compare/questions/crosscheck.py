@@ -1,6 +1,6 @@
 """The cross-check: the analytic model of a linkage against simulations of it."""
 
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING, Annotated
 
 from compare.questions.option import Choice, File, Kind, Option, Switch, Whole
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 REVOLUTIONS = 32  # at the utmost, of a run whose pins strike
 
 
-@dataclass(frozen=True)
 class CrosscheckQuestion(Question):
     """What to cross-check."""
 

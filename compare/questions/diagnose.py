@@ -1,7 +1,7 @@
 """The diagnosis: which effect a model lacks; and a measured.toml to begin with."""
 
 from collections.abc import Sequence
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING, Annotated
 
 from compare.questions.option import AllOrNone, Files, Option, RepeatedNames, Seconds, Switch, Whole
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from compare.diagnose.effects.effect import Effect
 
 
-@dataclass(frozen=True)
 class DiagnoseQuestion(Question):
     """Which data are to be explained, and by what."""
 
@@ -37,7 +36,11 @@ class DiagnoseQuestion(Question):
         bool, Option("Put the law that is proposed into the model and diagnose again with it.", Switch())
     ] = False
     others: Annotated[
-        bool, Option("Engines that simulate the explanation too: every installed one, or none.", AllOrNone())
+        bool,
+        Option(
+            "Engines that simulate the explanation too: every installed one, or none.",
+            AllOrNone(choices=("all", "none")),
+        ),
     ] = True
     workers: Annotated[
         int | None, Option("Processes for the simulations [2, or the cores that there are].", Whole(least=1))

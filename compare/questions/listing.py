@@ -1,6 +1,5 @@
 """What there is: earlier results, and what a model file of somebody's is as a mechanism."""
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -11,14 +10,12 @@ from compare.questions.shared import AnyPath
 REPORTS = Path("reports")
 
 
-@dataclass(frozen=True)
 class RunsQuestion(Question):
     """Which earlier results are meant."""
 
     folder: Annotated[AnyPath, Option("Where reports are.", File(), positional=True)] = REPORTS
 
 
-@dataclass(frozen=True)
 class ImportQuestion(Question):
     """Which model file is to be read."""
 

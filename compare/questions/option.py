@@ -8,6 +8,7 @@ raise ArgumentError, which names the argument.  What computes is imported only w
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 from enum import Enum, StrEnum
@@ -39,7 +40,7 @@ class Kind(Generic[W]):
     """
 
     metavar: str | None = None
-    units: tuple[str, str] = ("", "")
+    units: ClassVar[tuple[str, str]] = ("", "")
     word: ClassVar[type] = str  # what typer makes of what is typed
     repeated: ClassVar[bool] = False  # whether it may be typed several times
 
@@ -83,7 +84,6 @@ class Option:
         return self.help.replace("{unit}", self.kind.units[1])
 
 
-@dataclass(frozen=True)
 class Switch(Kind[bool]):
     """True or False."""
 
@@ -105,7 +105,7 @@ class Choice(Kind[StrEnum]):
     @property
     def word(self) -> type[StrEnum]:  # type: ignore[override]
         """An enumeration, of which typer offers the choice."""
-        return cast(type[StrEnum], StrEnum("Choice", {choice: choice for choice in self.choices}))
+        return _enumeration(self.choices)
 
     def parse(self, word: StrEnum, called: str) -> object:
         """The word itself."""
@@ -122,15 +122,12 @@ class Choice(Kind[StrEnum]):
         return None if argument is None else self.word(str(argument))
 
 
-@dataclass(frozen=True)
 class AllOrNone(Choice):
-    """True or False, typed as all or none."""
-
-    choices: tuple[str, ...] = ("all", "none")
+    """True or False, typed as one of two words."""
 
     def parse(self, word: StrEnum, called: str) -> bool:
-        """Whether it is all."""
-        return str(word) == "all"
+        """Whether it is the first."""
+        return str(word) == self.choices[0]
 
     def check(self, given: object, called: str) -> bool:
         """True or False."""
@@ -138,10 +135,9 @@ class AllOrNone(Choice):
 
     def stands_for(self, argument: object) -> object:
         """The member of the enumeration."""
-        return super().stands_for("all" if argument else "none")
+        return super().stands_for(self.choices[0 if argument else 1])
 
 
-@dataclass(frozen=True)
 class Address(Kind[str]):
     """Where a program listens."""
 
@@ -167,25 +163,28 @@ class Whole(Kind[int]):
         return whole(given, called, self.least, self.most)
 
 
-@dataclass(frozen=True)
 class Number(Kind[float]):
     """A number, which the function proves."""
 
     word: ClassVar[type] = float
 
 
-@dataclass(frozen=True)
+class Moment(Number):
+    """A crank angle, typed in degrees, or a time (s): the command knows which, as it has the result."""
+
+    units: ClassVar[tuple[str, str]] = ("deg", "rad")
+
+
 class Angle(Number):
     """An angle, typed in degrees."""
 
-    units: tuple[str, str] = ("deg", "rad")
+    units: ClassVar[tuple[str, str]] = ("deg", "rad")
 
     def parse(self, word: float, called: str) -> float:
         """The angle in rad."""
         return math.radians(word)
 
 
-@dataclass(frozen=True)
 class Seconds(Number):
     """A stretch of time (s)."""
 
@@ -213,7 +212,6 @@ class Names(Kind[str]):
         return names(given, called, self.least)
 
 
-@dataclass(frozen=True)
 class RepeatedNames(Kind[list[str]]):
     """Names, with commas between them, in an option that may be repeated."""
 
@@ -236,7 +234,6 @@ class RepeatedNames(Kind[list[str]]):
 class ByJoint(Kind[str]):
     """Numbers by joint, ``B=1e-4,E=2e-4``; that the linkage has these joints is for the function to prove."""
 
-    metavar: str | None = "JOINT=M,..."
     each: str = "JOINT=metres, such as B=1e-4"
 
     def parse(self, word: str, called: str) -> dict[str, float]:
@@ -250,7 +247,6 @@ class ByJoint(Kind[str]):
         return sizes
 
 
-@dataclass(frozen=True)
 class Increasing(Kind[str]):
     """Numbers with commas between them, each once."""
 
@@ -276,7 +272,6 @@ class Increasing(Kind[str]):
         return typed
 
 
-@dataclass(frozen=True)
 class Positive(Increasing):
     """Numbers above zero."""
 
@@ -287,23 +282,26 @@ class Positive(Increasing):
         return positive(given, called, unit)
 
 
-@dataclass(frozen=True)
+class Clearances(Positive):
+    """Clearances (m)."""
+
+    units: ClassVar[tuple[str, str]] = ("m", "m")
+
+
 class Speeds(Positive):
     """Speeds of a crank, typed in rpm."""
 
-    units: tuple[str, str] = ("rpm", "rad/s")
+    units: ClassVar[tuple[str, str]] = ("rpm", "rad/s")
 
     def converted(self, typed: float) -> float:
         """A speed in rad/s."""
         return typed * math.pi / 30
 
 
-@dataclass(frozen=True)
 class Angles(Kind[str]):
     """Crank angles, typed as a range of degrees; that they can be reached is for the function to prove."""
 
-    metavar: str | None = "START:STOP:STEP"
-    units: tuple[str, str] = ("deg", "rad")
+    units: ClassVar[tuple[str, str]] = ("deg", "rad")
 
     def parse(self, word: str, called: str) -> np.ndarray:
         """The angles (N,) rad, stop included."""
@@ -312,11 +310,8 @@ class Angles(Kind[str]):
         return parse_angles(word)
 
 
-@dataclass(frozen=True)
 class Times(Kind[str]):
     """Times (s), typed as a range."""
-
-    metavar: str | None = "START:STOP:STEP"
 
     def parse(self, word: str, called: str) -> np.ndarray:
         """The times (N,) s, stop included."""
@@ -325,11 +320,8 @@ class Times(Kind[str]):
         return parse_times(word)
 
 
-@dataclass(frozen=True)
 class Places(Kind[str]):
     """A grid of places (m)."""
-
-    metavar: str | None = "X0:X1:NX,Y0:Y1:NY"
 
     def parse(self, word: str, called: str) -> object:
         """Lowest, highest and number of the x and of the y."""
@@ -338,14 +330,12 @@ class Places(Kind[str]):
         return parse_workspace(word)
 
 
-@dataclass(frozen=True)
 class Source(Kind[Path]):
     """A file that is read; what the function takes in its place is for it to prove."""
 
     word: ClassVar[type] = Path
 
 
-@dataclass(frozen=True)
 class File(Source):
     """A file that is read, or a folder."""
 
@@ -356,7 +346,6 @@ class File(Source):
         return path(given, called)
 
 
-@dataclass(frozen=True)
 class TomlTolerances(Source):
     """A file of tolerances, which is read where it is typed, so that a fault in it names the option."""
 
@@ -367,7 +356,6 @@ class TomlTolerances(Source):
         return load_tolerances(word)
 
 
-@dataclass(frozen=True)
 class Files(Kind[list[Path]]):
     """Files that are read, one or several."""
 
@@ -375,7 +363,6 @@ class Files(Kind[list[Path]]):
     repeated: ClassVar[bool] = True
 
 
-@dataclass(frozen=True)
 class Written(Kind[str]):
     """A file or a folder that is written; an empty text, which would be the current folder, is none."""
 
@@ -392,6 +379,11 @@ class Written(Kind[str]):
     def stands_for(self, argument: object) -> str | None:
         """The text of a path."""
         return None if argument is None else str(argument)
+
+
+@functools.cache
+def _enumeration(choices: tuple[str, ...]) -> type[StrEnum]:
+    return cast(type[StrEnum], StrEnum("Choice", {choice: choice for choice in choices}))
 
 
 def listed_once(text: str, called: str) -> list[str]:

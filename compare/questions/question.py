@@ -5,11 +5,14 @@ from __future__ import annotations
 import functools
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import Field, dataclass, fields
 from textwrap import fill
-from typing import Any, ForwardRef, ParamSpec, TypeVar, get_args
+from typing import TYPE_CHECKING, Any, ForwardRef, ParamSpec, TypeVar, cast, dataclass_transform, get_args
 
 from compare.questions.option import Option
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 P = ParamSpec("P")
 Q = TypeVar("Q", bound="Question")
@@ -17,24 +20,34 @@ R = TypeVar("R")
 WIDTH = 116  # characters of a line of help, which Python indents by four
 
 
-@dataclass(frozen=True)
+@dataclass_transform(eq_default=False, frozen_default=True)
 class Question:
-    """What is asked: each field is an argument, with its default; one whose annotation has an
-    :class:`~compare.questions.option.Option` is an option of the command too.
+    """What is asked: a class derived from this is a frozen dataclass, of which each field is an argument with its
+    default; one whose annotation has an :class:`~compare.questions.option.Option` is an option of the command too.
 
+    Two of them are not compared, as arrays in them could not be.
     Raises ArgumentError for an argument that cannot be what it is given.
     """
 
+    def __init_subclass__(cls) -> None:
+        dataclass(frozen=True, eq=False)(cls)
+
     def __post_init__(self) -> None:
-        for each in fields(self):
+        for each in arguments(type(self)):
             option, given = option_of(each.type), getattr(self, each.name)
             if option is not None and given is not each.default:
                 object.__setattr__(self, each.name, option.kind.check(given, each.name))
 
 
+def arguments(question: type[Question]) -> tuple[Field[object], ...]:
+    """The fields of a question, in the order in which a function takes them."""
+    every = fields(cast("type[DataclassInstance]", question))
+    return tuple(sorted(every, key=lambda field: bool(field.kw_only)))
+
+
 def options(question: type[Question]) -> Mapping[str, Option]:
     """The option of each argument that has one."""
-    return {each.name: option for each in fields(question) if (option := option_of(each.type)) is not None}
+    return {each.name: option for each in arguments(question) if (option := option_of(each.type)) is not None}
 
 
 def option_of(annotation: object) -> Option | None:

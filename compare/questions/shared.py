@@ -18,7 +18,9 @@ MODELS = ("first_order", "equilibrium")
 AnyPath = str | PathLike[str]
 Case = Annotated["Linkage", Option("Shipped case (see: compare cases) or a mechanism file.", name="case")]
 Large = Annotated[bool, Option("Take clearances of more than a tenth of the shortest body at their joint.", Switch())]
-Clearance = Annotated["Metres | None", Option("Radial clearances (m) in place of the case's own.", ByJoint())]
+Clearance = Annotated[
+    "Metres | None", Option("Radial clearances (m) in place of the case's own.", ByJoint("JOINT=M,..."))
+]
 OneModel = Annotated[
     "JointModel", Option("What the joints with clearance are.", Choice(choices=JOINT_MODELS), name="joint")
 ]
@@ -45,8 +47,12 @@ Told = Annotated[
         typed=False,
     ),
 ]
-CrankAngles = Annotated["Numbers | None", Option("Crank angles ({unit}) [those of the case].", Angles())]
-GivenTimes = Annotated["Numbers | None", Option("Times (s), of several drives or of one that turns no crank.", Times())]
+CrankAngles = Annotated[
+    "Numbers | None", Option("Crank angles ({unit}) [those of the case].", Angles("START:STOP:STEP"))
+]
+GivenTimes = Annotated[
+    "Numbers | None", Option("Times (s), of several drives or of one that turns no crank.", Times("START:STOP:STEP"))
+]
 Course = Annotated[AnyPath | None, Option("Course of the drives: time and position_<joint> columns.", File("FILE"))]
 Followed = Annotated[
     AnyPath | None, Option("Path of a platform: time and its <body>_x, _y, _angle columns.", File("FILE"))

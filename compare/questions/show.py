@@ -1,9 +1,9 @@
 """What of a result is to be shown: one number of a cross-check, or what a diagnosis leaves of a signal."""
 
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING, Annotated
 
-from compare.questions.option import Number, Option, Source
+from compare.questions.option import Moment, Option, Source
 from compare.questions.question import Question
 
 if TYPE_CHECKING:
@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from compare.results.diagnosis import Diagnosis
 
 
-@dataclass(frozen=True)
 class ShowQuestion(Question):
     """Which number of which result."""
 
@@ -29,7 +28,7 @@ class ShowQuestion(Question):
         float | None,
         Option(
             "Crank angle ({unit}) of a result; time (s) where the linkage swings freely.",
-            Number(units=("deg", "rad")),
+            Moment(),
         ),
     ] = None
     joint_model: Annotated[str | None, Option("Joint model; left out, all that the result has.", name="joint")] = None

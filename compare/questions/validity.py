@@ -1,9 +1,9 @@
 """The map of validity: over speed and clearance, where the analytic model agrees with simulations."""
 
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING, Annotated
 
-from compare.questions.option import Address, Choice, Increasing, Names, Option, Positive, Speeds, Whole, Written
+from compare.questions.option import Address, Choice, Clearances, Increasing, Names, Option, Speeds, Whole, Written
 from compare.questions.question import Question
 from compare.questions.shared import JOINT_MODELS, AnyPath, Case, Engines, Large, Told, Tolerance, Workers
 
@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from sim_models.engine import JointModel
 
 
-@dataclass(frozen=True)
 class ValidityQuestion(Question):
     """What a map is over."""
 
@@ -22,7 +21,7 @@ class ValidityQuestion(Question):
     speeds: Annotated["Numbers", Option("Speeds of the crank ({unit}).", Speeds("RPM,..."))]
     clearances: Annotated[
         "Numbers",
-        Option("Radial clearances ({unit}); half the play of a block.", Positive("M,...", units=("m", "m"))),
+        Option("Radial clearances ({unit}); half the play of a block.", Clearances("M,...")),
     ]
     simulators: Engines = "mujoco"
     large: Large = False
