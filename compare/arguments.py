@@ -2,7 +2,7 @@
 
 Each function that checks an argument takes whatever was given, and raises ArgumentError with one sentence: the
 argument, the value and what is accepted.
-The command line reads its options into the same; :mod:`compare.cli.options` names them as they were typed.
+The types of :mod:`compare.questions` say which argument is checked by which.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import os
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import pairwise
 from numbers import Integral, Real
 from os import PathLike
 from pathlib import Path
@@ -106,10 +107,9 @@ def numbers(given: object, called: str, unit: str) -> np.ndarray:
 def increasing(given: object, called: str, unit: str) -> tuple[float, ...]:
     """Finite numbers, each once, increasing.  Raises ArgumentError."""
     found = tuple(sorted(numbers(given, called, unit).tolist()))
-    if len(set(found)) < len(found):
-        raise ArgumentError(
-            called, f"{quoted(list(found))} has a number twice; give each{f' ({unit})' * bool(unit)} once"
-        )
+    twice = next((value for value, after in pairwise(found) if value == after), None)
+    if twice is not None:
+        raise ArgumentError(called, f"{twice:g} is there twice; give each once")
     return found
 
 
@@ -166,11 +166,6 @@ def laid_over(given: object) -> Tolerances:
     if given is None or isinstance(given, str | PathLike):
         return load_tolerances(None if given is None else Path(given), "tolerances")
     raise ArgumentError("tolerances", f"{quoted(given)} cannot be used; give the path of a tolerance file")
-
-
-def processes(given: object, default: int) -> int:
-    """How many worker processes.  Raises ArgumentError."""
-    return default if given is None else whole(given, "workers", 1)
 
 
 def linkage(given: Linkage, clearance: Metres | None = None, *, large: bool) -> Mechanism:

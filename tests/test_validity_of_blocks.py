@@ -14,9 +14,9 @@ from jsonschema import Draft202012Validator
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
 from compare.domain_map.map import RPM
-from compare.domain_map.validity import gridded
+from compare.domain_map.validity import gridded, validity
 from compare.faults import ArgumentError
-from compare.questions.validity import ValidityQuestion, validity
+from compare.questions.validity import ValidityQuestion
 from compare.report.validity_text import edge_rows, markdown
 from compare.results.validity import Cell, Validity
 from sim_models.engine import Unsupported, declared

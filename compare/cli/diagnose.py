@@ -46,8 +46,8 @@ def diagnose(line: Line) -> None:
         from compare.diagnose.data.measured import load_measured
         from compare.diagnose.workflow import diagnose
 
-        data = load_measured(measured[0])
         folder = line.folder(f"{named_after(measured[0])}-diagnosis", "diagnosis.json", "junit.xml")
+        data = load_measured(measured[0])
         found = line.answer(lambda: line.ask(diagnose, DiagnoseQuestion, measured=data), caught, folder)
     raise typer.Exit(Exit.AGREES if found.settled else Exit.DISAGREES)
 
@@ -65,8 +65,9 @@ def _check(line: Line, measured: Path, caught: list[str]) -> None:
     from compare.diagnose.preview import preview
 
     _only(line, "--check", "check", "out", "overwrite", "json", "quiet")
+    folder = line.folder(f"{named_after(measured)}-data", "data.json", "data.html")
     data = load_measured(measured)
-    line.answer(lambda: preview(data), caught, line.folder(f"{named_after(measured)}-data", "data.json", "data.html"))
+    line.answer(lambda: preview(data), caught, folder)
 
 
 def _init(line: Line, files: list[Path], case: str | None) -> None:

@@ -195,15 +195,19 @@ class Seconds(Number):
         return seconds(given, called)
 
 
+class Listed(Kind[str]):
+    """Words with commas between them, which the function proves."""
+
+    def parse(self, word: str, called: str) -> list[str]:
+        """The words, each once."""
+        return listed_once(word, called)
+
+
 @dataclass(frozen=True)
-class Names(Kind[str]):
+class Names(Listed):
     """Names, with commas between them, at least so many."""
 
     least: int = 0
-
-    def parse(self, word: str, called: str) -> list[str]:
-        """The names, each once."""
-        return listed_once(word, called)
 
     def check(self, given: object, called: str) -> tuple[str, ...]:
         """The names; a single text is one."""
@@ -243,18 +247,20 @@ class ByJoint(Kind[str]):
             name, _, value = part.partition("=")
             if name in sizes:
                 raise ArgumentError(called, f"joint {name} is there twice; give each joint once")
-            sizes[name] = _number(value, called, f"{part}: give {self.each}")
+            sizes[name] = _number(value, called, f"give {self.each}")
         return sizes
 
 
 class Increasing(Kind[str]):
     """Numbers with commas between them, each once."""
 
+    accepted: ClassVar[str] = "finite numbers"
+
     def parse(self, word: str, called: str) -> list[float]:
         """The numbers, increasing, in the unit of the argument."""
         unit = self.units[0]
-        remedy = f"is not a number; give {unit or 'numbers'}, separated by commas"
-        typed = [_number(part, called, f"{part!r} {remedy}") for part in listed_once(word, called)]
+        remedy = f"give {self.accepted.format(unit)}, separated by commas"
+        typed = [_number(part, called, remedy) for part in listed_once(word, called)]
         return [self.converted(value) for value in self.increasing(typed, called, unit)]
 
     def check(self, given: object, called: str) -> tuple[float, ...]:
@@ -274,6 +280,8 @@ class Increasing(Kind[str]):
 
 class Positive(Increasing):
     """Numbers above zero."""
+
+    accepted: ClassVar[str] = "{} above 0"
 
     def increasing(self, given: object, called: str, unit: str) -> tuple[float, ...]:
         """The numbers, increasing, above zero."""
@@ -395,8 +403,11 @@ def listed_once(text: str, called: str) -> list[str]:
     return parts
 
 
-def _number(text: str, called: str, why: str) -> float:
+def _number(text: str, called: str, remedy: str) -> float:
     try:
-        return float(text)
+        number = float(text)
     except ValueError:
-        raise ArgumentError(called, why) from None
+        raise ArgumentError(called, f"{text!r} is not a number; {remedy}") from None
+    if not math.isfinite(number):
+        raise ArgumentError(called, f"{text} cannot be used; {remedy}")
+    return number

@@ -3,7 +3,7 @@
 from os import PathLike
 from typing import TYPE_CHECKING, Annotated
 
-from compare.questions.option import Angles, ByJoint, Choice, File, Kind, Option, Switch, Times, TomlTolerances, Whole
+from compare.questions.option import Angles, ByJoint, Choice, File, Listed, Option, Switch, Times, TomlTolerances, Whole
 
 if TYPE_CHECKING:
     from analytic.paper.clearance import Model
@@ -29,7 +29,7 @@ Drives = Annotated[
 ]
 Analytic = Annotated["Model", Option("Analytic model: first order (Eq. 8) or equilibrium.", Choice(choices=MODELS))]
 Engines = Annotated[
-    "Simulators", Option("Engines to compare with, or all that are installed.", Kind("NAME,..."), name="simulator")
+    "Simulators", Option("Engines to compare with, or all that are installed.", Listed("NAME,..."), name="simulator")
 ]
 Engine = Annotated[str, Option("Engine (see: compare simulators).")]
 Tolerance = Annotated[
