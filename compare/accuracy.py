@@ -15,68 +15,45 @@ from analytic.paper.envelope import Output, transmission
 from analytic.paper.superposition import Accuracy as Found
 from analytic.paper.superposition import accuracy as accuracy_of
 from compare.arguments import (
-    MOST,
-    Linkage,
-    Metres,
     Names,
-    Numbers,
-    flag,
     linkage,
     metres,
-    names,
     noted,
-    one_of,
     warn_of_friction,
-    whole,
 )
 from compare.faults import ArgumentError
 from compare.left_out import Asked, omitted
+from compare.questions.accuracy import SAMPLES, AccuracyQuestion
+from compare.questions.question import answers
 from compare.results import accuracy as results
 from compare.results.accuracy import Accuracy, MonteCarlo, Point, Radius, SideChange, Spread
 from compare.schedules import crank_angles
-from sim_models.engine import MOTIONS, Motion, installed_version
-
-SAMPLES = 20_000  # of a Monte Carlo
+from sim_models.engine import Motion, installed_version
 
 
-def accuracy(  # noqa: PLR0913 - what a person may ask, by name
-    mechanism: Linkage = "paper",
-    *,
-    clearance: Metres | None = None,
-    large: bool = False,
-    clearance_tolerance: Metres | None = None,
-    outputs: Names | None = None,
-    motion: Motion | None = None,
-    angles: Numbers | None = None,
-    samples: int = SAMPLES,
-    seed: int = 0,
-    nonlinear: bool = False,
-) -> Accuracy:
+@answers(AccuracyQuestion)
+def accuracy(question: AccuracyQuestion) -> Accuracy:
     """How accurate a linkage with clearance can be: nominal, worst case, by joint, Monte Carlo, compliance.
 
-    ``clearance`` (m by joint) replaces the case's own (``large`` is as in a cross-check); in the Monte Carlo each is
-    uniform within +-``clearance_tolerance`` (m).  ``outputs`` are names such as ``coupler`` (its com and angle),
-    ``coupler.B`` or ``follower.angle``, by default every body.  Reactions have inertia forces in ``driven`` motion, the
-    default where the drive has a speed.  ``angles`` (N,) rad.  With ``nonlinear`` the linkage is closed again for every
-    sample.
+    In the Monte Carlo each clearance is uniform within +-``clearance_tolerance`` (m).  ``outputs`` are names such as
+    ``coupler`` (its com and angle), ``coupler.B`` or ``follower.angle``.  Reactions have inertia forces in ``driven``
+    motion.
 
     Raises MechanismError, ArgumentError, AssemblyError or ComplianceError.
     """
-    samples, seed = whole(samples, "samples", 2, MOST), whole(seed, "seed", 0)
-    nonlinear, motion = flag(nonlinear, "nonlinear"), None if motion is None else one_of(motion, MOTIONS, "motion")
-    named = None if outputs is None else names(outputs, "outputs")
+    samples, seed, nonlinear = question.samples, question.seed, question.nonlinear
     with noted() as warned:
-        m = linkage(mechanism, clearance, large=flag(large, "large"))
-        inertia = _inertia(motion, m)
+        m = linkage(question.mechanism, question.clearance, large=question.large)
+        inertia = _inertia(question.motion, m)
         moves: Motion = "driven" if inertia else "static"
         warn_of_friction(m, None, moves, engines=False)
         warned += omitted(m, Asked("accuracy", moves, bends=True))
         assembly = Assembly(m)
         found = accuracy_at(
             assembly,
-            crank_angles(assembly, angles),
-            named_outputs(named, m),
-            tolerances=metres({} if clearance_tolerance is None else clearance_tolerance, m, "clearance_tolerance"),
+            crank_angles(assembly, question.angles),
+            named_outputs(question.outputs, m),
+            tolerances=metres(question.clearance_tolerance or {}, m, "clearance_tolerance"),
             inertia=inertia,
             samples=samples,
             seed=seed,
@@ -87,7 +64,7 @@ def accuracy(  # noqa: PLR0913 - what a person may ask, by name
     return found.model_copy(update={"warnings": (*warned, *(() if m.clearances else unused))})
 
 
-def named_outputs(names: Sequence[str] | None, mechanism: Mechanism) -> list[Output]:
+def named_outputs(names: Names | None, mechanism: Mechanism) -> list[Output]:
     """Outputs by name: ``coupler`` (its com and angle), ``coupler.B``, ``coupler.angle``, or a point that only one body
     has.
 

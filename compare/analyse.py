@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import tau
-from pathlib import Path as FilePath
 
 import numpy as np
 
@@ -13,18 +12,13 @@ from analytic.kinematics.motion import along
 from analytic.mechanism import Mechanism
 from analytic.mechanism.assumed import assumed
 from analytic.mechanism.signals import position
-from analytic.paper.clearance import MODELS, Model
+from analytic.paper.clearance import Model
 from compare.arguments import (
-    Linkage,
-    Metres,
-    Numbers,
-    flag,
     idle,
     linkage,
     loose,
     noted,
     one_engine,
-    one_of,
     rigidly_and_evenly_driven,
     warn_of_friction,
 )
@@ -38,69 +32,48 @@ from compare.judge.reference import (
 )
 from compare.judge.signals import with_derived
 from compare.left_out import Asked, omitted, rigid_walls
+from compare.questions.analyse import AnalyseQuestion, ExportQuestion, SimulateQuestion
+from compare.questions.question import answers
 from compare.results.analysis import Analysis, Simulation
 from compare.results.crosscheck import Path, Simulator
-from compare.schedules import by_angle, scheduled
+from compare.schedules import scheduled
 from sim_models.common.contact_laws import assumed_of_contact
 from sim_models.common.simulate import answered
-from sim_models.engine import JOINT_MODELS, MOTIONS, JointModel, Motion, Request, engine
-
-Angles = Numbers
+from sim_models.engine import Request, engine
 
 
-def analyse(  # noqa: PLR0913 - what a person may ask, by name
-    mechanism: Linkage = "paper",
-    *,
-    angles: Angles | None = None,
-    times: Numbers | None = None,
-    course: str | FilePath | None = None,
-    path: str | FilePath | None = None,
-    clearance: Metres | None = None,
-    large: bool = False,
-    model: Model = "equilibrium",
-    motion: Motion = "driven",
-    compliance: bool = False,
-) -> Analysis:
+@answers(AnalyseQuestion)
+def analyse(question: AnalyseQuestion) -> Analysis:
     """Kinetostatics and clearance of a linkage over its crank angle (N,) rad, and its compliance where asked for.
 
-    ``clearance`` (m by joint) replaces the case's own; ``large`` is as in a cross-check.  The model is the paper's
-    ``first_order`` (Eq. 8) or the self-consistent ``equilibrium``.  ``static`` motion has no inertia forces; without a
-    speed of the drive it is the only one.  With ``compliance`` links that have a modulus of elasticity and joints that
-    have an elasticity yield as well (Eqs. 1-7), superposed as in Fig. 7c, in static motion.
+    The model is the paper's ``first_order`` (Eq. 8) or the self-consistent ``equilibrium``.  ``static`` motion has no
+    inertia forces; without a speed of the drive it is the only one.  With ``compliance`` links that have a modulus of
+    elasticity and joints that have an elasticity yield as well (Eqs. 1-7), superposed as in Fig. 7c, in static motion.
 
     A linkage that no single crank moves is analysed at ``times`` (N,) s, its drives at their speeds, along the
     ``course`` of a file or such that a platform follows a ``path``, as in :func:`compare.crosscheck.crosscheck`; in
     ``static`` motion at rest in each of those poses.
     Raises MechanismError, ArgumentError, AssemblyError or ComplianceError.
     """
-    model, motion = one_of(model, MODELS, "model"), one_of(motion, MOTIONS, "motion")
-    compliance = flag(compliance, "compliance")
+    motion, model, compliance = question.motion, question.model, question.compliance
     with noted() as warned:
-        given = linkage(mechanism, clearance, large=flag(large, "large"))
+        given = linkage(question.mechanism, question.clearance, large=question.large)
         m = given if compliance else rigidly_and_evenly_driven(given)
         warn_of_friction(m, None, motion, engines=False)
         warned += [*idle(m, model), *omitted(m, Asked("analyse", motion, bends=compliance))]
         if compliance and not (m.bends or any(joint.elasticity for joint in m.joints)):
             warned.append(f"{m.name}: no body has a youngs_modulus and no joint an elasticity, so that nothing yields")
         assembly = Assembly(m)
-        plain = by_angle(assembly) and times is None and course is None and path is None
-        if plain and motion == "driven" and m.speed is None:
-            raise ArgumentError("motion", f"the drive of {m.name} has no constant speed; ask for static motion")
-        schedule = scheduled(assembly, motion, angles, times, course, path)
-        _at_rest(motion, compliance)
+        schedule = scheduled(assembly, question, may_swing=False)
+        if motion == "driven" and compliance:
+            raise ArgumentError("compliance", "elastic displacement is found at rest; ask for static motion")
         side = reference(assembly, schedule, model, m.clearances)
         if compliance:
             side = with_flexible_links(side, assembly, schedule)
     theta = schedule.crank_angle
     found = _analysed(m, side, model, warned, schedule.time if theta is None else None)
-    looked_at = {} if theta is None else {"crank_angle": theta}
-    return found.model_copy(update={"motion": motion, "compliance": compliance, **looked_at})
-
-
-def _at_rest(motion: Motion, compliance: bool) -> None:
-    """Raises ArgumentError where links are to yield in a driven motion."""
-    if motion == "driven" and compliance:
-        raise ArgumentError("compliance", "elastic displacement is found at rest; ask for static motion")
+    crank_angle = {} if theta is None else {"crank_angle": theta}
+    return found.model_copy(update={"motion": motion, "compliance": compliance, **crank_angle})
 
 
 def _analysed(m: Mechanism, side: Reference, model: Model, warned: Sequence[str], time: np.ndarray | None) -> Analysis:
@@ -126,32 +99,20 @@ def _analysed(m: Mechanism, side: Reference, model: Model, warned: Sequence[str]
     return found if time is None else found.model_copy(update={"time": time})
 
 
-def simulate(  # noqa: PLR0913 - what a person may ask, by name
-    mechanism: Linkage = "paper",
-    simulator: str = "mujoco",
-    *,
-    joint_model: JointModel = "ideal",
-    motion: Motion = "driven",
-    angles: Angles | None = None,
-    times: Numbers | None = None,
-    course: str | FilePath | None = None,
-    path: str | FilePath | None = None,
-    clearance: Metres | None = None,
-    large: bool = False,
-) -> Simulation:
+@answers(SimulateQuestion)
+def simulate(question: SimulateQuestion) -> Simulation:
     """One run of one engine: the signals of a linkage over its crank angle (N,) rad, or over time if it swings freely.
 
-    The run is the one that a cross-check makes; ``large`` is as there.  Raises MechanismError, ArgumentError,
-    AssemblyError, Unsupported, SimulatorMissing or SimulationError.
+    The run is the one that a cross-check makes.  Raises MechanismError, ArgumentError, AssemblyError, Unsupported,
+    SimulatorMissing or SimulationError.
     """
-    joint_model, motion = one_of(joint_model, JOINT_MODELS, "joint_model"), one_of(motion, MOTIONS, "motion")
+    joint_model, motion = question.joint_model, question.motion
     with noted() as warned:
-        m = rigidly_and_evenly_driven(linkage(mechanism, clearance, large=flag(large, "large")))
+        m = rigidly_and_evenly_driven(linkage(question.mechanism, question.clearance, large=question.large))
         warned += omitted(m, Asked.of_engines("simulate", m, motion, joint_model))
-        name = one_engine(simulator)
+        name = one_engine(question.simulator)
         warn_of_friction(m, joint_model, motion)
-        asked = request(m, joint_model, motion, angles, times, course, path)
-        trace = answered(name, asked, engine(name).simulate)
+        trace = answered(name, request(m, question), engine(name).simulate)
     found = Simulation(
         case=m.name,
         mechanism=m,
@@ -173,20 +134,14 @@ def simulate(  # noqa: PLR0913 - what a person may ask, by name
     return found if trace.time is None else found.model_copy(update={"time": trace.time})
 
 
-def request(
-    m: Mechanism,
-    joint_model: JointModel,
-    motion: Motion,
-    angles: Numbers | None = None,
-    times: Numbers | None = None,
-    course: str | FilePath | None = None,
-    path: str | FilePath | None = None,
-) -> Request:
-    """The run that a cross-check makes of this joint model.  Raises what :func:`compare.schedules.scheduled` does."""
-    joint_model, motion = one_of(joint_model, JOINT_MODELS, "joint_model"), one_of(motion, MOTIONS, "motion")
+def request(m: Mechanism, question: SimulateQuestion | ExportQuestion) -> Request:
+    """The run of a linkage that a cross-check makes of this joint model.  Raises what
+    :func:`compare.schedules.scheduled` does.
+    """
+    joint_model, motion = question.joint_model, question.motion
     loose(m, joint_model)
     assembly = Assembly(m)
-    schedule = scheduled(assembly, motion, angles, times, course, path)
+    schedule = scheduled(assembly, question)
     if assembly.left_free(schedule):
         assembly.check_springs(assembly.home)
     else:

@@ -2,7 +2,7 @@
 
 Each function that checks an argument takes whatever was given, and raises ArgumentError with one sentence: the
 argument, the value and what is accepted.
-The command line reads its options into the same; :mod:`compare.cli.options` names them as they were typed.
+The types of :mod:`compare.questions` say which argument is checked by which.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import os
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import pairwise
 from numbers import Integral, Real
 from os import PathLike
 from pathlib import Path
@@ -100,6 +101,23 @@ def numbers(given: object, called: str, unit: str) -> np.ndarray:
     return found.astype(float).reshape(-1)
 
 
+def increasing(given: object, called: str, unit: str) -> tuple[float, ...]:
+    """Finite numbers, each once, increasing.  Raises ArgumentError."""
+    found = tuple(sorted(numbers(given, called, unit).tolist()))
+    twice = next((value for value, after in pairwise(found) if value == after), None)
+    if twice is not None:
+        raise ArgumentError(called, f"{twice:g} is there twice; give each once")
+    return found
+
+
+def positive(given: object, called: str, unit: str) -> tuple[float, ...]:
+    """The same, all above zero.  Raises ArgumentError."""
+    found = increasing(given, called, unit)
+    if found[0] <= 0:
+        raise ArgumentError(called, f"{found[0]:g} cannot be used; give {unit} above 0")
+    return found
+
+
 def number(given: object, called: str, unit: str) -> float:
     """One number.  Raises ArgumentError."""
     if isinstance(given, Real) and not isinstance(given, bool):
@@ -112,6 +130,13 @@ def seconds(given: object, called: str) -> float:
     if isinstance(given, Real) and not isinstance(given, bool) and 0 < float(given) < math.inf:
         return float(given)
     raise ArgumentError(called, f"{quoted(given)} cannot be used; give a number of seconds above 0")
+
+
+def address(given: object, called: str) -> str:
+    """Where a scheduler listens.  Raises ArgumentError."""
+    if isinstance(given, str):
+        return given
+    raise ArgumentError(called, f"{quoted(given)} cannot be used; give its address, such as tcp://localhost:8786")
 
 
 def names(given: object, called: str, least: int = 0) -> tuple[str, ...]:
@@ -138,11 +163,6 @@ def laid_over(given: object) -> Tolerances:
     if given is None or isinstance(given, str | PathLike):
         return load_tolerances(None if given is None else Path(given), "tolerances")
     raise ArgumentError("tolerances", f"{quoted(given)} cannot be used; give the path of a tolerance file")
-
-
-def processes(given: object, default: int) -> int:
-    """How many worker processes.  Raises ArgumentError."""
-    return default if given is None else whole(given, "workers", 1)
 
 
 def linkage(given: Linkage, clearance: Metres | None = None, *, large: bool) -> Mechanism:

@@ -22,23 +22,16 @@ from analytic.mechanism.errors import quoted
 from analytic.mechanism.one_line import shown
 from analytic.mechanism.signals import Signal, driving, named, position
 from analytic.mechanism.units import dimension, factor
-from analytic.paper.clearance import MODELS, Model
+from analytic.paper.clearance import Model
 from compare.arguments import (
-    Linkage,
-    Metres,
-    Simulators,
-    ToleranceFile,
     cores,
     engines,
-    flag,
     idle,
     laid_over,
     linkage,
     loose,
     noted,
-    one_of,
     path,
-    processes,
     rigidly_and_evenly_driven,
     warn_of_friction,
 )
@@ -56,6 +49,8 @@ from compare.judge.reference import (
 from compare.judge.signals import UNITS
 from compare.left_out import Asked, omitted
 from compare.progress import Progress, progress_bar
+from compare.questions.check import CheckQuestion
+from compare.questions.question import answers
 from compare.recorded.errors import DataError
 from compare.recorded.headings import Column
 from compare.recorded.motion import (
@@ -74,65 +69,47 @@ from compare.recorded.table import Table, read_table, unused
 from compare.results.crosscheck import RECORDED, CrossCheck
 from compare.schedules import speeds_of
 from sim_models.common.contact_laws import contact_parameters
-from sim_models.engine import JOINT_MODELS, MOTIONS, JointModel, Motion, Request, Trace, engine
-
-Results = str | PathLike[str] | Sequence[str | PathLike[str]] | Mapping[str, str | PathLike[str]]
-"""A file of results, several, or several by the name of the program that wrote each."""
+from sim_models.engine import JointModel, Motion, Request, Trace, engine
 
 NAMED = 4  # columns of which something is said, by name
 YIELDING = ("contact", "spring-damper")  # whose walls give: no table says how much, and theirs are taken as ours
 COARSE = 0.5  # of what a signal may differ by: where the course leaves it open by more, that is said
 
 
-def check(  # noqa: PLR0913 - what a person may ask, by name
-    results: Results,
-    mechanism: Linkage = "paper",
-    *,
-    map: str | PathLike[str] | Layout | None = None,
-    simulators: Simulators | None = None,
-    joint_model: JointModel | None = None,
-    motion: Motion = "driven",
-    clearance: Metres | None = None,
-    large: bool = False,
-    analytic: Model = "equilibrium",
-    tolerances: ToleranceFile | None = None,
-    workers: int | None = None,
-    progress: Progress | None = None,
-) -> CrossCheck:
+@answers(CheckQuestion)
+def check(question: CheckQuestion) -> CrossCheck:
     """Hold the analytic model of a linkage against what another program has computed of it.
 
-    ``results`` are CSV files (also Parquet, Feather, MAT) of signals; ``map`` says what their columns are where their
-    headings do not.  In ``driven`` motion the analytic side follows the crank's angle over time; without that column it
-    turns at ``drive.speed``; a linkage without a motor is let go in the state that the file begins with.  In ``static``
-    motion every row is an equilibrium, of several drives at its time.  ``simulators`` are engines that simulate the
-    first file's motion beside.  ``joint_model`` says what the joints with clearance were: ``contact`` if it is left
-    out.
+    ``map`` says what the columns of ``results`` are where their headings do not.  In ``driven`` motion the analytic
+    side follows the crank's angle over time; without that column it turns at ``drive.speed``; a linkage without a motor
+    is let go in the state that the file begins with.  In ``static`` motion every row is an equilibrium, of several
+    drives at its time.  ``simulators`` simulate the first file's motion beside.
 
     Raises MechanismError, ArgumentError, ToleranceError, MapError, DataError with every fault of the files,
     AssemblyError, Unsupported or SimulatorMissing.
     """
-    motion, analytic = one_of(motion, MOTIONS, "motion"), one_of(analytic, MODELS, "analytic")
-    chosen = None if joint_model is None else one_of(joint_model, JOINT_MODELS, "joint_model")
-    read, layout = laid_over(tolerances), map if isinstance(map, Layout) else layout_of(map)
+    motion, chosen, map = question.motion, question.joint_model, question.map
+    tolerances, layout = laid_over(question.tolerances), map if isinstance(map, Layout) else layout_of(map)
     with noted() as warned:
-        given = rigidly_and_evenly_driven(linkage(mechanism, clearance, large=flag(large, "large")))
-        names, left_out = engines(simulators) if simulators is not None else ((), [])
+        given = rigidly_and_evenly_driven(linkage(question.mechanism, question.clearance, large=question.large))
+        names, left_out = engines(question.simulators) if question.simulators is not None else ((), [])
         loose(given, chosen)
         left_out += omitted(given, Asked("check", motion, (chosen or "contact",)))
         model: JointModel = chosen or ("contact" if given.clearances else "ideal")
         warn_of_friction(given, model, motion)
-        tables = _tables(result_files(results), given, layout, str(map), timed=motion == "driven" or not given.cranked)
+        timed = motion == "driven" or not given.cranked
+        tables = _tables(result_files(question.results), given, layout, str(map), timed=timed)
         recordings = [recording(name, file, table, given, motion, model) for name, file, table in tables]
     uneven = any(one.kind == "course" for one in recordings)
     job = Job(
         _followed(given) if uneven and given.speed is not None else given,
         names,
-        read,
+        tolerances,
         Schedule(),
         joint_model=model,
-        model=analytic,
-        workers=processes(workers, cores() if len(names) > 1 else 1),
-        warnings=(*warned, *left_out, *idle(given, analytic, model), *_warnings(given, recordings, motion)),
+        model=question.analytic,
+        workers=question.workers or (cores() if len(names) > 1 else 1),
+        warnings=(*warned, *left_out, *idle(given, question.analytic, model), *_warnings(given, recordings, motion)),
     )
     asked = _Asked(given, job, model, motion)
     remarks: list[str] = []
@@ -149,7 +126,7 @@ def check(  # noqa: PLR0913 - what a person may ask, by name
         remarks += [*side.remarks, *asked.said(one, side, found)]
         ran += Ran((found,))
     if names:
-        with progress_bar(progress) as told:
+        with progress_bar(question.progress) as told:
             ran += _engines(asked, recordings[0], told)
     first = ran.judged[0]
     others = dict.fromkeys(one.run.simulator.name for one in ran.judged if not _alike(one, first))

@@ -10,7 +10,6 @@ import platform
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
@@ -21,29 +20,20 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.assumed import Assumed, assumed
 from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal
-from analytic.paper.clearance import MODELS, Model
+from analytic.paper.clearance import Model
 from analytic.paper.printed import printed_figures
 from compare.arguments import (
-    Linkage,
-    Metres,
-    Numbers,
-    Simulators,
-    ToleranceFile,
     cores,
     engines,
     every_one,
-    flag,
     idle,
     jamming,
     laid_over,
     linkage,
     loose,
     noted,
-    one_of,
-    processes,
     rigidly_and_evenly_driven,
     warn_of_friction,
-    whole,
     with_map,
 )
 from compare.faults import ArgumentError
@@ -75,6 +65,8 @@ from compare.judge.statistics import held_together
 from compare.judge.tolerances import Tolerances
 from compare.left_out import Asked, omitted, rigid_walls
 from compare.progress import Progress, progress_bar
+from compare.questions.crosscheck import REVOLUTIONS, CrosscheckQuestion
+from compare.questions.question import answers
 from compare.report.words.disagreement import because, between_engines
 from compare.results.contact import Compared
 from compare.results.crosscheck import CrossCheck, Failure, Path, Printed, Run, Simulator, Verdict, without
@@ -84,7 +76,6 @@ from compare.schedules import scheduled
 from sim_models.common.contact_laws import assumed_of_contact
 from sim_models.engine import (
     JOINT_MODELS,
-    MOTIONS,
     SEPARATOR,
     Capabilities,
     JointModel,
@@ -98,7 +89,6 @@ from sim_models.engine import (
 )
 
 STRIKING: tuple[JointModel, ...] = ("contact", "spring-damper")  # whose pins and blocks may leave their walls
-REVOLUTIONS = 32  # at the utmost, of a run whose pins strike
 OF_TURNS = "it is of cranks that turn fully, with pins that may strike their walls"
 Measure = Callable[[Assembly, Schedule, Model, Mapping[str, float]], Reference]
 
@@ -139,100 +129,37 @@ class Job:
         return () if self.as_it_is else ("motion", "angles")
 
 
-def crosscheck(  # noqa: PLR0913 - what a person may ask, by name
-    mechanism: Linkage = "paper",
-    simulators: Simulators = "mujoco",
-    *,
-    joint_model: JointModel | None = None,
-    motion: Motion = "driven",
-    clearance: Metres | None = None,
-    large: bool = False,
-    angles: Numbers | None = None,
-    times: Numbers | None = None,
-    course: str | FilePath | None = None,
-    path: str | FilePath | None = None,
-    analytic: Model = "equilibrium",
-    flexible: bool = False,
-    tolerances: ToleranceFile | None = None,
-    map: str | FilePath | None = None,
-    revolutions: int = REVOLUTIONS,
-    workers: int | None = None,
-    progress: Progress | None = None,
-) -> CrossCheck:
+@answers(CrosscheckQuestion)
+def crosscheck(question: CrosscheckQuestion) -> CrossCheck:
     """Hold the analytic model of a linkage against simulations of it.
 
-    ``clearance`` (m by joint) replaces the case's own; one of more than a tenth of the shortest body that meets in its
-    joint is refused unless ``large`` ones are meant.  ``angles`` (N,) are crank angles in rad, by default those of the
-    case.  A linkage with several drives, or with one that turns no crank, is compared at ``times`` (N,) s: all drives
-    start at the assembly's angles and go on at their speeds, or follow a ``course``, a file of time and
-    ``position_<joint>``, or move a platform along a ``path``, a file of time and its ``<body>_x``, ``<body>_y``,
-    ``<body>_angle``; what has no drive moves freely.  In ``static`` motion it rests, held by all its drives, in each of
-    those poses.
+    A clearance of more than a tenth of the shortest body that meets in its joint is refused unless ``large`` ones are
+    meant.  A linkage with several drives, or with one that turns no crank, is compared at ``times`` (N,) s: all drives
+    start at the assembly's angles and go on at their speeds, or follow a ``course``, or move a platform along a
+    ``path``; what has no drive moves freely.  In ``static`` motion it rests, held by all its drives, in each of those
+    poses.
 
     Without a ``joint_model`` every one that an engine has is run, ideal first.  ``tolerances`` are a file's laid over
-    the shipped ones, or :class:`~compare.judge.tolerances.Tolerances`.  With ``flexible`` bodies that have a modulus of
-    elasticity bend, in static motion.  ``map`` is the map of a simulator that is somebody's model file, such as
-    ``fmu:linkage.fmu``.  With several engines the runs are spread over ``workers`` processes, one a core by default.
-
-    A run in which pins strike their walls goes on for as many revolutions as its statistics need to converge, at most
-    ``revolutions``; engines are then compared by these (``result.statistics``).
-
-    ``progress`` is told what is being done, how many runs are done, and how many there are; left out, a bar on standard
-    error tells it, on a terminal only.
+    the shipped ones, or :class:`~compare.judge.tolerances.Tolerances`.  A run in which pins strike their walls goes on
+    for as many revolutions as its statistics need to converge, at most ``revolutions``; engines are then compared by
+    these (``result.statistics``).
 
     Raises MechanismError, ArgumentError, ToleranceError, AssemblyError, Unsupported or SimulatorMissing; a simulation
     that fails is among the result's ``failures``.
     """
-    job = question(
-        mechanism,
-        simulators,
-        clearance=clearance,
-        large=large,
-        joint_model=joint_model,
-        motion=motion,
-        angles=angles,
-        times=times,
-        course=course,
-        path=path,
-        analytic=analytic,
-        flexible=flexible,
-        tolerances=tolerances,
-        map=map,
-        revolutions=revolutions,
-        workers=workers,
-    )
-    with progress_bar(progress) as told:
+    job = job_of(question)
+    with progress_bar(question.progress) as told:
         return crosscheck_job(job, told)
 
 
-def question(  # noqa: PLR0913 - what a person may ask, by name
-    mechanism: Linkage,
-    simulators: Simulators,
-    *,
-    clearance: Metres | None = None,
-    large: bool = False,
-    joint_model: JointModel | None = None,
-    motion: Motion = "driven",
-    angles: Numbers | None = None,
-    times: Numbers | None = None,
-    course: str | FilePath | None = None,
-    path: str | FilePath | None = None,
-    analytic: Model = "equilibrium",
-    flexible: bool = False,
-    tolerances: ToleranceFile | None = None,
-    map: str | FilePath | None = None,
-    revolutions: int = REVOLUTIONS,
-    workers: int | None = None,
-) -> Job:
+def job_of(question: CrosscheckQuestion) -> Job:
     """The job that a question comes to.  Warns, and raises, as :func:`crosscheck` does; nothing is simulated yet."""
-    motion, analytic = one_of(motion, MOTIONS, "motion"), one_of(analytic, MODELS, "analytic")
-    joint_model = None if joint_model is None else one_of(joint_model, JOINT_MODELS, "joint_model")
-    flexible, read = flag(flexible, "flexible"), laid_over(tolerances)
+    joint_model, motion, flexible = question.joint_model, question.motion, question.flexible
+    tolerances = laid_over(question.tolerances)
     with noted() as warned:
-        given = linkage(mechanism, clearance, large=flag(large, "large"))
-        simulators = with_map(simulators, map)
+        given = linkage(question.mechanism, question.clearance, large=question.large)
+        simulators = with_map(question.simulators, question.map)
         names, left_out = engines(simulators)
-        spread_over = processes(workers, cores() if len(names) > 1 else 1)
         if flexible:
             names, without = _with_beams(names, every_one(simulators), given, motion)
             left_out += without
@@ -240,24 +167,24 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
         warn_of_friction(m, joint_model, motion)
         left_out += omitted(m, Asked.of_engines("compare", m, motion, joint_model, flexible))
         assembly = Assembly(m)
-        schedule = scheduled(assembly, motion, angles, times, course, path)
+        schedule = scheduled(assembly, question)
         if assembly.left_free(schedule):
             _with_ideal_joints(m, joint_model)
         _with_stiff_rims(m)
         loose(m, joint_model)
-    unused = idle(m, analytic, joint_model)
-    turns = whole(revolutions, "revolutions", 0)
+    unused = idle(m, question.analytic, joint_model)
+    turns = question.revolutions
     strikes = m.clearances and motion == "driven" and joint_model in (None, *STRIKING) and schedule.turns_evenly
     if turns not in (0, REVOLUTIONS) and not (strikes and turns_fully(assembly)):
         unused.append(f"{m.name}: revolutions = {turns} is left out; {OF_TURNS}, and no run here has that")
     return Job(
         mechanism=m,
         simulators=names,
-        workers=spread_over,
-        tolerances=read,
+        workers=question.workers or (cores() if len(names) > 1 else 1),
+        tolerances=tolerances,
         schedule=schedule,
         joint_model=joint_model,
-        model=analytic,
+        model=question.analytic,
         warnings=(*warned, *left_out, *unused),
         flexible=flexible,
         revolutions=turns,

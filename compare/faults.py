@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from enum import IntEnum
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -31,22 +32,14 @@ class Exit(IntEnum):
     READER_GONE = 141  # 128 + SIGPIPE
 
 
-OPTIONS = {  # a function's argument, where its option has another name
-    "clearance_tolerance": "clearance_tolerance",
-    "joint_model": "joint",
-    "joints": "at",
-    "mechanism": "case",
-    "outputs": "output",
-    "simulators": "simulator",
-    "tolerances": "tolerance",
-}
-
-
 @contextmanager
-def complaints(context: typer.Context | None = None) -> Iterator[list[str]]:
+def complaints(
+    context: typer.Context | None = None, names: Mapping[str, str] = MappingProxyType({})
+) -> Iterator[list[str]]:
     """Turn every foreseen fault into one sentence on standard error and its exit status; collect warnings.
 
-    With the ``context`` of a command a fault of an argument names the option in which it was typed.
+    With the ``context`` of a command, and the ``names`` of its options by argument, a fault of an argument names the
+    option in which it was typed.
     """
     caught: list[str] = []
 
@@ -68,7 +61,7 @@ def complaints(context: typer.Context | None = None) -> Iterator[list[str]]:
             warnings.simplefilter("ignore", DegreesWarning)
             yield caught
     except ArgumentError as error:
-        raise stop(_as_typed(error, context), Exit.BAD_INPUT) from None
+        raise stop(_as_typed(error, context, names), Exit.BAD_INPUT) from None
     except SimulationError as error:
         raise stop(error.said(() if context is None else context.params), Exit.SIMULATOR_FAILED) from None
     except SimulatorMissing as error:
@@ -103,17 +96,20 @@ class ArgumentError(OptionError):
         return f"{self.argument}: {self.why}"
 
 
-def _as_typed(error: ArgumentError, context: typer.Context | None) -> str:
+def _as_typed(error: ArgumentError, context: typer.Context | None, names: Mapping[str, str]) -> str:
     """A fault of an argument, as one of the option that it came from."""
-    name = OPTIONS.get(error.argument, error.argument)
-    params = {} if context is None else {each.rstrip("_"): value for each, value in context.params.items()}
-    if name not in params:
+
+    def option(argument: str) -> str:
+        return f"--{names.get(argument, argument).replace('_', '-')}"
+
+    name = names.get(error.argument, error.argument)
+    if context is None or name not in context.params:
         return str(error)
-    value = params[name]
-    why = re.sub(r"`(\w+)`", lambda other: f"--{OPTIONS.get(other[1], other[1]).replace('_', '-')}", error.why)
+    value = context.params[name]
+    why = re.sub(r"`(\w+)`", lambda other: option(other[1]), error.why)
     typed = "" if value in (None, True) else f" {','.join(map(str, value)) if isinstance(value, list) else value}"
     why = why.removeprefix(f"{typed.strip()}: ")  # the value is said once
-    return f"--{name.replace('_', '-')}{typed}: {why}"
+    return f"{option(error.argument)}{typed}: {why}"
 
 
 def reason(error: ValueError) -> str:

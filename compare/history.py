@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import cast
 
 from analytic.mechanism.reading import ReadingError, read_json
-from compare.arguments import path as checked_path
 from compare.faults import OptionError, printable
+from compare.questions.listing import REPORTS, RunsQuestion
+from compare.questions.question import answers
 from compare.results.history import EarlierRun, Kind, Runs
 
-WHERE = Path("reports")
 KINDS: Mapping[str, Kind] = {
     "result.json": "cross-check",
     "diagnosis.json": "diagnosis",
@@ -32,15 +32,16 @@ _BLANK = re.compile(r"[ \t\r\n]*")
 _DECODER = json.JSONDecoder()
 
 
-def runs(folder: str | Path = WHERE) -> Runs:
+@answers(RunsQuestion)
+def runs(question: RunsQuestion) -> Runs:
     """Earlier results in a folder and those below it, newest first: case, command, verdict and date of each.
 
     A file that has the name of a result and is none is told in ``unreadable``.  Raises OptionError where there is no
     such folder.
     """
-    place = checked_path(folder, "folder")
+    place = Path(question.folder)
     if not place.is_dir():
-        raise OptionError(f"{place}: there is no such folder; give one that holds reports, such as {WHERE}")
+        raise OptionError(f"{place}: there is no such folder; give one that holds reports, such as {REPORTS}")
     found, unreadable = [], []
     for path in _results(place, DEEPEST):
         try:

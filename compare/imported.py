@@ -5,19 +5,21 @@ from __future__ import annotations
 from pathlib import Path
 
 from analytic.mechanism.assumed import assumed
-from compare.arguments import path
+from compare.questions.listing import ImportQuestion
+from compare.questions.question import answers
 from compare.results.imported import Imported
 from sim_models.engine import SimulatorMissing, broken
 
 
-def import_mjcf(file: str | Path) -> Imported:
+@answers(ImportQuestion)
+def import_mjcf(question: ImportQuestion) -> Imported:
     """Read an MJCF file (MuJoCo's) as a planar linkage: its mechanism, and in notes what of the file is left out, taken
     on or assumed.
 
     Raises MjcfError with file, place, value and remedy, ArgumentError, or SimulatorMissing where MuJoCo, which reads
     the file, is not installed.
     """
-    source = path(file, "file")
+    source = Path(question.file)
     fault = broken("mujoco")
     if fault:
         raise SimulatorMissing(f"MuJoCo, which reads MJCF, cannot be imported ({fault}); run: pip install mujoco")

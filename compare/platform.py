@@ -26,13 +26,7 @@ from analytic.paper.frame import ComplianceError
 from analytic.paper.kinetostatics import kinetostatics
 from compare.accuracy import named_outputs, versions
 from compare.arguments import (
-    Linkage,
-    Metres,
-    Names,
-    Numbers,
-    flag,
     linkage,
-    names,
     noted,
     number,
     warn_of_friction,
@@ -40,49 +34,37 @@ from compare.arguments import (
 from compare.faults import ArgumentError
 from compare.judge.grid import parse_workspace
 from compare.left_out import Asked, omitted
+from compare.questions.accuracy import Grid, PlatformQuestion
+from compare.questions.question import answers
 from compare.results.platform import Map, Place, PlatformAccuracy, PointError, PoseError
 from compare.schedules import over_time
 
 POORLY_HELD = (300.0, 100.0, 30.0, 10.0)  # condition of the loops, up to which finite errors are sought, in turn
 MOST_POSES = 250_000
-Grid = tuple[tuple[float, float, int], tuple[float, float, int]]
-"""Lowest, highest and number of the x and of the y (m) of a workspace."""
 _Spread = Callable[[np.ndarray], np.ndarray]
 
 
-def platform_accuracy(  # noqa: PLR0913 - what a person may ask, by name
-    mechanism: Linkage,
-    *,
-    clearance: Metres | None = None,
-    large: bool = False,
-    encoder_step: Mapping[str, float] | None = None,
-    outputs: Names | None = None,
-    times: Numbers | None = None,
-    course: object = None,
-    path: object = None,
-    workspace: Grid | None = None,
-    angle: float | None = None,
-) -> PlatformAccuracy:
+@answers(PlatformQuestion)
+def platform_accuracy(question: PlatformQuestion) -> PlatformAccuracy:
     """How accurate the outputs of a linkage with several drives are, along a motion or at rest over a workspace.
 
-    ``clearance`` (m by joint) replaces the case's own; ``large`` is as in a cross-check, ``encoder_step`` (rad, m) by
-    driven joint.  ``outputs`` are names such as ``platform`` (its com and angle) or ``left-arm.P``, by default every
-    body; the first of them is what is moved over a ``workspace``, ``((x0, x1, nx), (y0, y1, ny))``: lowest, highest (m)
-    and number of its x and of its y, with its ``angle`` (rad; that of the assembly) where there are three drives.
-    Without a workspace the drives move over ``times`` (s), along a ``course`` or such that a platform follows a
-    ``path``, as in :func:`compare.crosscheck.crosscheck`.
+    ``outputs`` are names such as ``platform`` (its com and angle) or ``left-arm.P``; the first of them is what is moved
+    over a ``workspace``, ``((x0, x1, nx), (y0, y1, ny))``: lowest, highest (m) and number of its x and of its y, with
+    its ``angle`` where there are three drives.  Without a workspace the drives move over ``times`` (s), along a
+    ``course`` or such that a platform follows a ``path``, as in :func:`compare.crosscheck.crosscheck`.
 
     Raises MechanismError, ArgumentError, GridError, DataError or AssemblyError.
     """
-    named = None if outputs is None else names(outputs, "outputs")
+    times, course, path = question.times, question.course, question.path
+    workspace, angle = question.workspace, question.angle
     with noted() as warned:
-        m = linkage(mechanism, clearance, large=flag(large, "large"))
+        m = linkage(question.mechanism, question.clearance, large=question.large)
         warn_of_friction(m, None, "driven", engines=False)
         warned += omitted(m, Asked("accuracy", "driven" if workspace is None else "static", bends=True))
         assembly = Assembly(m)
         if assembly.structure.free:
             raise ArgumentError("mechanism", f"{m.name} has freedoms without a drive; give each one a drive")
-        steps, wanted = _steps(encoder_step, assembly), named_outputs(named, m)
+        steps, wanted = _steps(question.encoder_step, assembly), named_outputs(question.outputs, m)
         if angle is not None and not np.isfinite(number(angle, "angle", "rad")):
             raise ArgumentError("angle", f"{quoted(angle)} cannot be used; give a finite number (rad)")
         if workspace is not None:

@@ -23,6 +23,8 @@ from compare.arguments import MOST, numbers
 from compare.arguments import path as a_path
 from compare.faults import ArgumentError, DegreesWarning
 from compare.judge.grid import FARTHEST, FREE_TIME, GridError, chosen_angles
+from compare.questions.analyse import AnalyseQuestion, ExportQuestion, SimulateQuestion
+from compare.questions.crosscheck import CrosscheckQuestion
 from compare.recorded.errors import DataError
 from compare.recorded.headings import left_alone
 from sim_models.engine import Motion
@@ -31,6 +33,7 @@ if TYPE_CHECKING:
     from analytic.mechanism import Mechanism
     from compare.recorded.table import Table
 
+MovedQuestion = CrosscheckQuestion | AnalyseQuestion | SimulateQuestion | ExportQuestion
 MOST_TIMES = 100_000  # of a command line's grid
 TURNS = 4 * math.pi  # rad; crank angles beyond two turns were probably given in degrees
 USUAL = 1.0  # s, as far as the drives get
@@ -59,28 +62,24 @@ def speeds_of(mechanism: Mechanism) -> dict[str, float]:
     return {drive.joint: sign * drive.speed for drive in mechanism.drives if not isinstance(drive.speed, str)}
 
 
-def scheduled(
-    assembly: Assembly,
-    motion: Motion,
-    angles: object = None,
-    times: object = None,
-    course: object = None,
-    path: object = None,
-) -> Schedule:
+def scheduled(assembly: Assembly, question: MovedQuestion, *, may_swing: bool = True) -> Schedule:
     """The schedule of a question.
 
-    A linkage that one crank moves is looked at where it is at crank ``angles`` (N,) rad, by default its usual ones; one
-    that is let go over time.  All others, and one of which ``times`` (N,) s, a ``course`` or a platform's ``path`` are
-    given, are looked at over time, their drives at their speeds or as the file has them.
+    A linkage that one crank moves is looked at where it is at crank ``angles``, by default its usual ones; one that is
+    let go over time, if it may swing.  All others, and one of which ``times``, a ``course`` or a platform's ``path``
+    are given, are looked at over time, their drives at their speeds or as the file has them.
     Raises ArgumentError, GridError, DataError, ScheduleError, or AssemblyError by default.
     """
-    m, at_rest = assembly.mechanism, motion == "static"
+    m, at_rest = assembly.mechanism, question.motion == "static"
+    times, course, path = question.times, question.course, question.path
     if not by_angle(assembly) or not (times is None and course is None and path is None):
-        _check_over_time(assembly, motion, angles)
+        _check_over_time(assembly, question.motion, question.angles)
         return over_time(assembly, at_rest, times, course, path)
     if m.speed is not None or at_rest:
-        return Schedule.at_angles(m, crank_angles(assembly, angles), at_rest=at_rest)
-    if angles is not None:
+        return Schedule.at_angles(m, crank_angles(assembly, question.angles), at_rest=at_rest)
+    if not may_swing:
+        raise ArgumentError("motion", f"the drive of {m.name} has no constant speed; ask for static motion")
+    if question.angles is not None:
         raise ArgumentError("angles", f"{m.name} swings freely and is looked at over time; leave angles out")
     return Schedule.released(m, FREE_TIME)
 

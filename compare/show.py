@@ -14,6 +14,8 @@ from analytic.mechanism.signals import Signal, wrapped
 from compare.arguments import number
 from compare.faults import ArgumentError
 from compare.quantities import quantities
+from compare.questions.question import answers
+from compare.questions.show import ShowQuestion
 from compare.report.words import provenance as words
 from compare.report.words.effects import quantity
 from compare.results.crosscheck import CrossCheck, Discrepancy, Run
@@ -46,14 +48,8 @@ def show(
     joint_model: str | None = None,
     simulator: str | None = None,
 ) -> Provenance | SignalResiduals | Diagnosis: ...
-def show(
-    result: CrossCheck | Diagnosis | str | Path,
-    signal: str | None = None,
-    *,
-    at: float | None = None,
-    joint_model: str | None = None,
-    simulator: str | None = None,
-) -> Provenance | SignalResiduals | Diagnosis:
+@answers(ShowQuestion)
+def show(question: ShowQuestion) -> Provenance | SignalResiduals | Diagnosis:
     """One number of a cross-check: both sides, equation and module, engine and settings, verdict; or the residuals of
     a diagnosis.
 
@@ -64,6 +60,8 @@ def show(
 
     Raises DocumentError for the file and ArgumentError for what the result does not have.
     """
+    result, signal, at = question.result, question.signal, question.at
+    joint_model, simulator = question.joint_model, question.simulator
     document = read(result) if isinstance(result, str | Path) else result
     if isinstance(document, CrossCheck):
         if signal is None:

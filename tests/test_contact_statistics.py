@@ -9,10 +9,11 @@ import pytest
 
 from analytic.mechanism import GROUND
 from analytic.mechanism.file import load
-from compare.crosscheck import crosscheck_job, question
+from compare.crosscheck import crosscheck_job, job_of
 from compare.judge.contact import contact_in, more_revolutions, revolutions
 from compare.judge.statistics import statistic
 from compare.judge.watched import Run, integral
+from compare.questions.crosscheck import CrosscheckQuestion
 from sim_models.engine import Request, SimulationError, Trace, Watched
 
 CLEARANCE, STIFFNESS, SPEED = 1e-3, 1e6, 20.0
@@ -218,7 +219,7 @@ def test_a_longer_run_that_fails_leaves_the_shorter_one_which_says_so() -> None:
             return super().simulate(request)
 
     fast = ROCKER.replace(drive={"joint": ROCKER.drive_joint.name, "speed": 60.0})
-    job = question(fast, "mujoco", joint_model="contact", angles=np.radians(np.arange(0.0, 360.0, 30.0)))
+    job = job_of(CrosscheckQuestion(fast, joint_model="contact", angles=np.radians(np.arange(0.0, 360.0, 30.0))))
     found = crosscheck_job(job, resolve=lambda name: Tires())
     (run,) = found.runs
     assert not found.failures

@@ -24,10 +24,12 @@ import linkage_crosscheck as lc
 from analytic.errors import Error
 from analytic.mechanism import Body, Drive, Elasticity, Joint, Load, Mechanism, Spring
 from compare.cli.app import app
-from compare.crosscheck import crosscheck_job, question
+from compare.crosscheck import crosscheck_job, job_of
 from compare.export import exported
 from compare.left_out import OMISSIONS, Asked, omitted
 from compare.platform import platform_accuracy
+from compare.questions.analyse import ExportQuestion
+from compare.questions.crosscheck import CrosscheckQuestion
 from matrix_cases import CHANGES, COGGING, FOUR_BAR, IDLE, SLIDER_CRANK, Change, fields, mechanism
 from sim_models.engine import ENGINES, JOINT_MODELS, MOTIONS, engine
 
@@ -106,7 +108,7 @@ def _simulate(cell: Cell, m: Mechanism, other: Mechanism) -> Answer:
 
 def _compare(cell: Cell, m: Mechanism, other: Mechanism) -> Answer:
     how = {"joint_model": cell.joint_model, "flexible": cell.command.endswith("flexible"), "revolutions": 0}
-    job = question(m, cell.simulator, motion=cell.moves, workers=1, **how, **cell.where)
+    job = job_of(CrosscheckQuestion(m, cell.simulator, motion=cell.moves, workers=1, **how, **cell.where))
     found = crosscheck_job(replace(job, time=SWINGING) if cell.motion == "free" else job)
     if found.failures:
         return Answer(refused=found.failures[0].why, failed=True)
@@ -139,9 +141,8 @@ def _validity(cell: Cell, m: Mechanism, other: Mechanism) -> Answer:
 
 
 def _export(cell: Cell, m: Mechanism, other: Mechanism) -> Answer:
-    nothing = dict.fromkeys(("angles", "times", "course", "path", "clearance"))
-    how = {"joint_model": cell.joint_model, "motion": cell.moves, "large": False}
-    texts = exported(m, cell.simulator, **how, **nothing | cell.where)
+    how = {"joint_model": cell.joint_model, "motion": cell.moves}
+    texts = exported(ExportQuestion(m, cell.simulator, folder=".", **how, **cell.where))
     heading, *rows = texts["expected.csv"].splitlines()
     table = np.array([[float(each) for each in row.split(",")] for row in rows])
     sentences = tuple(line for line in texts["run.py"].splitlines() if line.startswith("# "))

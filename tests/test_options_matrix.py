@@ -10,6 +10,7 @@ import re
 import warnings
 from collections.abc import Callable, Iterator
 from copy import deepcopy
+from dataclasses import MISSING
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ import linkage_crosscheck as lc
 from analytic.mechanism import Load
 from analytic.mechanism.columns import Layout, Meaning
 from analytic.mechanism.file import dumps, load
+from analytic.paper.clearance import MODELS
 from commands import compare
 from compare.baseline.check import check_baselines, update_baselines
 from compare.cli.app import app
@@ -31,9 +33,21 @@ from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.measured_file import QUANTITIES, Entry, MeasuredFile
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.sensitivities import candidates
-from compare.faults import OPTIONS
+from compare.questions import shared
+from compare.questions.accuracy import AccuracyQuestion, PlatformQuestion
+from compare.questions.analyse import AnalyseQuestion, ExportQuestion, SimulateQuestion
+from compare.questions.baseline import BaselinesQuestion
+from compare.questions.check import CheckQuestion
+from compare.questions.crosscheck import CrosscheckQuestion
+from compare.questions.diagnose import DiagnoseQuestion
+from compare.questions.listing import ImportQuestion, RunsQuestion
+from compare.questions.question import Question, arguments, option_of
+from compare.questions.question import options as of_question
+from compare.questions.show import ShowQuestion
+from compare.questions.validity import ValidityQuestion
 from marks import slow
 from measured_files import csv_text
+from sim_models.engine import JOINT_MODELS, MOTIONS
 
 
 class Refused(dict[str, Any]):
@@ -233,11 +247,25 @@ ELSEWHERE = {  # options whose effect another test shows
     ("diagnose", "case"): "test_begin.py",
     ("baseline check", "junit"): "test_baseline.py",
     ("list", "folder"): "test_history.py",
-    ("check", "simulator"): "compares engines beside: above, as simulators",
 }
 OF_TYPER = {"install_completion", "show_completion"}
-NAMES = {option: argument for argument, option in OPTIONS.items()} | {
-    "map_": "map", "results": "results", "case": "mechanism"
+QUESTIONS: dict[str, tuple[type[Question], ...]] = {
+    "compare": (CrosscheckQuestion,),
+    "analyse": (AnalyseQuestion,),
+    "simulate": (SimulateQuestion,),
+    "export": (ExportQuestion,),
+    "check": (CheckQuestion,),
+    "accuracy": (AccuracyQuestion, PlatformQuestion),
+    "validity": (ValidityQuestion,),
+    "diagnose": (DiagnoseQuestion,),
+    "show": (ShowQuestion,),
+    "baseline check": (BaselinesQuestion,),
+    "baseline update": (BaselinesQuestion,),
+    "list": (RunsQuestion,),
+    "import": (ImportQuestion,),
+}
+OF_A_COMMAND = {  # options that are no argument, but for where and how an answer is given
+    ("diagnose", "check"), ("diagnose", "init"), ("diagnose", "case"), ("baseline check", "junit"),
 }  # fmt: skip
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     "compare": lc.crosscheck,
@@ -276,14 +304,13 @@ def options() -> list[tuple[str, str]]:
 
 def argument(command: str, option: str) -> str:
     """What a function calls an option."""
-    if option == "at":
-        return "joints" if command == "validity" else option
-    if option == "case" and command.startswith("baseline"):
-        return "cases"
-    if option == "simulator":
-        one = "simulators" not in inspect.signature(FUNCTIONS[command]).parameters if command in FUNCTIONS else True
-        return option if one else "simulators"
-    return NAMES.get(option, option)
+    return {written: name for name, written in named(command).items()}.get(option, option)
+
+
+def named(command: str) -> dict[str, str]:
+    """The option of each argument that has one."""
+    every = ((name, option) for question in QUESTIONS[command] for name, option in of_question(question).items())
+    return {name: option.name or name for name, option in every if option.typed}
 
 
 def rows() -> list[Row]:
@@ -304,16 +331,33 @@ def test_every_option_is_in_the_table() -> None:
 
 def test_every_option_is_an_argument_of_the_function_and_back() -> None:
     """What the command line takes, Python takes by its name, and back."""
-    own = {"folder", "progress", "workers", "dask", "records"}  # of Python: where and how
-    taken: dict[str, set[str]] = {}
-    for command, option in options():
-        taken.setdefault(command, set()).add(argument(command, option))
-    for command, function in FUNCTIONS.items():
-        known = set(inspect.signature(function).parameters) - (own - {"folder"} if "baseline" in command else own)
-        if command in ("accuracy", "platform"):
-            assert known <= taken["accuracy"], command
-        else:
-            assert known == taken[command] - ({"junit"} if command == "baseline check" else set()), command
+    for command, questions in QUESTIONS.items():
+        taken = {option for of, option in options() if of == command and (of, option) not in OF_A_COMMAND}
+        assert taken == set(named(command).values()) - ASIDE, command
+        assert all(option_of(field.type) for question in questions for field in arguments(question)), command
+
+
+def test_the_choices_that_a_command_offers_are_those_that_there_are() -> None:
+    """The types behind them are of modules that import numpy, for which ``compare --help`` does not wait."""
+    assert shared.JOINT_MODELS == JOINT_MODELS
+    assert shared.MOTIONS == MOTIONS
+    assert shared.MODELS == MODELS
+
+
+@pytest.mark.parametrize(("command", "function"), FUNCTIONS.items())
+def test_a_function_takes_what_its_question_asks_and_says_what_each_argument_is(
+    command: str, function: Callable[..., Any]
+) -> None:
+    (question,) = [PlatformQuestion] if command == "platform" else QUESTIONS[command][:1]
+    parameters = inspect.signature(function).parameters
+    assert {name: each.default for name, each in parameters.items()} == {
+        field.name: inspect.Parameter.empty if field.default is MISSING else field.default
+        for field in arguments(question)
+    }
+    help_ = " ".join((inspect.getdoc(function) or "").split())
+    for name, option in of_question(question).items():
+        assert f"``{name}`` {option.python_help}" in help_
+        assert "Option" not in str(parameters[name].annotation)
 
 
 # ---------------------------------------------------------------- what comes of it

@@ -22,15 +22,17 @@ from analytic.kinematics.structure import StructureError
 from analytic.mechanism import MechanismError
 from analytic.mechanism.file import dumps, load
 from analytic.paper.frame import ComplianceError
-from compare.arguments import engines, every_one, names, numbers, refuse_large
+from compare.arguments import engines, every_one, names, numbers, positive, refuse_large
 from compare.baseline.file import BaselineError
 from compare.cli.app import app
 from compare.diagnose.data.recording import MeasuredError
-from compare.domain_map.validity import gridded, increasing
+from compare.domain_map.map import Grid
+from compare.domain_map.validity import gridded
 from compare.faults import ArgumentError
 from compare.files import OutputError
 from compare.judge.grid import GridError
 from compare.judge.tolerances import ToleranceError
+from compare.questions.validity import ValidityQuestion
 from compare.results.document import DocumentError
 from compare.sweep import ClusterError
 from sample_result import as_document, sample_result
@@ -240,13 +242,15 @@ def test_a_clearance_of_more_than_a_tenth_of_a_body_is_taken_only_where_it_is_me
 
 
 def test_a_map_takes_large_clearances_only_where_they_are_meant() -> None:
-    asked = {"speeds": [60.0], "simulators": "mujoco", "joint_model": "contact", "joints": None, "tolerances": None}
+    def grid(**asked: object) -> Grid:
+        return gridded(ValidityQuestion("paper", speeds=[60.0], **asked))
+
     with pytest.raises(
         ArgumentError, match=r"^clearances: joint 'B' has clearance = 0\.0201 m, more than a tenth of body"
     ):
-        gridded("paper", clearances=[1e-4, 0.0201], **asked)
-    assert gridded("paper", clearances=[1e-4, 0.0201], large=True, **asked).clearances == (1e-4, 0.0201)
-    assert gridded("paper", clearances=[1e-4, 0.02], **asked).clearances == (1e-4, 0.02)
+        grid(clearances=[1e-4, 0.0201])
+    assert grid(clearances=[1e-4, 0.0201], large=True).clearances == (1e-4, 0.0201)
+    assert grid(clearances=[1e-4, 0.02]).clearances == (1e-4, 0.02)
 
 
 def test_what_has_no_length_sets_no_limit_and_a_block_is_as_long_as_in_its_guide() -> None:
@@ -294,7 +298,7 @@ def test_a_single_name_and_a_single_number_are_one() -> None:
     one = lc.accuracy("paper", outputs="coupler.B", angles=1.0, samples=10)
     assert list(one.outputs) == list(lc.accuracy("paper", outputs=["coupler.B"], angles=[1.0], samples=10).outputs)
     assert one.crank_angle.tolist() == [1.0]
-    assert increasing(60.0, "speeds", "rad/s") == (60.0,)
+    assert positive(60.0, "speeds", "rad/s") == (60.0,)
     assert names("rust", "only") == ("rust",)
 
 

@@ -21,6 +21,7 @@ from asked import request_of
 from compare.analyse import request
 from compare.faults import ArgumentError
 from compare.judge.reference import Reference, reference
+from compare.questions.analyse import SimulateQuestion
 from compare.results.crosscheck import CrossCheck
 from engine_checks import vector
 from engines_here import present
@@ -440,7 +441,7 @@ def test_what_is_asked_of_a_crank_is_refused_at_rest_too() -> None:
 
 def test_a_request_of_the_command_is_static_with_its_courses() -> None:
     m = load("five-bar")
-    asked = request(m, "ideal", "static", times=np.linspace(0.0, 0.2, 5))
+    asked = request(m, SimulateQuestion(m, motion="static", times=np.linspace(0.0, 0.2, 5)))
     assert asked.motion == "static"
     assert set(asked.schedule.courses) == {"D", "E"}
 

@@ -12,15 +12,17 @@ from analytic.kinematics.structure import StructureError
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import shipped_cases
 from analytic.mechanism.one_line import count
-from compare.arguments import Linkage, Simulators, engines, linkage, modelling, warn_of_friction
-from compare.arguments import path as checked_path
+from compare.arguments import Linkage, engines, linkage, modelling, warn_of_friction
 from compare.baseline.file import Baseline, BaselineError, StoredRun, owned, read, write
 from compare.baseline.moved import fits, moved
 from compare.baseline.runs import of_results, simulated
-from compare.check import Results, layout_of, result_files
+from compare.check import layout_of, result_files
 from compare.faults import ArgumentError, Exit, OptionError
 from compare.files import OutputError, file_name, made_folder, write_atomically
 from compare.progress import Progress, progress_bar
+from compare.questions.baseline import BASELINES, BaselinesQuestion
+from compare.questions.check import Results
+from compare.questions.question import answers
 from compare.recorded.errors import DataError
 from compare.recorded.table import Table, read_table, unused
 from compare.results.baselines import Baselines, Entry, Moved, Status
@@ -28,9 +30,6 @@ from compare.results.crosscheck import RECORDED
 from compare.runs import Resolve
 from sim_models.engine import SimulationError, SimulatorMissing, Unsupported, engine
 
-WHERE = Path("reports") / "baselines"
-Cases = Linkage | Sequence[Linkage]
-"""One linkage or several: mechanisms, names of shipped cases, or mechanism files."""
 Made = Callable[[Mechanism, str, Resolve], tuple[str, list[StoredRun]]]
 Work = Callable[[Mechanism, str, Path, Resolve, str, Made], Entry]
 GRAVITY: dict[Status, Exit] = {
@@ -40,15 +39,8 @@ GRAVITY: dict[Status, Exit] = {
 }
 
 
-def check_baselines(
-    cases: Cases | None = None,
-    simulators: Simulators = "all",
-    folder: str | Path = WHERE,
-    *,
-    results: Results | None = None,
-    map: str | Path | None = None,
-    progress: Progress | None = None,
-) -> Baselines:
+@answers(BaselinesQuestion)
+def check_baselines(question: BaselinesQuestion) -> Baselines:
     """Run every case in every engine, and find all reaction forces that are not where the baseline has them.
 
     ``cases`` are all shipped ones by default, ``folder`` is where the baseline files are.  A baseline that is missing
@@ -57,40 +49,33 @@ def check_baselines(
 
     Raises MechanismError for a case, Unsupported for an unknown engine, SimulatorMissing where none is installed.
     """
-    where = checked_path(folder, "folder")
-    _one_source(simulators, results, map)
-    if results is not None:
-        return _recorded(check_one, cases, results, map, where)
-    with progress_bar(progress) as told:
-        return _each(check_one, cases, simulators, where, told)
+    _one_source(question)
+    folder = Path(question.folder)
+    if question.results is not None:
+        return _recorded(check_one, question, question.results, folder)
+    with progress_bar(question.progress) as told:
+        return _each(check_one, question, folder, told)
 
 
-def update_baselines(
-    cases: Cases | None = None,
-    simulators: Simulators = "all",
-    folder: str | Path = WHERE,
-    *,
-    results: Results | None = None,
-    map: str | Path | None = None,
-    progress: Progress | None = None,
-) -> Baselines:
+@answers(BaselinesQuestion)
+def update_baselines(question: BaselinesQuestion) -> Baselines:
     """Write the baseline of every case in every engine; numbers that have not moved, and files without any that have,
     stay as they are.  Raises OutputError, and what :func:`check_baselines` does.
     """
-    _one_source(simulators, results, map)
-    with made_folder(Path(folder), "--baselines") as place, progress_bar(progress) as told:
-        if results is not None:
-            return _recorded(update_one, cases, results, map, place)
-        return _each(update_one, cases, simulators, place, told)
+    _one_source(question)
+    with made_folder(Path(question.folder), "--baselines") as folder, progress_bar(question.progress) as told:
+        if question.results is not None:
+            return _recorded(update_one, question, question.results, folder)
+        return _each(update_one, question, folder, told)
 
 
-def _one_source(simulators: Simulators, results: Results | None, map: str | Path | None) -> None:
+def _one_source(question: BaselinesQuestion) -> None:
     """Raises ArgumentError for what belongs to engines beside results, or to results that are not given."""
-    if results is not None and simulators != "all":
+    if question.results is not None and question.simulators != "all":
         raise ArgumentError(
             "simulators", "results are another program's, in place of an engine's; leave one of them out"
         )
-    if results is None and map is not None:
+    if question.results is None and question.map is not None:
         raise ArgumentError("map", "says what the columns of results are; give them, or leave it out")
 
 
@@ -99,7 +84,8 @@ def status(found: Baselines) -> Exit:
     return max((GRAVITY.get(entry.status, Exit.AGREES) for entry in found.entries), default=Exit.AGREES)
 
 
-def _each(work: Work, cases: Cases | None, simulators: Simulators, folder: Path, progress: Progress) -> Baselines:
+def _each(work: Work, question: BaselinesQuestion, folder: Path, progress: Progress) -> Baselines:
+    cases = question.cases
     if cases is None:
         wanted: Sequence[Linkage] = shipped_cases()
     else:
@@ -107,7 +93,7 @@ def _each(work: Work, cases: Cases | None, simulators: Simulators, folder: Path,
     mechanisms = [
         (linkage(case, large=True), case.name if isinstance(case, Mechanism) else str(case)) for case in wanted
     ]
-    installed, left_out = engines(simulators)
+    installed, left_out = engines(question.simulators)
     names = [modelling(name) for name in installed]
     for mechanism, _ in mechanisms:
         warn_of_friction(mechanism, None, "static")
@@ -119,8 +105,9 @@ def _each(work: Work, cases: Cases | None, simulators: Simulators, folder: Path,
     return _baselines(folder, entries, left_out)
 
 
-def _recorded(work: Work, cases: Cases | None, results: Results, map: str | Path | None, folder: Path) -> Baselines:
+def _recorded(work: Work, question: BaselinesQuestion, results: Results, folder: Path) -> Baselines:
     """The baselines of results that another program has recorded of one case."""
+    cases, map = question.cases, question.map
     if cases is None or not isinstance(cases, Mechanism | str | Path):
         raise ArgumentError("cases", "results are of one case; give it")
     mechanism = linkage(cases, large=True)
@@ -180,7 +167,7 @@ def file_of(folder: Path, case: str, simulator: str) -> Path:
 
 def command(verb: str, typed: str, simulator: str, folder: Path) -> str:
     """The command line that does this to one baseline, to be pasted into a shell."""
-    elsewhere = [] if folder == WHERE else ["--baselines", str(folder)]
+    elsewhere = [] if folder == BASELINES else ["--baselines", str(folder)]
     return shlex.join(["compare", "baseline", verb, "--case", typed, "--simulator", simulator, *elsewhere])
 
 

@@ -1,7 +1,6 @@
 """``compare baseline update`` and ``check``: reaction forces stored to be reviewed, and whatever has moved since."""
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -9,11 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from compare.cli.folders import refuse_inputs
-from compare.cli.options import Json, Quiet, place, said
-from compare.cli.publish import show
-from compare.faults import OptionError, complaints, printable
+from compare.cli.publish import said
+from compare.cli.typed import Line, Shown, command
+from compare.faults import OptionError, printable
 from compare.files import made_folder, write_atomically
-from compare.progress import progress_bar
+from compare.questions.baseline import BaselinesQuestion
+from compare.questions.option import Option, Written
+from compare.questions.question import Question
 
 if TYPE_CHECKING:
     from compare.results.baselines import Baselines
@@ -22,89 +23,63 @@ baseline = typer.Typer(
     help="Regression on reaction-force angles: store them, and find what has moved.", no_args_is_help=True
 )
 
-Case = Annotated[str | None, typer.Option(help="Shipped case or a mechanism file; left out, every shipped case.")]
-Simulator = Annotated[str | None, typer.Option(help="Engine; left out (or all), every one that is installed.")]
-Folder = Annotated[Path, typer.Option("--baselines", parser=place, metavar="DIR", help="Folder of the baseline files.")]
-Junit = Annotated[Path | None, typer.Option("--junit", parser=place, metavar="FILE", help="Write a JUnit file too.")]
-ResultFiles = Annotated[
-    list[Path] | None,
-    typer.Option("--results", metavar="FILE", help="Another program's results of the case in place of an engine's."),
-]
-Map = Annotated[Path | None, typer.Option("--map", metavar="FILE", help="What the columns of --results are.")]
-WHERE = Path("reports") / "baselines"
+
+class Junit(Question):
+    """For whoever shows tests."""
+
+    junit: Annotated[Path | None, Option("Write a JUnit file too.", Written("FILE"))] = None
 
 
 @baseline.command()
-def check(
-    context: typer.Context,
-    case: Case = None,
-    simulator: Simulator = None,
-    folder: Folder = WHERE,
-    results: ResultFiles = None,
-    map_: Map = None,
-    junit: Junit = None,
-    json: Json = False,
-    quiet: Quiet = False,
-) -> None:
+@command(BaselinesQuestion, Junit, Shown)
+def check(line: Line) -> None:
     """Run every case in every engine, and report all reaction forces that are not where the baseline has them.
 
     Exit status: 0 nothing moved, 1 something moved, 2 a baseline is missing or damaged, 3 a simulator is missing or
     failed.
     """
-    with complaints(context):
+    with line.complaints():
         from compare.baseline.check import check_baselines
 
-        refuse_inputs(context, [junit] if junit is not None else [], "--junit")
+        junit = line.asked(Junit).junit
+        refuse_inputs(line.context, [junit] if junit is not None else [], "--junit")
         with nullcontext() if junit is None else made_folder(junit.parent, "--junit"):
-            with progress_bar() as progress:
-                found = check_baselines(
-                    case, simulator or "all", folder, results=_recorded(results, case), map=map_, progress=progress
-                )
+            found = _asked(line, check_baselines)
             if junit is not None:
                 from compare.report.baselines import junit as junit_of
 
                 write_atomically(junit, junit_of(found))
-    _end(found, json, quiet)
+    _end(line, found)
 
 
 @baseline.command()
-def update(
-    context: typer.Context,
-    case: Case = None,
-    simulator: Simulator = None,
-    folder: Folder = WHERE,
-    results: ResultFiles = None,
-    map_: Map = None,
-    json: Json = False,
-    quiet: Quiet = False,
-) -> None:
+@command(BaselinesQuestion, Shown)
+def update(line: Line) -> None:
     """Write the baseline of every case in every engine; numbers that have not moved, and files without any that have,
     stay as they are.
 
     Exit status: 0 written, 2 bad input, 3 a simulator is missing or failed.
     """
-    with complaints(context):
+    with line.complaints():
         from compare.baseline.check import update_baselines
 
-        with progress_bar() as progress:
-            found = update_baselines(
-                case, simulator or "all", folder, results=_recorded(results, case), map=map_, progress=progress
-            )
-    _end(found, json, quiet)
+        found = _asked(line, update_baselines)
+    _end(line, found)
 
 
-def _recorded(results: list[Path] | None, case: str | None) -> list[Path] | None:
-    if results and case is None:
+def _asked(line: Line, function: Callable[..., "Baselines"]) -> "Baselines":
+    """What comes of a command.  Raises OptionError."""
+    if line.has("results") and not line.has("case"):
         raise OptionError("--results: they are of one case; name it with --case")
-    return results or None
+    return line.ask(function, BaselinesQuestion)
 
 
-def _end(found: Baselines, json: bool, quiet: bool) -> None:
+def _end(line: Line, found: "Baselines") -> None:
     """Print what was found, say what was not, and leave with the gravest status."""
     from compare.baseline.check import status
 
-    show(found, json=json, quiet=quiet)
+    line.show(found)
     faults = [entry.why for entry in found.entries if entry.status in ("unusable", "failed")]
-    said(line for line in found.left_out if line not in faults)
+    said(each for each in found.left_out if each not in faults)
     said(f"compare: {printable(why)}" for why in faults)
     raise typer.Exit(status(found))

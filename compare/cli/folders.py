@@ -8,13 +8,11 @@ import shlex
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from enum import Enum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 
 from compare.files import OutputError, check_replaceable, file_name
-
-Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace what another command has left in the folder.")]
 
 ASIDE = {
     "out",
@@ -109,7 +107,6 @@ def _named(context: typer.Context, stem: str) -> str:
 
 def _part(option: str, value: Any) -> str:
     """An option that is not at its default, as a part of a name: ``static``, ``B=2e-4``, ``flexible``, ``seed=7``."""
-    option = option.rstrip("_")  # of a word that Python has taken
     if value is True:
         return option
     if isinstance(value, Enum) or option in BARE:

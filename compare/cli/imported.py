@@ -1,26 +1,23 @@
 """``compare import``: a mechanism file from somebody's model file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from compare.cli.folders import refuse_others
+from compare.cli.typed import Line, Overwrite, Shown, command
+from compare.questions.listing import ImportQuestion
+from compare.questions.option import Option, Written
+from compare.questions.question import Question
 
-from compare.cli.folders import Overwrite, refuse_others
-from compare.cli.options import Json, Quiet, place
-from compare.cli.publish import show
-from compare.faults import complaints
+
+class Target(Question):
+    """The file that is to be written."""
+
+    out: Annotated[Path, Option("Mechanism file (TOML) to write.", Written("FILE"))]
 
 
-def import_(
-    context: typer.Context,
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="MJCF file of a planar linkage.")],
-    out: Annotated[Path, typer.Option(parser=place, metavar="FILE", help="Mechanism file (TOML) to write.")],
-    overwrite: Overwrite = False,
-    json: Json = False,
-    quiet: Quiet = False,
-) -> None:
+@command(ImportQuestion, Target, Overwrite, Shown)
+def import_(line: Line) -> None:
     """Read a MuJoCo model (MJCF) of a planar linkage, and write it as a mechanism file.
 
     Bodies, hinges, slides, loops closed by connect or weld, inertia, and what drives it are read; what MJCF has no word
@@ -28,14 +25,15 @@ def import_(
 
     Exit status: 0 written, 2 bad input, 3 MuJoCo is missing.
     """
-    with complaints(context):
+    with line.complaints():
         from compare.files import OutputError, alone_in, made_folder, write_atomically
         from compare.imported import import_mjcf
 
-        found = import_mjcf(file)
+        out = line.asked(Target).out
+        found = line.ask(import_mjcf, ImportQuestion)
         if out.is_dir():
             raise OutputError(f"--out {out}: it is a folder; name the file to write, such as {out / 'linkage.toml'}")
         with made_folder(out.parent) as folder, alone_in(folder):
-            refuse_others(context, folder, {out.name: found.text}, overwrite)
+            refuse_others(line.context, folder, {out.name: found.text}, line.asked(Overwrite).overwrite)
             write_atomically(out, found.text)
-        show(found.model_copy(update={"path": str(out)}), json=json, quiet=quiet)
+        line.show(found.model_copy(update={"path": str(out)}))

@@ -4,52 +4,44 @@ list``: what was found before.
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
-
-import typer
-
-from compare.cli.options import Json, Quiet
-from compare.cli.publish import show
-from compare.faults import complaints
+from compare.cli.typed import Line, Shown, command
+from compare.questions.listing import RunsQuestion
 
 
-def cases(json: Json = False, quiet: Quiet = False) -> None:
+@command(Shown)
+def cases(line: Line) -> None:
     """List the mechanisms that ship with the package."""
-    with complaints():
-        from compare.catalogue import cases as listed
+    with line.complaints():
+        from compare.catalogue import cases
 
-        show(listed(), json=json, quiet=quiet)
+        line.show(cases())
 
 
-def simulators(json: Json = False, quiet: Quiet = False) -> None:
+@command(Shown)
+def simulators(line: Line) -> None:
     """List the engines: installed or not, and the joint models, motions and effects that each supports."""
-    with complaints():
-        from compare.catalogue import simulators as listed
+    with line.complaints():
+        from compare.catalogue import simulators
 
-        show(listed(), json=json, quiet=quiet)
+        line.show(simulators())
 
 
-def effects(json: Json = False, quiet: Quiet = False) -> None:
+@command(Shown)
+def effects(line: Line) -> None:
     """List the effects that a diagnosis can name: meaning, parameters, units, and which engines simulate each."""
-    with complaints():
-        from compare.catalogue import effects as listed
+    with line.complaints():
+        from compare.catalogue import effects
 
-        show(listed(), json=json, quiet=quiet)
+        line.show(effects())
 
 
-def runs(
-    context: typer.Context,
-    folder: Annotated[Path | None, typer.Argument(help="Where reports are [reports].")] = None,
-    json: Json = False,
-    quiet: Quiet = False,
-) -> None:
+@command(RunsQuestion, Shown)
+def runs(line: Line) -> None:
     """List earlier results, newest first: cross-checks, diagnoses, accuracy and validity, with the command of each.
 
     Exit status: 0 listed, 2 there is no such folder.
     """
-    with complaints(context):
-        from compare.history import WHERE
-        from compare.history import runs as listed
+    with line.complaints():
+        from compare.history import runs
 
-        show(listed(WHERE if folder is None else folder), json=json, quiet=quiet)
+        line.show(line.ask(runs, RunsQuestion))

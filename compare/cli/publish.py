@@ -34,7 +34,8 @@ def finished(document: D, warned: Iterable[str]) -> D:
     for text in told:
         if text not in before:
             typer.echo(text if text.startswith("left out: ") else f"warning: {text}", err=True)
-    return document.model_copy(update={"command": command_line(), "warnings": tuple(told)})
+    known = {"warnings": tuple(told)} if "warnings" in type(document).model_fields else {}
+    return document.model_copy(update={"command": command_line(), **known})
 
 
 def publish(
@@ -104,3 +105,9 @@ def console_of(width: int | None) -> Console:
     from rich.console import Console
 
     return Console(width=width, markup=False, emoji=False)
+
+
+def said(sentences: Iterable[str]) -> None:
+    """Sentences on standard error."""
+    for sentence in sentences:
+        typer.echo(sentence, err=True)

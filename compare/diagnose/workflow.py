@@ -6,22 +6,10 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from pathlib import Path
 
 from analytic.mechanism import MechanismWarning
 from analytic.mechanism.errors import quoted
-from compare.arguments import (
-    Names,
-    flag,
-    modelling,
-    names,
-    noted,
-    one_engine,
-    path,
-    seconds,
-    warn_of_friction,
-    whole,
-)
+from compare.arguments import modelling, noted, one_engine, path, warn_of_friction
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import Measured
 from compare.diagnose.effects.effect import Effect
@@ -34,7 +22,9 @@ from compare.diagnose.result import as_document
 from compare.diagnose.validation import parted, validated
 from compare.faults import ArgumentError
 from compare.left_out import Asked, omitted
-from compare.progress import Progress, progress_bar
+from compare.progress import progress_bar
+from compare.questions.diagnose import DiagnoseQuestion
+from compare.questions.question import answers
 from compare.results.diagnosis import Diagnosis
 
 MANY = 4  # named effects that explain: one unknown at one place may be simpler
@@ -49,46 +39,33 @@ def _trying() -> Iterator[None]:
 
 
 @_trying()
-def diagnose(  # noqa: PLR0913 - what a person may ask, by name
-    measured: Measured | str | Path,
-    simulator: str = "mujoco",
-    *,
-    only: Names = (),
-    exclude: Names = (),
-    own: Sequence[Effect] = (),
-    adopt: bool = False,
-    others: bool = True,
-    workers: int | None = None,
-    budget: float | None = None,
-    progress: Progress | None = None,
-) -> Diagnosis:
+@answers(DiagnoseQuestion)
+def diagnose(question: DiagnoseQuestion) -> Diagnosis:
     """Find which effects the data want that the mechanism lacks.
 
-    ``measured`` is a recording, or the path of a measured.toml (or of its folder); ``simulator`` the engine that
-    simulates before and after.  ``only`` and ``exclude`` are ``effect`` or ``effect@where``; ``own`` are effects beside
-    the vocabulary.  With ``adopt`` what is proposed becomes an effect like any other, and the diagnosis is made again
-    with it.  With ``others`` every installed engine simulates the explanation too.  Simulations run in
-    ``workers`` processes (two, or the cores that there are).  After ``budget`` seconds the search ends with the best so
-    far, and the result says so.
+    ``measured`` is a recording, or the path of a measured.toml (or of its folder).  ``only`` and ``exclude`` are
+    ``effect`` or ``effect@where``.  After ``budget`` seconds the search ends with the best so far, and the result says
+    so.
 
     Raises ArgumentError, MeasuredError for data that cannot be what they say, Unsupported or SimulatorMissing for the
     simulator, SimulationError where it fails on the nominal mechanism.
     """
+    own, measured = question.own, question.measured
     if not isinstance(own, Sequence) or not all(isinstance(each, Effect) for each in own):
         raise ArgumentError("own", f"{quoted(own)} cannot be used; give a list of effects")
-    with progress_bar(progress) as told:
+    with progress_bar(question.progress) as told:
         options = Options(
-            modelling(one_engine(simulator)),
-            names(only, "only"),
-            names(exclude, "exclude"),
+            modelling(one_engine(question.simulator)),
+            tuple(question.only),
+            tuple(question.exclude),
             own,
-            flag(others, "others"),
-            None if workers is None else whole(workers, "workers", 1),
+            question.others,
+            question.workers,
             told,
-            None if budget is None else seconds(budget, "budget"),
+            question.budget,
         )
         data = measured if isinstance(measured, Measured) else load_measured(path(measured, "measured"))
-        return _with_adopted(data, options) if flag(adopt, "adopt") else _diagnosed(data, options)[0]
+        return _with_adopted(data, options) if question.adopt else _diagnosed(data, options)[0]
 
 
 def _with_adopted(data: Measured, options: Options) -> Diagnosis:

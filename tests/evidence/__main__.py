@@ -16,9 +16,8 @@ from typing import Annotated
 
 import typer
 
-from compare.cli.options import Json, Quiet, place, said
 from compare.cli.pipe import reader_may_go
-from compare.cli.publish import resumed, show
+from compare.cli.publish import resumed, said, show
 from compare.faults import OptionError, complaints
 from compare.files import made_folder
 from compare.progress import progress_bar
@@ -38,6 +37,21 @@ scoreboard = typer.Typer(
 )
 app.add_typer(validation, name="validation")
 app.add_typer(scoreboard, name="scoreboard")
+
+Json = Annotated[
+    bool, typer.Option("--json", help="Print the result file (JSON) to standard output, and nothing else there.")
+]
+Quiet = Annotated[
+    bool, typer.Option("--quiet", "-q", help="Print nothing to standard output; files are written as without it.")
+]
+
+
+def place(text: str | Path) -> Path:
+    """The path of an option.  Raises BadParameter for an empty one, which would be the current folder."""
+    if not str(text).strip():
+        raise typer.BadParameter("it is empty; name a folder, or give . for the current one")
+    return Path(text)
+
 
 Folder = Annotated[Path, typer.Option("--reports", parser=place, metavar="DIR", help="Folder of the report.")]
 Data = Annotated[

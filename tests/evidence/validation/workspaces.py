@@ -17,7 +17,8 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
 from analytic.paper.clearance import Model, displaced
 from compare.arguments import cores
-from compare.platform import Grid, platform_accuracy
+from compare.platform import platform_accuracy
+from compare.questions.accuracy import Grid
 from compare.results.crosscheck import Failure
 from compare.results.platform import PlatformAccuracy
 from compare.runs import simulate_all

@@ -1,0 +1,177 @@
+"""Questions on a command line: their options for typer, the arguments that were typed, and where the answer goes."""
+
+import inspect
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import MISSING, Field, dataclass
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, cast
+
+import typer
+
+from compare.cli.folders import named_after, result_folder
+from compare.cli.publish import finished, publish, show
+from compare.faults import Exit, complaints
+from compare.files import made_folder
+from compare.questions.option import LeftOut, Option, Switch, Whole, Written
+from compare.questions.question import Question, arguments, option_of
+
+if TYPE_CHECKING:
+    from compare.results.crosscheck import CrossCheck
+    from compare.results.document import Document
+
+D = TypeVar("D", bound="Document")
+Q = TypeVar("Q", bound=Question)
+R = TypeVar("R")
+TYPED = "COMMANDLINE"  # typer's word for what is not left out
+
+
+class Shown(Question):
+    """What goes to standard output."""
+
+    json: Annotated[
+        bool, Option("Print the result file (JSON) to standard output, and nothing else there.", Switch())
+    ] = False
+    quiet: Annotated[
+        bool, Option("Print nothing to standard output; files are written as without it.", Switch(), short="-q")
+    ] = False
+
+
+class Overwrite(Question):
+    """Whether files may be replaced."""
+
+    overwrite: Annotated[bool, Option("Replace what another command has left in the folder.", Switch())] = False
+
+
+class Where(Overwrite):
+    """Where the files of an answer go."""
+
+    out: Annotated[
+        Path | None, Option("Folder of the files [reports/ and a name of the case and the options].", Written("PATH"))
+    ] = None
+
+
+@dataclass(frozen=True)
+class Line:
+    """A command line of some questions: the word of each option, typed or what stands in its place."""
+
+    context: typer.Context
+    questions: tuple[type[Question], ...]
+    words: Mapping[str, object]
+
+    def complaints(self) -> AbstractContextManager[list[str]]:
+        """Faults as sentences that name an option as it was typed; see :func:`compare.faults.complaints`."""
+        names = {field.name: name for q in self.questions for field, name, _ in _typed(q)}
+        return complaints(self.context, names)
+
+    def has(self, name: str) -> bool:
+        """Whether an option was typed."""
+        source = self.context.get_parameter_source(name)
+        return source is not None and source.name == TYPED
+
+    def ask(self, function: Callable[..., R], question: type[Question], **more: object) -> R:
+        """Call a function with the arguments of its question that are not left out, and ``more``.
+
+        Raises ArgumentError, and what the function raises.
+        """
+        words = ((field.name, option.kind, self.words[name]) for field, name, option in _typed(question))
+        typed = {name: kind.parse(word, name) for name, kind, word in words if word not in (None, [], ())}
+        return function(**typed | more)
+
+    def asked(self, question: type[Q]) -> Q:
+        """A question itself.  Raises ArgumentError."""
+        return self.ask(question, question)
+
+    def folder(self, stem: str, file: str, *beside: str) -> Path:
+        """The folder of the answer, whose result is ``file``; see :func:`compare.cli.folders.result_folder`."""
+        where = self.asked(Where)
+        return result_folder(self.context, stem, file, where.out, where.overwrite, beside)
+
+    def answer(self, ask: Callable[[], D], caught: Sequence[str], folder: Path) -> D:
+        """Ask, write what comes of it into a folder, and print it."""
+        shown, overwrite = self.asked(Shown), self.asked(Overwrite).overwrite
+        with made_folder(folder) as place:
+            document = finished(ask(), caught)
+            publish(document, place, json=shown.json, quiet=shown.quiet, overwrite=overwrite, context=self.context)
+        return document
+
+    def show(self, document: "Document", place: Path | None = None) -> None:
+        """Print a document, whose files are in a folder."""
+        shown = self.asked(Shown)
+        show(document, json=shown.json, quiet=shown.quiet, place=place)
+
+    def judge(self, ask: Callable[[], "CrossCheck"], caught: Sequence[str], folder: Path) -> None:
+        """Answer by a cross-check, and leave with its verdict as the status.  Raises typer's Exit."""
+        result = self.answer(ask, caught, folder)
+        for failure in result.failures:  # the status is theirs even where the others agree
+            typer.echo(f"compare: {failure.why}", err=True)
+        if result.failures:
+            raise typer.Exit(Exit.SIMULATOR_FAILED)
+        raise typer.Exit(Exit.AGREES if result.verdict == "agrees" else Exit.DISAGREES)
+
+    def files(self, name: str) -> list[Path]:
+        """The files of an option that may be repeated."""
+        return cast(list[Path], self.words[name] or [])
+
+    @property
+    def case(self) -> str:
+        """The linkage that is meant, as it was typed."""
+        return cast(str, self.words["case"])
+
+    @property
+    def stem(self) -> str:
+        """What a folder is named after: the case."""
+        return named_after(self.case)
+
+
+def command(*questions: type[Question]) -> Callable[[Callable[[Line], None]], Callable[..., None]]:
+    """Make of a function of a line a command that has the options of these questions."""
+
+    def of(run: Callable[[Line], None]) -> Callable[..., None]:
+        def called(context: typer.Context, **words: Any) -> None:
+            run(Line(context, questions, words))
+
+        context = inspect.Parameter("context", inspect.Parameter.KEYWORD_ONLY, annotation=typer.Context)
+        parameters: dict[str, inspect.Parameter] = {}
+        for field, name, option in chain.from_iterable(map(_typed, questions)):
+            parameters.setdefault(name, _parameter(field, name, option))
+        called.__signature__ = inspect.Signature([context, *parameters.values()])  # type: ignore[attr-defined]
+        called.__name__, called.__doc__, called.__annotations__ = run.__name__, run.__doc__, {}
+        return called
+
+    return of
+
+
+def option_names(question: type[Question]) -> list[str]:
+    """The options of a command by which a question is asked."""
+    return [name for _, name, _ in _typed(question)]
+
+
+def _typed(question: type[Question]) -> Iterator[tuple[Field[Any], str, Option]]:
+    """The fields of a question that are options of a command, with their names there."""
+    for field in arguments(question):
+        option = option_of(field.type)
+        if option is not None and option.typed:
+            yield field, option.name or field.name, option
+
+
+def _parameter(field: Field[Any], name: str, option: Option) -> inspect.Parameter:
+    """An option as typer takes it from a function's signature."""
+    kind, left_out = option.kind, option.left_out
+    default = field.default if left_out is LeftOut.AS_ARGUMENT else left_out
+    word: Any = kind.word
+    required = default in (MISSING, LeftOut.REFUSED)
+    default = default if required else kind.stands_for(default)
+    if kind.repeated:
+        word = list[word]
+    bounds = {"min": kind.least, "max": kind.most} if isinstance(kind, Whole) else {}
+    told: dict[str, Any] = {"help": option.typed_help, "metavar": kind.metavar, **bounds}
+    flags = [f"--{name.replace('_', '-')}", *filter(None, [option.short])]
+    info = typer.Argument(**told) if option.positional else typer.Option(*flags, **told)
+    return inspect.Parameter(
+        name,
+        inspect.Parameter.KEYWORD_ONLY,
+        default=inspect.Parameter.empty if required else default,
+        annotation=Annotated[word if default is not None else word | None, info],
+    )

@@ -1,0 +1,72 @@
+"""One side of a comparison by itself: what the analytic model says, what an engine does, its model file."""
+
+from dataclasses import KW_ONLY
+from typing import Annotated
+
+from compare.questions.option import LeftOut, Option, Switch, Written
+from compare.questions.question import Question
+from compare.questions.shared import (
+    Analytic,
+    AnyPath,
+    Case,
+    Clearance,
+    Course,
+    CrankAngles,
+    Drives,
+    Engine,
+    Followed,
+    GivenTimes,
+    Large,
+    OneModel,
+)
+
+
+class AnalyseQuestion(Question):
+    """What the analytic model is to say."""
+
+    mechanism: Case = "paper"
+    _: KW_ONLY
+    clearance: Clearance = None
+    large: Large = False
+    model: Analytic = "equilibrium"
+    motion: Drives = "driven"
+    compliance: Annotated[bool, Option("Let links and joints yield as well.", Switch())] = False
+    angles: CrankAngles = None
+    times: GivenTimes = None
+    course: Course = None
+    path: Followed = None
+
+
+class SimulateQuestion(Question):
+    """What an engine is to do."""
+
+    mechanism: Case = "paper"
+    simulator: Engine = "mujoco"
+    _: KW_ONLY
+    joint_model: OneModel = "ideal"
+    motion: Drives = "driven"
+    clearance: Clearance = None
+    large: Large = False
+    angles: CrankAngles = None
+    times: GivenTimes = None
+    course: Course = None
+    path: Followed = None
+
+
+class ExportQuestion(Question):
+    """What an engine is to do without this project."""
+
+    mechanism: Case = "paper"
+    simulator: Annotated[
+        str, Option("Engine whose model is wanted (see: compare simulators).", left_out=LeftOut.REFUSED)
+    ] = "mujoco"
+    _: KW_ONLY
+    folder: Annotated[AnyPath, Option("Folder for the files.", Written("DIR"), name="out")]
+    joint_model: OneModel = "ideal"
+    motion: Drives = "driven"
+    clearance: Clearance = None
+    large: Large = False
+    angles: CrankAngles = None
+    times: GivenTimes = None
+    course: Course = None
+    path: Followed = None

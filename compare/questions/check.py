@@ -1,0 +1,63 @@
+"""The check of recorded results: what any program has computed of a linkage, held against the analytic model."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY
+from typing import TYPE_CHECKING, Annotated
+
+from compare.questions.option import Choice, Files, Kind, Option, Source
+from compare.questions.question import Question
+from compare.questions.shared import (
+    JOINT_MODELS,
+    MOTIONS,
+    Analytic,
+    AnyPath,
+    Case,
+    Clearance,
+    Large,
+    PythonWorkers,
+    Told,
+    Tolerance,
+)
+
+if TYPE_CHECKING:
+    from analytic.mechanism.columns import Layout
+    from compare.arguments import Simulators
+    from sim_models.engine import JointModel, Motion
+
+Results = AnyPath | Sequence[AnyPath] | Mapping[str, AnyPath]
+"""A file of results, several, or several by the name of the program that wrote each."""
+
+
+class CheckQuestion(Question):
+    """Which results are held against what."""
+
+    results: Annotated[
+        Results,
+        Option("Files of results (CSV, Parquet, Feather or MAT), one for each program.", Files(), positional=True),
+    ]
+    mechanism: Case = "paper"
+    _: KW_ONLY
+    map: Annotated["AnyPath | Layout | None", Option("TOML file that says what the columns are.", Source("FILE"))] = (
+        None
+    )
+    simulators: Annotated[
+        "Simulators | None",
+        Option("Engines that simulate the same motion beside, or all.", Kind("NAME,..."), name="simulator"),
+    ] = None
+    joint_model: Annotated[
+        "JointModel | None",
+        Option(
+            "What the joints with clearance were [contact; ideal where none has clearance].",
+            Choice(choices=JOINT_MODELS),
+            name="joint",
+        ),
+    ] = None
+    motion: Annotated[
+        "Motion", Option("A motion over time, or an equilibrium in each row.", Choice(choices=MOTIONS))
+    ] = "driven"
+    clearance: Clearance = None
+    large: Large = False
+    analytic: Analytic = "equilibrium"
+    tolerances: Tolerance = None
+    workers: PythonWorkers = None
+    progress: Told = None

@@ -1,0 +1,69 @@
+"""The cross-check: the analytic model of a linkage against simulations of it."""
+
+from dataclasses import KW_ONLY
+from typing import TYPE_CHECKING, Annotated
+
+from compare.questions.option import Choice, File, Kind, Option, Switch, Whole
+from compare.questions.question import Question
+from compare.questions.shared import (
+    JOINT_MODELS,
+    Analytic,
+    AnyPath,
+    Case,
+    Clearance,
+    Course,
+    CrankAngles,
+    Drives,
+    Followed,
+    GivenTimes,
+    Large,
+    PythonWorkers,
+    Told,
+    Tolerance,
+)
+
+if TYPE_CHECKING:
+    from compare.arguments import Simulators
+    from sim_models.engine import JointModel
+
+REVOLUTIONS = 32  # at the utmost, of a run whose pins strike
+
+
+class CrosscheckQuestion(Question):
+    """What to cross-check."""
+
+    mechanism: Case = "paper"
+    simulators: Annotated[
+        "Simulators",
+        Option(
+            "Engines to compare with, or all that are installed (see: compare simulators); mjcf:FILE and fmu:FILE are"
+            " your own models.",
+            Kind("NAME,..."),
+            name="simulator",
+            left_out=None,
+        ),
+    ] = "mujoco"
+    _: KW_ONLY
+    joint_model: Annotated[
+        "JointModel | None",
+        Option("One joint model; left out, all that the engine has.", Choice(choices=JOINT_MODELS), name="joint"),
+    ] = None
+    motion: Drives = "driven"
+    clearance: Clearance = None
+    large: Large = False
+    angles: CrankAngles = None
+    times: GivenTimes = None
+    course: Course = None
+    path: Followed = None
+    analytic: Analytic = "equilibrium"
+    flexible: Annotated[bool, Option("Let bodies with youngs_modulus bend, in static motion.", Switch())] = False
+    tolerances: Tolerance = None
+    map: Annotated[AnyPath | None, Option("Map of fmu:FILE [FILE's name with .map.toml].", File("FILE"))] = None
+    revolutions: Annotated[
+        int,
+        Option(
+            "Most revolutions of a run whose pins strike their walls; it ends once its averages are known.", Whole()
+        ),
+    ] = REVOLUTIONS
+    workers: PythonWorkers = None
+    progress: Told = None

@@ -1,0 +1,413 @@
+"""How an argument is typed on a command line and what it must be: written once, in the annotation of its field.
+
+    clearance: Annotated["Metres | None", Option("Radial clearances (m) in place of the case's own.", ByJoint())] = None
+
+A :class:`Kind` reads the word of a command line (``parse``) and proves what a function was given (``check``); both
+raise ArgumentError, which names the argument.  What computes is imported only when one of them is called.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import dataclass
+from enum import Enum, StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar, Generic, TypeVar, cast
+
+from compare.faults import ArgumentError
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from compare.judge.tolerances import Tolerances
+
+W = TypeVar("W")  # what typer makes of what is typed
+
+
+class LeftOut(Enum):
+    """What a command takes for an option that is left out."""
+
+    AS_ARGUMENT = "what the function takes for its argument"
+    REFUSED = "nothing: the option must be typed"
+
+
+@dataclass(frozen=True)
+class Kind(Generic[W]):
+    """Any text, as it is.
+
+    A command's help calls it ``metavar``.  ``units`` are that of a word and that of the argument.
+    """
+
+    metavar: str | None = None
+    units: ClassVar[tuple[str, str]] = ("", "")
+    word: ClassVar[type] = str  # what typer makes of what is typed
+    repeated: ClassVar[bool] = False  # whether it may be typed several times
+
+    def parse(self, word: W, called: str) -> object:
+        """The argument that a word stands for."""
+        return word
+
+    def check(self, given: object, called: str) -> object:
+        """The argument as it is used."""
+        return given
+
+    def stands_for(self, argument: object) -> object:
+        """The word for an argument's default, as typer wants it."""
+        return argument
+
+
+@dataclass(frozen=True)
+class Option:
+    """An argument as an option of a command, or of Python alone where it is not ``typed``.
+
+    ``{unit}`` in the ``help`` stands for the unit of who reads it.  The option is called like the field but for its
+    ``name``.
+    """
+
+    help: str
+    kind: Kind = Kind()
+    name: str = ""
+    short: str = ""
+    positional: bool = False
+    typed: bool = True
+    left_out: LeftOut | None = LeftOut.AS_ARGUMENT
+
+    @property
+    def typed_help(self) -> str:
+        """The help of a command."""
+        return self.help.replace("{unit}", self.kind.units[0])
+
+    @property
+    def python_help(self) -> str:
+        """The help of a function."""
+        return self.help.replace("{unit}", self.kind.units[1])
+
+
+class Switch(Kind[bool]):
+    """True or False."""
+
+    word: ClassVar[type] = bool
+
+    def check(self, given: object, called: str) -> bool:
+        """True or False."""
+        from compare.arguments import flag
+
+        return flag(given, called)
+
+
+@dataclass(frozen=True)
+class Choice(Kind[StrEnum]):
+    """One of some words."""
+
+    choices: tuple[str, ...] = ()
+
+    @property
+    def word(self) -> type[StrEnum]:  # type: ignore[override]
+        """An enumeration, of which typer offers the choice."""
+        return _enumeration(self.choices)
+
+    def parse(self, word: StrEnum, called: str) -> object:
+        """The word itself."""
+        return str(word)
+
+    def check(self, given: object, called: str) -> object:
+        """One of the words."""
+        from compare.arguments import one_of
+
+        return one_of(given, self.choices, called)
+
+    def stands_for(self, argument: object) -> object:
+        """The member of the enumeration."""
+        return None if argument is None else self.word(str(argument))
+
+
+class AllOrNone(Choice):
+    """True or False, typed as one of two words."""
+
+    def parse(self, word: StrEnum, called: str) -> bool:
+        """Whether it is the first."""
+        return str(word) == self.choices[0]
+
+    def check(self, given: object, called: str) -> bool:
+        """True or False."""
+        return Switch().check(given, called)
+
+    def stands_for(self, argument: object) -> object:
+        """The member of the enumeration."""
+        return super().stands_for(self.choices[0 if argument else 1])
+
+
+class Address(Kind[str]):
+    """Where a program listens."""
+
+    def check(self, given: object, called: str) -> str:
+        """A text."""
+        from compare.arguments import address
+
+        return address(given, called)
+
+
+@dataclass(frozen=True)
+class Whole(Kind[int]):
+    """A whole number within bounds."""
+
+    least: int = 0
+    most: int | None = None
+    word: ClassVar[type] = int
+
+    def check(self, given: object, called: str) -> int:
+        """The number."""
+        from compare.arguments import whole
+
+        return whole(given, called, self.least, self.most)
+
+
+class Number(Kind[float]):
+    """A number, which the function proves."""
+
+    word: ClassVar[type] = float
+
+
+class Moment(Number):
+    """A crank angle, typed in degrees, or a time (s): the command knows which, as it has the result."""
+
+    units: ClassVar[tuple[str, str]] = ("deg", "rad")
+
+
+class Angle(Number):
+    """An angle, typed in degrees."""
+
+    units: ClassVar[tuple[str, str]] = ("deg", "rad")
+
+    def parse(self, word: float, called: str) -> float:
+        """The angle in rad."""
+        return math.radians(word)
+
+
+class Seconds(Number):
+    """A stretch of time (s)."""
+
+    def check(self, given: object, called: str) -> float:
+        """More than nothing."""
+        from compare.arguments import seconds
+
+        return seconds(given, called)
+
+
+class Listed(Kind[str]):
+    """Words with commas between them, which the function proves."""
+
+    def parse(self, word: str, called: str) -> list[str]:
+        """The words, each once."""
+        return listed_once(word, called)
+
+
+@dataclass(frozen=True)
+class Names(Listed):
+    """Names, with commas between them, at least so many."""
+
+    least: int = 0
+
+    def check(self, given: object, called: str) -> tuple[str, ...]:
+        """The names; a single text is one."""
+        from compare.arguments import names
+
+        return names(given, called, self.least)
+
+
+class RepeatedNames(Kind[list[str]]):
+    """Names, with commas between them, in an option that may be repeated."""
+
+    repeated: ClassVar[bool] = True
+
+    def parse(self, word: list[str], called: str) -> list[str]:
+        """The names, each once."""
+        return Names().parse(",".join(word), called)
+
+    def check(self, given: object, called: str) -> tuple[str, ...]:
+        """The names; a single text is one."""
+        return Names().check(given, called)
+
+    def stands_for(self, argument: object) -> object:
+        """None of no names, which typer cannot show."""
+        return argument or None
+
+
+@dataclass(frozen=True)
+class ByJoint(Kind[str]):
+    """Numbers by joint, ``B=1e-4,E=2e-4``; that the linkage has these joints is for the function to prove."""
+
+    each: str = "JOINT=metres, such as B=1e-4"
+
+    def parse(self, word: str, called: str) -> dict[str, float]:
+        """The numbers, each joint once."""
+        sizes: dict[str, float] = {}
+        for part in word.split(","):
+            name, _, value = part.partition("=")
+            if name in sizes:
+                raise ArgumentError(called, f"joint {name} is there twice; give each joint once")
+            sizes[name] = _number(value, called, f"give {self.each}")
+        return sizes
+
+
+class Increasing(Kind[str]):
+    """Numbers with commas between them, each once."""
+
+    accepted: ClassVar[str] = "finite numbers"
+
+    def parse(self, word: str, called: str) -> list[float]:
+        """The numbers, increasing, in the unit of the argument."""
+        unit = self.units[0]
+        remedy = f"give {self.accepted.format(unit)}, separated by commas"
+        typed = [_number(part, called, remedy) for part in listed_once(word, called)]
+        return [self.converted(value) for value in self.increasing(typed, called, unit)]
+
+    def check(self, given: object, called: str) -> tuple[float, ...]:
+        """The numbers, increasing."""
+        return self.increasing(given, called, self.units[1])
+
+    def increasing(self, given: object, called: str, unit: str) -> tuple[float, ...]:
+        """The numbers, increasing."""
+        from compare.arguments import increasing
+
+        return increasing(given, called, unit)
+
+    def converted(self, typed: float) -> float:
+        """A typed number in the unit of the argument."""
+        return typed
+
+
+class Positive(Increasing):
+    """Numbers above zero."""
+
+    accepted: ClassVar[str] = "{} above 0"
+
+    def increasing(self, given: object, called: str, unit: str) -> tuple[float, ...]:
+        """The numbers, increasing, above zero."""
+        from compare.arguments import positive
+
+        return positive(given, called, unit)
+
+
+class Clearances(Positive):
+    """Clearances (m)."""
+
+    units: ClassVar[tuple[str, str]] = ("m", "m")
+
+
+class Speeds(Positive):
+    """Speeds of a crank, typed in rpm."""
+
+    units: ClassVar[tuple[str, str]] = ("rpm", "rad/s")
+
+    def converted(self, typed: float) -> float:
+        """A speed in rad/s."""
+        return typed * math.pi / 30
+
+
+class Angles(Kind[str]):
+    """Crank angles, typed as a range of degrees; that they can be reached is for the function to prove."""
+
+    units: ClassVar[tuple[str, str]] = ("deg", "rad")
+
+    def parse(self, word: str, called: str) -> np.ndarray:
+        """The angles (N,) rad, stop included."""
+        from compare.judge.grid import parse_angles
+
+        return parse_angles(word)
+
+
+class Times(Kind[str]):
+    """Times (s), typed as a range."""
+
+    def parse(self, word: str, called: str) -> np.ndarray:
+        """The times (N,) s, stop included."""
+        from compare.schedules import parse_times
+
+        return parse_times(word)
+
+
+class Places(Kind[str]):
+    """A grid of places (m)."""
+
+    def parse(self, word: str, called: str) -> object:
+        """Lowest, highest and number of the x and of the y."""
+        from compare.judge.grid import parse_workspace
+
+        return parse_workspace(word)
+
+
+class Source(Kind[Path]):
+    """A file that is read; what the function takes in its place is for it to prove."""
+
+    word: ClassVar[type] = Path
+
+
+class File(Source):
+    """A file that is read, or a folder."""
+
+    def check(self, given: object, called: str) -> Path:
+        """Its path."""
+        from compare.arguments import path
+
+        return path(given, called)
+
+
+class TomlTolerances(Source):
+    """A file of tolerances, which is read where it is typed, so that a fault in it names the option."""
+
+    def parse(self, word: Path, called: str) -> Tolerances:
+        """The tolerances."""
+        from compare.judge.tolerances import load_tolerances
+
+        return load_tolerances(word)
+
+
+class Files(Kind[list[Path]]):
+    """Files that are read, one or several."""
+
+    word: ClassVar[type] = Path
+    repeated: ClassVar[bool] = True
+
+
+class Written(Kind[str]):
+    """A file or a folder that is written; an empty text, which would be the current folder, is none."""
+
+    def parse(self, word: str, called: str) -> Path:
+        """Its path."""
+        if not word.strip():
+            raise ArgumentError(called, "it is empty; name a folder, or give . for the current one")
+        return Path(word)
+
+    def check(self, given: object, called: str) -> Path:
+        """Its path."""
+        return File().check(given, called)
+
+    def stands_for(self, argument: object) -> str | None:
+        """The text of a path."""
+        return None if argument is None else str(argument)
+
+
+@functools.cache
+def _enumeration(choices: tuple[str, ...]) -> type[StrEnum]:
+    return cast(type[StrEnum], StrEnum("Choice", {choice: choice for choice in choices}))
+
+
+def listed_once(text: str, called: str) -> list[str]:
+    """The items of a list separated by commas.  Raises ArgumentError where one is there twice."""
+    parts = [part.strip() for part in text.split(",")]
+    twice = next((part for i, part in enumerate(parts) if part in parts[:i]), None)
+    if twice is not None:
+        raise ArgumentError(called, f"{twice} is there twice; give each once")
+    return parts
+
+
+def _number(text: str, called: str, remedy: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        raise ArgumentError(called, f"{text!r} is not a number; {remedy}") from None
+    if not math.isfinite(number):
+        raise ArgumentError(called, f"{text} cannot be used; {remedy}")
+    return number

@@ -1,0 +1,85 @@
+"""A question as a frozen type, and the function that answers it as a person calls it: with its fields as arguments."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import Field, dataclass, fields
+from textwrap import fill
+from typing import TYPE_CHECKING, Any, ForwardRef, ParamSpec, TypeVar, cast, dataclass_transform, get_args
+
+from compare.questions.option import Option
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+P = ParamSpec("P")
+Q = TypeVar("Q", bound="Question")
+R = TypeVar("R")
+WIDTH = 116  # characters of a line of help, which Python indents by four
+
+
+@dataclass_transform(eq_default=False, frozen_default=True)
+class Question:
+    """What is asked: a class derived from this is a frozen dataclass, of which each field is an argument with its
+    default; one whose annotation has an :class:`~compare.questions.option.Option` is an option of the command too.
+
+    Two of them are not compared, as arrays in them could not be.
+    Raises ArgumentError for an argument that cannot be what it is given.
+    """
+
+    def __init_subclass__(cls) -> None:
+        dataclass(frozen=True, eq=False)(cls)
+
+    def __post_init__(self) -> None:
+        for each in arguments(type(self)):
+            option, given = option_of(each.type), getattr(self, each.name)
+            if option is not None and given is not each.default:
+                object.__setattr__(self, each.name, option.kind.check(given, each.name))
+
+
+def arguments(question: type[Question]) -> tuple[Field[object], ...]:
+    """The fields of a question, in the order in which a function takes them."""
+    every = fields(cast("type[DataclassInstance]", question))
+    return tuple(sorted(every, key=lambda field: bool(field.kw_only)))
+
+
+def options(question: type[Question]) -> Mapping[str, Option]:
+    """The option of each argument that has one."""
+    return {each.name: option for each in arguments(question) if (option := option_of(each.type)) is not None}
+
+
+def option_of(annotation: object) -> Option | None:
+    """The option in an annotation."""
+    return next((each for each in get_args(annotation)[1:] if isinstance(each, Option)), None)
+
+
+def answers(question: Callable[P, Q]) -> Callable[[Callable[[Q], R]], Callable[P, R]]:
+    """Make of the function that answers a question one that takes its fields as arguments, with the help of each."""
+
+    def of(answer: Callable[[Q], R]) -> Callable[P, R]:
+        @functools.wraps(answer)
+        def asked(*arguments: P.args, **named: P.kwargs) -> R:
+            return answer(question(*arguments, **named))
+
+        assert isinstance(question, type)
+        returns = inspect.signature(answer).return_annotation
+        told = inspect.signature(question).replace(return_annotation=returns)
+        asked.__signature__ = told.replace(  # type: ignore[attr-defined]
+            parameters=[each.replace(annotation=_type(each.annotation)) for each in told.parameters.values()]
+        )
+        helps = [
+            fill(f"``{name}``   {option.python_help}", WIDTH, subsequent_indent="  ")
+            for name, option in options(question).items()
+        ]
+        asked.__doc__ = "\n".join([inspect.cleandoc(answer.__doc__ or ""), "", *helps])
+        return asked
+
+    return of
+
+
+def _type(annotation: Any) -> Any:
+    """The type of an argument as it is written, without its option."""
+    inner = get_args(annotation)[0] if option_of(annotation) is not None else annotation
+    return inner.__forward_arg__ if isinstance(inner, ForwardRef) else inner
