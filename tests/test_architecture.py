@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Iterator, Mapping
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -15,11 +16,17 @@ SOURCES = sorted(
 )
 
 
-TREES = {p.relative_to(ROOT).as_posix(): ast.parse(p.read_text(encoding="utf-8")) for p in SOURCES}
+PATHS = {p.relative_to(ROOT).as_posix(): p for p in SOURCES}
+
+
+@cache
+def trees() -> dict[str, ast.Module]:
+    """Every module of the product by its path, parsed when a test looks and not when tests are collected."""
+    return {path: ast.parse(p.read_text(encoding="utf-8")) for path, p in PATHS.items()}
 
 
 def test_no_pickle_no_eval() -> None:
-    for path, tree in TREES.items():
+    for path, tree in trees().items():
         names = {n.id for n in ast.walk(tree) if isinstance(n, ast.Name)} | {
             a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names
         }
@@ -27,8 +34,8 @@ def test_no_pickle_no_eval() -> None:
 
 
 def test_every_module_and_public_name_says_what_it_is() -> None:
-    silent = [path for path, tree in TREES.items() if not ast.get_docstring(tree)]
-    for path, tree in TREES.items():
+    silent = [path for path, tree in trees().items() if not ast.get_docstring(tree)]
+    for path, tree in trees().items():
         for node in tree.body:
             public = isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_")
             if public and not overload(node) and not ast.get_docstring(node):
@@ -43,7 +50,7 @@ def overload(node: ast.FunctionDef | ast.ClassDef) -> bool:
 
 # ---------------------------------------------------------------- imports, also in functions, for types, by strings
 
-MODULES = {path.removesuffix(".py").replace("/", ".").removesuffix(".__init__"): path for path in TREES}
+MODULES = {path.removesuffix(".py").replace("/", ".").removesuffix(".__init__"): path for path in PATHS}
 LAYERS = ("analytic", "sim_models", "compare", "linkage_crosscheck")  # each imports itself and those before it
 
 PAIRS = {  # of files that import each other today: mend one and take it out of this list; none comes in
@@ -80,27 +87,30 @@ def imports(module: str, tree: ast.Module) -> set[str]:
     return names & set(MODULES) - {module}
 
 
-def pairs(graph: Mapping[str, set[str]]) -> set[tuple[str, str]]:
+def pairs(imported: Mapping[str, set[str]]) -> set[tuple[str, str]]:
     """Modules that import each other, in the alphabet's order."""
-    return {(a, b) for a, others in graph.items() for b in others if a < b and a in graph[b]}
+    return {(a, b) for a, others in imported.items() for b in others if a < b and a in imported[b]}
 
 
-def circles(graph: Mapping[str, set[str]]) -> set[str]:
+def circles(imported: Mapping[str, set[str]]) -> set[str]:
     """The modules that are in a circle of imports or between two."""
-    left = dict(graph)
+    left = dict(imported)
     while ends := [m for m, others in left.items() if not others & set(left)]:
         for module in ends:
             del left[module]
     return set(left)
 
 
-GRAPH = {module: imports(module, TREES[path]) for module, path in MODULES.items()}
+@cache
+def graph() -> dict[str, set[str]]:
+    """What each module imports."""
+    return {module: imports(module, trees()[path]) for module, path in MODULES.items()}
 
 
 def test_no_import_goes_round_in_a_circle() -> None:
-    assert pairs(GRAPH) == PAIRS
-    known = {one: {two for pair in PAIRS for two in pair if one in pair} for one in GRAPH}
-    assert not circles({module: others - known[module] for module, others in GRAPH.items()})
+    assert pairs(graph()) == PAIRS
+    known = {one: {two for pair in PAIRS for two in pair if one in pair} for one in MODULES}
+    assert not circles({module: others - known[module] for module, others in graph().items()})
 
 
 def test_a_circle_is_found_however_it_is_imported() -> None:
@@ -116,7 +126,7 @@ def test_a_circle_is_found_however_it_is_imported() -> None:
 def test_imports_point_one_way() -> None:
     """Of all modules, in functions and for types too; a string that names a module is as good as an import."""
     layer = {module: LAYERS.index(module.split(".")[0]) for module in MODULES}
-    named = {module: GRAPH[module] | named_in(TREES[path]) for module, path in MODULES.items()}
+    named = {module: graph()[module] | named_in(trees()[path]) for module, path in MODULES.items()}
     up = {(m, to) for m, others in named.items() for to in others if LAYERS.index(to.split(".")[0]) > layer[m]}
     assert not up
 
@@ -129,7 +139,7 @@ def named_in(tree: ast.Module) -> set[str]:
 
 def test_what_computes_names_no_presentation_in_a_string() -> None:
     rooms = ("compare/report/", "compare/cli/", "linkage_crosscheck/")
-    reach = {path for path, tree in TREES.items() if any(n.startswith("compare.report") for n in named_in(tree))}
+    reach = {path for path, tree in trees().items() if any(n.startswith("compare.report") for n in named_in(tree))}
     assert {path for path in reach if not path.startswith(rooms)} == PRESENTED
 
 
@@ -201,7 +211,7 @@ def declared(node: ast.stmt) -> Iterator[tuple[str, list[ast.expr | None]]]:
 
 def test_no_plain_data_of_any_shape_crosses_a_modules_wall() -> None:
     scripts = "/standalone/"  # of one file each
-    found = {path: loose(tree) for path, tree in TREES.items() if scripts not in path}
+    found = {path: loose(tree) for path, tree in trees().items() if scripts not in path}
     assert {path: names for path, names in found.items() if names} == {}
 
 
