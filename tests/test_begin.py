@@ -299,7 +299,7 @@ def test_the_preview_says_what_a_diagnosis_refuses(tmp_path: Path) -> None:
     text = (RIG / "measured.toml").read_text().replace('"nominal.toml"', json.dumps(NOMINAL))
     for file in RIG.glob("*.csv"):
         head, *rest = file.read_text().splitlines(keepends=True)
-        (tmp_path / file.name).write_text(head.replace("follower_x [mm]", "follower_x [m]") + "".join(rest))
+        (tmp_path / file.name).write_text(head.replace("follower_x [mm]", "follower_x [m]") + "".join(rest[::4]))
     (tmp_path / "measured.toml").write_text(text)
     found = [fault.text for fault in lc.preview(tmp_path).faults]
     assert any("it looks in mm" in said and "a diagnosis refuses it" in said for said in found), found

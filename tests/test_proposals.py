@@ -91,6 +91,7 @@ def test_a_proposal_is_no_name_and_no_part_of_the_verdict() -> None:
     assert "Stribeck" not in found.statement
 
 
+@pytest.mark.slow
 def test_the_page_and_the_texts_show_the_law_with_its_curve() -> None:
     found = unnamed("Stribeck")
     (p,) = found.proposed

@@ -402,12 +402,12 @@ def terminal() -> Iterator[list[bytes]]:
 def test_python_tells_its_progress_on_a_terminal_and_only_there(
     given: dict[str, object], told: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    asked = {"motion": "static", "angles": [0.6, 0.7], "workers": 1, **given}
+    asked = {"motion": "static", "joint_model": "ideal", "angles": [0.6, 0.7], "workers": 1, **given}
     monkeypatch.setenv("TERM", "xterm")
     with terminal() as seen:
         lc.crosscheck("paper", **asked)
     said = b"".join(seen)
-    assert (b"mujoco" in said and b"/4" in said) == told
-    assert capsys.readouterr().out.splitlines()[:1] == ([] if told else ["mujoco 0 4"])
+    assert (b"mujoco" in said and b"/1" in said) == told
+    assert capsys.readouterr().out.splitlines()[:1] == ([] if told else ["mujoco 0 1"])
     lc.crosscheck("paper", **asked)
     assert capsys.readouterr().err == ""

@@ -42,7 +42,7 @@ RESULTS: dict[str, Callable[[], Document]] = {
     "diagnose": lambda: sample_diagnosis.as_document(sample_diagnosis.sample_diagnosis(samples=37)),
     "show a number": lambda: lc.show(crosscheck(), "reaction_B_angle", at=ANGLES[1]),
     "show residuals": lambda: lc.show(RESULTS["diagnose"](), "follower_angle"),
-    "check_baselines": lambda: lc.check_baselines("paper", "mujoco", REPORTS / "baselines"),
+    "check_baselines": lambda: lc.check_baselines("pendulum", "mujoco", REPORTS / "baselines"),
     "validation": lambda: Validation.read(REPORTS / "validation.json"),
     "scoreboard": lambda: Scoreboard.read(REPORTS / "scoreboard" / "scoreboard.json"),
     "cases": lc.cases,
