@@ -212,7 +212,7 @@ def _by_signal(runs: list[dict[str, Any]]) -> dict[str, Any]:
 def swinging_diagnosis() -> dict[str, Any]:
     """A pendulum, released, whose pin has friction that the model lacks: no crank that turns, so over time."""
     nominal = load("pendulum")
-    time = np.linspace(0.0, 1.0, 201)
+    time = np.linspace(0.0, 2.0, 401)
 
     def model(mechanism: Mechanism) -> list[Signals]:
         return [released(Assembly(mechanism), time).reactions.signals()]
