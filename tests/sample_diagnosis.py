@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from copy import deepcopy
 from dataclasses import dataclass
+from functools import cache
 from itertools import combinations
 from typing import Any
 
@@ -88,6 +90,11 @@ def sample_diagnosis(runs: int = 3, samples: int = 721) -> dict[str, Any]:
     Its three runs load the follower both ways and so tell the clearance from a shorter coupler; the first two do not.
     Clearance in E, which no such run can tell from B, was ruled out by the person who asked.
     """
+    return deepcopy(_made(runs, samples))
+
+
+@cache
+def _made(runs: int, samples: int) -> dict[str, Any]:
     nominal = load("crank-rocker")
     theta = np.radians(np.linspace(20.0, 740.0, samples))
     speeds = dict(list(SPEEDS.items())[:runs])

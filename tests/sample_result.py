@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from copy import deepcopy
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -30,10 +31,17 @@ def sample_result(
     wrong: str = "",
 ) -> dict[str, Any]:
     """A result of a shipped case; the signal ``wrong`` of the contact runs is 0.01 (SI) off and so disagrees."""
+    return deepcopy(_made(case, None if clearance is None else tuple(clearance.items()), engines, wrong))
+
+
+@cache
+def _made(
+    case: str, clearance: tuple[tuple[str, float], ...] | None, engines: tuple[str, ...], wrong: str
+) -> dict[str, Any]:
     mechanism = load(case)
     assembly = Assembly(mechanism)
     theta = np.radians(np.arange(20.0, 161.0, 5.0) if case == "paper" else np.arange(0.0, 356.0, 5.0))
-    sizes = mechanism.clearances if clearance is None else clearance
+    sizes = mechanism.clearances if clearance is None else dict(clearance)
     omega = mechanism.speed or 1.0
     runs = []
     for level, engine in enumerate(engines):

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -14,22 +15,31 @@ ROOMS = ("analytic", "sim_models", "compare", "linkage_crosscheck", "tests/evide
 SOURCES = sorted(p for folder in ROOMS for p in (ROOT / folder).rglob("*.py"))
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=lambda p: str(p.relative_to(ROOT)))
-def test_no_pickle_no_eval(path: Path) -> None:
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    names = {n.id for n in ast.walk(tree) if isinstance(n, ast.Name)} | {
-        a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names
-    }
-    assert not names & {"eval", "exec", "pickle", "marshal", "shelve"}
+PATHS = {p.relative_to(ROOT).as_posix(): p for p in SOURCES}
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=lambda p: str(p.relative_to(ROOT)))
-def test_every_module_and_public_name_says_what_it_is(path: Path) -> None:
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    assert ast.get_docstring(tree)
-    for node in tree.body:
-        if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_") and not overload(node):
-            assert ast.get_docstring(node), f"{node.name} has no docstring"
+@cache
+def trees() -> dict[str, ast.Module]:
+    """Every module of the product by its path, parsed when a test looks and not when tests are collected."""
+    return {path: ast.parse(p.read_text(encoding="utf-8")) for path, p in PATHS.items()}
+
+
+def test_no_pickle_no_eval() -> None:
+    for path, tree in trees().items():
+        names = {n.id for n in ast.walk(tree) if isinstance(n, ast.Name)} | {
+            a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names
+        }
+        assert not names & {"eval", "exec", "pickle", "marshal", "shelve"}, path
+
+
+def test_every_module_and_public_name_says_what_it_is() -> None:
+    silent = [path for path, tree in trees().items() if not ast.get_docstring(tree)]
+    for path, tree in trees().items():
+        for node in tree.body:
+            public = isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_")
+            if public and not overload(node) and not ast.get_docstring(node):
+                silent.append(f"{path}: {node.name}")
+    assert not silent
 
 
 def overload(node: ast.FunctionDef | ast.ClassDef) -> bool:
@@ -37,27 +47,94 @@ def overload(node: ast.FunctionDef | ast.ClassDef) -> bool:
     return any(ast.unparse(decorator) == "overload" for decorator in node.decorator_list)
 
 
-def imported(path: Path) -> set[str]:
-    """Modules of this repository that a module imports anywhere in it, type checking included."""
-    found = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.ImportFrom) and node.module:
-            found |= {node.module, *(f"{node.module}.{a.name}" for a in node.names)}
+# ---------------------------------------------------------------- imports, also in functions, for types, by strings
+
+MODULES = {path.removesuffix(".py").replace("/", ".").removesuffix(".__init__"): path for path in PATHS}
+LAYERS = ("analytic", "sim_models", "compare", "linkage_crosscheck", "tests")  # each imports itself and those before it
+
+PAIRS = {  # of files that import each other today: mend one and take it out of this list; none comes in
+    ("compare.diagnose.problem", "compare.diagnose.rattle.explained"),
+    ("compare.diagnose.propose.places", "compare.diagnose.propose.scene"),
+    ("compare.results.document", "compare.results.kinds"),
+    ("compare.results.document", "compare.results.schemas"),
+    ("sim_models.exudyn.engine", "sim_models.exudyn.export"),
+    ("sim_models.leapfrog.block", "sim_models.leapfrog.striking"),
+    ("sim_models.mjcf.names", "sim_models.mjcf.planar"),
+    ("sim_models.mujoco.block", "sim_models.mujoco.model"),
+    ("sim_models.mujoco.engine", "sim_models.mujoco.export"),
+    ("sim_models.mujoco.model", "sim_models.mujoco.rim"),
+    ("sim_models.mujoco.model", "sim_models.mujoco.watch"),
+    ("sim_models.pybullet.engine", "sim_models.pybullet.export"),
+}
+
+
+def imports(module: str, tree: ast.Module) -> set[str]:
+    """The modules of this repository that one imports anywhere in it: also inside functions, and for types alone."""
+    names = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom):
+            assert node.module, f"{module}: imports are absolute here"
+            assert not node.level, f"{module}: imports are absolute here"
+            names |= {node.module, *(f"{node.module}.{a.name}" for a in node.names)}
         elif isinstance(node, ast.Import):
-            found |= {a.name for a in node.names}
-    return found
+            names |= {a.name for a in node.names}
+    return names & set(MODULES) - {module}
 
 
-MODULES = {".".join(p.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): p for p in SOURCES}
+def pairs(imported: Mapping[str, set[str]]) -> set[tuple[str, str]]:
+    """Modules that import each other, in the alphabet's order."""
+    return {(a, b) for a, others in imported.items() for b in others if a < b and a in imported[b]}
 
 
-@pytest.mark.parametrize("package", ["analytic"])
-def test_no_import_goes_round_in_a_circle(package: str) -> None:
-    imports = {m: imported(p) & set(MODULES) - {m} for m, p in MODULES.items() if m.split(".")[0] == package}
-    while leaves := [m for m, found in imports.items() if not found & set(imports)]:
-        for module in leaves:
-            del imports[module]
-    assert not imports
+def circles(imported: Mapping[str, set[str]]) -> set[str]:
+    """The modules that are in a circle of imports or between two."""
+    left = dict(imported)
+    while ends := [m for m, others in left.items() if not others & set(left)]:
+        for module in ends:
+            del left[module]
+    return set(left)
+
+
+@cache
+def graph() -> dict[str, set[str]]:
+    """What each module imports."""
+    return {module: imports(module, trees()[path]) for module, path in MODULES.items()}
+
+
+def test_no_import_goes_round_in_a_circle() -> None:
+    assert pairs(graph()) == PAIRS
+    known = {one: {two for pair in PAIRS for two in pair if one in pair} for one in MODULES}
+    assert not circles({module: others - known[module] for module, others in graph().items()})
+
+
+def test_a_circle_is_found_however_it_is_imported() -> None:
+    lazy = "def f():\n    import analytic.mechanism\n"
+    typed = "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from analytic import mechanism\n"
+    for text in (lazy, typed):
+        assert imports("analytic.paper", ast.parse(text)) >= {"analytic.mechanism"}
+    ring = {"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}, "e": set()}
+    assert (pairs(ring), circles(ring)) == (set(), {"a", "b", "c", "d"})
+    assert pairs({"a": {"b"}, "b": {"a"}}) == {("a", "b")}
+
+
+def test_imports_point_one_way() -> None:
+    """Of all modules, in functions and for types too; a string that names a module is as good as an import."""
+    layer = {module: LAYERS.index(module.split(".")[0]) for module in MODULES}
+    named = {module: graph()[module] | named_in(trees()[path]) for module, path in MODULES.items()}
+    up = {(m, to) for m, others in named.items() for to in others if LAYERS.index(to.split(".")[0]) > layer[m]}
+    assert not up
+
+
+def named_in(tree: ast.Module) -> set[str]:
+    """The modules of this repository that a string names, or whose name it begins with."""
+    texts = {n.value for n in ast.walk(tree) if isinstance(n, ast.Constant) and isinstance(n.value, str)}
+    return {text.rstrip(".") for text in texts if "." in text} & set(MODULES)
+
+
+def test_what_computes_names_no_presentation_in_a_string() -> None:
+    rooms = ("compare/report/", "compare/cli/", "linkage_crosscheck/", "tests/")
+    reach = {path for path, tree in trees().items() if any(n.startswith("compare.report") for n in named_in(tree))}
+    assert not {path for path in reach if not path.startswith(rooms)}
 
 
 WRAPS = re.compile(r"% ?\(2(\.0)? ?\* ?(np|math)\.pi\)|remainder\(|np\.unwrap|np\.angle\(np\.exp\(|rint\(.*pi\)")
@@ -103,9 +180,8 @@ def says_nothing(annotation: ast.expr | None) -> bool:
     return any("Any" in (getattr(name, "id", None), getattr(name, "attr", None)) for name in names)
 
 
-def loose(text: str) -> list[str]:
+def loose(tree: ast.Module) -> list[str]:
     """What a module offers others with Any in its type: functions, methods, attributes of classes, and names."""
-    tree = ast.parse(text)
     found = []
     for owner in (tree, *(node for node in ast.walk(tree) if isinstance(node, ast.ClassDef))):
         for node in owner.body:
@@ -127,12 +203,10 @@ def declared(node: ast.stmt) -> Iterator[tuple[str, list[ast.expr | None]]]:
         yield from ((ast.unparse(target), [node.value]) for target in node.targets)
 
 
-OF_SEVERAL = [path for path in SOURCES if "standalone" not in path.parts]  # those are scripts of one file each
-
-
-@pytest.mark.parametrize("path", OF_SEVERAL, ids=lambda p: str(p.relative_to(ROOT)))
-def test_no_plain_data_of_any_shape_crosses_a_modules_wall(path: Path) -> None:
-    assert not loose(path.read_text(encoding="utf-8"))
+def test_no_plain_data_of_any_shape_crosses_a_modules_wall() -> None:
+    scripts = "/standalone/"  # of one file each
+    found = {path: loose(tree) for path, tree in trees().items() if scripts not in path}
+    assert {path: names for path, names in found.items() if names} == {}
 
 
 def test_a_type_that_says_nothing_is_counted() -> None:
@@ -151,4 +225,4 @@ class Thing:
     def given(self) -> Iterator[typing.Any]: ...
     def typed(self) -> Thing: ...
 """
-    assert loose(text) == ["Content", "public", "nested", "field", "__init__", "method", "given"]
+    assert loose(ast.parse(text)) == ["Content", "public", "nested", "field", "__init__", "method", "given"]

@@ -172,13 +172,17 @@ def cranked(theta: np.ndarray) -> np.ndarray:
         (lambda theta: np.round(theta, 4), {"unit": "rad"}),
         (lambda theta: np.floor(theta / (2 * np.pi) * 4096).astype(int) % 4096, {"unit": "deg", "scale": 360 / 4096}),
         (lambda theta: np.round(-theta, 4), {"unit": "rad", "sign": -1}),
-        (lambda theta: np.round(np.degrees(theta) + 100, 2), {"unit": "deg", "offset": pytest.approx(-100, abs=0.1)}),
         (
             lambda theta: np.floor(1 - theta / (2 * np.pi) * 4096).astype(int) % 4096,
             {"unit": "deg", "scale": 360 / 4096, "sign": -1},
         ),
+        pytest.param(
+            lambda theta: np.round(np.degrees(theta) + 100, 2),
+            {"unit": "deg", "offset": pytest.approx(-100, abs=0.1)},
+            marks=pytest.mark.slow,
+        ),
     ],
-    ids=["radians", "counts", "backward", "another zero", "counts backward"],
+    ids=["radians", "counts", "backward", "counts backward", "another zero"],
 )
 def test_an_encoder_is_read_so_that_the_other_columns_fit(tmp_path: Path, enc: Any, expected: dict[str, Any]) -> None:
     theta = 0.3 + 5.0 * TURN
@@ -295,7 +299,7 @@ def test_the_preview_says_what_a_diagnosis_refuses(tmp_path: Path) -> None:
     text = (RIG / "measured.toml").read_text().replace('"nominal.toml"', json.dumps(NOMINAL))
     for file in RIG.glob("*.csv"):
         head, *rest = file.read_text().splitlines(keepends=True)
-        (tmp_path / file.name).write_text(head.replace("follower_x [mm]", "follower_x [m]") + "".join(rest))
+        (tmp_path / file.name).write_text(head.replace("follower_x [mm]", "follower_x [m]") + "".join(rest[::4]))
     (tmp_path / "measured.toml").write_text(text)
     found = [fault.text for fault in lc.preview(tmp_path).faults]
     assert any("it looks in mm" in said and "a diagnosis refuses it" in said for said in found), found

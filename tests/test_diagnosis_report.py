@@ -94,11 +94,7 @@ def changed(result: dict[str, Any], *path: Any, value: Any) -> dict[str, Any]:
 # ------------------------------------------------------------------ schema
 
 
-def faults(result: Any) -> list[str]:
-    return [
-        f"{error.json_path}: {error.message[:200]}"
-        for error in jsonschema.Draft202012Validator(SCHEMA).iter_errors(result)
-    ]
+VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
 
 
 @pytest.mark.slow
@@ -106,7 +102,7 @@ def test_every_sample_is_what_the_schema_says(
     small: dict[str, Any], swinging: dict[str, Any], partly: dict[str, Any]
 ) -> None:
     for result in (small, sample_diagnosis(2, 37), swinging, no_gap(), partly):
-        assert faults(json.loads(to_json(result))) == []
+        VALIDATOR.validate(json.loads(to_json(result)))
 
 
 WRONG: dict[str, tuple[tuple[Any, ...], Any]] = {
@@ -137,13 +133,13 @@ WRONG: dict[str, tuple[tuple[Any, ...], Any]] = {
 @pytest.mark.parametrize("wrong", WRONG)
 def test_what_is_wrong_is_noticed(wrong: str, small: dict[str, Any]) -> None:
     path, value = WRONG[wrong]
-    assert faults(small) == []
-    assert faults(changed(small, *path, value=value)) != []
+    assert not VALIDATOR.is_valid(changed(small, *path, value=value))
 
 
 def test_every_field_that_was_not_added_later_is_required(small: dict[str, Any]) -> None:
+    VALIDATOR.validate(small)
     for name in small:
-        assert faults({key: value for key, value in small.items() if key != name}) != [], name
+        assert not VALIDATOR.is_valid({key: value for key, value in small.items() if key != name}), name
 
 
 # ------------------------------------------------------------------ words

@@ -58,6 +58,9 @@ def blocks(page: Path) -> list[Block]:
 
 # Pages whose blocks take long, or that ask every engine, are run with the slow tests.
 DEAR = {
+    "how-to/check.md",
+    "how-to/several-drives.md",
+    "theory/clearance.md",
     "how-to/fmu.md",
     "how-to/pytest.md",
     "how-to/rattle.md",

@@ -5,6 +5,8 @@ from __future__ import annotations
 import ast
 import json
 import math
+from functools import cache
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -17,20 +19,23 @@ from compare.diagnose.effects.effect import Draw, Effect, Rig
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from diagnosis_rigs import experiment, four_bar, turn
 from sim_models.engine import ENGINES, declared
-from tests.evidence.scoreboard.rigs import ideal
+from tests.evidence.scoreboard.rigs import Experiment, ideal
 
 ROOT = Path(__file__).parent.parent
-RIGS = {
-    "crank-rocker": experiment(turn("slow", 4.0), turn("fast-reverse", -12.0)),
-    "slider-crank": experiment(
-        turn("slow", 4.0),
-        turn("fast-reverse", -12.0),
-        mechanism=four_bar("slider-crank", loads=()),
-        sensors={"crank_angle": 5e-5, "slider_x": 1e-5, "drive_torque": 1e-3},
-    ),
-}
-PLACES = [(case, effect, where) for case, rig in RIGS.items() for effect in VOCABULARY.values()
-          for where in effect.places(rig.rig)]  # fmt: skip
+CASES = pytest.mark.parametrize("case", ["crank-rocker", "slider-crank"])
+EFFECTS = pytest.mark.parametrize("effect", VOCABULARY.values(), ids=lambda e: e.name)
+
+
+@cache
+def rig_of(case: str) -> tuple[Experiment, Rig]:
+    """A four-bar's or a slider-crank's two runs, and what effects see of them."""
+    runs = turn("slow", 4.0), turn("fast-reverse", -12.0)
+    if case == "crank-rocker":
+        found = experiment(*runs)
+    else:
+        sensors = {"crank_angle": 5e-5, "slider_x": 1e-5, "drive_torque": 1e-3}
+        found = experiment(*runs, mechanism=four_bar(case, loads=()), sensors=sensors)
+    return found, found.rig
 
 
 def kinds_of_place(rig: Rig) -> dict[str, set[str]]:
@@ -47,7 +52,7 @@ def kinds_of_place(rig: Rig) -> dict[str, set[str]]:
     }
 
 
-@pytest.mark.parametrize("effect", VOCABULARY.values(), ids=lambda e: e.name)
+@EFFECTS
 def test_an_effect_has_words_of_its_own(effect: Effect) -> None:
     somewhere = effect.place not in ("linkage", "drive")
     for text in (effect.label, effect.meaning):
@@ -57,39 +62,40 @@ def test_an_effect_has_words_of_its_own(effect: Effect) -> None:
     assert set(effect.special_case_of) <= set(VOCABULARY)
 
 
-@pytest.mark.parametrize(("case", "effect", "where"), PLACES, ids=lambda v: getattr(v, "name", str(v)))
-def test_an_effect_is_where_its_kind_of_place_says(case: str, effect: Effect, where: str) -> None:
-    places = where.split("+")  # sensors of one amplifier are one place
-    assert set(places) <= kinds_of_place(RIGS[case].rig)[effect.place]
-    assert len(places) == 1 or effect.name == "sensor_lag"
+@CASES
+@EFFECTS
+def test_an_effect_is_where_its_kind_of_place_says(case: str, effect: Effect) -> None:
+    _, rig = rig_of(case)
+    for where in effect.places(rig):
+        places = where.split("+")  # sensors of one amplifier are one place
+        assert set(places) <= kinds_of_place(rig)[effect.place]
+        assert len(places) == 1 or effect.name == "sensor_lag"
 
 
-@pytest.mark.parametrize(
-    ("case", "effect", "where"),
-    [place for place in PLACES if place[1:] != (VOCABULARY["moment_of_inertia"], "slider")],  # which does not turn
-    ids=lambda v: getattr(v, "name", str(v)),
-)
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_a_drawn_effect_grows_from_nothing_and_stays_physical(case: str, effect: Effect, where: str, seed: int) -> None:
-    experiment, rng = RIGS[case], np.random.default_rng(seed)
-    rig, speeds = experiment.rig, {plan.name: abs(plan.speed) for plan in experiment.plans}
-    draw = Draw(
-        rng, rng.uniform(0, 2 * math.pi), float(rng.choice([-1, 1])), speeds,
-        lambda: ideal(experiment.nominal, experiment.plans[0]),
-    )  # fmt: skip
-    growth = effect.growth(rig, where, draw)
-    assert growth.variant in effect.variants(rig, where)
-    sizes = []
-    for amount in (1e-6, 1e-3, 0.5, 1.0):
-        values = growth.values(amount * min(growth.most, 100.0))
-        x = effect.natural(rig, where, values, growth.variant)
-        assert effect.values(rig, where, x, growth.variant) == pytest.approx(dict(values)), "natural inverts values"
-        assert np.all(x >= effect.lowest(rig, where, growth.variant) - 1e-15)
-        sizes.append(abs(float(x[0])))  # a payload's place stays while its mass grows
-        changed = effect.on_mechanism(rig.mechanism, where, values)
-        assert isinstance(changed, Mechanism)
-    assert sizes == sorted(sizes)
-    assert 0 < sizes[0] < 1e-2 * sizes[-1]
+@CASES
+@EFFECTS
+def test_a_drawn_effect_grows_from_nothing_and_stays_physical(case: str, effect: Effect) -> None:
+    experiment, rig = rig_of(case)
+    speeds = {plan.name: abs(plan.speed) for plan in experiment.plans}
+    places = [w for w in effect.places(rig) if (effect.name, w) != ("moment_of_inertia", "slider")]  # it does not turn
+    for where, seed in product(places, (1, 2, 3)):
+        rng = np.random.default_rng(seed)
+        draw = Draw(
+            rng, rng.uniform(0, 2 * math.pi), float(rng.choice([-1, 1])), speeds,
+            lambda: ideal(experiment.nominal, experiment.plans[0]),
+        )  # fmt: skip
+        growth = effect.growth(rig, where, draw)
+        assert growth.variant in effect.variants(rig, where)
+        sizes = []
+        for amount in (1e-6, 1e-3, 0.5, 1.0):
+            values = growth.values(amount * min(growth.most, 100.0))
+            x = effect.natural(rig, where, values, growth.variant)
+            assert effect.values(rig, where, x, growth.variant) == pytest.approx(dict(values)), "natural inverts values"
+            assert np.all(x >= effect.lowest(rig, where, growth.variant) - 1e-15)
+            sizes.append(abs(float(x[0])))  # a payload's place stays while its mass grows
+            assert isinstance(effect.on_mechanism(rig.mechanism, where, values), Mechanism)
+        assert sizes == sorted(sizes), (where, seed)
+        assert 0 < sizes[0] < 1e-2 * sizes[-1], (where, seed)
 
 
 MORE = {  # what a positive value makes larger: a number of the mechanism, or of the readings, that has its direction

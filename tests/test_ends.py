@@ -15,6 +15,7 @@ import pytest
 from analytic.mechanism.checks import MechanismWarning
 from analytic.mechanism.file import dumps, load
 from commands import compare, evidence
+from marks import slow
 
 ROOT = Path(__file__).parents[1]
 ENVIRONMENT = os.environ | {"PYTHONPATH": str(ROOT)}
@@ -38,7 +39,7 @@ def started(*arguments: str, cwd: Path, stdout: int = subprocess.PIPE) -> subpro
         ["cases"],
         ["--help"],
         ["analyse", "--json", "--out", "out"],
-        ["--simulator", "mujoco", "--joint", "contact", "--analytic", "first_order", "--angles", "30:60:30"],
+        *slow(["--simulator", "mujoco", "--joint", "contact", "--analytic", "first_order", "--angles", "30:60:30"]),
     ],
     ids=lambda a: a[0],
 )
@@ -145,11 +146,11 @@ def test_a_map_that_is_interrupted_from_the_keyboard_goes_on(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     "arguments",
     [
-        ["--simulator", "mujoco", "--joint", "contact", "--motion", "static", "--angles", "30:60:30"],
+        ["--simulator", "mujoco", "--joint", "massless-link", "--motion", "static", "--angles", "30:60:30"],
         ["analyse", "--motion", "static"],
         ["simulate", "--motion", "static"],
         ["accuracy", "--motion", "static", "--samples", "20"],
-        ["validity", "--speeds", "60", "--clearances", "1e-4", "--workers", "1"],
+        *slow(["validity", "--speeds", "60", "--clearances", "1e-4", "--workers", "1"]),
         ["export", "--simulator", "mujoco", "--motion", "static", "--angles", "30:60:30"],
     ],
     ids=lambda a: a[0],

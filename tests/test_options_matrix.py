@@ -196,21 +196,25 @@ OPTIONS_MATTER: list[Row] = [
         ),
         ("validity", "restitutions", {**SPEEDS, "joint_model": "spring-damper"}, {"restitutions": 0.3}),
     ),
-    *(
-        (command, "large", {**PAPER, "clearance": {"B": 0.05}, "large": True, **more}, Refused(large=False))
-        for command, more in (
-            ("analyse", {}),
-            ("simulate", {"joint_model": "massless-link"}),
-            ("compare", {"joint_model": "massless-link"}),
-            ("export", {"joint_model": "massless-link"}),
-            ("accuracy", {"samples": 9}),
+    *slow(
+        *(
+            (command, "large", {**PAPER, "clearance": {"B": 0.05}, "large": True, **more}, Refused(large=False))
+            for command, more in (
+                ("analyse", {}),
+                ("simulate", {"joint_model": "massless-link"}),
+                ("compare", {"joint_model": "massless-link"}),
+                ("export", {"joint_model": "massless-link"}),
+                ("accuracy", {"samples": 9}),
+            )
         )
     ),
-    (
-        "check",
-        "large",
-        {"results": "results/signals.csv", "clearance": {"B": 0.05}, "large": True},
-        Refused(large=False),
+    *slow(
+        (
+            "check",
+            "large",
+            {"results": "results/signals.csv", "clearance": {"B": 0.05}, "large": True},
+            Refused(large=False),
+        )
     ),
     ("platform", "large", {**FIVE, "clearance": {"P": 0.05}, "large": True}, Refused(large=False)),
     ("validity", "large", {**SPEEDS, "clearances": 0.05, "large": True}, Refused(large=False)),
@@ -451,14 +455,16 @@ IN_VAIN: list[tuple[str, dict[str, Any], str]] = [
     ("compare", {**ROCKER, "analytic": "first_order"}, "first_order is the equilibrium itself"),
     ("analyse", {**ROCKER, "model": "first_order"}, "first_order is the equilibrium itself"),
     ("check", {"results": "results/signals.csv", "analytic": "first_order"}, "first_order is the equilibrium itself"),
-    *(
-        ("compare", {**question, "revolutions": 3}, "revolutions = 3 is left out; it is of cranks that turn fully")
-        for question in (
-            {**PAPER, "joint_model": "contact"},
-            {**ROCKER},
-            {**PAPER, "motion": "driven", "joint_model": "massless-link"},
-            {**PAPER, "motion": "driven", "joint_model": "spring-damper"},  # its crank does not turn fully
-            {**FIVE, **IDEAL},
+    ("compare", {**ROCKER, "revolutions": 3}, "revolutions = 3 is left out; it is of cranks that turn fully"),
+    *slow(
+        *(
+            ("compare", {**question, "revolutions": 3}, "revolutions = 3 is left out; it is of cranks that turn fully")
+            for question in (
+                {**PAPER, "joint_model": "contact"},
+                {**PAPER, "motion": "driven", "joint_model": "massless-link"},
+                {**PAPER, "motion": "driven", "joint_model": "spring-damper"},  # its crank does not turn fully
+                {**FIVE, **IDEAL},
+            )
         )
     ),
     *slow(("validity", {**SPEEDS, "revolutions": 3}, "revolutions = 3 is left out; it is of cranks that turn fully")),

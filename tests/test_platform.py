@@ -24,6 +24,7 @@ from analytic.paper.envelope import Output
 from analytic.paper.kinetostatics import answers, kinetostatics
 from commands import compare
 from compare.faults import ArgumentError
+from marks import slow
 from several_linkages import GANTRY, TIMES, splines, waved
 from test_compliance import referee
 
@@ -94,7 +95,7 @@ def hand(upper: np.ndarray, elbow: np.ndarray) -> np.ndarray:
     return np.array([place.real, place.imag])
 
 
-@pytest.mark.parametrize("rows", [8, 10, 41, 42, 300])
+@pytest.mark.parametrize("rows", [8, 41, *slow(10, 42, 300)])
 @pytest.mark.parametrize("swing", ["even", "faster and faster"])
 def test_a_path_through_a_straight_arm_is_refused_at_its_singular_pose(rows: int, swing: str) -> None:
     """The elbow goes from 1.1 to -1.1 rad or so; it is straight within rows, or at one of them."""
@@ -134,8 +135,11 @@ def to_and_fro(leg: str, short: float, time: np.ndarray) -> np.ndarray:
     return np.asarray(pivot + far * np.exp(1j * turned))
 
 
-@pytest.mark.parametrize("rows", [10, 41, 42])
-@pytest.mark.parametrize("leg", ["left", "right", "both"])
+OTHER_LEGS = [(leg, n) for leg in ("left", "right", "both") for n in (10, 41, 42)
+              if (leg, n) not in (("left", 10), ("right", 42), ("both", 41))]  # fmt: skip
+
+
+@pytest.mark.parametrize(("leg", "rows"), [("left", 10), ("right", 42), ("both", 41), *slow(*OTHER_LEGS)])
 def test_a_five_bars_path_that_stretches_a_leg_is_refused_and_one_beside_it_is_followed(leg: str, rows: int) -> None:
     assembly, time = Assembly(load("five-bar")), np.linspace(0.0, 1.0, rows)
     through = to_and_fro(leg, 0.0, time)
@@ -174,7 +178,7 @@ def refused(m: Mechanism, path: list[np.ndarray], time: np.ndarray) -> tuple[str
     return told, float(told.partition(" at ")[2].split()[0])
 
 
-@pytest.mark.parametrize("rows", [11, 42, 43])
+@pytest.mark.parametrize("rows", [11, *slow(42, 43)])
 def test_a_path_on_which_a_five_bars_arms_fall_in_line_is_singular_and_not_out_of_reach(rows: int) -> None:
     """P comes down between the cranks: 0.14 m from either pivot, well within the legs' 0.22 m, the arms are in line,
     and the ends of the cranks 0.24 m apart.
@@ -208,7 +212,7 @@ def test_a_five_bars_path_beyond_its_legs_cannot_be_reached_and_that_is_said_onc
     assert end < at < end + time[1]
 
 
-@pytest.mark.parametrize("rows", [11, 42])
+@pytest.mark.parametrize("rows", [11, *slow(42)])
 def test_a_platform_that_turns_parallel_to_the_triangle_of_its_pivots_is_singular(rows: int) -> None:
     """Both triangles of the 3-RPR are equilateral: parallel, its legs' lines meet where one is the other's picture."""
     m, time = load("3-rpr"), np.linspace(0.0, 1.0, rows)

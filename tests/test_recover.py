@@ -59,7 +59,7 @@ PLAYED_BY = {
     "drive_backlash": "dart",
 }  # the others by Exudyn; MuJoCo diagnoses
 # Two take more than ten times what the others take; the others, or their like, are recovered in test_diagnose too.
-SLOW = {"link_flexibility", "drive_compliance", "drive_backlash", "sensor_gain"} | {
+SLOW = {"drag", "link_flexibility", "drive_compliance", "drive_backlash", "sensor_gain"} | {
     "payload",
     "link_length",
     "joint_clearance",

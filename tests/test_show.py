@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import math
 import re
+from collections.abc import Callable
+from functools import cache
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any
@@ -35,17 +37,19 @@ def loaded(raw: dict[str, Any]) -> CrossCheck:
     return CrossCheck.model_validate(json.loads(to_json(raw)))
 
 
-PAPER = sample_result()
+@cache
+def paper() -> dict[str, Any]:
+    return sample_result()
 
 
-def number(signal: str, at: float, raw: dict[str, Any] = PAPER, **choice: str) -> Provenance:
+def number(signal: str, at: float, raw: dict[str, Any] | None = None, **choice: str) -> Provenance:
     """A number of a result at an angle in degrees, as a person gives it, or at a time."""
-    result = loaded(raw)
+    result = loaded(raw or paper())
     where = at if result.over_time else math.radians(at)
     return lc.show(result, signal, at=where, joint_model=choice.get("joint"), simulator=choice.get("simulator"))
 
 
-def shown(signal: str, at: float, raw: dict[str, Any] = PAPER, **choice: str) -> str:
+def shown(signal: str, at: float, raw: dict[str, Any] | None = None, **choice: str) -> str:
     return "\n".join(lines(number(signal, at, raw, **choice)))
 
 
@@ -107,7 +111,7 @@ def test_the_difference_is_that_of_the_two_sides_and_the_verdict_that_of_the_res
 
 
 def test_a_known_difference_shows_its_reason() -> None:
-    raw = json.loads(to_json(PAPER))
+    raw = json.loads(to_json(paper()))
     row = next(d for d in raw["runs"][3]["discrepancies"] if d["signal"] == "drive_torque")
     row |= {"verdict": "known", "reason": "measured so (bound 0.5 N.m)"}
     assert "verdict       known: measured so (bound 0.5 N.m)" in shown("drive_torque", 90, raw, joint="contact")
@@ -124,7 +128,7 @@ def test_the_difference_of_angles_is_less_whole_turns_and_says_so() -> None:
     for run in raw["runs"]:
         run["simulated"]["reaction_B_angle"] = [v + 2 * math.tau for v in run["simulated"]["reaction_B_angle"]]
     difference = re.compile(r"(?m)^  difference +(\S+) deg .*simulated minus analytic(.*)$")
-    as_is, turned = (difference.findall(shown("reaction_B_angle", 30, each)) for each in (PAPER, raw))
+    as_is, turned = (difference.findall(shown("reaction_B_angle", 30, each)) for each in (paper(), raw))
     assert [float(a) for a, _ in turned] == pytest.approx([float(a) for a, _ in as_is], abs=1e-6)
     assert {words for _, words in as_is} == {""}
     assert {words for _, words in turned} == {", less whole turns"}
@@ -188,7 +192,7 @@ def test_the_modules_that_are_named_exist() -> None:
 
 
 def test_the_papers_first_order_takes_its_reactions_without_clearance() -> None:
-    raw = json.loads(to_json(PAPER))
+    raw = json.loads(to_json(paper()))
     for run in raw["runs"]:
         run["analytic_model"] = "first_order"
     text = shown("reaction_B_angle", 30, raw, joint="contact")
@@ -317,7 +321,7 @@ def test_another_document_is_named_with_what_show_reads(file: str, made: Any, tm
 
 
 def test_a_result_that_lacks_a_field_is_still_a_result(tmp_path: Path) -> None:
-    fields = json.loads(to_json(PAPER))
+    fields = json.loads(to_json(paper()))
     del fields["verdict"]
     (tmp_path / "result.json").write_text(json.dumps(fields), encoding="utf-8")
     status, text = said(str(tmp_path / "result.json"))
@@ -331,7 +335,7 @@ def test_a_file_that_is_neither_is_refused_in_a_sentence(tmp_path: Path) -> None
         2,
         f"compare: {path}: has not the fields of a result.json or diagnosis.json; give one of these\n",
     )
-    path.write_text(to_json(PAPER), encoding="utf-8")
+    path.write_text(to_json(paper()), encoding="utf-8")
     for options, complaint in {
         (): "--signal: missing; a number of a result takes one, such as reaction_B_angle",
         ("--signal", "drive_torque"): "--at: missing; a number belongs to a crank angle, or to a time if the linkage"
@@ -346,7 +350,7 @@ def test_a_file_that_is_neither_is_refused_in_a_sentence(tmp_path: Path) -> None
 @pytest.fixture
 def saved(tmp_path: Path) -> Path:
     path = tmp_path / "result.json"
-    path.write_text(to_json(PAPER), encoding="utf-8")
+    path.write_text(to_json(paper()), encoding="utf-8")
     return path
 
 
@@ -360,7 +364,7 @@ def test_the_json_of_a_number_is_as_its_schema_says_and_what_the_text_is_made_of
     assert found.to_json() + "\n" == printed
     assert said(*asked) == (0, "\n".join(lines(found)) + "\n")
     (one,) = content["runs"]
-    run = PAPER["runs"][3]
+    run = paper()["runs"][3]
     assert (one["index"], one["count"], one["exact"]) == (2, 29, False)
     assert one["crank_angle"] == run["crank_angle"][2]
     for side in ("analytic", "simulated"):
@@ -379,7 +383,7 @@ def test_the_json_of_a_number_is_as_its_schema_says_and_what_the_text_is_made_of
 
 
 def flagged() -> dict[str, Any]:
-    raw = json.loads(to_json(PAPER))
+    raw = json.loads(to_json(paper()))
     for run in raw["runs"]:
         run["flags"] = {"2": "the reaction at B passes near zero"}
         for side in ("analytic", "simulated"):
@@ -387,18 +391,18 @@ def flagged() -> dict[str, Any]:
     return raw
 
 
-KINDS: dict[str, tuple[str, float, dict[str, Any]]] = {
-    "several engines": ("drive_torque", 90.0, sample_result(engines=("mujoco", "exudyn"))),
-    "flagged": ("reaction_B_angle", 30.0, flagged()),
-    "over time": ("reaction_O_angle", 1.02, swinging()),
-    "a moment": ("reaction_S_moment", 30.0, sample_result("slider-crank", clearance={"A": 1e-5})),
-    "not judged": ("crank_angular_velocity", 30.0, PAPER),
+KINDS: dict[str, Callable[[], tuple[str, float, dict[str, Any]]]] = {
+    "several engines": lambda: ("drive_torque", 90.0, sample_result(engines=("mujoco", "exudyn"))),
+    "flagged": lambda: ("reaction_B_angle", 30.0, flagged()),
+    "over time": lambda: ("reaction_O_angle", 1.02, swinging()),
+    "a moment": lambda: ("reaction_S_moment", 30.0, sample_result("slider-crank", clearance={"A": 1e-5})),
+    "not judged": lambda: ("crank_angular_velocity", 30.0, paper()),
 }
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_kind_of_number_is_as_its_schema_says(kind: str) -> None:
-    found = number(*KINDS[kind])
+    found = number(*KINDS[kind]())
     content = json.loads(found.to_json())
     assert faults(Provenance, content) == []
     assert Provenance.model_validate(content).to_json() == found.to_json()
@@ -410,16 +414,16 @@ def test_every_kind_of_number_is_as_its_schema_says(kind: str) -> None:
 
 
 def test_what_each_kind_of_number_says() -> None:
-    flag = number(*KINDS["flagged"]).runs[0]
+    flag = number(*KINDS["flagged"]()).runs[0]
     assert (flag.flag, flag.analytic.value, flag.difference) == ("the reaction at B passes near zero", None, None)
-    over_time = number(*KINDS["over time"])
+    over_time = number(*KINDS["over time"]())
     assert (over_time.over_time, over_time.at, over_time.runs[0].time) == (True, 1.02, pytest.approx(1.02))
     row = over_time.runs[0].discrepancy
-    raw = KINDS["over time"][2]["runs"][0]
+    raw = KINDS["over time"]()[2]["runs"][0]
     assert row is not None
     assert over_time.runs[0].worst_time == raw["time"][raw["crank_angle"].index(row.at_crank_angle)]
-    assert "reaction moment at S (moment of ground on slider)" in shown(*KINDS["a moment"])
-    assert number(*KINDS["not judged"]).runs[0].discrepancy is None
+    assert "reaction moment at S (moment of ground on slider)" in shown(*KINDS["a moment"]())
+    assert number(*KINDS["not judged"]()).runs[0].discrepancy is None
 
 
 def test_an_engine_of_another_package_is_no_module_of_this_one(monkeypatch: pytest.MonkeyPatch) -> None:

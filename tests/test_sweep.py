@@ -91,7 +91,7 @@ def trouble(*kinds: str) -> list[dict[str, Any]]:
     return [{"seed": seed, "trouble": kind} for seed, kind in enumerate(kinds)]
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_run_that_raises_is_reported_and_the_others_are_done(workers: int, tmp_path: Path) -> None:
     found = in_order(sweep(sweep_work.troubled, trouble("no", "raise", "no", "no"), tmp_path, workers=workers))
     assert [outcome.failure for outcome in found] == ["", "ValueError: run 1 is no good", "", ""]

@@ -107,7 +107,9 @@ every_way = pytest.mark.parametrize("way", WAYS)
 every_linkage = pytest.mark.parametrize("name", LINKAGES)
 
 
-@every_way
+@pytest.mark.parametrize(
+    "way", ["all at once", "mirrored", *slow(*(w for w in WAYS if w not in ("all at once", "mirrored")))]
+)
 @every_linkage
 @pytest.mark.parametrize("motion", ["driven", *slow("static")])
 def test_the_analysis_is_the_same(name: str, motion: Motion, way: str) -> None:
@@ -223,7 +225,7 @@ def test_a_check_of_results_is_the_same_whatever_the_order_of_their_columns(
         assert verdicts[Signal.of(s.kind, seen.name(s.place), s.component).name] == each.verdict, each.signal
 
 
-@pytest.mark.parametrize("name", LINKAGES)
+@every_linkage
 def test_a_linkage_in_other_units_has_the_same_digits(name: str) -> None:
     """Of length, mass and time, by powers of two: dimensions say what each number becomes, and not a bit is lost."""
     units = Units(2.0**4, 2.0**-3, 2.0**2)

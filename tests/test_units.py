@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from itertools import product
 
 import numpy as np
 import pytest
@@ -70,14 +69,13 @@ def test_a_mechanism_comes_back_from_other_units_to_the_last_bit() -> None:
     assert there.loads[0].torque == 0.6 * OTHER.time**2 / (OTHER.mass * OTHER.length**2)
 
 
+WAYS = [("ideal", "driven"), ("contact", "static"), ("spring-damper", "driven")]
+QUICK = [("mujoco", *WAYS[1]), ("mujoco", *WAYS[2]), ("exudyn", *WAYS[0]), ("pybullet", *WAYS[1]), ("dart", *WAYS[0])]
+
+
 @pytest.mark.parametrize(
     ("name", "joint_model", "motion"),
-    [
-        *product(ENGINES, ["ideal"], ["driven"]),
-        *product(ENGINES, ["contact"], ["static"]),
-        ("mujoco", "spring-damper", "driven"),
-        *slow(*((name, "spring-damper", "driven") for name in ENGINES if name != "mujoco")),
-    ],
+    [*QUICK, *slow(*((name, *way) for name in ENGINES for way in WAYS if (name, *way) not in QUICK))],
 )
 def test_similar_linkages_have_the_same_digits(name: str, joint_model: str, motion: str) -> None:
     """A micromechanism, and one whose lengths, masses and times are other powers of two: what is said of both differs
@@ -96,7 +94,9 @@ def test_similar_linkages_have_the_same_digits(name: str, joint_model: str, moti
         assert first.settings["step"] == second.settings["step"] * 4
 
 
-@pytest.mark.parametrize(("joint_model", "motion"), [("ideal", "driven"), ("ideal", "static"), ("contact", "static")])
+@pytest.mark.parametrize(
+    ("joint_model", "motion"), [("ideal", "driven"), *slow(("ideal", "static"), ("contact", "static"))]
+)
 @pytest.mark.parametrize("name", ENGINES)
 def test_a_bodys_name_does_not_make_its_signals_others(name: str, joint_model: str, motion: str) -> None:
     """A coupler called reaction_hub, in a micromechanism, whose units are not SI's: its angle is no force."""
