@@ -107,8 +107,8 @@ def off(seen: Signals, right: Signals, kind: Callable[[str], bool]) -> float:
 def assert_signals(
     trace: Trace, truth: Signals, relative: float, angle: float, place: float = 0.0, still: float = 1e-6
 ) -> None:
-    """Every signal: angles to ``angle`` (rad), places and gaps to ``place`` (m; 0: as angles), forces to ``relative`` of
-    the largest reaction, moments, torques and rates of their own largest value; at rest rates are 0.
+    """Every signal: angles to ``angle`` (rad), places and gaps to ``place`` (m; 0: as angles), forces to
+    ``relative`` of the largest reaction, moments, torques and rates of their own largest value; at rest rates are 0.
     """
     largest = max(np.abs(values).max() for name, values in truth.items() if is_force(name))
     for name, values in truth.items():

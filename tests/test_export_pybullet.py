@@ -23,11 +23,11 @@ from analytic.mechanism import Drive, Load, Mechanism
 from analytic.mechanism.file import load, loads
 from compare.cli.export import export
 from linkages import curved_slider, inverted_slider
+from several_linkages import SLIDES as GANTRY
 from several_linkages import referee, sprung, third_bar
 from several_truths import turned_round
 from sim_models.engine import Request, Trace, Unsupported
 from sim_models.pybullet.engine import ENGINE
-from test_leapfrog_several_drives import GANTRY
 
 pytestmark = [pytest.mark.pybullet, pytest.mark.slow]  # test_export is in the short part
 
@@ -162,7 +162,7 @@ REQUESTS |= {
     "2r-arm, at other times of the clock": several(ARM, begin=5.0),
     "five-bar with springs and dampers": several(sprung(FIVE_BAR)),
     "parallelogram with a third bar": several(third_bar()),
-    "gantry: slides on slides, the second told from its rider": several(loads(GANTRY, "gantry")),
+    "gantry: slides on slides, the second told from its rider": several(loads(GANTRY)),
     "2r-arm, joints told from the other side": several(turned_round(ARM, "O", "K")),
     "five-bar, a motor between moving bodies": several(turned_round(driven_at(FIVE_BAR, D=1.0, A=-0.7), "A")),
     "five-bar, motors that turn what floats": several(driven_at(FIVE_BAR, A=1.0, P=-0.7)),
@@ -170,7 +170,7 @@ REQUESTS |= {
     "five-bar, spring-damper": several(LOOSE, "spring-damper"),
     "five-bar, spring-damper, centred": several(LOOSE, "spring-damper", start="centred"),
     "five-bar, static": at_rest(rubbing(sprung(FIVE_BAR))),
-    "gantry, static": at_rest(rubbing(loads(GANTRY, "gantry"))),
+    "gantry, static": at_rest(rubbing(loads(GANTRY))),
     "five-bar, spring-damper, static": at_rest(LOOSE, "spring-damper"),
     "five-bar, massless link, static": at_rest(LOOSE, "massless-link"),
     "five-bar, contact, static": at_rest(LOOSE, "contact"),
@@ -179,7 +179,7 @@ FREE = {
     "five-bar, one drive free": several(driven_at(FIVE_BAR, D=2.0, E="free")),
     "3-rpr, one slide free": several(driven_at(SLIDES, S1=0.05, S2="free", S3=0.02)),
     "2r-arm with a free elbow": several(driven_at(ARM, O=1.5, K="free")),
-    "gantry with a free slide": several(rubbing(driven_at(loads(GANTRY, "gantry"), X=0.2, Y="free", R=1.0))),
+    "gantry with a free slide": several(rubbing(driven_at(loads(GANTRY), X=0.2, Y="free", R=1.0))),
     "2r-arm, released": several(driven_at(ARM, O="free", K="free")),
     "five-bar with springs and dampers, released": several(sprung(FIVE_BAR).replace(drives=FREELY)),
     "five-bar, one drive free, friction that grows with reactions": several(

