@@ -110,7 +110,7 @@ def test_every_drive_follows_its_course_with_the_forces_of_the_referee(name: str
     courses, times = waved(m), LONG if until == "long" else TIMES
     trace, near = moved(name, m, courses, times), NEAR[name]
     if case not in CASES:  # near postures that it cannot pass
-        near = near | {"within": 3 * near["within"], "places": 2e-6}
+        near = {kind: 3 * allowed for kind, allowed in near.items()} | {"places": 2e-6}
     agrees(m, trace, *right(case, until), **near)
     first = splines(courses)[m.drives[0].joint](times)
     close(trace.crank_angle, first, 1e-7 if name == "exudyn" else 1e-9)
