@@ -311,11 +311,13 @@ def by_kind(found: Mapping[str, np.ndarray], truth: Mapping[str, np.ndarray], fo
     """Largest difference, of forces beyond ``force`` (N): of forces, torques and clearances in the largest of their
     kind; of others in their largest value, at least 1.
     """
+    far = [values for name, values in truth.items() if name.endswith("_x") and name.count("_") == 1]  # where bodies are
+    span = max(1.0, *(float(np.abs(values).max()) for values in far))
     worst = 0.0
     for name, values in truth.items():
         kind = next((k for k in ("reaction", "clearance") if name.startswith(k) and not name.endswith("moment")), name)
         peak = max(float(np.abs(truth[n]).max()) for n in truth if n.startswith(kind))
-        slack = ROUNDING if kind == "clearance" else force if kind.startswith(("reaction", "drive")) else 0.0
+        slack = ROUNDING * span if kind == "clearance" else force if kind.startswith(("reaction", "drive")) else 0.0
         peak = (peak or 1.0) if kind in ("reaction", "clearance") else max(peak, 1.0)
         worst = max(worst, (float(np.abs(found[name] - values).max()) - slack) / peak)
     return worst
