@@ -122,7 +122,8 @@ CRANKED: dict[str, Request] = {
     "compliant drive, course, ideal": Request(
         at_speed(MARKED, "measured", stiffness=200.0), "ideal", time=FEW, course=COURSE
     ),
-    "impacts": Request(ROCKER, "contact", "driven", SHORT, start="centred", lead_in=1.0),
+    "impacts": Request(ROCKER, "contact", "driven", SHORT, start="centred"),
+    "impacts, led in": Request(ROCKER, "contact", "driven", SHORT, start="centred", lead_in=1.0),
     "a gap in a bearing of known stiffness": Request(KNOWN, "contact", "driven", SHORT, start="centred", lead_in=1.0),
     "soft bearings beside a gap": Request(SOFT.with_clearances({"B": 1e-3}), "contact", "driven", SHORT),
     "soft bearing beside a gap, spring-damper": Request(
@@ -212,7 +213,13 @@ SEVERAL: dict[str, Request] = {
 }
 SEVERAL |= {
     "late courses": Request(ARM, time=np.array([7.4, 7.02, 7.58, 7.4]), courses=LATE),
-    "impacts along courses": replace(SEVERAL["five-bar, contact"], start="centred"),
+    "impacts along courses": Request(
+        FIVE_BAR.with_clearances({"A": 2e-4}),
+        "contact",
+        time=np.array([0.1, 0.0, 0.05]),
+        courses=along(FIVE_BAR),
+        start="centred",
+    ),
     "impacts along courses, spring-damper": replace(SEVERAL["five-bar, two gaps"], start="centred"),
     "a thousandth of the size": Units(1e3, 1e6, 30.0).request(SEVERAL["five-bar, spring-damper"]),
     **{f"{name}, tiny": TINY.request(SEVERAL[f"{name}, contact"]) for name in GAPS},
@@ -221,8 +228,9 @@ SEVERAL |= {
 REQUESTS = CRANKED | SEVERAL
 
 
-NO_RUN = {  # requests that an engine has no run of
+LEFT_OUT = {  # requests that an engine has no run of, or no one answer to
     ("mujoco", "held more than once, with a gap"),  # it finds no start: see the loops that hold too much
+    ("mujoco", "held more than once, static"),  # reactions are not determined there: a script has others, by 3e-6
     ("exudyn", "gantry with a free slide"),  # it takes a rate of 6e-36 rad/s, where there was none, for a jolt
 }
 
@@ -232,7 +240,7 @@ def exportable() -> list[tuple[str, str]]:
     rows = []
     for name in EXPORTING:
         for title, request in REQUESTS.items():
-            if (name, title) in NO_RUN:
+            if (name, title) in LEFT_OUT:
                 continue
             try:
                 check_exported(declared(name), request)
@@ -280,7 +288,7 @@ def columns(trace: Trace, request: Request) -> dict[str, np.ndarray]:
 ROUNDING = 1e-15  # m, N, N.m: where a pin without clearance is, say
 
 
-def difference(found: Mapping[str, np.ndarray], truth: Mapping[str, np.ndarray]) -> float:
+def difference(found: Mapping[str, np.ndarray], truth: Mapping[str, np.ndarray], rounding: float = ROUNDING) -> float:
     """Largest difference, of the largest value among a vector's components; an angle's and a rate's of at least 1, what
     is rounding and nothing else of nothing.
     """
@@ -290,7 +298,7 @@ def difference(found: Mapping[str, np.ndarray], truth: Mapping[str, np.ndarray])
         least = [1.0] if "angle" in name or "angular" in name else []
         peak = max([float(np.abs(truth[n]).max()) for n in kind] + least)
         off = float(np.abs(found[name] - values).max())
-        worst = max(worst, off / (peak or 1.0) if off > ROUNDING else 0.0)
+        worst = max(worst, off / (peak or 1.0) if off > rounding else 0.0)
     return worst
 
 
@@ -333,7 +341,9 @@ def assert_same(name: str, title: str, folder: Path) -> None:
     found, expected = (table(folder / file) for file in ("signals.csv", "expected.csv"))
     assert list(found) == list(expected)
     if name == "mujoco":
-        assert difference(found, expected) < (1e-8 if asked.motion == "static" else 3e-11)
+        at_rest = 2e-8 if "without friction" in title else 1e-8  # its loads are light
+        rounding = 10 * ROUNDING if asked.motion == "static" else ROUNDING
+        assert difference(found, expected, rounding) < (at_rest if asked.motion == "static" else 3e-11)
     elif name == "exudyn":
         assert apart(found, expected) < REPEATS.get(title, 1e-12)
     else:
@@ -504,7 +514,7 @@ def test_exudyns_linkages_far_from_a_bench_are_exported_in_units_of_their_own(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("title", "joint"), [("impacts", "B"), ("impacts along courses", "P")])
+@pytest.mark.parametrize(("title", "joint"), [("impacts", "B"), ("impacts along courses", "A")])
 @pytest.mark.parametrize("name", ["exudyn"])
 def test_pins_of_the_impacting_run_do_fly_free(name: str, title: str, joint: str) -> None:
     assert 0 < engine(name).simulate(REQUESTS[title]).free_share[joint] < 1
