@@ -414,18 +414,22 @@ def test_a_script_imports_its_engine_and_numpy_and_writes_its_signals_alone(name
         assert {n for n in more if not n.endswith(".urdf")} == {"expected.csv", "run.py", "signals.csv"}
 
 
-RIGHT = {"mujoco": 1e-5, "exudyn": 3e-6, "pybullet": 1e-6}  # of the largest, as its steps are; at rest 1e-8
+RIGHT = {"mujoco": 1e-5, "exudyn": 3e-6, "pybullet": 2e-6}  # of the largest, as its steps are; at rest 1e-8
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("motion", MOTIONS)
-@pytest.mark.parametrize("case", [*SHIPPED, "3-rpr, motors of both kinds", "five-bar, motors that turn what floats"])
+@pytest.mark.parametrize(
+    ("motion", "case"),
+    [
+        *((motion, case) for motion in MOTIONS for case in SHIPPED),
+        ("driven", "3-rpr, motors of both kinds"),
+        ("driven", "five-bar, motors that turn what floats"),
+    ],
+)
 @pytest.mark.parametrize("name", EXPORTING)
 def test_the_bare_engine_is_right_by_the_referee(name: str, case: str, motion: str, exported: Folders) -> None:
     """In maximal coordinates, which knows no engine; at rest with its courses standing still."""
     title = case if case not in SHIPPED else f"{case}, ideal"
-    if motion == "static" and case not in SHIPPED:
-        pytest.skip("exported in motion alone")
     title = title if motion == "driven" else f"{title}, at rest"
     m = REQUESTS[title].mechanism.with_clearances({})
     found, joints = table(exported(name)[title] / "signals.csv"), [joint.name for joint in m.motors]
