@@ -116,6 +116,24 @@ drive = [{ joint = "X", speed = 0.1 }, { joint = "Y", speed = 0.05 }]
 assembly = { car = 0.0, tool = 0.0 }
 """  # slides alone
 
+SLIDES = """
+name = "gantry"
+gravity = [0.0, -9.81]
+ground = { points = { X = [0.1, 0.2] } }
+body = [
+    { name = "bridge", points = { X = [0.0, 0.0], Y = [0.05, 0.1] }, mass = 2.0, inertia = 0.02 },
+    { name = "head", points = { Y = [0.0, 0.02], R = [0.03, 0.0] }, mass = 0.7, com = [0.04, 0.01], inertia = 3e-3 },
+    { name = "tool", points = { R = [0.0, 0.0], T = [0.1, 0.0] }, mass = 0.3, com = [0.04, 0.01], inertia = 1e-3 },
+]
+joint = [
+    { name = "X", type = "prismatic", bodies = ["ground", "bridge"], axis = [1.0, 0.2] },
+    { name = "Y", type = "prismatic", bodies = ["head", "bridge"], axis = [0.3, 1.0], angle = 0.3 },
+    { name = "R", type = "revolute", bodies = ["tool", "head"] },
+]
+drive = [{ joint = "X", speed = 0.2 }, { joint = "Y", speed = -0.1 }, { joint = "R", speed = 1.0 }]
+assembly = { bridge = 0.0, head = -0.3, tool = 0.5 }
+"""  # slides that slope, with mass beside them, and a hinge
+
 PISTON_PIN = """
 name = "press driven at its piston's pin"
 gravity = [0.0, -9.81]

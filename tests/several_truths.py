@@ -16,11 +16,10 @@ from analytic.kinematics.motion import Gap, kinematics
 from analytic.mechanism import MASS_CENTRE, Drive, Mechanism, Spring
 from analytic.mechanism.file import load
 from analytic.paper.kinetostatics import Reactions, kinetostatics
-from asked import request_of
 from engine_checks import vector
 from maximal import Maximal, Posed
 from several_linkages import Knots, splines
-from sim_models.engine import Engine, JointModel, Motion, Trace
+from sim_models.engine import Trace
 
 G = 9.81  # m/s^2
 ARM = load("2r-arm")
@@ -259,66 +258,3 @@ def rattled(m: Mechanism, courses: Knots, times: np.ndarray) -> tuple[np.ndarray
     gap, force = np.array([judge.contact(p.q, p.rates) for p in posed]).T
     assert 0 < np.count_nonzero(force) < force.size
     return gap, force, posed
-
-
-# ---------------------------------------------------------------- springs between points
-
-
-def on_a_spring(m: Mechanism) -> Mechanism:
-    """The paper's linkage with a spring and damper between the ground and its coupler's middle."""
-    law = {"stiffness": 60.0, "length": 0.1, "damping": 40.0}
-    return m.replace(springs=(Spring(bodies=("ground", "coupler"), points=("E", "com"), **law),))
-
-
-def holds_by_its_stretch(engine: Engine, model: JointModel, samples: int) -> None:
-    """At rest the torque that holds the crank is the slope of the energy over its angle, pins on their rims or not."""
-    m = on_a_spring(load("paper")).with_clearances({} if model == "ideal" else {"B": 1e-4})
-    theta = np.radians(np.linspace(30.0, 60.0, samples))
-    trace = engine.simulate(request_of(m, model, "static", theta))
-    slope = CubicSpline(theta, resting(m, trace) + stretched(m, trace))(theta, 1)[5:-5]
-    give = 1e-4 if model == "ideal" else 2e-3  # a contact stores some of it
-    close(trace.signals["drive_torque"][5:-5], slope, give * np.abs(slope).max())
-
-
-def gives_what_the_spring_takes(engine: Engine, model: JointModel, theta: np.ndarray) -> None:
-    """A crank that turns against a spring and its damper at crank angles (N,) rad."""
-    bare = load("paper").with_clearances({} if model == "ideal" else {"B": 1e-5})
-    with_it, without = (engine.simulate(request_of(m, model, "driven", theta)) for m in (on_a_spring(bare), bare))
-    spring = on_a_spring(bare).springs[0]
-    apart = vector(with_it, "coupler") - bare.ground.point("E")
-    coupler, body = with_it.rates["coupler"], bare.moving["coupler"]
-    arm = (body.point("com") - body.centre) * np.exp(1j * with_it.signals["coupler_angle"])
-    moving = coupler.velocity + 1j * with_it.signals["coupler_angular_velocity"] * arm
-    stretching = np.real(np.conj(apart / np.abs(apart)) * moving)
-    pull = spring.stiffness * (np.abs(apart) - spring.length) + spring.damping * stretching
-    taken = pull * stretching / float(bare.speed or 1.0)
-    extra = with_it.signals["drive_torque"] - without.signals["drive_torque"]
-    assert np.abs(spring.damping * stretching).max() > 1.0
-    close(extra, taken, (2e-6 if model == "ideal" else 2e-3) * np.abs(taken).max())
-
-
-def pulls_each_as_the_other(engine: Engine, motion: Motion) -> None:
-    """A spring from the crank's pin A to the follower's pin E on the ground: it loads the pins D and E, and nothing
-    else.
-    """
-    bare = load("paper").with_clearances({})
-    spring = Spring(bodies=("crank", "follower"), points=("A", "E"), stiffness=300.0, length=0.2, damping=30.0)
-    theta = np.radians(np.linspace(30.0, 60.0, 5))
-    found, without = (
-        engine.simulate(request_of(m, "ideal", motion, theta)) for m in (bare.replace(springs=(spring,)), bare)
-    )
-    crank = bare.moving["crank"]
-    reach = (crank.point("A") - crank.point("D")) * np.exp(1j * theta)
-    speed = float(bare.speed or 0.0) if motion == "driven" else 0.0
-    apart, rate = bare.ground.point("E") - bare.ground.point("D") - reach, -1j * speed * reach
-    along = apart / np.abs(apart)
-    pull = (300.0 * (np.abs(apart) - 0.2) + 30.0 * np.real(np.conj(along) * rate)) * along
-    extra = {n: vector(found, f"reaction_{n}") - vector(without, f"reaction_{n}") for n in ("D", "A", "B", "E")}
-    sign = {name: 1.0 if bare.joint(name).bodies[0] == "ground" else -1.0 for name in ("D", "E")}
-    most = np.abs(pull).max()
-    close(sign["D"] * extra["D"], -pull, 1e-6 * most)
-    close(sign["E"] * extra["E"], pull, 1e-6 * most)
-    close(extra["A"], np.zeros(5), 1e-6 * most)
-    close(extra["B"], np.zeros(5), 1e-6 * most)
-    torque = found.signals["drive_torque"] - without.signals["drive_torque"]
-    close(torque, -np.imag(np.conj(reach) * pull), 1e-6 * most)

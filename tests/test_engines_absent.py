@@ -13,7 +13,7 @@ import pytest
 from commands import ROOT
 
 SELECTION = [
-    "tests/test_conformance.py",  # an engine a row
+    "tests/conformance/test_agreement.py",  # an engine a row
     "tests/test_exudyn_beams.py",  # one engine in all of the file
     "tests/test_diagnose.py::test_a_run_that_is_proposed_is_read_back_with_its_loads",  # one that is met on the way
 ]

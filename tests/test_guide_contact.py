@@ -43,7 +43,7 @@ ANY = pytest.mark.parametrize("name", MODELS)
 OTHERS = pytest.mark.parametrize("name", [name for name in MODELS if name != "mujoco"])
 CLEARANCE = 1e-4
 STIFFNESS = 1e9  # N/m
-ANGLES = np.radians(np.arange(3.0, 363.0, 12.0))
+ANGLES = np.radians(np.arange(3.0, 363.0, 24.0))
 LOADS = {
     "flat": Load(body="slider", force=(0.0, -40.0)),
     "tilted": Load(body="slider", force=(-60.0, 10.0), torque=6.0),
@@ -402,7 +402,7 @@ LONG = [(name, "driven") for name in MODELS]
 def test_a_cross_check_compares_what_a_block_does(name: str, motion: Motion) -> None:
     pytest.importorskip(declared(name).package)
     m = slider_crank("tilted", speed=30.0)
-    found = crosscheck(m, simulators=name, motion=motion, angles=ANGLES[::10])
+    found = crosscheck(m, simulators=name, motion=motion, angles=ANGLES[::5])
     assert [run.joint_model for run in found.runs if run.joint_model in ("ideal", MODELS[name])] == [
         "ideal",
         MODELS[name],

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from analytic.kinematics.schedule import Course, Steady
+from analytic.kinematics.schedule import Course
 from analytic.mechanism import Drive
 from analytic.mechanism.file import load
 from asked import request_of
-from sim_models.engine import ENGINES, engine
 
 ROCKER = load("crank-rocker")
 ANGLES = np.array([0.5, 0.2, 0.9])
@@ -61,16 +60,3 @@ def test_only_a_drive_that_turns_the_crank_yields() -> None:
     assert ROCKER.replace(drive=at("free")).drive_stiffness is None
     assert ROCKER.replace(drive=None).drive_stiffness is None
     assert ROCKER.drive_stiffness is None
-
-
-@pytest.mark.parametrize("name", ENGINES)
-def test_at_rest_a_crank_without_motor_is_where_it_was_asked_for(name: str) -> None:
-    pendulum = load("pendulum")
-    free = pendulum.replace(drive=Drive(joint="O", speed="free", stiffness=200.0))
-    yielding = pendulum.replace(drive=Drive(joint="O", speed=1.0, stiffness=200.0))
-    found, lagging = (
-        engine(name).simulate(request_of(m, motion="static", crank_angle=ANGLES)).signals["pendulum_angle"]
-        for m in (free, yielding)
-    )
-    np.testing.assert_allclose(found, ANGLES, rtol=0, atol=1e-9)
-    assert np.abs(lagging - ANGLES).min() > 1e-4

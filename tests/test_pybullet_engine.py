@@ -1,4 +1,4 @@
-"""PyBullet against the analytic model, an independent ordinary differential equation, and its own known traps."""
+"""PyBullet alone: struts, what it refuses, and its known traps."""
 
 from __future__ import annotations
 
@@ -8,68 +8,20 @@ from contextlib import closing
 import numpy as np
 import pytest
 
-from analytic.beyond_paper.released import released
 from analytic.kinematics.assembly import Assembly
-from analytic.mechanism import Drive, Load
+from analytic.kinematics.motion import kinematics
+from analytic.mechanism import Load
 from analytic.mechanism.file import load
+from analytic.paper.kinetostatics import kinetostatics
 from asked import request_of
-from engine_checks import (
-    LINKAGES,
-    PAPER_RANGE,
-    SEVERAL,
-    assert_kinetostatics,
-    assert_spring_law,
-    many_impacts_against_the_ode,
-    one_revolution_against_the_ode,
-    reaction_errors,
-    run,
-    vector,
-)
-from linkages import inverted_slider
+from engine_checks import reaction_errors, run
 from marks import slow
 from sim_models.common.silence import silence
-from sim_models.engine import JointModel, Motion, SimulationError, Unsupported
-from sim_models.pybullet.engine import ENGINE
+from sim_models.engine import JointModel, Motion, Unsupported
 from sim_models.pybullet.world import BulletWorld
 from sim_models.run.path import CrankPath
 
 pytestmark = pytest.mark.pybullet
-
-RIGID: tuple[JointModel, ...] = ("massless-link", "contact")
-REAL: tuple[JointModel, ...] = ("spring-damper", *RIGID)
-
-
-# ---------------------------------------------------------------- statics
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("clearance", [*slow(1e-2), 1e-3, *slow(1e-4)])
-@pytest.mark.parametrize(
-    ("joint_model", "degrees", "percent"),
-    [("ideal", 1e-8, 1e-7), ("spring-damper", 0.001, 0.005), ("massless-link", 1e-7, 1e-7), ("contact", 1e-7, 1e-7)],
-)
-def test_statics_of_the_paper_case(joint_model: JointModel, degrees: float, percent: float, clearance: float) -> None:
-    m = load("paper").with_clearances({"B": clearance})
-    trace = run(ENGINE, m, joint_model, "static", PAPER_RANGE)
-    angle, size = reaction_errors(trace, m)
-    assert angle < degrees
-    assert size < percent
-    if joint_model == "spring-damper":
-        assert_spring_law(trace, 1e8)
-    if joint_model in RIGID:
-        np.testing.assert_allclose(np.abs(vector(trace, "clearance_B")), clearance, rtol=1e-8)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("joint_model", REAL)
-def test_clearance_in_several_joints_at_once_the_drive_joint_among_them(joint_model: JointModel) -> None:
-    m = load("six-bar").with_clearances(SEVERAL)
-    trace = run(ENGINE, m, joint_model, "static", np.arange(0.0, 360.0, 45.0))
-    for joint in "DABECFG":
-        angle, size = reaction_errors(trace, m, joint)
-        assert angle < 0.005, joint
-        assert size < 0.01, joint
-    assert set(trace.journal) == set(SEVERAL)
 
 
 @pytest.mark.slow
@@ -80,23 +32,12 @@ def test_four_struts_in_a_chain_are_where_the_rods_are_at_every_angle(step: floa
         gravity=(0.0, -9.81), loads=(Load(body="follower", point="B", force=(20.0, -30.0), torque=1.0),)
     )
     m = m.with_clearances({"D": 1e-4, "A": 2e-4, "B": 1e-4, "E": 1e-4})
-    trace = run(ENGINE, m, "contact", "static", np.arange(15.0, 375.0, step))
+    trace = run("pybullet", m, "contact", "static", np.arange(15.0, 375.0, step))
     assert trace.settings["read_from_rods"].endswith(f"of {count} angles")  # and so it says
     for joint in "DABE":
         angle, size = reaction_errors(trace, m, joint)
         assert angle < 0.02, joint
         assert size < 0.05, joint
-
-
-def test_static_friction_and_springs_of_revolute_and_prismatic_joints() -> None:
-    m = inverted_slider()
-    assert_kinetostatics(run(ENGINE, m, "ideal", "static", np.arange(0.0, 360.0, 40.0)), m, 1e-8)
-
-
-@pytest.mark.parametrize("joint_model", REAL)
-def test_a_pin_that_nothing_presses_has_no_static_equilibrium(joint_model: JointModel) -> None:
-    with pytest.raises(SimulationError, match="nothing presses the pin of joint 'B'"):
-        run(ENGINE, load("crank-rocker").with_clearances({"B": 1e-4}), joint_model, "static", [40.0])
 
 
 def test_a_contact_strut_holds_at_its_length_and_not_before() -> None:
@@ -111,64 +52,6 @@ def test_a_contact_strut_holds_at_its_length_and_not_before() -> None:
     assert forces[0] < 0.1 * forces[1]  # what it takes to carry the strut along
 
 
-# ---------------------------------------------------------------- driven
-
-
-@pytest.mark.parametrize("name", [name if name != "inverted slider in reverse" else slow(name)[0] for name in LINKAGES])
-def test_ideal_driven_linkages_reproduce_kinetostatics(name: str) -> None:
-    m, degrees = LINKAGES[name]
-    assert_kinetostatics(run(ENGINE, m, "ideal", "driven", degrees), m, 3e-4)
-
-
-@pytest.mark.parametrize("clearance", slow(1e-2, 1e-3, 1e-4))
-def test_driven_paper_case_starts_and_stays_in_the_analytic_equilibrium(clearance: float) -> None:
-    m = load("paper").with_clearances({"B": clearance})
-    trace = run(ENGINE, m, "spring-damper", "driven", PAPER_RANGE)
-    angle, size = reaction_errors(trace, m)
-    assert angle < 0.01
-    assert size < 0.05
-    assert trace.free_share == {"B": 0.0}
-
-
-def test_angles_are_passed_in_the_drives_direction_and_answered_in_the_order_of_the_question() -> None:
-    m = load("paper").with_clearances({"B": 1e-3})
-    m = m.replace(drive=Drive(joint="D", speed=-(m.speed or 0.0)))
-    asked = [60.0, 62.0, 60.0, 61.5]
-    trace = run(ENGINE, m, "spring-damper", "driven", asked, lead_in=0.05)
-    np.testing.assert_allclose(trace.signals["crank_angle"], np.radians(asked), atol=1e-8)
-    np.testing.assert_allclose(trace.signals["crank_angular_velocity"], m.speed or 0.0, rtol=1e-8)
-    angle, size = reaction_errors(trace, m)
-    assert angle < 0.05
-    assert size < 0.2
-
-
-@pytest.mark.slow
-def test_one_fast_revolution_follows_the_exact_motion() -> None:
-    error, trace = one_revolution_against_the_ode(ENGINE)
-    assert error < 4e-5
-    assert trace.settings["contact_stiffness"] == 1e6
-
-
-@pytest.mark.slow
-def test_many_impacts_have_the_exact_statistics() -> None:
-    for name, (simulated, exact) in many_impacts_against_the_ode(ENGINE).items():
-        assert simulated == pytest.approx(exact, rel=0.05), name
-
-
-@pytest.mark.parametrize("start_speed", [0.0, 3.0])
-def test_released_pendulum_with_friction_and_damping(start_speed: float) -> None:
-    m = load("pendulum").with_joint("O", friction_torque=0.02, damping=0.001)
-    time = np.linspace(0, 0.4, 21)
-    trace = ENGINE.simulate(request_of(m, "ideal", "driven", time=time, start_speed=start_speed))
-    expected = released(Assembly(m), time, omega=start_speed).reactions.signals()
-    np.testing.assert_allclose(trace.signals["pendulum_angle"], expected["pendulum_angle"], atol=2e-4)
-    np.testing.assert_allclose(trace.signals["reaction_O_x"], expected["reaction_O_x"], atol=5e-3)
-    assert not trace.signals["drive_torque"].any()
-
-
-# ---------------------------------------------------------------- what it refuses
-
-
 @pytest.mark.parametrize(
     ("joint_model", "motion", "change", "why"),
     [
@@ -181,25 +64,15 @@ def test_what_pybullet_does_not_do_is_refused(
     joint_model: JointModel, motion: Motion, change: dict[str, float], why: str
 ) -> None:
     with pytest.raises(Unsupported, match=why):
-        run(ENGINE, load("paper").with_joint("B", clearance=1e-3, **change), joint_model, motion, [30.0])
+        run("pybullet", load("paper").with_joint("B", clearance=1e-3, **change), joint_model, motion, [30.0])
 
 
-def test_divergence_is_an_error() -> None:
-    m = load("paper").with_clearances({"B": 1e-3})
-    with pytest.raises(SimulationError, match="smaller step, or give it a softer"):
-        run(ENGINE, m, "spring-damper", "driven", [30.0, 60.0], step=5e-4)
-
-
-def test_pybullet_is_silent_and_lets_go_of_its_clients(capfd: pytest.CaptureFixture[str]) -> None:
+def test_pybullet_lets_go_of_its_clients() -> None:
     import pybullet as p
 
     for _ in range(3):
-        run(ENGINE, load("paper").with_clearances({"B": 1e-3}), "contact", "static", [30.0])
-    assert capfd.readouterr() == ("", "")
+        run("pybullet", load("paper").with_clearances({"B": 1e-3}), "contact", "static", [30.0])
     assert not any(p.isConnected(client) for client in range(20))
-
-
-# ---------------------------------------------------------------- traps
 
 
 @pytest.fixture
@@ -282,9 +155,6 @@ def test_a_constraints_force_belongs_to_the_positions_before_the_step() -> None:
         before, turn = world.before["crank"].angle, world.speed * h
         world.step(h)
         found = world.reactions()[0]["B"]
-    from analytic.kinematics.motion import kinematics
-    from analytic.paper.kinetostatics import kinetostatics
-
     forces = [
         kinetostatics(kinematics(Assembly(m), np.array([angle]), m.speed or 0.0)).forces["B"][0]
         for angle in (before, before + turn)
@@ -324,5 +194,5 @@ def test_a_force_in_the_world_frame_takes_its_arm_from_a_step_ago(client: int) -
 def test_the_sequential_solver_is_not_stopped_by_a_small_residual(degrees: float) -> None:
     """With a residual threshold of 1e-20 it ended 16 % short of the weight, at just these angles of a hanging bar."""
     hanging = load("pendulum").with_clearances({"O": 5e-4})
-    trace = run(ENGINE, hanging, "contact", "static", np.radians([degrees]))
+    trace = run("pybullet", hanging, "contact", "static", np.radians([degrees]))
     assert trace.signals["reaction_O_y"][0] == pytest.approx(0.2355 * 9.81, rel=1e-7)

@@ -11,36 +11,31 @@ import pytest
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism, PeriodicTorque
 from analytic.mechanism.file import load
-from asked import job_of, request_of
+from analytic.paper.clearance import displaced
+from asked import job_of
 from compare.crosscheck import crosscheck_job
 from compare.judge.discrepancy import load_tolerances
 from compare.judge.grid import default_angles
-from sim_models.engine import ENGINES, JOINT_MODELS, JointModel, Motion, declared, engine
+from engine_checks import at_speed
+from marks import slow_but
+from sim_models.engine import ENGINES, JOINT_MODELS, MOTIONS, JointModel, Motion, declared
 
 GRAVITY = (0.0, -9.81)
 
 
 def loaded_crank_rocker() -> Mechanism:
     """60 rpm and a steady pull on the follower, so that every pin stays on its rim all round."""
-    m = load("crank-rocker")
-    return m.replace(
-        drive={"joint": "D", "speed": 6.0}, loads=[{"body": "follower", "point": "B", "force": (40.0, 10.0)}]
-    )
+    pull = [{"body": "follower", "point": "B", "force": (40.0, 10.0)}]
+    return at_speed(load("crank-rocker"), 6.0).replace(loads=pull)
 
 
 def loaded_slider_crank() -> Mechanism:
-    m = load("slider-crank")
-    return m.replace(
-        drive={"joint": "O", "speed": 6.0}, gravity=GRAVITY, loads=[{"body": "slider", "force": (-60.0, 0.0)}]
-    )
-
-
-def driven(m: Mechanism, **fields: object) -> Mechanism:
-    return m.replace(drive=m.drive.model_copy(update=fields))  # type: ignore[union-attr]
+    push = [{"body": "slider", "force": (-60.0, 0.0)}]
+    return at_speed(load("slider-crank"), 6.0).replace(gravity=GRAVITY, loads=push)
 
 
 def turned(m: Mechanism) -> Mechanism:
-    return driven(m, speed=-m.speed)  # type: ignore[operator]
+    return at_speed(m, -float(m.speed or 0.0))
 
 
 TURN = np.radians(np.arange(10.0, 360.0, 50.0))
@@ -73,7 +68,11 @@ CASES = {
         PAPER,
     ),
     "periodic torque": (
-        driven(load("paper").with_clearances({"B": 1e-3}), periodic_torque=PeriodicTorque(amplitude=0.2, harmonic=7)),
+        at_speed(
+            load("paper").with_clearances({"B": 1e-3}),
+            load("paper").speed or 0.0,
+            periodic_torque=PeriodicTorque(amplitude=0.2, harmonic=7),
+        ),
         PAPER,
     ),
     "several clearances": (load("paper").with_clearances(PIVOTS), PAPER),
@@ -82,49 +81,40 @@ CASES = {
     "slider-crank": (loaded_slider_crank().with_clearances({"B": 2e-4}), TURN),
     "six-bar": (load("six-bar").with_clearances({"B": 1e-4, "F": 1e-4}), TURN),
 }
-# At rest every case is in the short part with ideal joints, and some with clearance.  In motion a case takes up to
-# seconds: of ideal joints MuJoCo does every law and each other engine a few, of pins that yield those that take less.
-# Each engine's own tests do the linkages in motion.
-SOME = {"paper", "joint friction"}
+# At rest every case is in the short part with ideal joints.  In motion a case takes up to seconds: of ideal joints
+# MuJoCo does every law and each other engine a few, of pins that yield those that take less.
 LAWS = {
     "gravity", "oblique load", "joint friction", "Stribeck friction", "drag", "joint spring",
     "spring that is not linear", "periodic torque", "reverse rotation",
 }  # fmt: skip
-SHARED_LAWS = {"joint friction", "spring that is not linear", "reverse rotation"}
+SHARED_LAWS = {"spring that is not linear", "reverse rotation"}
 YIELDING = {
-    ("mujoco", "massless-link"): {"joint friction"},
-    ("mujoco", "spring-damper"): {"paper, 0.1 mm", "reverse rotation"},
-    ("mujoco", "contact"): {"joint friction", "crank-rocker"},
-    ("pybullet", "contact"): {"slider-crank"},
-    ("exudyn", "massless-link"): {"reverse rotation"},
+    ("mujoco", "massless-link", "driven"): {"joint friction"},
+    ("mujoco", "spring-damper", "driven"): {"reverse rotation"},
+    ("mujoco", "contact", "driven"): {"crank-rocker"},
+    ("mujoco", "contact", "static"): {"joint friction"},
+    ("exudyn", "massless-link", "driven"): {"reverse rotation"},
+    ("exudyn", "contact", "static"): {"joint friction"},
+    ("pybullet", "contact", "static"): {"slider-crank"},
+    ("dart", "contact", "static"): {"joint friction"},
 }
-
-
-def quick(name: str, model: JointModel, motion: Motion, case: str) -> bool:
-    if motion == "static":
-        return model == "ideal" or case in SOME
-    if model == "ideal":
-        return case in (LAWS if name == "mujoco" else SHARED_LAWS)
-    return case in YIELDING.get((name, model), ())
-
-
-def marks(name: str, model: JointModel, motion: Motion, case: str) -> tuple[pytest.MarkDecorator, ...]:
-    return () if quick(name, model, motion, case) else (pytest.mark.slow,)
-
-
-ROWS = [
-    pytest.param(
-        name, model, motion, case, id=f"{name}-{model}-{motion}-{case}", marks=marks(name, model, motion, case)
-    )
+ROWS: list[tuple[str, JointModel, Motion, str]] = [
+    (name, model, motion, case)
     for name in ENGINES
-    for motion in ("static", "driven")
+    for motion in MOTIONS
     for model in JOINT_MODELS
     if (model, motion) in declared(name).capabilities.runs
     for case in CASES
 ]
 
 
-@pytest.mark.parametrize(("name", "model", "motion", "case"), ROWS)
+def quick(name: str, model: JointModel, motion: Motion, case: str) -> bool:
+    if model == "ideal":
+        return motion == "static" or case in (LAWS if name == "mujoco" else SHARED_LAWS)
+    return case in YIELDING.get((name, model, motion), ())
+
+
+@pytest.mark.parametrize(("name", "model", "motion", "case"), slow_but([row for row in ROWS if quick(*row)], ROWS))
 def test_an_engine_agrees_with_the_analytic_model(name: str, model: JointModel, motion: Motion, case: str) -> None:
     mechanism, theta = CASES[case]
     result = crosscheck_job(job_of(mechanism, (name,), load_tolerances(), motion, theta, joint_model=model))
@@ -138,26 +128,7 @@ def test_an_engine_agrees_with_the_analytic_model(name: str, model: JointModel, 
     assert not differ, "; ".join(differ)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ENGINES)
-@pytest.mark.parametrize("model", ["ideal", "contact"])
-def test_a_crank_at_rest_is_behind_its_motor_by_torque_over_stiffness(name: str, model: JointModel) -> None:
-    """And the linkage is where a rigid drive would hold it with the crank there."""
-    rigid = load("paper").with_clearances({"B": 1e-3} if model == "contact" else {})
-    drive = rigid.drive.model_dump(exclude_unset=True) | {"stiffness": 300.0}
-    theta = np.radians([40.0, 90.0, 130.0])
-    found = engine(name).simulate(request_of(rigid.replace(drive=drive), model, "static", theta)).signals
-    lag = theta - found["crank_angle"]
-    assert np.abs(lag).max() > 0.01
-    np.testing.assert_allclose(lag, found["drive_torque"] / 300.0, atol=1e-7)
-    held = engine(name).simulate(request_of(rigid, model, "static", found["crank_angle"])).signals
-    for signal in ("follower_angle", "coupler_angle", "drive_torque"):
-        np.testing.assert_allclose(found[signal], held[signal], atol=1e-6)
-
-
 def test_every_case_keeps_contact_by_its_analytic_model() -> None:
-    from analytic.paper.clearance import displaced
-
     for case, (mechanism, theta) in CASES.items():
         assert not displaced(Assembly(mechanism), theta, mechanism.speed or 1.0).flags, case
 
