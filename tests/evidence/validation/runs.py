@@ -53,6 +53,8 @@ def run_all(names: tuple[str, ...], which: Sequence[Scale], data: Path | None, w
                 continue  # nothing to hold an impacting run to but another engine: the baselines do
             r = setup.request
             engines = tuple(n for n in names if not not_run(n, declared(n), r))
+            if not engines:
+                continue
             workers = min(len(engines), cores())
             job = Job(r.mechanism, engines, tolerances, r.schedule, r.joint_model, workers=workers)
             result = crosscheck_job(job)
