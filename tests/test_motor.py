@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from analytic.kinematics.schedule import Course
+from analytic.kinematics.schedule import Course, Steady
 from analytic.mechanism import Drive
 from analytic.mechanism.file import load
 from asked import request_of
