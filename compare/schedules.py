@@ -72,7 +72,7 @@ def scheduled(assembly: Assembly, question: MovedQuestion, *, may_swing: bool = 
     """
     m, at_rest = assembly.mechanism, question.motion == "static"
     times, course, path = question.times, question.course, question.path
-    if not by_angle(assembly) or not (times is None and course is None and path is None):
+    if not assembly.structure.by_crank or not (times is None and course is None and path is None):
         _check_over_time(assembly, question.motion, question.angles)
         return over_time(assembly, at_rest, times, course, path)
     if m.speed is not None or at_rest:
@@ -82,11 +82,6 @@ def scheduled(assembly: Assembly, question: MovedQuestion, *, may_swing: bool = 
     if question.angles is not None:
         raise ArgumentError("angles", f"{m.name} swings freely and is looked at over time; leave angles out")
     return Schedule.released(m, FREE_TIME)
-
-
-def by_angle(assembly: Assembly) -> bool:
-    """Whether a crank's angle alone tells where a linkage is."""
-    return assembly.mechanism.cranked and len(assembly.structure.inputs) == 1
 
 
 def crank_angles(assembly: Assembly, given: object) -> np.ndarray:

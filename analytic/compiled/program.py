@@ -448,7 +448,7 @@ def motion(assembly: Assembly, displaced: bool) -> Program:
     link = Motion(assembly, displaced)
     s, w = link.s, link.w
     link.load_inputs(COORDINATES, link.u)
-    if len(s.inputs) == 1 and s.mechanism.cranked:
+    if s.by_crank:
         expected = [(row, float(1 + i)) for i, row in enumerate(link.near) if i not in s.inputs]
         w.add(op.NEAR, link.u[s.inputs[0]], *w.list_terms(expected))
     else:

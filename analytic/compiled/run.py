@@ -61,7 +61,7 @@ def serves(assembly: Assembly, count: int) -> bool:
     """
     own = programs_of(assembly)
     own.calls += 1
-    least = BATCH if len(assembly.structure.inputs) == 1 and assembly.mechanism.cranked else POSES
+    least = BATCH if assembly.structure.by_crank else POSES
     return (count >= least or own.calls > CALLS) and _kernel() is not None
 
 
@@ -152,7 +152,7 @@ def _near(assembly: Assembly, own: Programs, inputs: np.ndarray, path: Path | Fo
     neither.
     """
     low, high = float(inputs.min()), float(inputs.max())
-    cranked = len(assembly.structure.inputs) == 1 and assembly.mechanism.cranked
+    cranked = assembly.structure.by_crank
     if not (math.isfinite(low) and math.isfinite(high)) or isinstance(path, Followed if cranked else Path):
         return None
     n = len(assembly.structure.coordinates)

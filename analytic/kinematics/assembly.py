@@ -241,7 +241,7 @@ class Assembly:
         """
         if path is not None:
             return path
-        if len(self.structure.inputs) == 1 and self.mechanism.cranked:
+        if self.structure.by_crank:
             return self.path(u[0].min(), u[0].max())
         return self.follow(u[list(self.structure.inputs)])
 
@@ -384,7 +384,7 @@ class Assembly:
         """The ideal linkage's path over at least [low, high] rad and the assembly angle.  Raises AssemblyError on the
         way, and where it is not one crank's angle that tells the posture.
         """
-        if len(self.structure.inputs) > 1 or not self.mechanism.cranked:
+        if not self.structure.by_crank:
             joints = ", ".join(self.positions)
             raise AssemblyError(
                 f"{self.mechanism.name}: its posture is told by more than one crank's angle ({joints})",

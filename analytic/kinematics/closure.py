@@ -215,7 +215,7 @@ def _set_group(s: Structure, group: Group, columns: np.ndarray, u: np.ndarray) -
 
 def posture(s: Structure, u: np.ndarray, k: int) -> str:
     """Where the inputs are in sample k of coordinates (n, N), in words: ``crank angle 30 deg``, or joint by joint."""
-    if len(s.inputs) == 1 and s.mechanism.cranked:
+    if s.by_crank:
         return f"crank angle {np.degrees(u[0, k]):.6g} deg"
     places = []
     for i in s.inputs:
@@ -227,7 +227,7 @@ def posture(s: Structure, u: np.ndarray, k: int) -> str:
 
 def crank_angle(s: Structure, u: np.ndarray, k: int) -> float:
     """The crank's angle (rad) in sample k of coordinates (n, N); NaN where there is more than a crank to say."""
-    return float(u[0, k]) if len(s.inputs) == 1 and s.mechanism.cranked else float("nan")
+    return float(u[0, k]) if s.by_crank else float("nan")
 
 
 def least(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:

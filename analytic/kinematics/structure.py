@@ -110,6 +110,11 @@ class Structure:
     far_is_second: tuple[bool, ...]  # per slide: whether the far side is the joint's second body
 
     @property
+    def by_crank(self) -> bool:
+        """Whether one crank's angle alone tells where the linkage is."""
+        return len(self.inputs) == 1 and self.mechanism.cranked
+
+    @property
     def driven(self) -> tuple[int, ...]:
         """Which of the inputs (indices of them) a drive moves."""
         return tuple(k for k, drive in enumerate(self.mechanism.drives) if drive.speed != "free")

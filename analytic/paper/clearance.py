@@ -135,7 +135,7 @@ def displaced(  # noqa: PLR0913 - a motion, and what may replace the linkage's o
     turning = bool(inertia and np.any(drive[k:]))
     reach = (2 * STENCIL if give else STENCIL) if turning and (loose or give) else 0.0
     path: Path | None = None
-    if k == 1 and m.cranked:
+    if assembly.structure.by_crank:
         path = assembly.path(drive[0].min() - reach, drive[0].max() + reach)
     else:  # with each sample goes where the linkage is near it
         drive = np.concatenate([drive, (near or assembly.follow(drive[:k])).coordinates])

@@ -322,7 +322,7 @@ class _Structure:
     def where(self, theta: float) -> str:
         """A pose in words, by the first input: a crank's angle, or the position of a joint."""
         s, m = self.motion.structure, self.mechanism
-        if m.cranked and len(s.inputs) == 1:
+        if s.by_crank:
             return f"crank angle {np.degrees(theta):.6g} deg"
         first = s.inputs[0]
         joint, at = m.joint(s.coordinates[first].joint), s.signs[first] * theta

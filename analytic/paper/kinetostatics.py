@@ -103,7 +103,7 @@ class Reactions:
             yield Signal.of("clearance", joint, "y"), gap.imag
         for one in s.mechanism.joints:
             yield position(one), m.relative(one)
-        if len(s.inputs) == 1 and s.mechanism.cranked:
+        if s.by_crank:
             yield Signal.of("drive", "", "torque"), self.drive_torque
         elif self.drive_loads:
             joints = [s.mechanism.joint(name) for name in self.drive_loads]

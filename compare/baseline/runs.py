@@ -23,7 +23,7 @@ from compare.recorded.errors import DataError
 from compare.recorded.table import Table
 from compare.results.crosscheck import Failure
 from compare.runs import Counted, Resolve, simulate
-from compare.schedules import by_angle, over_time
+from compare.schedules import over_time
 from sim_models.engine import Engine, JointModel, Request, SimulationError, Trace, Unsupported, check_supported
 
 ROWS = 36  # of a table, at most
@@ -76,7 +76,7 @@ def setups(mechanism: Mechanism) -> list[Setup]:
     Raises AssemblyError where the case cannot be assembled.
     """
     assembly = Assembly(mechanism)
-    if not by_angle(assembly):
+    if not assembly.structure.by_crank:
         return list(_over_time(mechanism, over_time(assembly)))
     theta = _thinned(default_angles(assembly))
     found = []

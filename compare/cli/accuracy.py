@@ -23,11 +23,10 @@ def accuracy(line: Line) -> None:
         from compare.accuracy import accuracy
         from compare.arguments import linkage
         from compare.platform import platform_accuracy
-        from compare.schedules import by_angle
 
         files = ("accuracy.json", "accuracy.csv", "accuracy.html")
         folder = line.folder(f"{line.stem}-accuracy", *files)
-        if not any(map(line.has, OF_SEVERAL)) and by_angle(Assembly(linkage(line.case, large=True))):
+        if not any(map(line.has, OF_SEVERAL)) and Assembly(linkage(line.case, large=True)).structure.by_crank:
             line.answer(lambda: line.ask(accuracy, AccuracyQuestion), caught, folder)
             return
         for name in filter(line.has, OF_A_CRANK):

@@ -82,7 +82,7 @@ def recording(
     name: str, file: str, table: Table, mechanism: Mechanism, motion: Motion, joint_model: JointModel
 ) -> Recording:
     """A table with the motion of the linkage in it.  Raises DataError or ArgumentError."""
-    if not mechanism.cranked or len(Assembly(mechanism).structure.inputs) > 1:
+    if not Assembly(mechanism).structure.by_crank:
         return _of_drives(name, file, table, mechanism)
     encoder, where = encoder_of(mechanism), Path(file).name
     table = _kept(table)
