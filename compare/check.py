@@ -67,7 +67,6 @@ from compare.recorded.recording import Recording, recording
 from compare.recorded.rounding import rounding
 from compare.recorded.table import Table, read_table, unused
 from compare.results.crosscheck import RECORDED, CrossCheck
-from compare.schedules import speeds_of
 from sim_models.common.contact_laws import contact_parameters
 from sim_models.engine import JointModel, Motion, Request, Trace, engine
 
@@ -227,7 +226,7 @@ def _recorded(one: Recording, mechanism: Mechanism) -> dict[Signal, tuple[np.nda
         return {mechanism.encoder: (one.theta, mechanism.speed)}
     if not isinstance(one.moved, FollowedDrives):
         return {}
-    drives, speeds = one.moved.drives, speeds_of(mechanism)
+    drives, speeds = one.moved.drives, mechanism.drive_speeds
     return {position(mechanism.joint(n)): (each.moving.theta, speeds[n]) for n, each in drives.items() if n in speeds}
 
 

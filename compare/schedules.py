@@ -30,36 +30,15 @@ from compare.recorded.headings import left_alone
 from sim_models.engine import Motion
 
 if TYPE_CHECKING:
-    from analytic.mechanism import Mechanism
     from compare.recorded.table import Table
 
 MovedQuestion = CrosscheckQuestion | AnalyseQuestion | SimulateQuestion | ExportQuestion
-MOST_TIMES = 100_000  # of a command line's grid
 TURNS = 4 * math.pi  # rad; crank angles beyond two turns were probably given in degrees
 USUAL = 1.0  # s, as far as the drives get
 SAMPLES = 50
 SHORTEST = 1e-3  # s
 SPARE = 0.9  # of the way to where the drives get no farther
 LINE = 5  # knots of a straight line
-
-
-def parse_times(text: str) -> np.ndarray:
-    """Times (s) from ``start:stop:step``, stop included.  Raises GridError."""
-    try:
-        start, stop, step = (float(part) for part in text.split(":"))
-    except ValueError:
-        raise GridError(f"--times {text}: give start:stop:step in seconds, such as 0:1:0.02") from None
-    if not (np.isfinite([start, stop, step]).all() and step > 0 and 0 <= start < stop):
-        raise GridError(f"--times {text}: give a start of 0 or more, a later stop and a positive step (seconds)")
-    if (stop - start) / step > MOST_TIMES:
-        raise GridError(f"--times {text}: that is more than {MOST_TIMES} times; use a larger step")
-    return np.asarray(start + step * np.arange(int(np.floor((stop - start) / step + 1e-9)) + 1))
-
-
-def speeds_of(mechanism: Mechanism) -> dict[str, float]:
-    """The speeds (rad/s, m/s) of the drives that have one, by joint, as rates of its position."""
-    sign = mechanism.crank_sign
-    return {drive.joint: sign * drive.speed for drive in mechanism.drives if not isinstance(drive.speed, str)}
 
 
 def scheduled(assembly: Assembly, question: MovedQuestion, *, may_swing: bool = True) -> Schedule:
@@ -153,7 +132,7 @@ def at_their_speeds(assembly: Assembly, time: np.ndarray | None, at_rest: bool =
                 f"{m.name}: the drive of joint {drive.joint!r} follows measured data; give a file of its course"
                 " (--course), or the drive a speed"
             )
-    speeds = speeds_of(m)
+    speeds = m.drive_speeds
     end = float(time[-1]) if time is not None else _as_far(assembly, speeds)
     knots = np.linspace(0.0, max(end, SHORTEST), LINE)
     courses = {name: (knots, assembly.positions[name] + speed * knots) for name, speed in speeds.items()}

@@ -22,6 +22,7 @@ from sim_models.engine import Motion, SimulationError, Unsupported, engine
 from sim_models.exudyn.beam_model import Element
 from sim_models.exudyn.beam_motion import RigidMotion
 from sim_models.exudyn.beams import FlexibleLinkage, flexible, flexible_static
+from sim_models.run.path import CrankPath
 
 pytestmark = pytest.mark.exudyn
 
@@ -263,7 +264,7 @@ def off(m: Mechanism, motion: Motion) -> dict[str, float]:
 @pytest.mark.parametrize("m", [m for m, _, _ in FLEXIBLE.values()] + [inverted_slider()], ids=lambda m: m.name)
 def test_accelerations_and_joint_laws_from_poses_are_those_of_the_differentiated_loops(m: Mechanism) -> None:
     theta = np.radians(np.arange(5.0, 365.0, 20.0))
-    found, exact = RigidMotion.of_crank(Assembly(m), theta, 7.0, 30.0), kinematics(Assembly(m), theta, 7.0, 30.0)
+    found, exact = RigidMotion(CrankPath(Assembly(m)), theta, 7.0, 30.0), kinematics(Assembly(m), theta, 7.0, 30.0)
     for body in m.bodies:
         for ours, theirs in (
             (
@@ -290,7 +291,7 @@ def test_accelerations_and_joint_laws_from_poses_are_those_of_the_differentiated
 def test_a_joint_that_stands_still_has_no_friction() -> None:
     """At a dead centre the slide stops, with a rate that is nothing but rounding."""
     m = pushed_slider_crank()
-    motion = RigidMotion.of_crank(Assembly(m), np.radians([179.0, 180.0, 181.0]), 100.0)
+    motion = RigidMotion(CrankPath(Assembly(m)), np.radians([179.0, 180.0, 181.0]), 100.0)
     before, at, after = motion.law(m.joint("S"), moving=False)
     assert at == 0.0
     assert before == -after != 0.0

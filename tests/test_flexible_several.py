@@ -241,7 +241,7 @@ def test_a_spring_carries_its_share_as_links_yield(kind: str, stiffness: float) 
     """Of forces too: a spring that is unloaded where the links are rigid takes load as they bend."""
     m = sprung(kind, stiffness)
     _, schedule = at_one_time(m)
-    seen = flexible(request_of(m, "ideal", schedule)).signals
+    seen = flexible(Request(m, "ideal", schedule)).signals
     side = reference(Assembly(m), schedule, "equilibrium", {})
     ours, rigid = with_flexible_links(side, Assembly(m), schedule).signals, side.signals
     elastic = np.abs(places(m, ours) - places(m, rigid)).max()
@@ -265,7 +265,7 @@ def test_a_spring_at_the_tip_of_a_cantilever_shares_its_load(stiffness: float) -
     )
     knots = np.linspace(0.0, 1.0, 5)
     schedule = Schedule.along(dict.fromkeys("OK", (knots, 0.0 * knots)), np.array([0.5]), at_rest=True)
-    seen = flexible(request_of(m, "ideal", schedule)).signals
+    seen = flexible(Request(m, "ideal", schedule)).signals
     side = reference(Assembly(m), schedule, "equilibrium", {})
     ours = with_flexible_links(side, Assembly(m), schedule).signals
     carried = SMALL / (1 + stiffness * 0.25**3 / (3 * EI))

@@ -203,6 +203,12 @@ class Mechanism(Part):
         )
 
     @property
+    def drive_speeds(self) -> dict[str, float]:
+        """The speeds (rad/s, m/s) of the drives that have one, by joint, as rates of its position."""
+        sign = self.crank_sign
+        return {drive.joint: sign * drive.speed for drive in self.drives if not isinstance(drive.speed, str)}
+
+    @property
     def clearances(self) -> dict[str, float]:
         """Clearance (m) of each joint that has one: radial, or half the play of a block in its guide."""
         return {j.name: j.clearance for j in self.joints if j.clearance > 0}

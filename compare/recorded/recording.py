@@ -29,7 +29,6 @@ from compare.recorded.motion import (
 )
 from compare.recorded.rounding import rounding
 from compare.recorded.table import Table
-from compare.schedules import speeds_of
 from sim_models.engine import JointModel, Motion
 
 Kind = Literal["angles", "course", "courses", "released"]
@@ -162,7 +161,7 @@ def _of_drives(name: str, file: str, table: Table, mechanism: Mechanism) -> Reco
         faults.append(f"{where}: has {count(table.time.size, 'row')}; a course is known from {LEAST} on")
     if faults:
         raise DataError(*faults)
-    late, speeds, drives = rounding(table.time), speeds_of(mechanism), {}
+    late, speeds, drives = rounding(table.time), mechanism.drive_speeds, {}
     for joint, signal in wanted.items():
         values = assembly.on_its_turn(joint, table.course(signal, where))
         rounded = table.rounding(signal)
