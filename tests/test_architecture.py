@@ -57,14 +57,11 @@ PAIRS = {  # of files that import each other today: mend one and take it out of 
     ("compare.diagnose.propose.places", "compare.diagnose.propose.scene"),
     ("compare.results.document", "compare.results.kinds"),
     ("compare.results.document", "compare.results.schemas"),
-    ("sim_models.exudyn.engine", "sim_models.exudyn.export"),
     ("sim_models.leapfrog.block", "sim_models.leapfrog.striking"),
     ("sim_models.mjcf.names", "sim_models.mjcf.planar"),
     ("sim_models.mujoco.block", "sim_models.mujoco.model"),
-    ("sim_models.mujoco.engine", "sim_models.mujoco.export"),
     ("sim_models.mujoco.model", "sim_models.mujoco.rim"),
     ("sim_models.mujoco.model", "sim_models.mujoco.watch"),
-    ("sim_models.pybullet.engine", "sim_models.pybullet.export"),
 }
 
 
