@@ -1,6 +1,6 @@
 """Schedules as they are asked for: of crank angles or times, of drives at constant speeds, of a file's course or path.
 
-:func:`scheduled` makes the one that a question comes to; a command line's texts are parsed here too.
+:func:`scheduled` makes the one that a question comes to.
 """
 
 from __future__ import annotations
@@ -34,26 +34,12 @@ if TYPE_CHECKING:
     from compare.recorded.table import Table
 
 MovedQuestion = CrosscheckQuestion | AnalyseQuestion | SimulateQuestion | ExportQuestion
-MOST_TIMES = 100_000  # of a command line's grid
 TURNS = 4 * math.pi  # rad; crank angles beyond two turns were probably given in degrees
 USUAL = 1.0  # s, as far as the drives get
 SAMPLES = 50
 SHORTEST = 1e-3  # s
 SPARE = 0.9  # of the way to where the drives get no farther
 LINE = 5  # knots of a straight line
-
-
-def parse_times(text: str) -> np.ndarray:
-    """Times (s) from ``start:stop:step``, stop included.  Raises GridError."""
-    try:
-        start, stop, step = (float(part) for part in text.split(":"))
-    except ValueError:
-        raise GridError(f"--times {text}: give start:stop:step in seconds, such as 0:1:0.02") from None
-    if not (np.isfinite([start, stop, step]).all() and step > 0 and 0 <= start < stop):
-        raise GridError(f"--times {text}: give a start of 0 or more, a later stop and a positive step (seconds)")
-    if (stop - start) / step > MOST_TIMES:
-        raise GridError(f"--times {text}: that is more than {MOST_TIMES} times; use a larger step")
-    return np.asarray(start + step * np.arange(int(np.floor((stop - start) / step + 1e-9)) + 1))
 
 
 def speeds_of(mechanism: Mechanism) -> dict[str, float]:

@@ -10,6 +10,7 @@ from analytic.kinematics.reach import turns_fully
 from analytic.kinematics.reach import usual_angles as default_angles
 
 FARTHEST = 1e6  # deg: the crank is followed there from where it is assembled
+MOST_TIMES = 100_000  # of a command line's grid
 FREE_TIME = np.linspace(0.0, 2.0, 101)  # s, for a released linkage
 
 
@@ -30,6 +31,19 @@ def parse_angles(text: str) -> np.ndarray:
     if (stop - start) / step > 1e6:
         raise GridError(f"--angles {text}: that is more than a million angles; use a larger step")
     return np.radians(start + step * np.arange(int(np.floor((stop - start) / step + 1e-9)) + 1))
+
+
+def parse_times(text: str) -> np.ndarray:
+    """Times (s) from ``start:stop:step``, stop included.  Raises GridError."""
+    try:
+        start, stop, step = (float(part) for part in text.split(":"))
+    except ValueError:
+        raise GridError(f"--times {text}: give start:stop:step in seconds, such as 0:1:0.02") from None
+    if not (np.isfinite([start, stop, step]).all() and step > 0 and 0 <= start < stop):
+        raise GridError(f"--times {text}: give a start of 0 or more, a later stop and a positive step (seconds)")
+    if (stop - start) / step > MOST_TIMES:
+        raise GridError(f"--times {text}: that is more than {MOST_TIMES} times; use a larger step")
+    return np.asarray(start + step * np.arange(int(np.floor((stop - start) / step + 1e-9)) + 1))
 
 
 def parse_workspace(text: str) -> tuple[tuple[float, float, int], tuple[float, float, int]]:
@@ -71,6 +85,7 @@ __all__ = [
     "chosen_angles",
     "default_angles",
     "parse_angles",
+    "parse_times",
     "parse_workspace",
     "turns_fully",
 ]

@@ -323,7 +323,7 @@ class Times(Kind[str]):
 
     def parse(self, word: str, called: str) -> np.ndarray:
         """The times (N,) s, stop included."""
-        from compare.schedules import parse_times
+        from compare.judge.grid import parse_times
 
         return parse_times(word)
 
