@@ -56,9 +56,6 @@ PAIRS = {  # of files that import each other today: mend one and take it out of 
     ("compare.diagnose.problem", "compare.diagnose.rattle.explained"),
     ("compare.results.document", "compare.results.kinds"),
     ("compare.results.document", "compare.results.schemas"),
-    ("sim_models.mujoco.block", "sim_models.mujoco.model"),
-    ("sim_models.mujoco.model", "sim_models.mujoco.rim"),
-    ("sim_models.mujoco.model", "sim_models.mujoco.watch"),
 }
 
 
