@@ -1,9 +1,12 @@
-"""How each kind of result is shown: a registry that :mod:`compare.report` fills, so that no result imports a page."""
+"""How each kind of result is shown, and what an earlier one leaves behind: registries that :mod:`compare.report` fills,
+so that no result imports a page or all other kinds.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Generic, Never, TypeVar, cast
 
 if TYPE_CHECKING:
@@ -29,6 +32,8 @@ class Presentation(Generic[D]):
 
 PRESENTATIONS: dict[str, Callable[[], Presentation[Never]]] = {}
 """By the name of a kind of result, what loads its presentation when the first one of the kind is shown."""
+LEFT_OVER: list[Callable[[Path, set[str]], set[str]]] = []
+"""What tells which other files of a folder belong to earlier results that lose one of these names."""
 
 
 def presentation(result: D) -> Presentation[D]:

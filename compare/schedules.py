@@ -1,6 +1,6 @@
 """Schedules as they are asked for: of crank angles or times, of drives at constant speeds, of a file's course or path.
 
-:func:`scheduled` makes the one that a question comes to; a command line's texts are parsed here too.
+:func:`scheduled` makes the one that a question comes to.
 """
 
 from __future__ import annotations

@@ -24,8 +24,8 @@ from compare.diagnose.inverse import beginnings
 from compare.diagnose.locate import Stretch, locate, rms_difference, spread
 from compare.diagnose.noise import CLOSED, rms
 from compare.diagnose.predict import SLOW, Model, Term, altered
-from compare.diagnose.rattle.contact import asked, lawless
-from compare.diagnose.rattle.explained import ALIKE, note_unjudged, rattling
+from compare.diagnose.rattle.contact import lawless
+from compare.diagnose.rattle.statistics import ALIKE
 from compare.diagnose.residuals import Data
 from compare.diagnose.search import Search, costs
 from compare.diagnose.sensitivities import candidates, sensitivities
@@ -266,18 +266,17 @@ class Problem:
 
     # ---------------------------------------------------------------- the explanation
 
+    @property
+    def overstated(self) -> bool:
+        """Whether the data are nearer to the nominal model than their noise allows."""
+        residual = self.base.residual
+        return rms(residual) < OVERSTATED and self.largest_rms(residual) <= CLOSED
+
     def explanation(self) -> Explanation:
-        """What the data say.  Where the chosen engine differs from the analytic model, that difference is taken off the
-        data, and they are fitted or searched again.
+        """What the data say sample by sample.  Where the chosen engine differs from the analytic model, that difference
+        is taken off the data, and they are fitted or searched again.
         """
-        self.options.progress("search", 1, 4)
-        laws = asked(self.terms, self.ruled_out)  # with clearance of its own the nominal mechanism may rattle itself
-        quiet = rms(self.base.residual) < OVERSTATED and self.largest_rms(self.base.residual) <= CLOSED
-        if not laws:
-            note_unjudged(self)
-        if (laws or not quiet) and (found := rattling(self)) is not None:
-            return found
-        if quiet:
+        if self.overstated:
             self.complete = not self.options.late()
             return self.quiet()
         fit = self.best_fit(self.data)

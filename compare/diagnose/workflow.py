@@ -13,11 +13,14 @@ from compare.arguments import modelling, noted, one_engine, path, warn_of_fricti
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import Measured
 from compare.diagnose.effects.effect import Effect
+from compare.diagnose.explain import Explanation
 from compare.diagnose.prepare import on_one_turn
 from compare.diagnose.problem import Options, Problem, Verified
 from compare.diagnose.propose.adopted import Unadoptable, adopted
 from compare.diagnose.propose.document import as_proposed
 from compare.diagnose.propose.proposal import Proposal, proposal, simpler
+from compare.diagnose.rattle.contact import asked
+from compare.diagnose.rattle.explained import note_unjudged, rattling
 from compare.diagnose.result import as_document
 from compare.diagnose.validation import parted, validated
 from compare.faults import ArgumentError
@@ -97,14 +100,14 @@ def _diagnosed(data: Measured, options: Options) -> tuple[Diagnosis, Proposal | 
         warn_of_friction(data.mechanism, "contact", "driven")
     warned += omitted(data.mechanism, Asked("diagnose", "driven", ("contact",), data.mechanism.bends))
     problem = Problem.of(data, rigid, options)
-    explanation = problem.explanation()
+    explanation = _explained(problem)
     if rigid != data.mechanism and not rigid.cranked:
         problem.notes.append(
             "The links' stated moduli of elasticity are left out: links that bend are of linkages that one crank moves."
         )
     elif rigid != data.mechanism and explanation.statistics is None and problem.shows_bending(data.mechanism):
         bending = Problem.of(data, data.mechanism, options)
-        instead = bending.explanation()
+        instead = _explained(bending)
         nearer = bending.price(instead) < problem.price(explanation)
         problem, explanation = (bending, instead) if nearer else (problem, explanation)
         problem.notes.append(
@@ -116,6 +119,16 @@ def _diagnosed(data: Measured, options: Options) -> tuple[Diagnosis, Proposal | 
     best = proposed(problem, found)
     told = () if best is None else (as_proposed(best),)
     return as_document(problem, found, validated(problem, found, unfitted), told), best
+
+
+def _explained(problem: Problem) -> Explanation:
+    """What the data say: by their statistics where the rig rattles, else sample by sample."""
+    problem.options.progress("search", 1, 4)
+    laws = asked(problem.terms, problem.ruled_out)  # with clearance the nominal mechanism may rattle itself
+    if not laws:
+        note_unjudged(problem)
+    rattled = rattling(problem) if laws or not problem.overstated else None
+    return rattled or problem.explanation()
 
 
 def proposed(problem: Problem, found: Verified) -> Proposal | None:

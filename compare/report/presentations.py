@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import Never
 
-from compare.presentation import PRESENTATIONS, Presentation
+from compare.presentation import LEFT_OVER, PRESENTATIONS, Presentation
 
 NOT_A_PICTURE = "is a list and has no picture; use to_dataframe()"
 
@@ -105,6 +106,13 @@ def _validity() -> Presentation[Never]:
     return Presentation(page.summary_html, page.print_table, page.files, page.plot)
 
 
+def _left_over(folder: Path, names: set[str]) -> set[str]:
+    from compare.results.kinds import left_over
+
+    return left_over(folder, names)
+
+
+LEFT_OVER.append(_left_over)
 PRESENTATIONS.update(
     {
         "Accuracy": _accuracy,

@@ -9,7 +9,6 @@ from __future__ import annotations
 import csv
 import io
 import math
-import os
 from collections.abc import Mapping, Sequence
 from copy import copy
 from pathlib import Path
@@ -35,7 +34,7 @@ from analytic.mechanism.assumed import Assumed
 from analytic.mechanism.file import describe
 from analytic.mechanism.reading import ReadingError, read_json
 from compare.files import alone_in, check_replaceable, made_folder, to_json, write_atomically, write_together
-from compare.presentation import Presentation, presentation
+from compare.presentation import LEFT_OVER, Presentation, presentation
 
 if TYPE_CHECKING:
     import pandas
@@ -269,24 +268,4 @@ def replace_result(folder: Path, texts: Mapping[str, str]) -> None:
     An earlier result that loses a file to them goes as a whole, as far as its JSON file tells which files are its own;
     nothing else is touched.  Raises OutputError.
     """
-    write_together(folder, texts, _left_over(folder, set(texts)))
-
-
-def _left_over(folder: Path, names: set[str]) -> set[str]:
-    """The other files of those earlier results in a folder of which one file is replaced."""
-    if set(os.listdir(folder)) <= names:
-        return set()
-    from compare.results.kinds import read_as
-    from compare.results.schemas import documents
-
-    left: set[str] = set()
-    for file in {kind.file for kind in documents().values()}:
-        if not (folder / file).is_file():
-            continue
-        try:
-            earlier = set(read_as(folder / file, [kind for kind in documents().values() if kind.file == file]).files())
-        except DocumentError:
-            continue  # a stranger's, or of another version: nobody knows what is its own
-        if earlier & names:
-            left |= earlier - names
-    return left
+    write_together(folder, texts, {name for left_over in LEFT_OVER for name in left_over(folder, set(texts))})

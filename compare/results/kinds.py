@@ -1,13 +1,15 @@
-"""Which document a file is, found by its fields."""
+"""Which document a file is, found by its fields, and which files of its folder are its own."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TypeVar
 
 from analytic.mechanism.reading import ReadingError, read_json
 from compare.results.document import Document, DocumentError
+from compare.results.schemas import documents
 
 D = TypeVar("D", bound=Document)
 
@@ -33,8 +35,6 @@ def read_as(path: str | Path, kinds: Sequence[type[D]]) -> D:
 
 def _refuse_others(path: str | Path, fields: set[str], kinds: Sequence[type[D]], wanted: str) -> None:
     """Raise DocumentError for a document that has all its fields and is none of these kinds."""
-    from compare.results.schemas import documents
-
     whole = [kind for kind in documents().values() if _share(fields, kind) == 1.0 and kind not in kinds]
     if whole:
         found = max(whole, key=lambda kind: len(fields & set(kind.model_fields)))
@@ -45,3 +45,20 @@ def _share(fields: set[str], kind: type[Document]) -> float:
     """The share of a document's required fields, beside those that every document may have, that are there."""
     required = {name for name, field in kind.model_fields.items() if field.is_required()}
     return len(required & fields) / len(required) if required else 0.0
+
+
+def left_over(folder: Path, names: set[str]) -> set[str]:
+    """The other files of those earlier results in a folder of which one file is replaced."""
+    if set(os.listdir(folder)) <= names:
+        return set()
+    left: set[str] = set()
+    for file in {kind.file for kind in documents().values()}:
+        if not (folder / file).is_file():
+            continue
+        try:
+            earlier = set(read_as(folder / file, [kind for kind in documents().values() if kind.file == file]).files())
+        except DocumentError:
+            continue  # a stranger's, or of another version: nobody knows what is its own
+        if earlier & names:
+            left |= earlier - names
+    return left

@@ -143,8 +143,10 @@ def simulate_flexible(engine: Engine, request: Request, run: Callable[[Request],
     return run(request)
 
 
-def export(engine: Engine, request: Request, folder: Path, write: Callable[[Request, Path], list[Path]]) -> list[Path]:
+def export(
+    engine: Engine, request: Request, folder: Path, write: Callable[[Engine, Request, Path], list[Path]]
+) -> list[Path]:
     """Files that an engine's ``write`` makes of a request in a folder.  Raises Unsupported, and what it raises."""
     check_exported(engine, request)
     check_request(request)
-    return write(request, folder)
+    return write(engine, request, folder)

@@ -13,9 +13,8 @@ from analytic.mechanism import MASS_CENTRE, Body, Joint
 from analytic.mechanism.signals import driving
 from sim_models.common.export_files import expected, lines, written
 from sim_models.common.simulate import simulate
-from sim_models.engine import Request, Trace
+from sim_models.engine import Engine, Request, Trace
 from sim_models.exudyn.courses import PACE, CoursesRun, RestingRun
-from sim_models.exudyn.engine import ENGINE
 from sim_models.exudyn.equilibria import Equilibria
 from sim_models.exudyn.linkage import HALVED, ExudynLinkage
 from sim_models.exudyn.motor import INSTANT, RunMotor
@@ -36,8 +35,8 @@ PARAMETERS = {  # what closes a joint: the numbers that make it, by Exudyn's nam
 }
 
 
-def write(request: Request, folder: Path) -> list[Path]:
-    """Run a request as the engine does, in units of the linkage's own and steps that make it plausible, and write what
+def write(engine: Engine, request: Request, folder: Path) -> list[Path]:
+    """Run a request as its engine does, in units of the linkage's own and steps that make it plausible, and write what
     repeats it into an existing folder.  Raises what :func:`sim_models.common.simulate.simulate` does, and OSError.
     """
     m, crank, model = request.mechanism, request.schedule.crank is not None, dict[str, Any]()
@@ -47,7 +46,7 @@ def write(request: Request, folder: Path) -> list[Path]:
         model.update({"redundant": linkage.model.redundant, **_parts(linkage), **motion})
         return trace
 
-    trace = simulate(ENGINE, request, run)  # the last that was run
+    trace = simulate(engine, request, run)  # the last that was run
     head = {
         "title": f"{m.name}, {request.joint_model} joints, {request.motion}",
         "version": f"{trace.simulator} {trace.version}",

@@ -5,17 +5,18 @@ of each corner against its wall, or its contact law by name.
 from __future__ import annotations
 
 import cmath
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from analytic.mechanism import Joint, Mechanism
-from sim_models.common.contact_laws import KelvinVoigt, NamedLaw, contact_parameters, named_law
+from sim_models.common.contact_laws import KelvinVoigt, NamedLaw, contact_parameters, named_law, told_of
 from sim_models.common.guide import Guide
 from sim_models.common.start import Pose
-from sim_models.engine import Motion
+from sim_models.engine import Motion, SettingValue
+from sim_models.leapfrog.parts import Pin
 from sim_models.leapfrog.striking import Striking
 
 Yields = Callable[[Joint, complex], np.ndarray]  # (2, 2) 1/kg, now, of a corner so far (m) along a block and across
@@ -95,6 +96,22 @@ class Block:
                 force = max(0.0, self.contact.stiffness * depth + self.contact.damping * into) * normal
             if force:
                 yield Touch(k, at, force)
+
+
+def told(mechanism: Mechanism, pins: Mapping[str, Pin | Block]) -> dict[str, SettingValue]:
+    """The laws of pins and blocks, of which some have one by name, for a trace's settings."""
+    laws = {name: pin.law for name, pin in pins.items() if pin.law is not None}
+    words = {
+        name: "Kelvin-Voigt, max(0, K d + C d')" if pin.law is None else pin.law.words for name, pin in pins.items()
+    }
+    alike = len(set(words.values())) == 1
+    damped = [pin.contact.damping for pin in pins.values() if pin.law is None or pin.law.damping]
+    return {
+        "contact_law": next(iter(words.values())) if alike else "; ".join(f"{n}: {law}" for n, law in words.items()),
+        "contact_stiffness": min(pin.contact.stiffness for pin in pins.values()),
+        **({"contact_damping": max(damped)} if damped else {}),
+        **told_of(mechanism, laws),
+    }
 
 
 def _velocity(pose: Pose, at: complex) -> complex:

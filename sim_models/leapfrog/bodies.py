@@ -30,12 +30,12 @@ from sim_models.common.travel import travel
 from sim_models.common.tree import Branch
 from sim_models.engine import Cause, Request, SettingValue, SimulationError
 from sim_models.leapfrog.balance import Balance
-from sim_models.leapfrog.block import Block, Touch
+from sim_models.leapfrog.block import Block, Touch, told
 from sim_models.leapfrog.courses import Grid, Path, motion_of, path_of
 from sim_models.leapfrog.laws import JointLaws
 from sim_models.leapfrog.parts import Pin, Steered, coordinates, moving_body, spanning_tree
 from sim_models.leapfrog.rates import body_rates, centre_rates, turning
-from sim_models.leapfrog.striking import Striking, told
+from sim_models.leapfrog.striking import Striking
 
 HEEDED = 1e-7  # of the largest reaction that friction grows with: what it may still change by
 HEEDINGS = 100  # times that friction is found anew from the reactions that it changes

@@ -7,19 +7,12 @@ damps.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analytic.mechanism import Mechanism
-from sim_models.common.contact_laws import NamedLaw, told_of
-from sim_models.engine import SettingValue
-from sim_models.leapfrog.parts import Pin
-
-if TYPE_CHECKING:
-    from sim_models.leapfrog.block import Block
+from sim_models.common.contact_laws import NamedLaw
 
 FRESH = 200  # steps at the wall after which it is found anew how a pin yields
 
@@ -81,22 +74,6 @@ class Striking:
         self.age += 1
         n = np.array([normal.real, normal.imag])
         return float(n @ self.mobility @ n)
-
-
-def told(mechanism: Mechanism, pins: Mapping[str, Pin | Block]) -> dict[str, SettingValue]:
-    """The laws of pins and blocks, of which some have one by name, for a trace's settings."""
-    laws = {name: pin.law for name, pin in pins.items() if pin.law is not None}
-    words = {
-        name: "Kelvin-Voigt, max(0, K d + C d')" if pin.law is None else pin.law.words for name, pin in pins.items()
-    }
-    alike = len(set(words.values())) == 1
-    damped = [pin.contact.damping for pin in pins.values() if pin.law is None or pin.law.damping]
-    return {
-        "contact_law": next(iter(words.values())) if alike else "; ".join(f"{n}: {law}" for n, law in words.items()),
-        "contact_stiffness": min(pin.contact.stiffness for pin in pins.values()),
-        **({"contact_damping": max(damped)} if damped else {}),
-        **told_of(mechanism, laws),
-    }
 
 
 def _dot(a: complex, b: complex) -> float:

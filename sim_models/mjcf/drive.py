@@ -14,7 +14,8 @@ import mujoco
 import numpy as np
 
 from sim_models.mjcf.compiled import AT_JOINT
-from sim_models.mjcf.planar import Pin, Planar
+from sim_models.mjcf.parts import Pin
+from sim_models.mjcf.planar import Planar
 
 AT_SITE = int(mujoco.mjtTrn.mjTRN_SITE)
 NO_BIAS, AFFINE = int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE)

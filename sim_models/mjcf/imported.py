@@ -31,7 +31,8 @@ from sim_models.mjcf.drive import (
 from sim_models.mjcf.errors import MjcfError
 from sim_models.mjcf.known import unknown
 from sim_models.mjcf.laws import PointSpring, TendonLaw, acts, coefficients, law, point_spring
-from sim_models.mjcf.planar import Frames, Pin, Planar, read
+from sim_models.mjcf.parts import Frames, Pin
+from sim_models.mjcf.planar import Planar, read
 from sim_models.mjcf.plane import actuator_words, body_words, joint_words
 from sim_models.mujoco.engine import no_log_file
 

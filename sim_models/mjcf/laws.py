@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from sim_models.mjcf.names import Site
-from sim_models.mjcf.planar import CLOSED, Pin, Planar, positioned
+from sim_models.mjcf.parts import Pin, Site
+from sim_models.mjcf.planar import CLOSED, Planar, positioned
 
 OVER_JOINTS, FROM_SITE = int(mujoco.mjtWrap.mjWRAP_JOINT), int(mujoco.mjtWrap.mjWRAP_SITE)
 SAME = 1e-9  # of the largest coefficient

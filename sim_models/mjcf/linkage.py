@@ -26,7 +26,8 @@ from sim_models.mjcf.compiled import AT_JOINT
 from sim_models.mjcf.drive import AT_SITE, flywheel, gravity, steady_force, switched_off, throttled
 from sim_models.mjcf.laws import TendonLaw, acts, law, point_spring
 from sim_models.mjcf.match import Match, match
-from sim_models.mjcf.planar import Frames, Pin, Planar
+from sim_models.mjcf.parts import Frames, Pin
+from sim_models.mjcf.planar import Planar
 from sim_models.run.path import assembled
 
 # Times the whole linkage's inertia, or mass: the armature that stands for a motor.  What reactions accelerate of it is

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 from analytic.mechanism import GROUND, Joint, Mechanism
 from analytic.mechanism.parts import Body
 from sim_models.engine import Unsupported
-from sim_models.mjcf.planar import Pin, Planar
+from sim_models.mjcf.parts import Pin
+from sim_models.mjcf.planar import Planar
 
 ALIKE = 1e-6  # of the linkage's size, or rad: lengths and angles that differ by more are others
 MOST_TRIALS = 200_000  # assignments that are looked at

@@ -6,29 +6,15 @@ import itertools
 import re
 import string
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import mujoco
 
 from analytic.mechanism import GROUND
 from analytic.mechanism.parts import LONGEST
-
-if TYPE_CHECKING:
-    from sim_models.mjcf.planar import Frames, Pin
+from sim_models.mjcf.parts import Frames, Pin, Site
 
 Points = tuple[complex, complex]
 TAKEN = {GROUND, "world", "com"}
-
-
-@dataclass(frozen=True)
-class Site:
-    """A site: its number and name, and its link and place in it (m, link frame)."""
-
-    number: int
-    name: str
-    link: int
-    point: complex
 
 
 def plain(name: str) -> str:

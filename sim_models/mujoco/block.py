@@ -2,37 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
-from analytic.mechanism import Joint
-from sim_models.common.guide import Guide
 from sim_models.engine import Cause, SimulationError
-from sim_models.mujoco.laws import Contact
-
-if TYPE_CHECKING:
-    from sim_models.mujoco.model import MujocoLinkage
-
-
-@dataclass
-class Block:
-    """The block of a joint: its guide, the law of its corners, and MuJoCo's contact of each of these.
-
-    ``pressed`` are the corners that touch where all that has clearance counts as pressed.
-    """
-
-    joint: Joint
-    guide: Guide
-    law: Contact
-    contacts: list[mujoco.MjContact]
-    pressed: tuple[int, ...] = field(default=())
-
-    def key(self, corner: int) -> str:
-        """The name of a corner's contact."""
-        return f"{self.joint.name}:{corner}"
+from sim_models.mujoco.model import Block, MujocoLinkage
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,7 @@ from analytic.kinematics.schedule import Course, Motor
 from analytic.mechanism import Joint
 from sim_models.common.export_files import expected, lines, written
 from sim_models.common.simulate import simulate
-from sim_models.engine import Cause, Request, Trace
-from sim_models.mujoco.engine import ENGINE
+from sim_models.engine import Cause, Engine, Request, Trace
 from sim_models.mujoco.equilibrium import Equilibria, rest
 from sim_models.mujoco.mjcf import Setting
 from sim_models.mujoco.model import Drive, MujocoLinkage
@@ -30,8 +29,8 @@ AnyRun = MujocoRun | CoursesRun | RestingRun
 CLOSED_BY = {"massless-link": "massless link", "spring-damper": "spring-damper", "contact": "contact"}
 
 
-def write(request: Request, folder: Path) -> list[Path]:
-    """Run a request as the engine does, in units of the linkage's own and steps that make it plausible, and write what
+def write(engine: Engine, request: Request, folder: Path) -> list[Path]:
+    """Run a request as its engine does, in units of the linkage's own and steps that make it plausible, and write what
     repeats it into an existing folder.  Units of time stay seconds: the model of a fast linkage of usual size is in SI,
     and others can read it.  Raises what :func:`sim_models.common.simulate.simulate` does, and OSError.
     """
@@ -47,7 +46,7 @@ def write(request: Request, folder: Path) -> list[Path]:
         start.update({"after_compiling": beyond, **_meaning(link), "motors": _motors(found, link), **how})
         return trace
 
-    trace = simulate(ENGINE, request, run, seconds=True)  # the last that was run
+    trace = simulate(engine, request, run, seconds=True)  # the last that was run
     head = {
         "title": f"{request.mechanism.name}, {request.joint_model} joints, {request.motion}",
         "version": f"{trace.simulator} {trace.version}",

@@ -5,8 +5,8 @@ is.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from typing import Protocol
 
 import mujoco
 import numpy as np
@@ -18,15 +18,11 @@ from sim_models.common.guide import Guide
 from sim_models.common.start import Pose
 from sim_models.common.tree import Branch
 from sim_models.engine import Unsupported
-from sim_models.mujoco.block import Block
 from sim_models.mujoco.laws import RUBS, Contact, spring
 from sim_models.mujoco.mjcf import RIGID, Description, Setting
 from sim_models.mujoco.passive import Passive
 from sim_models.mujoco.rim import Rim, memory
 from sim_models.mujoco.striking import Striking
-
-if TYPE_CHECKING:
-    from sim_models.mujoco.watch import Watch
 
 LIGHT = 1e2  # 1/kg times the lighter link's mass: makes the virtual mass of such a row 1e-6 of that link's
 
@@ -78,6 +74,31 @@ class Part:
     drive: Drive | None  # of the motor between it and its parent
 
 
+@dataclass
+class Block:
+    """The block of a joint: its guide, the law of its corners, and MuJoCo's contact of each of these.
+
+    ``pressed`` are the corners that touch where all that has clearance counts as pressed.
+    """
+
+    joint: Joint
+    guide: Guide
+    law: Contact
+    contacts: list[mujoco.MjContact]
+    pressed: tuple[int, ...] = field(default=())
+
+    def key(self, corner: int) -> str:
+        """The name of a corner's contact."""
+        return f"{self.joint.name}:{corner}"
+
+
+class Watching(Protocol):
+    """What takes in every step, at its begin and at its end."""
+
+    def begin(self) -> None: ...
+    def end(self) -> None: ...
+
+
 class MujocoLinkage:
     """MuJoCo's model and data of a mechanism, and how to talk to them in the mechanism's words.
 
@@ -126,7 +147,7 @@ class MujocoLinkage:
         passive = Passive(laws, self.loads, mechanism.periodic_torque, self.fixed_angle[crank], self.form[crank])
         self.passive = passive if laws or mechanism.periodic_torque else None
         self.present: np.ndarray | None = None  # velocities of this instant, where the data's are older
-        self.watch: Watch | None = None  # takes in every step
+        self.watch: Watching | None = None
 
     @property
     def kept(self) -> bool:
@@ -244,7 +265,10 @@ class MujocoLinkage:
             )
             m.tendon_lengthspring[t] = rest
         walls = self.contacts if self.setting.rows == "contact" else {}
-        self.rims = {name: Rim(self, name, self._touch(name, law)) for name, law in walls.items()}
+        self.rims = {
+            name: Rim(m, self.data, self.mechanism.joint(name), self.sites[name], law, self._touch(name, law))
+            for name, law in walls.items()
+        }
         self.second_order = bool(walls) and all(rim.second_order for rim in self.rims.values()) and not self.tendon
         self.cones = [name for name in walls if self.rubs[name] and name not in self.striking]
         if self.setting.rows in ("massless-link", "spring"):

@@ -10,17 +10,15 @@ too, and the force in the step in which it comes to its wall is a mean, as :mod:
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 import mujoco
 import numpy as np
 
+from analytic.mechanism import Joint
 from sim_models.engine import Cause, SimulationError
-from sim_models.mujoco.laws import HARD, SOFT, spring
+from sim_models.mujoco.laws import HARD, SOFT, Contact, spring
 from sim_models.mujoco.striking import mean_of_touch
-
-if TYPE_CHECKING:
-    from sim_models.mujoco.model import MujocoLinkage
 
 
 def memory(values: np.ndarray) -> memoryview[float]:
@@ -35,15 +33,22 @@ class Rim:
     off the middle on.  ``second_order`` says whether its wall is.
     """
 
-    def __init__(self, link: MujocoLinkage, name: str, contact: mujoco.MjContact) -> None:
-        m, (first, second) = link.model, link.sites[name]
-        self.name, self.contact, self.law, self._link = name, contact, link.contacts[name], link
-        self.clearance, self.reach = link.radii[name]
-        self.begins = self.clearance - self.law.margin
-        self.second_order = not (self.law.hard or self.law.named or link.rubs[name])
+    def __init__(
+        self,
+        m: mujoco.MjModel,
+        d: mujoco.MjData,
+        joint: Joint,
+        sites: tuple[int, int],
+        law: Contact,
+        contact: mujoco.MjContact,
+    ) -> None:
+        self.name, self.contact, self.law, self._model, self._data = joint.name, contact, law, m, d
+        self.clearance, self.reach = joint.clearance, joint.rim + joint.clearance
+        self.begins = self.clearance - law.margin
+        self.second_order = not (law.hard or law.named or joint.friction > 0)
         self.depth, self._gap = math.inf, (0.0, 0.0, 0.0)
         self._before, self._time = math.inf, math.nan
-        self._x, self._first, self._second = link.places, 3 * first, 3 * second
+        self._x, self._first, self._second = memory(d.site_xpos.reshape(-1)), 3 * sites[0], 3 * sites[1]
         contact.pos, contact.frame = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
         self._pos, self._frame = memory(contact.pos), memory(contact.frame)
         self.weight = float(m.body_invweight0[m.geom_bodyid[contact.geom], 0].sum())  # 1/kg, as MuJoCo reckons it
@@ -53,8 +58,8 @@ class Rim:
 
     def meets(self, always: bool = False) -> bool:
         """Look where the journal is; says whether it touches, or (``always``) would if it were pressed."""
-        if self.second_order and self._link.data.time != self._time:
-            self._before, self._time = self.depth, self._link.data.time
+        if self.second_order and self._data.time != self._time:
+            self._before, self._time = self.depth, self._data.time
         x, first, second = self._x, self._first, self._second
         gx, gy = x[first] - x[second], x[first + 1] - x[second + 1]
         r = math.hypot(gx, gy)
@@ -69,7 +74,7 @@ class Rim:
         pos[0], pos[1] = x[self._second] + nx * self.reach, x[self._second + 1] + ny * self.reach
         frame[0], frame[1], frame[3], frame[4] = -nx, -ny, ny, -nx
         self.contact.dist = -(self._share() if self.second_order else self.depth)
-        if mujoco.mj_addContact(self._link.model, self._link.data, self.contact):
+        if mujoco.mj_addContact(self._model, self._data, self.contact):
             where = f"mujoco: no room for the contact of joint {self.name!r}"
             raise SimulationError(where, Cause.FAULTY, "use fewer joints with clearance")
 
@@ -78,13 +83,13 @@ class Rim:
         part, depth = 1.0, self.depth
         if self._before <= 0 < depth:
             depth, part = mean_of_touch(depth, depth / (depth - self._before))
-        if part != self._part or self._link.model.opt.timestep != self._step:
+        if part != self._part or self._model.opt.timestep != self._step:
             self._harden(part)
         return depth
 
     def _harden(self, part: float) -> None:
         """Give the row a part of the law's stiffness and damping."""
-        self._part, self._step = part, self._link.model.opt.timestep
+        self._part, self._step = part, self._model.opt.timestep
         virtual = self.weight * part * self.law.damping * self._step / 2  # mass, over the lightness
         impedance = min(max(virtual / (1 + virtual), SOFT), HARD)
         self.contact.solref, self.contact.solimp = spring(self.law, part * self.weight, impedance)

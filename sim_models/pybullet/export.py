@@ -18,10 +18,9 @@ from analytic.mechanism.signals import driving
 from sim_models.common.export_files import expected, lines, written
 from sim_models.common.simulate import simulate
 from sim_models.common.tree import Branch
-from sim_models.engine import Request, Trace
+from sim_models.engine import Engine, Request, Trace
 from sim_models.leapfrog.courses import path_of
 from sim_models.leapfrog.runs import run
-from sim_models.pybullet.engine import ENGINE
 from sim_models.pybullet.parts import Planned, flat
 from sim_models.pybullet.world import FASTEST, STRENGTH, BulletWorld
 
@@ -102,8 +101,8 @@ class RecordedWorld(BulletWorld):
             self.observing = False
 
 
-def write(request: Request, folder: Path) -> list[Path]:
-    """Run a request as the engine does, in units of the linkage's own and steps that make it plausible, and write what
+def write(engine: Engine, request: Request, folder: Path) -> list[Path]:
+    """Run a request as its engine does, in units of the linkage's own and steps that make it plausible, and write what
     repeats it into an existing folder.  Raises what :func:`sim_models.common.simulate.simulate` does, and OSError.
     """
     parts: dict[str, str] = {}
@@ -124,7 +123,7 @@ def write(request: Request, folder: Path) -> list[Path]:
         start.update(_start(world, trace) | {"reports": _reports(world, order)})
         return trace
 
-    trace = simulate(ENGINE, request, recorded)  # the last that was run
+    trace = simulate(engine, request, recorded)  # the last that was run
     if start["yielding"]:  # where the crank is, not its motor
         trace = replace(trace, crank_angle=trace.signals[f"{request.mechanism.driven}_angle"])
     files = parts | {

@@ -1,10 +1,10 @@
-"""Where one unknown can be at every sample, and how the sensors answer to it."""
+"""What one unknown can be at every sample, and how it is solved for."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, get_args
+from typing import get_args
 
 import numpy as np
 
@@ -13,13 +13,9 @@ from analytic.mechanism import GROUND, Load, Mechanism
 from compare.diagnose.effects.bodies import LinkLength, body_of
 from compare.diagnose.effects.effect import Effect, Parameter, Rig, Values
 from compare.diagnose.effects.joints import JointClearance
-from compare.diagnose.predict import Hypothesis, Term
 from compare.diagnose.propose.laws import UNKNOWNS
 from compare.diagnose.residuals import Data
 from compare.results.diagnosis import Unknown
-
-if TYPE_CHECKING:
-    from compare.diagnose.propose.scene import Scene
 
 SOFT = 1e-6  # of a typical stiffness: a spring this soft, wound up far, is a constant torque
 FAINT = 1e-6  # of the largest answer of a run: samples that answer less say nothing
@@ -143,37 +139,6 @@ class Recovered:
     def noise(self) -> float:
         """chi^2 for each degree of freedom; one where the place is right."""
         return self.chi2 / self.free if self.free > 0 else 1.0
-
-
-def plain(data: Data, readings: Sequence[Mapping[str, np.ndarray]]) -> np.ndarray:
-    """Readings as one vector (size,) over their noise."""
-    return np.concatenate([readings[p.run][p.signal][p.used] for p in data.parts]) / data.sigma
-
-
-def places(scene: Scene) -> Iterator[Place]:
-    """Every place where these data would show an unknown, beside what is named."""
-    rig, data = scene.rig, scene.data
-
-    def read(more: Hypothesis) -> np.ndarray | None:
-        found = scene.model([[*scene.hypothesis, *more]])[0]
-        return None if found is None else plain(data, found)
-
-    here, taken = read([]), {term.key for term, _ in scene.hypothesis}
-    for unknown, effect in EFFECTS.items() if here is not None else ():
-        for where in effect.places(rig):
-            step = float(effect.scales(rig, where)[0])
-            there = read([(Term(effect, where), {effect.parameters[0].name: step})])
-            if (effect.name, where) in taken or there is None or here is None:
-                continue
-            answers = (there - here) / step
-            if np.abs(answers).max() * step > FAINT:
-                yield Place(unknown, where, effect.unit(rig, where, effect.parameters[0].name), answers)
-    for signal in dict.fromkeys(part.signal for part in data.parts if part.signal in rig.signals):
-        answers = np.zeros(data.size)
-        for part in data.parts:
-            if part.signal == signal:
-                answers[part.place] = 1 / data.sigma[part.place]
-        yield Place("error", signal, rig.known[signal].unit, answers)
 
 
 def recovered(data: Data, place: Place, residual: np.ndarray) -> Recovered:

@@ -13,7 +13,7 @@ from compare.diagnose.fit import Fit, Fitter
 from compare.diagnose.noise import sample_weights
 from compare.diagnose.predict import Model, Term
 from compare.diagnose.propose.laws import candidates
-from compare.diagnose.propose.places import RELATIVES, Place, Recovered, places, recovered
+from compare.diagnose.propose.places import RELATIVES, Place, Recovered, recovered
 from compare.diagnose.propose.regression import MOST, Regression, Told
 from compare.diagnose.propose.scene import Scene
 from compare.results.diagnosis import Unknown
@@ -133,7 +133,7 @@ def _beside(model: Model, fitter: Fitter, fit: Fit, out: tuple[Term, ...], most:
     rest = {t: x for t, x in zip(fit.terms, fit.x, strict=True) if t not in out}
     kept = fitter.at(list(rest), rest) if out else fit
     scene = None if kept is None else Scene.of(model, fitter, kept)
-    found = None if scene is None else _best(scene, list(places(scene)), most)
+    found = None if scene is None else _best(scene, list(scene.places()), most)
     return None if found is None else replace(found, replaced=out)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -16,9 +16,9 @@ from compare.diagnose.data.recording import MeasuredRun
 from compare.diagnose.effects.effect import Rig
 from compare.diagnose.fit import Fit, Fitter, Predicts
 from compare.diagnose.inverse import read_backward
-from compare.diagnose.predict import Hypothesis, Impossible, Model
+from compare.diagnose.predict import Hypothesis, Impossible, Model, Term
 from compare.diagnose.propose.laws import State
-from compare.diagnose.propose.places import Place, plain
+from compare.diagnose.propose.places import EFFECTS, FAINT, Place
 from compare.diagnose.residuals import Data
 
 Signals = Mapping[str, np.ndarray]
@@ -80,7 +80,7 @@ class Scene:
         readings = model([hypothesis])[0]
         if readings is None:
             return None
-        off = data.values - plain(data, readings) * data.sigma
+        off = data.values - _plain(data, readings) * data.sigma
         off[data.turning] = wrapped(off[data.turning])
         return cls(
             rig, model, data, hypothesis, signals, moved, off / data.sigma, data.residual(readings), fit.jacobian
@@ -90,6 +90,31 @@ class Scene:
         """Something of every run's signals (N,) at all samples (size,)."""
         by_run = [of(self.signals[run.name]) for run in self.data.measured.runs]
         return np.concatenate([by_run[p.run][p.used] for p in self.data.parts])
+
+    def places(self) -> Iterator[Place]:
+        """Every place where these data would show an unknown, beside what is named."""
+        rig, data = self.rig, self.data
+
+        def read(more: Hypothesis) -> np.ndarray | None:
+            found = self.model([[*self.hypothesis, *more]])[0]
+            return None if found is None else _plain(data, found)
+
+        here, taken = read([]), {term.key for term, _ in self.hypothesis}
+        for unknown, effect in EFFECTS.items() if here is not None else ():
+            for where in effect.places(rig):
+                step = float(effect.scales(rig, where)[0])
+                there = read([(Term(effect, where), {effect.parameters[0].name: step})])
+                if (effect.name, where) in taken or there is None or here is None:
+                    continue
+                answers = (there - here) / step
+                if np.abs(answers).max() * step > FAINT:
+                    yield Place(unknown, where, effect.unit(rig, where, effect.parameters[0].name), answers)
+        for signal in dict.fromkeys(part.signal for part in data.parts if part.signal in rig.signals):
+            answers = np.zeros(data.size)
+            for part in data.parts:
+                if part.signal == signal:
+                    answers[part.place] = 1 / data.sigma[part.place]
+            yield Place("error", signal, rig.known[signal].unit, answers)
 
     def state(self, place: Place) -> State:
         """What is known at every sample, at a place."""
@@ -145,3 +170,8 @@ class Scene:
             return apart
 
         return self.spread(along)
+
+
+def _plain(data: Data, readings: Sequence[Mapping[str, np.ndarray]]) -> np.ndarray:
+    """Readings as one vector (size,) over their noise."""
+    return np.concatenate([readings[p.run][p.signal][p.used] for p in data.parts]) / data.sigma

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,23 +17,20 @@ from compare.diagnose.engines import Engines
 from compare.diagnose.explain import Attempt, Explanation, Interval, Named
 from compare.diagnose.fit import Fit
 from compare.diagnose.predict import Hypothesis, Model, Term
+from compare.diagnose.problem import Problem
 from compare.diagnose.rattle.contact import SILENT, Found, asked
 from compare.diagnose.rattle.law import Law, Simulate, jackknifed
-from compare.diagnose.rattle.statistics import Key, Readings, Statistics
+from compare.diagnose.rattle.statistics import ALIKE, Key, Readings, Statistics
 from compare.diagnose.rattle.trial import Trials, Tried, least, reaching, wanted
 from compare.diagnose.rattle.turns import FEWEST, TURNS, Turns, rattles
 from compare.results.diagnosis import Verdict
 from sim_models.common.contact_laws import default_stiffness
 from sim_models.engine import engine
 
-if TYPE_CHECKING:
-    from compare.diagnose.problem import Problem
-
 PAYS = 0.25  # of the logarithm of the distance, that clearance must take away to be named
 SEEN = 0.3  # of it: positions, or forces, that are farther from the nominal rig's than that must come nearer
 TIE = 0.1  # of it: joints that close are not told apart
 SURE = 2.0  # standard deviations, over groups of revolutions, by which they may be
-ALIKE = 1.6  # times how far two recordings of one rig are apart: statistics that are explained
 NOWHERE = "A contact law is asked for, and no joint's clearance does as the rig does: none was looked for."
 LAW = 0.05  # of a clearance: what contact laws other than the engine's may make of it, one standard deviation
 LITTLE = 1e-3  # of the shortest link: a clearance to first order

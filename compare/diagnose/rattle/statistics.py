@@ -17,6 +17,7 @@ QUANTILES = np.array([0.1, 0.25, 0.5, 0.75, 0.9])
 GROUPS = 8  # of revolutions, at most, that are left out in turn
 SEED = 1  # of the noise that is added to simulated readings
 DEEP = 5.0  # of the noise: forces up to that are told apart as they are, larger ones by their ratio
+ALIKE = 1.6  # times how far two recordings of one rig are apart: statistics that are explained
 
 Key = tuple[str, str]  # run and signal
 Readings = Sequence[Mapping[str, np.ndarray]]
