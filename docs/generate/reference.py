@@ -392,7 +392,10 @@ PYTHON: dict[str, tuple[str, ...]] = {
     "paper": ("analytic.paper",),
     "beyond": ("analytic.beyond_paper",),
 }
-SINGLE = ("sim_models.engine", "sim_models.common.contact_laws", "compare.diagnose.effects.effect")
+SINGLE = (
+    "sim_models.engine", "sim_models.common.simulate", "sim_models.common.contact_laws", "sim_models.run.path",
+    "compare.diagnose.effects.effect",
+)  # fmt: skip
 
 
 @functools.cache

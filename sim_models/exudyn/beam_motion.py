@@ -1,7 +1,7 @@
 """How the rigid linkage moves, for the loads that beams bear and what is read beside them: from the assembly's poses
 alone.
 
-Rates and accelerations are differences over five poses, a crank's as those of :func:`sim_models.common.start.poses`, so
+Rates and accelerations are differences over five poses, a crank's as those of :mod:`sim_models.run.path`, so
 that beams owe nothing to the analytic kinematics and kinetostatics that they are compared with.
 """
 

@@ -169,7 +169,7 @@ class ExudynModel:
             self.mbs.AddLoad(self.items.LoadTorqueVector(markerNumber=marker, loadVector=[0.0, 0.0, load.torque]))
 
     def _add_spring(self, spring: Spring) -> None:
-        """A spring between points; in statics its damper is a load (:meth:`load_bodies`)."""
+        """A spring between points; in statics its damper is a load (``ExudynLinkage.load_bodies``)."""
         self.mbs.AddObject(
             self.items.ObjectConnectorSpringDamper(
                 markerNumbers=[self._marker(body, point) for body, point in spring.ends],
@@ -345,7 +345,9 @@ class ExudynModel:
         return self.mbs.AddObject(self.items.ObjectConnectorDistance(markerNumbers=markers, distance=joint.clearance))
 
     def _add_joint_law(self, joint: Joint) -> None:
-        """Friction, damping and spring of a joint; in statics friction and damping are loads (:meth:`load_bodies`)."""
+        """Friction, damping and spring of a joint; in statics friction and damping are loads
+        (``ExudynLinkage.load_bodies``).
+        """
         moving = self.motion == "driven"
         damping, friction = (joint.damping, joint.coulomb) if moving else (0.0, 0.0)
         curved = joint.cubic or (moving and (joint.drag or joint.stribeck_speed))

@@ -194,7 +194,7 @@ class Equilibria:
         return {name: math.copysign(1.0, x) if abs(x) > STANDSTILL * SIDE else 0.0 for name, x in moves.items()}
 
     def torques(self, link: MujocoLinkage, found: Rest, slip: Mapping[str, float]) -> dict[str, float]:
-        """Friction of the equilibrium that was found last (see :func:`friction_torques`)."""
+        """Friction of the equilibrium that was found last (see :func:`sim_models.mujoco.state.friction_torques`)."""
         dry = {
             joint.name: joint.dry(float(form @ link.data.qvel)) + joint.load_friction(link.loads.get(joint.name, 0.0))
             for joint, form in link.rubbing

@@ -181,8 +181,8 @@ class Effect(ABC):
 
     ``label`` is what it is called and ``meaning`` what it means, each with ``{}`` for the place; ``found`` says it with
     its values, which have a ``{}`` after the place's (left out: they follow the meaning); ``special_case_of`` are
-    richer effects, which must earn their further parameter against this one; ``needs`` what an engine must declare to
-    simulate it in full: one of its ``effects``, or a joint model in driven motion.
+    richer effects, which must earn their further parameter against this one; ``needs`` the joint models and features
+    that an engine must declare in motion to simulate it in full (:attr:`sim_models.engine.Capabilities.in_motion`).
     """
 
     name: ClassVar[str]
