@@ -26,7 +26,6 @@ from compare.judge.grid import FARTHEST, FREE_TIME, GridError, chosen_angles
 from compare.questions.analyse import AnalyseQuestion, ExportQuestion, SimulateQuestion
 from compare.questions.crosscheck import CrosscheckQuestion
 from compare.recorded.errors import DataError
-from compare.recorded.headings import left_alone
 from sim_models.engine import Motion
 
 if TYPE_CHECKING:
@@ -231,6 +230,8 @@ def of_path(path: Path, assembly: Assembly) -> tuple[dict[str, Knots], np.ndarra
 
 def _warn(path: Path, table: Table, used: Collection[str], role: str) -> None:
     """Warn of what was made of a file, and of its signals that are not used, as they are none of this role."""
+    from compare.recorded.headings import left_alone
+
     others = [table.headings[c.place] for c in table.columns if c.signal.name not in used]
     notes = [f"{path.name}: {left_alone(others, role)}"] if others else []
     for note in (*table.notes, *notes):

@@ -371,14 +371,16 @@ def sequence_of(nominal: Mechanism, run: Recording, folder: Path, noise: Mapping
     from mujoco import sysid
     from mujoco.sysid import SignalType
 
-    from sim_models.mujoco.export import export
+    from sim_models.mujoco.engine import ENGINE
 
     out = folder / f"{run.name}-model"
     out.mkdir()
     if run.speed is None:
-        export(request_of(nominal.replace(assembly={nominal.driven: run.angle}), "ideal", time=run.time), out)
+        ENGINE.export(request_of(nominal.replace(assembly={nominal.driven: run.angle}), "ideal", time=run.time), out)
     else:
-        export(request_of(with_speed(nominal, run.speed), "ideal", crank_angle=run.angle + run.speed * run.time), out)
+        ENGINE.export(
+            request_of(with_speed(nominal, run.speed), "ideal", crank_angle=run.angle + run.speed * run.time), out
+        )
     begin = json.loads((out / "start.json").read_text(encoding="utf-8"))
     spec = mujoco.MjSpec.from_file(str(out / "model.xml"))
     spec.add_actuator(name="idle", target=nominal.driven, trntype=mujoco.mjtTrn.mjTRN_JOINT, gear=[0.0] * 6)

@@ -23,6 +23,7 @@ from sim_models.run.path import Path
 OPEN_LOOP = 1e-4  # of the largest link: gap at an ideal joint beyond which a run is garbage
 ENERGY_FROM_NOTHING = 0.05  # of the energy that a run turns over
 JUMP = 0.2  # of a body's largest rate, in a step
+NOT_TURNED = 1e-12  # rad in a whole run: rounding
 FLIPPED = math.radians(45)  # between a body and the ideal linkage: it has left its assembly mode
 
 
@@ -243,6 +244,8 @@ class Judge:
         parts more than once, as in a loop that is stretched out.
         """
         for name, spin in record.angular_velocity.items():
+            if np.abs(spin).max() * np.ptp(record.time) < NOT_TURNED:
+                continue
             jump = np.abs(np.diff(spin))
             worst = int(np.argmax(jump))
             if jump[worst] > JUMP * np.abs(spin).max():

@@ -240,7 +240,6 @@ LEFT_OUT = {  # requests that an engine has no run of, or no one answer to
     ("mujoco", "held more than once, with a gap"),  # it finds no start: see the loops that hold too much
     ("mujoco", "held more than once, static"),  # reactions are not determined there: a script has others, by 3e-6
     ("mujoco", "held more than once, at rest"),
-    ("exudyn", "gantry with a free slide"),  # it takes a rate of 6e-36 rad/s, where there was none, for a jolt
 }
 
 
