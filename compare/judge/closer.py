@@ -13,16 +13,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from analytic.mechanism.signals import AXES, Signal
 from compare.judge.discrepancy import Rule
-from compare.results.analysis import Simulation
 from compare.results.crosscheck import Discrepancy, Failure, Run
 from sim_models.common.contact_laws import default_stiffness
 from sim_models.common.failed_starts import STIFF
 from sim_models.engine import Cause, Request, Trace
+
+if TYPE_CHECKING:
+    from compare.results.analysis import Simulation  # a model that takes its time to be made
 
 NEAR = 1e3  # tolerances: a run that is off by more is not off by its step
 NEAR_LOOSE = 10.0  # the same with clearance, where pins that fly do so differently in every step
