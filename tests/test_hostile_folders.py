@@ -53,7 +53,8 @@ def compare(folder: Path, arguments: list[str], limit: int | None = None) -> sub
     return subprocess.run(
         [sys.executable, "-m", "compare", *arguments],
         cwd=folder,
-        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        # Python would cut off its compiled modules at the limit, and everybody after it would read those
+        env=os.environ | {"PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": "1"},
         capture_output=True,
         text=True,
         timeout=300,

@@ -109,7 +109,9 @@ def _simulate(cell: Cell, m: Mechanism, other: Mechanism) -> Answer:
 def _compare(cell: Cell, m: Mechanism, other: Mechanism) -> Answer:
     how = {"joint_model": cell.joint_model, "flexible": cell.command.endswith("flexible"), "revolutions": 0}
     job = job_of(CrosscheckQuestion(m, cell.simulator, motion=cell.moves, workers=1, **how, **cell.where))
-    found = crosscheck_job(replace(job, time=SWINGING) if cell.motion == "free" else job)
+    if cell.motion == "free":
+        job = replace(job, schedule=replace(job.schedule, time=SWINGING))
+    found = crosscheck_job(job)
     if found.failures:
         return Answer(refused=found.failures[0].why, failed=True)
     (run,) = found.runs

@@ -10,6 +10,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -364,24 +365,22 @@ def assert_same(name: str, title: str, folder: Path) -> None:
 # A shaft free to swing is stepped without damping: a last digit of its speed, over the step, is an acceleration.
 # Exudyn's own runs differ by that, 3e-11 of the reactions, one after another in one process.
 REPEATS = {title: 1e-9 for title in CRANKED if title.startswith("compliant drive")}
-Folders = Callable[[str], dict[str, Path]]
+Scripts = Callable[[str, str], Path]
 
 
 @pytest.fixture(scope="module")
-def exported(tmp_path_factory: pytest.TempPathFactory) -> Folders:
-    """Every request's folder by engine, after its script has run in the bare one; in one process, for all of them."""
-    every: dict[str, dict[str, Path]] = {}
+def exported(tmp_path_factory: pytest.TempPathFactory) -> Scripts:
+    """A request's folder by engine and title, after its script has run in the bare one."""
 
-    def folders(name: str) -> dict[str, Path]:
-        if name not in every:
-            every[name] = {title: tmp_path_factory.mktemp("export") for of, title in exportable() if of == name}
-            for title, folder in every[name].items():
-                written = {path.name for path in engine(name).export(REQUESTS[title], folder)}
-                assert written == {path.name for path in folder.iterdir()} >= FILES[name] | {"expected.csv", "run.py"}
-            bare(*every[name].values())
-        return every[name]
+    @cache
+    def folder(name: str, title: str) -> Path:
+        place = tmp_path_factory.mktemp("export")
+        written = {path.name for path in engine(name).export(REQUESTS[title], place)}
+        assert written == {path.name for path in place.iterdir()} >= FILES[name] | {"expected.csv", "run.py"}
+        bare(place)
+        return place
 
-    return folders
+    return folder
 
 
 QUICK = [("mujoco", "paper, contact, driven"), ("mujoco", "3-rpr, contact"), ("exudyn", "paper, contact, static")]
@@ -392,36 +391,37 @@ def test_a_few_scripts_give_the_same_numbers(name: str, title: str, tmp_path: Pa
     engine(name).export(REQUESTS[title], tmp_path)
     bare(tmp_path)
     assert_same(name, title, tmp_path)
-    tree = ast.parse((tmp_path / "run.py").read_text(encoding="utf-8"))
+    assert imported(tmp_path) == {name, "numpy"}
+
+
+def imported(folder: Path) -> set[str]:
+    """The packages that a script imports, beside Python's own."""
+    tree = ast.parse((folder / "run.py").read_text(encoding="utf-8"))
     names = {a.name for node in ast.walk(tree) if isinstance(node, ast.Import) for a in node.names}
     names |= {str(node.module) for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
-    assert {n.partition(".")[0] for n in names} - set(sys.stdlib_module_names) == {name, "numpy"}
+    return {n.partition(".")[0] for n in names} - set(sys.stdlib_module_names)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "title"), exportable())
-def test_bare_engine_gives_the_same_numbers(name: str, title: str, exported: Folders) -> None:
-    """And what is expected is the trace to the last digit."""
-    folder, asked = exported(name)[title], REQUESTS[title]
+def test_bare_engine_gives_the_same_numbers(name: str, title: str, exported: Scripts) -> None:
+    """And what is expected is the trace to the last digit; the script imports its engine and numpy alone, and writes
+    its signals alone.
+    """
+    folder, asked = exported(name, title), REQUESTS[title]
     assert_same(name, title, folder)
+    assert imported(folder) == {name, "numpy"}
+    more = {path.name for path in folder.iterdir()} - FILES[name]
+    assert {n for n in more if not n.endswith(".urdf")} == {"expected.csv", "run.py", "signals.csv"}
+    if name == "mujoco":  # the file holds all but the virtual mass of soft rows
+        start = json.loads((folder / "start.json").read_text(encoding="utf-8"))
+        assert set(start["after_compiling"]) <= {"tendon_invweight0"}
     written, truth = table(folder / "expected.csv"), columns(engine(name).simulate(asked), asked)
     assert list(written) == list(truth)
     repeats = REPEATS.get(title, 0.0) if name == "exudyn" else 0.0
     if (name, title) == ("mujoco", "a thousandth of the size"):  # its own units are another rounding
         repeats = 1e-10
     assert apart(written, truth) <= repeats
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", EXPORTING)
-def test_a_script_imports_its_engine_and_numpy_and_writes_its_signals_alone(name: str, exported: Folders) -> None:
-    for folder in exported(name).values():
-        tree = ast.parse((folder / "run.py").read_text(encoding="utf-8"))
-        names = {a.name for node in ast.walk(tree) if isinstance(node, ast.Import) for a in node.names}
-        names |= {str(node.module) for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
-        assert {n.partition(".")[0] for n in names} - set(sys.stdlib_module_names) == {name, "numpy"}
-        more = {path.name for path in folder.iterdir()} - FILES[name]
-        assert {n for n in more if not n.endswith(".urdf")} == {"expected.csv", "run.py", "signals.csv"}
 
 
 RIGHT = {"mujoco": 1e-5, "exudyn": 3e-6, "pybullet": 2e-6}  # of the largest, as its steps are; at rest 1e-8
@@ -437,12 +437,12 @@ RIGHT = {"mujoco": 1e-5, "exudyn": 3e-6, "pybullet": 2e-6}  # of the largest, as
     ],
 )
 @pytest.mark.parametrize("name", EXPORTING)
-def test_the_bare_engine_is_right_by_the_referee(name: str, case: str, motion: str, exported: Folders) -> None:
+def test_the_bare_engine_is_right_by_the_referee(name: str, case: str, motion: str, exported: Scripts) -> None:
     """In maximal coordinates, which knows no engine; at rest with its courses standing still."""
     title = case if case not in SHIPPED else f"{case}, ideal"
     title = title if motion == "driven" else f"{title}, at rest"
     m = REQUESTS[title].mechanism.with_clearances({})
-    found, joints = table(exported(name)[title] / "signals.csv"), [joint.name for joint in m.motors]
+    found, joints = table(exported(name, title) / "signals.csv"), [joint.name for joint in m.motors]
     if motion == "driven":
         _, posed = referee(m, along(m), found["time"])
     else:
@@ -508,23 +508,22 @@ def test_a_model_that_was_tampered_with_shows(
 # ---------------------------------------------------------------- of one engine's files
 
 
-@pytest.mark.slow
-def test_mjcf_holds_all_but_the_virtual_mass_of_soft_rows(exported: Folders) -> None:
-    for folder in exported("mujoco").values():
-        start = json.loads((folder / "start.json").read_text(encoding="utf-8"))
-        assert set(start["after_compiling"]) <= {"tendon_invweight0"}
+FAR = [
+    (title, units)
+    for name, title in exportable()
+    for word, units in (("tiny", TINY), ("huge", HUGE))
+    if name == "exudyn" and word in title
+]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("word", "units"), [("tiny", TINY), ("huge", HUGE)])
+@pytest.mark.exudyn
+@pytest.mark.parametrize(("title", "units"), FAR)
 def test_exudyns_linkages_far_from_a_bench_are_exported_in_units_of_their_own(
-    word: str, units: Units, exported: Folders
+    title: str, units: Units, exported: Scripts
 ) -> None:
-    folders = [folder for title, folder in exported("exudyn").items() if word in title]
-    assert folders
-    for folder in folders:
-        model = json.loads((folder / "model.json").read_text(encoding="utf-8"))
-        assert np.sign(np.log(model["units"]["length"])) == -np.sign(np.log(units.length))
+    model = json.loads((exported("exudyn", title) / "model.json").read_text(encoding="utf-8"))
+    assert np.sign(np.log(model["units"]["length"])) == -np.sign(np.log(units.length))
 
 
 @pytest.mark.slow
@@ -566,7 +565,7 @@ def test_equilibria_are_found_and_not_read_from_the_file(title: str, tmp_path: P
 @pytest.mark.parametrize("title", ["3-rpr, ideal", "five-bar, ideal", "elbow free, contact"])
 def test_every_course_is_followed_from_the_file(title: str, tmp_path: Path) -> None:
     """Motors that go a thousandth faster, each alone, are a thousandth faster in what the script finds."""
-    for joint in REQUESTS[title].courses or {}:
+    for joint in REQUESTS[title].schedule.courses:
 
         def faster(model: dict, joint: str = joint) -> None:
             course = model["drives"][joint]["course"]
@@ -582,7 +581,7 @@ def test_every_course_is_followed_from_the_file(title: str, tmp_path: Path) -> N
 @pytest.mark.parametrize("title", AT_REST)
 def test_every_drive_is_held_where_the_file_says(title: str, tmp_path: Path) -> None:
     """Each alone, held a thousandth of a radian or a tenth of a millimetre further, is found there, the others not."""
-    m, joints = REQUESTS[title].mechanism, [*(REQUESTS[title].courses or {})]
+    m, joints = REQUESTS[title].mechanism, [*REQUESTS[title].schedule.courses]
     for joint in joints:
         aside = 1e-4 if m.joint(joint).prismatic else 1e-3
 
