@@ -48,9 +48,8 @@ def recorded(nominal: Mechanism, run: Entry, seed: int) -> str:
     assert run.drive_angle is not None
     time = np.linspace(0.0, 2 * np.pi / abs(run.drive_speed), SAMPLES)
     command = run.drive_angle + run.drive_speed * time
-    trace = engine("exudyn").simulate(
-        Request(it := real(nominal, run), "massless-link", Schedule.at_angles(it, command))
-    )
+    linkage = real(nominal, run)
+    trace = engine("exudyn").simulate(Request(linkage, "massless-link", Schedule.at_angles(linkage, command)))
     rng = np.random.default_rng(seed)
     columns = [[f"{t:.8f}" for t in time]]
     for signal, (_, size, decimals) in COLUMNS.items():

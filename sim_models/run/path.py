@@ -51,7 +51,7 @@ class Path:
 
     def inputs(self, at: np.ndarray, beside: np.ndarray | float = 0.0) -> np.ndarray:
         """Inputs (n_inputs, N) at places (N,), each ``beside`` (N,) it by so much of what moves fastest."""
-        raise NotImplementedError
+        raise NotImplementedError(f"{type(self).__name__} has to say where its inputs are")
 
     def near(self, at: np.ndarray) -> Followed | None:
         """The ideal linkage's coordinates at places (N,), where more is known than the inputs say."""

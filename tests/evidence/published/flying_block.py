@@ -84,4 +84,6 @@ def recorded(data: Path) -> dict[str, np.ndarray]:
 
 def request(joint_model: JointModel, time: np.ndarray) -> Request:
     """Its flight, let go in the middle of its guide, told at times (N,) s."""
-    return Request(it := flying_block(), joint_model, Schedule.released(it, time, SPEED), start="centred", step=STEP)
+    mechanism = flying_block()
+    flight = Schedule.released(mechanism, time, SPEED)
+    return Request(mechanism, joint_model, flight, start="centred", step=STEP)
