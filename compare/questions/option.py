@@ -261,6 +261,9 @@ class Increasing(Kind[str]):
         unit = self.units[0]
         remedy = f"give {self.accepted.format(unit)}, separated by commas"
         typed = [_number(part, called, remedy) for part in listed_once(word, called)]
+        for value in typed:
+            if not math.isfinite(value):
+                raise ArgumentError(called, f"{value:g} cannot be used; {remedy}")
         return [self.converted(value) for value in self.increasing(typed, called, unit)]
 
     def check(self, given: object, called: str) -> tuple[float, ...]:
@@ -405,9 +408,6 @@ def listed_once(text: str, called: str) -> list[str]:
 
 def _number(text: str, called: str, remedy: str) -> float:
     try:
-        number = float(text)
+        return float(text)
     except ValueError:
         raise ArgumentError(called, f"{text!r} is not a number; {remedy}") from None
-    if not math.isfinite(number):
-        raise ArgumentError(called, f"{text} cannot be used; {remedy}")
-    return number
