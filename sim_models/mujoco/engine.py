@@ -49,10 +49,10 @@ class MujocoEngine(Engine):
 
     def simulate(self, request: Request) -> Trace:
         """Run one request.  Raises SimulationError, Unsupported or AssemblyError."""
-        from sim_models.mujoco.several import run_of
+        from sim_models.mujoco.runs import MujocoRun
 
         with no_log_file():
-            return simulate(self, request, lambda asked: run_of(asked).trace())
+            return simulate(self, request, lambda asked: MujocoRun(asked).trace())
 
     def export(self, request: Request, folder: Path) -> list[Path]:
         """Write a request, and what came of it, as a script that runs in bare MuJoCo.  Raises what

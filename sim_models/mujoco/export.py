@@ -22,10 +22,8 @@ from sim_models.mujoco.mjcf import Setting
 from sim_models.mujoco.model import Drive, MujocoLinkage
 from sim_models.mujoco.motor import SHORTEST
 from sim_models.mujoco.runs import STATIC_STEP, MujocoRun
-from sim_models.mujoco.several import CoursesRun, RestingRun, run_of
 from sim_models.mujoco.state import contact_rows
 
-AnyRun = MujocoRun | CoursesRun | RestingRun
 CLOSED_BY = {"massless-link": "massless link", "spring-damper": "spring-damper", "contact": "contact"}
 
 
@@ -38,7 +36,7 @@ def write(engine: Engine, request: Request, folder: Path) -> list[Path]:
     start: dict[str, Any] = {}
 
     def run(asked: Request) -> Trace:
-        found = run_of(asked)
+        found = MujocoRun(asked)
         trace = found.trace()
         link, how = _equilibria(found) if asked.motion == "static" else _stages(found)
         model["text"] = text = model_text(link)
@@ -178,13 +176,12 @@ def _drive(drive: Drive | None) -> dict[str, Any] | None:
     }
 
 
-def _motors(run: AnyRun, link: MujocoLinkage) -> list[dict[str, Any]]:
+def _motors(run: MujocoRun, link: MujocoLinkage) -> list[dict[str, Any]]:
     """The coordinate of each motor, and its course: knots (s) and cubics, highest power first, from each knot on."""
+    schedule = run.request.schedule
     courses: list[Motor | None] = [None] * len(link.motors)
-    if isinstance(run, CoursesRun):
-        courses = [*run.courses.motors.values()]
-    elif isinstance(run, MujocoRun):
-        courses = [run.motor] * len(link.motors)
+    if not schedule.at_rest:
+        courses = [run.request.motor] * len(link.motors) if schedule.crank else [*schedule.courses.values()]
     return [
         {"coordinate": link.names[motor], "course": _course(course, way)}
         for motor, way, course in zip(link.motors, link.ways.tolist(), courses, strict=True)
@@ -226,14 +223,14 @@ def _closed_by(link: MujocoLinkage, joint: Joint) -> str:
     return "connect" if joint in link.description.closing else "tree"
 
 
-def _stages(run: AnyRun) -> tuple[MujocoLinkage, dict[str, Any]]:
+def _stages(run: MujocoRun) -> tuple[MujocoLinkage, dict[str, Any]]:
     """The model of a run that steps, its start, and its steps."""
     record = run.record
     state = {"time": record.time, "qpos": record.q.tolist(), "qvel": record.v.tolist()}
     return record.link, {**state, "stages": record.stages}
 
 
-def _equilibria(run: AnyRun) -> tuple[MujocoLinkage, dict[str, Any]]:
+def _equilibria(run: MujocoRun) -> tuple[MujocoLinkage, dict[str, Any]]:
     """The model of a run at rest, and each equilibrium: coordinates, and dry friction as it acts against the drive's
     direction; of several drives the time (s) as well.
 

@@ -8,7 +8,6 @@ actuator: a constant, or linear in time over a step.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -17,6 +16,7 @@ import numpy as np
 from analytic.kinematics.schedule import Course, Motor, Steady
 from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.state import advance
+from sim_models.run.path import CoursePath, Path, direction
 
 BESIDE = 0.01  # rad, about, that a motor turns between the instants whose equilibria give the rates of a steady start
 AROUND = np.arange(-2, 3)  # those instants at constant speed, where the motion has a past
@@ -28,45 +28,51 @@ SHORTEST = 1e-3  # of the linkage's step
 SAMPLES = 100  # of a course that may repeat itself
 ROUNDING = 1e-9  # of a course's time
 ASIDE = 1e-7  # rad: how far reactions may move a motor's armature at constant speed, in minutes, before it is put back
-STANDSTILL = 1e-9  # of a course's largest rate or acceleration: nothing
 
 
 @dataclass(frozen=True)
 class Stencil:
     """Instants whose equilibria give the rates of a steady start: times (n,) s since the start, which is number
-    ``here`` of them, and the motor's angles (n,) rad then.
+    ``here`` of them, and the places (n,) on the path then: angles (rad) of a crank's motor, or times (s) of courses.
     """
 
     instants: np.ndarray
-    angles: np.ndarray
+    places: np.ndarray
     here: int
 
     @property
-    def theta(self) -> float:
-        """The motor's angle (rad) at the start."""
-        return float(self.angles[self.here])
+    def start(self) -> float:
+        """The place at the start."""
+        return float(self.places[self.here])
 
 
 class Steering:
-    """How a motor's armature is kept where its motion has it; without a motor nothing is kept."""
+    """How motors' armatures are kept where their motion has them; without motors nothing is kept."""
 
-    direction = 0.0  # sign of the rate at the start, or of the rate to come; 0 for a motor that stands, or none
     top_speed = 0.0  # rad/s
+    stencil: Stencil
 
     def turn(self, link: MujocoLinkage, time: float, count: int) -> None:
         """Take steps from this time (s) on."""
         advance(link, count)
 
     def place(self, link: MujocoLinkage, time: float, lag: float) -> None:
-        """Put the motor where it should be at this time (s), its velocity being ``lag`` (s) older."""
+        """Put the motors where they should be at this time (s), their velocity being ``lag`` (s) older."""
+
+    def rates(self, link: MujocoLinkage, time: float) -> np.ndarray:
+        """Rates (motors,) of the motors' coordinates at a time (s)."""
+        return np.zeros(0)
+
+    def passed(self, last: float, count: int) -> np.ndarray:
+        """So many places on the path from the start to the time ``last`` (s); none where nothing leads along it."""
+        return np.zeros(0)
 
 
 class AtConstantSpeed(Steering):
     """Of a motor at constant speed, which is put back if it is ASIDE."""
 
     def __init__(self, motor: Steady) -> None:
-        self.motor = motor
-        self.direction, self.top_speed = math.copysign(1.0, motor.speed), motor.top_speed
+        self.motor, self.top_speed = motor, motor.top_speed
         theta = motor.angle(motor.begin)
         self.stencil = Stencil(AROUND * BESIDE / motor.speed, theta + AROUND * BESIDE, 2)
 
@@ -79,6 +85,12 @@ class AtConstantSpeed(Steering):
         angle = self.motor.angle(time)
         if abs(link.data.qpos[link.motor] - angle) > ASIDE:
             link.data.qpos[link.motor], link.data.qvel[link.motor] = angle, self.motor.speed
+
+    def rates(self, link: MujocoLinkage, time: float) -> np.ndarray:
+        return np.array([self.motor.speed])
+
+    def passed(self, last: float, count: int) -> np.ndarray:
+        return self.motor.angles(np.linspace(self.motor.begin, last, count))
 
 
 def spacing(motor: Course, size: float = 1.0) -> float:
@@ -93,10 +105,21 @@ def spacing(motor: Course, size: float = 1.0) -> float:
 
 
 class AlongCourses(Steering):
-    """Of motors on courses, in the order of the linkage's."""
+    """Of motors on courses, in the order of the linkage's; the path is told by their time."""
 
-    def __init__(self, motors: Sequence[Course]) -> None:
-        self.motors = motors
+    def __init__(self, path: CoursePath) -> None:
+        self.motors, self.begin, self.top_speed = [*path.motors.values()], path.begin, path.top_speed
+        slides = {joint.name for joint in path.assembly.mechanism.joints if joint.prismatic}
+        apart = min(spacing(each, path.size if name in slides else 1.0) for name, each in path.motors.items())
+        if path.top_speed:
+            apart = min(apart, BESIDE / path.top_speed)
+        self.stencil = Stencil(apart * AHEAD, path.begin + apart * AHEAD, 0)
+
+    def passed(self, last: float, count: int) -> np.ndarray:
+        return np.linspace(self.begin, last, count)
+
+    def rates(self, link: MujocoLinkage, time: float) -> np.ndarray:
+        return self.at(link, np.array([time]), 1)[0]
 
     def at(self, link: MujocoLinkage, times: np.ndarray, order: int = 0) -> np.ndarray:
         """The motors' coordinates (N, motors) at times (N,) s, or their derivatives of that order."""
@@ -129,30 +152,24 @@ class AlongCourses(Steering):
 
 
 class AlongCourse(AlongCourses):
-    """Of a crank's motor on a course."""
+    """Of a crank's motor on a course; the path is told by its angle."""
 
     def __init__(self, motor: Course) -> None:
-        super().__init__([motor])
-        self.motor = motor
-        self.top_speed, acceleration = motor.top_speed, motor.peak(2)
+        self.motor, self.motors, self.top_speed = motor, [motor], motor.top_speed
         apart = spacing(motor)
         self.stencil = Stencil(apart * AHEAD, motor.angles(motor.begin + apart * AHEAD), 0)
-        begin = motor.begin
-        leading = [
-            x
-            for x, peak in ((motor.rate(begin), self.top_speed), (motor.acceleration(begin), acceleration))
-            if abs(x) > STANDSTILL * peak
-        ]
-        self.direction = math.copysign(1.0, leading[0]) if leading else 0.0
+
+    def passed(self, last: float, count: int) -> np.ndarray:
+        return self.motor.angles(np.linspace(self.motor.begin, last, count))
 
     @cached_property
     def period(self) -> float | None:
         """Time (s) in which the motor turns once, if it then turns as before; None if it does not."""
         motor = self.motor
-        begin, end = motor.begin, motor.end
-        if self.direction == 0:
+        begin, end, sign = motor.begin, motor.end, direction(motor)
+        if sign == 0:
             return None
-        once = np.sort(motor.spline.solve(motor.angle(begin) + self.direction * 2 * math.pi))
+        once = np.sort(motor.spline.solve(motor.angle(begin) + sign * 2 * math.pi))
         once = once[(once > begin) & (once - begin < (end - begin) * (1 + ROUNDING))]
         if not once.size:
             return None
@@ -161,6 +178,10 @@ class AlongCourse(AlongCourses):
         return float(once[0]) - begin if np.abs(change).max() < AS_BEFORE * self.top_speed else None
 
 
-def steering(motor: Motor) -> AtConstantSpeed | AlongCourse:
-    """What keeps this motor's armature in its motion."""
+def steering(motor: Motor | None, path: Path) -> Steering:
+    """What keeps the motor of a crank, or those of the courses that make a path, in their motion."""
+    if isinstance(path, CoursePath):
+        return AlongCourses(path) if path.motors else Steering()
+    if motor is None:
+        return Steering()
     return AtConstantSpeed(motor) if isinstance(motor, Steady) else AlongCourse(motor)

@@ -17,7 +17,7 @@ from sim_models.common.start import check_steps, substeps
 from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.motor import AlongCourse, AtConstantSpeed
 from sim_models.mujoco.state import look, on_track, stiffest_law
-from sim_models.run.path import CrankPath
+from sim_models.run.path import CrankPath, direction
 
 RETURNED = 5e-8  # rad: where it was, a revolution later
 NUDGE = 1e-5  # rad
@@ -45,14 +45,14 @@ class Revolution:
     ) -> None:
         self.link, self.assembly, self.steering = link, assembly, steering
         self.path = CrankPath(assembly)
-        self.theta, self.speed = steering.stencil.theta, steering.motor.rate(steering.motor.begin)
+        self.theta, self.speed = steering.stencil.start, steering.motor.rate(steering.motor.begin)
         check_steps(f"mujoco: {link.mechanism.name}, a revolution on its drive.stiffness", period, link.setting.step)
         self.count, self.step = substeps(period, link.setting.step)
         self.sway = stiffest_law(link, link.placed(self.path.poses(self.theta)))
 
     def repeats(self) -> bool:
         """Whether a revolution of the crank is possible, and winds up no spring."""
-        link, ends = self.link, self.theta + np.array([0.0, 2 * math.pi * self.steering.direction])
+        link, ends = self.link, self.theta + np.array([0.0, 2 * math.pi * direction(self.steering.motor)])
         try:
             self.assembly.coordinates(ends)
         except AssemblyError:

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly, Followed
-from analytic.kinematics.schedule import GLIMPSES, Course
+from analytic.kinematics.schedule import GLIMPSES, Course, Motor, Steady
 from analytic.kinematics.structure import Rest, Structure
 from sim_models.common.contact_laws import longest
 from sim_models.common.guide import opened
@@ -25,6 +25,7 @@ ASIDE = (
 )
 BESIDE = np.arange(-2, 3)  # those neighbours
 SLOPE = np.array([1, -8, 0, 8, -1]) / 12  # of the rate of the quartic through values there
+STANDSTILL = 1e-9  # of a course's largest rate or acceleration: nothing
 
 Poses = dict[str, Pose]  # of every moving body
 Placed = dict[str, tuple[np.ndarray, np.ndarray]]  # of every moving body: origin (N,) m, complex, and angle (N,) rad
@@ -84,11 +85,19 @@ class Path:
 
 
 class CrankPath(Path):
-    """A crank that turns; ``direction`` is its sign, 0 where it stands."""
+    """A crank that turns; ``direction`` is its sign, 0 where it stands.  It may be let go, and then is not ``held``."""
 
-    def __init__(self, assembly: Assembly, direction: float = 1.0) -> None:
+    def __init__(self, assembly: Assembly, direction: float = 1.0, held: bool = True) -> None:
         super().__init__(assembly)
-        self.direction, self.begin = direction, assembly.start
+        self.direction, self.held, self.begin = direction, held, assembly.start
+
+    @classmethod
+    def of(cls, request: Request, assembly: Assembly) -> CrankPath:
+        """That of a request, in the direction in which its run begins, or in which friction is to act at rest."""
+        if request.schedule.lets_go:
+            return cls(assembly, 0.0, held=False)
+        motor = request.motor
+        return cls(assembly, math.copysign(1.0, request.mechanism.speed or 1.0) if motor is None else direction(motor))
 
     def inputs(self, at: np.ndarray, beside: np.ndarray | float = 0.0) -> np.ndarray:
         """Crank angles (1, N) rad."""
@@ -206,6 +215,14 @@ class RestingPath(Path):
         """The crank's angle (N,) rad, or without a crank the position (rad, m) of the first input's joint."""
         s: Structure = self.assembly.structure
         return s.mechanism.crank_sign * self.schedule.positions(times)[s.coordinates[s.inputs[0]].joint]
+
+
+def direction(motor: Motor) -> float:
+    """Sign of a motor's rate at its start, or of the rate to come; 0 where it stands."""
+    if isinstance(motor, Steady):
+        return math.copysign(1.0, motor.speed)
+    leading = (motor.rate(motor.begin), motor.top_speed), (motor.acceleration(motor.begin), motor.peak(2))
+    return next((math.copysign(1.0, x) for x, peak in leading if abs(x) > STANDSTILL * peak), 0.0)
 
 
 def placed_at(
