@@ -14,6 +14,7 @@ from analytic.beyond_paper.freedom import Freedom
 from analytic.beyond_paper.released import released
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import kinematics
+from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Load, Mechanism, MechanismError
 from analytic.mechanism.file import load, loads
 from analytic.paper.clearance import Model, displaced, faint_reactions
@@ -308,7 +309,8 @@ def test_a_block_that_turns_into_soft_walls_agrees_and_one_that_has_not_yet_does
     assert "rocks there for a while after its friction turns round" in run.because.words
     wrong = run.simulated["reaction_S_moment"] + np.array([0.0, 2e-4])  # which nothing that rocks has left at 5 deg
     planted = run.model_copy(update={"simulated": {**run.simulated, "reaction_S_moment": wrong}})
-    assert failing_assumption(planted, rocking(), load_tolerances()) is None
+    schedule = Schedule.at_angles(rocking(), np.radians(degrees))
+    assert failing_assumption(planted, rocking(), load_tolerances(), schedule) is None
 
 
 @pytest.mark.slow
