@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analytic.beyond_paper.platform import Platform, platform
-from analytic.kinematics.assembly import Assembly, AssemblyError, Followed
+from analytic.kinematics.assembly import Assembly, AssemblyError, Walk
 from analytic.kinematics.inverse import Coordinate
 from analytic.kinematics.motion import kinematics
 from analytic.kinematics.schedule import Schedule
@@ -201,7 +201,7 @@ def _equilibria(assembly: Assembly, coordinates: np.ndarray, told: Platform) -> 
             break
         near = coordinates[:, held]
         try:
-            found = displaced(assembly, near[chosen], inertia=False, near=Followed(near))
+            found = displaced(assembly, near[chosen], inertia=False, near=Walk(near))
         except AssemblyError:
             continue
         left = told.holding.size - held.size

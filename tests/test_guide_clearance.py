@@ -12,7 +12,7 @@ from scipy.optimize import minimize
 from analytic.beyond_paper.monte_carlo import draw
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import kinematics
-from analytic.kinematics.structure import Rest
+from analytic.kinematics.structure import BlockRest
 from analytic.mechanism import Load, Mechanism, MechanismError
 from analytic.mechanism.file import dumps, load, loads
 from analytic.paper.clearance import displaced
@@ -155,7 +155,7 @@ def test_force_and_moment_are_the_slope_of_the_energy(case: str) -> None:
     )
     assembly, theta = Assembly(m), np.array([0.4])
 
-    def energy(rest: Rest) -> float:
+    def energy(rest: BlockRest) -> float:
         motion = kinematics(assembly.resting({"S": rest}), theta)
         total = 0.0
         for body in m.bodies:
@@ -169,15 +169,15 @@ def test_force_and_moment_are_the_slope_of_the_energy(case: str) -> None:
     first = m.joint("S").bodies[0]
     normal = 1j * m.joint("S").direction * np.exp(1j * found.motion.angle(first))
     across, step = float((found.forces["S"] * np.conj(normal)).real[0]), 1e-6
-    slope = (energy(Rest(step, 0.0)) - energy(Rest(-step, 0.0))) / (2 * step)
-    turning = (energy(Rest(0.0, step)) - energy(Rest(0.0, -step))) / (2 * step)
+    slope = (energy(BlockRest(step, 0.0)) - energy(BlockRest(-step, 0.0))) / (2 * step)
+    turning = (energy(BlockRest(0.0, step)) - energy(BlockRest(0.0, -step))) / (2 * step)
     assert [slope, turning] == pytest.approx([across, float(found.moments["S"][0])], rel=1e-7)
 
 
 @pytest.mark.parametrize("case", ["slider-crank", "inverted slider"])
 def test_a_linkage_closes_with_its_block_off_its_place(case: str) -> None:
     m = inverted_slider() if case == "inverted slider" else slider_crank(LOADS["tilted"])
-    motion = kinematics(Assembly(m).resting({"S": Rest(2e-3, -0.03)}), np.linspace(0.1, 0.9, 5), 3.0)
+    motion = kinematics(Assembly(m).resting({"S": BlockRest(2e-3, -0.03)}), np.linspace(0.1, 0.9, 5), 3.0)
     for joint in m.joints:
         first, second = joint.bodies
         apart = motion.position(first, joint.name) - motion.position(second, joint.name)
@@ -265,7 +265,7 @@ def test_the_worst_case_is_the_farthest_of_the_four_corners() -> None:
     rows = {d: found.unit_reactions[d][list(found.pins).index("S")] for d in OUTPUTS}
     ideal = kinematics(Assembly(m), ANGLES)
     moved = []
-    for rest in (Rest(-1e-7, 0.0), Rest(1e-7, 0.0), Rest(0.0, -2e-6), Rest(0.0, 2e-6)):
+    for rest in (BlockRest(-1e-7, 0.0), BlockRest(1e-7, 0.0), BlockRest(0.0, -2e-6), BlockRest(0.0, 2e-6)):
         motion = kinematics(Assembly(m).resting({"S": rest}), ANGLES)
         moved.append([d.value(motion) - d.value(ideal) for d in OUTPUTS])
     for d, ways in zip(OUTPUTS, np.array(moved).transpose(1, 0, 2), strict=True):

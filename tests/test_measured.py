@@ -17,7 +17,7 @@ from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import kinematics
 from analytic.mechanism.columns import PLAIN
 from analytic.mechanism.file import dumps, load
-from analytic.mechanism.units import OFFERED, SI, Dimension, UnitError, factor, readable
+from analytic.mechanism.units import OFFERED, SI, QuantityKind, UnitError, factor, readable
 from analytic.paper.kinetostatics import kinetostatics
 from compare.diagnose.data import measured, quality
 from compare.diagnose.data.clipping import clipped
@@ -565,7 +565,7 @@ def test_swapped_columns_and_wrong_units_are_seen_with_a_model(tmp_path: Path) -
     ],
 )
 def test_a_slope_is_told_by_the_unit_that_a_column_is_read_in(
-    kind: Dimension, unit: str, slope: float, what: str | None
+    kind: QuantityKind, unit: str, slope: float, what: str | None
 ) -> None:
     model = np.sin(np.linspace(0.0, 5.0, 50))
     told = quality.looks(kind, unit, model, slope * model)

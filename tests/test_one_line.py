@@ -43,7 +43,7 @@ LINES = {
     "Mechanism(pendulum, 1 moving link, 1 joint, drive O free, no clearance)": load("pendulum"),
     "Assembly(paper, assembled at 30 deg)": PAPER,
     "Structure(paper, 4 joints, 1 Assur group)": PAPER.structure,
-    "Path(6 crank angles 28..32 deg)": Assembly(load("paper")).path(np.radians(28.0), np.radians(32.0)),
+    "CrankTable(6 crank angles 28..32 deg)": Assembly(load("paper")).path(np.radians(28.0), np.radians(32.0)),
     "Gap(2 values, up to 0.002 m)": Gap(np.array([0.001j, 0.002])),
     "Motion(paper, 29 crank angles 20..160 deg)": TOTAL.clearance.ideal.motion,
     "Reactions(paper, 29 crank angles 20..160 deg, up to 73.1 N, drive torque up to 9.4 N.m)": TOTAL.clearance.ideal,

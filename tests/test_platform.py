@@ -12,7 +12,7 @@ from scipy.optimize import brentq, minimize
 
 import linkage_crosscheck as lc
 from analytic.beyond_paper.platform import platform
-from analytic.kinematics.assembly import Assembly, AssemblyError, Followed
+from analytic.kinematics.assembly import Assembly, AssemblyError, Walk
 from analytic.kinematics.inverse import FOLLOWS, Coordinate, inverse, splined
 from analytic.kinematics.motion import Gap, kinematics
 from analytic.kinematics.workspace import workspace
@@ -306,7 +306,7 @@ def test_pins_of_a_five_bar_settle_where_the_potential_energy_is_least() -> None
         at = inputs[:, None]
         near = assembly.follow(at)
 
-        def energy(angles: np.ndarray, at: np.ndarray = at, near: Followed = near) -> float:
+        def energy(angles: np.ndarray, at: np.ndarray = at, near: Walk = near) -> float:
             gaps = {
                 pin: Gap(np.array([m.clearances[pin] * np.exp(1j * a)]))
                 for pin, a in zip(("A", "P"), angles, strict=True)

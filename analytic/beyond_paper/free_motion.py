@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from analytic.beyond_paper.drive import Course
-from analytic.kinematics.assembly import Assembly, AssemblyError, Followed
+from analytic.kinematics.assembly import Assembly, AssemblyError, Walk
 from analytic.kinematics.motion import kinematics
 from analytic.paper.kinetostatics import Reactions, kinetostatics
 
@@ -81,7 +81,7 @@ class _FreeMotion:
         self.last = self.assembly.follow(begin[:, None]).coordinates
         samples = [self.sample(t, state) for t, state in zip(time.tolist(), states.T, strict=True)]
         inputs, speeds, pushes, near = (np.stack(part, axis=1) for part in zip(*samples, strict=True))
-        return kinetostatics(kinematics(self.assembly, inputs, speeds, pushes, path=Followed(near)))
+        return kinetostatics(kinematics(self.assembly, inputs, speeds, pushes, path=Walk(near)))
 
     def integrated(self, time: np.ndarray, start: np.ndarray) -> np.ndarray:
         """States (2 free, N) at times (N,) s.  Raises AssemblyError."""
@@ -116,7 +116,7 @@ class _FreeMotion:
         tries[self.free, 1 + np.arange(len(self.free))] = 1.0
         here, fast, near = (np.tile(x, tries.shape[1]) for x in (inputs[:, None], speeds[:, None], self.last))
         try:
-            motion = kinematics(self.assembly, here, fast, pushes[:, None] + tries, path=Followed(near))
+            motion = kinematics(self.assembly, here, fast, pushes[:, None] + tries, path=Walk(near))
         except AssemblyError:  # a walk from the assembly on looks for the change point that a step went past
             self.assembly.follow(np.column_stack([self.last[list(self.assembly.structure.inputs), 0], inputs]))
             raise

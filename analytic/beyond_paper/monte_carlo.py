@@ -15,7 +15,7 @@ from typing import Literal
 
 import numpy as np
 
-from analytic.kinematics.assembly import Assembly, Path
+from analytic.kinematics.assembly import Assembly, CrankTable
 from analytic.kinematics.motion import Gap, Motion, kinematics
 from analytic.mechanism.one_line import angles, count, largest, one_line
 from analytic.paper.envelope import Output, rim_spread
@@ -87,7 +87,7 @@ class Population:
 
     assembly: Assembly
     ideal: Motion
-    path: Path
+    path: CrankTable
     reactions: Mapping[Output, np.ndarray]
     directions: np.ndarray  # complex of length 1; NaN where a reaction has none and its joint has clearance
 

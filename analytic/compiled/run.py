@@ -17,7 +17,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from analytic.kinematics.assembly import Assembly, Followed, Path
+from analytic.kinematics.assembly import Assembly, CrankTable, Walk
 
 if TYPE_CHECKING:
     from analytic.compiled.program import Program, Way
@@ -36,7 +36,7 @@ class Programs:
     motions: dict[bool, Program] = field(default_factory=dict)
     balances: dict[tuple[bool, bool, bool], Program] = field(default_factory=dict)
     way: Way | None = None
-    path: Path | None = None
+    path: CrankTable | None = None
     table: np.ndarray | None = None  # of that path, (1 + n, M)
     calls: int = 0
 
@@ -116,7 +116,7 @@ def moved(
     inputs: np.ndarray,
     rates: tuple[np.ndarray | float, np.ndarray | float],
     gaps: Mapping[str, tuple[np.ndarray, np.ndarray | float, np.ndarray | float]],
-    path: Path | Followed | None,
+    path: CrankTable | Walk | None,
 ) -> Moved | None:
     """Coordinates and columns with their derivatives at inputs (n_inputs, N) whose rates and accelerations are given.
 
@@ -147,20 +147,20 @@ def moved(
     return Moved((u, w, q), (c, v, a), displaced)
 
 
-def _near(assembly: Assembly, own: Programs, inputs: np.ndarray, path: Path | Followed | None) -> np.ndarray | None:
+def _near(assembly: Assembly, own: Programs, inputs: np.ndarray, path: CrankTable | Walk | None) -> np.ndarray | None:
     """What is near inputs (N,), or (n_inputs, N): a crank's path (1 + n, M), or coordinates (n, N); None where there is
     neither.
     """
     low, high = float(inputs.min()), float(inputs.max())
     cranked = assembly.structure.by_crank
-    if not (math.isfinite(low) and math.isfinite(high)) or isinstance(path, Followed if cranked else Path):
+    if not (math.isfinite(low) and math.isfinite(high)) or isinstance(path, Walk if cranked else CrankTable):
         return None
     n = len(assembly.structure.coordinates)
     if not cranked:
         every = inputs.reshape(len(assembly.structure.inputs), -1)
-        near = path.coordinates if isinstance(path, Followed) else followed(assembly, every)
+        near = path.coordinates if isinstance(path, Walk) else followed(assembly, every)
         return None if near is None or near.shape != (n, every.shape[1]) else _whole(near)
-    known = path if isinstance(path, Path) else assembly.path(low, high)
+    known = path if isinstance(path, CrankTable) else assembly.path(low, high)
     if own.path is not known or own.table is None:
         own.path, own.table = known, np.vstack([known.theta, known.coordinates])
     return own.table if len(own.table) == 1 + n else None

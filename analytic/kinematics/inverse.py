@@ -25,7 +25,7 @@ from typing import Literal
 
 import numpy as np
 
-from analytic.kinematics.assembly import CHANGE_POINT, Assembly, AssemblyError, Followed, locks
+from analytic.kinematics.assembly import CHANGE_POINT, Assembly, AssemblyError, Walk, locks
 from analytic.kinematics.closure import AGREE, partials, regularity
 from analytic.kinematics.motion import Motion
 from analytic.kinematics.structure import Group
@@ -67,18 +67,18 @@ class Coordinate:
 
 def inverse(
     assembly: Assembly, wanted: Sequence[Coordinate], poses: np.ndarray, time: np.ndarray | None = None
-) -> Followed:
+) -> Walk:
     """Coordinates (n, N) at which the ``wanted``, as many as the linkage has inputs, are at ``poses`` (n_inputs, N),
     which are instants of one motion, at ``time`` (N,) s or evenly apart: between them it goes along the cubic spline.
 
     Raises AssemblyError with the pose where it cannot be reached, or is singular.
     """
-    return Followed(_Inverse(assembly, wanted, np.asarray(poses, float), time).followed())
+    return Walk(_Inverse(assembly, wanted, np.asarray(poses, float), time).followed())
 
 
 def splined(
     assembly: Assembly, wanted: Sequence[Coordinate], poses: np.ndarray, time: np.ndarray
-) -> tuple[np.ndarray, Followed]:
+) -> tuple[np.ndarray, Walk]:
     """The same at more instants (M,) s, those of the poses among them: so many that the ``wanted`` are off the spline
     through the poses by no more than FOLLOWS where the inputs go along the spline through theirs.
     """
@@ -306,7 +306,7 @@ class _Inverse(Posed):
             u = u - found[:, :, 0].T
         return u, ways, good
 
-    def refined(self, u: np.ndarray) -> tuple[np.ndarray, Followed]:
+    def refined(self, u: np.ndarray) -> tuple[np.ndarray, Walk]:
         """Instants (M,) s, as :func:`splined` says, and coordinates (n, M) there, of those (n, N) at the poses.  Raises
         AssemblyError where no number of them will do.
         """
@@ -321,7 +321,7 @@ class _Inverse(Posed):
             off = np.linalg.solve(ways[:, inputs], drives.T[..., None])[..., 0] / self.unit
             apart = np.abs(off).max(axis=1) > FOLLOWS
             if not apart.any():
-                return time, Followed(u)
+                return time, Walk(u)
             finest = np.diff(rows) < FINEST
             if np.any(apart & finest):
                 raise self.unclear(float(middle[np.argmax(apart & finest)]))

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analytic.compiled import run
-from analytic.kinematics.assembly import Assembly, Followed, Path
+from analytic.kinematics.assembly import Assembly, CrankTable, Walk
 from analytic.kinematics.closure import AssemblyError, least, partials
 from analytic.kinematics.schedule import Schedule
 from analytic.kinematics.structure import Group, Structure
@@ -248,7 +248,7 @@ def kinematics(
     omega: np.ndarray | float = 0.0,
     alpha: np.ndarray | float = 0.0,
     gaps: Mapping[str, Gap] | None = None,
-    path: Path | Followed | None = None,
+    path: CrankTable | Walk | None = None,
 ) -> Motion:
     """Motion at crank angles theta (N,) rad, angular velocity omega (rad/s) and acceleration alpha (rad/s^2).
 
@@ -284,7 +284,7 @@ def kinematics_by_numpy(
     omega: np.ndarray | float = 0.0,
     alpha: np.ndarray | float = 0.0,
     gaps: Mapping[str, Gap] | None = None,
-    path: Path | Followed | None = None,
+    path: CrankTable | Walk | None = None,
 ) -> Motion:
     """What :func:`kinematics` gives, by numpy alone: what the compiled code is held against, and says what is wrong."""
     s = assembly.structure
@@ -301,7 +301,7 @@ def kinematics_by_numpy(
     live = s.n_columns if gaps else len(s.bodies) + len(s.slides)  # without gaps their columns stay untouched
     for block in blocks(n):
         part = motion.part(block, live)
-        here = near.part(block) if isinstance(near, Followed) else near
+        here = near.part(block) if isinstance(near, Walk) else near
         assembly.close(part.coordinates, part.columns, here, bool(gaps))
         _set_in_motion(part, speed[:, block], push[:, block])
     return motion

@@ -41,7 +41,7 @@ class StructureError(Error, ValueError):
 
 
 @dataclass(frozen=True)
-class Rest:
+class BlockRest:
     """Where a block rests in its guide, beside the line through its joint's first point: its point's ``offset`` (m)
     along the axis turned by a right angle, and its ``tilt`` (rad) beyond the joint's angle; the second body relative to
     the first.
@@ -51,8 +51,8 @@ class Rest:
     tilt: float
 
 
-Rests = Mapping[str, Rest]
-CENTRED: Rests = {}
+BlockRests = Mapping[str, BlockRest]
+CENTRED: BlockRests = {}
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,7 @@ class Structure:
         return form
 
 
-def structure(mechanism: Mechanism, whole: bool = False, rests: Rests = CENTRED) -> Structure:
+def structure(mechanism: Mechanism, whole: bool = False, rests: BlockRests = CENTRED) -> Structure:
     """Decompose a linkage; ``whole`` puts all that its drives do not move alone into one group, whatever its parts.
     Blocks lie in their guides as ``rests`` says, by joint; all others are centred.
 
@@ -227,7 +227,7 @@ def _spend(joint: Joint, spent: Mapping[str, list[Joint]], tried: set[str]) -> b
 
 
 class _Builder:
-    def __init__(self, mechanism: Mechanism, given: list[str], whole: bool, rests: Rests) -> None:
+    def __init__(self, mechanism: Mechanism, given: list[str], whole: bool, rests: BlockRests) -> None:
         self.m = mechanism
         self.given, self.whole, self.rests = given, whole, rests
         self.bodies = (GROUND, *(b.name for b in mechanism.bodies))

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analytic.kinematics.assembly import Assembly, AssemblyError, Followed
+from analytic.kinematics.assembly import Assembly, AssemblyError, Walk
 from analytic.kinematics.closure import least
 from analytic.kinematics.inverse import Coordinate, Posed, inverse
 from analytic.mechanism.one_line import count, one_line
@@ -45,9 +45,9 @@ class Workspace:
         return one_line(self, f"{count(int(self.reached.sum()), 'pose')} reached of {self.reached.size}")
 
     @property
-    def followed(self) -> Followed:
+    def followed(self) -> Walk:
         """The reached poses as samples."""
-        return Followed(self.coordinates)
+        return Walk(self.coordinates)
 
     def on_grid(self, values: np.ndarray) -> np.ndarray:
         """Values (M,) of the reached poses on the whole grid (ny * nx,), NaN elsewhere."""

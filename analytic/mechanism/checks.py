@@ -9,7 +9,7 @@ import math
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 
-from analytic.mechanism.parts import GROUND, SMALLEST, Body, Drive, Ground, Joint, Load, Spring
+from analytic.mechanism.parts import GROUND, SMALLEST_NUMBER, Body, Drive, Ground, Joint, Load, Spring
 from analytic.mechanism.signals import signals
 
 LEAST_RESTITUTION = 0.01  # of a law with hysteresis, two of which divide by it, and of any in a map
@@ -224,7 +224,7 @@ def check_body(body: Body, joints: Iterable[Joint]) -> None:
     if not own:
         raise ValueError(f"body {body.name!r} sits in no joint; add one or leave the body out")
     pins = [body.point(j.name) for j in own if not j.prismatic]
-    if len(pins) > 1 and all(abs(p - pins[0]) < SMALLEST for p in pins):
+    if len(pins) > 1 and all(abs(p - pins[0]) < SMALLEST_NUMBER for p in pins):
         raise ValueError(
             f"body {body.name!r} has no length: all of its revolute joints sit at {pins[0].real, pins[0].imag};"
             " move one"

@@ -26,13 +26,13 @@ class MapError(Error, ValueError):
     """A map of columns cannot be used; the message says why: file, field, value, remedy."""
 
 
-class Part(BaseModel):
+class MapPart(BaseModel):
     """A table of a map: nothing but its fields, of their own kinds."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
 
-class Conversion(Part):
+class Conversion(MapPart):
     """How somebody's numbers are a quantity: ``sign * scale * number + offset`` in ``unit``."""
 
     unit: Annotated[str, Field(max_length=100)] | None = None
@@ -62,7 +62,7 @@ class Meaning(Conversion):
     signal: Annotated[str, Field(min_length=1, max_length=200)]
 
 
-class Layout(Part):
+class Layout(MapPart):
     """How files are written: columns by their heading, lines before the header, separator and decimal mark.
 
     What is left out is found in the file.

@@ -28,7 +28,7 @@ from analytic.mechanism.checks import (
 from analytic.mechanism.errors import MechanismError, brief, describe, quoted
 from analytic.mechanism.one_line import clearances, count, one_line
 from analytic.mechanism.parts import (
-    FARTHEST,
+    FARTHEST_ANGLE,
     GROUND,
     Body,
     Drive,
@@ -63,7 +63,9 @@ class Mechanism(Part):
     drives: Annotated[tuple[Drive, ...], BeforeValidator(one_or_many), Field(alias="drive")] = ()
     springs: Annotated[tuple[Spring, ...], BeforeValidator(as_tuple), Field(alias="spring")] = ()
     loads: Annotated[tuple[Load, ...], BeforeValidator(as_tuple), Field(alias="load")] = ()
-    assembly: Mapping[Name, Annotated[float, Field(ge=-FARTHEST, le=FARTHEST)]] = Field(default_factory=dict)  # rad
+    assembly: Mapping[Name, Annotated[float, Field(ge=-FARTHEST_ANGLE, le=FARTHEST_ANGLE)]] = Field(
+        default_factory=dict
+    )  # rad
 
     def body(self, name: str) -> Body | Ground:
         """The body, or the ground, of that name (KeyError if there is none)."""

@@ -16,8 +16,8 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from analytic.mechanism.errors import MechanismError, describe
 
 GROUND = "ground"
-SMALLEST = 1e-100  # in any SI unit, of a divisor: the square of a quotient by a smaller one overflows
-LONGEST = 100  # characters of a name: it is part of files' names, which may have 255 bytes
+SMALLEST_NUMBER = 1e-100  # in any SI unit, of a divisor: the square of a quotient by a smaller one overflows
+LONGEST_NAME = 100  # characters of a name: it is part of files' names, which may have 255 bytes
 
 
 def as_tuple(value: object) -> object:
@@ -33,9 +33,9 @@ def one_or_many(value: object) -> object:
 
 
 def _named(value: object) -> object:
-    if isinstance(value, str) and not (value.replace("-", "_").isidentifier() and len(value) <= LONGEST):
+    if isinstance(value, str) and not (value.replace("-", "_").isidentifier() and len(value) <= LONGEST_NAME):
         raise ValueError(
-            f"a name is made of letters, digits, '_' and '-', starts with a letter, and has at most {LONGEST}"
+            f"a name is made of letters, digits, '_' and '-', starts with a letter, and has at most {LONGEST_NAME}"
             " characters"
         )
     return value
@@ -43,15 +43,17 @@ def _named(value: object) -> object:
 
 def titled(value: object) -> object:
     """A mechanism's name, if it may be one.  Raises ValueError."""
-    if isinstance(value, str) and not (value.strip() and value.isprintable() and len(value) <= LONGEST):
-        raise ValueError(f"a mechanism's name is one line of text that can be printed, of at most {LONGEST} characters")
+    if isinstance(value, str) and not (value.strip() and value.isprintable() and len(value) <= LONGEST_NAME):
+        raise ValueError(
+            f"a mechanism's name is one line of text that can be printed, of at most {LONGEST_NAME} characters"
+        )
     return value
 
 
 def _divisible(value: float) -> float:
-    if 0 < value < SMALLEST:
+    if 0 < value < SMALLEST_NUMBER:
         raise ValueError(
-            f"the number is too small to divide by; give at least {SMALLEST:g}, or 0 where that is accepted"
+            f"the number is too small to divide by; give at least {SMALLEST_NUMBER:g}, or 0 where that is accepted"
         )
     return value
 
@@ -67,22 +69,22 @@ def _heavy(value: object) -> object:
 
 
 ContactLaw = Literal["kelvin-voigt", "hunt-crossley", "lankarani-nikravesh", "flores", "gonthier"]
-LARGEST = 1e40  # in any SI unit: beyond all linkages, and its powers that occur are still finite
-FARTHEST = 1e4  # rad, of an assembly angle: 1600 turns
+LARGEST_NUMBER = 1e40  # in any SI unit: beyond all linkages, and its powers that occur are still finite
+FARTHEST_ANGLE = 1e4  # rad, of an assembly angle: 1600 turns
 MASS_CENTRE = "centre of mass"  # name of that point of a body; "com" names its marker, which may lie elsewhere
 
 Amount = TypeVar("Amount", float, np.ndarray)  # one, or many (N,)
 Displacement = TypeVar("Displacement", complex, np.ndarray)  # one, or many (N,)
-Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
+Number = Annotated[float, Field(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)]
 Vector = Annotated[tuple[Number, Number], BeforeValidator(as_tuple)]
 Name = Annotated[str, BeforeValidator(_named)]
 MOST_WAVES = 1000  # in a turn, of a motor's unevenness or of a torque
 WIDEST = 0.5  # rad, half of a gap in a drive
-ROUNDING = 2.0**-30  # of a body's size: points that are nearer to each other are at one place
+SAME_POINT = 2.0**-30  # of a body's size: points that are nearer to each other are at one place
 PIN_RADIUS = 0.01  # m, where the mechanism gives none; matters only with friction in contact
-Positive = Annotated[float, Field(gt=0, le=LARGEST), AfterValidator(_divisible)]
+Positive = Annotated[float, Field(gt=0, le=LARGEST_NUMBER), AfterValidator(_divisible)]
 Mass = Annotated[Positive, BeforeValidator(_heavy)]  # kg
-NotNegative = Annotated[float, Field(ge=0, le=LARGEST)]
+NotNegative = Annotated[float, Field(ge=0, le=LARGEST_NUMBER)]
 
 
 class Part(BaseModel):
@@ -145,7 +147,7 @@ class Body(Part):
     def middle(self) -> complex:
         """The middle of the points (m, body frame), of which those at one place count once."""
         xs, ys = zip(*self.points.values(), strict=True)
-        near = ROUNDING * max(max(xs) - min(xs), max(ys) - min(ys)) or 1.0
+        near = SAME_POINT * max(max(xs) - min(xs), max(ys) - min(ys)) or 1.0
         places = {(round(x / near), round(y / near)): complex(x, y) for x, y in self.points.values()}
         return sum(places.values(), 0j) / len(places)
 
@@ -427,5 +429,5 @@ class Spring(Part):
         (m/s), both x + iy, second less first.
         """
         far = abs(apart)
-        along = apart / np.maximum(far, SMALLEST)
+        along = apart / np.maximum(far, SMALLEST_NUMBER)
         return (self.stiffness * (far - self.length) + self.damping * (along.conjugate() * rate).real) * along

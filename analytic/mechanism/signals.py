@@ -15,16 +15,16 @@ import numpy as np
 
 from analytic.mechanism.parts import Body, Drive, Joint
 
-Kind = Literal["pose", "rate", "rotation", "reaction", "clearance", "position", "drive", "time"]
+SignalKind = Literal["pose", "rate", "rotation", "reaction", "clearance", "position", "drive", "time"]
 Component = Literal["x", "y", "angle", "magnitude", "moment", "angular_velocity", "travel", "torque", "force", "time"]
-Unit = Literal["m", "rad", "rad/s", "N", "N.m", "s"]
+SiUnit = Literal["m", "rad", "rad/s", "N", "N.m", "s"]
 DRIVE_TORQUE = "drive_torque"
 REACTION: tuple[Component, ...] = ("angle", "magnitude", "x", "y")
 POSE: tuple[Component, ...] = ("angle", "x", "y")
 ONE_TURN = 2.02 * np.pi  # rad: an encoder that starts again after a turn spans no more, its own error with it
 EQUAL = 1e-9  # relative, by which angles that a file gives in degrees miss a part of a turn
 AXES: tuple[Component, Component] = ("x", "y")
-_UNITS: dict[tuple[Kind, Component], Unit] = {
+_UNITS: dict[tuple[SignalKind, Component], SiUnit] = {
     ("pose", "x"): "m",
     ("pose", "y"): "m",
     ("pose", "angle"): "rad",
@@ -50,13 +50,13 @@ _UNITS: dict[tuple[Kind, Component], Unit] = {
 class Signal:
     """One signal: a ``component`` of some ``kind`` of quantity at a ``place``: body, joint, or "" for the one drive."""
 
-    kind: Kind
+    kind: SignalKind
     place: str
     component: Component
 
     @staticmethod
     @lru_cache(maxsize=4096)
-    def of(kind: Kind, place: str, component: Component) -> Signal:
+    def of(kind: SignalKind, place: str, component: Component) -> Signal:
         """The same as ``Signal(...)``, but kept for the next call: results ask for the same ones again and again."""
         return Signal(kind, place, component)
 
@@ -74,7 +74,7 @@ class Signal:
         return f"{self.place}_rotation" if self.kind == "rotation" else f"{self.place}_{self.component}"
 
     @property
-    def unit(self) -> Unit:
+    def unit(self) -> SiUnit:
         """SI unit."""
         return _UNITS[self.kind, self.component]
 

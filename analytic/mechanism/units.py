@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any, Literal
 from analytic.errors import Error
 from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import shown
-from analytic.mechanism.signals import Signal, Unit, named
+from analytic.mechanism.signals import Signal, SiUnit, named
 
 if TYPE_CHECKING:
     import pint
 
-Dimension = Literal["time", "angle", "angular velocity", "length", "force", "torque"]
-SI: dict[Dimension, Unit] = {
+QuantityKind = Literal["time", "angle", "angular velocity", "length", "force", "torque"]
+SI: dict[QuantityKind, SiUnit] = {
     "time": "s",
     "angle": "rad",
     "angular velocity": "rad/s",
@@ -27,9 +27,9 @@ SI: dict[Dimension, Unit] = {
     "force": "N",
     "torque": "N.m",
 }
-DIMENSIONS: dict[Unit, Dimension] = {unit: kind for kind, unit in SI.items()}
+DIMENSIONS: dict[SiUnit, QuantityKind] = {unit: kind for kind, unit in SI.items()}
 # What messages offer; any other unit of the dimension that pint knows is accepted as well.
-OFFERED: dict[Dimension, tuple[str, ...]] = {
+OFFERED: dict[QuantityKind, tuple[str, ...]] = {
     "time": ("s", "ms", "us", "min"),
     "angle": ("rad", "mrad", "deg", "rev"),
     "angular velocity": ("rad/s", "deg/s", "rpm"),
@@ -45,7 +45,7 @@ class UnitError(Error, ValueError):
     """A unit is missing, unknown or of another dimension; the message says what is accepted."""
 
 
-def dimension(signal: Signal) -> Dimension:
+def dimension(signal: Signal) -> QuantityKind:
     """What kind of quantity a signal is."""
     return DIMENSIONS[signal.unit]
 
@@ -56,7 +56,7 @@ def readable(mechanism: Mechanism) -> dict[str, Signal]:
     return {name: signal for name, signal in found.items() if signal.kind != "rotation"}
 
 
-def factor(unit: str, kind: Dimension) -> float:
+def factor(unit: str, kind: QuantityKind) -> float:
     """What a number in ``unit`` is multiplied by to be SI.  Raises UnitError."""
     if unit == SI[kind]:
         return 1.0

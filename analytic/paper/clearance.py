@@ -27,7 +27,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from analytic.compiled import run
-from analytic.kinematics.assembly import Assembly, AssemblyError, Followed, Path
+from analytic.kinematics.assembly import Assembly, AssemblyError, CrankTable, Walk
 from analytic.kinematics.motion import Gap, kinematics
 from analytic.kinematics.reach import usual_angles
 from analytic.mechanism import Mechanism
@@ -112,7 +112,7 @@ def displaced(  # noqa: PLR0913 - a motion, and what may replace the linkage's o
     inertia: bool = True,
     clearances: Mapping[str, float] | None = None,
     stiffnesses: Mapping[str, float] | None = None,
-    near: Followed | None = None,
+    near: Walk | None = None,
     motions: Sequence[int] = (),
 ) -> Displaced:
     """The linkage with its clearances taken up along the reactions, and its soft bearings giving, at crank angles theta
@@ -134,7 +134,7 @@ def displaced(  # noqa: PLR0913 - a motion, and what may replace the linkage's o
     give = {name: 1 / k for name, k in (m.soft_bearings if stiffnesses is None else stiffnesses).items()}
     turning = bool(inertia and np.any(drive[k:]))
     reach = (2 * STENCIL if give else STENCIL) if turning and (loose or give) else 0.0
-    path: Path | None = None
+    path: CrankTable | None = None
     if assembly.structure.by_crank:
         path = assembly.path(drive[0].min() - reach, drive[0].max() + reach)
     else:  # with each sample goes where the linkage is near it
@@ -169,7 +169,7 @@ class _Solve:
 
     assembly: Assembly
     inertia: bool
-    path: Path | None
+    path: CrankTable | None
     sizes: Mapping[str, float]  # m, radial clearance of pins
     blocks: Mapping[str, Block]
     finite: bool  # whether a tilted block touches with its finite clearance, or to first order
@@ -196,7 +196,7 @@ class _Solve:
         """Those of samples in which all blocks rest in one way, ``how`` (blocks,) that is if they do."""
         k = len(self.assembly.structure.inputs)
         theta, omega, alpha, here = np.split(drive[: self.rows], (k, 2 * k, 3 * k))
-        motion = kinematics(linkage, theta, omega, alpha, gaps, self.path or Followed(here))
+        motion = kinematics(linkage, theta, omega, alpha, gaps, self.path or Walk(here))
         ways = how if self.finite else None
         loose = loose_friction(self.assembly.mechanism, self.sizes, self.blocks, ways)
         return kinetostatics(motion, self.inertia, loose=loose)

@@ -24,7 +24,7 @@ from typing import Literal
 
 import numpy as np
 
-from analytic.kinematics.assembly import Assembly, Path
+from analytic.kinematics.assembly import Assembly, CrankTable
 from analytic.kinematics.motion import Gap, Motion, kinematics
 from analytic.paper.compliance import Compliance
 from analytic.paper.guide import Block
@@ -91,7 +91,7 @@ def unit_reactions(
     assembly: Assembly,
     theta: np.ndarray,
     outputs: Iterable[Output],
-    path: Path | None = None,
+    path: CrankTable | None = None,
     blocks: Iterable[Block] = (),
 ) -> dict[Output, np.ndarray]:
     """R (joints, N) of every revolute joint, in the structure's order of pins, and then of these blocks, for each

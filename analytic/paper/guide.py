@@ -35,7 +35,7 @@ from typing import Protocol
 import numpy as np
 
 from analytic.kinematics.motion import Motion
-from analytic.kinematics.structure import Rest, Rests
+from analytic.kinematics.structure import BlockRest, BlockRests
 from analytic.mechanism import Joint, Mechanism, MechanismError
 
 FLAT, TILTED = 1.0, 2.0  # how a block rests: times the sign of the force, or of the moment
@@ -135,14 +135,14 @@ class Block:
         tilted = (moment > 0) & (self.lever * np.abs(force) <= moment)
         return np.where(np.abs(how) == FLAT, flat, tilted)
 
-    def place(self, how: float, finite: bool) -> Rest:
+    def place(self, how: float, finite: bool) -> BlockRest:
         """Where the block rests, second body relative to first; tilted to first order, or ``finite``."""
         if abs(how) == FLAT:
-            return Rest(-math.copysign(self.clearance, how), 0.0)
-        return Rest(0.0, -math.copysign(self.tilt if finite else 2 * self.clearance / self.length, how))
+            return BlockRest(-math.copysign(self.clearance, how), 0.0)
+        return BlockRest(0.0, -math.copysign(self.tilt if finite else 2 * self.clearance / self.length, how))
 
 
-def placed(blocks: Mapping[str, Block], how: np.ndarray, finite: bool) -> Rests:
+def placed(blocks: Mapping[str, Block], how: np.ndarray, finite: bool) -> BlockRests:
     """Where blocks rest that rest ``how`` (blocks,)."""
     return {name: block.place(each, finite) for (name, block), each in zip(blocks.items(), how.tolist(), strict=True)}
 

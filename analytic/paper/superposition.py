@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analytic.kinematics.assembly import Assembly, Followed, Path
+from analytic.kinematics.assembly import Assembly, CrankTable, Walk
 from analytic.kinematics.motion import kinematics
 from analytic.mechanism.one_line import angles, clearances, count, one_line
 from analytic.mechanism.signals import Signal, named
@@ -105,7 +105,7 @@ def total_displacement(
     model: Model = "first_order",
     inertia: bool = False,
     clearances: Mapping[str, float] | None = None,
-    near: Followed | None = None,
+    near: Walk | None = None,
 ) -> Total:
     """Superpose clearance (``model``) and the ideal configuration's compliance at crank angles theta (N,) rad.
 
@@ -127,7 +127,7 @@ class Accuracy:
     """
 
     assembly: Assembly
-    path: Path
+    path: CrankTable
     total: Total  # its clearance part is the equilibrium with the finite gaps
     pins: tuple[str, ...]  # and then the blocks with clearance
     blocks: int  # so many of the last of them

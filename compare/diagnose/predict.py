@@ -16,7 +16,7 @@ import numpy as np
 from analytic.beyond_paper.backlash import Slack
 from analytic.beyond_paper.drive import Motor
 from analytic.beyond_paper.freedom import Freedom, swing
-from analytic.kinematics.assembly import Assembly, AssemblyError, Followed
+from analytic.kinematics.assembly import Assembly, AssemblyError, Walk
 from analytic.kinematics.motion import kinematics
 from analytic.kinematics.schedule import Turning
 from analytic.kinematics.structure import StructureError
@@ -113,7 +113,7 @@ class Model:
         self.courses = courses
         self._tables: dict[object, tuple[Assembly, Freedom] | None] = {}
         self._turned: dict[object, Turning] = {}
-        self._followed: dict[object, Followed] = {}
+        self._followed: dict[object, Walk] = {}
         self._kept: OrderedDict[object, dict[str, np.ndarray]] = OrderedDict()
         self._swung: OrderedDict[object, Reactions | None] = OrderedDict()
 
@@ -243,7 +243,7 @@ class Model:
             for signals, read in zip(found, seen, strict=True)
         ]
 
-    def _near(self, run: MeasuredRun, time: np.ndarray) -> Followed | None:
+    def _near(self, run: MeasuredRun, time: np.ndarray) -> Walk | None:
         """Where the nominal linkage is that several drives move at times (N,) s: kept, as to follow it from sample to
         sample takes longer than all else, and what effects make of it is near.  Raises AssemblyError.
         """
@@ -451,7 +451,7 @@ def _parted(signals: Mapping[str, np.ndarray], sizes: Sequence[int]) -> list[dic
 
 
 def derived(
-    assembly: Assembly, crank: Turning, near: Followed | None = None, sizes: Sequence[int] = ()
+    assembly: Assembly, crank: Turning, near: Walk | None = None, sizes: Sequence[int] = ()
 ) -> dict[str, np.ndarray]:
     """Every signal with this motion of the crank, or of several inputs ``near`` what is known: pins on their bearings'
     walls or in soft ones, links with a modulus bent.  ``sizes`` are the numbers of samples of several runs.
@@ -468,7 +468,7 @@ def derived(
     return with_derived(signals, mechanism)
 
 
-def _displaced(assembly: Assembly, crank: Turning, near: Followed | None, sizes: Sequence[int]) -> Displaced:
+def _displaced(assembly: Assembly, crank: Turning, near: Walk | None, sizes: Sequence[int]) -> Displaced:
     """The linkage with its pins where they come to rest; soft bearings that hardly give, to first order with the
     reactions of the linkage that they displace: what that leaves out is as small as the square of what they give.
     """

@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from analytic.kinematics.schedule import Course, Motor, Steady
+from analytic.kinematics.schedule import Course, DriveMotion, Steady
 from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.state import advance
 
@@ -67,7 +67,7 @@ class AtConstantSpeed(Steering):
     def __init__(self, motor: Steady) -> None:
         self.motor = motor
         self.direction, self.top_speed = math.copysign(1.0, motor.speed), motor.top_speed
-        theta = motor.angle(motor.begin)
+        theta = motor.position(motor.begin)
         self.stencil = Stencil(AROUND * BESIDE / motor.speed, theta + AROUND * BESIDE, 2)
 
     @property
@@ -76,7 +76,7 @@ class AtConstantSpeed(Steering):
         return 2 * math.pi / self.top_speed
 
     def place(self, link: MujocoLinkage, time: float, lag: float) -> None:
-        angle = self.motor.angle(time)
+        angle = self.motor.position(time)
         if abs(link.data.qpos[link.motor] - angle) > ASIDE:
             link.data.qpos[link.motor], link.data.qvel[link.motor] = angle, self.motor.speed
 
@@ -100,7 +100,7 @@ class AlongCourses(Steering):
 
     def at(self, link: MujocoLinkage, times: np.ndarray, order: int = 0) -> np.ndarray:
         """The motors' coordinates (N, motors) at times (N,) s, or their derivatives of that order."""
-        return link.ways * np.column_stack([motor.angles(times, order) for motor in self.motors])
+        return link.ways * np.column_stack([motor.positions(times, order) for motor in self.motors])
 
     def turn(self, link: MujocoLinkage, time: float, count: int) -> None:
         m, d = link.model, link.data
@@ -136,7 +136,7 @@ class AlongCourse(AlongCourses):
         self.motor = motor
         self.top_speed, acceleration = motor.top_speed, motor.peak(2)
         apart = spacing(motor)
-        self.stencil = Stencil(apart * AHEAD, motor.angles(motor.begin + apart * AHEAD), 0)
+        self.stencil = Stencil(apart * AHEAD, motor.positions(motor.begin + apart * AHEAD), 0)
         begin = motor.begin
         leading = [
             x
@@ -152,15 +152,15 @@ class AlongCourse(AlongCourses):
         begin, end = motor.begin, motor.end
         if self.direction == 0:
             return None
-        once = np.sort(motor.spline.solve(motor.angle(begin) + self.direction * 2 * math.pi))
+        once = np.sort(motor.spline.solve(motor.position(begin) + self.direction * 2 * math.pi))
         once = once[(once > begin) & (once - begin < (end - begin) * (1 + ROUNDING))]
         if not once.size:
             return None
         again = np.linspace(once[0], max(end, once[0]), SAMPLES)
-        change = motor.angles(again, 1) - motor.angles(again - once[0] + begin, 1)
+        change = motor.positions(again, 1) - motor.positions(again - once[0] + begin, 1)
         return float(once[0]) - begin if np.abs(change).max() < AS_BEFORE * self.top_speed else None
 
 
-def steering(motor: Motor) -> AtConstantSpeed | AlongCourse:
+def steering(motor: DriveMotion) -> AtConstantSpeed | AlongCourse:
     """What keeps this motor's armature in its motion."""
     return AtConstantSpeed(motor) if isinstance(motor, Steady) else AlongCourse(motor)

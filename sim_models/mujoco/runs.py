@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
-from analytic.kinematics.schedule import Motor, Steady
+from analytic.kinematics.schedule import DriveMotion, Steady
 from analytic.mechanism import Mechanism
 from sim_models.common.backlash import HOLDS, Felt, Flanks, side
 from sim_models.common.failed_starts import own_start
@@ -252,7 +252,7 @@ class MujocoRun(Run):
         if self.motor is None:
             return np.zeros(0)
         last = float(self.request.schedule.time.max())
-        return self.motor.angles(np.linspace(self.motor.begin, last, GLIMPSES))
+        return self.motor.positions(np.linspace(self.motor.begin, last, GLIMPSES))
 
     def light(self, near: Equilibria) -> MujocoLinkage:
         if self.motor is not None:
@@ -279,9 +279,9 @@ class MujocoRun(Run):
         times = np.linspace(motor.begin, last, FELT)
         near = Equilibria(
             replace(self.request, mechanism=_on_spring(m, 1.0), joint_model="ideal"),
-            self.path, {}, motor.angle(motor.begin), STATIC_STEP,
+            self.path, {}, motor.position(motor.begin), STATIC_STEP,
         )  # fmt: skip
-        felt = np.array([near.felt(*at) for at in zip(*(motor.angles(times, n) for n in range(3)), strict=True)])
+        felt = np.array([near.felt(*at) for at in zip(*(motor.positions(times, n) for n in range(3)), strict=True)])
         self.flanks = Flanks.of(m, Felt(times, *felt.T), motor.top_speed or 1.0)
         rigid = float(np.abs(felt[:, 0]).max()) / STILL
         self.mechanism = _on_spring(m, max(rigid, 1.0) if self.flanks.rigid else self.flanks.stiffness)
@@ -328,7 +328,7 @@ class MujocoRun(Run):
                 return *repeated, step, "equilibrium, the same a revolution later"
         return q, v, step, how
 
-    def driven(self, motor: Motor) -> Trace:
+    def driven(self, motor: DriveMotion) -> Trace:
         """The motor turns, at constant speed or along its course.  Without crank angles in the request, those reported
         are the simulated ones.
         """
