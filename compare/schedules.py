@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
-from analytic.kinematics.inverse import Coordinate, splined
+from analytic.kinematics.inverse import splined
 from analytic.kinematics.motion import kinematics
+from analytic.kinematics.output import Output
 from analytic.kinematics.schedule import FEWEST_KNOTS, Knots, Schedule
 from analytic.mechanism.errors import quoted
 from analytic.mechanism.signals import Signal, position, turned_near
@@ -214,7 +215,7 @@ def of_path(path: Path, assembly: Assembly) -> tuple[dict[str, Knots], np.ndarra
     if faults:
         raise DataError(*faults)
     _warn(path, table, [signal.name for signal in poses], "no x, y or angle of a body")
-    wanted = [Coordinate(signal.place, _axis(signal)) for signal in poses]
+    wanted = [Output(signal.place, _axis(signal)) for signal in poses]
     home = kinematics(assembly, assembly.inputs[:, None])
     told = []
     for coordinate, signal in zip(wanted, poses, strict=True):

@@ -13,9 +13,10 @@ from scipy.optimize import minimize
 from analytic.beyond_paper.monte_carlo import Population, draw
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import Gap, kinematics
+from analytic.kinematics.output import Output
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import load
-from analytic.paper.envelope import Output, transmission, unit_reactions
+from analytic.paper.envelope import transmission, unit_reactions
 from analytic.paper.kinetostatics import kinetostatics
 from analytic.paper.superposition import Accuracy, accuracy, total_displacement
 from asked import request_of

@@ -12,11 +12,11 @@ from scipy.optimize import minimize
 from analytic.beyond_paper.monte_carlo import draw
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import kinematics
+from analytic.kinematics.output import Output
 from analytic.kinematics.structure import BlockRest
 from analytic.mechanism import Load, Mechanism, MechanismError
 from analytic.mechanism.file import dumps, load, loads
 from analytic.paper.clearance import displaced
-from analytic.paper.envelope import Output
 from analytic.paper.guide import Block
 from analytic.paper.kinetostatics import kinetostatics
 from analytic.paper.superposition import accuracy

@@ -11,11 +11,11 @@ from analytic.beyond_paper.monte_carlo import Population, draw
 from analytic.beyond_paper.released import released
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import Gap
+from analytic.kinematics.output import Output
 from analytic.kinematics.schedule import Schedule
 from analytic.mechanism.file import load
 from analytic.mechanism.one_line import LONGEST, angles, clearances, one_line
 from analytic.paper.clearance import displaced
-from analytic.paper.envelope import Output
 from analytic.paper.printed import FourBar, four_bar_motion
 from analytic.paper.superposition import Accuracy, accuracy
 from compare.judge.reference import reference

@@ -13,14 +13,14 @@ from scipy.optimize import brentq, minimize
 import linkage_crosscheck as lc
 from analytic.beyond_paper.platform import platform
 from analytic.kinematics.assembly import Assembly, AssemblyError, Walk
-from analytic.kinematics.inverse import FOLLOWS, Coordinate, inverse, splined
+from analytic.kinematics.inverse import FOLLOWS, inverse, splined
 from analytic.kinematics.motion import Gap, kinematics
+from analytic.kinematics.output import Output
 from analytic.kinematics.workspace import workspace
 from analytic.mechanism import MASS_CENTRE, Load, Mechanism
 from analytic.mechanism.file import load, loads
 from analytic.paper.clearance import displaced
 from analytic.paper.compliance import compliance
-from analytic.paper.envelope import Output
 from analytic.paper.kinetostatics import answers, kinetostatics
 from commands import compare
 from compare.faults import ArgumentError
@@ -29,10 +29,10 @@ from several_linkages import GANTRY, TIMES, splines, waved
 from test_compliance import referee
 
 POSE = {
-    "five-bar": [Coordinate("left-arm", axis, "P") for axis in ("x", "y")],
-    "3-rrr": [Coordinate("platform", axis) for axis in ("x", "y", "angle")],
-    "3-rpr": [Coordinate("platform", axis) for axis in ("x", "y", "angle")],
-    "2r-arm": [Coordinate("forearm", axis, "T") for axis in ("x", "y")],
+    "five-bar": [Output("left-arm", axis, "P") for axis in ("x", "y")],
+    "3-rrr": [Output("platform", axis) for axis in ("x", "y", "angle")],
+    "3-rpr": [Output("platform", axis) for axis in ("x", "y", "angle")],
+    "2r-arm": [Output("forearm", axis, "T") for axis in ("x", "y")],
 }
 
 

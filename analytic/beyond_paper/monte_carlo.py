@@ -17,8 +17,9 @@ import numpy as np
 
 from analytic.kinematics.assembly import Assembly, CrankTable
 from analytic.kinematics.motion import Gap, Motion, kinematics
+from analytic.kinematics.output import Output
 from analytic.mechanism.one_line import angles, count, largest, one_line
-from analytic.paper.envelope import Output, rim_spread
+from analytic.paper.envelope import rim_spread
 
 Contacts = Literal["free", "along reactions"]
 BLOCK = 200_000  # samples times crank angles held at once

@@ -16,10 +16,11 @@ import numpy as np
 
 from analytic.kinematics.closure import AssemblyError
 from analytic.kinematics.motion import Motion
+from analytic.kinematics.output import Output
 from analytic.mechanism.one_line import count, one_line
 from analytic.paper.clearance import check_determined
 from analytic.paper.compliance import Compliance, compliance
-from analytic.paper.envelope import Output, condition, displacement, farthest, worst_case
+from analytic.paper.envelope import condition, displacement, farthest, worst_case
 from analytic.paper.kinetostatics import Reactions, answers
 
 

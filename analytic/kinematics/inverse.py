@@ -20,14 +20,12 @@ on there, and its drives turn back or stand still.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from analytic.kinematics.assembly import CHANGE_POINT, Assembly, AssemblyError, Walk, locks
 from analytic.kinematics.closure import AGREE, partials, regularity
-from analytic.kinematics.motion import Motion
+from analytic.kinematics.output import Output
 from analytic.kinematics.structure import Group
 
 PASSES = 30
@@ -44,30 +42,7 @@ FINEST = np.finfo(float).eps ** 0.25  # of a row: a spline's error, of fourth or
 CLEAR = "keep the path clear of it, or give a course of the drives instead"
 
 
-@dataclass(frozen=True)
-class Coordinate:
-    """What is wanted of a platform: x or y (m, ground frame) of a point of it, or its angle (rad)."""
-
-    body: str
-    axis: Literal["x", "y", "angle"]
-    point: str = "com"
-
-    @property
-    def name(self) -> str:
-        """``platform_x`` as in the signals, ``left-arm.P_x`` of another point."""
-        return f"{self.body if self.point == 'com' else f'{self.body}.{self.point}'}_{self.axis}"
-
-    def value(self, motion: Motion) -> np.ndarray:
-        """It (N,) in a motion."""
-        if self.axis == "angle":
-            return motion.angle(self.body)
-        place = motion.position(self.body, self.point)
-        return place.real if self.axis == "x" else place.imag
-
-
-def inverse(
-    assembly: Assembly, wanted: Sequence[Coordinate], poses: np.ndarray, time: np.ndarray | None = None
-) -> Walk:
+def inverse(assembly: Assembly, wanted: Sequence[Output], poses: np.ndarray, time: np.ndarray | None = None) -> Walk:
     """Coordinates (n, N) at which the ``wanted``, as many as the linkage has inputs, are at ``poses`` (n_inputs, N),
     which are instants of one motion, at ``time`` (N,) s or evenly apart: between them it goes along the cubic spline.
 
@@ -77,7 +52,7 @@ def inverse(
 
 
 def splined(
-    assembly: Assembly, wanted: Sequence[Coordinate], poses: np.ndarray, time: np.ndarray
+    assembly: Assembly, wanted: Sequence[Output], poses: np.ndarray, time: np.ndarray
 ) -> tuple[np.ndarray, Walk]:
     """The same at more instants (M,) s, those of the poses among them: so many that the ``wanted`` are off the spline
     through the poses by no more than FOLLOWS where the inputs go along the spline through theirs.
@@ -106,7 +81,7 @@ def passes_zero(time: np.ndarray, sizes: np.ndarray) -> tuple[int, float] | None
 class Posed:
     """A linkage's loops and the ``wanted`` coordinates of its platform, as functions of all of its coordinates."""
 
-    def __init__(self, assembly: Assembly, wanted: Sequence[Coordinate]) -> None:
+    def __init__(self, assembly: Assembly, wanted: Sequence[Output]) -> None:
         self.s, self.assembly, self.wanted = assembly.structure, assembly, tuple(wanted)
         self.size = max(body.length for body in assembly.mechanism.bodies) or 1.0
 
@@ -118,8 +93,7 @@ class Posed:
             if w.axis == "angle":
                 out.append(u[list(self.s.turned[b])].sum(axis=0) + self.s.held_at[b])
             else:
-                z = self.assembly.form(w.body, w.point) @ columns
-                out.append(z.real if w.axis == "x" else z.imag)
+                out.append(w.part(self.assembly.form(w.body, w.point) @ columns))
         return np.array(out)
 
     def slopes(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -133,8 +107,7 @@ class Posed:
                 continue
             form = self.assembly.form(w.body, w.point)[None]
             for i in range(len(s.coordinates)):
-                moved = partials(s, i, form, columns)[0]
-                pose[:, row, i] = moved.real if w.axis == "x" else moved.imag
+                pose[:, row, i] = w.part(partials(s, i, form, columns)[0])
         return np.concatenate([loops.real, loops.imag]).transpose(1, 0, 2), pose
 
     def rows(self, group: Group) -> list[int]:
@@ -154,7 +127,7 @@ class _Inverse(Posed):
     """
 
     def __init__(
-        self, assembly: Assembly, wanted: Sequence[Coordinate], poses: np.ndarray, time: np.ndarray | None
+        self, assembly: Assembly, wanted: Sequence[Output], poses: np.ndarray, time: np.ndarray | None
     ) -> None:
         super().__init__(assembly, wanted)
         s = self.s

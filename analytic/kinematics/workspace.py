@@ -17,7 +17,8 @@ import numpy as np
 
 from analytic.kinematics.assembly import Assembly, AssemblyError, Walk
 from analytic.kinematics.closure import least
-from analytic.kinematics.inverse import Coordinate, Posed, inverse
+from analytic.kinematics.inverse import Posed, inverse
+from analytic.kinematics.output import Output
 from analytic.mechanism.one_line import count, one_line
 from analytic.mechanism.signals import wrapped
 
@@ -57,7 +58,7 @@ class Workspace:
 
 
 def workspace(
-    assembly: Assembly, wanted: Sequence[Coordinate], x: np.ndarray, y: np.ndarray, angle: float | None = None
+    assembly: Assembly, wanted: Sequence[Output], x: np.ndarray, y: np.ndarray, angle: float | None = None
 ) -> Workspace:
     """The poses that a platform reaches of a grid; ``wanted`` are its x, its y and, of three inputs, its angle.
 
@@ -75,7 +76,7 @@ def workspace(
 
 class _Flood(Posed):
     def __init__(
-        self, assembly: Assembly, wanted: Sequence[Coordinate], x: np.ndarray, y: np.ndarray, angle: float | None
+        self, assembly: Assembly, wanted: Sequence[Output], x: np.ndarray, y: np.ndarray, angle: float | None
     ) -> None:
         super().__init__(assembly, wanted)
         home = assembly.follow(assembly.inputs[:, None]).coordinates

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analytic.kinematics.motion import Motion
+from analytic.kinematics.output import Output
 from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint, Mechanism, Spring
 from analytic.mechanism.one_line import angles, count, largest, one_line
 from analytic.paper.frame import Bar, ComplianceError, beam_stiffness, frame
@@ -66,6 +67,12 @@ class Compliance:
     def rotation(self, body: str, point: str = "com") -> np.ndarray:
         """Rotation (rad) about z of the material at a body's point, (N,)."""
         return self.motion(body, point)[:, 5]
+
+    def output(self, d: Output) -> np.ndarray:
+        """Elastic displacement (N,) of an output, in its unit."""
+        if d.axis == "angle":
+            return self.rotation(d.body, self.mechanism.angle_point(d.body))
+        return d.part(self.displacement(d.body, d.point))
 
     def give(self, joint: str) -> np.ndarray:
         """How far the springs of a joint (Eq. 4) yield, x + iy (m): its point on the first body minus that on the

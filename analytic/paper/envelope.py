@@ -20,71 +20,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly, CrankTable
 from analytic.kinematics.motion import Gap, Motion, kinematics
-from analytic.paper.compliance import Compliance
+from analytic.kinematics.output import Output
 from analytic.paper.guide import Block
 from analytic.paper.kinetostatics import Reactions, answered
 
 DIRECTIONS = np.exp(1j * np.linspace(0.0, np.pi, 91)[:-1])  # where the search for the farthest point starts
 ASCENTS = 30
-
-
-@dataclass(frozen=True)
-class Output:
-    """One number that a user cares about: x or y of a body's point (m, ground frame), or a body's angle (rad).
-
-    A body that bends has its angle where a sensor reads it: at its joint on the ground, else at its com.
-    """
-
-    body: str
-    axis: Literal["x", "y", "angle"]
-    point: str = "com"
-
-    @property
-    def name(self) -> str:
-        """``coupler_x`` for a com as in the signals, ``coupler.B_x`` for another point, ``coupler_angle``."""
-        return f"{self.place}_{self.axis}"
-
-    @property
-    def place(self) -> str:
-        """``coupler`` or ``coupler.B``."""
-        return self.body if self.point == "com" else f"{self.body}.{self.point}"
-
-    @property
-    def unit(self) -> Literal["m", "rad"]:
-        """``m`` or ``rad``."""
-        return "rad" if self.axis == "angle" else "m"
-
-    def value(self, motion: Motion) -> np.ndarray:
-        """The output (N,) itself."""
-        return motion.angle(self.body) if self.axis == "angle" else self._part(motion.position(self.body, self.point))
-
-    def rate(self, motion: Motion) -> np.ndarray:
-        """Its velocity (N,)."""
-        return (
-            motion.angular_velocity(self.body)
-            if self.axis == "angle"
-            else self._part(motion.velocity(self.body, self.point))
-        )
-
-    @property
-    def load(self) -> tuple[str, complex, float]:
-        """A unit load along it: point, force (x + iy) and torque."""
-        return (self.point, 0j, 1.0) if self.axis == "angle" else (self.point, 1.0 if self.axis == "x" else 1j, 0.0)
-
-    def elastic(self, compliance: Compliance) -> np.ndarray:
-        """Its displacement (N,) by compliance."""
-        if self.axis == "angle":
-            return compliance.rotation(self.body, compliance.mechanism.angle_point(self.body))
-        return self._part(compliance.displacement(self.body, self.point))
-
-    def _part(self, z: np.ndarray) -> np.ndarray:
-        return z.real if self.axis == "x" else z.imag
 
 
 def unit_reactions(
@@ -240,18 +186,3 @@ def _smallest_on_chords(force: np.ndarray, theta: np.ndarray) -> tuple[float, fl
     size = np.abs(force[:-1] + share * step)
     k = int(np.argmin(size))
     return float(theta[k] + share[k] * (theta[k + 1] - theta[k])), float(size[k])
-
-
-__all__ = [
-    "Output",
-    "SideChange",
-    "condition",
-    "displacement",
-    "farthest",
-    "rim_spread",
-    "side_changes",
-    "sizes",
-    "transmission",
-    "unit_reactions",
-    "worst_case",
-]

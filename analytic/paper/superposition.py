@@ -11,12 +11,12 @@ import numpy as np
 
 from analytic.kinematics.assembly import Assembly, CrankTable, Walk
 from analytic.kinematics.motion import kinematics
+from analytic.kinematics.output import Output
 from analytic.mechanism.one_line import angles, clearances, count, one_line
 from analytic.mechanism.signals import Signal, named
 from analytic.paper.clearance import Displaced, Model, displaced, loose_friction
 from analytic.paper.compliance import Compliance, compliance
 from analytic.paper.envelope import (
-    Output,
     SideChange,
     condition,
     displacement,
@@ -172,7 +172,7 @@ class Accuracy:
 
     def compliance(self, d: Output) -> np.ndarray:
         """Elastic displacement of the ideal configuration."""
-        return d.elastic(self.total.compliance)
+        return self.total.compliance.output(d)
 
     def by_both(self, d: Output) -> np.ndarray:
         """Displacement by the finite gaps and by compliance together (Fig. 7c); NaN where flagged."""
