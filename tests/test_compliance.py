@@ -222,7 +222,7 @@ def test_elastic_drive_moves_a_rigid_linkage_along_its_own_kinematics(mechanism:
     unit = at(mechanism, degrees, 1.0)
     for joint in mechanism.joints:  # joint springs resist too, by the square of how fast they wind up
         if joint.prismatic:
-            stiffness = stiffness + joint.stiffness * unit.travel(joint.name)[1] ** 2
+            stiffness = stiffness + joint.stiffness * unit.slip(joint) ** 2
         else:
             first, second = (unit.angular_velocity(b) for b in joint.bodies)
             stiffness = stiffness + joint.stiffness * (second - first) ** 2

@@ -185,7 +185,7 @@ def test_a_linkage_closes_with_its_block_off_its_place(case: str) -> None:
             np.testing.assert_allclose(apart, 0.0, atol=1e-14)
             continue
         along = joint.direction * np.exp(1j * motion.angle(first))
-        np.testing.assert_allclose(-apart, (motion.travel("S")[0] + 2e-3j) * along, atol=1e-14)
+        np.testing.assert_allclose(-apart, (motion.relative(joint) + 2e-3j) * along, atol=1e-14)
         np.testing.assert_allclose(motion.angle(second) - motion.angle(first), joint.angle - 0.03, atol=1e-14)
         np.testing.assert_allclose(motion.play(joint)[0], -2e-3j * along, atol=1e-14)
 

@@ -57,7 +57,7 @@ def joint_law(motion: Motion, name: str) -> np.ndarray:
     joint = motion.structure.mechanism.joint(name)
     first, second = joint.bodies
     if joint.prismatic:
-        position, rate = motion.travel(name)
+        position, rate = motion.relative(joint), motion.slip(joint)
     else:
         position = motion.angle(second) - motion.angle(first)
         rate = motion.angular_velocity(second) - motion.angular_velocity(first)
@@ -121,7 +121,7 @@ def test_the_drives_power_is_what_all_else_takes(mechanism: Mechanism, theta: np
     for joint in mechanism.joints:
         first, second = joint.bodies
         rate = (
-            motion.travel(joint.name)[1]
+            motion.slip(joint)
             if joint.prismatic
             else motion.angular_velocity(second) - motion.angular_velocity(first)
         )

@@ -91,7 +91,7 @@ def coefficients(assembly: Assembly, theta: np.ndarray) -> np.ndarray:
     for joint in assembly.mechanism.joints:
         if not (joint.rubs or joint.damped):
             continue
-        rate = np.abs(motion.slip(joint)[0].reshape(omega.size, -1)[2])  # by the crank's
+        rate = np.abs(motion.slip(joint).reshape(omega.size, -1)[2])  # by the crank's
         viscous = viscous + joint.damping * rate**2
         drag = drag + joint.drag * rate**3
         coulomb = coulomb + joint.coulomb * rate

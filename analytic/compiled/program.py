@@ -14,6 +14,7 @@ import numpy as np
 
 from analytic.compiled import kernels as op
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.closure import arm_of
 from analytic.kinematics.structure import Group
 from analytic.mechanism import MASS_CENTRE, Joint, Spring
 
@@ -224,9 +225,6 @@ class Motion(Linkage):
         w.sum_real(angle, [*((self.u[i], 1.0) for i in self.s.turned[b]), (CONSTANT, float(self.s.held_at[b]))])
         w.add(op.PHASOR, self.columns[b], angle)
 
-    def arm(self, row: np.ndarray, i: int) -> complex:
-        return complex(sum(row[b] * np.exp(1j * self.s.held_at[b]) for b in self.s.coordinates[i].bodies))
-
     def dyad(self, group: Group) -> None:
         """Close a dyad's loop in closed form, as analytic.kinematics.closure.solve_dyad."""
         s, w = self.s, self.w
@@ -249,7 +247,7 @@ class Motion(Linkage):
 
     def two_angles(self, row: np.ndarray, pair: tuple[int, int], branch: float, target: int, margin: int) -> None:
         w = self.w
-        a, b = (self.arm(row, k) for k in pair)
+        a, b = (arm_of(self.s, row, k) for k in pair)
         la, lb, one, two = abs(a), abs(b), 1 / a, 1 / b
         at = w.numbers(
             la**2, lb**2, 2 * la * lb, branch * la * lb, one.real, one.imag, two.real, two.imag
@@ -265,7 +263,7 @@ class Motion(Linkage):
 
     def angle_and_travel(self, row: np.ndarray, i: int, j: int, branch: float, rows: tuple[int, int]) -> None:
         s, w, (target, margin) = self.s, self.w, rows
-        arm, along, body = self.arm(row, i), complex(row[s.coordinates[j].column]), self.along(j)
+        arm, along, body = arm_of(s, row, i), complex(row[s.coordinates[j].column]), self.along(j)
         phasor = w.complex_row()
         if body in s.coordinates[i].bodies:
             along *= complex(np.exp(1j * s.held_at[body]))
@@ -366,7 +364,7 @@ class Motion(Linkage):
     def centripetal(self, turns: Mapping[int, int]) -> None:
         s, w = self.s, self.w
         for b, spin in turns.items():
-            riding = [self.first_travel + k for k, along in enumerate(s.slide_body) if along == b]
+            riding = s.riding((b,))
             for k in (b, *riding):
                 self.column_accelerations[k] = w.complex_row()
                 w.sum(self.column_accelerations[k], ())
@@ -398,7 +396,7 @@ class Motion(Linkage):
         if not c.bodies:
             self.spread_into(columns, c.column, (op.TIMES, op.TIMES_ADD), value, self.phasor(self.along(i)))
             return
-        for k in self.assembly.turning[i]:
+        for k in self.s.turning[i]:
             self.spread_into(columns, k, (op.TURN, op.TURN_ADD), value, self.columns[k])
 
     def spread_into(self, columns: dict[int, int], k: int, codes: tuple[int, int], value: int, column: int) -> None:
@@ -435,7 +433,7 @@ def partial(link: Linkage, i: int, form: np.ndarray, rows: Mapping[int, int]) ->
         if not factor:
             return []
         return [(rows[body], factor)] if body in rows else [(CONSTANT, factor * link.fixed[body])]
-    return [(rows[k], 1j * complex(form[k])) for k in link.assembly.turning[i] if form[k]]
+    return [(rows[k], 1j * complex(form[k])) for k in link.s.turning[i] if form[k]]
 
 
 def moving_terms(form: np.ndarray, rows: Mapping[int, int]) -> list[tuple[int, complex]]:
@@ -622,7 +620,7 @@ class Balance(Linkage):
         """Row of the work on a unit change of coordinate i, or of its negative."""
         w, c = self.w, self.s.coordinates[i]
         if c.bodies:
-            return self.turning_work(c.bodies, self.assembly.turning[i], sign)
+            return self.turning_work(c.bodies, self.s.turning[i], sign)
         out, along = w.real_row(), self.along(i)
         force = self.travel_forces.get(c.joint)
         w.sum_real(out, [(force, 1.0)] if force is not None else [])
@@ -660,8 +658,7 @@ class Balance(Linkage):
                 force = self.work[s.gap_column(joint.name)]
             w.add(op.STORE_COMPLEX, force, COMPLEXES, place)
         for place, (carried, second) in enumerate(zip(s.turned_by, s.far_is_second, strict=True)):
-            riding = [self.first_travel + k for k, b in enumerate(s.slide_body) if b in carried]
-            moment = self.turning_work(carried, (*carried, *riding), -1.0 if second else 1.0)
+            moment = self.turning_work(carried, (*carried, *s.riding(carried)), -1.0 if second else 1.0)
             w.add(op.STORE_REAL, moment, REALS, 1 + place)
         for place, i in enumerate(s.inputs):
             w.add(op.STORE_REAL, self.generalised(i, -1.0), REALS, 1 + len(s.slides) + place)

@@ -9,7 +9,7 @@ say what is wrong.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from typing import TYPE_CHECKING
@@ -96,29 +96,15 @@ def _carry_out(program: Program, *data: np.ndarray, walk: tuple[np.ndarray, ...]
     return every(*program.numbers, program.work(), *data, *walk)
 
 
-Derivatives = tuple[np.ndarray, np.ndarray, np.ndarray]
-
-
-@dataclass(frozen=True)
-class Moved:
-    """Arrays of a motion, as analytic.kinematics.motion.Motion's, each with its first and second derivative."""
-
-    coordinates: Derivatives  # (n, N) each
-    columns: Derivatives  # (n_columns, N) complex
-    displaced: bool  # whether joints have gaps
-
-    def __repr__(self) -> str:
-        return f"Moved({self.columns[0].shape[1]} configurations)"
-
-
 def moved(
     assembly: Assembly,
     inputs: np.ndarray,
     rates: tuple[np.ndarray | float, np.ndarray | float],
     gaps: Mapping[str, tuple[np.ndarray, np.ndarray | float, np.ndarray | float]],
     path: CrankTable | Walk | None,
-) -> Moved | None:
-    """Coordinates and columns with their derivatives at inputs (n_inputs, N) whose rates and accelerations are given.
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Coordinates (3, n, N) and columns (3, n_columns, N) complex, their first and second derivatives after them, at
+    inputs (n_inputs, N) whose rates and accelerations are given.
 
     ``gaps`` are those of revolute joints by name, with their rates and accelerations.  None where that cannot be done.
     """
@@ -140,11 +126,7 @@ def moved(
 
         own.motions[displaced] = motion(assembly, displaced)
     data = *coordinates, *columns.view(float), NOTHING, NOTHING, near
-    if not _carry_out(own.motions[displaced], *data):
-        return None
-    u, w, q = coordinates
-    c, v, a = columns
-    return Moved((u, w, q), (c, v, a), displaced)
+    return (coordinates, columns) if _carry_out(own.motions[displaced], *data) else None
 
 
 def _near(assembly: Assembly, own: Programs, inputs: np.ndarray, path: CrankTable | Walk | None) -> np.ndarray | None:
@@ -181,27 +163,25 @@ def followed(assembly: Assembly, inputs: np.ndarray) -> np.ndarray | None:
     return found if _carry_out(own.way.program, *data, walk=walk) else None
 
 
-@dataclass(frozen=True)
-class Balanced:
-    """What holds a motion in balance."""
+def balanced(
+    assembly: Assembly,
+    coordinates: Sequence[np.ndarray],
+    columns: Sequence[np.ndarray],
+    displaced: bool,
+    inertia: bool,
+    grip: np.ndarray | None,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """What holds a motion in balance, as :func:`analytic.paper.kinetostatics.kinetostatics`: forces (joints, N) N,
+    complex, of each joint's first body on its second, in the file's order; moments (slides, N) N.m on the second
+    body; what drives each input (inputs, N), N.m or N.  None where that cannot be done.
 
-    forces: np.ndarray  # (joints, N) N, complex, of each joint's first body on its second, in the file's order
-    moments: np.ndarray  # (slides, N) N.m on the second body
-    drives: np.ndarray  # (inputs, N) N.m or N
-
-    def __repr__(self) -> str:
-        return f"Balanced({self.forces.shape[1]} configurations)"
-
-
-def balanced(assembly: Assembly, motion: Moved, inertia: bool, grip: np.ndarray | None) -> Balanced | None:
-    """Reactions and drives of a motion, as analytic.paper.kinetostatics.kinetostatics; None where that cannot be
-    done.
+    ``coordinates`` (n, N) and ``columns`` (n_columns, N) are the motion's, each with its two derivatives.
     """
-    s, own, n = assembly.structure, programs_of(assembly), motion.coordinates[0].shape[1]
-    shapes = {x.shape for x in motion.coordinates}, {x.shape for x in motion.columns}
+    s, own, n = assembly.structure, programs_of(assembly), coordinates[0].shape[1]
+    shapes = {x.shape for x in coordinates}, {x.shape for x in columns}
     if shapes != ({(len(s.coordinates), n)}, {(s.n_columns, n)}):
         return None
-    kind = bool(inertia), motion.displaced, grip is not None
+    kind = bool(inertia), displaced, grip is not None
     if kind not in own.balances:
         from analytic.compiled.program import balance
 
@@ -210,10 +190,10 @@ def balanced(assembly: Assembly, motion: Moved, inertia: bool, grip: np.ndarray 
     forces = np.empty((len(s.mechanism.joints), n), complex)
     if grip is not None:
         reals[0] = grip
-    given = *map(_whole, motion.coordinates), *(_whole(x).view(float) for x in motion.columns)
+    given = *map(_whole, coordinates), *(_whole(x).view(float) for x in columns)
     if not _carry_out(own.balances[kind], *given, reals, forces.view(float), NOTHING):
         return None
-    return Balanced(forces, reals[1 : 1 + len(s.slides)], reals[1 + len(s.slides) :])
+    return forces, reals[1 : 1 + len(s.slides)], reals[1 + len(s.slides) :]
 
 
 def _whole(array: np.ndarray) -> np.ndarray:

@@ -31,7 +31,7 @@ from analytic.kinematics.closure import (
     with_travels,
 )
 from analytic.kinematics.schedule import Schedule, Turning
-from analytic.kinematics.structure import BlockRest, BlockRests, Coordinate, Group, Structure, StructureError, structure
+from analytic.kinematics.structure import BlockRest, BlockRests, Group, Structure, StructureError, structure
 from analytic.mechanism import GROUND, Mechanism
 from analytic.mechanism.one_line import angles, one_line
 from analytic.mechanism.parts import SAME_POINT
@@ -99,7 +99,6 @@ class Assembly:
     def _build(self) -> None:
         mechanism, s = self.mechanism, self.structure
         self.start = mechanism.assembly[mechanism.driven] if mechanism.cranked else float("nan")
-        self.turning = tuple(_turning(s, c) for c in s.coordinates)  # columns that turn with each coordinate
         self._forms: dict[tuple[str, str], np.ndarray] = {}
         self._resting: dict[tuple[tuple[str, BlockRest], ...], Assembly] = {}
         self.branch: dict[Group, float] = {}  # which of a dyad's two postures: 1 or -1
@@ -560,11 +559,6 @@ def locks(group: Group) -> str:
     """What a group does at its change point, in words."""
     names = group.bodies
     return f"{' and '.join(names)} fall in line" if group.dyad else f"the loops through {', '.join(names)} lock"
-
-
-def _turning(s: Structure, coordinate: Coordinate) -> tuple[int, ...]:
-    """Columns that turn with an angle: its bodies, then the travels along them."""
-    return (*coordinate.bodies, *(len(s.bodies) + k for k, b in enumerate(s.slide_body) if b in coordinate.bodies))
 
 
 __all__ = ["Assembly", "AssemblyError", "CrankTable"]

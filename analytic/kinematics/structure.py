@@ -22,7 +22,7 @@ lengths, which the assembly answers (:mod:`analytic.kinematics.assembly`).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -138,6 +138,15 @@ class Structure:
         """Per group: columns of its bodies that turn with a sum of coordinates."""
         columns = [tuple(self.bodies.index(b) for b in group.bodies) for group in self.groups]
         return tuple(tuple(b for b in own if len(self.turned[b]) > 1) for own in columns)
+
+    def riding(self, bodies: Collection[int]) -> list[int]:
+        """Columns of the travels along these bodies (columns)."""
+        return [len(self.bodies) + k for k, body in enumerate(self.slide_body) if body in bodies]
+
+    @cached_property
+    def turning(self) -> tuple[list[int], ...]:
+        """Per coordinate: columns that turn with it, its bodies' and then those of the travels along them."""
+        return tuple([*c.bodies, *self.riding(c.bodies)] for c in self.coordinates)
 
     @property
     def n_columns(self) -> int:

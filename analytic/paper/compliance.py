@@ -26,7 +26,7 @@ from analytic.kinematics.output import Output
 from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint, Mechanism, Spring
 from analytic.mechanism.one_line import angles, count, largest, one_line
 from analytic.paper.frame import Bar, ComplianceError, beam_stiffness, frame
-from analytic.paper.kinetostatics import joint_law, kinetostatics, of_springs
+from analytic.paper.kinetostatics import joint_law, kinetostatics, of_springs, spring_pull
 
 BLOCK = 128  # crank angles solved at once: their matrices stay in the processor's cache
 DEPENDENT = 1e-10  # of the largest singular value: constraints below it say nothing new
@@ -233,18 +233,12 @@ class _Structure:
                 form[:, :, freedoms] = sign * self.carry(arm)[:, :2]
         return form
 
-    def pull(self, spring: Spring, inertia: bool) -> np.ndarray:
-        """Force (N,) N, complex, of a spring, and with ``inertia`` of its damper, on its first point."""
-        near, far = spring.ends
-        rate = self.motion.velocity(*far) - self.motion.velocity(*near) if inertia else 0j
-        return np.asarray(spring.pull(self.motion.position(*far) - self.motion.position(*near), np.asarray(rate)))
-
     def held_by(self, spring: Spring) -> np.ndarray:
         """Stiffness (N, 2, 2) of a spring between its points: along it its own, across it by the force that turns."""
         near, far = (self.motion.position(*end) for end in spring.ends)
         apart = far - near
         along = apart / np.abs(apart)
-        across = (self.pull(spring, inertia=False) / apart).real
+        across = (spring_pull(self.motion, spring, moving=False) / apart).real
         out = np.zeros((apart.size, 2, 2))
         for i, u in enumerate((along.real, along.imag)):
             for j, v in enumerate((along.real, along.imag)):
@@ -275,30 +269,16 @@ class _Structure:
         for given in self.mechanism.loads:
             add(given.body, given.point, complex(*given.force), given.torque)
         for spring in self.mechanism.springs:
-            pull = self.pull(spring, inertia)
+            pull = spring_pull(self.motion, spring, inertia)
             load += (np.array([pull.real, pull.imag]).T[:, None] @ -self.reach(spring))[:, 0]
         periodic = self.mechanism.periodic_torque
         if periodic is not None:
             add(self.mechanism.driven, MASS_CENTRE, 0.0, periodic.at(self.motion.theta))
         rubbed = kinetostatics(self.motion, inertia).rubbed if self.mechanism.load_rubbed else {}
         for joint in self.mechanism.joints:
-            law = self.joint_torque(joint, inertia) + rubbed.get(joint.name, 0.0)
+            law = joint_law(joint, self.motion, inertia) + rubbed.get(joint.name, 0.0)
             load += law[:, None] * self.slips[joint.name][:, self.kept.index(_free(joint))]
         return load
-
-    def joint_torque(self, joint: Joint, inertia: bool) -> np.ndarray:
-        """Torque (N.m; prismatic: force, N) of a joint's spring, constant friction and damper on its second body."""
-        m = self.motion
-        if joint.prismatic:
-            return joint_law(joint, *m.travel(joint.name), m.pace, moving=inertia)
-        first, second = joint.bodies
-        return joint_law(
-            joint,
-            m.angle(second) - m.angle(first),
-            m.angular_velocity(second) - m.angular_velocity(first),
-            m.pace,
-            moving=inertia,
-        )
 
     def solve(self, block: slice, load: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Displacements (N, n) and strain energy (N,) of a block of crank angles."""

@@ -27,7 +27,7 @@ from analytic.kinematics.assembly import Assembly, CrankTable
 from analytic.kinematics.motion import Gap, Motion, kinematics
 from analytic.kinematics.output import Output
 from analytic.paper.guide import Block
-from analytic.paper.kinetostatics import Reactions, answered
+from analytic.paper.kinetostatics import Reactions, reactions_to
 
 DIRECTIONS = np.exp(1j * np.linspace(0.0, np.pi, 91)[:-1])  # where the search for the farthest point starts
 ASCENTS = 30
@@ -56,7 +56,7 @@ def unit_reactions(
     if every:
         still = kinematics(assembly, theta, path=path)
         for d, rows in found.items():
-            forces, moments, _ = answered(still, d.body, *d.load)
+            forces, moments, _ = reactions_to(still, d.body, *d.load)
             rows += [block.push(still, forces[block.joint.name], moments[block.joint.name]) for block in every]
     return {d: np.array(rows) for d, rows in found.items()}
 
