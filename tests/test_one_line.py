@@ -12,7 +12,7 @@ from analytic.beyond_paper.released import released
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import Gap
 from analytic.kinematics.output import Output
-from analytic.kinematics.schedule import Schedule
+from analytic.kinematics.schedule import Schedule, Steady
 from analytic.mechanism.file import load
 from analytic.mechanism.one_line import LONGEST, angles, clearances, one_line
 from analytic.paper.clearance import displaced
@@ -60,7 +60,7 @@ LINES = {
     "Distribution(2 outputs, 1 point)": DISTRIBUTION,
     "Spread(29 crank angles, sigma up to 0.000157)": DISTRIBUTION.spreads[Output("coupler", "y")],
     "Released(pendulum, 11 moments -14.02..0 deg)": SWUNG,
-    "Turning(2 moments 0..57.3 deg)": Motor(speed=1.0).at(np.array([0.0, 1.0])),
+    "Turning(2 moments 0..57.3 deg)": Motor(Steady(0.0, 1.0)).at(np.array([0.0, 1.0])),
     "Freedom(720 crank angles)": Freedom.of(Assembly(load("crank-rocker"))),
     "Reference(44 signals, 29 samples)": reference(PAPER, AT_REST, "first_order", LOOSE),
     "FourBarMotion(29 crank angles 20..160 deg)": four_bar_motion(FOUR_BAR, THETA, 1.0),

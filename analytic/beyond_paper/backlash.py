@@ -16,8 +16,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from analytic.beyond_paper.drive import Motor, Torque
-from analytic.kinematics.schedule import Turning
+from analytic.beyond_paper.drive import DriveTorque, Motor
+from analytic.kinematics.schedule import Steady, Turning
 
 Amount = TypeVar("Amount", float, np.ndarray)  # one, or many (N,)
 POINTS = 360  # of a revolution, at which the torque is taken
@@ -74,7 +74,7 @@ class Slack:
     def __init__(
         self,
         base: Callable[[np.ndarray], Turning],
-        torque: Torque,
+        torque: DriveTorque,
         half_gap: float,
         first: float,
         last: float,
@@ -100,12 +100,12 @@ class Slack:
 
     @classmethod
     def behind(
-        cls, motor: Motor, time: np.ndarray, stiffness: float | None, torque: Torque, turns: bool, half_gap: float
+        cls, motor: Motor, time: np.ndarray, stiffness: float | None, torque: DriveTorque, turns: bool, half_gap: float
     ) -> Slack:
         """The crank in half a gap (rad) behind a motor, over times (N,) s; else as :meth:`Motor.crank`."""
-        repeats, first, last = turns and motor.course is None, float(time.min()), float(time.max())
-        if repeats:
-            last = first + 2 * math.pi / abs(motor.speed)
+        first, last, repeats = float(time.min()), float(time.max()), False
+        if turns and isinstance(motor.command, Steady):
+            last, repeats = first + 2 * math.pi / abs(motor.command.speed), True
         begin, end = motor.at(np.array([first, last])).theta.tolist()
 
         def base(at: np.ndarray) -> Turning:
@@ -206,7 +206,7 @@ class Slack:
         return found
 
 
-def _coefficients(base: Turning, torque: Torque) -> np.ndarray:
+def _coefficients(base: Turning, torque: DriveTorque) -> np.ndarray:
     """The torque (N, 4) along a motion, and its derivatives by angle, rate and acceleration."""
     rate = float(np.abs(base.omega).max()) or 1.0
     sizes = NUDGE * np.array([1.0, rate, rate**2])

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from analytic.beyond_paper.drive import Course
+from analytic.beyond_paper.drive import TimeFunction
 from analytic.kinematics.assembly import Assembly, AssemblyError, Walk
 from analytic.kinematics.motion import kinematics
 from analytic.paper.kinetostatics import Reactions, kinetostatics
@@ -24,7 +24,7 @@ NOTHING: Mapping[str, float] = MappingProxyType({})
 
 
 def free_motion(
-    assembly: Assembly, time: np.ndarray, courses: Mapping[str, Course], rates: Mapping[str, float] = NOTHING
+    assembly: Assembly, time: np.ndarray, courses: Mapping[str, TimeFunction], rates: Mapping[str, float] = NOTHING
 ) -> Reactions:
     """Motion and reactions at times (N,) s, ascending, from 0 on.
 
@@ -34,17 +34,6 @@ def free_motion(
     """
     _check(assembly)
     return _FreeMotion(assembly, courses).at(np.asarray(time, float), rates)
-
-
-def driven_motion(assembly: Assembly, time: np.ndarray, courses: Mapping[str, Course]) -> Reactions:
-    """Motion and reactions at times (N,) s, ascending, of a linkage whose inputs all follow ``courses``, as in
-    :func:`free_motion`.  Raises AssemblyError where it meets a change point or does not get there.
-    """
-    time = np.asarray(time, float)
-    inputs, rates, pushes = (
-        assembly.inputs_at({name: course(time, order) for name, course in courses.items()}) for order in range(3)
-    )
-    return kinetostatics(kinematics(assembly, inputs, rates, pushes))
 
 
 def _check(assembly: Assembly) -> None:
@@ -62,7 +51,7 @@ def _check(assembly: Assembly) -> None:
 class _FreeMotion:
     """A linkage whose inputs in ``free`` move freely; its state is their values and rates (2 free,)."""
 
-    def __init__(self, assembly: Assembly, courses: Mapping[str, Course]) -> None:
+    def __init__(self, assembly: Assembly, courses: Mapping[str, TimeFunction]) -> None:
         s = assembly.structure
         self.assembly, self.free = assembly, list(s.free)
         joints = [s.coordinates[i].joint for i in s.inputs]

@@ -45,10 +45,10 @@ def check_joint(joint: Joint, parts: Parts) -> None:
     where = f"joint {joint.name!r}: "
     for name in joint.bodies:
         if name not in parts:
-            raise ValueError(f"{where}bodies names {name!r}; the bodies are {_list(parts)}")
+            raise ValueError(f"{where}bodies names {name!r}; the bodies are {', '.join(parts)}")
         if joint.name not in parts[name].points:
             raise ValueError(
-                f"{where}body {name!r} has no point {joint.name!r}; its points are {_list(parts[name].points)}"
+                f"{where}body {name!r} has no point {joint.name!r}; its points are {', '.join(parts[name].points)}"
             )
     if joint.bodies[0] == joint.bodies[1]:
         raise ValueError(f"{where}bodies are both {joint.bodies[0]!r}; a joint connects two bodies")
@@ -144,7 +144,7 @@ def check_drives(drives: Sequence[Drive], joints: Sequence[Joint]) -> None:
         where = "drive" if len(drives) == 1 else f"drive[{drive.joint}]"
         joint = next((j for j in joints if j.name == drive.joint), None)
         if joint is None:
-            names = _list(j.name for j in joints)
+            names = ", ".join(j.name for j in joints)
             raise ValueError(f"{where}.joint = {drive.joint!r} is not a joint; the joints are {names}")
         if any(other.joint == drive.joint for other in drives[:k]):
             raise ValueError(f"{where}.joint = {drive.joint!r} has two drives; a joint has one, leave one of them out")
@@ -175,10 +175,10 @@ def check_loads(loads: Iterable[Load], bodies: Mapping[str, Body]) -> None:
     for load in loads:
         body = bodies.get(load.body)
         if body is None:
-            raise ValueError(f"load.body = {load.body!r} is not a moving body; the bodies are {_list(bodies)}")
+            raise ValueError(f"load.body = {load.body!r} is not a moving body; the bodies are {', '.join(bodies)}")
         if load.point != "com" and load.point not in body.points:
             raise ValueError(
-                f"load.point = {load.point!r} is not a point of {load.body!r}; use com, {_list(body.points)}"
+                f"load.point = {load.point!r} is not a point of {load.body!r}; use com, {', '.join(body.points)}"
             )
 
 
@@ -187,10 +187,10 @@ def check_springs(springs: Iterable[Spring], parts: Parts, joints: Sequence[Join
     for spring in springs:
         for body, point in spring.ends:
             if body not in parts:
-                raise ValueError(f"spring.bodies names {body!r}; the bodies are {_list(parts)}")
+                raise ValueError(f"spring.bodies names {body!r}; the bodies are {', '.join(parts)}")
             if point != "com" and point not in parts[body].points:
                 raise ValueError(
-                    f"spring.points names {point!r}, no point of {body!r}; use {_list(parts[body].points)}"
+                    f"spring.points names {point!r}, no point of {body!r}; use {', '.join(parts[body].points)}"
                 )
             if point == "com" and body == GROUND:
                 raise ValueError("spring.points names 'com' of the ground, which has none; use one of its points")
@@ -209,7 +209,7 @@ def check_assembly(assembly: Iterable[str], bodies: Iterable[str], driven: str |
     moving, given = list(bodies), list(assembly)
     for name in given:
         if name not in moving:
-            raise ValueError(f"assembly.{name} is not a moving body; the bodies are {_list(moving)}")
+            raise ValueError(f"assembly.{name} is not a moving body; the bodies are {', '.join(moving)}")
     if driven is not None and driven not in given:
         raise ValueError(
             f"assembly.{driven} is missing; give the driven body's angle (rad) at which the linkage is assembled"
@@ -255,7 +255,3 @@ def warn_of_degrees(mechanism: str, assembly: Mapping[str, float]) -> None:
             MechanismWarning,
             stacklevel=2,
         )
-
-
-def _list(names: Iterable[str]) -> str:
-    return ", ".join(names)

@@ -6,7 +6,6 @@ pint knows the units; it is imported for the first column that is not in SI alre
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
 from functools import cache
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -61,7 +60,7 @@ def factor(unit: str, kind: QuantityKind) -> float:
     if unit == SI[kind]:
         return 1.0
     *units, last = OFFERED[kind]
-    accepted = f"{_article(kind)} {kind} is given in {listed(units)} or {last}"
+    accepted = f"{_article(kind)} {kind} is given in {', '.join(units)} or {last}"
     if not unit:
         raise UnitError(f"no unit; {accepted}")
     if not _UNIT.fullmatch(unit):
@@ -76,11 +75,6 @@ def factor(unit: str, kind: QuantityKind) -> float:
     ):  # base units keep radians apart from plain numbers: neither % nor Hz passes for an angle or a speed
         raise UnitError(f"unit {unit!r}, which is of another dimension; {accepted}")
     return float(quantity.magnitude / wanted.magnitude)
-
-
-def listed(names: Iterable[str]) -> str:
-    """Names for a message."""
-    return ", ".join(names)
 
 
 def _article(kind: str) -> str:

@@ -18,7 +18,7 @@ from analytic.beyond_paper.drive import Motor
 from analytic.beyond_paper.freedom import Freedom, swing
 from analytic.kinematics.assembly import Assembly, AssemblyError, Walk
 from analytic.kinematics.motion import kinematics
-from analytic.kinematics.schedule import Turning
+from analytic.kinematics.schedule import Steady, Turning
 from analytic.kinematics.structure import StructureError
 from analytic.mechanism import Mechanism
 from analytic.paper.clearance import Displaced, displaced
@@ -49,6 +49,12 @@ class Motors:
         """Their motion at times (N,) s, (k, N)."""
         moved = [motor.at(time) for motor in self.each]
         return Turning(*(np.stack([getattr(turning, part) for turning in moved]) for part in PARTS))
+
+
+def commanded(run: MeasuredRun, mechanism: Mechanism) -> Motor:
+    """The motor of a run at a constant speed, uneven by its drive's ripple."""
+    drive = mechanism.drive
+    return Motor(Steady(run.angle or 0.0, run.speed or 0.0), drive.ripple if drive else None)
 
 
 class StartOfRun(Effect):
@@ -272,7 +278,7 @@ class Model:
         """The motor of a driven run, or its several."""
         if run.drive == "measured":
             return self.courses[run.name]
-        return Motor(run.speed or 0.0, run.angle or 0.0, mechanism.drive)
+        return commanded(run, mechanism)
 
     # ---------------------------------------------------------------- free runs
 

@@ -17,7 +17,7 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.columns import Layout, Meaning
 from analytic.mechanism.one_line import shown
 from analytic.mechanism.signals import Signal
-from analytic.mechanism.units import UnitError, dimension, factor, listed, readable
+from analytic.mechanism.units import UnitError, dimension, factor, readable
 
 TIME = Signal("time", "", "time")
 CLOCK = ("time", "t")  # what a column of time is called
@@ -226,7 +226,7 @@ def _mapped(
     signal = names.signal(meaning.signal)
     if signal is None:
         near = names.nearest(meaning.signal)
-        remedy = f"did you mean {near!r}" if near else f"the signals are {listed(names.known)}"
+        remedy = f"did you mean {near!r}" if near else f"the signals are {', '.join(names.known)}"
         return (
             f"{at}, {shown(cell)}: columns.{shown(entry)[1:-1]}.signal = {shown(meaning.signal)} is not a signal of"
             f" {names.mechanism.name!r}; {remedy}"
