@@ -116,9 +116,9 @@ def __getattr__(name: str) -> object:
     if name not in _WHERE:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}; it has {', '.join(__all__)}")
     module, _, other = _WHERE[name].partition(":")
-    found = getattr(importlib.import_module(module), other or name)
-    globals()[name] = found
-    return found
+    value = getattr(importlib.import_module(module), other or name)
+    globals()[name] = value
+    return value
 
 
 def __dir__() -> list[str]:

@@ -66,7 +66,7 @@ def linkage_check(request: pytest.FixtureRequest) -> LinkageCheck:
 @pytest.hookimpl(trylast=True)
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """Say which baselines were written, whichever process wrote them."""
-    reports = (report for found in terminalreporter.stats.values() for report in found)
+    reports = (report for outcome in terminalreporter.stats.values() for report in outcome)
     properties = [each for report in reports for each in getattr(report, "user_properties", ())]
     written = dict.fromkeys(str(value) for name, value in properties if name == STORED)
     if written:
@@ -167,12 +167,12 @@ class LinkageCheck:
         names = given.split(",") if isinstance(given, str) else given
         if not isinstance(names, Sequence) or not any(isinstance(name, str) and scheme_of(name)[0] for name in names):
             return given
-        found = []
+        models = []
         for name in names:
             scheme, place = scheme_of(name) if isinstance(name, str) else ("", "")
             parts = [str(self._beside(part)) if part else part for part in place.split(SEPARATOR)]
-            found.append(f"{scheme}:{SEPARATOR.join(parts)}" if scheme else name)
-        return found
+            models.append(f"{scheme}:{SEPARATOR.join(parts)}" if scheme else name)
+        return models
 
     def _folder(self) -> Path | None:
         """Where the report of this call goes, if it is wanted."""

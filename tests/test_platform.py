@@ -21,7 +21,7 @@ from analytic.mechanism import MASS_CENTRE, Load, Mechanism
 from analytic.mechanism.file import load, loads
 from analytic.paper.clearance import displaced
 from analytic.paper.compliance import compliance
-from analytic.paper.kinetostatics import answers, kinetostatics
+from analytic.paper.kinetostatics import kinetostatics, reactions_to
 from commands import compare
 from compare.faults import ArgumentError
 from marks import slow
@@ -366,7 +366,7 @@ def test_a_platform_on_three_legs_gives_by_castiglianos_theorem(axis: str) -> No
     inputs = inputs_of(assembly)
     motion = kinematics(assembly, inputs, path=assembly.follow(inputs))
     d = Output("platform", axis)
-    real, unit = kinetostatics(motion, inertia=False).forces, answers(motion, "platform", MASS_CENTRE, *UNIT[axis])[0]
+    real, unit = kinetostatics(motion, inertia=False).forces, reactions_to(motion, "platform", MASS_CENTRE, *UNIT[axis])[0]
     given = np.zeros(TIMES.size)
     for leg in "123":
         along = np.exp(1j * motion.angle(f"crank{leg}"))

@@ -197,13 +197,13 @@ class Slack:
         are made of how hard it is hit, and whether it bounces.
         """
         now, whole = self._round(time), float(self.grid[-1] - self.grid[0])
-        found = np.zeros(time.shape, bool)
+        landing = np.zeros(time.shape, bool)
         for flight in self.flights:
             lasted = flight.end - flight.begin
             for turn in (-whole, 0.0, whole) if self.repeats else (0.0,):
                 since = now - flight.end - turn
-                found |= (since > -EARLY * lasted) & (since < LATE * lasted)
-        return found
+                landing |= (since > -EARLY * lasted) & (since < LATE * lasted)
+        return landing
 
 
 def _coefficients(base: Turning, torque: DriveTorque) -> np.ndarray:

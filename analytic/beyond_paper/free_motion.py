@@ -82,13 +82,13 @@ class _FreeMotion:
         def rate(t: float, state: np.ndarray) -> np.ndarray:
             return np.concatenate([state[len(self.free) :], self.accelerations(t, state)])
 
-        found: Any = solve_ivp(rate, (0.0, float(time[-1])), start, "DOP853", time, rtol=ACCURACY, atol=ACCURACY)
-        if not found.success:
+        solution: Any = solve_ivp(rate, (0.0, float(time[-1])), start, "DOP853", time, rtol=ACCURACY, atol=ACCURACY)
+        if not solution.success:
             raise AssemblyError(
-                f"{self.assembly.mechanism.name}: the free motion cannot be followed beyond {found.t[-1]:g} s"
-                f" ({found.message})"
+                f"{self.assembly.mechanism.name}: the free motion cannot be followed beyond {solution.t[-1]:g} s"
+                f" ({solution.message})"
             )
-        return np.asarray(found.y)
+        return np.asarray(solution.y)
 
     def inputs(self, t: float, state: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Inputs (n_inputs,), their rates and, where a course says them, accelerations; free ones' are zero."""

@@ -103,9 +103,9 @@ class Writer:
         """Write a sum, whose constant is the last term if it has one, into a complex row; or add rows to what is
         there.
         """
-        found = [*terms] or [(CONSTANT, 0.0)]
-        assert all(row != CONSTANT for row, _ in (found if more else found[:-1]))
-        self.add(op.ADD if more else op.SUM, out, *self.list_terms(found))
+        listed = [*terms] or [(CONSTANT, 0.0)]
+        assert all(row != CONSTANT for row, _ in (listed if more else listed[:-1]))
+        self.add(op.ADD if more else op.SUM, out, *self.list_terms(listed))
 
     def program(self) -> Program:
         """What has been written."""
@@ -133,9 +133,9 @@ class Linkage:
     def terms(self, form: np.ndarray, rows: Mapping[int, int]) -> list[tuple[int, complex]]:
         """Terms of a form (columns,): fixed columns are a constant, columns without a row are zero."""
         places = np.flatnonzero(form).tolist()
-        found: list[tuple[int, complex]] = [(rows[k], complex(form[k])) for k in places if k in rows]
+        moving: list[tuple[int, complex]] = [(rows[k], complex(form[k])) for k in places if k in rows]
         constant = sum(complex(form[k]) * self.fixed[k] for k in places if k in self.fixed and k not in rows)
-        return [*found, (CONSTANT, constant)] if constant else found
+        return [*moving, (CONSTANT, constant)] if constant else moving
 
 
 class Motion(Linkage):
@@ -190,11 +190,11 @@ class Motion(Linkage):
         if not c.bodies:
             self.travel(i)
             return
-        own = [b for b in c.bodies if self.alone[b]]
+        alone = [b for b in c.bodies if self.alone[b]]
         if phasor is None:
             phasor = w.complex_row()
             w.add(op.PHASOR, phasor, self.u[i])
-        for b in own:
+        for b in alone:
             if s.held_at[b] == 0:
                 self.columns[b] = phasor
             else:
@@ -284,10 +284,10 @@ class Motion(Linkage):
     def larger(self, group: Group) -> None:
         """Close a larger group's loops by Newton's method."""
         s, w = self.s, self.w
-        own = (*group.coordinates, *group.within)
+        acting = (*group.coordinates, *group.within)
         stacked = s.stacked[s.groups.index(group)]
-        loose = [b for i in own for b in s.coordinates[i].bodies if self.alone[b]]
-        slides = [i for i in own if not s.coordinates[i].bodies]
+        loose = [b for i in acting for b in s.coordinates[i].bodies if self.alone[b]]
+        slides = [i for i in acting if not s.coordinates[i].bodies]
         for i in slides:  # what a travel is along, and is not this group's, is known
             if self.along(i) not in (*loose, *stacked):
                 self.phasor(self.along(i))
@@ -295,7 +295,7 @@ class Motion(Linkage):
         residual = [w.complex_row() for _ in group.loops]
         w.add(op.GUESS_ROOTS, len(w.groups))
         begin = len(w.operations)
-        for i in own:
+        for i in acting:
             if s.coordinates[i].bodies:
                 self.place(i)
         for b in stacked:
@@ -324,8 +324,8 @@ class Motion(Linkage):
     def jacobian(self, group: Group) -> None:
         """Derivatives of a group's loops by its unknowns, as analytic.kinematics.closure.partials."""
         s, w = self.s, self.w
-        self.jacobians[group] = found = [[w.complex_row() for _ in group.loops] for _ in group.coordinates]
-        for i, part in zip(group.coordinates, found, strict=True):
+        self.jacobians[group] = derivatives = [[w.complex_row() for _ in group.loops] for _ in group.coordinates]
+        for i, part in zip(group.coordinates, derivatives, strict=True):
             for row, out in zip(group.loops, part, strict=True):
                 w.sum(out, partial(self, i, s.loops[row], self.columns))
 
@@ -582,7 +582,7 @@ class Balance(Linkage):
         if not self.paces:
             self.paces.append(self.w.real_row())
             inputs = [self.load(RATES, i) for i in self.s.inputs]
-            self.w.add(op.LARGEST, self.paces[0], *self.w.list_rows(inputs))
+            self.w.add(op.LARGEST_SIZE, self.paces[0], *self.w.list_rows(inputs))
         return self.paces[0]
 
     # ------------------------------------------------------------ closing forces, last group first
@@ -590,11 +590,11 @@ class Balance(Linkage):
     def jacobian(self, group: Group) -> list[list[int]]:
         """Rows of the derivatives of a group's loops, per unknown and loop."""
         w, rows = self.w, self.moving(COLUMNS)
-        found = [[w.complex_row() for _ in group.loops] for _ in group.coordinates]
-        for i, part in zip(group.coordinates, found, strict=True):
+        derivatives = [[w.complex_row() for _ in group.loops] for _ in group.coordinates]
+        for i, part in zip(group.coordinates, derivatives, strict=True):
             for loop, out in zip(group.loops, part, strict=True):
                 w.sum(out, partial(self, i, self.s.loops[loop], rows))
-        return found
+        return derivatives
 
     def table(self, group: Group, jacobian: list[list[int]]) -> int:
         """Place of a larger group among the program's."""

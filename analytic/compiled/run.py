@@ -46,10 +46,10 @@ _programs: WeakKeyDictionary[Assembly, Programs] = WeakKeyDictionary()
 
 def programs_of(assembly: Assembly) -> Programs:
     """The programs of an assembly."""
-    found = _programs.get(assembly)
-    if found is None:
-        found = _programs[assembly] = Programs()
-    return found
+    programs = _programs.get(assembly)
+    if programs is None:
+        programs = _programs[assembly] = Programs()
+    return programs
 
 
 def serves(assembly: Assembly, count: int) -> bool:
@@ -59,10 +59,10 @@ def serves(assembly: Assembly, count: int) -> bool:
     does without.  The answer depends on this call and on earlier ones with the same assembly, not on what else the
     process has done, so that the same computation gives the same bits.
     """
-    own = programs_of(assembly)
-    own.calls += 1
+    programs = programs_of(assembly)
+    programs.calls += 1
     least = BATCH if assembly.structure.by_crank else POSES
-    return (count >= least or own.calls > CALLS) and _kernel() is not None
+    return (count >= least or programs.calls > CALLS) and _kernel() is not None
 
 
 def foresee(assembly: Assembly, count: int) -> None:
@@ -70,8 +70,8 @@ def foresee(assembly: Assembly, count: int) -> None:
     portions.
     """
     if count >= BATCH:
-        own = programs_of(assembly)
-        own.calls = max(own.calls, CALLS)
+        programs = programs_of(assembly)
+        programs.calls = max(programs.calls, CALLS)
 
 
 @cache
@@ -108,12 +108,12 @@ def moved(
 
     ``gaps`` are those of revolute joints by name, with their rates and accelerations.  None where that cannot be done.
     """
-    s, own, n = assembly.structure, programs_of(assembly), inputs.shape[1]
+    s, programs, n = assembly.structure, programs_of(assembly), inputs.shape[1]
     coordinates, columns = np.empty((3, len(s.coordinates), n)), np.empty((3, s.n_columns, n), complex)
     given = s.inputs[0] if len(s.inputs) == 1 else list(s.inputs)
     for order, values in enumerate((inputs, *rates)):
         coordinates[order, given] = values
-    near = _near(assembly, own, coordinates[0, given], path) if n else None
+    near = _near(assembly, programs, coordinates[0, given], path) if n else None
     if near is None:
         return None
     columns[:, len(s.bodies) + len(s.slides) :] = 0.0
@@ -121,15 +121,17 @@ def moved(
         for order, amount in enumerate(gap):
             columns[order, s.gap_column(name)] = amount
     displaced = bool(gaps)
-    if displaced not in own.motions:
+    if displaced not in programs.motions:
         from analytic.compiled.program import motion
 
-        own.motions[displaced] = motion(assembly, displaced)
+        programs.motions[displaced] = motion(assembly, displaced)
     data = *coordinates, *columns.view(float), NOTHING, NOTHING, near
-    return (coordinates, columns) if _carry_out(own.motions[displaced], *data) else None
+    return (coordinates, columns) if _carry_out(programs.motions[displaced], *data) else None
 
 
-def _near(assembly: Assembly, own: Programs, inputs: np.ndarray, path: CrankTable | Walk | None) -> np.ndarray | None:
+def _near(
+    assembly: Assembly, programs: Programs, inputs: np.ndarray, path: CrankTable | Walk | None
+) -> np.ndarray | None:
     """What is near inputs (N,), or (n_inputs, N): a crank's path (1 + n, M), or coordinates (n, N); None where there is
     neither.
     """
@@ -143,24 +145,24 @@ def _near(assembly: Assembly, own: Programs, inputs: np.ndarray, path: CrankTabl
         near = path.coordinates if isinstance(path, Walk) else followed(assembly, every)
         return None if near is None or near.shape != (n, every.shape[1]) else _whole(near)
     known = path if isinstance(path, CrankTable) else assembly.path(low, high)
-    if own.path is not known or own.table is None:
-        own.path, own.table = known, np.vstack([known.theta, known.coordinates])
-    return own.table if len(own.table) == 1 + n else None
+    if programs.path is not known or programs.table is None:
+        programs.path, programs.table = known, np.vstack([known.theta, known.coordinates])
+    return programs.table if len(programs.table) == 1 + n else None
 
 
 def followed(assembly: Assembly, inputs: np.ndarray) -> np.ndarray | None:
     """Coordinates (n, N) at inputs (n_inputs, N), as analytic.kinematics.assembly.Assembly.follow; None where that
     cannot be done.
     """
-    own, s = programs_of(assembly), assembly.structure
-    if own.way is None:
+    programs, s = programs_of(assembly), assembly.structure
+    if programs.way is None:
         from analytic.compiled.program import way
 
-        own.way = way(assembly)
-    found, home = np.empty((len(s.coordinates), inputs.shape[1])), np.ascontiguousarray(assembly.home[:, 0])
-    data = found, np.ascontiguousarray(inputs, float), *(NOTHING,) * 7
-    walk = home, assembly.strides, own.way.places, own.way.margins, own.way.regular
-    return found if _carry_out(own.way.program, *data, walk=walk) else None
+        programs.way = way(assembly)
+    coordinates, home = np.empty((len(s.coordinates), inputs.shape[1])), np.ascontiguousarray(assembly.home[:, 0])
+    data = coordinates, np.ascontiguousarray(inputs, float), *(NOTHING,) * 7
+    walk = home, assembly.strides, programs.way.places, programs.way.margins, programs.way.regular
+    return coordinates if _carry_out(programs.way.program, *data, walk=walk) else None
 
 
 def balanced(
@@ -177,21 +179,21 @@ def balanced(
 
     ``coordinates`` (n, N) and ``columns`` (n_columns, N) are the motion's, each with its two derivatives.
     """
-    s, own, n = assembly.structure, programs_of(assembly), coordinates[0].shape[1]
+    s, programs, n = assembly.structure, programs_of(assembly), coordinates[0].shape[1]
     shapes = {x.shape for x in coordinates}, {x.shape for x in columns}
     if shapes != ({(len(s.coordinates), n)}, {(s.n_columns, n)}):
         return None
     kind = bool(inertia), displaced, grip is not None
-    if kind not in own.balances:
+    if kind not in programs.balances:
         from analytic.compiled.program import balance
 
-        own.balances[kind] = balance(assembly, *kind)
+        programs.balances[kind] = balance(assembly, *kind)
     reals = np.empty((1 + len(s.slides) + len(s.inputs), n))  # the first: the share of the friction
     forces = np.empty((len(s.mechanism.joints), n), complex)
     if grip is not None:
         reals[0] = grip
     given = *map(_whole, coordinates), *(_whole(x).view(float) for x in columns)
-    if not _carry_out(own.balances[kind], *given, reals, forces.view(float), NOTHING):
+    if not _carry_out(programs.balances[kind], *given, reals, forces.view(float), NOTHING):
         return None
     return forces, reals[1 : 1 + len(s.slides)], reals[1 + len(s.slides) :]
 

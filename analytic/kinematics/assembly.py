@@ -114,9 +114,10 @@ class Assembly:
             return self
         key = tuple(sorted(rests.items()))
         if key not in self._resting:
-            found = copy.copy(self)
-            found.structure, found._forms, found._resting = structure(self.mechanism, self._whole, rests), {}, {}
-            self._resting[key] = found
+            assembly = copy.copy(self)
+            assembly.structure = structure(self.mechanism, self._whole, rests)
+            assembly._forms, assembly._resting = {}, {}
+            self._resting[key] = assembly
         return self._resting[key]
 
     @property
@@ -170,18 +171,18 @@ class Assembly:
                 guess[i] = s.signs[i] * (angle(second) - angle(first))
             elif c.bodies:
                 named = [b for b in c.bodies if s.turned[b] == (i,) and s.bodies[b] in mechanism.assembly]
-                told = [angle(s.bodies[b]) - s.held_at[b] for b in named] or [angle(s.bodies[c.bodies[0]])]
-                guess[i] = math.fsum(told) / len(told)
+                given = [angle(s.bodies[b]) - s.held_at[b] for b in named] or [angle(s.bodies[c.bodies[0]])]
+                guess[i] = math.fsum(given) / len(given)
         return self._with_driven_travels(guess)
 
     def _with_driven_travels(self, guess: np.ndarray) -> np.ndarray:
         """Coordinates (n,) with those travels (m) of driven slides that, with all others, bring pins closest to each
         other: the sum of their squared gaps is least, whichever loops they close; zero of a slide that is in none.
         """
-        s, found = self.structure, guess.copy()
+        s, coordinates = self.structure, guess.copy()
         slides = [i for i, c in enumerate(s.coordinates) if not c.bodies]
         if not set(slides) & set(s.inputs) or not len(s.loops):
-            return found
+            return coordinates
         columns = self.columns(guess[:, None])
         pins = s.loops[:, s.n_columns - len(s.pins) :].real  # which gaps each loop adds up
         loops = np.linalg.solve(np.linalg.cholesky(pins @ pins.T), s.loops)
@@ -192,8 +193,8 @@ class Assembly:
         )[0]
         for i, travel in zip(slides, travels.tolist(), strict=True):
             if i in s.inputs:
-                found[i] = travel
-        return found
+                coordinates[i] = travel
+        return coordinates
 
     def __repr__(self) -> str:
         at = f"{np.degrees(self.start):.4g} deg" if self.mechanism.cranked else posture(self.structure, self.home, 0)
@@ -455,14 +456,14 @@ class Assembly:
 
     def _check_turned(self, bodies: Sequence[str], home: np.ndarray) -> None:
         """Raise AssemblyError for a body that coordinates (n,) turn far from what the file's assembly says of it."""
-        s, told = self.structure, self.mechanism.assembly
+        s, asked = self.structure, self.mechanism.assembly
         for name in bodies:
             b = s.body_column(name)
             angle = float(home[list(s.turned[b])].sum() + s.held_at[b])
-            if abs(angle - told.get(name, angle)) > ASSEMBLY_SLACK:
+            if abs(angle - asked.get(name, angle)) > ASSEMBLY_SLACK:
                 raise AssemblyError(
                     f"{self.mechanism.name}: it does not close near the assembly angles: {name} would be at"
-                    f" {angle:.4f} rad, assembly.{name} says {told[name]:.4f}; correct it"
+                    f" {angle:.4f} rad, assembly.{name} says {asked[name]:.4f}; correct it"
                 )
 
     def _check_moves(self) -> None:

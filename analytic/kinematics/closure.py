@@ -218,8 +218,8 @@ def posture(s: Structure, u: np.ndarray, k: int) -> str:
     places = []
     for i in s.inputs:
         value = float(s.signs[i] * u[i, k])
-        told = f"{np.degrees(value):.6g} deg" if s.unit(i) == "rad" else f"{1e3 * value:.6g} mm"
-        places.append(f"{s.coordinates[i].joint} = {told}")
+        at = f"{np.degrees(value):.6g} deg" if s.unit(i) == "rad" else f"{1e3 * value:.6g} mm"
+        places.append(f"{s.coordinates[i].joint} = {at}")
     return ", ".join(places)
 
 

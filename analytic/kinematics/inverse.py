@@ -140,7 +140,7 @@ class _Inverse(Posed):
         self.reach = np.array([1.0 if s.unit(i) == "rad" else self.size for i in s.inputs])
         self.groups = [g for g in s.groups if g.coordinates]
         self.arms = np.abs(s.loops[:, : len(s.bodies)]).sum(axis=1).max(initial=0.0)
-        self.time, self.told = np.arange(float(poses.shape[1])) if time is None else time, time is not None
+        self.time, self.timed = np.arange(float(poses.shape[1])) if time is None else time, time is not None
         self.near = assembly.follow(assembly.inputs[:, None]).coordinates
         self.at = self.pose(assembly.columns(self.near), self.near)
         self.pieces = self.cubics(poses)
@@ -185,12 +185,12 @@ class _Inverse(Posed):
                     raise self.stuck(part[0], begin)
                 parts += [(LATER @ part, begin + length / 2, length / 2), (EARLIER @ part, begin, length / 2)]
         self.goal = self.near, self.at[:, 0], -1.0
-        found, ways = self.between(np.arange(self.time.size))
+        coordinates, ways = self.between(np.arange(self.time.size))
         for size in 1.0 / np.linalg.norm(self.shares(ways), axis=2).T:  # 0 where that input's leg is stretched
             passed = passes_zero(self.time, size)
             if passed is not None:
                 raise self.unclear(sum(passed))
-        return found
+        return coordinates
 
     def lies_near(self, part: np.ndarray) -> bool:
         """Whether no pose of a piece of the path (4, wanted), nor between it and where the platform is, can be singular
@@ -266,17 +266,17 @@ class _Inverse(Posed):
             left = np.concatenate([*(q @ open_by[:, rows] for q, rows in sides), miss[..., None]], axis=1)
             right = np.broadcast_to(np.eye(len(u))[:, len(u) - w :], ways.shape)
             try:
-                found = np.linalg.solve(matrix, np.concatenate([left, right], axis=2))
+                solution = np.linalg.solve(matrix, np.concatenate([left, right], axis=2))
             except np.linalg.LinAlgError:
                 break
-            ways = found[:, :, 1:]
+            ways = solution[:, :, 1:]
             close = self.arms + np.abs(columns[len(s.bodies) : len(s.bodies) + len(s.slides)]).sum(axis=0)[:, None]
             good = np.all(np.abs(left[:, :-w, 0]) <= SETTLED * close, axis=1)
             good &= np.all(np.abs(open_by[..., 0]) <= AGREE * close, axis=1)
             good &= np.all(np.abs(miss) <= SETTLED * self.unit, axis=1)
             if good.all():
                 break
-            u = u - found[:, :, 0].T
+            u = u - solution[:, :, 0].T
         return u, ways, good
 
     def refined(self, u: np.ndarray) -> tuple[np.ndarray, Walk]:
@@ -320,9 +320,9 @@ class _Inverse(Posed):
         return np.interp(rows, np.arange(self.time.size), self.time)
 
     def when(self, row: float) -> str:
-        """That time in words; nothing where nobody knows."""
+        """The time of a row in words; empty where no times were given."""
         at = f"{'at' if row >= 0 else 'on the way to'} {self.instants(np.array(row)):.6g} s "
-        return at if self.told else ""
+        return at if self.timed else ""
 
     def stuck(self, pose: np.ndarray, row: float) -> AssemblyError:
         """The error for a pose (wanted,) where the path ends, by what its next row is."""
@@ -340,11 +340,11 @@ class _Inverse(Posed):
         return self.failed(self.on_spline(np.array([row])), f"{self.when(row)}{what}")
 
     def failed(self, pose: np.ndarray, what: str, remedy: str = CLEAR) -> AssemblyError:
-        told = [
+        pose_in_words = [
             f"{w.name} = {np.degrees(x):.6g} deg" if w.axis == "angle" else f"{w.name} = {1e3 * x:.6g} mm"
             for w, x in zip(self.wanted, np.ravel(pose), strict=True)
         ]
         return AssemblyError(
-            f"{self.assembly.mechanism.name}: {', '.join(told)} {what}",
+            f"{self.assembly.mechanism.name}: {', '.join(pose_in_words)} {what}",
             remedy=remedy,
         )

@@ -224,8 +224,8 @@ class Jacobians(Mapping[Group, np.ndarray]):
 
     def __getitem__(self, group: Group) -> np.ndarray:
         rows = self.s.loops[list(group.loops), : len(self.columns)]
-        found = [partials(self.s, i, rows, self.columns) for i in group.coordinates]
-        return np.array(found).reshape(len(group.coordinates), len(group.loops), self.columns.shape[1])
+        derivatives = [partials(self.s, i, rows, self.columns) for i in group.coordinates]
+        return np.array(derivatives).reshape(len(group.coordinates), len(group.loops), self.columns.shape[1])
 
     def __iter__(self) -> Iterator[Group]:
         return iter(self.s.groups)

@@ -137,7 +137,7 @@ class Structure:
     def stacked(self) -> tuple[tuple[int, ...], ...]:
         """Per group: columns of its bodies that turn with a sum of coordinates."""
         columns = [tuple(self.bodies.index(b) for b in group.bodies) for group in self.groups]
-        return tuple(tuple(b for b in own if len(self.turned[b]) > 1) for own in columns)
+        return tuple(tuple(b for b in bodies if len(self.turned[b]) > 1) for bodies in columns)
 
     def riding(self, bodies: Collection[int]) -> list[int]:
         """Columns of the travels along these bodies (columns)."""
@@ -190,12 +190,12 @@ def structure(mechanism: Mechanism, whole: bool = False, rests: BlockRests = CEN
 
 def reached(start: str, along: Mapping[str, set[str]]) -> set[str]:
     """All that can be reached from ``start``, itself included."""
-    found, queue = {start}, [start]
+    visited, queue = {start}, [start]
     for here in queue:
-        new = along[here] - found
-        found |= new
+        new = along[here] - visited
+        visited |= new
         queue += new
-    return found
+    return visited
 
 
 def _names(order: tuple[str, ...], chosen: set[str]) -> str:
@@ -328,8 +328,8 @@ class _Builder:
         waiting = {b: needs[b] - set(self.turned) for b in self.bodies if b not in self.turned}
         smallest = set(waiting)
         for body in () if self.whole else waiting:
-            found = reached(body, waiting)
-            smallest = min(found, smallest, key=len)  # of equally small ones the first in the file
+            needed = reached(body, waiting)
+            smallest = min(needed, smallest, key=len)  # of equally small ones the first in the file
             if len(smallest) == 2:
                 break
         return tuple(b for b in waiting if b in smallest)

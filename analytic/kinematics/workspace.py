@@ -104,9 +104,9 @@ class _Flood(Posed):
             cells, near = self.beside(front, known)
             if not cells.size:
                 break
-            found, good = self.walked(self.poses[:, near], self.poses[:, cells], u[:, near])
+            coordinates, good = self.walked(self.poses[:, near], self.poses[:, cells], u[:, near])
             front, once = np.unique(cells[good], return_index=True)
-            u[:, front], known[front] = found[:, good][:, once], True
+            u[:, front], known[front] = coordinates[:, good][:, once], True
         shape = self.y.size, self.x.size
         return Workspace(self.x, self.y, self.angle, known.reshape(shape), u[:, known])
 
@@ -146,10 +146,10 @@ class _Flood(Posed):
         """
         good = np.ones(end.shape[1], bool)
         for k in range(1, self.parts + 1):
-            found, fine = self.closed(start + (end - start) * k / self.parts, near)
-            found = np.where(fine, found, near)
-            good &= fine & self.same(found, near)
-            near = found
+            coordinates, fine = self.closed(start + (end - start) * k / self.parts, near)
+            coordinates = np.where(fine, coordinates, near)
+            good &= fine & self.same(coordinates, near)
+            near = coordinates
         return near, good
 
     def closed(self, poses: np.ndarray, near: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

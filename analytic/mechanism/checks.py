@@ -220,10 +220,10 @@ def check_body(body: Body, joints: Iterable[Joint]) -> None:
     """A body sits in joints, and has length where it turns between them."""
     if not body.points:
         raise ValueError(f"body {body.name!r} has no points; name one after each joint that it sits in")
-    own = [j for j in joints if body.name in j.bodies]
-    if not own:
+    seats = [j for j in joints if body.name in j.bodies]
+    if not seats:
         raise ValueError(f"body {body.name!r} sits in no joint; add one or leave the body out")
-    pins = [body.point(j.name) for j in own if not j.prismatic]
+    pins = [body.point(j.name) for j in seats if not j.prismatic]
     if len(pins) > 1 and all(abs(p - pins[0]) < SMALLEST_NUMBER for p in pins):
         raise ValueError(
             f"body {body.name!r} has no length: all of its revolute joints sit at {pins[0].real, pins[0].imag};"

@@ -26,14 +26,15 @@ class MechanismError(Error, ValueError):
 
 def describe(error: ValidationError, fields: Mapping[str, object], model: type[BaseModel]) -> list[str]:
     """One sentence for each of the first faults that pydantic found: field, value, and what is accepted."""
-    told: dict[tuple[int | str, ...], list[Any]] = {}
+    by_place: dict[tuple[int | str, ...], list[Any]] = {}
     for fault in error.errors():
-        told.setdefault(_place(fault["loc"], fields), []).append(fault)
-    within = {place[:k] for place in told for k in range(len(place))}
-    told = {place: faults for place, faults in told.items() if place not in within}  # a field says more than its table
-    found = [_sentence(_where(place, fields), faults, model) for place, faults in list(told.items())[:FAULTS]]
-    more = len(told) - FAULTS
-    return [*found, f"and {more} fault{'s' * (more > 1)} more"] if more > 0 else found
+        by_place.setdefault(_place(fault["loc"], fields), []).append(fault)
+    within = {place[:k] for place in by_place for k in range(len(place))}
+    for place in within & by_place.keys():  # a field says more than its table
+        del by_place[place]
+    sentences = [_sentence(_where(place, fields), faults, model) for place, faults in list(by_place.items())[:FAULTS]]
+    more = len(by_place) - FAULTS
+    return [*sentences, f"and {more} fault{'s' * (more > 1)} more"] if more > 0 else sentences
 
 
 def brief(name: object) -> str:

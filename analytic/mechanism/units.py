@@ -51,8 +51,8 @@ def dimension(signal: Signal) -> QuantityKind:
 
 def readable(mechanism: Mechanism) -> dict[str, Signal]:
     """The signals that a data file of this mechanism may hold, by name, ``time`` apart; no sensor reads a rotation."""
-    found = named(mechanism.bodies, mechanism.joints, mechanism.drives)
-    return {name: signal for name, signal in found.items() if signal.kind != "rotation"}
+    signals = named(mechanism.bodies, mechanism.joints, mechanism.drives)
+    return {name: signal for name, signal in signals.items() if signal.kind != "rotation"}
 
 
 def factor(unit: str, kind: QuantityKind) -> float:

@@ -186,8 +186,8 @@ class _Solve:
         pieces = []
         for way, linkage in enumerate(linkages):
             at = np.flatnonzero(which == way)
-            own = {name: gap.part(at) for name, gap in (gaps or {}).items()}
-            pieces.append((at, self.part(linkage, drive[:, at], own, ways[:, way])))
+            gaps_there = {name: gap.part(at) for name, gap in (gaps or {}).items()}
+            pieces.append((at, self.part(linkage, drive[:, at], gaps_there, ways[:, way])))
         return pieced(self.assembly, pieces)
 
     def part(
@@ -202,19 +202,19 @@ class _Solve:
         return kinetostatics(motion, self.inertia, loose=loose)
 
 
-def _with_blocks(pins: _Pins, drive: np.ndarray, found: Displaced, turning: bool) -> Displaced:
-    """``found`` with blocks and pins where they come to rest."""
-    blocks, ideal = pins.solve.blocks, found.ideal
+def _with_blocks(pins: _Pins, drive: np.ndarray, state: Displaced, turning: bool) -> Displaced:
+    """``state`` with blocks and pins where they come to rest."""
+    blocks, ideal = pins.solve.blocks, state.ideal
     border = _on_the_border(pins.solve, ideal, drive)
     if turning:
         border = {**_on_their_way(pins, ideal, drive), **border}
-    found = replace(found, flags={**border, **found.flags})
+    state = replace(state, flags={**border, **state.flags})
     how = np.array([block.rests(ideal) for block in blocks.values()])
     flagged = np.isin(np.arange(how.shape[1]), list(border))
     for _ in range(TRIES):
-        moved = _taken_up(pins, np.vstack([drive, how]), found, turning)
+        moved = _taken_up(pins, np.vstack([drive, how]), state, turning)
         stay = np.array([block.stays(h, moved.configuration) for block, h in zip(blocks.values(), how, strict=True)])
-        if found.model == "first_order" or np.all(stay | flagged):
+        if state.model == "first_order" or np.all(stay | flagged):
             break
         there = np.array([block.rests(moved.configuration) for block in blocks.values()])
         how, before = np.where(stay, how, there), how
@@ -233,13 +233,13 @@ def _with_blocks(pins: _Pins, drive: np.ndarray, found: Displaced, turning: bool
     )
 
 
-def _taken_up(pins: _Pins, drive: np.ndarray, found: Displaced, turning: bool) -> Displaced:
-    """``found`` with its pins where they come to rest, and so its reactions and flags."""
-    model, ideal, flags, solve = found.model, found.ideal, dict(found.flags), pins.solve
+def _taken_up(pins: _Pins, drive: np.ndarray, state: Displaced, turning: bool) -> Displaced:
+    """``state`` with its pins where they come to rest, and so its reactions and flags."""
+    model, ideal, flags, solve = state.model, state.ideal, dict(state.flags), pins.solve
     if not (pins.sizes or pins.give):
         configuration = solve(drive, None)
-        return replace(found, configuration=configuration, reactions=ideal if model == "first_order" else configuration)
-    toward = pins.told(ideal)
+        return replace(state, configuration=configuration, reactions=ideal if model == "first_order" else configuration)
+    toward = pins.unknowns(ideal)
     rates = None
     x, learnt = pins.settled(drive, toward)
     if turning:
@@ -259,18 +259,18 @@ def _taken_up(pins: _Pins, drive: np.ndarray, found: Displaced, turning: bool) -
         if not solve.inertia:
             flags |= {i: UNSTABLE for i in np.flatnonzero(pins.leave(drive, x)).tolist() if i not in flags}
     places = {name: g.value for name, g in gaps.items()}
-    return replace(found, gaps=places, reactions=reactions, configuration=configuration, flags=flags)
+    return replace(state, gaps=places, reactions=reactions, configuration=configuration, flags=flags)
 
 
-def check_determined(found: Reactions, joints: Iterable[str]) -> None:
+def check_determined(reactions: Reactions, joints: Iterable[str]) -> None:
     """Raise AssemblyError for a joint whose pin leaves its bearing's centre along a reaction that statics does not
     determine.
     """
-    loose = sorted(found.undetermined & set(joints))
+    loose = sorted(reactions.undetermined & set(joints))
     if loose:
         raise AssemblyError(
-            f"{found.motion.structure.mechanism.name}: statics does not determine the reaction of joint {loose[0]!r},"
-            " so that its clearance, or its soft bearing, has no direction",
+            f"{reactions.motion.structure.mechanism.name}: statics does not determine the reaction of joint"
+            f" {loose[0]!r}, so that its clearance, or its soft bearing, has no direction",
             remedy="leave that out, or a joint that is not needed",
         )
 
@@ -350,14 +350,14 @@ def _on_their_way(pins: _Pins, ideal: Reactions, drive: np.ndarray) -> dict[int,
     return flags
 
 
-def _faint(found: Reactions, usual: Callable[[np.ndarray], np.floating]) -> dict[str, float]:
-    """By revolute joint the reaction (N) up to which it has no direction, a share of its ``usual`` size in ``found``.
+def _faint(reactions: Reactions, usual: Callable[[np.ndarray], np.floating]) -> dict[str, float]:
+    """By revolute joint the reaction (N) up to which it has no direction, a share of its ``usual`` size.
 
     With several inputs that is the median: poses near a singular one have reactions beyond measure.
     """
-    peaks = {name: float(usual(np.abs(force))) for name, force in found.forces.items()}
+    peaks = {name: float(usual(np.abs(force))) for name, force in reactions.forces.items()}
     largest = max(peaks.values())
-    return {name: max(NO_DIRECTION * peaks[name], ROUNDING * largest) for name in found.motion.structure.pins}
+    return {name: max(NO_DIRECTION * peaks[name], ROUNDING * largest) for name in reactions.motion.structure.pins}
 
 
 @dataclass(frozen=True)
@@ -386,21 +386,22 @@ class _Pins:
         """Those without clearance."""
         return [name for name in self.give if name not in self.sizes]
 
-    def told(self, found: Reactions) -> np.ndarray:
-        """x (N, K) by these reactions."""
-        forces, scaled = found.forces, {name: give / self.length for name, give in self.give.items()}
-        columns = [np.angle(push) for push in self.pushes(found).values()]
+    def unknowns(self, reactions: Reactions) -> np.ndarray:
+        """x (N, K) where the pins lie as these reactions ask."""
+        forces, scaled = reactions.forces, {name: give / self.length for name, give in self.give.items()}
+        columns = [np.angle(push) for push in self.pushes(reactions).values()]
         columns += [np.abs(forces[name]) * scaled[name] for name in self.both]
         for name in self.tight:
             columns += [forces[name].real * scaled[name], forces[name].imag * scaled[name]]
         return np.stack(columns, axis=-1)
 
-    def pushes(self, found: Reactions) -> dict[str, np.ndarray]:
+    def pushes(self, reactions: Reactions) -> dict[str, np.ndarray]:
         """The reactions (N,) N of pins with clearance, turned to where they are in contact: by the angle of friction
         if they rub.
         """
-        m = found.motion.structure.mechanism
-        return {name: found.forces[name] * np.exp(1j * lean(found.motion, m.joint(name))) for name in self.sizes}
+        m = reactions.motion.structure.mechanism
+        forces, motion = reactions.forces, reactions.motion
+        return {name: forces[name] * np.exp(1j * lean(motion, m.joint(name))) for name in self.sizes}
 
     def places(self, x: np.ndarray) -> dict[str, np.ndarray]:
         """Gaps (N,) m, complex."""
@@ -450,12 +451,12 @@ class _Pins:
             x[todo] += step
             gain = np.minimum(1.0, _largest(miss) / size)
             known = inverse[todo]
-            seen = np.einsum("nij,nj->ni", known, miss - before)
-            along = np.einsum("ni,ni->n", step, seen)[:, None]
+            change = np.einsum("nij,nj->ni", known, miss - before)
+            along = np.einsum("ni,ni->n", step, change)[:, None]
             weight = np.einsum("ni,nij->nj", step, known) / np.where(
                 along, along, np.inf
             )  # no update where the miss has not changed
-            inverse[todo] -= (step + seen)[..., None] * weight[:, None]
+            inverse[todo] -= (step + change)[..., None] * weight[:, None]
         return x, inverse
 
     def onward(
@@ -487,9 +488,9 @@ class _Pins:
 
     def miss(self, drive: np.ndarray, x: np.ndarray, rates: np.ndarray | None) -> np.ndarray:
         """From x (N, K) to what it is by the reactions there."""
-        found, n = self.solve(drive, self.gaps(x, rates)), len(self.sizes)
-        forces = found.forces
-        along = {name: push * np.exp(-1j * x[:, k]) for k, (name, push) in enumerate(self.pushes(found).items())}
+        reactions, n = self.solve(drive, self.gaps(x, rates)), len(self.sizes)
+        forces = reactions.forces
+        along = {name: push * np.exp(-1j * x[:, k]) for k, (name, push) in enumerate(self.pushes(reactions).items())}
         columns = [np.angle(along[name]) for name in self.sizes]
         columns += [along[name].real * self.give[name] / self.length - x[:, n + k] for k, name in enumerate(self.both)]
         for k, name in enumerate(self.tight):
@@ -515,7 +516,7 @@ def _rates(
     """
     beside, moment = _beside(pins, drive)
     learnt = np.tile(learnt, (2, 1, 1))
-    there = pins.told(pins.solve(beside[: pins.solve.rows], None))
+    there = pins.unknowns(pins.solve(beside[: pins.solve.rows], None))
     around, _ = pins.settled(beside, there + np.tile(x - toward, (2, 1)), inverse=learnt)
     if order:
         around, _ = pins.settled(beside, around, _rates(pins, beside, around, there, learnt, order - 1), learnt)
@@ -585,26 +586,26 @@ def _further(pins: _Pins, drive: np.ndarray, sways: np.ndarray, flagged: Sequenc
     """Samples, the flagged ones left out, that take the second term of their gaps' own motion where the first is not
     small everywhere: of a crank those in or beside a part of its turn in which it is not very small, else all.
     """
-    told = np.ones(sways.size, bool)
-    told[flagged] = False
-    if sways[told].max(initial=0.0) < STEADY:
+    chosen = np.ones(sways.size, bool)
+    chosen[flagged] = False
+    if sways[chosen].max(initial=0.0) < STEADY:
         return np.zeros(0, int)
     if pins.solve.path is not None:
         part = (drive[0] * (PARTS / (2 * np.pi)) % PARTS).astype(int) % PARTS
-        hit = np.bincount(part[told & (sways >= STILL)], minlength=PARTS) > 0
-        told &= (hit | np.roll(hit, 1) | np.roll(hit, -1))[part]
-    return np.flatnonzero(told)
+        hit = np.bincount(part[chosen & (sways >= STILL)], minlength=PARTS) > 0
+        chosen &= (hit | np.roll(hit, 1) | np.roll(hit, -1))[part]
+    return np.flatnonzero(chosen)
 
 
-def _unsettled(pins: _Pins, found: Reactions, x: np.ndarray) -> dict[int, str]:
+def _unsettled(pins: _Pins, reactions: Reactions, x: np.ndarray) -> dict[int, str]:
     flags: dict[int, str] = {}
     places = pins.places(x)
-    for name, push in pins.pushes(found).items():
+    for name, push in pins.pushes(reactions).items():
         miss = np.abs(np.angle(push / places[name]))
         for i in np.flatnonzero(~(miss < 1e-6)):
             flags.setdefault(int(i), f"no steady contact direction was found at {name}")
     for name, give in pins.give.items():
-        gap, force = places[name], found.forces[name]
+        gap, force = places[name], reactions.forces[name]
         given = np.abs(gap * (1 - pins.sizes.get(name, 0.0) / np.abs(gap)) if name in pins.sizes else gap)
         off = np.abs(given - give * np.abs(force)) / max(float(np.abs(gap).max()), 1e-300)
         for i in np.flatnonzero(~(off < 1e-6)):

@@ -78,10 +78,10 @@ class Compliance:
         """How far the springs of a joint (Eq. 4) yield, x + iy (m): its point on the first body minus that on the
         second, (N,) complex; exactly zero for a joint without ``elasticity``.
         """
-        found = self.mechanism.joint(joint)
-        if found.elasticity is None:
+        spec = self.mechanism.joint(joint)
+        if spec.elasticity is None:
             return np.zeros(self.theta.size, complex)
-        first, second = found.bodies
+        first, second = spec.bodies
         return self.displacement(first, joint) - self.displacement(second, joint)
 
 

@@ -51,14 +51,14 @@ def unit_reactions(
         [kinematics(assembly, theta, gaps={pin: Gap(closed, closed + d)}, path=path) for d in (1.0, 1j)]
         for pin in assembly.structure.pins
     ]
-    found = {d: [d.rate(along_x) + 1j * d.rate(along_y) for along_x, along_y in opening] for d in outputs}
+    by_output = {d: [d.rate(along_x) + 1j * d.rate(along_y) for along_x, along_y in opening] for d in outputs}
     every = tuple(blocks)
     if every:
         still = kinematics(assembly, theta, path=path)
-        for d, rows in found.items():
+        for d, rows in by_output.items():
             forces, moments, _ = reactions_to(still, d.body, *d.load)
             rows += [block.push(still, forces[block.joint.name], moments[block.joint.name]) for block in every]
-    return {d: np.array(rows) for d, rows in found.items()}
+    return {d: np.array(rows) for d, rows in by_output.items()}
 
 
 def displacement(reactions: np.ndarray, gaps: np.ndarray) -> np.ndarray:
@@ -158,7 +158,7 @@ def side_changes(
     right angle.  The stretch after the last angle ends at the first one if the sweep is a ``whole_turn`` (less its
     closing angle).
     """
-    found = []
+    changes = []
     n = sweep.motion.theta.size
     theta = np.concatenate([sweep.motion.theta, sweep.motion.theta + 2 * np.pi])
     for joint in (name for name, size in clearances.items() if size > 0):
@@ -173,10 +173,10 @@ def side_changes(
             a, b = clear[k], clear[k + 1]
             least = _smallest_on_chords(force[a : b + 1], theta[a : b + 1])
             jump = complex(clearances[joint] * (contact[k + 1] - contact[k]))
-            found.append(
+            changes.append(
                 SideChange(joint, least[0], float(theta[a]), float(theta[b]), least[1], float(turned[k]), jump)
             )
-    return sorted(found, key=lambda change: change.crank_angle)
+    return sorted(changes, key=lambda change: change.crank_angle)
 
 
 def _smallest_on_chords(force: np.ndarray, theta: np.ndarray) -> tuple[float, float]:

@@ -97,15 +97,15 @@ class Block:
         """
         return (force * np.conj(self.across(motion))).real + 2j / self.length * moment
 
-    def pushed(self, found: Reactions, aside: float | None = None) -> np.ndarray:
+    def pushed(self, reactions: Reactions, aside: float | None = None) -> np.ndarray:
         """The same of what the walls alone do in these reactions, without the moment of friction ``aside`` (m) of the
         block's point: half the height, unless told otherwise.
         """
-        push = self.push(found.motion, found.forces[self.joint.name], found.moments[self.joint.name])
+        push = self.push(reactions.motion, reactions.forces[self.joint.name], reactions.moments[self.joint.name])
         if not self.joint.friction:
             return push
         aside = self.height / 2 if aside is None else aside
-        return np.asarray(push + 2j / self.length * aside * self.rub(found.motion) * push.real)
+        return np.asarray(push + 2j / self.length * aside * self.rub(reactions.motion) * push.real)
 
     def rub(self, motion: Motion) -> np.ndarray:
         """Force (N,) along the guide that friction takes from the block, of a unit push of a wall: the coefficient with
@@ -113,22 +113,22 @@ class Block:
         """
         return self.joint.friction * motion.slip_sign(self.joint)
 
-    def work(self, found: Reactions) -> tuple[np.ndarray, np.ndarray]:
+    def work(self, reactions: Reactions) -> tuple[np.ndarray, np.ndarray]:
         """Work (N,) N.m that force and moment do on the way from the middle to where they rest flat, and tilted."""
-        push = self.clearance * self.pushed(found)
+        push = self.clearance * self.pushed(reactions)
         return np.abs(push.real), np.abs(push.imag)
 
-    def rests(self, found: Reactions) -> np.ndarray:
+    def rests(self, reactions: Reactions) -> np.ndarray:
         """How (N,) the block rests under these reactions, to first order: FLAT or TILTED, with a sign."""
-        push = self.pushed(found)
+        push = self.pushed(reactions)
         flat = np.abs(push.real) >= np.abs(push.imag)
         return np.where(flat, FLAT * np.copysign(1.0, push.real), TILTED * np.copysign(1.0, push.imag))
 
-    def stays(self, how: np.ndarray, found: Reactions) -> np.ndarray:
+    def stays(self, how: np.ndarray, reactions: Reactions) -> np.ndarray:
         """Whether (N,) all corners on which a block rests ``how`` (N,) push it, under these reactions of the linkage
         that it displaces.
         """
-        ways = [self.pushed(found, self.aside(each)) for each in (FLAT, TILTED)]
+        ways = [self.pushed(reactions, self.aside(each)) for each in (FLAT, TILTED)]
         push = np.copysign(1.0, how) * np.where(np.abs(how) == FLAT, *ways)
         force, moment = push.real, self.length / 2 * push.imag
         flat = (force > 0) & (np.abs(moment) <= self.length / 2 * force)

@@ -34,7 +34,7 @@ from analytic.paper.friction import Rubbing, friction
 from analytic.paper.guide import Block
 
 FAINT = 1e-7  # of a self-stress of 1 N: what of it reaches a joint is rounding error
-LOOKS = 8  # samples of a motion, about as many, at which self-stresses are looked at
+STRESS_SAMPLES = 8  # of a motion, about as many, at which self-stresses are looked at
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Reactions:
         return one_line(self, self.motion.structure.mechanism.name, angles(self.motion.theta), forces, torque)
 
     def part(self, at: slice | np.ndarray) -> Reactions:
-        """The same at some of its instants (a slice: views of its arrays; or indices, or which)."""
+        """Reactions at some of the instants (a slice: views of its arrays; or indices, or which)."""
 
         def some(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
             return {name: values[at] for name, values in arrays.items()}
@@ -80,7 +80,7 @@ class Reactions:
         return {one.name: values for one, values in self._signals()}
 
     def loads(self) -> dict[str, np.ndarray]:
-        """Those of them that say how the linkage is loaded: the reactions and the drive torque."""
+        """The signals of reactions and of what drives the linkage, by name (SI units)."""
         return {one.name: values for one, values in self._signals() if one.kind in ("reaction", "drive")}
 
     def _signals(self) -> Iterator[tuple[Signal, np.ndarray]]:
@@ -145,7 +145,7 @@ def compiled_reactions(motion: Motion, inertia: bool, grip: np.ndarray | None) -
         return None
     s, (forces, moments, drives) = motion.structure, balanced
     by_joint = dict(zip([j.name for j in s.mechanism.joints], forces, strict=True))
-    return _told(motion, by_joint, dict(zip(s.slides, moments, strict=True)), drives, _loose(motion))
+    return _reactions_of(motion, by_joint, dict(zip(s.slides, moments, strict=True)), drives, undetermined(motion))
 
 
 def _tight(motion: Motion, loose: Collection[str]) -> list[Rubbing]:
@@ -158,21 +158,22 @@ def _tight(motion: Motion, loose: Collection[str]) -> list[Rubbing]:
     ]
 
 
-def _rubbed(found: Reactions, rubbing: Sequence[Rubbing], grip: np.ndarray | None) -> Reactions:
+def _rubbed(reactions: Reactions, rubbing: Sequence[Rubbing], grip: np.ndarray | None) -> Reactions:
     """Reactions with the friction of joints that rub, from those without.  Raises AssemblyError."""
     if not rubbing:
-        return found
-    name = found.motion.structure.mechanism.name
+        return reactions
+    name = reactions.motion.structure.mechanism.name
     for joint in (each.joint for each in rubbing):
-        if joint.name in found.undetermined:
+        if joint.name in reactions.undetermined:
             raise AssemblyError(
                 f"{name}: {joint.load_law} makes friction grow with a reaction that is statically undetermined; leave"
                 " it out, or a joint that is not needed"
             )
-    forces, moments = dict(found.forces), dict(found.moments)
-    efforts, rubbed = found.efforts.copy(), {each.joint.name: np.empty(found.efforts.shape[1]) for each in rubbing}
-    for block in blocks(found.motion.theta.size):
-        part = found.part(block)
+    forces, moments = dict(reactions.forces), dict(reactions.moments)
+    efforts = reactions.efforts.copy()
+    rubbed = {each.joint.name: np.empty(efforts.shape[1]) for each in rubbing}
+    for block in blocks(reactions.motion.theta.size):
+        part = reactions.part(block)
         units = [_of_a_unit(part.motion, each) for each in rubbing]
         size, locks = friction(part, units, rubbing, 1.0 if grip is None else grip[block])
         if locks.any():
@@ -183,13 +184,13 @@ def _rubbed(found: Reactions, rubbing: Sequence[Rubbing], grip: np.ndarray | Non
                 crank_angle(s, u, first),
                 f"make {fields} smaller, or keep clear of there",
             )
-        for each, own, unit in zip(rubbing, size, units, strict=True):
-            rubbed[each.joint.name][block] = own
-            efforts[:, block] += own * unit.efforts
+        for each, torque, unit in zip(rubbing, size, units, strict=True):
+            rubbed[each.joint.name][block] = torque
+            efforts[:, block] += torque * unit.efforts
             for whole, answer in ((forces, unit.forces), (moments, unit.moments)):
                 for place, values in answer.items():
-                    whole[place][block] += own * values
-    return replace(_told(found.motion, forces, moments, efforts, found.undetermined), rubbed=rubbed)
+                    whole[place][block] += torque * values
+    return replace(_reactions_of(reactions.motion, forces, moments, efforts, reactions.undetermined), rubbed=rubbed)
 
 
 def _of_a_unit(motion: Motion, rubbing: Rubbing) -> Reactions:
@@ -200,7 +201,7 @@ def _of_a_unit(motion: Motion, rubbing: Rubbing) -> Reactions:
     else:
         for body, side in zip(joint.bodies, rubbing.sides, strict=True):
             turning[motion.structure.body_column(body)] += side
-    return _told(motion, *_carried(motion, work, turning, along), _loose(motion))
+    return _reactions_of(motion, *_carried(motion, work, turning, along), undetermined(motion))
 
 
 def kinetostatics_by_numpy(motion: Motion, inertia: bool = True, grip: np.ndarray | None = None) -> Reactions:
@@ -209,20 +210,20 @@ def kinetostatics_by_numpy(motion: Motion, inertia: bool = True, grip: np.ndarra
 
 
 def _by_numpy(motion: Motion, inertia: bool, grip: np.ndarray | None) -> Reactions:
-    """The same without friction that grows with reactions."""
+    """Reactions by numpy alone, without friction that grows with them."""
     s, n = motion.structure, motion.theta.size
     order = [j.name for j in s.mechanism.joints]
-    found = {name: np.empty(n, complex) for name in order}, {name: np.empty(n) for name in s.slides}
+    by_joint = {name: np.empty(n, complex) for name in order}, {name: np.empty(n) for name in s.slides}
     drives = np.empty((len(s.inputs), n))
     work = np.empty((s.n_columns, min(n, BLOCK)), complex)  # the same memory for every block
-    loose = _loose(motion)
+    loose = undetermined(motion)
     for block in blocks(n):
         share = 1.0 if grip is None else grip[block]
         *parts, drives[:, block] = _balance(motion.part(block), inertia, share, work[:, : block.stop - block.start])
-        for whole, part in zip(found, parts, strict=True):
+        for whole, part in zip(by_joint, parts, strict=True):
             for name, values in part.items():
                 whole[name][block] = values
-    return _told(motion, *found, drives, loose)
+    return _reactions_of(motion, *by_joint, drives, loose)
 
 
 def pieced(assembly: Assembly, pieces: Sequence[tuple[np.ndarray, Reactions]]) -> Reactions:
@@ -230,36 +231,32 @@ def pieced(assembly: Assembly, pieces: Sequence[tuple[np.ndarray, Reactions]]) -
     n = sum(where.size for where, _ in pieces)
 
     def whole(array: Callable[[Reactions], np.ndarray]) -> np.ndarray:
-        return joined([(where, array(found)) for where, found in pieces], n)
+        return joined([(where, array(reactions)) for where, reactions in pieces], n)
 
     def each(arrays: Callable[[Reactions], Mapping[str, np.ndarray]]) -> dict[str, np.ndarray]:
-        parts = [(where, arrays(found)) for where, found in pieces]
+        parts = [(where, arrays(reactions)) for where, reactions in pieces]
         return {name: joined([(where, part[name]) for where, part in parts], n) for name in parts[0][1]}
 
     return Reactions(
-        Pieced.of(assembly, [(where, found.motion) for where, found in pieces]),
-        each(lambda found: found.forces),
-        each(lambda found: found.moments),
-        whole(lambda found: found.drive_torque),
-        each(lambda found: found.drive_loads),
-        frozenset().union(*(found.undetermined for _, found in pieces)),
-        whole(lambda found: found.efforts),
-        each(lambda found: found.rubbed),
+        Pieced.of(assembly, [(where, reactions.motion) for where, reactions in pieces]),
+        each(lambda reactions: reactions.forces),
+        each(lambda reactions: reactions.moments),
+        whole(lambda reactions: reactions.drive_torque),
+        each(lambda reactions: reactions.drive_loads),
+        frozenset().union(*(reactions.undetermined for _, reactions in pieces)),
+        whole(lambda reactions: reactions.efforts),
+        each(lambda reactions: reactions.rubbed),
     )
 
 
-def _loose(motion: Motion) -> frozenset[str]:
-    return undetermined(motion) if any(group.surplus for group in motion.structure.groups) else frozenset()
-
-
-def _told(
+def _reactions_of(
     motion: Motion,
     forces: dict[str, np.ndarray],
     moments: dict[str, np.ndarray],
     drives: np.ndarray,
     loose: frozenset[str],
 ) -> Reactions:
-    """Reactions with NaN for what nothing determines, and each drive's load."""
+    """Reactions by what holds the motion in balance: NaN of joints that are ``loose``, as nothing determines them."""
     s = motion.structure
     for name in loose:
         forces[name][:] = complex(np.nan, np.nan)
@@ -274,16 +271,19 @@ def undetermined(motion: Motion) -> frozenset[str]:
 
     Each such self-stress is carried through the linkage; the joints that it reaches are those.
     """
-    s, found = motion.structure, set[str]()
-    every = max(1, motion.theta.size // LOOKS)
+    s, joints = motion.structure, set[str]()
+    loose = [group for group in s.groups if group.surplus]
+    if not loose:
+        return frozenset()
+    every = max(1, motion.theta.size // STRESS_SAMPLES)
     some = motion.part(slice(None, None, every))
     longest = max(body.length for body in s.mechanism.bodies) or 1.0
-    for group in s.groups:
-        for stress in self_stresses(some.jacobians[group], group) if group.surplus else ():
+    for group in loose:
+        for stress in self_stresses(some.jacobians[group], group):
             forces, moments, _ = _carried(some, *_unloaded(some), stress={group: stress})
-            found |= {name for name, force in forces.items() if np.abs(force).max() > FAINT}
-            found |= {name for name, moment in moments.items() if np.abs(moment).max() > FAINT * longest}
-    return frozenset(found)
+            joints |= {name for name, force in forces.items() if np.abs(force).max() > FAINT}
+            joints |= {name for name, moment in moments.items() if np.abs(moment).max() > FAINT * longest}
+    return frozenset(joints)
 
 
 def reactions_to(
@@ -320,7 +320,7 @@ def of_springs(motion: Motion, laws: Mapping[str, np.ndarray], pulls: Sequence[t
             continue
         for body, sign in zip(s.mechanism.joint(name).bodies, (-1.0, 1.0), strict=True):
             turning[s.body_column(body)] += sign * law
-    return _told(motion, *_carried(motion, work, turning, along), _loose(motion))
+    return _reactions_of(motion, *_carried(motion, work, turning, along), undetermined(motion))
 
 
 def _balance(
@@ -433,7 +433,7 @@ def friction_turns(motion: Motion, within: float = 0.0, rough: Collection[str] =
     direction: its slip reverses ``within`` so many rad of crank angle, of a crank that turns evenly, or of the fastest
     input, of a slide's in lengths of the longest body; with 0, only at the reversal itself.
     """
-    s, crank, found = motion.structure, motion.pace, {}
+    s, crank, turning = motion.structure, motion.pace, {}
     longest = max(body.length for body in s.mechanism.bodies) or 1.0
     sizes = np.array([1.0 if s.unit(i) == "rad" else longest for i in s.inputs])[:, None]
     turns = (np.abs(motion.rates[list(s.inputs)]) / sizes).max(axis=0)
@@ -441,8 +441,8 @@ def friction_turns(motion: Motion, within: float = 0.0, rough: Collection[str] =
         if joint.rubs or joint.name in rough:
             rate, bend = motion.slip(joint), motion.slip_acceleration(joint)
             dead = np.abs(rate) * crank <= DEAD_CENTRE * crank**2
-            found[joint.name] = dead | (np.abs(rate) * turns <= within * np.abs(bend) if within else False)
-    return found
+            turning[joint.name] = dead | (np.abs(rate) * turns <= within * np.abs(bend) if within else False)
+    return turning
 
 
 def _turning_work(

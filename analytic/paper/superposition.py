@@ -185,19 +185,19 @@ class Accuracy:
     @property
     def cautions(self) -> dict[int, str]:
         """Angles near a singularity, or where the gaps are too large for first order."""
-        found: dict[int, str] = {}
+        reasons: dict[int, str] = {}
         size = max(body.length for body in self.assembly.mechanism.bodies)
         for d in self.unit_reactions:
             away = np.abs(self.equilibrium(d) - self.nominal(d))
             least = self.clearances.max() / (size if d.axis == "angle" else 1.0)
             for i in np.flatnonzero(away > NONLINEAR * np.maximum(self.worst_case(d), least)):
-                found.setdefault(
+                reasons.setdefault(
                     int(i),
                     f"first order is {away[i]:.2g} {d.unit} away from the equilibrium of the finite gaps in {d.name}",
                 )
         for i in np.flatnonzero(self.condition > ILL_CONDITIONED):
-            found[int(i)] = f"near a singularity: the loops' condition number is {self.condition[i]:.3g}"
-        return dict(sorted(found.items()))
+            reasons[int(i)] = f"near a singularity: the loops' condition number is {self.condition[i]:.3g}"
+        return dict(sorted(reasons.items()))
 
 
 def accuracy(
