@@ -29,11 +29,11 @@ if TYPE_CHECKING:
 
 UPDATE = "--linkage-update-baselines"
 REPORT = "--linkage-report"
-LONGEST = 150  # characters of a folder's name; file systems take 255 bytes
+LONGEST_FOLDER = 150  # characters of a folder's name; file systems take 255 bytes
 STORED = "linkage_baseline"  # a test's property for each baseline file that it has written
 
 
-class Options(TypedDict, total=False):
+class CheckOptions(TypedDict, total=False):
     """What :func:`compare.crosscheck.crosscheck` may be asked, by name; SI units and radians."""
 
     joint_model: JointModel | None
@@ -88,7 +88,7 @@ class LinkageCheck:
         simulators: Simulators = "mujoco",
         *,
         baseline: str | Path | None = None,
-        **options: Unpack[Options],
+        **options: Unpack[CheckOptions],
     ) -> CrossCheck:
         """Cross-check a linkage; fail the test unless both sides agree.  Returns the result.
 
@@ -112,7 +112,7 @@ class LinkageCheck:
         pytest.fail(why)
 
     def _checked(
-        self, mechanism: Linkage, simulators: Simulators, baseline: str | Path | None, options: Options
+        self, mechanism: Linkage, simulators: Simulators, baseline: str | Path | None, options: CheckOptions
     ) -> CrossCheck:
         __tracebackhide__ = True
         import linkage_crosscheck as lc
@@ -180,8 +180,8 @@ class LinkageCheck:
         if place is None:
             return None
         name = re.sub(r"[^\w=.,@-]+", "_", self.test.nodeid).strip("_")
-        if len(name) > LONGEST:
-            name = f"{name[: LONGEST - 9]}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
+        if len(name) > LONGEST_FOLDER:
+            name = f"{name[: LONGEST_FOLDER - 9]}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
         return self.test.config.invocation_params.dir / place / (name if self.calls == 1 else f"{name}-{self.calls}")
 
 

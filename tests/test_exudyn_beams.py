@@ -14,7 +14,7 @@ from analytic.mechanism import MASS_CENTRE, Drive, Load, Mechanism
 from analytic.mechanism.file import load
 from analytic.paper.clearance import Model, displaced
 from analytic.paper.compliance import compliance
-from analytic.paper.frame import Bar, beam_stiffness
+from analytic.paper.frame import ElasticBar, beam_stiffness
 from analytic.paper.kinetostatics import joint_law, kinetostatics
 from asked import request_of
 from linkages import inverted_slider
@@ -38,7 +38,7 @@ def displacements(found: FlexibleLinkage) -> np.ndarray:
     return np.array([found.displacement[point] for point in POINTS])
 
 
-def shear_beam(bar: Bar) -> np.ndarray:
+def shear_beam(bar: ElasticBar) -> np.ndarray:
     """Planar part of Timoshenko's beam (Przemieniecki, section 5.6, with shear; factor 5/6), the rest as
     without shear.
     """

@@ -17,7 +17,7 @@ from analytic.kinematics.structure import BlockRest
 from analytic.mechanism import Load, Mechanism, MechanismError
 from analytic.mechanism.file import dumps, load, loads
 from analytic.paper.clearance import displaced
-from analytic.paper.guide import Block
+from analytic.paper.guide import GuidedBlock
 from analytic.paper.kinetostatics import kinetostatics
 from analytic.paper.superposition import accuracy
 from compare.accuracy import accuracy as compare_accuracy
@@ -136,7 +136,7 @@ def test_first_order_is_off_by_the_square_of_the_clearance(name: str) -> None:
 
 
 def test_the_height_of_the_block_decides_how_far_it_tilts() -> None:
-    low, high = (Block.of(load("slider-crank").with_joint("S", guide=(0.1, h)), "S", 1e-3) for h in (1e-6, 0.05))
+    low, high = (GuidedBlock.of(load("slider-crank").with_joint("S", guide=(0.1, h)), "S", 1e-3) for h in (1e-6, 0.05))
     assert math.sin(low.tilt) == pytest.approx(0.02, rel=1e-5)
     for block in (low, high):
         corner = complex(block.length, block.height) / 2 * np.exp(1j * block.tilt)

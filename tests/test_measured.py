@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import kinematics
-from analytic.mechanism.columns import PLAIN
+from analytic.mechanism.columns import ANY_LAYOUT
 from analytic.mechanism.file import dumps, load
 from analytic.mechanism.units import OFFERED, SI, QuantityKind, UnitError, factor, readable
 from analytic.paper.kinetostatics import kinetostatics
@@ -203,7 +203,7 @@ def test_fast_and_careful_reading_agree(tmp_path: Path, seed: int) -> None:
     path = tmp_path / "x.csv"
     path.write_text(text)
     found = read_table(path, CRANK_ROCKER)
-    top = header(path, coding(path), names_of := Names(CRANK_ROCKER, PLAIN))
+    top = header(path, coding(path), names_of := Names(CRANK_ROCKER, ANY_LAYOUT))
     headings = read_headings(top.cells, {}, names_of, "line 1", True)
     assert headings.time is not None
     reader = _Reader("x.csv", top, [headings.time, *headings.columns])

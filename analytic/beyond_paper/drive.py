@@ -22,7 +22,7 @@ from analytic.mechanism import Ripple
 # of a revolution at which a lag that repeats is sought; odd, so that every harmonic has a cosine and a sine
 LAG_POINTS = 127
 MOST_LAG_KNOTS = 1024  # of a lag that does not repeat
-LAG_SETTLED = 1e-9  # rad, of a step towards the lag: it is found
+MOTOR_LAG_SETTLED = 1e-9  # rad, of a step towards the lag: it is found
 DriveTorque = Callable[[Turning], np.ndarray]  # N.m (N,) that a motion of the crank needs
 
 
@@ -97,7 +97,7 @@ class Motor:
             lag = lag + change
             if not np.abs(lag).max() < math.pi:
                 raise _no_steady_motion(stiffness)
-            if np.abs(change).max() < LAG_SETTLED:
+            if np.abs(change).max() < MOTOR_LAG_SETTLED:
                 break
         else:
             raise _no_steady_motion(stiffness)
@@ -126,7 +126,7 @@ class Motor:
             lag = torque(Turning(motor.theta - back[0], motor.omega - back[1], motor.alpha - back[2])) / stiffness
             change = float(np.abs(lag - back[0]).max())
             spline = CubicSpline(grid, lag)
-            if change < LAG_SETTLED:
+            if change < MOTOR_LAG_SETTLED:
                 break
             if not change < math.pi:
                 raise _no_steady_motion(stiffness)

@@ -19,12 +19,12 @@ from analytic.kinematics.assembly import Assembly, AssemblyError, Walk
 from analytic.kinematics.motion import kinematics
 from analytic.paper.kinetostatics import Reactions, kinetostatics
 
-ACCURACY = 1e-10  # relative, of the integration
-NOTHING: Mapping[str, float] = MappingProxyType({})
+INTEGRATION_ACCURACY = 1e-10  # relative, of the integration
+NO_RATES: Mapping[str, float] = MappingProxyType({})
 
 
 def free_motion(
-    assembly: Assembly, time: np.ndarray, courses: Mapping[str, TimeFunction], rates: Mapping[str, float] = NOTHING
+    assembly: Assembly, time: np.ndarray, courses: Mapping[str, TimeFunction], rates: Mapping[str, float] = NO_RATES
 ) -> Reactions:
     """Motion and reactions at times (N,) s, ascending, from 0 on.
 
@@ -82,7 +82,9 @@ class _FreeMotion:
         def rate(t: float, state: np.ndarray) -> np.ndarray:
             return np.concatenate([state[len(self.free) :], self.accelerations(t, state)])
 
-        solution: Any = solve_ivp(rate, (0.0, float(time[-1])), start, "DOP853", time, rtol=ACCURACY, atol=ACCURACY)
+        solution: Any = solve_ivp(
+            rate, (0.0, float(time[-1])), start, "DOP853", time, rtol=INTEGRATION_ACCURACY, atol=INTEGRATION_ACCURACY
+        )
         if not solution.success:
             raise AssemblyError(
                 f"{self.assembly.mechanism.name}: the free motion cannot be followed beyond {solution.t[-1]:g} s"

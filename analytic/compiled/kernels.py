@@ -1263,7 +1263,7 @@ def carry_out(  # noqa: PLR0913
 
     A walk begins at coordinates ``home`` (n,), of which there are none else, and fills ``u`` with the coordinates at
     the inputs ``w`` (n_inputs, N), reached one after the other with steps of ``strides`` (n_inputs,) at most; the other
-    arrays and numbers are analytic.compiled.program.Way's.
+    arrays and numbers are analytic.compiled.program.WalkProgram's.
     """
     program, terms, groups, factors, work = _bare(program), _bare(terms), _bare(groups), _bare(factors), _bare(work)
     data = (_bare(u), _bare(w), _bare(q), _bare(c), _bare(v), _bare(a), _bare(reals), _bare(complexes), _bare(near))

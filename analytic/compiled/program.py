@@ -19,14 +19,16 @@ from analytic.kinematics.structure import Group
 from analytic.mechanism import MASS_CENTRE, Joint, Spring
 
 # arrays of a kernel's data, in its order
-COORDINATES, RATES, ACCELERATIONS, COLUMNS, COLUMN_RATES, COLUMN_ACCELERATIONS, REALS, COMPLEXES, NEAR = range(9)
-WIDTH = 8  # numbers of an operation
+COORDINATES, RATES, ACCELERATIONS, COLUMNS, COLUMN_RATES, COLUMN_ACCELERATIONS, REALS, COMPLEXES, NEARBY = range(9)
+OPERATION_WIDTH = 8  # numbers of an operation
 CONSTANT = -1  # row of a sum's constant term
 
 
 @dataclass(frozen=True)
 class Program:
-    """Operations (M, WIDTH), the rows and factors of their sums, the larger groups, and how many rows they need."""
+    """Operations (M, OPERATION_WIDTH), the rows and factors of their sums, the larger groups, and how many rows there
+    are.
+    """
 
     operations: np.ndarray
     terms: np.ndarray
@@ -74,7 +76,7 @@ class Writer:
 
     def add(self, *operation: int) -> None:
         """Add an operation."""
-        self.operations.append((*operation, *(0,) * (WIDTH - len(operation))))
+        self.operations.append((*operation, *(0,) * (OPERATION_WIDTH - len(operation))))
 
     def list_rows(self, rows: Iterable[int]) -> tuple[int, int]:
         """First and last term that name these rows."""
@@ -110,12 +112,12 @@ class Writer:
     def program(self) -> Program:
         """What has been written."""
         return Program(
-            np.array(self.operations, np.int64).reshape(-1, WIDTH), np.array([*self.terms, 0], np.int64),
+            np.array(self.operations, np.int64).reshape(-1, OPERATION_WIDTH), np.array([*self.terms, 0], np.int64),
             np.array(self.groups, np.int64).reshape(-1, op.SIZE + 1), np.array([*self.factors, 0.0]), self.rows + 1,
         )  # fmt: skip
 
 
-class Linkage:
+class LinkageWriter:
     """What programs of one linkage have in common: rows of its coordinates and columns."""
 
     def __init__(self, assembly: Assembly) -> None:
@@ -138,7 +140,7 @@ class Linkage:
         return [*moving, (CONSTANT, constant)] if constant else moving
 
 
-class Motion(Linkage):
+class MotionWriter(LinkageWriter):
     """Writes the program of a motion: positions, then rates, then accelerations, with joints' gaps or without."""
 
     def __init__(self, assembly: Assembly, displaced: bool) -> None:
@@ -425,7 +427,7 @@ class Motion(Linkage):
                 w.add(op.STORE_COMPLEX, columns.get(k, still), array, k)
 
 
-def partial(link: Linkage, i: int, form: np.ndarray, rows: Mapping[int, int]) -> list[tuple[int, complex]]:
+def partial(link: LinkageWriter, i: int, form: np.ndarray, rows: Mapping[int, int]) -> list[tuple[int, complex]]:
     """Terms of the derivative of a form (columns,) by coordinate i."""
     c = link.s.coordinates[i]
     if not c.bodies:
@@ -441,9 +443,9 @@ def moving_terms(form: np.ndarray, rows: Mapping[int, int]) -> list[tuple[int, c
     return [(rows[k], complex(form[k])) for k in np.flatnonzero(form).tolist() if k in rows]
 
 
-def motion(assembly: Assembly, displaced: bool) -> Program:
+def motion_program(assembly: Assembly, displaced: bool) -> Program:
     """The program of a motion, with joints' gaps or without."""
-    link = Motion(assembly, displaced)
+    link = MotionWriter(assembly, displaced)
     s, w = link.s, link.w
     link.load_inputs(COORDINATES, link.u)
     if s.by_crank:
@@ -452,7 +454,7 @@ def motion(assembly: Assembly, displaced: bool) -> Program:
     else:
         for i, row in enumerate(link.near):
             if i not in s.inputs:
-                w.add(op.LOAD_REAL, row, NEAR, i)
+                w.add(op.LOAD_REAL, row, NEARBY, i)
     link.positions()
     link.rates()
     link.store()
@@ -462,7 +464,7 @@ def motion(assembly: Assembly, displaced: bool) -> Program:
 # ---------------------------------------------------------------- reactions
 
 
-class Balance(Linkage):
+class BalanceWriter(LinkageWriter):
     """Writes the program of the reactions to a motion whose arrays are in the kernel's data."""
 
     def __init__(self, assembly: Assembly, inertia: bool, displaced: bool, gripped: bool) -> None:
@@ -664,13 +666,13 @@ class Balance(Linkage):
             w.add(op.STORE_REAL, self.generalised(i, -1.0), REALS, 1 + len(s.slides) + place)
 
 
-def balance(assembly: Assembly, inertia: bool, displaced: bool, gripped: bool) -> Program:
+def balance_program(assembly: Assembly, inertia: bool, displaced: bool, gripped: bool) -> Program:
     """The program of the reactions; ``gripped`` says that a share of the friction acts, the first of the real rows."""
-    return Balance(assembly, inertia, displaced, gripped).write()
+    return BalanceWriter(assembly, inertia, displaced, gripped).write()
 
 
 @dataclass(frozen=True)
-class Way:
+class WalkProgram:
     """The program that closes a linkage from its inputs' rows, and what a kernel has to know to follow them."""
 
     program: Program
@@ -679,9 +681,9 @@ class Way:
     regular: np.ndarray  # rows of the larger groups'
 
 
-def way(assembly: Assembly) -> Way:
+def walk_program(assembly: Assembly) -> WalkProgram:
     """How inputs are followed."""
-    link = Motion(assembly, False)
+    link = MotionWriter(assembly, False)
     link.positions()
     s = link.s
     larger = {i for group in s.groups if not group.dyad for i in group.coordinates}
@@ -689,4 +691,4 @@ def way(assembly: Assembly) -> Way:
     inputs = [*s.inputs, *(0,) * (len(s.coordinates) - len(s.inputs))]
     margins, regular = ([row for g, row in link.margins.items() if g.dyad == dyad] for dyad in (True, False))
     places = np.array([link.u, link.near, ahead, inputs], np.int64)
-    return Way(link.w.program(), places, np.array(margins, np.int64), np.array(regular, np.int64))
+    return WalkProgram(link.w.program(), places, np.array(margins, np.int64), np.array(regular, np.int64))

@@ -20,12 +20,12 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly, CrankTable, Walk
 
 if TYPE_CHECKING:
-    from analytic.compiled.program import Program, Way
+    from analytic.compiled.program import Program, WalkProgram
 
 BATCH = 4000  # configurations of a crank in one call from which the compiled code serves
 POSES = 1000  # of several drives, which take numpy some hundred times as long to follow
 CALLS = 100  # calls with one assembly after which it does, whatever their size
-NOTHING = np.zeros((1, 1))
+NO_ARRAY = np.zeros((1, 1))
 NO_WALK = np.zeros(0), np.zeros(0), np.zeros((4, 0), np.int64), np.zeros(0, np.int64), np.zeros(0, np.int64)
 
 
@@ -35,7 +35,7 @@ class Programs:
 
     motions: dict[bool, Program] = field(default_factory=dict)
     balances: dict[tuple[bool, bool, bool], Program] = field(default_factory=dict)
-    way: Way | None = None
+    walk: WalkProgram | None = None
     path: CrankTable | None = None
     table: np.ndarray | None = None  # of that path, (1 + n, M)
     calls: int = 0
@@ -122,10 +122,10 @@ def moved(
             columns[order, s.gap_column(name)] = amount
     displaced = bool(gaps)
     if displaced not in programs.motions:
-        from analytic.compiled.program import motion
+        from analytic.compiled.program import motion_program
 
-        programs.motions[displaced] = motion(assembly, displaced)
-    data = *coordinates, *columns.view(float), NOTHING, NOTHING, near
+        programs.motions[displaced] = motion_program(assembly, displaced)
+    data = *coordinates, *columns.view(float), NO_ARRAY, NO_ARRAY, near
     return (coordinates, columns) if _carry_out(programs.motions[displaced], *data) else None
 
 
@@ -155,14 +155,14 @@ def followed(assembly: Assembly, inputs: np.ndarray) -> np.ndarray | None:
     cannot be done.
     """
     programs, s = programs_of(assembly), assembly.structure
-    if programs.way is None:
-        from analytic.compiled.program import way
+    if programs.walk is None:
+        from analytic.compiled.program import walk_program
 
-        programs.way = way(assembly)
+        programs.walk = walk_program(assembly)
     coordinates, home = np.empty((len(s.coordinates), inputs.shape[1])), np.ascontiguousarray(assembly.home[:, 0])
-    data = coordinates, np.ascontiguousarray(inputs, float), *(NOTHING,) * 7
-    walk = home, assembly.strides, programs.way.places, programs.way.margins, programs.way.regular
-    return coordinates if _carry_out(programs.way.program, *data, walk=walk) else None
+    data = coordinates, np.ascontiguousarray(inputs, float), *(NO_ARRAY,) * 7
+    walk = home, assembly.strides, programs.walk.places, programs.walk.margins, programs.walk.regular
+    return coordinates if _carry_out(programs.walk.program, *data, walk=walk) else None
 
 
 def balanced(
@@ -185,15 +185,15 @@ def balanced(
         return None
     kind = bool(inertia), displaced, grip is not None
     if kind not in programs.balances:
-        from analytic.compiled.program import balance
+        from analytic.compiled.program import balance_program
 
-        programs.balances[kind] = balance(assembly, *kind)
+        programs.balances[kind] = balance_program(assembly, *kind)
     reals = np.empty((1 + len(s.slides) + len(s.inputs), n))  # the first: the share of the friction
     forces = np.empty((len(s.mechanism.joints), n), complex)
     if grip is not None:
         reals[0] = grip
     given = *map(_whole, coordinates), *(_whole(x).view(float) for x in columns)
-    if not _carry_out(programs.balances[kind], *given, reals, forces.view(float), NOTHING):
+    if not _carry_out(programs.balances[kind], *given, reals, forces.view(float), NO_ARRAY):
         return None
     return forces, reals[1 : 1 + len(s.slides)], reals[1 + len(s.slides) :]
 

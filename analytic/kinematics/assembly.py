@@ -41,7 +41,7 @@ PATH_STEP = np.radians(1.0)  # crank angle between checks for change points
 MOST_WALKED = 10_000_000  # samples of a way, a few hundred bytes each: what a memory holds
 STRIDES = 200  # steps that a travel as long as the longest body is walked in, with several inputs
 # of a loop's size, by which a unit of an input would open loops beyond those needed, in a linkage that moves
-RIGID = 1e-6
+RIGID_OPENING = 1e-6
 CHANGE_POINT = 1e-10  # sin^2 between the two sides of a group below which it counts as stretched or folded
 ASSEMBLY_SLACK = np.radians(45.0)  # how far the file's approximate angles may be off
 
@@ -478,7 +478,7 @@ class Assembly:
         unknown = [i for i in range(len(s.coordinates)) if i not in s.inputs]
         moved = rows[:, list(s.inputs)]
         open_by = moved - rows[:, unknown] @ np.linalg.lstsq(rows[:, unknown], moved, rcond=None)[0]
-        if np.abs(open_by).max(initial=0.0) > RIGID:
+        if np.abs(open_by).max(initial=0.0) > RIGID_OPENING:
             raise StructureError(s.one_too_many)
 
     # ---------------------------------------------------------------- change points

@@ -28,18 +28,18 @@ from analytic.kinematics.closure import AGREE, partials, regularity
 from analytic.kinematics.output import Output
 from analytic.kinematics.structure import Group
 
-PASSES = 30
-SETTLED = 1e-13  # of the platform's size, or rad
+POSE_PASSES = 30  # of Newton's method
+POSE_SETTLED = 1e-13  # of the platform's size, or rad
 # of the platform's size, or rad: how far it is off the spline through its poses.  Where it swings by A, that makes
 # sqrt(8/3 FOLLOWS / A) of its largest acceleration, by a cubic spline's errors of fourth and second order, and some
 # times as much at the ends: less than a thousandth where A is a tenth
 FOLLOWS = 1e-9
 SINGULAR = 1e-6  # of the platform's size per rad: a pose that is settled is this near to one at which it cannot move
-WITHIN = "keep the path within reach"
+KEEP_WITHIN = "keep the path within reach"
 EARLIER = np.array([[8, 0, 0, 0], [4, 4, 0, 0], [2, 4, 2, 0], [1, 3, 3, 1]]) / 8  # halves of a cubic, by its points
 LATER = EARLIER[::-1, ::-1]
 FINEST = np.finfo(float).eps ** 0.25  # of a row: a spline's error, of fourth order, is rounding's where halved so often
-CLEAR = "keep the path clear of it, or give a course of the drives instead"
+KEEP_CLEAR = "keep the path clear of it, or give a course of the drives instead"
 
 
 def inverse(assembly: Assembly, wanted: Sequence[Output], poses: np.ndarray, time: np.ndarray | None = None) -> Walk:
@@ -255,7 +255,7 @@ class _Inverse(Posed):
         """
         s, m, w = self.s, poses.shape[1], len(poses)
         ways, good = np.full((m, len(u), w), np.inf), np.zeros(m, bool)
-        for _ in range(PASSES):
+        for _ in range(POSE_PASSES):
             columns = self.assembly.columns(u)
             loops, slope = self.slopes(columns)
             gap, miss = s.loops @ columns, (self.pose(columns, u) - poses).T
@@ -271,9 +271,9 @@ class _Inverse(Posed):
                 break
             ways = solution[:, :, 1:]
             close = self.arms + np.abs(columns[len(s.bodies) : len(s.bodies) + len(s.slides)]).sum(axis=0)[:, None]
-            good = np.all(np.abs(left[:, :-w, 0]) <= SETTLED * close, axis=1)
+            good = np.all(np.abs(left[:, :-w, 0]) <= POSE_SETTLED * close, axis=1)
             good &= np.all(np.abs(open_by[..., 0]) <= AGREE * close, axis=1)
-            good &= np.all(np.abs(miss) <= SETTLED * self.unit, axis=1)
+            good &= np.all(np.abs(miss) <= POSE_SETTLED * self.unit, axis=1)
             if good.all():
                 break
             u = u - solution[:, :, 0].T
@@ -331,7 +331,7 @@ class _Inverse(Posed):
             reached = self.closed(goal[:, None], start)[2].all()
         if not reached:
             what = f"{self.when(end)}cannot be reached: no position of the drives has it there"
-            return self.failed(goal, what, WITHIN)
+            return self.failed(goal, what, KEEP_WITHIN)
         return self.failed(pose, f"{self.when(row)}is singular: the platform cannot move on, whatever its drives do")
 
     def unclear(self, row: float) -> AssemblyError:
@@ -339,7 +339,7 @@ class _Inverse(Posed):
         what = "is singular, or the path's rows are too far apart to tell that it is not: two ways to go on meet there"
         return self.failed(self.on_spline(np.array([row])), f"{self.when(row)}{what}")
 
-    def failed(self, pose: np.ndarray, what: str, remedy: str = CLEAR) -> AssemblyError:
+    def failed(self, pose: np.ndarray, what: str, remedy: str = KEEP_CLEAR) -> AssemblyError:
         pose_in_words = [
             f"{w.name} = {np.degrees(x):.6g} deg" if w.axis == "angle" else f"{w.name} = {1e3 * x:.6g} mm"
             for w, x in zip(self.wanted, np.ravel(pose), strict=True)

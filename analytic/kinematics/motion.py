@@ -19,7 +19,7 @@ from analytic.kinematics.structure import Group, Structure
 from analytic.mechanism import Joint
 from analytic.mechanism.one_line import angles, count, largest, one_line
 
-BLOCK = 4096  # crank angles worked on at once: their temporary arrays stay in the processor's cache
+ANGLES_AT_ONCE = 4096  # crank angles worked on at once: their temporary arrays stay in the processor's cache
 DEAD_CENTRE = 1e-12  # of the crank's rate: a smaller rate of a joint (rad/s; prismatic: m/s) is rounding error
 # glibc keeps freed memory for the next array, but only up to twice the largest block freed so far; the rest goes back
 # to the system and returns page by page, which takes longer than the computation itself.  Freeing 16 MB once raises
@@ -300,8 +300,8 @@ def kinematics_by_numpy(
 
 
 def blocks(n: int) -> Iterator[slice]:
-    """Slices of at most BLOCK crank angles that make up n."""
-    return (slice(i, min(i + BLOCK, n)) for i in range(0, n, BLOCK))
+    """Slices of at most ANGLES_AT_ONCE crank angles that make up n."""
+    return (slice(i, min(i + ANGLES_AT_ONCE, n)) for i in range(0, n, ANGLES_AT_ONCE))
 
 
 def _set_in_motion(motion: Motion, omega: np.ndarray, alpha: np.ndarray) -> None:

@@ -33,7 +33,7 @@ from analytic.errors import Error
 from analytic.mechanism import GROUND, Joint, Mechanism
 from analytic.mechanism.one_line import count, one_line
 
-NAMED = 8  # bodies that an error names; a linkage may have hundreds
+MOST_BODIES_NAMED = 8  # bodies that an error names; a linkage may have hundreds
 
 
 class StructureError(Error, ValueError):
@@ -200,7 +200,9 @@ def reached(start: str, along: Mapping[str, set[str]]) -> set[str]:
 
 def _names(order: tuple[str, ...], chosen: set[str]) -> str:
     names = [b for b in order if b in chosen]
-    return ", ".join(names[:NAMED]) + (f" and {len(names) - NAMED} more" if len(names) > NAMED else "")
+    return ", ".join(names[:MOST_BODIES_NAMED]) + (
+        f" and {len(names) - MOST_BODIES_NAMED} more" if len(names) > MOST_BODIES_NAMED else ""
+    )
 
 
 def _ends(joint: Joint, spent: Mapping[str, list[Joint]]) -> list[str]:

@@ -22,9 +22,9 @@ from analytic.kinematics.output import Output
 from analytic.mechanism.one_line import count, one_line
 from analytic.mechanism.signals import wrapped
 
-PASSES = 12
-SETTLED = 1e-12  # of a coordinate: rad, or of the linkage's size
-JUMP = 1.0  # rad, or of the linkage's size; a cell that is farther from its neighbour is on another branch
+CELL_PASSES = 12  # of Newton's method
+CELL_SETTLED = 1e-12  # of a coordinate: rad, or of the linkage's size
+LARGEST_JUMP = 1.0  # rad, or of the linkage's size; a cell that is farther from its neighbour is on another branch
 STRIDE = 0.05  # of the linkage's size: how far a step goes at most
 STARTS = 25  # cells near the assembly's pose that are tried as the first
 
@@ -155,7 +155,7 @@ class _Flood(Posed):
     def closed(self, poses: np.ndarray, near: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Coordinates (n, N) at poses (wanted, N) near others, and whether (N,) they are."""
         u = near.copy()
-        for _ in range(PASSES):
+        for _ in range(CELL_PASSES):
             columns = self.assembly.columns(u)
             open_by, (loops, slope) = self.s.loops @ columns, self.slopes(columns)
             miss = np.concatenate([open_by.real, open_by.imag, self.pose(columns, u) - poses]).T
@@ -163,10 +163,10 @@ class _Flood(Posed):
                 step = self.step(np.concatenate([loops, slope], axis=1), miss)
             u = u - step.T
             last = np.abs(step).T / self.unit[:, None]
-            if not np.any(last > SETTLED):
+            if not np.any(last > CELL_SETTLED):
                 break
         jump = np.abs(u - near) / self.unit[:, None]
-        return u, np.all(last <= 1e3 * SETTLED, axis=0) & np.all(jump <= JUMP, axis=0)
+        return u, np.all(last <= 1e3 * CELL_SETTLED, axis=0) & np.all(jump <= LARGEST_JUMP, axis=0)
 
     def step(self, matrix: np.ndarray, miss: np.ndarray) -> np.ndarray:
         """Newton's step (N, n); far beyond any jump where a matrix is singular."""

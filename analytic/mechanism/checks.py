@@ -15,7 +15,7 @@ from analytic.mechanism.signals import signals
 LEAST_RESTITUTION = 0.01  # of a law with hysteresis, two of which divide by it, and of any in a map
 ROUGHEST = 5.0  # coefficient of friction at a block's corners: a larger one was meant in N
 LARGEST_PLAUSIBLE_LENGTH = 20.0  # m; a linkage larger than this was probably entered in millimetres
-Parts = Mapping[str, Body | Ground]  # the ground and the moving bodies by name
+PartsByName = Mapping[str, Body | Ground]  # the ground and the moving bodies by name
 
 
 class MechanismWarning(UserWarning):
@@ -40,7 +40,7 @@ def check_names(bodies: Sequence[Body], joints: Sequence[Joint]) -> None:
         taken[signal.name] = signal.owner
 
 
-def check_joint(joint: Joint, parts: Parts) -> None:
+def check_joint(joint: Joint, parts: PartsByName) -> None:
     """A joint connects two bodies that have a point for it, and its fields suit its type and its bodies' size."""
     where = f"joint {joint.name!r}: "
     for name in joint.bodies:
@@ -182,7 +182,7 @@ def check_loads(loads: Iterable[Load], bodies: Mapping[str, Body]) -> None:
             )
 
 
-def check_springs(springs: Iterable[Spring], parts: Parts, joints: Sequence[Joint]) -> None:
+def check_springs(springs: Iterable[Spring], parts: PartsByName, joints: Sequence[Joint]) -> None:
     """Springs join points that exist, of two different bodies, and not those that a pin holds together."""
     for spring in springs:
         for body, point in spring.ends:
@@ -231,7 +231,7 @@ def check_body(body: Body, joints: Iterable[Joint]) -> None:
         )
 
 
-def warn_of_millimetres(mechanism: str, parts: Parts, joints: Iterable[Joint]) -> None:
+def warn_of_millimetres(mechanism: str, parts: PartsByName, joints: Iterable[Joint]) -> None:
     """Warn of a length that no linkage has; ``mechanism`` is its name."""
     lengths = [(f"{b.name}.points.{n}", abs(complex(*p))) for b in parts.values() for n, p in b.points.items()]
     lengths += [(f"{b.name}.section", max(b.section)) for b in parts.values() if isinstance(b, Body)]

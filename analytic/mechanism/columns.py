@@ -56,7 +56,7 @@ class Conversion(MapPart):
         return np.asarray((value - self.offset) / (self.sign * self.scale))
 
 
-class Meaning(Conversion):
+class ColumnMeaning(Conversion):
     """What one column is: the ``signal`` (or ``time``).  Without a unit that of the heading holds."""
 
     signal: Annotated[str, Field(min_length=1, max_length=200)]
@@ -68,7 +68,7 @@ class Layout(MapPart):
     What is left out is found in the file.
     """
 
-    columns: Annotated[Mapping[str, Meaning | Literal["ignore"]], Field(default_factory=dict)]
+    columns: Annotated[Mapping[str, ColumnMeaning | Literal["ignore"]], Field(default_factory=dict)]
     skip_rows: Annotated[int, Field(ge=0, le=10_000)] | None = None
     separator: Separator | None = None
     decimal: Literal[".", ","] | None = None
@@ -79,7 +79,7 @@ class Layout(MapPart):
         return None if self.separator is None else SEPARATORS.get(self.separator, self.separator)
 
 
-PLAIN = Layout.model_validate({})
+ANY_LAYOUT = Layout.model_validate({})
 M = TypeVar("M", bound=BaseModel)
 
 

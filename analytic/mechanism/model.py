@@ -35,8 +35,8 @@ from analytic.mechanism.parts import (
     Ground,
     Joint,
     Load,
-    Name,
-    Part,
+    MechanismPart,
+    PartName,
     PeriodicTorque,
     Spring,
     Vector,
@@ -51,7 +51,7 @@ ONE_CRANK = "what is asked for is of linkages with one drive, which turns a cran
 ONE_INPUT = "what is asked for is of linkages with one drive, which turns a crank or moves a slide on the ground"
 
 
-class Mechanism(Part):
+class Mechanism(MechanismPart):
     """A planar linkage.  Raises MechanismError where it contradicts itself."""
 
     name: Annotated[str, BeforeValidator(titled)]
@@ -63,7 +63,7 @@ class Mechanism(Part):
     drives: Annotated[tuple[Drive, ...], BeforeValidator(one_or_many), Field(alias="drive")] = ()
     springs: Annotated[tuple[Spring, ...], BeforeValidator(as_tuple), Field(alias="spring")] = ()
     loads: Annotated[tuple[Load, ...], BeforeValidator(as_tuple), Field(alias="load")] = ()
-    assembly: Mapping[Name, Annotated[float, Field(ge=-FARTHEST_ANGLE, le=FARTHEST_ANGLE)]] = Field(
+    assembly: Mapping[PartName, Annotated[float, Field(ge=-FARTHEST_ANGLE, le=FARTHEST_ANGLE)]] = Field(
         default_factory=dict
     )  # rad
 

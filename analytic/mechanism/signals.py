@@ -22,7 +22,7 @@ DRIVE_TORQUE = "drive_torque"
 REACTION: tuple[Component, ...] = ("angle", "magnitude", "x", "y")
 POSE: tuple[Component, ...] = ("angle", "x", "y")
 ONE_TURN = 2.02 * np.pi  # rad: an encoder that starts again after a turn spans no more, its own error with it
-EQUAL = 1e-9  # relative, by which angles that a file gives in degrees miss a part of a turn
+PRINTED_ROUNDING = 1e-9  # relative, by which angles that a file gives in degrees miss a part of a turn
 AXES: tuple[Component, Component] = ("x", "y")
 _UNITS: dict[tuple[SignalKind, Component], SiUnit] = {
     ("pose", "x"): "m",
@@ -171,7 +171,9 @@ def starts_again(angle: np.ndarray) -> bool:
     steps by half of one or more.  What leaves one turn is told as it goes on.
     """
     known = angle[np.isfinite(angle)]
-    return bool(known.size and np.ptp(known) <= ONE_TURN and np.any(np.abs(np.diff(known)) >= np.pi * (1 - EQUAL)))
+    return bool(
+        known.size and np.ptp(known) <= ONE_TURN and np.any(np.abs(np.diff(known)) >= np.pi * (1 - PRINTED_ROUNDING))
+    )
 
 
 def unwound(angle: np.ndarray) -> np.ndarray:
@@ -185,4 +187,4 @@ def undirected(angle: np.ndarray) -> float:
     Beyond a quarter of a turn every second sample alone would say the other way.
     """
     step = float(np.max(np.abs(np.diff(angle[np.isfinite(angle)])), initial=0.0))
-    return step if step > np.pi / 2 * (1 + EQUAL) else 0.0
+    return step if step > np.pi / 2 * (1 + PRINTED_ROUNDING) else 0.0

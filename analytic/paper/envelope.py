@@ -26,11 +26,11 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly, CrankTable
 from analytic.kinematics.motion import Gap, Motion, kinematics
 from analytic.kinematics.output import Output
-from analytic.paper.guide import Block
+from analytic.paper.guide import GuidedBlock
 from analytic.paper.kinetostatics import Reactions, reactions_to
 
 DIRECTIONS = np.exp(1j * np.linspace(0.0, np.pi, 91)[:-1])  # where the search for the farthest point starts
-ASCENTS = 30
+ASCENTS = 30  # towards the farthest point
 
 
 def unit_reactions(
@@ -38,7 +38,7 @@ def unit_reactions(
     theta: np.ndarray,
     outputs: Iterable[Output],
     path: CrankTable | None = None,
-    blocks: Iterable[Block] = (),
+    blocks: Iterable[GuidedBlock] = (),
 ) -> dict[Output, np.ndarray]:
     """R (joints, N) of every revolute joint, in the structure's order of pins, and then of these blocks, for each
     output at crank angles theta (N,) rad.
@@ -137,7 +137,7 @@ def transmission(condition_number: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class SideChange:
+class ContactSideChange:
     """A crank angle at which a reaction passes (near) zero and its pin crosses to another side of the bearing."""
 
     joint: str
@@ -151,7 +151,7 @@ class SideChange:
 
 def side_changes(
     sweep: Reactions, clearances: Mapping[str, float], faint: Mapping[str, float], whole_turn: bool = False
-) -> list[SideChange]:
+) -> list[ContactSideChange]:
     """Changes of side along a sweep of closely spaced, increasing crank angles, in their order.
 
     Each is a stretch on which the reaction passes near zero (is ``faint``, N), or a step on which it turns more than a
@@ -174,7 +174,7 @@ def side_changes(
             least = _smallest_on_chords(force[a : b + 1], theta[a : b + 1])
             jump = complex(clearances[joint] * (contact[k + 1] - contact[k]))
             changes.append(
-                SideChange(joint, least[0], float(theta[a]), float(theta[b]), least[1], float(turned[k]), jump)
+                ContactSideChange(joint, least[0], float(theta[a]), float(theta[b]), least[1], float(turned[k]), jump)
             )
     return sorted(changes, key=lambda change: change.crank_angle)
 

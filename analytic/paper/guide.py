@@ -41,7 +41,7 @@ from analytic.mechanism import Joint, Mechanism, MechanismError
 FLAT, TILTED = 1.0, 2.0  # how a block rests: times the sign of the force, or of the moment
 
 
-class Reactions(Protocol):
+class BlockReactions(Protocol):
     """What a block has to know of :class:`analytic.paper.kinetostatics.Reactions`."""
 
     @property
@@ -53,7 +53,7 @@ class Reactions(Protocol):
 
 
 @dataclass(frozen=True)
-class Block:
+class GuidedBlock:
     """The block of a prismatic joint with half the play ``clearance`` (m) in its guide."""
 
     joint: Joint
@@ -62,7 +62,7 @@ class Block:
     height: float  # m
 
     @classmethod
-    def of(cls, mechanism: Mechanism, name: str, clearance: float) -> Block:
+    def of(cls, mechanism: Mechanism, name: str, clearance: float) -> GuidedBlock:
         """The block of a joint with that clearance (m).  Raises MechanismError without ``guide``."""
         joint = mechanism.joint(name)
         if joint.guide is None:
@@ -97,7 +97,7 @@ class Block:
         """
         return (force * np.conj(self.across(motion))).real + 2j / self.length * moment
 
-    def pushed(self, reactions: Reactions, aside: float | None = None) -> np.ndarray:
+    def pushed(self, reactions: BlockReactions, aside: float | None = None) -> np.ndarray:
         """The same of what the walls alone do in these reactions, without the moment of friction ``aside`` (m) of the
         block's point: half the height, unless told otherwise.
         """
@@ -113,18 +113,18 @@ class Block:
         """
         return self.joint.friction * motion.slip_sign(self.joint)
 
-    def work(self, reactions: Reactions) -> tuple[np.ndarray, np.ndarray]:
+    def work(self, reactions: BlockReactions) -> tuple[np.ndarray, np.ndarray]:
         """Work (N,) N.m that force and moment do on the way from the middle to where they rest flat, and tilted."""
         push = self.clearance * self.pushed(reactions)
         return np.abs(push.real), np.abs(push.imag)
 
-    def rests(self, reactions: Reactions) -> np.ndarray:
+    def rests(self, reactions: BlockReactions) -> np.ndarray:
         """How (N,) the block rests under these reactions, to first order: FLAT or TILTED, with a sign."""
         push = self.pushed(reactions)
         flat = np.abs(push.real) >= np.abs(push.imag)
         return np.where(flat, FLAT * np.copysign(1.0, push.real), TILTED * np.copysign(1.0, push.imag))
 
-    def stays(self, how: np.ndarray, reactions: Reactions) -> np.ndarray:
+    def stays(self, how: np.ndarray, reactions: BlockReactions) -> np.ndarray:
         """Whether (N,) all corners on which a block rests ``how`` (N,) push it, under these reactions of the linkage
         that it displaces.
         """
@@ -142,7 +142,7 @@ class Block:
         return BlockRest(0.0, -math.copysign(self.tilt if finite else 2 * self.clearance / self.length, how))
 
 
-def placed(blocks: Mapping[str, Block], how: np.ndarray, finite: bool) -> BlockRests:
+def placed(blocks: Mapping[str, GuidedBlock], how: np.ndarray, finite: bool) -> BlockRests:
     """Where blocks rest that rest ``how`` (blocks,)."""
     return {name: block.place(each, finite) for (name, block), each in zip(blocks.items(), how.tolist(), strict=True)}
 

@@ -17,7 +17,7 @@ from analytic.compiled import run
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.closure import AssemblyError, crank_angle, posture
 from analytic.kinematics.motion import (
-    BLOCK,
+    ANGLES_AT_ONCE,
     DEAD_CENTRE,
     Motion,
     Pieced,
@@ -31,9 +31,9 @@ from analytic.mechanism import MASS_CENTRE, Joint, Spring
 from analytic.mechanism.one_line import angles, largest, one_line
 from analytic.mechanism.signals import Signal, driving, position
 from analytic.paper.friction import Rubbing, friction
-from analytic.paper.guide import Block
+from analytic.paper.guide import GuidedBlock
 
-FAINT = 1e-7  # of a self-stress of 1 N: what of it reaches a joint is rounding error
+STRESS_ROUNDING = 1e-7  # of a self-stress of 1 N: what of it reaches a joint is rounding error
 STRESS_SAMPLES = 8  # of a motion, about as many, at which self-stresses are looked at
 
 
@@ -152,7 +152,7 @@ def _tight(motion: Motion, loose: Collection[str]) -> list[Rubbing]:
     """Pins and blocks that rub without clearance, but for those that are ``loose``."""
     m = motion.structure.mechanism
     return [
-        Rubbing(joint, Block.of(m, joint.name, 0.0) if joint.prismatic else None)
+        Rubbing(joint, GuidedBlock.of(m, joint.name, 0.0) if joint.prismatic else None)
         for joint in m.load_rubbed
         if joint.name not in loose
     ]
@@ -215,7 +215,7 @@ def _by_numpy(motion: Motion, inertia: bool, grip: np.ndarray | None) -> Reactio
     order = [j.name for j in s.mechanism.joints]
     by_joint = {name: np.empty(n, complex) for name in order}, {name: np.empty(n) for name in s.slides}
     drives = np.empty((len(s.inputs), n))
-    work = np.empty((s.n_columns, min(n, BLOCK)), complex)  # the same memory for every block
+    work = np.empty((s.n_columns, min(n, ANGLES_AT_ONCE)), complex)  # the same memory for every block
     loose = undetermined(motion)
     for block in blocks(n):
         share = 1.0 if grip is None else grip[block]
@@ -281,8 +281,8 @@ def undetermined(motion: Motion) -> frozenset[str]:
     for group in loose:
         for stress in self_stresses(some.jacobians[group], group):
             forces, moments, _ = _carried(some, *_unloaded(some), stress={group: stress})
-            joints |= {name for name, force in forces.items() if np.abs(force).max() > FAINT}
-            joints |= {name for name, moment in moments.items() if np.abs(moment).max() > FAINT * longest}
+            joints |= {name for name, force in forces.items() if np.abs(force).max() > STRESS_ROUNDING}
+            joints |= {name for name, moment in moments.items() if np.abs(moment).max() > STRESS_ROUNDING * longest}
     return frozenset(joints)
 
 

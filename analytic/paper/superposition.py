@@ -17,7 +17,7 @@ from analytic.mechanism.signals import Signal, named
 from analytic.paper.clearance import Displaced, Model, displaced, loose_friction
 from analytic.paper.compliance import Compliance, compliance
 from analytic.paper.envelope import (
-    SideChange,
+    ContactSideChange,
     condition,
     displacement,
     farthest,
@@ -27,7 +27,7 @@ from analytic.paper.envelope import (
     worst_case,
 )
 from analytic.paper.friction import lean
-from analytic.paper.guide import Block, direction
+from analytic.paper.guide import GuidedBlock, direction
 from analytic.paper.kinetostatics import kinetostatics
 
 SWEEP_STEP = np.radians(0.25)  # crank angle between looks for a contact that changes side
@@ -118,7 +118,7 @@ def total_displacement(
 
 
 @dataclass(frozen=True)
-class Accuracy:
+class AccuracyAnalysis:
     """What clearance and compliance do to a linkage's outputs at N crank angles; methods return (N,) in the output's
     unit.
 
@@ -135,7 +135,7 @@ class Accuracy:
     unit_reactions: Mapping[Output, np.ndarray]  # (pins, N) complex
     directions: np.ndarray  # (pins, N) complex of length 1: where the ideal linkage's reactions press; see _directions
     condition: np.ndarray  # of the loop Jacobian
-    side_changes: Sequence[SideChange]
+    side_changes: Sequence[ContactSideChange]
     jumps: Mapping[Output, np.ndarray]  # (side changes,): what each one does to the output
     flags: Mapping[int, str]
 
@@ -207,7 +207,7 @@ def accuracy(
     clearances: Mapping[str, float],
     omega: float = 1.0,
     inertia: bool = False,
-) -> Accuracy:
+) -> AccuracyAnalysis:
     """Analyse outputs with these radial clearances (m) at crank angles theta (N,) rad.
 
     ``omega`` and ``inertia`` are those of :func:`analytic.paper.clearance.displaced`, and so is what is raised,
@@ -224,10 +224,10 @@ def accuracy(
         moved.faint,
         _whole_turn(theta),
     )
-    blocks = {name: Block.of(m, name, c) for name, c in clearances.items() if c > 0 and m.joint(name).prismatic}
+    blocks = {name: GuidedBlock.of(m, name, c) for name, c in clearances.items() if c > 0 and m.joint(name).prismatic}
     pins = (*assembly.structure.pins, *blocks)
     crossings = np.array([change.crank_angle for change in changes])
-    return Accuracy(
+    return AccuracyAnalysis(
         assembly=assembly,
         path=path,
         total=total,
@@ -261,7 +261,7 @@ def _directions(force: np.ndarray, faint: float) -> np.ndarray:
 
 
 def _jumps(
-    changes: Sequence[SideChange], at_changes: Mapping[Output, np.ndarray], pins: Sequence[str]
+    changes: Sequence[ContactSideChange], at_changes: Mapping[Output, np.ndarray], pins: Sequence[str]
 ) -> dict[Output, np.ndarray]:
     rows = [pins.index(change.joint) for change in changes]
     gaps = np.array([change.jump for change in changes])

@@ -32,7 +32,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field
 
 from analytic.mechanism import Mechanism
-from analytic.mechanism.columns import Conversion, MapPart, Meaning, read_map
+from analytic.mechanism.columns import ColumnMeaning, Conversion, MapPart, read_map
 from analytic.mechanism.one_line import shown
 from analytic.mechanism.signals import named
 from analytic.mechanism.units import DIMENSIONS, SI, QuantityKind, UnitError, factor
@@ -94,7 +94,7 @@ class MapFile(MapPart):
 
     inputs: Inputs | None = None
     drives: Mapping[str, Position] = {}
-    columns: Annotated[Mapping[str, Meaning | Literal["ignore"]], Field(min_length=1)]
+    columns: Annotated[Mapping[str, ColumnMeaning | Literal["ignore"]], Field(min_length=1)]
     parameters: Mapping[str, Value] = {}
     step: Annotated[float, Field(gt=0)] | None = None
     lead_in: Annotated[float, Field(ge=0, le=1e4)] = 0.0
