@@ -9,10 +9,11 @@ import numpy as np
 
 from analytic.beyond_paper.monte_carlo import Contacts, Distribution, Population, draw
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.output import Output
 from analytic.mechanism import Mechanism
 from analytic.mechanism.assumed import assumed
-from analytic.paper.envelope import Output, transmission
-from analytic.paper.superposition import Accuracy as Found
+from analytic.paper.envelope import transmission
+from analytic.paper.superposition import AccuracyAnalysis as Found
 from analytic.paper.superposition import accuracy as accuracy_of
 from compare.arguments import (
     Names,

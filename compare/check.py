@@ -17,7 +17,7 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
-from analytic.mechanism.columns import PLAIN, Layout, read_map
+from analytic.mechanism.columns import ANY_LAYOUT, Layout, read_map
 from analytic.mechanism.errors import quoted
 from analytic.mechanism.one_line import shown
 from analytic.mechanism.signals import Signal, driving, named, position
@@ -143,7 +143,7 @@ def check(question: CheckQuestion) -> CrossCheck:
 
 def layout_of(given: object) -> Layout:
     """How files are written, as a map says.  Raises ArgumentError or MapError."""
-    return PLAIN if given is None else read_map(path(given, "map"), Layout)
+    return ANY_LAYOUT if given is None else read_map(path(given, "map"), Layout)
 
 
 def result_files(results: object) -> dict[str, Path]:

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from analytic.mechanism import Body, Drive, Joint, Load, Mechanism, Spring
 from analytic.mechanism.one_line import enumerated
-from analytic.mechanism.parts import Part
+from analytic.mechanism.parts import MechanismPart
 from sim_models.engine import JOINT_MODELS, TOUCHING, JointModel, Motion, SettingValue
 
 Command = Literal["analyse", "accuracy", "compare", "simulate", "check", "validity", "export", "diagnose"]
@@ -58,41 +58,41 @@ class Omission:
     fields: tuple[str, ...]
     where: str
     why: str
-    told: Callable[[Asked, Part], bool]
+    told: Callable[[Asked, MechanismPart], bool]
 
 
-def _loose(asked: Asked, part: Part) -> bool:
+def _loose(asked: Asked, part: MechanismPart) -> bool:
     """A joint with clearance; of a map with one that it gives."""
     assert isinstance(part, Joint)
     return part.name in asked.mapped if asked.command == "validity" else part.clearance > 0
 
 
-def _frictionless(asked: Asked, part: Part) -> bool:
+def _frictionless(asked: Asked, part: MechanismPart) -> bool:
     return isinstance(part, Joint) and not part.friction
 
 
-def _unused_radius(asked: Asked, part: Part) -> bool:
+def _unused_radius(asked: Asked, part: MechanismPart) -> bool:
     """A pin without clearance whose friction has no radius to act at, or has a circle of its own already."""
     assert isinstance(part, Joint)
     pinned = bool(part.friction) and not part.prismatic and not _loose(asked, part)
     return pinned and (part.pin_radius is None or part.friction_radius > 0)
 
 
-def _sticks(part: Part) -> bool:
+def _sticks(part: MechanismPart) -> bool:
     """A joint whose friction at rest is given by itself."""
     return isinstance(part, Joint) and part.static_torque is not None
 
 
-def _force_of_friction(part: Part) -> bool:
+def _force_of_friction(part: MechanismPart) -> bool:
     return isinstance(part, Joint) and part.prismatic and part.guide is None
 
 
-def _guides_nothing(asked: Asked, part: Part) -> bool:
+def _guides_nothing(asked: Asked, part: MechanismPart) -> bool:
     """The block neither leans in its guide nor is rubbed by it."""
     return asked.joint_models == ("ideal",) if _loose(asked, part) else _frictionless(asked, part)
 
 
-def _no_use_for_section(asked: Asked, part: Part) -> bool:
+def _no_use_for_section(asked: Asked, part: MechanismPart) -> bool:
     """Neither bends the body, nor has it an inertia of its own that matters."""
     assert isinstance(part, Body)
     bends = asked.bends and part.youngs_modulus is not None
@@ -308,9 +308,9 @@ def rigid_walls(
     return [f"left out: contact_stiffness of {_called('joint', given)}, as the walls of {simulator} are rigid here"]
 
 
-def _given(mechanism: Mechanism, kind: str, field: str) -> Iterator[tuple[str, Part]]:
+def _given(mechanism: Mechanism, kind: str, field: str) -> Iterator[tuple[str, MechanismPart]]:
     """Each part of a kind to which a file gives this field, after its name."""
-    parts: dict[str, list[tuple[str, Part]]] = {
+    parts: dict[str, list[tuple[str, MechanismPart]]] = {
         "body": list(mechanism.moving.items()),
         "joint": [(joint.name, joint) for joint in mechanism.joints],
         "spring": [(" to ".join(".".join(end) for end in each.ends), each) for each in mechanism.springs],

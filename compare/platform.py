@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from analytic.beyond_paper.platform import Platform, platform
-from analytic.kinematics.assembly import Assembly, AssemblyError, Followed
-from analytic.kinematics.inverse import Coordinate
+from analytic.kinematics.assembly import Assembly, AssemblyError, Walk
 from analytic.kinematics.motion import kinematics
+from analytic.kinematics.output import Output
 from analytic.kinematics.schedule import Schedule
 from analytic.kinematics.workspace import Workspace, workspace
 from analytic.mechanism import Mechanism
@@ -21,7 +21,6 @@ from analytic.mechanism.errors import quoted
 from analytic.mechanism.one_line import count
 from analytic.paper.clearance import Displaced, displaced
 from analytic.paper.compliance import compliance
-from analytic.paper.envelope import Output
 from analytic.paper.frame import ComplianceError
 from analytic.paper.kinetostatics import kinetostatics
 from compare.accuracy import named_outputs, versions
@@ -178,9 +177,9 @@ def _reached(assembly: Assembly, outputs: Sequence[Output], grid: Grid, angle: f
     x, y = (np.linspace(*axis) for axis in grid)
     if x.size * y.size > MOST_POSES:
         raise ArgumentError("workspace", f"{x.size * y.size} poses cannot be used; give at most {MOST_POSES}")
-    wanted = [Coordinate(first.body, "x", first.point), Coordinate(first.body, "y", first.point)]
+    wanted = [Output(first.body, "x", first.point), Output(first.body, "y", first.point)]
     if len(assembly.structure.inputs) == 3:
-        wanted.append(Coordinate(first.body, "angle"))
+        wanted.append(Output(first.body, "angle"))
     elif angle is not None:
         drives = count(len(assembly.structure.inputs), "drive")
         raise ArgumentError(
@@ -201,7 +200,7 @@ def _equilibria(assembly: Assembly, coordinates: np.ndarray, told: Platform) -> 
             break
         near = coordinates[:, held]
         try:
-            found = displaced(assembly, near[chosen], inertia=False, near=Followed(near))
+            found = displaced(assembly, near[chosen], inertia=False, near=Walk(near))
         except AssemblyError:
             continue
         left = told.holding.size - held.size
@@ -281,7 +280,7 @@ def _elastic(told: Platform, outputs: Sequence[Output]) -> dict[Output, np.ndarr
                 raise ArgumentError("mechanism", str(error)) from None
             continue
         for d, values in out.items():
-            values[held] = d.elastic(found)
+            values[held] = found.output(d)
         break
     return out
 

@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
-from analytic.kinematics.inverse import Coordinate, splined
+from analytic.kinematics.inverse import splined
 from analytic.kinematics.motion import kinematics
-from analytic.kinematics.schedule import KNOTS, Knots, Schedule
+from analytic.kinematics.output import Output
+from analytic.kinematics.schedule import FEWEST_KNOTS, Knots, Schedule
 from analytic.mechanism.errors import quoted
 from analytic.mechanism.signals import Signal, position, turned_near
 from compare.arguments import MOST, numbers
@@ -173,8 +174,8 @@ def of_file(path: Path, assembly: Assembly) -> dict[str, Knots]:
     for name, signal in wanted.items():
         if signal in table.values and not np.all(np.isfinite(table.values[signal])):
             faults.append(f"{path.name}: {signal} has empty cells; give joint {name} a position in every row")
-    if not faults and table.time.size < KNOTS:
-        faults.append(f"{path.name}: has {table.time.size} rows; a course needs at least {KNOTS}")
+    if not faults and table.time.size < FEWEST_KNOTS:
+        faults.append(f"{path.name}: has {table.time.size} rows; a course needs at least {FEWEST_KNOTS}")
     if not faults and table.time[0] < 0:
         faults.append(f"{path.name}: begins at {table.time[0]:g} s; a course begins at 0 s or later")
     if faults:
@@ -209,12 +210,12 @@ def of_path(path: Path, assembly: Assembly) -> tuple[dict[str, Knots], np.ndarra
         for signal in poses
         if not np.all(np.isfinite(table.values[signal.name]))
     ]
-    if not faults and table.time.size < KNOTS:
-        faults.append(f"{path.name}: has {table.time.size} rows; a path needs at least {KNOTS}")
+    if not faults and table.time.size < FEWEST_KNOTS:
+        faults.append(f"{path.name}: has {table.time.size} rows; a path needs at least {FEWEST_KNOTS}")
     if faults:
         raise DataError(*faults)
     _warn(path, table, [signal.name for signal in poses], "no x, y or angle of a body")
-    wanted = [Coordinate(signal.place, _axis(signal)) for signal in poses]
+    wanted = [Output(signal.place, _axis(signal)) for signal in poses]
     home = kinematics(assembly, assembly.inputs[:, None])
     told = []
     for coordinate, signal in zip(wanted, poses, strict=True):

@@ -29,25 +29,36 @@ import importlib.metadata
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from analytic.errors import Error
-    from analytic.mechanism import Body, Drive, Joint, Load, Mechanism, Spring
-    from analytic.mechanism.file import load
-    from compare.accuracy import accuracy
-    from compare.analyse import analyse, simulate
-    from compare.baseline.check import check_baselines
-    from compare.catalogue import cases, effects, simulators
-    from compare.check import check
-    from compare.crosscheck import crosscheck
-    from compare.diagnose.begin import begin
-    from compare.diagnose.data.measured import load_measured as read_measured
-    from compare.diagnose.preview import preview
-    from compare.diagnose.workflow import diagnose
-    from compare.domain_map.validity import validity
-    from compare.export import export
-    from compare.history import runs
-    from compare.imported import import_mjcf
-    from compare.platform import platform_accuracy
-    from compare.show import show
+    from analytic.errors import Error as Error
+    from analytic.mechanism import Body as Body
+    from analytic.mechanism import Drive as Drive
+    from analytic.mechanism import Joint as Joint
+    from analytic.mechanism import Load as Load
+    from analytic.mechanism import Mechanism as Mechanism
+    from analytic.mechanism import Spring as Spring
+    from analytic.mechanism.file import load as load
+    from compare.accuracy import accuracy as accuracy
+    from compare.analyse import analyse as analyse
+    from compare.analyse import simulate as simulate
+    from compare.baseline.check import check_baselines as check_baselines
+    from compare.catalogue import cases as cases
+    from compare.catalogue import effects as effects
+    from compare.catalogue import simulators as simulators
+    from compare.check import check as check
+    from compare.crosscheck import crosscheck as crosscheck
+    from compare.diagnose.begin import begin as begin
+    from compare.diagnose.data.measured import load_measured
+    from compare.diagnose.preview import preview as preview
+    from compare.diagnose.workflow import diagnose as diagnose
+    from compare.domain_map.validity import validity as validity
+    from compare.export import export as export
+    from compare.history import runs as runs
+    from compare.imported import import_mjcf as import_mjcf
+    from compare.platform import platform_accuracy as platform_accuracy
+    from compare.show import show as show
+
+    read_measured = load_measured
+
 
 _WHERE = {
     "Body": "analytic.mechanism",
@@ -79,35 +90,7 @@ _WHERE = {
     "validity": "compare.domain_map.validity",
 }
 
-__all__ = [
-    "Body",
-    "Drive",
-    "Error",
-    "Joint",
-    "Load",
-    "Mechanism",
-    "Spring",
-    "accuracy",
-    "analyse",
-    "begin",
-    "cases",
-    "check",
-    "check_baselines",
-    "crosscheck",
-    "diagnose",
-    "effects",
-    "export",
-    "import_mjcf",
-    "load",
-    "platform_accuracy",
-    "preview",
-    "read_measured",
-    "runs",
-    "show",
-    "simulate",
-    "simulators",
-    "validity",
-]
+__all__ = [*_WHERE]
 
 
 def __getattr__(name: str) -> object:
@@ -116,9 +99,9 @@ def __getattr__(name: str) -> object:
     if name not in _WHERE:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}; it has {', '.join(__all__)}")
     module, _, other = _WHERE[name].partition(":")
-    found = getattr(importlib.import_module(module), other or name)
-    globals()[name] = found
-    return found
+    value = getattr(importlib.import_module(module), other or name)
+    globals()[name] = value
+    return value
 
 
 def __dir__() -> list[str]:

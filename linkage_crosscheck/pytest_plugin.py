@@ -29,11 +29,11 @@ if TYPE_CHECKING:
 
 UPDATE = "--linkage-update-baselines"
 REPORT = "--linkage-report"
-LONGEST = 150  # characters of a folder's name; file systems take 255 bytes
+LONGEST_FOLDER = 150  # characters of a folder's name; file systems take 255 bytes
 STORED = "linkage_baseline"  # a test's property for each baseline file that it has written
 
 
-class Options(TypedDict, total=False):
+class CheckOptions(TypedDict, total=False):
     """What :func:`compare.crosscheck.crosscheck` may be asked, by name; SI units and radians."""
 
     joint_model: JointModel | None
@@ -66,7 +66,7 @@ def linkage_check(request: pytest.FixtureRequest) -> LinkageCheck:
 @pytest.hookimpl(trylast=True)
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """Say which baselines were written, whichever process wrote them."""
-    reports = (report for found in terminalreporter.stats.values() for report in found)
+    reports = (report for outcome in terminalreporter.stats.values() for report in outcome)
     properties = [each for report in reports for each in getattr(report, "user_properties", ())]
     written = dict.fromkeys(str(value) for name, value in properties if name == STORED)
     if written:
@@ -88,7 +88,7 @@ class LinkageCheck:
         simulators: Simulators = "mujoco",
         *,
         baseline: str | Path | None = None,
-        **options: Unpack[Options],
+        **options: Unpack[CheckOptions],
     ) -> CrossCheck:
         """Cross-check a linkage; fail the test unless both sides agree.  Returns the result.
 
@@ -112,7 +112,7 @@ class LinkageCheck:
         pytest.fail(why)
 
     def _checked(
-        self, mechanism: Linkage, simulators: Simulators, baseline: str | Path | None, options: Options
+        self, mechanism: Linkage, simulators: Simulators, baseline: str | Path | None, options: CheckOptions
     ) -> CrossCheck:
         __tracebackhide__ = True
         import linkage_crosscheck as lc
@@ -167,12 +167,12 @@ class LinkageCheck:
         names = given.split(",") if isinstance(given, str) else given
         if not isinstance(names, Sequence) or not any(isinstance(name, str) and scheme_of(name)[0] for name in names):
             return given
-        found = []
+        models = []
         for name in names:
             scheme, place = scheme_of(name) if isinstance(name, str) else ("", "")
             parts = [str(self._beside(part)) if part else part for part in place.split(SEPARATOR)]
-            found.append(f"{scheme}:{SEPARATOR.join(parts)}" if scheme else name)
-        return found
+            models.append(f"{scheme}:{SEPARATOR.join(parts)}" if scheme else name)
+        return models
 
     def _folder(self) -> Path | None:
         """Where the report of this call goes, if it is wanted."""
@@ -180,8 +180,8 @@ class LinkageCheck:
         if place is None:
             return None
         name = re.sub(r"[^\w=.,@-]+", "_", self.test.nodeid).strip("_")
-        if len(name) > LONGEST:
-            name = f"{name[: LONGEST - 9]}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
+        if len(name) > LONGEST_FOLDER:
+            name = f"{name[: LONGEST_FOLDER - 9]}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
         return self.test.config.invocation_params.dir / place / (name if self.calls == 1 else f"{name}-{self.calls}")
 
 

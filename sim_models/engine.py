@@ -21,7 +21,7 @@ from typing import Literal, Protocol, cast, get_args
 import numpy as np
 
 from analytic.errors import Error
-from analytic.kinematics.schedule import Course, Motor, Schedule
+from analytic.kinematics.schedule import Course, DriveMotion, Schedule
 from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import count
 from sim_models.common.silence import silence, uninterrupted
@@ -244,13 +244,13 @@ class Request:
         return self.schedule.motion
 
     @property
-    def motor(self) -> Motor | None:
+    def motor(self) -> DriveMotion | None:
         """How the motor of a crank has its angle (rad) go on, from its lead-in on; None at rest, and where it is let
         go.
         """
         if self.schedule.at_rest or self.schedule.lets_go:
             return None
-        motor = self.schedule.motor(self.mechanism)
+        motor = self.schedule.crank_motion(self.mechanism)
         return motor if isinstance(motor, Course) else replace(motor, begin=-(self.lead_in / motor.top_speed))
 
     @property

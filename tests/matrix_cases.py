@@ -14,7 +14,7 @@ from typing import Any, get_args
 from pydantic import BaseModel
 
 from analytic.mechanism import Mechanism
-from analytic.mechanism.parts import Part
+from analytic.mechanism.parts import MechanismPart
 
 FOUR_BAR = """
 name = "matrix"
@@ -165,7 +165,7 @@ def fields(model: type[BaseModel] = Mechanism) -> set[str]:
 
 
 def _parts(annotation: Any) -> Iterator[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, Part):
+    if isinstance(annotation, type) and issubclass(annotation, MechanismPart):
         yield annotation
     for inner in get_args(annotation):
         yield from _parts(inner)

@@ -13,11 +13,12 @@ from scipy.optimize import minimize
 from analytic.beyond_paper.monte_carlo import Population, draw
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import Gap, kinematics
+from analytic.kinematics.output import Output
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import load
-from analytic.paper.envelope import Output, transmission, unit_reactions
+from analytic.paper.envelope import transmission, unit_reactions
 from analytic.paper.kinetostatics import kinetostatics
-from analytic.paper.superposition import Accuracy, accuracy, total_displacement
+from analytic.paper.superposition import AccuracyAnalysis, accuracy, total_displacement
 from asked import request_of
 from linkages import inverted_slider, scotch_yoke, six_bar_driven_from_the_rocker
 from sim_models.engine import ENGINES, declared
@@ -45,7 +46,7 @@ def everything(m: Mechanism) -> list[Output]:
     return [Output(body.name, axis) for body in m.bodies for axis in axes]
 
 
-def at_rest(m: Mechanism, c: float = C, theta: np.ndarray = CYCLE) -> Accuracy:
+def at_rest(m: Mechanism, c: float = C, theta: np.ndarray = CYCLE) -> AccuracyAnalysis:
     """Every revolute joint with the same clearance, static."""
     assembly = Assembly(m)
     return accuracy(assembly, theta, everything(m), dict.fromkeys(assembly.structure.pins, c))
@@ -56,7 +57,7 @@ def moved(m: Mechanism, values: dict[Output, np.ndarray]) -> np.ndarray:
     return np.array([values[Output(b.name, "x")] + 1j * values[Output(b.name, "y")] for b in m.bodies])
 
 
-def reassembled(found: Accuracy, gaps: np.ndarray, outputs: Sequence[Output]) -> dict[Output, np.ndarray]:
+def reassembled(found: AccuracyAnalysis, gaps: np.ndarray, outputs: Sequence[Output]) -> dict[Output, np.ndarray]:
     """Displacements by gaps (pins, N), closing the linkage again."""
     theta = np.broadcast_to(found.theta, gaps.shape[1:])
     ideal, displaced = (
@@ -269,7 +270,7 @@ def test_the_farthest_point_is_the_maximum_over_every_direction(m: Mechanism) ->
 # ---------------------------------------------------------------- Monte Carlo
 
 
-def population(found: Accuracy) -> Population:
+def population(found: AccuracyAnalysis) -> Population:
     return Population(
         found.assembly, found.total.clearance.ideal.motion, found.path, found.unit_reactions, found.directions
     )
@@ -337,7 +338,7 @@ def test_blocks_of_crank_angles_do_not_change_the_samples(monkeypatch: pytest.Mo
     for nonlinear in (False, True):
         whole = population(found).distribution(drawn, "free", nonlinear).spreads[d]
         with monkeypatch.context() as patch:
-            patch.setattr("analytic.beyond_paper.monte_carlo.BLOCK", 2000)
+            patch.setattr("analytic.beyond_paper.monte_carlo.SAMPLES_AT_ONCE", 2000)
             parts = population(found).distribution(drawn, "free", nonlinear).spreads[d]
         np.testing.assert_allclose(parts.sigma, whole.sigma, rtol=1e-12)
         np.testing.assert_allclose(parts.low, whole.low, rtol=1e-9)
@@ -389,7 +390,7 @@ def test_no_side_changes_where_the_load_never_reverses() -> None:
 @pytest.mark.parametrize("start", [60.0, 57.5])
 def test_a_whole_turn_has_no_gap_between_its_last_and_first_crank_angle(start: float) -> None:
     sliding = load("slider-crank")
-    rest = float(kinematics(Assembly(sliding), np.radians([57.5])).travel("S")[0][0])
+    rest = float(kinematics(Assembly(sliding), np.radians([57.5])).relative(sliding.joint("S"))[0])
     m = sliding.with_joint("S", stiffness=1e4, rest_angle=rest)  # the spring lets go of the rod at 57.5 and 302.5 deg
     whole = at_rest(m, C, np.radians(start + np.arange(0.0, 356.0, 5.0)))
     assert np.degrees([c.crank_angle for c in whole.side_changes if c.joint == "B"]) == pytest.approx(

@@ -73,7 +73,7 @@ def test_the_drive_pays_what_the_bearings_take(name: str, sign: int) -> None:
     m = rubbed(plain, {j.name: 2e-3 for j in plain.joints if not j.prismatic})
     speed = sign * (plain.speed or 1.0)
     without, found = (kinetostatics(moved(each, speed=speed)) for each in (plain, m))
-    lost = sum(2e-3 * np.abs(found.forces[j.name]) * np.abs(found.motion.slip(j)[0]) for j in m.load_rubbed)
+    lost = sum(2e-3 * np.abs(found.forces[j.name]) * np.abs(found.motion.slip(j)) for j in m.load_rubbed)
     paid = (found.drive_torque - without.drive_torque) * speed
     np.testing.assert_allclose(paid, lost, atol=1e-12 * np.max(lost))
     assert np.max(lost) > 0.05 * np.abs(without.drive_torque * speed).max()
@@ -128,7 +128,7 @@ def test_a_pin_with_clearance_lies_beside_its_reaction_and_is_rubbed_where_it_to
     theta = np.radians(np.arange(5.0, 365.0, 20.0))
     found = displaced(Assembly(m), theta, m.speed or 1.0, inertia=False, model=model)
     assert not found.flags
-    slip = np.sign(found.ideal.motion.slip(m.joint("B"))[0])
+    slip = np.sign(found.ideal.motion.slip(m.joint("B")))
     turned = np.angle(found.gaps["B"] / found.reactions.forces["B"])
     np.testing.assert_allclose(turned, slip * np.arctan(mu), atol=1e-9)
     np.testing.assert_allclose(np.abs(found.gaps["B"]), c, rtol=1e-12)

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from analytic.compiled import run
-from analytic.kinematics.assembly import Assembly, AssemblyError, Followed
+from analytic.kinematics.assembly import Assembly, AssemblyError, Walk
 from analytic.kinematics.motion import Gap, Motion, kinematics, kinematics_by_numpy
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
-from analytic.paper.kinetostatics import Reactions, kinetostatics, kinetostatics_by_numpy
+from analytic.paper.kinetostatics import Reactions, compiled_reactions, kinetostatics, kinetostatics_by_numpy
 from linkages import curved_slider, jansen_leg
 from random_linkages import WIDE, Ranges, seeded
 from several_linkages import CASES, sprung, third_bar, waved
@@ -84,7 +84,7 @@ def held_against_numpy(
         )  # fmt: skip
 
     motion = kinematics(Assembly(mechanism), inputs, omega, alpha, gaps)
-    assert run.balanced(motion.assembly, motion.moved, inertia, grip) is not None
+    assert compiled_reactions(motion, inertia, grip) is not None
     agree(kinetostatics(motion, inertia, grip), by_numpy(inputs), by_numpy(inputs * (1 + 3e-16)))
 
 
@@ -276,7 +276,7 @@ def test_a_path_that_is_given_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
     known = assembly.follow(inputs)
     monkeypatch.setattr(Assembly, "follow", None)
     monkeypatch.setattr(run, "followed", None)
-    again = kinematics(assembly, inputs[:, ::-1], path=Followed(known.coordinates[:, ::-1]))
+    again = kinematics(assembly, inputs[:, ::-1], path=Walk(known.coordinates[:, ::-1]))
     assert again.compiled
     np.testing.assert_allclose(again.coordinates, known.coordinates[:, ::-1], atol=1e-12)
 
@@ -287,7 +287,7 @@ def test_one_row_of_inputs_is_for_all_drives_and_a_path_of_another_length_for_no
     ours, theirs = (call(assembly, same) for call in (kinematics, kinematics_by_numpy))
     assert ours.compiled
     np.testing.assert_allclose(ours.columns, theirs.columns, atol=1e-14)
-    short = Followed(ours.coordinates[:, :7])
+    short = Walk(ours.coordinates[:, :7])
     for call in (kinematics, kinematics_by_numpy):
         with pytest.raises(ValueError, match="broadcast"):
             call(assembly, same, path=short)
@@ -363,7 +363,7 @@ def test_a_motion_that_may_not_be_written_is_balanced_and_one_without_its_gaps_i
     motion.columns.flags.writeable = False
     np.testing.assert_array_equal(kinetostatics(motion).drive_torque, torque)
     live = motion.part(slice(None), len(motion.structure.bodies))
-    assert run.balanced(live.assembly, live.moved, True, None) is None
+    assert compiled_reactions(live, True, None) is None
 
 
 @pytest.mark.usefixtures("always")

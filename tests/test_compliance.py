@@ -13,10 +13,10 @@ from analytic.kinematics.motion import Motion, kinematics
 from analytic.mechanism import Drive, Load, Mechanism
 from analytic.mechanism.file import load, loads
 from analytic.paper.compliance import Compliance, _carry, compliance
-from analytic.paper.frame import Bar, ComplianceError, beam_stiffness, frame
+from analytic.paper.frame import ComplianceError, ElasticBar, beam_stiffness, frame
 from analytic.paper.kinetostatics import kinetostatics
 
-FLAT = Bar(length=0.37, height=0.012, depth=0.03, youngs_modulus=2.1e11, shear_modulus=0.81e11)
+FLAT = ElasticBar(length=0.37, height=0.012, depth=0.03, youngs_modulus=2.1e11, shear_modulus=0.81e11)
 STEEL = {"youngs_modulus": 2e11, "section": (0.01, 0.01)}
 
 
@@ -81,7 +81,7 @@ def test_beam_is_the_element_matrix_of_pynite() -> None:
 @pytest.mark.parametrize(("ratio", "factor"), [(1.0, 0.1406), (1.5, 0.196), (2.0, 0.229), (4.0, 0.281), (10.0, 0.312)])
 def test_torsion_constant_is_that_of_timoshenko_goodier_table_of_article_109(ratio: float, factor: float) -> None:
     for height, depth in ((0.01, 0.01 * ratio), (0.01 * ratio, 0.01)):
-        bar = Bar(1.0, height, depth, 1.0, 1.0)
+        bar = ElasticBar(1.0, height, depth, 1.0, 1.0)
         assert bar.torsion_constant == pytest.approx(factor * 0.01**4 * ratio, rel=2e-3)
 
 
@@ -222,7 +222,7 @@ def test_elastic_drive_moves_a_rigid_linkage_along_its_own_kinematics(mechanism:
     unit = at(mechanism, degrees, 1.0)
     for joint in mechanism.joints:  # joint springs resist too, by the square of how fast they wind up
         if joint.prismatic:
-            stiffness = stiffness + joint.stiffness * unit.travel(joint.name)[1] ** 2
+            stiffness = stiffness + joint.stiffness * unit.slip(joint) ** 2
         else:
             first, second = (unit.angular_velocity(b) for b in joint.bodies)
             stiffness = stiffness + joint.stiffness * (second - first) ** 2

@@ -15,7 +15,7 @@ from analytic.beyond_paper.backlash import Slack
 from analytic.beyond_paper.drive import Motor
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import kinematics
-from analytic.kinematics.schedule import Turning
+from analytic.kinematics.schedule import Steady, Turning
 from analytic.mechanism import Mechanism
 from analytic.paper.kinetostatics import kinetostatics
 from asked import request_of
@@ -47,7 +47,7 @@ def torque_of(mechanism: Mechanism, turning: Turning) -> np.ndarray:
 
 def slack(mechanism: Mechanism, time: np.ndarray, speed: float = SPEED) -> Slack:
     """The crank of a mechanism that turns fully, in its gap."""
-    return Slack.behind(Motor(speed, START), time, None, lambda t: torque_of(mechanism, t), True, GAP)
+    return Slack.behind(Motor(Steady(START, speed)), time, None, lambda t: torque_of(mechanism, t), True, GAP)
 
 
 def driven(speed: float = SPEED, **drive: object) -> Mechanism:
@@ -61,7 +61,7 @@ def driven(speed: float = SPEED, **drive: object) -> Mechanism:
 
 def test_a_flight_ends_where_an_independent_equation_of_motion_ends_it() -> None:
     """A weight passes over the top: until then the motor lifts it, from there on it runs ahead."""
-    found = Slack.behind(Motor(SPEED, START), np.linspace(0.0, 1.0, 50), None, weight, True, GAP)
+    found = Slack.behind(Motor(Steady(START, SPEED)), np.linspace(0.0, 1.0, 50), None, weight, True, GAP)
     flight = next(f for f in found.flights if f.side < 0)
 
     def free(time: float, state: np.ndarray) -> list[float]:
@@ -92,7 +92,7 @@ def test_on_a_flank_the_torque_points_to_it_and_a_smaller_gap_lets_the_crank_fly
     flank = np.abs(np.abs(behind) - GAP) < 1e-12
     assert 0.8 < np.mean(flank) < 1.0
     assert np.all(np.sign(torque_of(m, crank)[flank]) == np.sign(behind[flank]))
-    small = Slack.behind(Motor(SPEED, START), time, None, lambda t: torque_of(m, t), True, GAP / 8)
+    small = Slack.behind(Motor(Steady(START, SPEED)), time, None, lambda t: torque_of(m, t), True, GAP / 8)
     lasted = [[f.end - f.begin for f in s.flights] for s in (found, small)]
     assert len(lasted[0]) == len(lasted[1])
     assert np.array(lasted[0]) / np.array(lasted[1]) == pytest.approx(2.0, rel=0.1)  # as its cube root
@@ -100,7 +100,7 @@ def test_on_a_flank_the_torque_points_to_it_and_a_smaller_gap_lets_the_crank_fly
 
 def test_stiffness_and_backlash_add_their_lags() -> None:
     time, m, stiffness = np.linspace(0.0, 2 * math.pi / SPEED, 300), driven(), 400.0
-    motor = Motor(SPEED, START)
+    motor = Motor(Steady(START, SPEED))
 
     def torque(t: Turning) -> np.ndarray:
         return torque_of(m, t)
@@ -146,7 +146,7 @@ def test_on_a_course_too(name: str) -> None:
     from scipy.interpolate import CubicSpline
 
     course = CubicSpline(knots, START + SPEED * knots + 0.2 * np.sin(4 * knots))
-    found = Slack.behind(Motor(course=course), time, None, lambda t: torque_of(m, t), True, GAP)
+    found = Slack.behind(Motor(course), time, None, lambda t: torque_of(m, t), True, GAP)
     crank, told = found.at(time), ~found.landing(time)
     seen = engine(name).simulate(request_of(m, time=time, course=(knots, course(knots)))).signals
     assert np.abs(seen[f"{m.driven}_angle"] - crank.theta)[told].max() < 5e-3 * GAP

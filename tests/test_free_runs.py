@@ -12,7 +12,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
-from analytic.beyond_paper.freedom import POINTS, Freedom, swing
+from analytic.beyond_paper.freedom import TABLE_POINTS, Freedom, swing
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
@@ -82,7 +82,7 @@ def test_the_swings_of_the_springs_do_reach_another_turn() -> None:
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("inertia", [0.0, -1e-3])
 def test_a_linkage_without_positive_inertia_has_no_motion(inertia: float) -> None:
-    table = np.zeros((7, POINTS))
+    table = np.zeros((7, TABLE_POINTS))
     table[0], table[4] = inertia, 1.0
     freedom = Freedom(table)
     assert np.isnan(freedom.acceleration(np.array([0.0, 1.0]), np.array([1.0, 0.0]))).all()

@@ -12,12 +12,12 @@ from scipy.optimize import minimize
 from analytic.beyond_paper.monte_carlo import draw
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import kinematics
-from analytic.kinematics.structure import Rest
+from analytic.kinematics.output import Output
+from analytic.kinematics.structure import BlockRest
 from analytic.mechanism import Load, Mechanism, MechanismError
 from analytic.mechanism.file import dumps, load, loads
 from analytic.paper.clearance import displaced
-from analytic.paper.envelope import Output
-from analytic.paper.guide import Block
+from analytic.paper.guide import GuidedBlock
 from analytic.paper.kinetostatics import kinetostatics
 from analytic.paper.superposition import accuracy
 from compare.accuracy import accuracy as compare_accuracy
@@ -136,7 +136,7 @@ def test_first_order_is_off_by_the_square_of_the_clearance(name: str) -> None:
 
 
 def test_the_height_of_the_block_decides_how_far_it_tilts() -> None:
-    low, high = (Block.of(load("slider-crank").with_joint("S", guide=(0.1, h)), "S", 1e-3) for h in (1e-6, 0.05))
+    low, high = (GuidedBlock.of(load("slider-crank").with_joint("S", guide=(0.1, h)), "S", 1e-3) for h in (1e-6, 0.05))
     assert math.sin(low.tilt) == pytest.approx(0.02, rel=1e-5)
     for block in (low, high):
         corner = complex(block.length, block.height) / 2 * np.exp(1j * block.tilt)
@@ -155,7 +155,7 @@ def test_force_and_moment_are_the_slope_of_the_energy(case: str) -> None:
     )
     assembly, theta = Assembly(m), np.array([0.4])
 
-    def energy(rest: Rest) -> float:
+    def energy(rest: BlockRest) -> float:
         motion = kinematics(assembly.resting({"S": rest}), theta)
         total = 0.0
         for body in m.bodies:
@@ -169,15 +169,15 @@ def test_force_and_moment_are_the_slope_of_the_energy(case: str) -> None:
     first = m.joint("S").bodies[0]
     normal = 1j * m.joint("S").direction * np.exp(1j * found.motion.angle(first))
     across, step = float((found.forces["S"] * np.conj(normal)).real[0]), 1e-6
-    slope = (energy(Rest(step, 0.0)) - energy(Rest(-step, 0.0))) / (2 * step)
-    turning = (energy(Rest(0.0, step)) - energy(Rest(0.0, -step))) / (2 * step)
+    slope = (energy(BlockRest(step, 0.0)) - energy(BlockRest(-step, 0.0))) / (2 * step)
+    turning = (energy(BlockRest(0.0, step)) - energy(BlockRest(0.0, -step))) / (2 * step)
     assert [slope, turning] == pytest.approx([across, float(found.moments["S"][0])], rel=1e-7)
 
 
 @pytest.mark.parametrize("case", ["slider-crank", "inverted slider"])
 def test_a_linkage_closes_with_its_block_off_its_place(case: str) -> None:
     m = inverted_slider() if case == "inverted slider" else slider_crank(LOADS["tilted"])
-    motion = kinematics(Assembly(m).resting({"S": Rest(2e-3, -0.03)}), np.linspace(0.1, 0.9, 5), 3.0)
+    motion = kinematics(Assembly(m).resting({"S": BlockRest(2e-3, -0.03)}), np.linspace(0.1, 0.9, 5), 3.0)
     for joint in m.joints:
         first, second = joint.bodies
         apart = motion.position(first, joint.name) - motion.position(second, joint.name)
@@ -185,7 +185,7 @@ def test_a_linkage_closes_with_its_block_off_its_place(case: str) -> None:
             np.testing.assert_allclose(apart, 0.0, atol=1e-14)
             continue
         along = joint.direction * np.exp(1j * motion.angle(first))
-        np.testing.assert_allclose(-apart, (motion.travel("S")[0] + 2e-3j) * along, atol=1e-14)
+        np.testing.assert_allclose(-apart, (motion.relative(joint) + 2e-3j) * along, atol=1e-14)
         np.testing.assert_allclose(motion.angle(second) - motion.angle(first), joint.angle - 0.03, atol=1e-14)
         np.testing.assert_allclose(motion.play(joint)[0], -2e-3j * along, atol=1e-14)
 
@@ -265,7 +265,7 @@ def test_the_worst_case_is_the_farthest_of_the_four_corners() -> None:
     rows = {d: found.unit_reactions[d][list(found.pins).index("S")] for d in OUTPUTS}
     ideal = kinematics(Assembly(m), ANGLES)
     moved = []
-    for rest in (Rest(-1e-7, 0.0), Rest(1e-7, 0.0), Rest(0.0, -2e-6), Rest(0.0, 2e-6)):
+    for rest in (BlockRest(-1e-7, 0.0), BlockRest(1e-7, 0.0), BlockRest(0.0, -2e-6), BlockRest(0.0, 2e-6)):
         motion = kinematics(Assembly(m).resting({"S": rest}), ANGLES)
         moved.append([d.value(motion) - d.value(ideal) for d in OUTPUTS])
     for d, ways in zip(OUTPUTS, np.array(moved).transpose(1, 0, 2), strict=True):

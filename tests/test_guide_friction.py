@@ -429,7 +429,7 @@ def test_the_drive_pays_what_pins_and_block_take() -> None:
     theta = np.arange(3600) * 2 * np.pi / 3600 + 1e-4
     found = kinetostatics(kinematics(Assembly(m), theta, m.speed or 1.0))
     work = np.mean(found.drive_torque) * 2 * np.pi
-    slips = {name: found.motion.slip(m.joint(name))[0] / (m.speed or 1.0) for name in "OABS"}
+    slips = {name: found.motion.slip(m.joint(name)) / (m.speed or 1.0) for name in "OABS"}
     across, moment = found.forces["S"].imag, found.moments["S"]
     walls = moment + np.sign(slips["S"]) * 0.2 * 0.05 / 2 * across  # of a block of 0.1 m by 0.05 m
     corners = np.abs(across / 2 - walls / 0.1) + np.abs(across / 2 + walls / 0.1)

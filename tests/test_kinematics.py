@@ -32,7 +32,7 @@ def test_every_joint_stays_together(mechanism: Mechanism, theta: np.ndarray) -> 
         first, second = joint.bodies
         apart = motion.position(second, joint.name) - motion.position(first, joint.name)
         if joint.prismatic:
-            travel, _ = motion.travel(joint.name)
+            travel = motion.relative(joint)
             axis = joint.direction * np.exp(1j * motion.angle(first))
             np.testing.assert_allclose(apart, travel * axis, atol=1e-14)
             np.testing.assert_allclose(motion.angle(second) - motion.angle(first), joint.angle, atol=1e-12)

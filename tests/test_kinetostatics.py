@@ -57,7 +57,7 @@ def joint_law(motion: Motion, name: str) -> np.ndarray:
     joint = motion.structure.mechanism.joint(name)
     first, second = joint.bodies
     if joint.prismatic:
-        position, rate = motion.travel(name)
+        position, rate = motion.relative(joint), motion.slip(joint)
     else:
         position = motion.angle(second) - motion.angle(first)
         rate = motion.angular_velocity(second) - motion.angular_velocity(first)
@@ -121,9 +121,7 @@ def test_the_drives_power_is_what_all_else_takes(mechanism: Mechanism, theta: np
     for joint in mechanism.joints:
         first, second = joint.bodies
         rate = (
-            motion.travel(joint.name)[1]
-            if joint.prismatic
-            else motion.angular_velocity(second) - motion.angular_velocity(first)
+            motion.slip(joint) if joint.prismatic else motion.angular_velocity(second) - motion.angular_velocity(first)
         )
         power = power + joint_law(motion, joint.name) * rate
     np.testing.assert_allclose(power, 0, atol=1e-11 * max(1.0, np.abs(found.drive_torque * omega).max()))

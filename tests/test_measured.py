@@ -15,9 +15,9 @@ from scipy.integrate import solve_ivp
 
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import kinematics
-from analytic.mechanism.columns import PLAIN
+from analytic.mechanism.columns import ANY_LAYOUT
 from analytic.mechanism.file import dumps, load
-from analytic.mechanism.units import OFFERED, SI, Dimension, UnitError, factor, readable
+from analytic.mechanism.units import OFFERED, SI, QuantityKind, UnitError, factor, readable
 from analytic.paper.kinetostatics import kinetostatics
 from compare.diagnose.data import measured, quality
 from compare.diagnose.data.clipping import clipped
@@ -203,7 +203,7 @@ def test_fast_and_careful_reading_agree(tmp_path: Path, seed: int) -> None:
     path = tmp_path / "x.csv"
     path.write_text(text)
     found = read_table(path, CRANK_ROCKER)
-    top = header(path, coding(path), names_of := Names(CRANK_ROCKER, PLAIN))
+    top = header(path, coding(path), names_of := Names(CRANK_ROCKER, ANY_LAYOUT))
     headings = read_headings(top.cells, {}, names_of, "line 1", True)
     assert headings.time is not None
     reader = _Reader("x.csv", top, [headings.time, *headings.columns])
@@ -565,7 +565,7 @@ def test_swapped_columns_and_wrong_units_are_seen_with_a_model(tmp_path: Path) -
     ],
 )
 def test_a_slope_is_told_by_the_unit_that_a_column_is_read_in(
-    kind: Dimension, unit: str, slope: float, what: str | None
+    kind: QuantityKind, unit: str, slope: float, what: str | None
 ) -> None:
     model = np.sin(np.linspace(0.0, 5.0, 50))
     told = quality.looks(kind, unit, model, slope * model)

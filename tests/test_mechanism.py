@@ -17,8 +17,8 @@ from pydantic import ValidationError
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import kinematics
 from analytic.kinematics.structure import StructureError, structure
-from analytic.mechanism import Body, Mechanism, MechanismWarning
-from analytic.mechanism.file import MechanismError, dumps, load, loads, shipped_cases
+from analytic.mechanism import Body, Mechanism, MechanismError, MechanismWarning
+from analytic.mechanism.file import dumps, load, loads, shipped_cases
 from linkages import INVERTED_SLIDER, chain, inverted_slider, scotch_yoke
 
 PAPER = dumps(load("paper"))

@@ -23,13 +23,13 @@ def test_a_motor_at_constant_speed_passes_every_angle_after_its_lead_in(speed: f
     request = request_of(ROCKER.replace(drive=at(speed)), crank_angle=ANGLES, lead_in=0.4)
     motor = request.motor
     assert isinstance(motor, Steady)
-    assert (motor.position, motor.begin, motor.top_speed) == (first, -0.05, 8.0)
-    assert motor.angle(motor.begin) == pytest.approx(first - np.copysign(0.4, speed), abs=1e-15)
+    assert (motor.start, motor.begin, motor.top_speed) == (first, -0.05, 8.0)
+    assert motor.position(motor.begin) == pytest.approx(first - np.copysign(0.4, speed), abs=1e-15)
     times = request.schedule.time
     assert times.min() == 0
-    np.testing.assert_allclose(motor.angles(times), ANGLES, rtol=0, atol=1e-15)
-    np.testing.assert_array_equal(motor.angles(times, 1), [speed] * 3)
-    np.testing.assert_array_equal(motor.angles(times, 2), [0.0] * 3)
+    np.testing.assert_allclose(motor.positions(times), ANGLES, rtol=0, atol=1e-15)
+    np.testing.assert_array_equal(motor.positions(times, 1), [speed] * 3)
+    np.testing.assert_array_equal(motor.positions(times, 2), [0.0] * 3)
 
 
 def test_a_motor_on_a_course_goes_through_its_knots_and_is_fastest_between_them() -> None:
@@ -40,10 +40,10 @@ def test_a_motor_on_a_course_goes_through_its_knots_and_is_fastest_between_them(
     assert isinstance(motor, Course)
     assert (motor.begin, motor.end, motor.knot_spacing) == (1.0, 3.0, 0.5)
     np.testing.assert_array_equal(request.schedule.time, [2.5, 1.2])
-    np.testing.assert_allclose(motor.angles(knots), cubic, atol=1e-14)
+    np.testing.assert_allclose(motor.positions(knots), cubic, atol=1e-14)
     assert motor.top_speed == pytest.approx(3.0, rel=1e-12)
     assert motor.peak(3) == pytest.approx(6.0, rel=1e-12)
-    seen = motor.angle(1.2), motor.rate(1.2), motor.acceleration(1.2)
+    seen = motor.position(1.2), motor.rate(1.2), motor.acceleration(1.2)
     np.testing.assert_allclose(seen, [3 * 0.04 - 0.008, 1.2 - 0.12, 6 - 1.2], rtol=1e-12)
 
 

@@ -300,7 +300,7 @@ def test_hard_contact_that_hardly_damps_rubs_by_its_coefficient(asked: float) ->
     m = at_speed(m, 3.0).with_joint("B", restitution=asked, friction=0.03, pin_radius=0.02)
     (found_run,) = crosscheck(m, "mujoco", joint_model="contact", revolutions=2, workers=1).runs
     found = kinetostatics(kinematics(Assembly(m.ideal()), np.linspace(0, 2 * np.pi, 2001)[:-1], 3.0))
-    turning = np.abs(found.motion.slip(m.joint("B"))[0])
+    turning = np.abs(found.motion.slip(m.joint("B")))
     took = 0.03 * 0.02 * float(np.mean(np.abs(found.forces["B"]) * turning)) * 2 * np.pi / 3.0
     assert found_run.contact is not None
     assert found_run.contact.joints["B"].statistics["friction_loss"].value == pytest.approx(took, rel=5e-3)

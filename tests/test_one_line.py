@@ -11,13 +11,13 @@ from analytic.beyond_paper.monte_carlo import Population, draw
 from analytic.beyond_paper.released import released
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import Gap
-from analytic.kinematics.schedule import Schedule
+from analytic.kinematics.output import Output
+from analytic.kinematics.schedule import Schedule, Steady
 from analytic.mechanism.file import load
-from analytic.mechanism.one_line import LONGEST, angles, clearances, one_line
+from analytic.mechanism.one_line import LONGEST_LINE, angles, clearances, one_line
 from analytic.paper.clearance import displaced
-from analytic.paper.envelope import Output
 from analytic.paper.printed import FourBar, four_bar_motion
-from analytic.paper.superposition import Accuracy, accuracy
+from analytic.paper.superposition import AccuracyAnalysis, accuracy
 from compare.judge.reference import reference
 
 THETA = np.radians(np.arange(20.0, 161.0, 5.0))
@@ -25,7 +25,7 @@ PAPER, LOOSE = Assembly(load("paper")), {"B": 1e-4, "E": 1e-4}
 AT_REST = Schedule.at_angles(PAPER.mechanism, THETA, at_rest=True)
 
 
-def analysed() -> Accuracy:
+def analysed() -> AccuracyAnalysis:
     """The paper's case with clearance in two joints, and two outputs of it."""
     return accuracy(PAPER, THETA, [Output("coupler", "x"), Output("coupler", "y")], LOOSE)
 
@@ -43,7 +43,7 @@ LINES = {
     "Mechanism(pendulum, 1 moving link, 1 joint, drive O free, no clearance)": load("pendulum"),
     "Assembly(paper, assembled at 30 deg)": PAPER,
     "Structure(paper, 4 joints, 1 Assur group)": PAPER.structure,
-    "Path(6 crank angles 28..32 deg)": Assembly(load("paper")).path(np.radians(28.0), np.radians(32.0)),
+    "CrankTable(6 crank angles 28..32 deg)": Assembly(load("paper")).path(np.radians(28.0), np.radians(32.0)),
     "Gap(2 values, up to 0.002 m)": Gap(np.array([0.001j, 0.002])),
     "Motion(paper, 29 crank angles 20..160 deg)": TOTAL.clearance.ideal.motion,
     "Reactions(paper, 29 crank angles 20..160 deg, up to 73.1 N, drive torque up to 9.4 N.m)": TOTAL.clearance.ideal,
@@ -54,13 +54,13 @@ LINES = {
     "Compliance(paper, 29 crank angles 20..160 deg, up to 0.00114 m)": TOTAL.compliance,
     "Total(Displaced(paper, equilibrium, 29 crank angles 20..160 deg, clearance B 0.0001 m, E 0.0001 m), "
     "Compliance(paper, 29 crank angles 20..160 deg, up to 0.00114 m))": TOTAL,
-    "Accuracy(paper, 29 crank angles 20..160 deg, clearance B 0.0001 m, E 0.0001 m, 2 outputs, 0 side changes)": FOUND,
+    "AccuracyAnalysis(paper, 29 crank angles 20..160 deg, clearance B 0.0001 m, E 0.0001 m, 2 outputs, 0 side changes)": FOUND,
     "Samples(50 linkages, 4 joints, up to 0.00011 m)": SAMPLES,
     "Population(paper, 29 crank angles 20..160 deg, 2 outputs)": POPULATION,
     "Distribution(2 outputs, 1 point)": DISTRIBUTION,
-    "Spread(29 crank angles, sigma up to 0.000157)": DISTRIBUTION.spreads[Output("coupler", "y")],
+    "OutputSpread(29 crank angles, sigma up to 0.000157)": DISTRIBUTION.spreads[Output("coupler", "y")],
     "Released(pendulum, 11 moments -14.02..0 deg)": SWUNG,
-    "Turning(2 moments 0..57.3 deg)": Motor(speed=1.0).at(np.array([0.0, 1.0])),
+    "Turning(2 moments 0..57.3 deg)": Motor(Steady(0.0, 1.0)).at(np.array([0.0, 1.0])),
     "Freedom(720 crank angles)": Freedom.of(Assembly(load("crank-rocker"))),
     "Reference(44 signals, 29 samples)": reference(PAPER, AT_REST, "first_order", LOOSE),
     "FourBarMotion(29 crank angles 20..160 deg)": four_bar_motion(FOUR_BAR, THETA, 1.0),
@@ -72,14 +72,14 @@ def test_a_result_is_one_line(expected: str) -> None:
     text = repr(LINES[expected])
     assert text == expected
     assert str(LINES[expected]) == expected
-    assert len(text) <= LONGEST
+    assert len(text) <= LONGEST_LINE
 
 
 def test_long_names_and_many_joints_are_cut_short() -> None:
     many = {f"joint-{'x' * 90}-{i}": 1e-3 * (i + 1) for i in range(7)}
     assert clearances(many) == "clearance in 7 joints up to 0.007 m"
     text = one_line(Gap(np.zeros(1)), "two\nlines", "x" * 300)
-    assert len(text) == LONGEST
+    assert len(text) == LONGEST_LINE
     assert "\n" not in text
     assert text.endswith("...)")
 

@@ -21,7 +21,7 @@ import typer
 
 import linkage_crosscheck as lc
 from analytic.mechanism import Load
-from analytic.mechanism.columns import Layout, Meaning
+from analytic.mechanism.columns import ColumnMeaning, Layout
 from analytic.mechanism.file import dumps, load
 from analytic.paper.clearance import MODELS
 from commands import compare
@@ -667,7 +667,7 @@ def test_every_field_of_measured_toml_and_of_a_map_is_in_the_table() -> None:
     def named(model: Any, before: str) -> set[str]:
         return {before + (field.alias or name) for name, field in model.model_fields.items()}
 
-    every = named(MeasuredFile, "") | named(Layout, "") | named(Meaning, "columns.")
+    every = named(MeasuredFile, "") | named(Layout, "") | named(ColumnMeaning, "columns.")
     every |= named(Entry, "run.") | named(Load, "run.load.")
     assert every == {getattr(row, "values", row)[0] for row in FIELDS}
 

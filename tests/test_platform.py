@@ -12,16 +12,16 @@ from scipy.optimize import brentq, minimize
 
 import linkage_crosscheck as lc
 from analytic.beyond_paper.platform import platform
-from analytic.kinematics.assembly import Assembly, AssemblyError, Followed
-from analytic.kinematics.inverse import FOLLOWS, Coordinate, inverse, splined
+from analytic.kinematics.assembly import Assembly, AssemblyError, Walk
+from analytic.kinematics.inverse import FOLLOWS, inverse, splined
 from analytic.kinematics.motion import Gap, kinematics
+from analytic.kinematics.output import Output
 from analytic.kinematics.workspace import workspace
 from analytic.mechanism import MASS_CENTRE, Load, Mechanism
 from analytic.mechanism.file import load, loads
 from analytic.paper.clearance import displaced
 from analytic.paper.compliance import compliance
-from analytic.paper.envelope import Output
-from analytic.paper.kinetostatics import answers, kinetostatics
+from analytic.paper.kinetostatics import kinetostatics, reactions_to
 from commands import compare
 from compare.faults import ArgumentError
 from marks import slow
@@ -29,20 +29,16 @@ from several_linkages import GANTRY, TIMES, splines, waved
 from test_compliance import referee
 
 POSE = {
-    "five-bar": [Coordinate("left-arm", axis, "P") for axis in ("x", "y")],
-    "3-rrr": [Coordinate("platform", axis) for axis in ("x", "y", "angle")],
-    "3-rpr": [Coordinate("platform", axis) for axis in ("x", "y", "angle")],
-    "2r-arm": [Coordinate("forearm", axis, "T") for axis in ("x", "y")],
+    "five-bar": [Output("left-arm", axis, "P") for axis in ("x", "y")],
+    "3-rrr": [Output("platform", axis) for axis in ("x", "y", "angle")],
+    "3-rpr": [Output("platform", axis) for axis in ("x", "y", "angle")],
+    "2r-arm": [Output("forearm", axis, "T") for axis in ("x", "y")],
 }
 
 
 STEEL = {"youngs_modulus": 2e11, "shear_modulus": 0.8e11, "section": (0.01, 0.01)}
 EA, EI = 2e11 * 1e-4, 2e11 * 1e-8 / 12  # N, N.m^2
 UNIT = {"x": (1.0, 0.0), "y": (1j, 0.0), "angle": (0.0, 1.0)}  # force, torque
-
-
-def outputs(name: str) -> list[Output]:
-    return [Output(c.body, c.axis, c.point) for c in POSE[name]]
 
 
 def inputs_of(assembly: Assembly) -> np.ndarray:
@@ -56,9 +52,9 @@ def test_a_gap_displaces_the_platform_as_fast_as_it_opens_and_a_drive_as_fast_as
     s, inputs = assembly.structure, inputs_of(assembly)
     near = assembly.follow(inputs)
     motion = kinematics(assembly, inputs, path=near)
-    found = platform(kinetostatics(motion, inertia=False), outputs(name), {}, {})
+    found = platform(kinetostatics(motion, inertia=False), POSE[name], {}, {})
     closed = np.zeros(TIMES.size, complex)
-    for d in outputs(name):
+    for d in POSE[name]:
         for k, pin in enumerate(s.pins):
             for along in (1.0, 1j):
                 rate = d.rate(kinematics(assembly, inputs, gaps={pin: Gap(closed, closed + along)}, path=near))
@@ -306,7 +302,7 @@ def test_pins_of_a_five_bar_settle_where_the_potential_energy_is_least() -> None
         at = inputs[:, None]
         near = assembly.follow(at)
 
-        def energy(angles: np.ndarray, at: np.ndarray = at, near: Followed = near) -> float:
+        def energy(angles: np.ndarray, at: np.ndarray = at, near: Walk = near) -> float:
             gaps = {
                 pin: Gap(np.array([m.clearances[pin] * np.exp(1j * a)]))
                 for pin, a in zip(("A", "P"), angles, strict=True)
@@ -366,7 +362,10 @@ def test_a_platform_on_three_legs_gives_by_castiglianos_theorem(axis: str) -> No
     inputs = inputs_of(assembly)
     motion = kinematics(assembly, inputs, path=assembly.follow(inputs))
     d = Output("platform", axis)
-    real, unit = kinetostatics(motion, inertia=False).forces, answers(motion, "platform", MASS_CENTRE, *UNIT[axis])[0]
+    real, unit = (
+        kinetostatics(motion, inertia=False).forces,
+        reactions_to(motion, "platform", MASS_CENTRE, *UNIT[axis])[0],
+    )
     given = np.zeros(TIMES.size)
     for leg in "123":
         along = np.exp(1j * motion.angle(f"crank{leg}"))
@@ -375,7 +374,7 @@ def test_a_platform_on_three_legs_gives_by_castiglianos_theorem(axis: str) -> No
         along = np.exp(1j * motion.angle(f"rod{leg}"))
         rod, virtual = ((forces[f"C{leg}"] * along.conj()).real for forces in (real, unit))
         given += 0.2 * rod * virtual / EA
-    assert np.abs(d.elastic(compliance(motion)) - given).max() < 1e-9 * np.abs(given).max()
+    assert np.abs(compliance(motion).output(d) - given).max() < 1e-9 * np.abs(given).max()
 
 
 def test_a_platform_on_slides_alone_is_as_accurate_as_their_encoders() -> None:

@@ -11,6 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from analytic.beyond_paper.drive import Motor
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.schedule import Steady
 from analytic.mechanism import Load
 from analytic.paper.clearance import displaced
 from compare.diagnose.effects.vocabulary import VOCABULARY
@@ -32,7 +33,7 @@ def model(*which: int) -> Model:
     """The model of some of the runs."""
     measured = RIG.measured()
     measured = replace(measured, runs=tuple(measured.runs[i] for i in which))
-    courses = {p.name: Motor(course=CubicSpline(p.time, p.command(p.time))) for p in PLANS if p.follows}
+    courses = {p.name: Motor(CubicSpline(p.time, p.command(p.time))) for p in PLANS if p.follows}
     return Model(measured, RIG.rig, RIG.nominal, courses)
 
 
@@ -102,7 +103,7 @@ def test_where_no_pin_has_a_place_of_rest_what_clearance_changes_goes_on_as_befo
     rig = experiment(*plans, mechanism=four_bar(loads=()))
     predicted = Model(rig.measured(), rig.rig, rig.nominal, {})
     large = 2.4e-5  # m
-    crank = Motor(speed=-12.0, angle=plans[1].angle).at(plans[1].time)
+    crank = Motor(Steady(plans[1].angle, -12.0)).at(plans[1].time)
     assembly = Assembly(rig.nominal.with_joint("D", clearance=large))
     lost = displaced(assembly, crank.theta, crank.omega, alpha=crank.alpha).signals()
     assert 0 < np.isnan(lost["drive_torque"]).sum() < 10

@@ -15,11 +15,11 @@ from analytic.mechanism import Load
 from analytic.mechanism.file import dumps, load, loads
 from analytic.paper import printed
 from analytic.paper.compliance import compliance
-from analytic.paper.frame import Bar, ComplianceError, beam_stiffness
+from analytic.paper.frame import ComplianceError, ElasticBar, beam_stiffness
 from analytic.paper.kinetostatics import kinetostatics
 from analytic.paper.printed import FourBar, FourBarMotion, four_bar_motion
 
-BAR = Bar(length=0.2, height=0.01, depth=0.02, youngs_modulus=2e11, shear_modulus=0.8e11)
+BAR = ElasticBar(length=0.2, height=0.01, depth=0.02, youngs_modulus=2e11, shear_modulus=0.8e11)
 SPEED = np.pi / 2  # rad/s, 15 rpm
 AT_JOINT = {"F_12": "D", "F_23": "A", "F_34": "B", "F_14": "E"}
 

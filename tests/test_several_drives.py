@@ -12,10 +12,11 @@ import pytest
 from rich.console import Console
 
 import linkage_crosscheck as lc
-from analytic.beyond_paper.free_motion import driven_motion, free_motion
+from analytic.beyond_paper.free_motion import free_motion
 from analytic.beyond_paper.released import released
 from analytic.kinematics.assembly import Assembly, AssemblyError
-from analytic.kinematics.motion import kinematics
+from analytic.kinematics.motion import along, kinematics
+from analytic.kinematics.schedule import Knots, Schedule
 from analytic.kinematics.structure import StructureError
 from analytic.mechanism import Mechanism, MechanismError
 from analytic.mechanism.file import dumps, load, loads
@@ -30,8 +31,12 @@ POSE = (("x", "m"), ("y", "m"), ("angle", "rad"))
 ROUNDING = 1e-10  # of the largest of a signal's kind
 
 
+def driven(m: Mechanism, courses: Mapping[str, Knots], times: np.ndarray) -> Reactions:
+    return kinetostatics(along(Assembly(m), Schedule.along(courses, times)))
+
+
 def moved(m: Mechanism, times: np.ndarray = TIMES) -> Reactions:
-    return driven_motion(Assembly(m), times, splines(waved(m)))
+    return driven(m, waved(m), times)
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -258,7 +263,7 @@ def test_motion_of_one_crank_is_the_same_by_time_and_by_angle() -> None:
     angle = Assembly(m).start + m.speed * times
     by_angle = kinetostatics(kinematics(Assembly(m), angle, m.speed))
     knots = np.linspace(0.0, 0.2, 5)
-    by_time = driven_motion(Assembly(m), times, splines({"D": (knots, Assembly(m).start + m.speed * knots)}))
+    by_time = driven(m, {"D": (knots, Assembly(m).start + m.speed * knots)}, times)
     for name, values in by_angle.signals().items():
         assert np.abs(by_time.signals()[name] - values).max() < 1e-9 * max(1.0, np.abs(values).max()), name
 
@@ -370,7 +375,7 @@ def test_one_of_several_drives_may_be_held() -> None:
     m = load("five-bar")
     held = m.replace(drives=(m.drives[0], m.drives[1].model_copy(update={"speed": 0.0})))
     courses = {d.joint: (TIMES, Assembly(m).positions[d.joint] + float(d.speed) * TIMES) for d in held.drives}
-    found, (_, truth) = driven_motion(Assembly(held), TIMES, splines(courses)), referee(held, courses, TIMES)
+    found, (_, truth) = driven(held, courses, TIMES), referee(held, courses, TIMES)
     for name, torque in found.drive_loads.items():
         assert np.abs(torque - [posed.motors[name] for posed in truth]).max() < 1e-9, name
 

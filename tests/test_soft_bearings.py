@@ -12,6 +12,7 @@ import linkage_crosscheck as lc
 from analytic.beyond_paper.drive import Motor
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import kinematics
+from analytic.kinematics.schedule import Steady
 from analytic.mechanism import Elasticity, Mechanism, MechanismError
 from analytic.mechanism.file import load
 from analytic.paper.clearance import displaced
@@ -155,7 +156,7 @@ def test_stiffnesses_replace_the_mechanisms_own() -> None:
 def test_a_drive_that_yields_carries_what_its_soft_linkage_needs() -> None:
     m = turned_at(soft("B"), 12.0, stiffness=500.0)
     assembly, time = Assembly(m), np.linspace(0.0, 0.5, 40)
-    motor = Motor(12.0, 0.4, m.drive)
+    motor = Motor(Steady(0.4, 12.0))
     crank = motor.crank(time, 500.0, lambda turning: _balanced(assembly, turning).drive_torque, True)
     found = displaced(assembly, crank.theta, crank.omega, alpha=crank.alpha).configuration.drive_torque
     np.testing.assert_allclose(500.0 * (0.4 + 12.0 * time - crank.theta), found, atol=1e-4 * np.abs(found).max())

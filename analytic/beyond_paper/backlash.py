@@ -16,21 +16,21 @@ from typing import TypeVar
 
 import numpy as np
 
-from analytic.beyond_paper.drive import Motor, Torque
-from analytic.kinematics.schedule import Turning
+from analytic.beyond_paper.drive import DriveTorque, Motor
+from analytic.kinematics.schedule import Steady, Turning
+from analytic.mechanism.parts import TINY
 
 Amount = TypeVar("Amount", float, np.ndarray)  # one, or many (N,)
-POINTS = 360  # of a revolution, at which the torque is taken
-MOST = 20_000  # of all
-FAINT = 1e-3  # rad, half of a gap for which first order is good enough
-SHARE = 0.08  # of the time that a flight is likely to last, for a step
-TINY = 1e-300
+TORQUE_POINTS = 360  # of a revolution, at which the torque is taken
+MOST_TORQUE_POINTS = 20_000  # of all
+FIRST_ORDER_GAP = 1e-3  # rad, half of a gap for which first order is good enough
+FLIGHT_STEP = 0.08  # of the time that a flight is likely to last, for a step
 CHUNK = 16  # steps of a flight whose coefficients are taken at once
 MOST_FLIGHTS = 50  # of a revolution: with more the crank hangs between its flanks
-LONGEST = 1000  # steps of a flight: the crank then hangs in its gap
+MOST_FLIGHT_STEPS = 1000  # steps of a flight: the crank then hangs in its gap
 BISECTIONS = 40  # for the end of a flight
 EARLY, LATE = 0.1, 0.5  # of a flight, before and after its end: a landing
-NUDGE = 1e-5  # rad; over the fastest rate, and its square, the same of rate and acceleration
+TURNING_NUDGE = 1e-5  # rad; over the fastest rate, and its square, the same of rate and acceleration
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Slack:
     def __init__(
         self,
         base: Callable[[np.ndarray], Turning],
-        torque: Torque,
+        torque: DriveTorque,
         half_gap: float,
         first: float,
         last: float,
@@ -82,7 +82,7 @@ class Slack:
         repeats: bool,
     ) -> None:
         self.base, self.torque, self.half_gap, self.repeats = base, torque, half_gap, repeats
-        count = min(MOST, math.ceil(POINTS * max(1.0, turns)))
+        count = min(MOST_TORQUE_POINTS, math.ceil(TORQUE_POINTS * max(1.0, turns)))
         self.step = (last - first) / count
         self.grid = first + np.arange(count + 1) * self.step
         from scipy.interpolate import CubicSpline  # here: importing it takes a quarter of a second
@@ -100,12 +100,12 @@ class Slack:
 
     @classmethod
     def behind(
-        cls, motor: Motor, time: np.ndarray, stiffness: float | None, torque: Torque, turns: bool, half_gap: float
+        cls, motor: Motor, time: np.ndarray, stiffness: float | None, torque: DriveTorque, turns: bool, half_gap: float
     ) -> Slack:
         """The crank in half a gap (rad) behind a motor, over times (N,) s; else as :meth:`Motor.crank`."""
-        repeats, first, last = turns and motor.course is None, float(time.min()), float(time.max())
-        if repeats:
-            last = first + 2 * math.pi / abs(motor.speed)
+        first, last, repeats = float(time.min()), float(time.max()), False
+        if turns and isinstance(motor.command, Steady):
+            last, repeats = first + 2 * math.pi / abs(motor.command.speed), True
         begin, end = motor.at(np.array([first, last])).theta.tolist()
 
         def base(at: np.ndarray) -> Turning:
@@ -126,7 +126,7 @@ class Slack:
             share = held[k - 1] / (held[k - 1] - held[k]) if k and held[k - 1] > 0 else 0.0
             begin_of_flight = max(now, float(self.grid[max(k - 1, 0)]) + share * self.step)
             flight = self._flight(begin_of_flight, side)
-            if self.half_gap > FAINT:
+            if self.half_gap > FIRST_ORDER_GAP:
                 flight = self._flight(begin_of_flight, side, self._mended(flight))
             yield flight
             now, side = flight.end, flight.side
@@ -147,7 +147,7 @@ class Slack:
         """The flight that begins on a flank at a time (s), with what a known one misses."""
         h, x, v = self._flight_step(begin), side * self.half_gap, 0.0
         path, c = [(x, v)], [[0.0]]
-        for k in range(LONGEST):
+        for k in range(MOST_FLIGHT_STEPS):
             if k % CHUNK == 0:
                 now = begin + h * (k + np.arange(2 * CHUNK + 1) / 2)
                 values = self.coefficients(now)
@@ -174,7 +174,7 @@ class Slack:
         here, ahead = self.coefficients([begin, begin + self.step])
         slope, gap = abs(ahead[0] - here[0]) / self.step, self.half_gap * here[3]
         lasts = min((12 * gap / max(slope, TINY)) ** (1 / 3), (4 * gap / max(abs(here[0]), TINY)) ** (1 / 2))
-        return min(self.step, SHARE * float(lasts))
+        return min(self.step, FLIGHT_STEP * float(lasts))
 
     def _round(self, time: np.ndarray) -> np.ndarray:
         """Times (N,) s as those in the round that is followed."""
@@ -197,19 +197,19 @@ class Slack:
         are made of how hard it is hit, and whether it bounces.
         """
         now, whole = self._round(time), float(self.grid[-1] - self.grid[0])
-        found = np.zeros(time.shape, bool)
+        landing = np.zeros(time.shape, bool)
         for flight in self.flights:
             lasted = flight.end - flight.begin
             for turn in (-whole, 0.0, whole) if self.repeats else (0.0,):
                 since = now - flight.end - turn
-                found |= (since > -EARLY * lasted) & (since < LATE * lasted)
-        return found
+                landing |= (since > -EARLY * lasted) & (since < LATE * lasted)
+        return landing
 
 
-def _coefficients(base: Turning, torque: Torque) -> np.ndarray:
+def _coefficients(base: Turning, torque: DriveTorque) -> np.ndarray:
     """The torque (N, 4) along a motion, and its derivatives by angle, rate and acceleration."""
     rate = float(np.abs(base.omega).max()) or 1.0
-    sizes = NUDGE * np.array([1.0, rate, rate**2])
+    sizes = TURNING_NUDGE * np.array([1.0, rate, rate**2])
     shifts = np.vstack([np.zeros(3), np.diag(sizes)])
     beside = [
         np.add.outer(shift, x).ravel() for shift, x in zip(shifts.T, (base.theta, base.omega, base.alpha), strict=True)

@@ -14,17 +14,17 @@ from typing import Any
 
 import numpy as np
 
-from analytic.beyond_paper.drive import Course
-from analytic.kinematics.assembly import Assembly, AssemblyError, Followed
+from analytic.beyond_paper.drive import TimeFunction
+from analytic.kinematics.assembly import Assembly, AssemblyError, Walk
 from analytic.kinematics.motion import kinematics
 from analytic.paper.kinetostatics import Reactions, kinetostatics
 
-ACCURACY = 1e-10  # relative, of the integration
-NOTHING: Mapping[str, float] = MappingProxyType({})
+INTEGRATION_ACCURACY = 1e-10  # relative, of the integration
+NO_RATES: Mapping[str, float] = MappingProxyType({})
 
 
 def free_motion(
-    assembly: Assembly, time: np.ndarray, courses: Mapping[str, Course], rates: Mapping[str, float] = NOTHING
+    assembly: Assembly, time: np.ndarray, courses: Mapping[str, TimeFunction], rates: Mapping[str, float] = NO_RATES
 ) -> Reactions:
     """Motion and reactions at times (N,) s, ascending, from 0 on.
 
@@ -34,17 +34,6 @@ def free_motion(
     """
     _check(assembly)
     return _FreeMotion(assembly, courses).at(np.asarray(time, float), rates)
-
-
-def driven_motion(assembly: Assembly, time: np.ndarray, courses: Mapping[str, Course]) -> Reactions:
-    """Motion and reactions at times (N,) s, ascending, of a linkage whose inputs all follow ``courses``, as in
-    :func:`free_motion`.  Raises AssemblyError where it meets a change point or does not get there.
-    """
-    time = np.asarray(time, float)
-    inputs, rates, pushes = (
-        assembly.inputs_at({name: course(time, order) for name, course in courses.items()}) for order in range(3)
-    )
-    return kinetostatics(kinematics(assembly, inputs, rates, pushes))
 
 
 def _check(assembly: Assembly) -> None:
@@ -62,7 +51,7 @@ def _check(assembly: Assembly) -> None:
 class _FreeMotion:
     """A linkage whose inputs in ``free`` move freely; its state is their values and rates (2 free,)."""
 
-    def __init__(self, assembly: Assembly, courses: Mapping[str, Course]) -> None:
+    def __init__(self, assembly: Assembly, courses: Mapping[str, TimeFunction]) -> None:
         s = assembly.structure
         self.assembly, self.free = assembly, list(s.free)
         joints = [s.coordinates[i].joint for i in s.inputs]
@@ -81,7 +70,7 @@ class _FreeMotion:
         self.last = self.assembly.follow(begin[:, None]).coordinates
         samples = [self.sample(t, state) for t, state in zip(time.tolist(), states.T, strict=True)]
         inputs, speeds, pushes, near = (np.stack(part, axis=1) for part in zip(*samples, strict=True))
-        return kinetostatics(kinematics(self.assembly, inputs, speeds, pushes, path=Followed(near)))
+        return kinetostatics(kinematics(self.assembly, inputs, speeds, pushes, path=Walk(near)))
 
     def integrated(self, time: np.ndarray, start: np.ndarray) -> np.ndarray:
         """States (2 free, N) at times (N,) s.  Raises AssemblyError."""
@@ -93,13 +82,15 @@ class _FreeMotion:
         def rate(t: float, state: np.ndarray) -> np.ndarray:
             return np.concatenate([state[len(self.free) :], self.accelerations(t, state)])
 
-        found: Any = solve_ivp(rate, (0.0, float(time[-1])), start, "DOP853", time, rtol=ACCURACY, atol=ACCURACY)
-        if not found.success:
+        solution: Any = solve_ivp(
+            rate, (0.0, float(time[-1])), start, "DOP853", time, rtol=INTEGRATION_ACCURACY, atol=INTEGRATION_ACCURACY
+        )
+        if not solution.success:
             raise AssemblyError(
-                f"{self.assembly.mechanism.name}: the free motion cannot be followed beyond {found.t[-1]:g} s"
-                f" ({found.message})"
+                f"{self.assembly.mechanism.name}: the free motion cannot be followed beyond {solution.t[-1]:g} s"
+                f" ({solution.message})"
             )
-        return np.asarray(found.y)
+        return np.asarray(solution.y)
 
     def inputs(self, t: float, state: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Inputs (n_inputs,), their rates and, where a course says them, accelerations; free ones' are zero."""
@@ -116,7 +107,7 @@ class _FreeMotion:
         tries[self.free, 1 + np.arange(len(self.free))] = 1.0
         here, fast, near = (np.tile(x, tries.shape[1]) for x in (inputs[:, None], speeds[:, None], self.last))
         try:
-            motion = kinematics(self.assembly, here, fast, pushes[:, None] + tries, path=Followed(near))
+            motion = kinematics(self.assembly, here, fast, pushes[:, None] + tries, path=Walk(near))
         except AssemblyError:  # a walk from the assembly on looks for the change point that a step went past
             self.assembly.follow(np.column_stack([self.last[list(self.assembly.structure.inputs), 0], inputs]))
             raise

@@ -24,13 +24,13 @@ from analytic.kinematics.motion import kinematics
 from analytic.mechanism.one_line import count, one_line
 from analytic.paper.kinetostatics import kinetostatics
 
-POINTS = 720  # of a table over a revolution
+TABLE_POINTS = 720  # of a table over a revolution
 
 
 @dataclass(frozen=True)
 class Freedom:
-    """Coefficients over a revolution, (7 + 2 n, POINTS), at crank angles 2 pi i / POINTS: M, M'/2, c, f, g, then h, by
-    which g grows with each turn, d, and a and r of each of n joints with Stribeck's friction.
+    """Coefficients over a revolution, (7 + 2 n, P), at P crank angles evenly apart from 0 on: M, M'/2, c, f, g, then h,
+    by which g grows with each turn, d, and a and r of each of n joints with Stribeck's friction.
     """
 
     table: np.ndarray
@@ -41,9 +41,9 @@ class Freedom:
     @classmethod
     def of(cls, assembly: Assembly) -> Freedom:
         """The freedom of a linkage whose crank turns fully.  Raises AssemblyError where it does not."""
-        theta = np.arange(POINTS) * 2 * math.pi / POINTS
+        theta = np.arange(TABLE_POINTS) * 2 * math.pi / TABLE_POINTS
         first = coefficients(assembly, theta)
-        wound = np.zeros(POINTS)
+        wound = np.zeros(TABLE_POINTS)
         if any(joint.springy for joint in assembly.mechanism.joints):
             wound = coefficients(assembly, theta + 2 * math.pi)[4] - first[4]
         return cls(np.insert(first, 5, wound, axis=0))
@@ -63,9 +63,7 @@ class Freedom:
 
 
 def padded(table: np.ndarray) -> np.ndarray:
-    """A table (rows, POINTS) with one neighbour before the first and two after the last, wound up by the turn between
-    them.
-    """
+    """A table (rows, P) with one neighbour before and two after it, wound up by the turn between them."""
     before, after = table[:, -1:].copy(), table[:, :2].copy()
     before[4] -= before[5]
     after[4] += after[5]
@@ -91,7 +89,7 @@ def coefficients(assembly: Assembly, theta: np.ndarray) -> np.ndarray:
     for joint in assembly.mechanism.joints:
         if not (joint.rubs or joint.damped):
             continue
-        rate = np.abs(motion.slip(joint)[0].reshape(omega.size, -1)[2])  # by the crank's
+        rate = np.abs(motion.slip(joint).reshape(omega.size, -1)[2])  # by the crank's
         viscous = viscous + joint.damping * rate**2
         drag = drag + joint.drag * rate**3
         coulomb = coulomb + joint.coulomb * rate

@@ -15,13 +15,14 @@ from typing import Literal
 
 import numpy as np
 
-from analytic.kinematics.assembly import Assembly, Path
+from analytic.kinematics.assembly import Assembly, CrankTable
 from analytic.kinematics.motion import Gap, Motion, kinematics
+from analytic.kinematics.output import Output
 from analytic.mechanism.one_line import angles, count, largest, one_line
-from analytic.paper.envelope import Output, rim_spread
+from analytic.paper.envelope import rim_spread
 
 Contacts = Literal["free", "along reactions"]
-BLOCK = 200_000  # samples times crank angles held at once
+SAMPLES_AT_ONCE = 200_000  # samples times crank angles held at once
 TAIL = 0.025  # 95 % of the samples lie between the two tails
 
 
@@ -57,7 +58,7 @@ def draw(clearances: np.ndarray, tolerances: np.ndarray, samples: int, seed: int
 
 
 @dataclass(frozen=True)
-class Spread:
+class OutputSpread:
     """Distribution of an output's displacement at N crank angles; arrays are (N,), in the output's unit."""
 
     mean: np.ndarray
@@ -74,7 +75,7 @@ class Spread:
 class Distribution:
     """Spreads by output, and by place the radius (N,) m within which 95 % of the samples displace that point."""
 
-    spreads: Mapping[Output, Spread]
+    spreads: Mapping[Output, OutputSpread]
     radius: Mapping[str, np.ndarray]
 
     def __repr__(self) -> str:
@@ -87,7 +88,7 @@ class Population:
 
     assembly: Assembly
     ideal: Motion
-    path: Path
+    path: CrankTable
     reactions: Mapping[Output, np.ndarray]
     directions: np.ndarray  # complex of length 1; NaN where a reaction has none and its joint has clearance
 
@@ -98,7 +99,7 @@ class Population:
     def distribution(self, samples: Samples, contacts: Contacts, nonlinear: bool = False) -> Distribution:
         """Displacements over the samples.  Raises AssemblyError if ``nonlinear`` and a sample cannot be closed."""
         displace = self._closed_again if nonlinear else self._first_order
-        count = max(1, BLOCK // samples.sizes.shape[1])
+        count = max(1, SAMPLES_AT_ONCE // samples.sizes.shape[1])
         rows: dict[Output, list[np.ndarray]] = {d: [] for d in self.reactions}
         radii: dict[str, list[np.ndarray]] = {d.place: [] for d in self.reactions if d.axis == "y"}
         for k in range(0, self.ideal.theta.size, count):
@@ -110,7 +111,7 @@ class Population:
         spreads = {}
         for d in self.reactions:
             mean, sigma, low, high = np.hstack(rows[d])
-            spreads[d] = Spread(mean, sigma, low, high, self._formula(d, samples, contacts))
+            spreads[d] = OutputSpread(mean, sigma, low, high, self._formula(d, samples, contacts))
         return Distribution(spreads, {place: np.concatenate(parts) for place, parts in radii.items()})
 
     def _formula(self, d: Output, samples: Samples, contacts: Contacts) -> np.ndarray:

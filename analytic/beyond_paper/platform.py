@@ -16,11 +16,12 @@ import numpy as np
 
 from analytic.kinematics.closure import AssemblyError
 from analytic.kinematics.motion import Motion
+from analytic.kinematics.output import Output
 from analytic.mechanism.one_line import count, one_line
 from analytic.paper.clearance import check_determined
 from analytic.paper.compliance import Compliance, compliance
-from analytic.paper.envelope import Output, condition, displacement, farthest, worst_case
-from analytic.paper.kinetostatics import Reactions, answers
+from analytic.paper.envelope import condition, displacement, farthest, worst_case
+from analytic.paper.kinetostatics import Reactions, reactions_to
 
 
 @dataclass(frozen=True)
@@ -121,14 +122,14 @@ def platform(
         )
     check_determined(reactions, [name for name, size in clearances.items() if size > 0])
     joints = [s.coordinates[i].joint for i in s.inputs]
-    found = {d: _answer(motion, d) for d in outputs}
+    unit_loads = {d: reactions_to(motion, d.body, *d.load) for d in outputs}
     signs = np.array([s.signs[i] for i in s.inputs])
     return Platform(
         reactions,
         np.array([clearances.get(pin, 0.0) for pin in s.pins]),
         np.array([steps.get(joint, 0.0) for joint in joints]),
-        {d: _by_pin(motion, forces) for d, (forces, _) in found.items()},
-        {d: -signs[:, None] * efforts for d, (_, efforts) in found.items()},
+        {d: _by_pin(motion, forces) for d, (forces, _, _) in unit_loads.items()},
+        {d: -signs[:, None] * efforts for d, (_, _, efforts) in unit_loads.items()},
     )
 
 
@@ -136,10 +137,3 @@ def _by_pin(motion: Motion, forces: Mapping[str, np.ndarray]) -> np.ndarray:
     """Forces (pins, N) complex, of slides alone none."""
     s = motion.structure
     return np.array([forces[pin] for pin in s.pins], complex).reshape(len(s.pins), motion.theta.shape[-1])
-
-
-def _answer(motion: Motion, d: Output) -> tuple[Mapping[str, np.ndarray], np.ndarray]:
-    """Reactions by joint and the inputs' efforts (inputs, N) to a unit load along an output."""
-    if d.axis == "angle":
-        return answers(motion, d.body, torque=1.0)
-    return answers(motion, d.body, d.point, 1.0 if d.axis == "x" else 1j)

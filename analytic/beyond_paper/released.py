@@ -11,16 +11,16 @@ from typing import Any
 
 import numpy as np
 
+from analytic.beyond_paper.free_motion import INTEGRATION_ACCURACY
 from analytic.beyond_paper.freedom import coefficients, resistance
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import kinematics
 from analytic.mechanism.one_line import angles, one_line
 from analytic.paper.kinetostatics import Reactions, kinetostatics
 
-ACCURACY = 1e-10  # relative, of the integration
 # s before and after the crank turns back, in which simulations preslide, or are within a step of the reversal
-TURNING = 1e-3
-BARELY = 1e-150  # rad/s: enough to give friction its direction, too little to change any number
+REVERSAL_TIME = 1e-3
+REST_SPEED = 1e-150  # rad/s: enough to give friction its direction, too little to change any number
 
 
 @dataclass(frozen=True)
@@ -54,18 +54,18 @@ def released(assembly: Assembly, time: np.ndarray, theta: float | None = None, o
         rest, friction = float(now_at[4, 0]), float(resistance(now_at, np.zeros(1))[1][0])
         direction = float(np.sign(speed) or -np.sign(rest)) if rubs else 0.0
         if rubs and speed == 0 and abs(rest) <= friction:
-            angles[k:], speeds[k:], accelerations[k:] = angle, direction * BARELY, 0.0
+            angles[k:], speeds[k:], accelerations[k:] = angle, direction * REST_SPEED, 0.0
             grip[k:], held[k:] = abs(rest) / friction if friction else 1.0, True
             break
-        found = _stretch(assembly, time[k:], now, (angle, speed), direction)
-        part = slice(k, k + found.t.size)
-        angles[part], speeds[part] = found.y
-        speeds[part] += direction * BARELY  # at rest for an instant, friction is that of the motion to come
+        solution = _stretch(assembly, time[k:], now, (angle, speed), direction)
+        part = slice(k, k + solution.t.size)
+        angles[part], speeds[part] = solution.y
+        speeds[part] += direction * REST_SPEED  # at rest for an instant, friction is that of the motion to come
         accelerations[part] = _acceleration(assembly, angles[part], speeds[part], direction)
-        if found.status == 1:
-            now, angle, speed = float(found.t_events[0][0]), float(found.y_events[0][0, 0]), 0.0
+        if solution.status == 1:
+            now, angle, speed = float(solution.t_events[0][0]), float(solution.y_events[0][0, 0]), 0.0
         k = part.stop
-    turning = ~held & rubs & (np.abs(speeds) <= TURNING * np.abs(accelerations))
+    turning = ~held & rubs & (np.abs(speeds) <= REVERSAL_TIME * np.abs(accelerations))
     return Released(kinetostatics(kinematics(assembly, angles, speeds, accelerations), grip=grip), held, turning)
 
 
@@ -84,22 +84,30 @@ def _stretch(assembly: Assembly, time: np.ndarray, now: float, state: tuple[floa
 
     onward.terminal, onward.direction = True, -1.0  # type: ignore[attr-defined]  # scipy's way to say so
     span = (now, max(float(time[-1]), now + 1e-12))
-    found = solve_ivp(
-        rate, span, state, "DOP853", t_eval=time, events=onward if direction else None, rtol=ACCURACY, atol=ACCURACY
+    solution = solve_ivp(
+        rate,
+        span,
+        state,
+        "DOP853",
+        t_eval=time,
+        events=onward if direction else None,
+        rtol=INTEGRATION_ACCURACY,
+        atol=INTEGRATION_ACCURACY,
     )
-    if not found.success:
-        reached = found.t[-1] if found.t.size else now
+    if not solution.success:
+        reached = solution.t[-1] if solution.t.size else now
         raise AssemblyError(
-            f"{assembly.mechanism.name}: the released motion cannot be followed beyond {reached:g} s ({found.message})"
+            f"{assembly.mechanism.name}: the released motion cannot be followed beyond {reached:g} s"
+            f" ({solution.message})"
         )
-    return found
+    return solution
 
 
 def _acceleration(assembly: Assembly, angle: np.ndarray, speed: np.ndarray, direction: float) -> np.ndarray:
     """Acceleration (rad/s^2) of the free crank at angles (rad) and speeds (rad/s), (N,) each, friction against
     ``direction``.
     """
-    found = coefficients(assembly, angle)
-    mass, half, _, _, rest = found[:5]
-    damped, dry = resistance(found, speed)
+    terms = coefficients(assembly, angle)
+    mass, half, _, _, rest = terms[:5]
+    damped, dry = resistance(terms, speed)
     return np.asarray(-(half * speed**2 + damped + dry * direction + rest) / mass)

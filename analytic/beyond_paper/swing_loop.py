@@ -11,8 +11,8 @@ import math
 import numpy as np
 from numba import njit
 
-FASTEST = 1e6  # rad/s; a motion beyond it has diverged
-RESTS = 4  # of the crank within a step, at most
+DIVERGED_SPEED = 1e6  # rad/s; a motion beyond it has diverged
+MOST_RESTS = 4  # of the crank within a step, at most
 SECANTS = 2  # to the moment at which the crank is at rest
 
 
@@ -96,7 +96,7 @@ def step(table: np.ndarray, theta: float, omega: float, way: float, h: float) ->
 @njit
 def move(table: np.ndarray, theta: float, omega: float, h: float) -> tuple[float, float]:
     """Angle and rate h (s) later; the step is parted where the crank comes to rest."""
-    for _ in range(RESTS):
+    for _ in range(MOST_RESTS):
         way = direction(table, theta, omega)
         if way == 0:
             return theta, 0.0
@@ -126,7 +126,7 @@ def integrate(tables: np.ndarray, start: np.ndarray, time: np.ndarray, longest: 
             for _ in range(count):
                 theta, omega = move(table, theta, omega, h)
             now = time[k]
-            if not abs(omega) < FASTEST:
+            if not abs(omega) < DIVERGED_SPEED:
                 out[:, p, k:] = np.nan
                 break
             way = direction(table, theta, omega)

@@ -23,7 +23,7 @@ from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
 
 LANES = 120  # not a power of two: rows so far apart would share their places in the processor's cache
-CHANGE_POINT = 1e-5  # as analytic.kinematics.assembly's, of the sine itself
+CHANGE_POINT_SINE = 1e-5  # as analytic.kinematics.assembly's, of the sine itself
 AGREE = 1e-6  # as analytic.kinematics.closure's
 DEAD_CENTRE = 1e-12  # as analytic.kinematics.motion's
 ITERATIONS = 30  # of Newton's method, as analytic.kinematics.closure's
@@ -53,7 +53,7 @@ LAST_PRODUCT = 18
 
 DOT = 20  # out, complex, complex: real out plus their scalar product
 CROSS = 21  # out, complex, complex: real out less the work of the first on a unit turn of the second
-LARGEST = 22  # out, first and last term: largest size of real rows
+LARGEST_SIZE = 22  # out, first and last term: largest size of real rows
 LAW = 23  # out, position, rate, pace, grip or -1, first factor, whether the linkage moves
 WAVE = 24  # out, angle, first factor
 PULL = 25  # out, apart, rate or -1, first factor
@@ -72,7 +72,7 @@ NEWTON = 41  # group, operation to go back to until its loops are closed, margin
 SOLVE = 42  # group, first term of the right sides' rows, then of the unknowns'
 FORCE = 43  # group, first term of the forces' rows, then of the works'
 
-TINY = 1e-100  # as analytic.mechanism's SMALLEST
+SMALLEST_NUMBER = 1e-100  # as analytic.mechanism's SMALLEST
 
 # a group's matrix, its rows' order, its reflections, and the two sides of its equations
 _Spare = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
@@ -104,7 +104,7 @@ def _called(function: _Kernel) -> _Kernel:
 ROUND = 6755399441055744.0  # 1.5 * 2^52: added and taken away again, it rounds to the nearest integer
 QUARTER_1, QUARTER_2, QUARTER_3 = 1.57079632673412561417e00, 6.07710050630396597660e-11, 2.02226624871116645580e-21
 QUARTER_4 = 8.47842766036889956997e-32  # pi/2 in parts of 33 bits
-FARTHEST = 1e6  # rad, up to which those parts are enough
+LARGEST_REDUCED = 1e6  # rad, up to which those parts are enough
 S1, S2, S3 = -1.66666666666666324348e-01, 8.33333333332248946124e-03, -1.98412698298579493134e-04
 S4, S5, S6 = 2.75573137070700676789e-06, -2.50507602534068634195e-08, 1.58969099521155010221e-10
 C1, C2, C3 = 4.16666666666666019037e-02, -1.38888888888741095749e-03, 2.48015872894767294178e-05
@@ -338,7 +338,7 @@ def _phasor(out: np.ndarray, angle: np.ndarray, n: int) -> None:
         out[j] = -a if q == 1.0 or abs(q) == 2.0 else a
         out[LANES + j] = -b if q == -1.0 or abs(q) == 2.0 else b
     for j in range(n):
-        if not abs(angle[j]) < FARTHEST:
+        if not abs(angle[j]) < LARGEST_REDUCED:
             out[j], out[LANES + j] = math.cos(angle[j]), math.sin(angle[j])
 
 
@@ -457,13 +457,13 @@ def _law(op: np.ndarray, factors: np.ndarray, work: np.ndarray, n: int) -> None:
         slip = (1.0 if v > 0.0 else -1.0) if abs(v) > DEAD_CENTRE * pace[j] else 0.0
         if op[5] >= 0:
             slip *= work[op[5] * LANES + j]
-        found = -(stiffness + cubic * stretch * stretch) * stretch
+        torque = -(stiffness + cubic * stretch * stretch) * stretch
         if op[7]:
             dry = coulomb + (stiction - coulomb) * math.exp(-((v / slow) ** 2)) if slow > 0.0 else coulomb
-            found -= (damping + drag * abs(v)) * v + dry * slip
+            torque -= (damping + drag * abs(v)) * v + dry * slip
         else:
-            found -= stiction * slip
-        out[j] = found
+            torque -= stiction * slip
+        out[j] = torque
 
 
 @_inner
@@ -480,7 +480,7 @@ def _pull(op: np.ndarray, factors: np.ndarray, work: np.ndarray, n: int) -> None
     for j in range(n):
         x, y = apart[j], apart[LANES + j]
         far = math.hypot(x, y)
-        x, y = x / max(far, TINY), y / max(far, TINY)
+        x, y = x / max(far, SMALLEST_NUMBER), y / max(far, SMALLEST_NUMBER)
         pull = factors[at] * (far - factors[at + 1])
         if op[3] >= 0:
             pull += factors[at + 2] * (x * work[op[3] * LANES + j] + y * work[(op[3] + 1) * LANES + j])
@@ -492,7 +492,7 @@ def _loads(op: np.ndarray, terms: np.ndarray, factors: np.ndarray, work: np.ndar
     code = op[0]
     if code == DOT or code == CROSS:
         _work_on(code, _row(work, op[1]), _row(work, op[2]), _row(work, op[3]), n)
-    elif code == LARGEST:
+    elif code == LARGEST_SIZE:
         _largest(op, terms, work, n)
     elif code == LAW:
         _law(op, factors, work, n)
@@ -585,7 +585,7 @@ def _clear(margin: np.ndarray, n: int) -> bool:
     """Whether all are away from a change point; NaN is not."""
     clear = 0
     for j in range(n):
-        clear += 1 if margin[j] > CHANGE_POINT * CHANGE_POINT else 0
+        clear += 1 if margin[j] > CHANGE_POINT_SINE * CHANGE_POINT_SINE else 0
     return clear == n
 
 
@@ -656,7 +656,7 @@ def _simple(
 # ---------------------------------------------------------------- larger groups: small dense systems
 
 # columns of a group's table
-UNKNOWNS, LOOPS, JACOBIAN, RESIDUAL, FOUND, GUESS, TRAVELS, N_TRAVELS, SIZE = 0, 1, 2, 3, 4, 5, 6, 7, 8
+UNKNOWNS, LOOPS, JACOBIAN, RESIDUAL, ROOTS, GUESS, TRAVELS, N_TRAVELS, SIZE = 0, 1, 2, 3, 4, 5, 6, 7, 8
 
 
 @_inner
@@ -906,9 +906,9 @@ def _closed(group: np.ndarray, tables: tuple[np.ndarray, np.ndarray], work: np.n
     if rows > unknowns and largest <= 1.0 and not _open(group, tables, work, n, x, AGREE):
         return 1
     for k in range(unknowns):
-        found = _row(work, tables[0][group[FOUND] + k])
+        root = _row(work, tables[0][group[ROOTS] + k])
         for j in range(n):
-            found[j] -= steps[k, j]
+            root[j] -= steps[k, j]
     return 0
 
 
@@ -918,9 +918,9 @@ def _guess(op: np.ndarray, tables: tuple[np.ndarray, np.ndarray], work: np.ndarr
     terms, groups = tables
     group = groups[op[1]]
     for k in range(group[UNKNOWNS]):
-        found, near = _row(work, terms[group[FOUND] + k]), _row(work, terms[group[GUESS] + k])
+        root, near = _row(work, terms[group[ROOTS] + k]), _row(work, terms[group[GUESS] + k])
         for j in range(n):
-            found[j] = near[j]
+            root[j] = near[j]
 
 
 @_inner
@@ -937,7 +937,7 @@ def _newton(
         for j in range(n):
             _gather(group, terms, work, j, spare[0])
             margin[j] = _regularity(spare, factors[group[SIZE]]) if group[UNKNOWNS] else 1.0
-            if not abs(margin[j]) > CHANGE_POINT:
+            if not abs(margin[j]) > CHANGE_POINT_SINE:
                 return -1
     return state
 
@@ -1037,7 +1037,7 @@ def _narrowed(
         return True
     walk[ROUND_OF] = 0
     walk[LOOK] += 1
-    return row[at] >= CHANGE_POINT * CHANGE_POINT
+    return row[at] >= CHANGE_POINT_SINE * CHANGE_POINT_SINE
 
 
 @_merged
@@ -1263,7 +1263,7 @@ def carry_out(  # noqa: PLR0913
 
     A walk begins at coordinates ``home`` (n,), of which there are none else, and fills ``u`` with the coordinates at
     the inputs ``w`` (n_inputs, N), reached one after the other with steps of ``strides`` (n_inputs,) at most; the other
-    arrays and numbers are analytic.compiled.program.Way's.
+    arrays and numbers are analytic.compiled.program.WalkProgram's.
     """
     program, terms, groups, factors, work = _bare(program), _bare(terms), _bare(groups), _bare(factors), _bare(work)
     data = (_bare(u), _bare(w), _bare(q), _bare(c), _bare(v), _bare(a), _bare(reals), _bare(complexes), _bare(near))

@@ -14,18 +14,21 @@ import numpy as np
 
 from analytic.compiled import kernels as op
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.closure import arm_of
 from analytic.kinematics.structure import Group
 from analytic.mechanism import MASS_CENTRE, Joint, Spring
 
 # arrays of a kernel's data, in its order
-COORDINATES, RATES, ACCELERATIONS, COLUMNS, COLUMN_RATES, COLUMN_ACCELERATIONS, REALS, COMPLEXES, NEAR = range(9)
-WIDTH = 8  # numbers of an operation
+COORDINATES, RATES, ACCELERATIONS, COLUMNS, COLUMN_RATES, COLUMN_ACCELERATIONS, REALS, COMPLEXES, NEARBY = range(9)
+OPERATION_WIDTH = 8  # numbers of an operation
 CONSTANT = -1  # row of a sum's constant term
 
 
 @dataclass(frozen=True)
 class Program:
-    """Operations (M, WIDTH), the rows and factors of their sums, the larger groups, and how many rows they need."""
+    """Operations (M, OPERATION_WIDTH), the rows and factors of their sums, the larger groups, and how many rows there
+    are.
+    """
 
     operations: np.ndarray
     terms: np.ndarray
@@ -73,7 +76,7 @@ class Writer:
 
     def add(self, *operation: int) -> None:
         """Add an operation."""
-        self.operations.append((*operation, *(0,) * (WIDTH - len(operation))))
+        self.operations.append((*operation, *(0,) * (OPERATION_WIDTH - len(operation))))
 
     def list_rows(self, rows: Iterable[int]) -> tuple[int, int]:
         """First and last term that name these rows."""
@@ -102,19 +105,19 @@ class Writer:
         """Write a sum, whose constant is the last term if it has one, into a complex row; or add rows to what is
         there.
         """
-        found = [*terms] or [(CONSTANT, 0.0)]
-        assert all(row != CONSTANT for row, _ in (found if more else found[:-1]))
-        self.add(op.ADD if more else op.SUM, out, *self.list_terms(found))
+        listed = [*terms] or [(CONSTANT, 0.0)]
+        assert all(row != CONSTANT for row, _ in (listed if more else listed[:-1]))
+        self.add(op.ADD if more else op.SUM, out, *self.list_terms(listed))
 
     def program(self) -> Program:
         """What has been written."""
         return Program(
-            np.array(self.operations, np.int64).reshape(-1, WIDTH), np.array([*self.terms, 0], np.int64),
+            np.array(self.operations, np.int64).reshape(-1, OPERATION_WIDTH), np.array([*self.terms, 0], np.int64),
             np.array(self.groups, np.int64).reshape(-1, op.SIZE + 1), np.array([*self.factors, 0.0]), self.rows + 1,
         )  # fmt: skip
 
 
-class Linkage:
+class LinkageWriter:
     """What programs of one linkage have in common: rows of its coordinates and columns."""
 
     def __init__(self, assembly: Assembly) -> None:
@@ -132,12 +135,12 @@ class Linkage:
     def terms(self, form: np.ndarray, rows: Mapping[int, int]) -> list[tuple[int, complex]]:
         """Terms of a form (columns,): fixed columns are a constant, columns without a row are zero."""
         places = np.flatnonzero(form).tolist()
-        found: list[tuple[int, complex]] = [(rows[k], complex(form[k])) for k in places if k in rows]
+        moving: list[tuple[int, complex]] = [(rows[k], complex(form[k])) for k in places if k in rows]
         constant = sum(complex(form[k]) * self.fixed[k] for k in places if k in self.fixed and k not in rows)
-        return [*found, (CONSTANT, constant)] if constant else found
+        return [*moving, (CONSTANT, constant)] if constant else moving
 
 
-class Motion(Linkage):
+class MotionWriter(LinkageWriter):
     """Writes the program of a motion: positions, then rates, then accelerations, with joints' gaps or without."""
 
     def __init__(self, assembly: Assembly, displaced: bool) -> None:
@@ -189,11 +192,11 @@ class Motion(Linkage):
         if not c.bodies:
             self.travel(i)
             return
-        own = [b for b in c.bodies if self.alone[b]]
+        alone = [b for b in c.bodies if self.alone[b]]
         if phasor is None:
             phasor = w.complex_row()
             w.add(op.PHASOR, phasor, self.u[i])
-        for b in own:
+        for b in alone:
             if s.held_at[b] == 0:
                 self.columns[b] = phasor
             else:
@@ -224,9 +227,6 @@ class Motion(Linkage):
         w.sum_real(angle, [*((self.u[i], 1.0) for i in self.s.turned[b]), (CONSTANT, float(self.s.held_at[b]))])
         w.add(op.PHASOR, self.columns[b], angle)
 
-    def arm(self, row: np.ndarray, i: int) -> complex:
-        return complex(sum(row[b] * np.exp(1j * self.s.held_at[b]) for b in self.s.coordinates[i].bodies))
-
     def dyad(self, group: Group) -> None:
         """Close a dyad's loop in closed form, as analytic.kinematics.closure.solve_dyad."""
         s, w = self.s, self.w
@@ -249,7 +249,7 @@ class Motion(Linkage):
 
     def two_angles(self, row: np.ndarray, pair: tuple[int, int], branch: float, target: int, margin: int) -> None:
         w = self.w
-        a, b = (self.arm(row, k) for k in pair)
+        a, b = (arm_of(self.s, row, k) for k in pair)
         la, lb, one, two = abs(a), abs(b), 1 / a, 1 / b
         at = w.numbers(
             la**2, lb**2, 2 * la * lb, branch * la * lb, one.real, one.imag, two.real, two.imag
@@ -265,7 +265,7 @@ class Motion(Linkage):
 
     def angle_and_travel(self, row: np.ndarray, i: int, j: int, branch: float, rows: tuple[int, int]) -> None:
         s, w, (target, margin) = self.s, self.w, rows
-        arm, along, body = self.arm(row, i), complex(row[s.coordinates[j].column]), self.along(j)
+        arm, along, body = arm_of(s, row, i), complex(row[s.coordinates[j].column]), self.along(j)
         phasor = w.complex_row()
         if body in s.coordinates[i].bodies:
             along *= complex(np.exp(1j * s.held_at[body]))
@@ -286,10 +286,10 @@ class Motion(Linkage):
     def larger(self, group: Group) -> None:
         """Close a larger group's loops by Newton's method."""
         s, w = self.s, self.w
-        own = (*group.coordinates, *group.within)
+        acting = (*group.coordinates, *group.within)
         stacked = s.stacked[s.groups.index(group)]
-        loose = [b for i in own for b in s.coordinates[i].bodies if self.alone[b]]
-        slides = [i for i in own if not s.coordinates[i].bodies]
+        loose = [b for i in acting for b in s.coordinates[i].bodies if self.alone[b]]
+        slides = [i for i in acting if not s.coordinates[i].bodies]
         for i in slides:  # what a travel is along, and is not this group's, is known
             if self.along(i) not in (*loose, *stacked):
                 self.phasor(self.along(i))
@@ -297,7 +297,7 @@ class Motion(Linkage):
         residual = [w.complex_row() for _ in group.loops]
         w.add(op.GUESS_ROOTS, len(w.groups))
         begin = len(w.operations)
-        for i in own:
+        for i in acting:
             if s.coordinates[i].bodies:
                 self.place(i)
         for b in stacked:
@@ -326,8 +326,8 @@ class Motion(Linkage):
     def jacobian(self, group: Group) -> None:
         """Derivatives of a group's loops by its unknowns, as analytic.kinematics.closure.partials."""
         s, w = self.s, self.w
-        self.jacobians[group] = found = [[w.complex_row() for _ in group.loops] for _ in group.coordinates]
-        for i, part in zip(group.coordinates, found, strict=True):
+        self.jacobians[group] = derivatives = [[w.complex_row() for _ in group.loops] for _ in group.coordinates]
+        for i, part in zip(group.coordinates, derivatives, strict=True):
             for row, out in zip(group.loops, part, strict=True):
                 w.sum(out, partial(self, i, s.loops[row], self.columns))
 
@@ -366,7 +366,7 @@ class Motion(Linkage):
     def centripetal(self, turns: Mapping[int, int]) -> None:
         s, w = self.s, self.w
         for b, spin in turns.items():
-            riding = [self.first_travel + k for k, along in enumerate(s.slide_body) if along == b]
+            riding = s.riding((b,))
             for k in (b, *riding):
                 self.column_accelerations[k] = w.complex_row()
                 w.sum(self.column_accelerations[k], ())
@@ -398,7 +398,7 @@ class Motion(Linkage):
         if not c.bodies:
             self.spread_into(columns, c.column, (op.TIMES, op.TIMES_ADD), value, self.phasor(self.along(i)))
             return
-        for k in self.assembly.turning[i]:
+        for k in self.s.turning[i]:
             self.spread_into(columns, k, (op.TURN, op.TURN_ADD), value, self.columns[k])
 
     def spread_into(self, columns: dict[int, int], k: int, codes: tuple[int, int], value: int, column: int) -> None:
@@ -427,7 +427,7 @@ class Motion(Linkage):
                 w.add(op.STORE_COMPLEX, columns.get(k, still), array, k)
 
 
-def partial(link: Linkage, i: int, form: np.ndarray, rows: Mapping[int, int]) -> list[tuple[int, complex]]:
+def partial(link: LinkageWriter, i: int, form: np.ndarray, rows: Mapping[int, int]) -> list[tuple[int, complex]]:
     """Terms of the derivative of a form (columns,) by coordinate i."""
     c = link.s.coordinates[i]
     if not c.bodies:
@@ -435,7 +435,7 @@ def partial(link: Linkage, i: int, form: np.ndarray, rows: Mapping[int, int]) ->
         if not factor:
             return []
         return [(rows[body], factor)] if body in rows else [(CONSTANT, factor * link.fixed[body])]
-    return [(rows[k], 1j * complex(form[k])) for k in link.assembly.turning[i] if form[k]]
+    return [(rows[k], 1j * complex(form[k])) for k in link.s.turning[i] if form[k]]
 
 
 def moving_terms(form: np.ndarray, rows: Mapping[int, int]) -> list[tuple[int, complex]]:
@@ -443,9 +443,9 @@ def moving_terms(form: np.ndarray, rows: Mapping[int, int]) -> list[tuple[int, c
     return [(rows[k], complex(form[k])) for k in np.flatnonzero(form).tolist() if k in rows]
 
 
-def motion(assembly: Assembly, displaced: bool) -> Program:
+def motion_program(assembly: Assembly, displaced: bool) -> Program:
     """The program of a motion, with joints' gaps or without."""
-    link = Motion(assembly, displaced)
+    link = MotionWriter(assembly, displaced)
     s, w = link.s, link.w
     link.load_inputs(COORDINATES, link.u)
     if s.by_crank:
@@ -454,7 +454,7 @@ def motion(assembly: Assembly, displaced: bool) -> Program:
     else:
         for i, row in enumerate(link.near):
             if i not in s.inputs:
-                w.add(op.LOAD_REAL, row, NEAR, i)
+                w.add(op.LOAD_REAL, row, NEARBY, i)
     link.positions()
     link.rates()
     link.store()
@@ -464,7 +464,7 @@ def motion(assembly: Assembly, displaced: bool) -> Program:
 # ---------------------------------------------------------------- reactions
 
 
-class Balance(Linkage):
+class BalanceWriter(LinkageWriter):
     """Writes the program of the reactions to a motion whose arrays are in the kernel's data."""
 
     def __init__(self, assembly: Assembly, inertia: bool, displaced: bool, gripped: bool) -> None:
@@ -584,7 +584,7 @@ class Balance(Linkage):
         if not self.paces:
             self.paces.append(self.w.real_row())
             inputs = [self.load(RATES, i) for i in self.s.inputs]
-            self.w.add(op.LARGEST, self.paces[0], *self.w.list_rows(inputs))
+            self.w.add(op.LARGEST_SIZE, self.paces[0], *self.w.list_rows(inputs))
         return self.paces[0]
 
     # ------------------------------------------------------------ closing forces, last group first
@@ -592,11 +592,11 @@ class Balance(Linkage):
     def jacobian(self, group: Group) -> list[list[int]]:
         """Rows of the derivatives of a group's loops, per unknown and loop."""
         w, rows = self.w, self.moving(COLUMNS)
-        found = [[w.complex_row() for _ in group.loops] for _ in group.coordinates]
-        for i, part in zip(group.coordinates, found, strict=True):
+        derivatives = [[w.complex_row() for _ in group.loops] for _ in group.coordinates]
+        for i, part in zip(group.coordinates, derivatives, strict=True):
             for loop, out in zip(group.loops, part, strict=True):
                 w.sum(out, partial(self, i, self.s.loops[loop], rows))
-        return found
+        return derivatives
 
     def table(self, group: Group, jacobian: list[list[int]]) -> int:
         """Place of a larger group among the program's."""
@@ -622,7 +622,7 @@ class Balance(Linkage):
         """Row of the work on a unit change of coordinate i, or of its negative."""
         w, c = self.w, self.s.coordinates[i]
         if c.bodies:
-            return self.turning_work(c.bodies, self.assembly.turning[i], sign)
+            return self.turning_work(c.bodies, self.s.turning[i], sign)
         out, along = w.real_row(), self.along(i)
         force = self.travel_forces.get(c.joint)
         w.sum_real(out, [(force, 1.0)] if force is not None else [])
@@ -660,20 +660,19 @@ class Balance(Linkage):
                 force = self.work[s.gap_column(joint.name)]
             w.add(op.STORE_COMPLEX, force, COMPLEXES, place)
         for place, (carried, second) in enumerate(zip(s.turned_by, s.far_is_second, strict=True)):
-            riding = [self.first_travel + k for k, b in enumerate(s.slide_body) if b in carried]
-            moment = self.turning_work(carried, (*carried, *riding), -1.0 if second else 1.0)
+            moment = self.turning_work(carried, (*carried, *s.riding(carried)), -1.0 if second else 1.0)
             w.add(op.STORE_REAL, moment, REALS, 1 + place)
         for place, i in enumerate(s.inputs):
             w.add(op.STORE_REAL, self.generalised(i, -1.0), REALS, 1 + len(s.slides) + place)
 
 
-def balance(assembly: Assembly, inertia: bool, displaced: bool, gripped: bool) -> Program:
+def balance_program(assembly: Assembly, inertia: bool, displaced: bool, gripped: bool) -> Program:
     """The program of the reactions; ``gripped`` says that a share of the friction acts, the first of the real rows."""
-    return Balance(assembly, inertia, displaced, gripped).write()
+    return BalanceWriter(assembly, inertia, displaced, gripped).write()
 
 
 @dataclass(frozen=True)
-class Way:
+class WalkProgram:
     """The program that closes a linkage from its inputs' rows, and what a kernel has to know to follow them."""
 
     program: Program
@@ -682,9 +681,9 @@ class Way:
     regular: np.ndarray  # rows of the larger groups'
 
 
-def way(assembly: Assembly) -> Way:
+def walk_program(assembly: Assembly) -> WalkProgram:
     """How inputs are followed."""
-    link = Motion(assembly, False)
+    link = MotionWriter(assembly, False)
     link.positions()
     s = link.s
     larger = {i for group in s.groups if not group.dyad for i in group.coordinates}
@@ -692,4 +691,4 @@ def way(assembly: Assembly) -> Way:
     inputs = [*s.inputs, *(0,) * (len(s.coordinates) - len(s.inputs))]
     margins, regular = ([row for g, row in link.margins.items() if g.dyad == dyad] for dyad in (True, False))
     places = np.array([link.u, link.near, ahead, inputs], np.int64)
-    return Way(link.w.program(), places, np.array(margins, np.int64), np.array(regular, np.int64))
+    return WalkProgram(link.w.program(), places, np.array(margins, np.int64), np.array(regular, np.int64))

@@ -9,7 +9,7 @@ say what is wrong.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from typing import TYPE_CHECKING
@@ -17,15 +17,15 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from analytic.kinematics.assembly import Assembly, Followed, Path
+from analytic.kinematics.assembly import Assembly, CrankTable, Walk
 
 if TYPE_CHECKING:
-    from analytic.compiled.program import Program, Way
+    from analytic.compiled.program import Program, WalkProgram
 
 BATCH = 4000  # configurations of a crank in one call from which the compiled code serves
 POSES = 1000  # of several drives, which take numpy some hundred times as long to follow
 CALLS = 100  # calls with one assembly after which it does, whatever their size
-NOTHING = np.zeros((1, 1))
+NO_ARRAY = np.zeros((1, 1))
 NO_WALK = np.zeros(0), np.zeros(0), np.zeros((4, 0), np.int64), np.zeros(0, np.int64), np.zeros(0, np.int64)
 
 
@@ -35,8 +35,8 @@ class Programs:
 
     motions: dict[bool, Program] = field(default_factory=dict)
     balances: dict[tuple[bool, bool, bool], Program] = field(default_factory=dict)
-    way: Way | None = None
-    path: Path | None = None
+    walk: WalkProgram | None = None
+    path: CrankTable | None = None
     table: np.ndarray | None = None  # of that path, (1 + n, M)
     calls: int = 0
 
@@ -46,10 +46,10 @@ _programs: WeakKeyDictionary[Assembly, Programs] = WeakKeyDictionary()
 
 def programs_of(assembly: Assembly) -> Programs:
     """The programs of an assembly."""
-    found = _programs.get(assembly)
-    if found is None:
-        found = _programs[assembly] = Programs()
-    return found
+    programs = _programs.get(assembly)
+    if programs is None:
+        programs = _programs[assembly] = Programs()
+    return programs
 
 
 def serves(assembly: Assembly, count: int) -> bool:
@@ -59,10 +59,10 @@ def serves(assembly: Assembly, count: int) -> bool:
     does without.  The answer depends on this call and on earlier ones with the same assembly, not on what else the
     process has done, so that the same computation gives the same bits.
     """
-    own = programs_of(assembly)
-    own.calls += 1
+    programs = programs_of(assembly)
+    programs.calls += 1
     least = BATCH if assembly.structure.by_crank else POSES
-    return (count >= least or own.calls > CALLS) and _kernel() is not None
+    return (count >= least or programs.calls > CALLS) and _kernel() is not None
 
 
 def foresee(assembly: Assembly, count: int) -> None:
@@ -70,8 +70,8 @@ def foresee(assembly: Assembly, count: int) -> None:
     portions.
     """
     if count >= BATCH:
-        own = programs_of(assembly)
-        own.calls = max(own.calls, CALLS)
+        programs = programs_of(assembly)
+        programs.calls = max(programs.calls, CALLS)
 
 
 @cache
@@ -96,38 +96,24 @@ def _carry_out(program: Program, *data: np.ndarray, walk: tuple[np.ndarray, ...]
     return every(*program.numbers, program.work(), *data, *walk)
 
 
-Derivatives = tuple[np.ndarray, np.ndarray, np.ndarray]
-
-
-@dataclass(frozen=True)
-class Moved:
-    """Arrays of a motion, as analytic.kinematics.motion.Motion's, each with its first and second derivative."""
-
-    coordinates: Derivatives  # (n, N) each
-    columns: Derivatives  # (n_columns, N) complex
-    displaced: bool  # whether joints have gaps
-
-    def __repr__(self) -> str:
-        return f"Moved({self.columns[0].shape[1]} configurations)"
-
-
 def moved(
     assembly: Assembly,
     inputs: np.ndarray,
     rates: tuple[np.ndarray | float, np.ndarray | float],
     gaps: Mapping[str, tuple[np.ndarray, np.ndarray | float, np.ndarray | float]],
-    path: Path | Followed | None,
-) -> Moved | None:
-    """Coordinates and columns with their derivatives at inputs (n_inputs, N) whose rates and accelerations are given.
+    path: CrankTable | Walk | None,
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Coordinates (3, n, N) and columns (3, n_columns, N) complex, their first and second derivatives after them, at
+    inputs (n_inputs, N) whose rates and accelerations are given.
 
     ``gaps`` are those of revolute joints by name, with their rates and accelerations.  None where that cannot be done.
     """
-    s, own, n = assembly.structure, programs_of(assembly), inputs.shape[1]
+    s, programs, n = assembly.structure, programs_of(assembly), inputs.shape[1]
     coordinates, columns = np.empty((3, len(s.coordinates), n)), np.empty((3, s.n_columns, n), complex)
     given = s.inputs[0] if len(s.inputs) == 1 else list(s.inputs)
     for order, values in enumerate((inputs, *rates)):
         coordinates[order, given] = values
-    near = _near(assembly, own, coordinates[0, given], path) if n else None
+    near = _near(assembly, programs, coordinates[0, given], path) if n else None
     if near is None:
         return None
     columns[:, len(s.bodies) + len(s.slides) :] = 0.0
@@ -135,85 +121,81 @@ def moved(
         for order, amount in enumerate(gap):
             columns[order, s.gap_column(name)] = amount
     displaced = bool(gaps)
-    if displaced not in own.motions:
-        from analytic.compiled.program import motion
+    if displaced not in programs.motions:
+        from analytic.compiled.program import motion_program
 
-        own.motions[displaced] = motion(assembly, displaced)
-    data = *coordinates, *columns.view(float), NOTHING, NOTHING, near
-    if not _carry_out(own.motions[displaced], *data):
-        return None
-    u, w, q = coordinates
-    c, v, a = columns
-    return Moved((u, w, q), (c, v, a), displaced)
+        programs.motions[displaced] = motion_program(assembly, displaced)
+    data = *coordinates, *columns.view(float), NO_ARRAY, NO_ARRAY, near
+    return (coordinates, columns) if _carry_out(programs.motions[displaced], *data) else None
 
 
-def _near(assembly: Assembly, own: Programs, inputs: np.ndarray, path: Path | Followed | None) -> np.ndarray | None:
+def _near(
+    assembly: Assembly, programs: Programs, inputs: np.ndarray, path: CrankTable | Walk | None
+) -> np.ndarray | None:
     """What is near inputs (N,), or (n_inputs, N): a crank's path (1 + n, M), or coordinates (n, N); None where there is
     neither.
     """
     low, high = float(inputs.min()), float(inputs.max())
     cranked = assembly.structure.by_crank
-    if not (math.isfinite(low) and math.isfinite(high)) or isinstance(path, Followed if cranked else Path):
+    if not (math.isfinite(low) and math.isfinite(high)) or isinstance(path, Walk if cranked else CrankTable):
         return None
     n = len(assembly.structure.coordinates)
     if not cranked:
         every = inputs.reshape(len(assembly.structure.inputs), -1)
-        near = path.coordinates if isinstance(path, Followed) else followed(assembly, every)
+        near = path.coordinates if isinstance(path, Walk) else followed(assembly, every)
         return None if near is None or near.shape != (n, every.shape[1]) else _whole(near)
-    known = path if isinstance(path, Path) else assembly.path(low, high)
-    if own.path is not known or own.table is None:
-        own.path, own.table = known, np.vstack([known.theta, known.coordinates])
-    return own.table if len(own.table) == 1 + n else None
+    known = path if isinstance(path, CrankTable) else assembly.path(low, high)
+    if programs.path is not known or programs.table is None:
+        programs.path, programs.table = known, np.vstack([known.theta, known.coordinates])
+    return programs.table if len(programs.table) == 1 + n else None
 
 
 def followed(assembly: Assembly, inputs: np.ndarray) -> np.ndarray | None:
     """Coordinates (n, N) at inputs (n_inputs, N), as analytic.kinematics.assembly.Assembly.follow; None where that
     cannot be done.
     """
-    own, s = programs_of(assembly), assembly.structure
-    if own.way is None:
-        from analytic.compiled.program import way
+    programs, s = programs_of(assembly), assembly.structure
+    if programs.walk is None:
+        from analytic.compiled.program import walk_program
 
-        own.way = way(assembly)
-    found, home = np.empty((len(s.coordinates), inputs.shape[1])), np.ascontiguousarray(assembly.home[:, 0])
-    data = found, np.ascontiguousarray(inputs, float), *(NOTHING,) * 7
-    walk = home, assembly.strides, own.way.places, own.way.margins, own.way.regular
-    return found if _carry_out(own.way.program, *data, walk=walk) else None
-
-
-@dataclass(frozen=True)
-class Balanced:
-    """What holds a motion in balance."""
-
-    forces: np.ndarray  # (joints, N) N, complex, of each joint's first body on its second, in the file's order
-    moments: np.ndarray  # (slides, N) N.m on the second body
-    drives: np.ndarray  # (inputs, N) N.m or N
-
-    def __repr__(self) -> str:
-        return f"Balanced({self.forces.shape[1]} configurations)"
+        programs.walk = walk_program(assembly)
+    coordinates, home = np.empty((len(s.coordinates), inputs.shape[1])), np.ascontiguousarray(assembly.home[:, 0])
+    data = coordinates, np.ascontiguousarray(inputs, float), *(NO_ARRAY,) * 7
+    walk = home, assembly.strides, programs.walk.places, programs.walk.margins, programs.walk.regular
+    return coordinates if _carry_out(programs.walk.program, *data, walk=walk) else None
 
 
-def balanced(assembly: Assembly, motion: Moved, inertia: bool, grip: np.ndarray | None) -> Balanced | None:
-    """Reactions and drives of a motion, as analytic.paper.kinetostatics.kinetostatics; None where that cannot be
-    done.
+def balanced(
+    assembly: Assembly,
+    coordinates: Sequence[np.ndarray],
+    columns: Sequence[np.ndarray],
+    displaced: bool,
+    inertia: bool,
+    grip: np.ndarray | None,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """What holds a motion in balance, as :func:`analytic.paper.kinetostatics.kinetostatics`: forces (joints, N) N,
+    complex, of each joint's first body on its second, in the file's order; moments (slides, N) N.m on the second
+    body; what drives each input (inputs, N), N.m or N.  None where that cannot be done.
+
+    ``coordinates`` (n, N) and ``columns`` (n_columns, N) are the motion's, each with its two derivatives.
     """
-    s, own, n = assembly.structure, programs_of(assembly), motion.coordinates[0].shape[1]
-    shapes = {x.shape for x in motion.coordinates}, {x.shape for x in motion.columns}
+    s, programs, n = assembly.structure, programs_of(assembly), coordinates[0].shape[1]
+    shapes = {x.shape for x in coordinates}, {x.shape for x in columns}
     if shapes != ({(len(s.coordinates), n)}, {(s.n_columns, n)}):
         return None
-    kind = bool(inertia), motion.displaced, grip is not None
-    if kind not in own.balances:
-        from analytic.compiled.program import balance
+    kind = bool(inertia), displaced, grip is not None
+    if kind not in programs.balances:
+        from analytic.compiled.program import balance_program
 
-        own.balances[kind] = balance(assembly, *kind)
+        programs.balances[kind] = balance_program(assembly, *kind)
     reals = np.empty((1 + len(s.slides) + len(s.inputs), n))  # the first: the share of the friction
     forces = np.empty((len(s.mechanism.joints), n), complex)
     if grip is not None:
         reals[0] = grip
-    given = *map(_whole, motion.coordinates), *(_whole(x).view(float) for x in motion.columns)
-    if not _carry_out(own.balances[kind], *given, reals, forces.view(float), NOTHING):
+    given = *map(_whole, coordinates), *(_whole(x).view(float) for x in columns)
+    if not _carry_out(programs.balances[kind], *given, reals, forces.view(float), NO_ARRAY):
         return None
-    return Balanced(forces, reals[1 : 1 + len(s.slides)], reals[1 + len(s.slides) :])
+    return forces, reals[1 : 1 + len(s.slides)], reals[1 + len(s.slides) :]
 
 
 def _whole(array: np.ndarray) -> np.ndarray:

@@ -31,23 +31,23 @@ from analytic.kinematics.closure import (
     with_travels,
 )
 from analytic.kinematics.schedule import Schedule, Turning
-from analytic.kinematics.structure import Coordinate, Group, Rest, Rests, Structure, StructureError, structure
+from analytic.kinematics.structure import BlockRest, BlockRests, Group, Structure, StructureError, structure
 from analytic.mechanism import GROUND, Mechanism
 from analytic.mechanism.one_line import angles, one_line
-from analytic.mechanism.parts import ROUNDING
+from analytic.mechanism.parts import SAME_POINT
 from analytic.mechanism.signals import continued, turned_near, wrapped
 
 PATH_STEP = np.radians(1.0)  # crank angle between checks for change points
 MOST_WALKED = 10_000_000  # samples of a way, a few hundred bytes each: what a memory holds
 STRIDES = 200  # steps that a travel as long as the longest body is walked in, with several inputs
 # of a loop's size, by which a unit of an input would open loops beyond those needed, in a linkage that moves
-RIGID = 1e-6
+RIGID_OPENING = 1e-6
 CHANGE_POINT = 1e-10  # sin^2 between the two sides of a group below which it counts as stretched or folded
 ASSEMBLY_SLACK = np.radians(45.0)  # how far the file's approximate angles may be off
 
 
 @dataclass(frozen=True)
-class Path:
+class CrankTable:
     """Angles of the coordinates along the crank's range, continued from the assembly angle."""
 
     theta: np.ndarray  # (M,) rad, increasing
@@ -62,7 +62,7 @@ class Path:
 
 
 @dataclass(frozen=True)
-class Followed:
+class Walk:
     """Coordinates (n, N) of samples that were followed one after the other."""
 
     coordinates: np.ndarray
@@ -71,9 +71,9 @@ class Followed:
         """Those coordinates, whatever the first input is."""
         return self.coordinates
 
-    def part(self, block: slice) -> Followed:
+    def part(self, block: slice) -> Walk:
         """Some of the samples."""
-        return Followed(self.coordinates[:, block])
+        return Walk(self.coordinates[:, block])
 
 
 class Assembly:
@@ -99,25 +99,25 @@ class Assembly:
     def _build(self) -> None:
         mechanism, s = self.mechanism, self.structure
         self.start = mechanism.assembly[mechanism.driven] if mechanism.cranked else float("nan")
-        self.turning = tuple(_turning(s, c) for c in s.coordinates)  # columns that turn with each coordinate
         self._forms: dict[tuple[str, str], np.ndarray] = {}
-        self._resting: dict[tuple[tuple[str, Rest], ...], Assembly] = {}
+        self._resting: dict[tuple[tuple[str, BlockRest], ...], Assembly] = {}
         self.branch: dict[Group, float] = {}  # which of a dyad's two postures: 1 or -1
         home = self._assemble(self._guess())[:, None]
         self.home = home  # (n, 1) coordinates of the assembly
-        self._path = Path(home[0], home)  # of a crank, as far as it has been walked
+        self._path = CrankTable(home[0], home)  # of a crank, as far as it has been walked
         if s.one_too_many:
             self._check_moves()
 
-    def resting(self, rests: Rests) -> Assembly:
+    def resting(self, rests: BlockRests) -> Assembly:
         """The same linkage in the same assembly mode with its blocks in their guides as ``rests`` says, by joint."""
         if not rests:
             return self
         key = tuple(sorted(rests.items()))
         if key not in self._resting:
-            found = copy.copy(self)
-            found.structure, found._forms, found._resting = structure(self.mechanism, self._whole, rests), {}, {}
-            self._resting[key] = found
+            assembly = copy.copy(self)
+            assembly.structure = structure(self.mechanism, self._whole, rests)
+            assembly._forms, assembly._resting = {}, {}
+            self._resting[key] = assembly
         return self._resting[key]
 
     @property
@@ -171,18 +171,18 @@ class Assembly:
                 guess[i] = s.signs[i] * (angle(second) - angle(first))
             elif c.bodies:
                 named = [b for b in c.bodies if s.turned[b] == (i,) and s.bodies[b] in mechanism.assembly]
-                told = [angle(s.bodies[b]) - s.held_at[b] for b in named] or [angle(s.bodies[c.bodies[0]])]
-                guess[i] = math.fsum(told) / len(told)
+                given = [angle(s.bodies[b]) - s.held_at[b] for b in named] or [angle(s.bodies[c.bodies[0]])]
+                guess[i] = math.fsum(given) / len(given)
         return self._with_driven_travels(guess)
 
     def _with_driven_travels(self, guess: np.ndarray) -> np.ndarray:
         """Coordinates (n,) with those travels (m) of driven slides that, with all others, bring pins closest to each
         other: the sum of their squared gaps is least, whichever loops they close; zero of a slide that is in none.
         """
-        s, found = self.structure, guess.copy()
+        s, coordinates = self.structure, guess.copy()
         slides = [i for i, c in enumerate(s.coordinates) if not c.bodies]
         if not set(slides) & set(s.inputs) or not len(s.loops):
-            return found
+            return coordinates
         columns = self.columns(guess[:, None])
         pins = s.loops[:, s.n_columns - len(s.pins) :].real  # which gaps each loop adds up
         loops = np.linalg.solve(np.linalg.cholesky(pins @ pins.T), s.loops)
@@ -193,8 +193,8 @@ class Assembly:
         )[0]
         for i, travel in zip(slides, travels.tolist(), strict=True):
             if i in s.inputs:
-                found[i] = travel
-        return found
+                coordinates[i] = travel
+        return coordinates
 
     def __repr__(self) -> str:
         at = f"{np.degrees(self.start):.4g} deg" if self.mechanism.cranked else posture(self.structure, self.home, 0)
@@ -209,7 +209,7 @@ class Assembly:
     # ---------------------------------------------------------------- positions
 
     def coordinates(
-        self, theta: np.ndarray, gaps: Mapping[str, np.ndarray] | None = None, path: Path | Followed | None = None
+        self, theta: np.ndarray, gaps: Mapping[str, np.ndarray] | None = None, path: CrankTable | Walk | None = None
     ) -> np.ndarray:
         """Coordinates (n, N) at crank angles (N,) rad, or at inputs (n_inputs, N), with the joints' gaps (m, complex,
         first pin minus second).
@@ -235,7 +235,7 @@ class Assembly:
         u[list(self.structure.inputs)] = inputs
         return u, self._fixed_columns(inputs.shape[1], gaps)
 
-    def near(self, u: np.ndarray, path: Path | Followed | None = None) -> Path | Followed:
+    def near(self, u: np.ndarray, path: CrankTable | Walk | None = None) -> CrankTable | Walk:
         """What is near coordinates (n, N) whose inputs are known: ``path``, else a crank's, else those samples
         themselves, which are then in the order of a motion.  Raises AssemblyError on the way.
         """
@@ -250,10 +250,11 @@ class Assembly:
         moves the linkage, else (n_inputs, N).  At rest only their directions are left of rates.
         """
         if schedule.crank_angle is not None:
-            theta, speed = schedule.crank_angle, schedule.motor(self.mechanism).rate(0.0)
+            theta, speed = schedule.crank_angle, schedule.crank_motion(self.mechanism).rate(0.0)
             return Turning(theta, np.full(theta.shape, speed), np.zeros(theta.shape))
         if schedule.crank is not None:
-            return Turning(*(schedule.motor(self.mechanism).angles(schedule.time, order) for order in range(3)))
+            crank = schedule.crank_motion(self.mechanism)
+            return Turning(*(crank.positions(schedule.time, order) for order in range(3)))
         if schedule.at_rest:
             directions = self.inputs_at(schedule.directions(schedule.time))
             return Turning(self.inputs_at(schedule.positions()), directions, np.zeros(directions.shape))
@@ -263,7 +264,7 @@ class Assembly:
         """Whether anything moves freely in a schedule."""
         return schedule.lets_go or (schedule.crank is None and bool(self.structure.free))
 
-    def walk(self, schedule: Schedule) -> Followed | None:
+    def walk(self, schedule: Schedule) -> Walk | None:
         """The ideal linkage's coordinates at the instants of a schedule in which nothing moves freely, reached along
         its courses: few samples do not say by which way it comes from one to the next.  None of a crank, whose path is
         a table that is kept.  Raises AssemblyError on the way.
@@ -274,7 +275,7 @@ class Assembly:
             return None
         way = schedule.until(schedule.time)
         followed = self.follow(self.inputs_at(schedule.positions(way)))
-        return Followed(followed.coordinates[:, np.searchsorted(way, schedule.time)])
+        return Walk(followed.coordinates[:, np.searchsorted(way, schedule.time)])
 
     def _dyad(self, step: Group, columns: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Solve a dyad on its branch, in place; its margin (N,) from a dead point."""
@@ -282,7 +283,7 @@ class Assembly:
         set_bodies(s, s.stacked[s.groups.index(step)], columns, u)
         return solve_dyad(s, step, columns, u, self.branch[step])
 
-    def close(self, u: np.ndarray, columns: np.ndarray, path: Path | Followed, displaced: bool) -> None:
+    def close(self, u: np.ndarray, columns: np.ndarray, path: CrankTable | Walk, displaced: bool) -> None:
         """Solve for all other coordinates and columns, in place; ``displaced`` says that there are gaps.  Raises
         AssemblyError.
         """
@@ -299,7 +300,7 @@ class Assembly:
         turns = [i for i, c in enumerate(s.coordinates) if c.bodies and i not in s.inputs]
         u[turns] = turned_near(u[turns], near[turns])
 
-    def follow(self, inputs: np.ndarray) -> Followed:
+    def follow(self, inputs: np.ndarray) -> Walk:
         """The ideal linkage's coordinates at inputs (n_inputs, N) that follow one another, reached from the assembly.
 
         Between samples it goes straight.  Raises AssemblyError on the way.
@@ -310,7 +311,7 @@ class Assembly:
         self._check_walked(counts.sum())
         ends = np.concatenate([[0], np.cumsum(counts.astype(int))])
         walk = np.array([np.interp(np.arange(ends[-1] + 1), ends, row) for row in stops])
-        return Followed(self._walk(walk, self.home[:, 0])[:, ends[1:]])
+        return Walk(self._walk(walk, self.home[:, 0])[:, ends[1:]])
 
     def _check_walked(self, samples: float) -> None:
         """Raise AssemblyError for a way of so many samples, :attr:`strides` apart."""
@@ -356,7 +357,7 @@ class Assembly:
                 continue
             columns = self.columns(coordinates) if columns is None else columns
             near, far = (self.form(*end) @ columns for end in spring.ends)
-            for at in np.flatnonzero(np.abs(far - near) <= ROUNDING * spring.length)[:1].tolist():
+            for at in np.flatnonzero(np.abs(far - near) <= SAME_POINT * spring.length)[:1].tolist():
                 ends = " and ".join(f"{body}.{point}" for body, point in spring.ends)
                 raise AssemblyError(
                     f"{self.mechanism.name}: at {posture(self.structure, coordinates, at)} both ends of the spring"
@@ -380,7 +381,7 @@ class Assembly:
             columns[s.gap_column(name)] = gap
         return columns
 
-    def path(self, low: float, high: float) -> Path:
+    def path(self, low: float, high: float) -> CrankTable:
         """The ideal linkage's path over at least [low, high] rad and the assembly angle.  Raises AssemblyError on the
         way, and where it is not one crank's angle that tells the posture.
         """
@@ -397,7 +398,7 @@ class Assembly:
             below = np.linspace(known[0], low, int(np.ceil((known[0] - low) / PATH_STEP)) + 1)
             above = np.linspace(known[-1], high, int(np.ceil((high - known[-1]) / PATH_STEP)) + 1)
             u = np.hstack([self._walk(below, u[:, 0])[:, :0:-1], u, self._walk(above, u[:, -1])[:, 1:]])
-            self._path = Path(np.concatenate([below[:0:-1], known, above[1:]]), u)
+            self._path = CrankTable(np.concatenate([below[:0:-1], known, above[1:]]), u)
         return self._path
 
     def _walk(self, inputs: np.ndarray, home: np.ndarray) -> np.ndarray:
@@ -455,14 +456,14 @@ class Assembly:
 
     def _check_turned(self, bodies: Sequence[str], home: np.ndarray) -> None:
         """Raise AssemblyError for a body that coordinates (n,) turn far from what the file's assembly says of it."""
-        s, told = self.structure, self.mechanism.assembly
+        s, asked = self.structure, self.mechanism.assembly
         for name in bodies:
             b = s.body_column(name)
             angle = float(home[list(s.turned[b])].sum() + s.held_at[b])
-            if abs(angle - told.get(name, angle)) > ASSEMBLY_SLACK:
+            if abs(angle - asked.get(name, angle)) > ASSEMBLY_SLACK:
                 raise AssemblyError(
                     f"{self.mechanism.name}: it does not close near the assembly angles: {name} would be at"
-                    f" {angle:.4f} rad, assembly.{name} says {told[name]:.4f}; correct it"
+                    f" {angle:.4f} rad, assembly.{name} says {asked[name]:.4f}; correct it"
                 )
 
     def _check_moves(self) -> None:
@@ -477,7 +478,7 @@ class Assembly:
         unknown = [i for i in range(len(s.coordinates)) if i not in s.inputs]
         moved = rows[:, list(s.inputs)]
         open_by = moved - rows[:, unknown] @ np.linalg.lstsq(rows[:, unknown], moved, rcond=None)[0]
-        if np.abs(open_by).max(initial=0.0) > RIGID:
+        if np.abs(open_by).max(initial=0.0) > RIGID_OPENING:
             raise StructureError(s.one_too_many)
 
     # ---------------------------------------------------------------- change points
@@ -561,9 +562,4 @@ def locks(group: Group) -> str:
     return f"{' and '.join(names)} fall in line" if group.dyad else f"the loops through {', '.join(names)} lock"
 
 
-def _turning(s: Structure, coordinate: Coordinate) -> tuple[int, ...]:
-    """Columns that turn with an angle: its bodies, then the travels along them."""
-    return (*coordinate.bodies, *(len(s.bodies) + k for k, b in enumerate(s.slide_body) if b in coordinate.bodies))
-
-
-__all__ = ["Assembly", "AssemblyError", "Path"]
+__all__ = ["Assembly", "AssemblyError", "CrankTable"]

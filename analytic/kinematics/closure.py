@@ -65,7 +65,7 @@ def partials(s: Structure, i: int, form: np.ndarray, columns: np.ndarray) -> np.
     c = s.coordinates[i]
     if not c.bodies:
         return np.outer(form[:, c.column], columns[s.slide_body[c.column - len(s.bodies)]])
-    turning = [*c.bodies, *(len(s.bodies) + k for k, b in enumerate(s.slide_body) if b in c.bodies)]
+    turning = s.turning[i]
     return 1j * (form[:, turning] @ columns[turning])
 
 
@@ -78,11 +78,8 @@ def solve_dyad(s: Structure, group: Group, columns: np.ndarray, u: np.ndarray, b
     row = s.loops[group.loops[0]]
     i, j = group.coordinates
     known = np.ones(s.n_columns, bool)
-    for c in (s.coordinates[i], s.coordinates[j]):
-        known[list(c.bodies)] = False
-        known[
-            [len(s.bodies) + k for k, b in enumerate(s.slide_body) if b in c.bodies or len(s.bodies) + k == c.column]
-        ] = False
+    for k in (i, j):
+        known[s.turning[k] if s.coordinates[k].bodies else s.coordinates[k].column] = False
     use = np.flatnonzero((known & (row != 0))[: len(columns)])
     target = -(row[use] @ columns[use])
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
@@ -94,7 +91,8 @@ def solve_dyad(s: Structure, group: Group, columns: np.ndarray, u: np.ndarray, b
         return _two_travels(s, row, i, j, target, columns, u)
 
 
-def _arm(s: Structure, row: np.ndarray, i: int) -> complex:
+def arm_of(s: Structure, row: np.ndarray, i: int) -> complex:
+    """Arm (m, complex) that a coordinate's angle turns in a loop: the sum of its bodies' sides."""
     return complex(sum(row[b] * np.exp(1j * s.held_at[b]) for b in s.coordinates[i].bodies))
 
 
@@ -106,7 +104,7 @@ def _turn(s: Structure, i: int, columns: np.ndarray, u: np.ndarray, phasor: np.n
 def _two_angles(
     s: Structure, row: np.ndarray, i: int, j: int, target: np.ndarray, columns: np.ndarray, u: np.ndarray, branch: float
 ) -> np.ndarray:
-    a, b = _arm(s, row, i), _arm(s, row, j)
+    a, b = arm_of(s, row, i), arm_of(s, row, j)
     la, lb = abs(a), abs(b)
     d2 = target.real**2 + target.imag**2
     cosine = (d2 - la**2 - lb**2) / (2 * la * lb)
@@ -121,7 +119,7 @@ def _two_angles(
 def _angle_and_travel(
     s: Structure, row: np.ndarray, i: int, j: int, target: np.ndarray, columns: np.ndarray, u: np.ndarray, branch: float
 ) -> np.ndarray:
-    arm = _arm(s, row, i)
+    arm = arm_of(s, row, i)
     travel = s.coordinates[j]
     along = row[travel.column]
     body = int(s.slide_body[travel.column - len(s.bodies)])
@@ -220,8 +218,8 @@ def posture(s: Structure, u: np.ndarray, k: int) -> str:
     places = []
     for i in s.inputs:
         value = float(s.signs[i] * u[i, k])
-        told = f"{np.degrees(value):.6g} deg" if s.unit(i) == "rad" else f"{1e3 * value:.6g} mm"
-        places.append(f"{s.coordinates[i].joint} = {told}")
+        at = f"{np.degrees(value):.6g} deg" if s.unit(i) == "rad" else f"{1e3 * value:.6g} mm"
+        places.append(f"{s.coordinates[i].joint} = {at}")
     return ", ".join(places)
 
 

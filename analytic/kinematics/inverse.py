@@ -20,65 +20,40 @@ on there, and its drives turn back or stand still.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
-from analytic.kinematics.assembly import CHANGE_POINT, Assembly, AssemblyError, Followed, locks
+from analytic.kinematics.assembly import CHANGE_POINT, Assembly, AssemblyError, Walk, locks
 from analytic.kinematics.closure import AGREE, partials, regularity
-from analytic.kinematics.motion import Motion
+from analytic.kinematics.output import Output
 from analytic.kinematics.structure import Group
 
-PASSES = 30
-SETTLED = 1e-13  # of the platform's size, or rad
+POSE_PASSES = 30  # of Newton's method
+POSE_SETTLED = 1e-13  # of the platform's size, or rad
 # of the platform's size, or rad: how far it is off the spline through its poses.  Where it swings by A, that makes
 # sqrt(8/3 FOLLOWS / A) of its largest acceleration, by a cubic spline's errors of fourth and second order, and some
 # times as much at the ends: less than a thousandth where A is a tenth
 FOLLOWS = 1e-9
 SINGULAR = 1e-6  # of the platform's size per rad: a pose that is settled is this near to one at which it cannot move
-WITHIN = "keep the path within reach"
+KEEP_WITHIN = "keep the path within reach"
 EARLIER = np.array([[8, 0, 0, 0], [4, 4, 0, 0], [2, 4, 2, 0], [1, 3, 3, 1]]) / 8  # halves of a cubic, by its points
 LATER = EARLIER[::-1, ::-1]
 FINEST = np.finfo(float).eps ** 0.25  # of a row: a spline's error, of fourth order, is rounding's where halved so often
-CLEAR = "keep the path clear of it, or give a course of the drives instead"
+KEEP_CLEAR = "keep the path clear of it, or give a course of the drives instead"
 
 
-@dataclass(frozen=True)
-class Coordinate:
-    """What is wanted of a platform: x or y (m, ground frame) of a point of it, or its angle (rad)."""
-
-    body: str
-    axis: Literal["x", "y", "angle"]
-    point: str = "com"
-
-    @property
-    def name(self) -> str:
-        """``platform_x`` as in the signals, ``left-arm.P_x`` of another point."""
-        return f"{self.body if self.point == 'com' else f'{self.body}.{self.point}'}_{self.axis}"
-
-    def value(self, motion: Motion) -> np.ndarray:
-        """It (N,) in a motion."""
-        if self.axis == "angle":
-            return motion.angle(self.body)
-        place = motion.position(self.body, self.point)
-        return place.real if self.axis == "x" else place.imag
-
-
-def inverse(
-    assembly: Assembly, wanted: Sequence[Coordinate], poses: np.ndarray, time: np.ndarray | None = None
-) -> Followed:
+def inverse(assembly: Assembly, wanted: Sequence[Output], poses: np.ndarray, time: np.ndarray | None = None) -> Walk:
     """Coordinates (n, N) at which the ``wanted``, as many as the linkage has inputs, are at ``poses`` (n_inputs, N),
     which are instants of one motion, at ``time`` (N,) s or evenly apart: between them it goes along the cubic spline.
 
     Raises AssemblyError with the pose where it cannot be reached, or is singular.
     """
-    return Followed(_Inverse(assembly, wanted, np.asarray(poses, float), time).followed())
+    return Walk(_Inverse(assembly, wanted, np.asarray(poses, float), time).followed())
 
 
 def splined(
-    assembly: Assembly, wanted: Sequence[Coordinate], poses: np.ndarray, time: np.ndarray
-) -> tuple[np.ndarray, Followed]:
+    assembly: Assembly, wanted: Sequence[Output], poses: np.ndarray, time: np.ndarray
+) -> tuple[np.ndarray, Walk]:
     """The same at more instants (M,) s, those of the poses among them: so many that the ``wanted`` are off the spline
     through the poses by no more than FOLLOWS where the inputs go along the spline through theirs.
     """
@@ -106,7 +81,7 @@ def passes_zero(time: np.ndarray, sizes: np.ndarray) -> tuple[int, float] | None
 class Posed:
     """A linkage's loops and the ``wanted`` coordinates of its platform, as functions of all of its coordinates."""
 
-    def __init__(self, assembly: Assembly, wanted: Sequence[Coordinate]) -> None:
+    def __init__(self, assembly: Assembly, wanted: Sequence[Output]) -> None:
         self.s, self.assembly, self.wanted = assembly.structure, assembly, tuple(wanted)
         self.size = max(body.length for body in assembly.mechanism.bodies) or 1.0
 
@@ -118,8 +93,7 @@ class Posed:
             if w.axis == "angle":
                 out.append(u[list(self.s.turned[b])].sum(axis=0) + self.s.held_at[b])
             else:
-                z = self.assembly.form(w.body, w.point) @ columns
-                out.append(z.real if w.axis == "x" else z.imag)
+                out.append(w.part(self.assembly.form(w.body, w.point) @ columns))
         return np.array(out)
 
     def slopes(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -133,8 +107,7 @@ class Posed:
                 continue
             form = self.assembly.form(w.body, w.point)[None]
             for i in range(len(s.coordinates)):
-                moved = partials(s, i, form, columns)[0]
-                pose[:, row, i] = moved.real if w.axis == "x" else moved.imag
+                pose[:, row, i] = w.part(partials(s, i, form, columns)[0])
         return np.concatenate([loops.real, loops.imag]).transpose(1, 0, 2), pose
 
     def rows(self, group: Group) -> list[int]:
@@ -154,7 +127,7 @@ class _Inverse(Posed):
     """
 
     def __init__(
-        self, assembly: Assembly, wanted: Sequence[Coordinate], poses: np.ndarray, time: np.ndarray | None
+        self, assembly: Assembly, wanted: Sequence[Output], poses: np.ndarray, time: np.ndarray | None
     ) -> None:
         super().__init__(assembly, wanted)
         s = self.s
@@ -167,7 +140,7 @@ class _Inverse(Posed):
         self.reach = np.array([1.0 if s.unit(i) == "rad" else self.size for i in s.inputs])
         self.groups = [g for g in s.groups if g.coordinates]
         self.arms = np.abs(s.loops[:, : len(s.bodies)]).sum(axis=1).max(initial=0.0)
-        self.time, self.told = np.arange(float(poses.shape[1])) if time is None else time, time is not None
+        self.time, self.timed = np.arange(float(poses.shape[1])) if time is None else time, time is not None
         self.near = assembly.follow(assembly.inputs[:, None]).coordinates
         self.at = self.pose(assembly.columns(self.near), self.near)
         self.pieces = self.cubics(poses)
@@ -212,12 +185,12 @@ class _Inverse(Posed):
                     raise self.stuck(part[0], begin)
                 parts += [(LATER @ part, begin + length / 2, length / 2), (EARLIER @ part, begin, length / 2)]
         self.goal = self.near, self.at[:, 0], -1.0
-        found, ways = self.between(np.arange(self.time.size))
+        coordinates, ways = self.between(np.arange(self.time.size))
         for size in 1.0 / np.linalg.norm(self.shares(ways), axis=2).T:  # 0 where that input's leg is stretched
             passed = passes_zero(self.time, size)
             if passed is not None:
                 raise self.unclear(sum(passed))
-        return found
+        return coordinates
 
     def lies_near(self, part: np.ndarray) -> bool:
         """Whether no pose of a piece of the path (4, wanted), nor between it and where the platform is, can be singular
@@ -282,7 +255,7 @@ class _Inverse(Posed):
         """
         s, m, w = self.s, poses.shape[1], len(poses)
         ways, good = np.full((m, len(u), w), np.inf), np.zeros(m, bool)
-        for _ in range(PASSES):
+        for _ in range(POSE_PASSES):
             columns = self.assembly.columns(u)
             loops, slope = self.slopes(columns)
             gap, miss = s.loops @ columns, (self.pose(columns, u) - poses).T
@@ -293,20 +266,20 @@ class _Inverse(Posed):
             left = np.concatenate([*(q @ open_by[:, rows] for q, rows in sides), miss[..., None]], axis=1)
             right = np.broadcast_to(np.eye(len(u))[:, len(u) - w :], ways.shape)
             try:
-                found = np.linalg.solve(matrix, np.concatenate([left, right], axis=2))
+                solution = np.linalg.solve(matrix, np.concatenate([left, right], axis=2))
             except np.linalg.LinAlgError:
                 break
-            ways = found[:, :, 1:]
+            ways = solution[:, :, 1:]
             close = self.arms + np.abs(columns[len(s.bodies) : len(s.bodies) + len(s.slides)]).sum(axis=0)[:, None]
-            good = np.all(np.abs(left[:, :-w, 0]) <= SETTLED * close, axis=1)
+            good = np.all(np.abs(left[:, :-w, 0]) <= POSE_SETTLED * close, axis=1)
             good &= np.all(np.abs(open_by[..., 0]) <= AGREE * close, axis=1)
-            good &= np.all(np.abs(miss) <= SETTLED * self.unit, axis=1)
+            good &= np.all(np.abs(miss) <= POSE_SETTLED * self.unit, axis=1)
             if good.all():
                 break
-            u = u - found[:, :, 0].T
+            u = u - solution[:, :, 0].T
         return u, ways, good
 
-    def refined(self, u: np.ndarray) -> tuple[np.ndarray, Followed]:
+    def refined(self, u: np.ndarray) -> tuple[np.ndarray, Walk]:
         """Instants (M,) s, as :func:`splined` says, and coordinates (n, M) there, of those (n, N) at the poses.  Raises
         AssemblyError where no number of them will do.
         """
@@ -321,7 +294,7 @@ class _Inverse(Posed):
             off = np.linalg.solve(ways[:, inputs], drives.T[..., None])[..., 0] / self.unit
             apart = np.abs(off).max(axis=1) > FOLLOWS
             if not apart.any():
-                return time, Followed(u)
+                return time, Walk(u)
             finest = np.diff(rows) < FINEST
             if np.any(apart & finest):
                 raise self.unclear(float(middle[np.argmax(apart & finest)]))
@@ -347,9 +320,9 @@ class _Inverse(Posed):
         return np.interp(rows, np.arange(self.time.size), self.time)
 
     def when(self, row: float) -> str:
-        """That time in words; nothing where nobody knows."""
+        """The time of a row in words; empty where no times were given."""
         at = f"{'at' if row >= 0 else 'on the way to'} {self.instants(np.array(row)):.6g} s "
-        return at if self.told else ""
+        return at if self.timed else ""
 
     def stuck(self, pose: np.ndarray, row: float) -> AssemblyError:
         """The error for a pose (wanted,) where the path ends, by what its next row is."""
@@ -358,7 +331,7 @@ class _Inverse(Posed):
             reached = self.closed(goal[:, None], start)[2].all()
         if not reached:
             what = f"{self.when(end)}cannot be reached: no position of the drives has it there"
-            return self.failed(goal, what, WITHIN)
+            return self.failed(goal, what, KEEP_WITHIN)
         return self.failed(pose, f"{self.when(row)}is singular: the platform cannot move on, whatever its drives do")
 
     def unclear(self, row: float) -> AssemblyError:
@@ -366,12 +339,12 @@ class _Inverse(Posed):
         what = "is singular, or the path's rows are too far apart to tell that it is not: two ways to go on meet there"
         return self.failed(self.on_spline(np.array([row])), f"{self.when(row)}{what}")
 
-    def failed(self, pose: np.ndarray, what: str, remedy: str = CLEAR) -> AssemblyError:
-        told = [
+    def failed(self, pose: np.ndarray, what: str, remedy: str = KEEP_CLEAR) -> AssemblyError:
+        pose_in_words = [
             f"{w.name} = {np.degrees(x):.6g} deg" if w.axis == "angle" else f"{w.name} = {1e3 * x:.6g} mm"
             for w, x in zip(self.wanted, np.ravel(pose), strict=True)
         ]
         return AssemblyError(
-            f"{self.assembly.mechanism.name}: {', '.join(told)} {what}",
+            f"{self.assembly.mechanism.name}: {', '.join(pose_in_words)} {what}",
             remedy=remedy,
         )

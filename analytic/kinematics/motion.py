@@ -12,14 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from analytic.compiled import run
-from analytic.kinematics.assembly import Assembly, Followed, Path
+from analytic.kinematics.assembly import Assembly, CrankTable, Walk
 from analytic.kinematics.closure import AssemblyError, least, partials
 from analytic.kinematics.schedule import Schedule
 from analytic.kinematics.structure import Group, Structure
 from analytic.mechanism import Joint
 from analytic.mechanism.one_line import angles, count, largest, one_line
 
-BLOCK = 4096  # crank angles worked on at once: their temporary arrays stay in the processor's cache
+ANGLES_AT_ONCE = 4096  # crank angles worked on at once: their temporary arrays stay in the processor's cache
 DEAD_CENTRE = 1e-12  # of the crank's rate: a smaller rate of a joint (rad/s; prismatic: m/s) is rounding error
 # glibc keeps freed memory for the next array, but only up to twice the largest block freed so far; the rest goes back
 # to the system and returns page by page, which takes longer than the computation itself.  Freeing 16 MB once raises
@@ -74,13 +74,6 @@ class Motion:
         """Whether compiled code has found it."""
         return isinstance(self.jacobians, Jacobians)
 
-    @property
-    def moved(self) -> run.Moved:
-        """Its arrays, for compiled code."""
-        coordinates = self.coordinates, self.rates, self.accelerations
-        columns = self.columns, self.column_rates, self.column_accelerations
-        return run.Moved(coordinates, columns, self.displaced)
-
     def part(self, block: slice | np.ndarray, live: int | None = None) -> Motion:
         """The same motion at some of its crank angles (a slice: views of its arrays; or indices), or only its first
         ``live`` columns.
@@ -118,15 +111,10 @@ class Motion:
         """Angular acceleration (rad/s^2) of a body."""
         return self._turn(self.accelerations, body)
 
-    def travel(self, joint: str) -> tuple[np.ndarray, np.ndarray]:
-        """Travel (m) of a prismatic joint and its rate (m/s)."""
-        i = self._slide(joint)
-        return self.coordinates[i], self.rates[i]
-
     def relative(self, joint: Joint) -> np.ndarray:
         """Angle of a joint's second body on its first (rad), or its travel (m)."""
         if joint.prismatic:
-            return self.travel(joint.name)[0]
+            return np.asarray(self.coordinates[self._slide(joint)])
         first, second = joint.bodies
         return self.angle(second) - self.angle(first)
 
@@ -139,28 +127,32 @@ class Motion:
         apart = self.position(first, joint.name) - self.position(second, joint.name)
         return (apart * np.conj(normal)).real * normal, self.angle(first) + joint.angle - self.angle(second)
 
-    def slip(self, joint: Joint) -> tuple[np.ndarray, np.ndarray]:
-        """Rate and acceleration of a joint's second body on its first: rad/s and rad/s^2, or m/s and m/s^2."""
+    def slip(self, joint: Joint) -> np.ndarray:
+        """Rate (N,) of a joint's second body on its first: rad/s, or m/s."""
         if joint.prismatic:
-            i = self._slide(joint.name)
-            return self.rates[i], self.accelerations[i]
+            return np.asarray(self.rates[self._slide(joint)])
         first, second = joint.bodies
-        return (
-            self.angular_velocity(second) - self.angular_velocity(first),
-            self.angular_acceleration(second) - self.angular_acceleration(first),
-        )
+        return self.angular_velocity(second) - self.angular_velocity(first)
+
+    def slip_acceleration(self, joint: Joint) -> np.ndarray:
+        """Acceleration (N,) of a joint's second body on its first: rad/s^2, or m/s^2."""
+        if joint.prismatic:
+            return np.asarray(self.accelerations[self._slide(joint)])
+        first, second = joint.bodies
+        return self.angular_acceleration(second) - self.angular_acceleration(first)
 
     def slip_sign(self, joint: Joint) -> np.ndarray:
-        """The sign (N,) of that rate, against which friction acts; 0 at a dead centre of the joint."""
-        return slip_direction(self.slip(joint)[0], self.pace)
+        """The sign (N,) of a joint's slip, against which friction acts; 0 at a dead centre of the joint."""
+        rate = self.slip(joint)
+        return np.asarray(np.sign(rate) * (np.abs(rate) > DEAD_CENTRE * np.abs(self.pace)))
 
     @property
     def pace(self) -> np.ndarray:
         """The fastest input's rate (N,), its size: rad/s, or m/s."""
         return np.abs(self.rates[list(self.structure.inputs)]).max(axis=0)
 
-    def _slide(self, joint: str) -> int:
-        return next(i for i, c in enumerate(self.structure.coordinates) if c.joint == joint and not c.bodies)
+    def _slide(self, joint: Joint) -> int:
+        return next(i for i, c in enumerate(self.structure.coordinates) if c.joint == joint.name and not c.bodies)
 
     def _turn(self, values: np.ndarray, body: str) -> np.ndarray:
         turned = self.structure.turned[self.structure.body_column(body)]
@@ -232,8 +224,8 @@ class Jacobians(Mapping[Group, np.ndarray]):
 
     def __getitem__(self, group: Group) -> np.ndarray:
         rows = self.s.loops[list(group.loops), : len(self.columns)]
-        found = [partials(self.s, i, rows, self.columns) for i in group.coordinates]
-        return np.array(found).reshape(len(group.coordinates), len(group.loops), self.columns.shape[1])
+        derivatives = [partials(self.s, i, rows, self.columns) for i in group.coordinates]
+        return np.array(derivatives).reshape(len(group.coordinates), len(group.loops), self.columns.shape[1])
 
     def __iter__(self) -> Iterator[Group]:
         return iter(self.s.groups)
@@ -248,7 +240,7 @@ def kinematics(
     omega: np.ndarray | float = 0.0,
     alpha: np.ndarray | float = 0.0,
     gaps: Mapping[str, Gap] | None = None,
-    path: Path | Followed | None = None,
+    path: CrankTable | Walk | None = None,
 ) -> Motion:
     """Motion at crank angles theta (N,) rad, angular velocity omega (rad/s) and acceleration alpha (rad/s^2).
 
@@ -264,10 +256,10 @@ def kinematics(
         opened = {name: (gap.value, gap.rate, gap.acceleration) for name, gap in (gaps or {}).items()}
         moved = run.moved(assembly, inputs, (omega, alpha), opened, path)
         if moved is not None:
-            s, (u, *_), (columns, *_) = assembly.structure, moved.coordinates, moved.columns
-            jacobians = Jacobians(s, columns)
+            s, ((u, rates, accelerations), (columns, turns, bends)) = assembly.structure, moved
+            jacobians, theta = Jacobians(s, columns), u[s.inputs[0]]
             return Motion(
-                assembly, u[s.inputs[0]], *moved.coordinates, *moved.columns, jacobians, moved.displaced
+                assembly, theta, u, rates, accelerations, columns, turns, bends, jacobians, bool(opened)
             )  # fmt: skip
     return kinematics_by_numpy(assembly, theta, omega, alpha, gaps, path)
 
@@ -284,7 +276,7 @@ def kinematics_by_numpy(
     omega: np.ndarray | float = 0.0,
     alpha: np.ndarray | float = 0.0,
     gaps: Mapping[str, Gap] | None = None,
-    path: Path | Followed | None = None,
+    path: CrankTable | Walk | None = None,
 ) -> Motion:
     """What :func:`kinematics` gives, by numpy alone: what the compiled code is held against, and says what is wrong."""
     s = assembly.structure
@@ -301,15 +293,15 @@ def kinematics_by_numpy(
     live = s.n_columns if gaps else len(s.bodies) + len(s.slides)  # without gaps their columns stay untouched
     for block in blocks(n):
         part = motion.part(block, live)
-        here = near.part(block) if isinstance(near, Followed) else near
+        here = near.part(block) if isinstance(near, Walk) else near
         assembly.close(part.coordinates, part.columns, here, bool(gaps))
         _set_in_motion(part, speed[:, block], push[:, block])
     return motion
 
 
 def blocks(n: int) -> Iterator[slice]:
-    """Slices of at most BLOCK crank angles that make up n."""
-    return (slice(i, min(i + BLOCK, n)) for i in range(0, n, BLOCK))
+    """Slices of at most ANGLES_AT_ONCE crank angles that make up n."""
+    return (slice(i, min(i + ANGLES_AT_ONCE, n)) for i in range(0, n, ANGLES_AT_ONCE))
 
 
 def _set_in_motion(motion: Motion, omega: np.ndarray, alpha: np.ndarray) -> None:
@@ -326,7 +318,7 @@ def _set_in_motion(motion: Motion, omega: np.ndarray, alpha: np.ndarray) -> None
         if not turned:
             continue
         turns = spin[turned[0]] if len(turned) == 1 else spin[list(turned)].sum(axis=0)
-        riding = [len(s.bodies) + k for k, along in enumerate(s.slide_body) if along == b]
+        riding = s.riding((b,))
         for k in (b, *riding):
             centripetal[k] -= turns**2 * columns[k]
         for k in riding:  # Coriolis: twice the spin times the sliding
@@ -362,7 +354,7 @@ def _spread(motion: Motion, i: int, value: np.ndarray, out: np.ndarray) -> None:
     """Add to ``out`` what a rate of coordinate i does to the columns."""
     s, columns, c = motion.structure, motion.columns, motion.structure.coordinates[i]
     if c.bodies:
-        for k in motion.assembly.turning[i]:
+        for k in s.turning[i]:
             out[k] += 1j * value * columns[k]
     else:
         out[c.column] += value * columns[s.slide_body[c.column - len(s.bodies)]]
@@ -413,11 +405,6 @@ def self_stresses(jacobian: np.ndarray, group: Group) -> np.ndarray:
     q, _ = np.linalg.qr(matrix, mode="complete")
     idle = q[:, :, len(jacobian) :].transpose(2, 1, 0)
     return np.asarray(idle[:, :n] + 1j * idle[:, n:])
-
-
-def slip_direction(rate: np.ndarray, pace: np.ndarray) -> np.ndarray:
-    """The sign (N,) of a joint's rate (rad/s, m/s) whose motion's fastest input has this pace; 0 at a dead centre."""
-    return np.asarray(np.sign(rate) * (np.abs(rate) > DEAD_CENTRE * np.abs(pace)))
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:

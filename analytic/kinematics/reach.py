@@ -9,10 +9,10 @@ import numpy as np
 
 from analytic.kinematics.assembly import PATH_STEP, Assembly, AssemblyError
 
-STEP = np.radians(5.0)
-CLEAR = np.radians(20.0)  # how far the usual angles keep from a change point or the end of the crank's reach
-SAME = 1e-6  # rad, of a body's direction
-PRECISE = 1e-4  # rad, of the end of the reach
+USUAL_STEP = np.radians(5.0)  # between usual crank angles
+USUAL_MARGIN = np.radians(20.0)  # how far the usual angles keep from a change point or the end of the crank's reach
+SAME_DIRECTION = 1e-6  # rad, of a body's direction
+REACH_PRECISION = 1e-4  # rad, of the end of the reach
 
 
 def turns_fully(assembly: Assembly) -> bool:
@@ -24,7 +24,7 @@ def turns_fully(assembly: Assembly) -> bool:
         return False
     round_trip = assembly.start + np.array([0.0, 2 * np.pi])
     before, after = assembly.columns(assembly.path(*round_trip).near(round_trip))[: len(assembly.structure.bodies)].T
-    return bool(np.abs(after - before).max() < SAME)
+    return bool(np.abs(after - before).max() < SAME_DIRECTION)
 
 
 def usual_angles(assembly: Assembly) -> np.ndarray:
@@ -32,11 +32,11 @@ def usual_angles(assembly: Assembly) -> np.ndarray:
     (paper: 20 to 160).
     """
     if turns_fully(assembly):
-        return np.arange(72) * STEP
+        return np.arange(72) * USUAL_STEP
     ends = [_reach(assembly, sign) for sign in (-1.0, 1.0)]
-    clear = min(CLEAR, (ends[1] - ends[0]) / 4)
-    low, high = np.ceil((ends[0] + clear) / STEP - 0.01), np.floor((ends[1] - clear) / STEP + 0.01)
-    return np.arange(low, high + 1) * STEP if high >= low else np.array([assembly.start])
+    clear = min(USUAL_MARGIN, (ends[1] - ends[0]) / 4)
+    low, high = np.ceil((ends[0] + clear) / USUAL_STEP - 0.01), np.floor((ends[1] - clear) / USUAL_STEP + 0.01)
+    return np.arange(low, high + 1) * USUAL_STEP if high >= low else np.array([assembly.start])
 
 
 def _reach(assembly: Assembly, sign: float) -> float:
@@ -50,12 +50,12 @@ def _reach(assembly: Assembly, sign: float) -> float:
     if failed is None:
         return float(assembly.start + sign * far)
     far = abs(failed - assembly.start)
-    for before in (far - PRECISE, far - PATH_STEP):
+    for before in (far - REACH_PRECISION, far - PATH_STEP):
         if before > 0 and _beyond(assembly, sign * before) is None:
             near = before
             break
         far = max(before, 0.0)
-    while far - near > PRECISE:
+    while far - near > REACH_PRECISION:
         middle = (near + far) / 2
         near, far = (middle, far) if _beyond(assembly, sign * middle) is None else (near, middle)
     return float(assembly.start + sign * near)

@@ -22,9 +22,9 @@ from analytic.mechanism.one_line import angles, one_line
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
-GLIMPSES = 400  # instants of courses, at least, by which a linkage is followed
-STANDSTILL = 1e-6  # of a course's largest rate: a drive that is no faster stands, but for the ringing of its spline
-KNOTS = 4  # of a course, at least: a cubic spline needs as many
+COURSE_INSTANTS = 400  # instants of courses, at least, by which a linkage is followed
+STANDING_RATE = 1e-6  # of a course's largest rate: a drive that is no faster stands, but for the ringing of its spline
+FEWEST_KNOTS = 4  # of a course, at least: a cubic spline needs as many
 
 
 @dataclass(frozen=True)
@@ -47,11 +47,9 @@ class ScheduleError(Error, ValueError):
 
 @dataclass(frozen=True)
 class Steady:
-    """A drive at a constant ``speed`` (rad/s, m/s), with its ``position`` (rad, m) at time 0; a run begins at ``begin``
-    (s).
-    """
+    """A drive at a constant ``speed`` (rad/s, m/s), ``start`` (rad, m) at time 0; a run begins at ``begin`` (s)."""
 
-    position: float
+    start: float
     speed: float = 0.0
     begin: float = 0.0
 
@@ -64,9 +62,9 @@ class Steady:
         """The largest rate (rad/s, m/s), either way."""
         return abs(self.speed)
 
-    def angle(self, time: float) -> float:
+    def position(self, time: float) -> float:
         """Position (rad, m) at a time (s)."""
-        return self.position + self.speed * time
+        return self.start + self.speed * time
 
     def rate(self, time: float) -> float:
         """Its rate (rad/s, m/s)."""
@@ -76,30 +74,30 @@ class Steady:
         """Its acceleration (rad/s^2, m/s^2)."""
         return 0.0
 
-    def angles(self, times: np.ndarray, order: int = 0) -> np.ndarray:
+    def positions(self, times: np.ndarray, order: int = 0) -> np.ndarray:
         """Positions (N,) rad, m at times (N,) s, or their derivatives of that order."""
         if order == 0:
-            return self.position + self.speed * times
+            return self.start + self.speed * times
         return np.full_like(times, self.speed if order == 1 else 0.0)
 
     def reversed(self) -> Steady:
         """The same of the joint's bodies the other way round."""
-        return Steady(-self.position, -self.speed, self.begin)
+        return Steady(-self.start, -self.speed, self.begin)
 
 
 @dataclass(frozen=True)
 class Course:
-    """A drive on a course: the cubic spline through positions (K,) rad, m at its knots, times (K,) s, from the first of
-    them to the last.
+    """A drive on a course from its first knot to its last: the cubic spline through ``values`` (K,) rad, m at ``knots``
+    (K,) s.
     """
 
     knots: np.ndarray
-    positions: np.ndarray
+    values: np.ndarray
 
     constant_speed: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        for name in ("knots", "positions"):
+        for name in ("knots", "values"):
             object.__setattr__(self, name, np.asarray(getattr(self, name), float))
 
     @cached_property
@@ -107,7 +105,7 @@ class Course:
         """The position as a function of time and order of derivative."""
         from scipy.interpolate import CubicSpline  # here: importing it takes a quarter of a second
 
-        return CubicSpline(self.knots, self.positions)
+        return CubicSpline(self.knots, self.values)
 
     @property
     def begin(self) -> float:
@@ -134,7 +132,7 @@ class Course:
         x = self.knots
         return float(np.abs(self.spline(np.concatenate([x, (x[1:] + x[:-1]) / 2]), order)).max())
 
-    def angle(self, time: float) -> float:
+    def position(self, time: float) -> float:
         """Position (rad, m) at a time (s)."""
         return float(self.spline(time))
 
@@ -146,16 +144,16 @@ class Course:
         """Its acceleration (rad/s^2, m/s^2)."""
         return float(self.spline(time, 2))
 
-    def angles(self, times: np.ndarray, order: int = 0) -> np.ndarray:
+    def positions(self, times: np.ndarray, order: int = 0) -> np.ndarray:
         """Positions (N,) rad, m at times (N,) s, or their derivatives of that order."""
         return np.asarray(self.spline(times, order))
 
     def reversed(self) -> Course:
         """The same of the joint's bodies the other way round."""
-        return Course(self.knots, -self.positions)
+        return Course(self.knots, -self.values)
 
 
-Motor = Steady | Course
+DriveMotion = Steady | Course
 Knots = tuple[np.ndarray, np.ndarray]  # times (K,) s, and positions (K,) rad, m at them
 
 
@@ -173,7 +171,7 @@ class Schedule:
     """
 
     time: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    drives: Mapping[str, Motor] = field(default_factory=dict)
+    drives: Mapping[str, DriveMotion] = field(default_factory=dict)
     at_rest: bool = False
     rates: Mapping[str, float] = field(default_factory=dict)
     crank: str | None = None
@@ -201,9 +199,9 @@ class Schedule:
     @classmethod
     def of_crank(cls, m: Mechanism, course: Knots, time: np.ndarray) -> Schedule:
         """A crank on a course of its angle (rad), looked at at times (N,) s."""
-        own = Course(*course)
-        drives = {m.drive_joint.name: own if m.crank_sign > 0 else own.reversed()}
-        return cls(np.asarray(time, float), drives, crank=m.drive_joint.name)
+        joint, angle = m.drive_joint.name, Course(*course)
+        drives = {joint: angle if m.crank_sign > 0 else angle.reversed()}
+        return cls(np.asarray(time, float), drives, crank=joint)
 
     @classmethod
     def released(cls, m: Mechanism, time: np.ndarray, rate: float = 0.0) -> Schedule:
@@ -236,22 +234,22 @@ class Schedule:
     @property
     def courses(self) -> dict[str, Course]:
         """The drives that follow courses, by joint."""
-        return {name: motor for name, motor in self.drives.items() if isinstance(motor, Course)}
+        return {name: motion for name, motion in self.drives.items() if isinstance(motion, Course)}
 
     @property
     def begin(self) -> float:
         """Time (s) at which all courses have begun; 0 without."""
-        return max((motor.begin for motor in self.drives.values()), default=0.0)
+        return max((motion.begin for motion in self.drives.values()), default=0.0)
 
     @property
     def end(self) -> float:
         """Time (s) at which the first of the courses ends."""
-        return min((motor.end for motor in self.drives.values()), default=math.inf)
+        return min((motion.end for motion in self.drives.values()), default=math.inf)
 
-    def motor(self, m: Mechanism) -> Motor:
-        """How the crank's angle (rad) goes on."""
-        own = self.drives[m.drive_joint.name]
-        return own if m.crank_sign > 0 else own.reversed()
+    def crank_motion(self, m: Mechanism) -> DriveMotion:
+        """The crank's angle (rad) over time."""
+        position = self.drives[m.drive_joint.name]
+        return position if m.crank_sign > 0 else position.reversed()
 
     def start_speed(self, m: Mechanism) -> float:
         """The rate (rad/s) of a crank that is let go."""
@@ -260,7 +258,7 @@ class Schedule:
     def positions(self, time: np.ndarray | None = None, order: int = 0) -> dict[str, np.ndarray]:
         """Positions (N,) rad, m of the driven joints at times (N,) s, by default its own; or their derivatives."""
         time = self.time if time is None else time
-        return {name: motor.angles(time, order) for name, motor in self.drives.items()}
+        return {name: motion.positions(time, order) for name, motion in self.drives.items()}
 
     def later(self, after: Sequence[float]) -> Schedule:
         """The same at instants that are in turn so much (s) after each of its own."""
@@ -270,7 +268,7 @@ class Schedule:
         """Rates (N,) rad/s, m/s of the driven joints at times (N,) s; 0 of a drive that is about to stand."""
         rates = self.positions(time, 1)
         return {
-            name: np.where(np.abs(rate) > STANDSTILL * self.drives[name].top_speed, rate, 0.0)
+            name: np.where(np.abs(rate) > STANDING_RATE * self.drives[name].top_speed, rate, 0.0)
             for name, rate in rates.items()
         }
 
@@ -278,5 +276,5 @@ class Schedule:
         """Times (M,) s of the way along the courses to the last of times (N,) s, these and the knots among them."""
         begin, last = self.begin, float(time.max())
         knots = [course.knots for course in self.courses.values()]
-        every = np.concatenate([time, *knots, np.linspace(begin, last, GLIMPSES)])
+        every = np.concatenate([time, *knots, np.linspace(begin, last, COURSE_INSTANTS)])
         return np.unique(every[(every >= begin) & (every <= last)])

@@ -22,7 +22,7 @@ lengths, which the assembly answers (:mod:`analytic.kinematics.assembly`).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -33,7 +33,7 @@ from analytic.errors import Error
 from analytic.mechanism import GROUND, Joint, Mechanism
 from analytic.mechanism.one_line import count, one_line
 
-NAMED = 8  # bodies that an error names; a linkage may have hundreds
+MOST_BODIES_NAMED = 8  # bodies that an error names; a linkage may have hundreds
 
 
 class StructureError(Error, ValueError):
@@ -41,7 +41,7 @@ class StructureError(Error, ValueError):
 
 
 @dataclass(frozen=True)
-class Rest:
+class BlockRest:
     """Where a block rests in its guide, beside the line through its joint's first point: its point's ``offset`` (m)
     along the axis turned by a right angle, and its ``tilt`` (rad) beyond the joint's angle; the second body relative to
     the first.
@@ -51,8 +51,8 @@ class Rest:
     tilt: float
 
 
-Rests = Mapping[str, Rest]
-CENTRED: Rests = {}
+BlockRests = Mapping[str, BlockRest]
+CENTRED: BlockRests = {}
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,16 @@ class Structure:
     def stacked(self) -> tuple[tuple[int, ...], ...]:
         """Per group: columns of its bodies that turn with a sum of coordinates."""
         columns = [tuple(self.bodies.index(b) for b in group.bodies) for group in self.groups]
-        return tuple(tuple(b for b in own if len(self.turned[b]) > 1) for own in columns)
+        return tuple(tuple(b for b in bodies if len(self.turned[b]) > 1) for bodies in columns)
+
+    def riding(self, bodies: Collection[int]) -> list[int]:
+        """Columns of the travels along these bodies (columns)."""
+        return [len(self.bodies) + k for k, body in enumerate(self.slide_body) if body in bodies]
+
+    @cached_property
+    def turning(self) -> tuple[list[int], ...]:
+        """Per coordinate: columns that turn with it, its bodies' and then those of the travels along them."""
+        return tuple([*c.bodies, *self.riding(c.bodies)] for c in self.coordinates)
 
     @property
     def n_columns(self) -> int:
@@ -168,7 +177,7 @@ class Structure:
         return form
 
 
-def structure(mechanism: Mechanism, whole: bool = False, rests: Rests = CENTRED) -> Structure:
+def structure(mechanism: Mechanism, whole: bool = False, rests: BlockRests = CENTRED) -> Structure:
     """Decompose a linkage; ``whole`` puts all that its drives do not move alone into one group, whatever its parts.
     Blocks lie in their guides as ``rests`` says, by joint; all others are centred.
 
@@ -181,17 +190,19 @@ def structure(mechanism: Mechanism, whole: bool = False, rests: Rests = CENTRED)
 
 def reached(start: str, along: Mapping[str, set[str]]) -> set[str]:
     """All that can be reached from ``start``, itself included."""
-    found, queue = {start}, [start]
+    visited, queue = {start}, [start]
     for here in queue:
-        new = along[here] - found
-        found |= new
+        new = along[here] - visited
+        visited |= new
         queue += new
-    return found
+    return visited
 
 
 def _names(order: tuple[str, ...], chosen: set[str]) -> str:
     names = [b for b in order if b in chosen]
-    return ", ".join(names[:NAMED]) + (f" and {len(names) - NAMED} more" if len(names) > NAMED else "")
+    return ", ".join(names[:MOST_BODIES_NAMED]) + (
+        f" and {len(names) - MOST_BODIES_NAMED} more" if len(names) > MOST_BODIES_NAMED else ""
+    )
 
 
 def _ends(joint: Joint, spent: Mapping[str, list[Joint]]) -> list[str]:
@@ -227,7 +238,7 @@ def _spend(joint: Joint, spent: Mapping[str, list[Joint]], tried: set[str]) -> b
 
 
 class _Builder:
-    def __init__(self, mechanism: Mechanism, given: list[str], whole: bool, rests: Rests) -> None:
+    def __init__(self, mechanism: Mechanism, given: list[str], whole: bool, rests: BlockRests) -> None:
         self.m = mechanism
         self.given, self.whole, self.rests = given, whole, rests
         self.bodies = (GROUND, *(b.name for b in mechanism.bodies))
@@ -319,8 +330,8 @@ class _Builder:
         waiting = {b: needs[b] - set(self.turned) for b in self.bodies if b not in self.turned}
         smallest = set(waiting)
         for body in () if self.whole else waiting:
-            found = reached(body, waiting)
-            smallest = min(found, smallest, key=len)  # of equally small ones the first in the file
+            needed = reached(body, waiting)
+            smallest = min(needed, smallest, key=len)  # of equally small ones the first in the file
             if len(smallest) == 2:
                 break
         return tuple(b for b in waiting if b in smallest)

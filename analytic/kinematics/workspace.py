@@ -15,15 +15,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analytic.kinematics.assembly import Assembly, AssemblyError, Followed
+from analytic.kinematics.assembly import Assembly, AssemblyError, Walk
 from analytic.kinematics.closure import least
-from analytic.kinematics.inverse import Coordinate, Posed, inverse
+from analytic.kinematics.inverse import Posed, inverse
+from analytic.kinematics.output import Output
 from analytic.mechanism.one_line import count, one_line
 from analytic.mechanism.signals import wrapped
 
-PASSES = 12
-SETTLED = 1e-12  # of a coordinate: rad, or of the linkage's size
-JUMP = 1.0  # rad, or of the linkage's size; a cell that is farther from its neighbour is on another branch
+CELL_PASSES = 12  # of Newton's method
+CELL_SETTLED = 1e-12  # of a coordinate: rad, or of the linkage's size
+LARGEST_JUMP = 1.0  # rad, or of the linkage's size; a cell that is farther from its neighbour is on another branch
 STRIDE = 0.05  # of the linkage's size: how far a step goes at most
 STARTS = 25  # cells near the assembly's pose that are tried as the first
 
@@ -45,9 +46,9 @@ class Workspace:
         return one_line(self, f"{count(int(self.reached.sum()), 'pose')} reached of {self.reached.size}")
 
     @property
-    def followed(self) -> Followed:
+    def followed(self) -> Walk:
         """The reached poses as samples."""
-        return Followed(self.coordinates)
+        return Walk(self.coordinates)
 
     def on_grid(self, values: np.ndarray) -> np.ndarray:
         """Values (M,) of the reached poses on the whole grid (ny * nx,), NaN elsewhere."""
@@ -57,7 +58,7 @@ class Workspace:
 
 
 def workspace(
-    assembly: Assembly, wanted: Sequence[Coordinate], x: np.ndarray, y: np.ndarray, angle: float | None = None
+    assembly: Assembly, wanted: Sequence[Output], x: np.ndarray, y: np.ndarray, angle: float | None = None
 ) -> Workspace:
     """The poses that a platform reaches of a grid; ``wanted`` are its x, its y and, of three inputs, its angle.
 
@@ -75,7 +76,7 @@ def workspace(
 
 class _Flood(Posed):
     def __init__(
-        self, assembly: Assembly, wanted: Sequence[Coordinate], x: np.ndarray, y: np.ndarray, angle: float | None
+        self, assembly: Assembly, wanted: Sequence[Output], x: np.ndarray, y: np.ndarray, angle: float | None
     ) -> None:
         super().__init__(assembly, wanted)
         home = assembly.follow(assembly.inputs[:, None]).coordinates
@@ -103,9 +104,9 @@ class _Flood(Posed):
             cells, near = self.beside(front, known)
             if not cells.size:
                 break
-            found, good = self.walked(self.poses[:, near], self.poses[:, cells], u[:, near])
+            coordinates, good = self.walked(self.poses[:, near], self.poses[:, cells], u[:, near])
             front, once = np.unique(cells[good], return_index=True)
-            u[:, front], known[front] = found[:, good][:, once], True
+            u[:, front], known[front] = coordinates[:, good][:, once], True
         shape = self.y.size, self.x.size
         return Workspace(self.x, self.y, self.angle, known.reshape(shape), u[:, known])
 
@@ -145,16 +146,16 @@ class _Flood(Posed):
         """
         good = np.ones(end.shape[1], bool)
         for k in range(1, self.parts + 1):
-            found, fine = self.closed(start + (end - start) * k / self.parts, near)
-            found = np.where(fine, found, near)
-            good &= fine & self.same(found, near)
-            near = found
+            coordinates, fine = self.closed(start + (end - start) * k / self.parts, near)
+            coordinates = np.where(fine, coordinates, near)
+            good &= fine & self.same(coordinates, near)
+            near = coordinates
         return near, good
 
     def closed(self, poses: np.ndarray, near: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Coordinates (n, N) at poses (wanted, N) near others, and whether (N,) they are."""
         u = near.copy()
-        for _ in range(PASSES):
+        for _ in range(CELL_PASSES):
             columns = self.assembly.columns(u)
             open_by, (loops, slope) = self.s.loops @ columns, self.slopes(columns)
             miss = np.concatenate([open_by.real, open_by.imag, self.pose(columns, u) - poses]).T
@@ -162,10 +163,10 @@ class _Flood(Posed):
                 step = self.step(np.concatenate([loops, slope], axis=1), miss)
             u = u - step.T
             last = np.abs(step).T / self.unit[:, None]
-            if not np.any(last > SETTLED):
+            if not np.any(last > CELL_SETTLED):
                 break
         jump = np.abs(u - near) / self.unit[:, None]
-        return u, np.all(last <= 1e3 * SETTLED, axis=0) & np.all(jump <= JUMP, axis=0)
+        return u, np.all(last <= 1e3 * CELL_SETTLED, axis=0) & np.all(jump <= LARGEST_JUMP, axis=0)
 
     def step(self, matrix: np.ndarray, miss: np.ndarray) -> np.ndarray:
         """Newton's step (N, n); far beyond any jump where a matrix is singular."""

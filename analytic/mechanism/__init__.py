@@ -4,11 +4,11 @@ from analytic.mechanism.checks import MechanismWarning
 from analytic.mechanism.errors import MechanismError
 from analytic.mechanism.model import Mechanism
 from analytic.mechanism.parts import (
-    FARTHEST,
+    FARTHEST_ANGLE,
     GROUND,
-    LARGEST,
+    LARGEST_NUMBER,
     MASS_CENTRE,
-    SMALLEST,
+    SMALLEST_NUMBER,
     Body,
     Drive,
     Elasticity,
@@ -21,11 +21,11 @@ from analytic.mechanism.parts import (
 )
 
 __all__ = [
-    "FARTHEST",
+    "FARTHEST_ANGLE",
     "GROUND",
-    "LARGEST",
+    "LARGEST_NUMBER",
     "MASS_CENTRE",
-    "SMALLEST",
+    "SMALLEST_NUMBER",
     "Body",
     "Drive",
     "Elasticity",

@@ -12,15 +12,13 @@ from analytic.mechanism.bars import shear_modulus
 from analytic.mechanism.model import Mechanism
 from analytic.mechanism.parts import Body, Drive, Joint
 
-Value = float | tuple[float, float]
-
 
 @dataclass(frozen=True)
 class Assumed:
     """A field that was left out, the number that stands for it (in ``unit``, SI), and what that is."""
 
     field: str
-    value: Value
+    value: float | tuple[float, float]
     unit: str
     why: str
 

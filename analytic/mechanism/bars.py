@@ -12,7 +12,7 @@ from itertools import pairwise
 
 from analytic.mechanism import MASS_CENTRE, Body
 
-SAME_PLACE = 1e-3  # of a body's length: nearer points share a node
+SHARED_NODE = 1e-3  # of a body's length: nearer points share a node
 POISSON = 0.3  # of a body without a shear modulus: G = E / 2.6
 
 
@@ -67,6 +67,6 @@ def division(body: Body) -> Division:
 def _distinct(points: Iterable[complex], length: float) -> tuple[complex, ...]:
     kept: list[complex] = []
     for p in points:
-        if all(abs(p - q) > SAME_PLACE * length for q in kept):
+        if all(abs(p - q) > SHARED_NODE * length for q in kept):
             kept.append(p)
     return tuple(kept)

@@ -9,13 +9,13 @@ import math
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 
-from analytic.mechanism.parts import GROUND, SMALLEST, Body, Drive, Ground, Joint, Load, Spring
+from analytic.mechanism.parts import GROUND, SMALLEST_NUMBER, Body, Drive, Ground, Joint, Load, Spring
 from analytic.mechanism.signals import signals
 
 LEAST_RESTITUTION = 0.01  # of a law with hysteresis, two of which divide by it, and of any in a map
 ROUGHEST = 5.0  # coefficient of friction at a block's corners: a larger one was meant in N
 LARGEST_PLAUSIBLE_LENGTH = 20.0  # m; a linkage larger than this was probably entered in millimetres
-Parts = Mapping[str, Body | Ground]  # the ground and the moving bodies by name
+PartsByName = Mapping[str, Body | Ground]  # the ground and the moving bodies by name
 
 
 class MechanismWarning(UserWarning):
@@ -40,15 +40,15 @@ def check_names(bodies: Sequence[Body], joints: Sequence[Joint]) -> None:
         taken[signal.name] = signal.owner
 
 
-def check_joint(joint: Joint, parts: Parts) -> None:
+def check_joint(joint: Joint, parts: PartsByName) -> None:
     """A joint connects two bodies that have a point for it, and its fields suit its type and its bodies' size."""
     where = f"joint {joint.name!r}: "
     for name in joint.bodies:
         if name not in parts:
-            raise ValueError(f"{where}bodies names {name!r}; the bodies are {_list(parts)}")
+            raise ValueError(f"{where}bodies names {name!r}; the bodies are {', '.join(parts)}")
         if joint.name not in parts[name].points:
             raise ValueError(
-                f"{where}body {name!r} has no point {joint.name!r}; its points are {_list(parts[name].points)}"
+                f"{where}body {name!r} has no point {joint.name!r}; its points are {', '.join(parts[name].points)}"
             )
     if joint.bodies[0] == joint.bodies[1]:
         raise ValueError(f"{where}bodies are both {joint.bodies[0]!r}; a joint connects two bodies")
@@ -144,7 +144,7 @@ def check_drives(drives: Sequence[Drive], joints: Sequence[Joint]) -> None:
         where = "drive" if len(drives) == 1 else f"drive[{drive.joint}]"
         joint = next((j for j in joints if j.name == drive.joint), None)
         if joint is None:
-            names = _list(j.name for j in joints)
+            names = ", ".join(j.name for j in joints)
             raise ValueError(f"{where}.joint = {drive.joint!r} is not a joint; the joints are {names}")
         if any(other.joint == drive.joint for other in drives[:k]):
             raise ValueError(f"{where}.joint = {drive.joint!r} has two drives; a joint has one, leave one of them out")
@@ -175,22 +175,22 @@ def check_loads(loads: Iterable[Load], bodies: Mapping[str, Body]) -> None:
     for load in loads:
         body = bodies.get(load.body)
         if body is None:
-            raise ValueError(f"load.body = {load.body!r} is not a moving body; the bodies are {_list(bodies)}")
+            raise ValueError(f"load.body = {load.body!r} is not a moving body; the bodies are {', '.join(bodies)}")
         if load.point != "com" and load.point not in body.points:
             raise ValueError(
-                f"load.point = {load.point!r} is not a point of {load.body!r}; use com, {_list(body.points)}"
+                f"load.point = {load.point!r} is not a point of {load.body!r}; use com, {', '.join(body.points)}"
             )
 
 
-def check_springs(springs: Iterable[Spring], parts: Parts, joints: Sequence[Joint]) -> None:
+def check_springs(springs: Iterable[Spring], parts: PartsByName, joints: Sequence[Joint]) -> None:
     """Springs join points that exist, of two different bodies, and not those that a pin holds together."""
     for spring in springs:
         for body, point in spring.ends:
             if body not in parts:
-                raise ValueError(f"spring.bodies names {body!r}; the bodies are {_list(parts)}")
+                raise ValueError(f"spring.bodies names {body!r}; the bodies are {', '.join(parts)}")
             if point != "com" and point not in parts[body].points:
                 raise ValueError(
-                    f"spring.points names {point!r}, no point of {body!r}; use {_list(parts[body].points)}"
+                    f"spring.points names {point!r}, no point of {body!r}; use {', '.join(parts[body].points)}"
                 )
             if point == "com" and body == GROUND:
                 raise ValueError("spring.points names 'com' of the ground, which has none; use one of its points")
@@ -209,7 +209,7 @@ def check_assembly(assembly: Iterable[str], bodies: Iterable[str], driven: str |
     moving, given = list(bodies), list(assembly)
     for name in given:
         if name not in moving:
-            raise ValueError(f"assembly.{name} is not a moving body; the bodies are {_list(moving)}")
+            raise ValueError(f"assembly.{name} is not a moving body; the bodies are {', '.join(moving)}")
     if driven is not None and driven not in given:
         raise ValueError(
             f"assembly.{driven} is missing; give the driven body's angle (rad) at which the linkage is assembled"
@@ -220,18 +220,18 @@ def check_body(body: Body, joints: Iterable[Joint]) -> None:
     """A body sits in joints, and has length where it turns between them."""
     if not body.points:
         raise ValueError(f"body {body.name!r} has no points; name one after each joint that it sits in")
-    own = [j for j in joints if body.name in j.bodies]
-    if not own:
+    seats = [j for j in joints if body.name in j.bodies]
+    if not seats:
         raise ValueError(f"body {body.name!r} sits in no joint; add one or leave the body out")
-    pins = [body.point(j.name) for j in own if not j.prismatic]
-    if len(pins) > 1 and all(abs(p - pins[0]) < SMALLEST for p in pins):
+    pins = [body.point(j.name) for j in seats if not j.prismatic]
+    if len(pins) > 1 and all(abs(p - pins[0]) < SMALLEST_NUMBER for p in pins):
         raise ValueError(
             f"body {body.name!r} has no length: all of its revolute joints sit at {pins[0].real, pins[0].imag};"
             " move one"
         )
 
 
-def warn_of_millimetres(mechanism: str, parts: Parts, joints: Iterable[Joint]) -> None:
+def warn_of_millimetres(mechanism: str, parts: PartsByName, joints: Iterable[Joint]) -> None:
     """Warn of a length that no linkage has; ``mechanism`` is its name."""
     lengths = [(f"{b.name}.points.{n}", abs(complex(*p))) for b in parts.values() for n, p in b.points.items()]
     lengths += [(f"{b.name}.section", max(b.section)) for b in parts.values() if isinstance(b, Body)]
@@ -255,7 +255,3 @@ def warn_of_degrees(mechanism: str, assembly: Mapping[str, float]) -> None:
             MechanismWarning,
             stacklevel=2,
         )
-
-
-def _list(names: Iterable[str]) -> str:
-    return ", ".join(names)

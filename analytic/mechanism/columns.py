@@ -26,13 +26,13 @@ class MapError(Error, ValueError):
     """A map of columns cannot be used; the message says why: file, field, value, remedy."""
 
 
-class Part(BaseModel):
+class MapPart(BaseModel):
     """A table of a map: nothing but its fields, of their own kinds."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
 
-class Conversion(Part):
+class Conversion(MapPart):
     """How somebody's numbers are a quantity: ``sign * scale * number + offset`` in ``unit``."""
 
     unit: Annotated[str, Field(max_length=100)] | None = None
@@ -56,19 +56,19 @@ class Conversion(Part):
         return np.asarray((value - self.offset) / (self.sign * self.scale))
 
 
-class Meaning(Conversion):
+class ColumnMeaning(Conversion):
     """What one column is: the ``signal`` (or ``time``).  Without a unit that of the heading holds."""
 
     signal: Annotated[str, Field(min_length=1, max_length=200)]
 
 
-class Layout(Part):
+class Layout(MapPart):
     """How files are written: columns by their heading, lines before the header, separator and decimal mark.
 
     What is left out is found in the file.
     """
 
-    columns: Annotated[Mapping[str, Meaning | Literal["ignore"]], Field(default_factory=dict)]
+    columns: Annotated[Mapping[str, ColumnMeaning | Literal["ignore"]], Field(default_factory=dict)]
     skip_rows: Annotated[int, Field(ge=0, le=10_000)] | None = None
     separator: Separator | None = None
     decimal: Literal[".", ","] | None = None
@@ -79,7 +79,7 @@ class Layout(Part):
         return None if self.separator is None else SEPARATORS.get(self.separator, self.separator)
 
 
-PLAIN = Layout.model_validate({})
+ANY_LAYOUT = Layout.model_validate({})
 M = TypeVar("M", bound=BaseModel)
 
 

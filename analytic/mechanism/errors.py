@@ -12,12 +12,12 @@ from pydantic import BaseModel, ValidationError
 
 from analytic.errors import Error
 
-FAULTS = 5  # of a file that a message names
-LONGEST = 100  # characters of a name or a value that a message quotes
+MOST_FAULTS = 5  # of a file that a message names
+LONGEST_QUOTE = 100  # characters of a name or a value that a message quotes
 KIND = re.compile(r"[A-Z][A-Za-z]+|literal\[.*\]")  # a model's name, or the words that a field may be
 VECTORS = {"gravity": "m/s^2", "force": "N", "com": "m", "marker": "m"}  # their units
 _SHORT = reprlib.Repr()
-_SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = LONGEST
+_SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = LONGEST_QUOTE
 
 
 class MechanismError(Error, ValueError):
@@ -26,20 +26,23 @@ class MechanismError(Error, ValueError):
 
 def describe(error: ValidationError, fields: Mapping[str, object], model: type[BaseModel]) -> list[str]:
     """One sentence for each of the first faults that pydantic found: field, value, and what is accepted."""
-    told: dict[tuple[int | str, ...], list[Any]] = {}
+    by_place: dict[tuple[int | str, ...], list[Any]] = {}
     for fault in error.errors():
-        told.setdefault(_place(fault["loc"], fields), []).append(fault)
-    within = {place[:k] for place in told for k in range(len(place))}
-    told = {place: faults for place, faults in told.items() if place not in within}  # a field says more than its table
-    found = [_sentence(_where(place, fields), faults, model) for place, faults in list(told.items())[:FAULTS]]
-    more = len(told) - FAULTS
-    return [*found, f"and {more} fault{'s' * (more > 1)} more"] if more > 0 else found
+        by_place.setdefault(_place(fault["loc"], fields), []).append(fault)
+    within = {place[:k] for place in by_place for k in range(len(place))}
+    for place in within & by_place.keys():  # a field says more than its table
+        del by_place[place]
+    sentences = [
+        _sentence(_where(place, fields), faults, model) for place, faults in list(by_place.items())[:MOST_FAULTS]
+    ]
+    more = len(by_place) - MOST_FAULTS
+    return [*sentences, f"and {more} fault{'s' * (more > 1)} more"] if more > 0 else sentences
 
 
 def brief(name: object) -> str:
     """A name as it was given, cut short where it is long."""
     text = str(name)
-    return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
+    return text if len(text) <= LONGEST_QUOTE else f"{text[:LONGEST_QUOTE]}..."
 
 
 def quoted(value: object) -> str:

@@ -75,6 +75,3 @@ def dumps(mechanism: Mechanism) -> str:
 
     fields = mechanism.model_dump(by_alias=True, exclude_none=True, exclude_unset=True, mode="json")
     return tomli_w.dumps({name: value for name, value in fields.items() if value is not None and value != []})
-
-
-__all__ = ["MechanismError", "brief", "describe", "dumps", "load", "loads", "shipped_cases"]

@@ -28,15 +28,15 @@ from analytic.mechanism.checks import (
 from analytic.mechanism.errors import MechanismError, brief, describe, quoted
 from analytic.mechanism.one_line import clearances, count, one_line
 from analytic.mechanism.parts import (
-    FARTHEST,
+    FARTHEST_ANGLE,
     GROUND,
     Body,
     Drive,
     Ground,
     Joint,
     Load,
-    Name,
-    Part,
+    MechanismPart,
+    PartName,
     PeriodicTorque,
     Spring,
     Vector,
@@ -51,7 +51,7 @@ ONE_CRANK = "what is asked for is of linkages with one drive, which turns a cran
 ONE_INPUT = "what is asked for is of linkages with one drive, which turns a crank or moves a slide on the ground"
 
 
-class Mechanism(Part):
+class Mechanism(MechanismPart):
     """A planar linkage.  Raises MechanismError where it contradicts itself."""
 
     name: Annotated[str, BeforeValidator(titled)]
@@ -63,7 +63,9 @@ class Mechanism(Part):
     drives: Annotated[tuple[Drive, ...], BeforeValidator(one_or_many), Field(alias="drive")] = ()
     springs: Annotated[tuple[Spring, ...], BeforeValidator(as_tuple), Field(alias="spring")] = ()
     loads: Annotated[tuple[Load, ...], BeforeValidator(as_tuple), Field(alias="load")] = ()
-    assembly: Mapping[Name, Annotated[float, Field(ge=-FARTHEST, le=FARTHEST)]] = Field(default_factory=dict)  # rad
+    assembly: Mapping[PartName, Annotated[float, Field(ge=-FARTHEST_ANGLE, le=FARTHEST_ANGLE)]] = Field(
+        default_factory=dict
+    )  # rad
 
     def body(self, name: str) -> Body | Ground:
         """The body, or the ground, of that name (KeyError if there is none)."""
@@ -271,7 +273,7 @@ class Mechanism(Part):
             fields["drives"] = fields.pop("drive")
         for name in fields:
             if name not in known:
-                meant = next((own for own, field in known.items() if field.alias == name), None)
+                meant = next((field_name for field_name, field in known.items() if field.alias == name), None)
                 remedy = f"{name!r} is a file's word for {meant}" if meant else f"its fields are {', '.join(known)}"
                 raise MechanismError(f"{self.name}: a mechanism has no field {brief(name)!r} to replace; {remedy}")
         asked = {name: fields.get(name, getattr(self, name)) for name in known}
@@ -289,8 +291,8 @@ class Mechanism(Part):
         """A checked copy with a pin's friction circle of this radius (m), in place of one by a coefficient.  Raises
         MechanismError.
         """
-        own = {} if self.joint(name).rough else {"friction": 0.0}
-        return self.with_joint(name, friction_radius=radius, **own)
+        smooth = {} if self.joint(name).rough else {"friction": 0.0}
+        return self.with_joint(name, friction_radius=radius, **smooth)
 
     def with_body(self, name: str, **fields: object) -> Mechanism:
         """A checked copy with fields of one body replaced.  Raises MechanismError."""
@@ -321,8 +323,8 @@ class Mechanism(Part):
         try:
             return type(part).model_validate(asked)
         except ValidationError as error:
-            told = "; ".join(f"{kind}[{part.name}].{fault}" for fault in describe(error, asked, type(part)))
-            raise MechanismError(f"{self.name}: {told}") from None
+            faults = "; ".join(f"{kind}[{part.name}].{fault}" for fault in describe(error, asked, type(part)))
+            raise MechanismError(f"{self.name}: {faults}") from None
 
     @field_serializer("drives")
     def _as_in_a_file(self, drives: tuple[Drive, ...]) -> Drive | tuple[Drive, ...] | None:
@@ -365,7 +367,7 @@ def _in_their_turns(joints: Sequence[Joint], assembly: Mapping[str, float]) -> t
 
     A body that it does not name lies in the turn that its slide's own angle gives it.
     """
-    about, found = {GROUND: 0.0, **assembly}, {joint.name: joint for joint in joints}
+    about, turned = {GROUND: 0.0, **assembly}, {joint.name: joint for joint in joints}
     slides = [joint for joint in joints if joint.prismatic]
     while slide := next((joint for joint in slides if {*joint.bodies} & {*about}), None):
         slides.remove(slide)
@@ -374,8 +376,8 @@ def _in_their_turns(joints: Sequence[Joint], assembly: Mapping[str, float]) -> t
             about[first] = about[second] - slide.angle
         turns = round((about.setdefault(second, about[first] + slide.angle) - about[first] - slide.angle) / math.tau)
         if turns:
-            found[slide.name] = slide.model_copy(update={"angle": slide.angle + turns * math.tau})
-    return tuple(found.values())
+            turned[slide.name] = slide.model_copy(update={"angle": slide.angle + turns * math.tau})
+    return tuple(turned.values())
 
 
 def _known(mechanism: Mechanism, kind: str, parts: Sequence[Body | Joint], names: Iterable[str]) -> None:

@@ -8,16 +8,16 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-LONGEST = 200  # characters
-LISTED = 3  # joints that are listed with their clearances
-SHOWN = 80  # characters of what a file has, in a message
-WORDS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
+LONGEST_LINE = 200  # characters
+MOST_CLEARANCES = 3  # joints that are listed with their clearances
+LONGEST_CELL = 80  # characters of what a file has, in a message
+NUMBER_WORDS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 
 
 def one_line(result: object, *parts: str) -> str:
-    """``Name(part, part)`` on one line of at most LONGEST characters; empty parts are left out."""
+    """``Name(part, part)`` on one line of at most LONGEST_LINE characters; empty parts are left out."""
     text = ", ".join(" ".join(part.split()) for part in parts if part)
-    room = LONGEST - len(type(result).__name__) - 2
+    room = LONGEST_LINE - len(type(result).__name__) - 2
     return f"{type(result).__name__}({text if len(text) <= room else text[: room - 3] + '...'})"
 
 
@@ -28,7 +28,7 @@ def count(number: int | str, thing: str) -> str:
 
 def in_words(number: int) -> str:
     """A count as one says it: ``six``, ``3,000``."""
-    return WORDS[number] if 0 <= number < len(WORDS) else f"{number:,}"
+    return NUMBER_WORDS[number] if 0 <= number < len(NUMBER_WORDS) else f"{number:,}"
 
 
 def enumerated(names: Sequence[str]) -> str:
@@ -56,7 +56,7 @@ def clearances(sizes: Mapping[str, float]) -> str:
     loose = {name: size for name, size in sizes.items() if size > 0}
     if not loose:
         return "no clearance"
-    if len(loose) > LISTED:
+    if len(loose) > MOST_CLEARANCES:
         return f"clearance in {count(len(loose), 'joint')} up to {max(loose.values()):.4g} m"
     return f"clearance {', '.join(f'{name} {size:.4g} m' for name, size in loose.items())}"
 
@@ -69,4 +69,4 @@ def largest(values: np.ndarray, unit: str) -> str:
 
 def shown(text: str) -> str:
     """What a file has, quoted for a message: one printable line, not longer than can be read."""
-    return repr(text if len(text) <= SHOWN else f"{text[:SHOWN]}...")
+    return repr(text if len(text) <= LONGEST_CELL else f"{text[:LONGEST_CELL]}...")

@@ -16,8 +16,9 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from analytic.mechanism.errors import MechanismError, describe
 
 GROUND = "ground"
-SMALLEST = 1e-100  # in any SI unit, of a divisor: the square of a quotient by a smaller one overflows
-LONGEST = 100  # characters of a name: it is part of files' names, which may have 255 bytes
+SMALLEST_NUMBER = 1e-100  # in any SI unit, of a divisor: the square of a quotient by a smaller one overflows
+TINY = 1e-300  # what stands for 0 where it divides: a quotient by it is as good as endless
+LONGEST_NAME = 100  # characters of a name: it is part of files' names, which may have 255 bytes
 
 
 def as_tuple(value: object) -> object:
@@ -33,9 +34,9 @@ def one_or_many(value: object) -> object:
 
 
 def _named(value: object) -> object:
-    if isinstance(value, str) and not (value.replace("-", "_").isidentifier() and len(value) <= LONGEST):
+    if isinstance(value, str) and not (value.replace("-", "_").isidentifier() and len(value) <= LONGEST_NAME):
         raise ValueError(
-            f"a name is made of letters, digits, '_' and '-', starts with a letter, and has at most {LONGEST}"
+            f"a name is made of letters, digits, '_' and '-', starts with a letter, and has at most {LONGEST_NAME}"
             " characters"
         )
     return value
@@ -43,15 +44,17 @@ def _named(value: object) -> object:
 
 def titled(value: object) -> object:
     """A mechanism's name, if it may be one.  Raises ValueError."""
-    if isinstance(value, str) and not (value.strip() and value.isprintable() and len(value) <= LONGEST):
-        raise ValueError(f"a mechanism's name is one line of text that can be printed, of at most {LONGEST} characters")
+    if isinstance(value, str) and not (value.strip() and value.isprintable() and len(value) <= LONGEST_NAME):
+        raise ValueError(
+            f"a mechanism's name is one line of text that can be printed, of at most {LONGEST_NAME} characters"
+        )
     return value
 
 
 def _divisible(value: float) -> float:
-    if 0 < value < SMALLEST:
+    if 0 < value < SMALLEST_NUMBER:
         raise ValueError(
-            f"the number is too small to divide by; give at least {SMALLEST:g}, or 0 where that is accepted"
+            f"the number is too small to divide by; give at least {SMALLEST_NUMBER:g}, or 0 where that is accepted"
         )
     return value
 
@@ -67,25 +70,25 @@ def _heavy(value: object) -> object:
 
 
 ContactLaw = Literal["kelvin-voigt", "hunt-crossley", "lankarani-nikravesh", "flores", "gonthier"]
-LARGEST = 1e40  # in any SI unit: beyond all linkages, and its powers that occur are still finite
-FARTHEST = 1e4  # rad, of an assembly angle: 1600 turns
+LARGEST_NUMBER = 1e40  # in any SI unit: beyond all linkages, and its powers that occur are still finite
+FARTHEST_ANGLE = 1e4  # rad, of an assembly angle: 1600 turns
 MASS_CENTRE = "centre of mass"  # name of that point of a body; "com" names its marker, which may lie elsewhere
 
 Amount = TypeVar("Amount", float, np.ndarray)  # one, or many (N,)
 Displacement = TypeVar("Displacement", complex, np.ndarray)  # one, or many (N,)
-Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
-Vector = Annotated[tuple[Number, Number], BeforeValidator(as_tuple)]
-Name = Annotated[str, BeforeValidator(_named)]
+SiNumber = Annotated[float, Field(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)]
+Vector = Annotated[tuple[SiNumber, SiNumber], BeforeValidator(as_tuple)]
+PartName = Annotated[str, BeforeValidator(_named)]
 MOST_WAVES = 1000  # in a turn, of a motor's unevenness or of a torque
-WIDEST = 0.5  # rad, half of a gap in a drive
-ROUNDING = 2.0**-30  # of a body's size: points that are nearer to each other are at one place
+WIDEST_HALF_GAP = 0.5  # rad, half of a gap in a drive
+SAME_POINT = 2.0**-30  # of a body's size: points that are nearer to each other are at one place
 PIN_RADIUS = 0.01  # m, where the mechanism gives none; matters only with friction in contact
-Positive = Annotated[float, Field(gt=0, le=LARGEST), AfterValidator(_divisible)]
-Mass = Annotated[Positive, BeforeValidator(_heavy)]  # kg
-NotNegative = Annotated[float, Field(ge=0, le=LARGEST)]
+SiPositive = Annotated[float, Field(gt=0, le=LARGEST_NUMBER), AfterValidator(_divisible)]
+Mass = Annotated[SiPositive, BeforeValidator(_heavy)]  # kg
+SiNotNegative = Annotated[float, Field(ge=0, le=LARGEST_NUMBER)]
 
 
-class Part(BaseModel):
+class MechanismPart(BaseModel):
     """Base of every part of a mechanism: frozen, strict, finite numbers only."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, populate_by_name=True)
@@ -100,10 +103,10 @@ class Part(BaseModel):
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]  # else it reads files too
 
 
-class Ground(Part):
+class Ground(MechanismPart):
     """The fixed link; ``points`` (m) are in the ground frame."""
 
-    points: Mapping[Name, Vector]
+    points: Mapping[PartName, Vector]
 
     name: Literal["ground"] = Field(default="ground", exclude=True)
 
@@ -112,21 +115,21 @@ class Ground(Part):
         return complex(*self.points[name])
 
 
-class Body(Part):
+class Body(MechanismPart):
     """A moving link.  ``points`` and ``com`` (m) are in the body's frame; a point is named after its joint."""
 
-    name: Name
-    points: Mapping[Name, Vector]
+    name: PartName
+    points: Mapping[PartName, Vector]
     mass: Mass  # kg, above 0
     com: Vector | None = None  # left out: the middle of the points
     marker: Vector | None = None  # where <body>_x, <body>_y and loads at "com" are taken; left out: the com
-    section: Annotated[tuple[NotNegative, NotNegative], BeforeValidator(as_tuple)] = (
+    section: Annotated[tuple[SiNotNegative, SiNotNegative], BeforeValidator(as_tuple)] = (
         0.0,
         0.0,
     )  # m, in-plane height, depth
-    inertia: NotNegative | None = None  # kg.m^2 about the com; left out: a uniform bar
-    youngs_modulus: Positive | None = None  # Pa; left out: rigid
-    shear_modulus: Positive | None = None  # Pa
+    inertia: SiNotNegative | None = None  # kg.m^2 about the com; left out: a uniform bar
+    youngs_modulus: SiPositive | None = None  # Pa; left out: rigid
+    shear_modulus: SiPositive | None = None  # Pa
 
     def point(self, name: str) -> complex:
         """A body point as x + iy (m, body frame); ``"com"`` is the marker, MASS_CENTRE the centre of mass itself."""
@@ -145,7 +148,7 @@ class Body(Part):
     def middle(self) -> complex:
         """The middle of the points (m, body frame), of which those at one place count once."""
         xs, ys = zip(*self.points.values(), strict=True)
-        near = ROUNDING * max(max(xs) - min(xs), max(ys) - min(ys)) or 1.0
+        near = SAME_POINT * max(max(xs) - min(xs), max(ys) - min(ys)) or 1.0
         places = {(round(x / near), round(y / near)): complex(x, y) for x, y in self.points.values()}
         return sum(places.values(), 0j) / len(places)
 
@@ -198,40 +201,42 @@ def _turn(a: complex, b: complex) -> float:
     return a.real * b.imag - a.imag * b.real
 
 
-class Elasticity(Part):
+class Elasticity(MechanismPart):
     """Stiffness of a joint as a six-dof spring (Eq. 4): N/m and N.m/rad; rotation about z stays free."""
 
-    translation: Positive
-    rotation: Positive
+    translation: SiPositive
+    rotation: SiPositive
 
 
-class Joint(Part):
+class Joint(MechanismPart):
     """A revolute or prismatic joint; its reaction is the force of the first body on the second."""
 
-    name: Name
+    name: PartName
     type: Literal["revolute", "prismatic"]
-    bodies: Annotated[tuple[Name, Name], BeforeValidator(as_tuple)]
+    bodies: Annotated[tuple[PartName, PartName], BeforeValidator(as_tuple)]
     axis: Vector | None = None  # prismatic: direction of sliding in the first body's frame
-    angle: Number = 0.0  # rad, prismatic: the second body's angle minus the first's, in any turn
-    clearance: Annotated[NotNegative, AfterValidator(_divisible)] = 0.0  # m, radial; prismatic: half the block's play
-    guide: Annotated[tuple[Positive, Positive], BeforeValidator(as_tuple)] | None = None  # m, prismatic: length, height
-    pin_radius: Positive | None = None  # m
-    friction: NotNegative = 0.0  # Coulomb coefficient of pin or block; prismatic without guide: N, as friction_torque
-    contact_stiffness: Positive | None = None  # N/m
-    contact_damping: NotNegative | None = None  # N.s/m
+    angle: SiNumber = 0.0  # rad, prismatic: the second body's angle minus the first's, in any turn
+    clearance: Annotated[SiNotNegative, AfterValidator(_divisible)] = 0.0  # m, radial; prismatic: half the block's play
+    guide: Annotated[tuple[SiPositive, SiPositive], BeforeValidator(as_tuple)] | None = (
+        None  # m, prismatic: length, height
+    )
+    pin_radius: SiPositive | None = None  # m
+    friction: SiNotNegative = 0.0  # Coulomb coefficient of pin or block; prismatic without guide: N, as friction_torque
+    contact_stiffness: SiPositive | None = None  # N/m
+    contact_damping: SiNotNegative | None = None  # N.s/m
     restitution: Annotated[float, Field(ge=0, le=1)] | None = None
     contact_law: ContactLaw | None = None  # how a pin in motion is pushed back; left out: each engine's own
-    friction_torque: NotNegative = 0.0  # N.m (prismatic: N), constant Coulomb
-    static_torque: NotNegative | None = None  # N.m (prismatic: N), dry friction of the slowest slip (Stribeck)
-    stribeck_speed: Positive | None = None  # rad/s (prismatic: m/s), at which it has fallen most of the way
-    friction_radius: NotNegative = 0.0  # m, of a revolute joint's friction circle: coefficient times pin radius
-    damping: NotNegative = 0.0  # N.m.s/rad (prismatic: N.s/m)
-    drag: NotNegative = 0.0  # N.m.s^2/rad^2 (prismatic: N.s^2/m^2)
-    stiffness: NotNegative = 0.0  # N.m/rad (prismatic: N/m)
-    cubic: Number = 0.0  # N.m/rad^3 (prismatic: N/m^3), of a spring that is not linear
-    rest_angle: Number = 0.0  # rad (prismatic: m)
+    friction_torque: SiNotNegative = 0.0  # N.m (prismatic: N), constant Coulomb
+    static_torque: SiNotNegative | None = None  # N.m (prismatic: N), dry friction of the slowest slip (Stribeck)
+    stribeck_speed: SiPositive | None = None  # rad/s (prismatic: m/s), at which it has fallen most of the way
+    friction_radius: SiNotNegative = 0.0  # m, of a revolute joint's friction circle: coefficient times pin radius
+    damping: SiNotNegative = 0.0  # N.m.s/rad (prismatic: N.s/m)
+    drag: SiNotNegative = 0.0  # N.m.s^2/rad^2 (prismatic: N.s^2/m^2)
+    stiffness: SiNotNegative = 0.0  # N.m/rad (prismatic: N/m)
+    cubic: SiNumber = 0.0  # N.m/rad^3 (prismatic: N/m^3), of a spring that is not linear
+    rest_angle: SiNumber = 0.0  # rad (prismatic: m)
     elasticity: Elasticity | None = None
-    radial_stiffness: Positive | None = None  # N/m, revolute: of a soft bearing; left out: rigid
+    radial_stiffness: SiPositive | None = None  # N/m, revolute: of a soft bearing; left out: rigid
 
     @property
     def prismatic(self) -> bool:
@@ -363,59 +368,59 @@ class Joint(Part):
         return -(self.stiffness + self.cubic * stretch**2) * stretch
 
 
-class Ripple(Part):
+class Ripple(MechanismPart):
     """Unevenness of a motor: its angle is the command plus amplitude (rad) times sin(harmonic * command + phase)."""
 
-    amplitude: Number
+    amplitude: SiNumber
     harmonic: Annotated[int, Field(ge=1, le=MOST_WAVES)]
-    phase: Number = 0.0  # rad
+    phase: SiNumber = 0.0  # rad
 
 
-class PeriodicTorque(Part):
+class PeriodicTorque(MechanismPart):
     """A torque on the driven body over its angle, amplitude (N.m) times sin(harmonic * angle + phase): a motor's
     cogging, a tooth, a belt's joint.
     """
 
-    amplitude: Number
+    amplitude: SiNumber
     harmonic: Annotated[int, Field(ge=1, le=MOST_WAVES)]
-    phase: Number = 0.0  # rad
+    phase: SiNumber = 0.0  # rad
 
     def at(self, angle: Amount) -> Amount:
         """The torque (N.m) at the driven body's angle (rad)."""
         return self.amplitude * np.sin(self.harmonic * angle + self.phase)
 
 
-class Drive(Part):
+class Drive(MechanismPart):
     """A motor in a joint: a constant speed (rad/s; prismatic: m/s), ``"free"`` (released) or ``"measured"`` (follows
     data).
     """
 
-    joint: Name
-    speed: Number | Literal["free", "measured"]
+    joint: PartName
+    speed: SiNumber | Literal["free", "measured"]
     ripple: Ripple | None = None
-    stiffness: Positive | None = None  # N.m/rad between motor and crank; left out: rigid
+    stiffness: SiPositive | None = None  # N.m/rad between motor and crank; left out: rigid
     # rad, backlash: the crank's play behind the motor, and as much ahead of it
-    half_gap: Annotated[NotNegative, Field(le=WIDEST)] = 0.0
+    half_gap: Annotated[SiNotNegative, Field(le=WIDEST_HALF_GAP)] = 0.0
     periodic_torque: PeriodicTorque | None = None
 
 
-class Load(Part):
+class Load(MechanismPart):
     """A force (N, ground frame, fixed in direction) at a point of a body, or a torque (N.m) on it."""
 
-    body: Name
-    point: Name = "com"
+    body: PartName
+    point: PartName = "com"
     force: Vector = (0.0, 0.0)
-    torque: Number = 0.0
+    torque: SiNumber = 0.0
 
 
-class Spring(Part):
+class Spring(MechanismPart):
     """A linear spring, with a damper beside it, between a point of one body and a point of another."""
 
-    bodies: Annotated[tuple[Name, Name], BeforeValidator(as_tuple)]
-    points: Annotated[tuple[Name, Name], BeforeValidator(as_tuple)]
-    stiffness: NotNegative  # N/m
-    length: NotNegative = 0.0  # m, unloaded
-    damping: NotNegative = 0.0  # N.s/m
+    bodies: Annotated[tuple[PartName, PartName], BeforeValidator(as_tuple)]
+    points: Annotated[tuple[PartName, PartName], BeforeValidator(as_tuple)]
+    stiffness: SiNotNegative  # N/m
+    length: SiNotNegative = 0.0  # m, unloaded
+    damping: SiNotNegative = 0.0  # N.s/m
 
     @property
     def ends(self) -> tuple[tuple[str, str], tuple[str, str]]:
@@ -427,5 +432,5 @@ class Spring(Part):
         (m/s), both x + iy, second less first.
         """
         far = abs(apart)
-        along = apart / np.maximum(far, SMALLEST)
+        along = apart / np.maximum(far, SMALLEST_NUMBER)
         return (self.stiffness * (far - self.length) + self.damping * (along.conjugate() * rate).real) * along

@@ -35,10 +35,10 @@ def parse_toml(text: str) -> dict[str, object]:
 
 def read_json(path: Path) -> dict[str, object]:
     """The fields of a JSON file, which holds one object.  Raises ReadingError."""
-    found = _parsed(json.loads, read_text(path, LARGEST_JSON), "JSON")
-    if not isinstance(found, dict):
-        raise ReadingError(f"holds a {type(found).__name__}, and no object with fields")
-    return found
+    fields = _parsed(json.loads, read_text(path, LARGEST_JSON), "JSON")
+    if not isinstance(fields, dict):
+        raise ReadingError(f"holds a {type(fields).__name__}, and no object with fields")
+    return fields
 
 
 def read_text(path: Path, largest: int = LARGEST_TOML) -> str:

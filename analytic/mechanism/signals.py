@@ -15,16 +15,16 @@ import numpy as np
 
 from analytic.mechanism.parts import Body, Drive, Joint
 
-Kind = Literal["pose", "rate", "rotation", "reaction", "clearance", "position", "drive", "time"]
+SignalKind = Literal["pose", "rate", "rotation", "reaction", "clearance", "position", "drive", "time"]
 Component = Literal["x", "y", "angle", "magnitude", "moment", "angular_velocity", "travel", "torque", "force", "time"]
-Unit = Literal["m", "rad", "rad/s", "N", "N.m", "s"]
+SiUnit = Literal["m", "rad", "rad/s", "N", "N.m", "s"]
 DRIVE_TORQUE = "drive_torque"
 REACTION: tuple[Component, ...] = ("angle", "magnitude", "x", "y")
 POSE: tuple[Component, ...] = ("angle", "x", "y")
 ONE_TURN = 2.02 * np.pi  # rad: an encoder that starts again after a turn spans no more, its own error with it
-EQUAL = 1e-9  # relative, by which angles that a file gives in degrees miss a part of a turn
+PRINTED_ROUNDING = 1e-9  # relative, by which angles that a file gives in degrees miss a part of a turn
 AXES: tuple[Component, Component] = ("x", "y")
-_UNITS: dict[tuple[Kind, Component], Unit] = {
+_UNITS: dict[tuple[SignalKind, Component], SiUnit] = {
     ("pose", "x"): "m",
     ("pose", "y"): "m",
     ("pose", "angle"): "rad",
@@ -50,13 +50,13 @@ _UNITS: dict[tuple[Kind, Component], Unit] = {
 class Signal:
     """One signal: a ``component`` of some ``kind`` of quantity at a ``place``: body, joint, or "" for the one drive."""
 
-    kind: Kind
+    kind: SignalKind
     place: str
     component: Component
 
     @staticmethod
     @lru_cache(maxsize=4096)
-    def of(kind: Kind, place: str, component: Component) -> Signal:
+    def of(kind: SignalKind, place: str, component: Component) -> Signal:
         """The same as ``Signal(...)``, but kept for the next call: results ask for the same ones again and again."""
         return Signal(kind, place, component)
 
@@ -74,7 +74,7 @@ class Signal:
         return f"{self.place}_rotation" if self.kind == "rotation" else f"{self.place}_{self.component}"
 
     @property
-    def unit(self) -> Unit:
+    def unit(self) -> SiUnit:
         """SI unit."""
         return _UNITS[self.kind, self.component]
 
@@ -171,7 +171,9 @@ def starts_again(angle: np.ndarray) -> bool:
     steps by half of one or more.  What leaves one turn is told as it goes on.
     """
     known = angle[np.isfinite(angle)]
-    return bool(known.size and np.ptp(known) <= ONE_TURN and np.any(np.abs(np.diff(known)) >= np.pi * (1 - EQUAL)))
+    return bool(
+        known.size and np.ptp(known) <= ONE_TURN and np.any(np.abs(np.diff(known)) >= np.pi * (1 - PRINTED_ROUNDING))
+    )
 
 
 def unwound(angle: np.ndarray) -> np.ndarray:
@@ -185,4 +187,4 @@ def undirected(angle: np.ndarray) -> float:
     Beyond a quarter of a turn every second sample alone would say the other way.
     """
     step = float(np.max(np.abs(np.diff(angle[np.isfinite(angle)])), initial=0.0))
-    return step if step > np.pi / 2 * (1 + EQUAL) else 0.0
+    return step if step > np.pi / 2 * (1 + PRINTED_ROUNDING) else 0.0

@@ -6,20 +6,19 @@ pint knows the units; it is imported for the first column that is not in SI alre
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
 from functools import cache
 from typing import TYPE_CHECKING, Any, Literal
 
 from analytic.errors import Error
 from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import shown
-from analytic.mechanism.signals import Signal, Unit, named
+from analytic.mechanism.signals import Signal, SiUnit, named
 
 if TYPE_CHECKING:
     import pint
 
-Dimension = Literal["time", "angle", "angular velocity", "length", "force", "torque"]
-SI: dict[Dimension, Unit] = {
+QuantityKind = Literal["time", "angle", "angular velocity", "length", "force", "torque"]
+SI: dict[QuantityKind, SiUnit] = {
     "time": "s",
     "angle": "rad",
     "angular velocity": "rad/s",
@@ -27,9 +26,9 @@ SI: dict[Dimension, Unit] = {
     "force": "N",
     "torque": "N.m",
 }
-DIMENSIONS: dict[Unit, Dimension] = {unit: kind for kind, unit in SI.items()}
+DIMENSIONS: dict[SiUnit, QuantityKind] = {unit: kind for kind, unit in SI.items()}
 # What messages offer; any other unit of the dimension that pint knows is accepted as well.
-OFFERED: dict[Dimension, tuple[str, ...]] = {
+OFFERED: dict[QuantityKind, tuple[str, ...]] = {
     "time": ("s", "ms", "us", "min"),
     "angle": ("rad", "mrad", "deg", "rev"),
     "angular velocity": ("rad/s", "deg/s", "rpm"),
@@ -45,23 +44,23 @@ class UnitError(Error, ValueError):
     """A unit is missing, unknown or of another dimension; the message says what is accepted."""
 
 
-def dimension(signal: Signal) -> Dimension:
+def dimension(signal: Signal) -> QuantityKind:
     """What kind of quantity a signal is."""
     return DIMENSIONS[signal.unit]
 
 
 def readable(mechanism: Mechanism) -> dict[str, Signal]:
     """The signals that a data file of this mechanism may hold, by name, ``time`` apart; no sensor reads a rotation."""
-    found = named(mechanism.bodies, mechanism.joints, mechanism.drives)
-    return {name: signal for name, signal in found.items() if signal.kind != "rotation"}
+    signals = named(mechanism.bodies, mechanism.joints, mechanism.drives)
+    return {name: signal for name, signal in signals.items() if signal.kind != "rotation"}
 
 
-def factor(unit: str, kind: Dimension) -> float:
+def factor(unit: str, kind: QuantityKind) -> float:
     """What a number in ``unit`` is multiplied by to be SI.  Raises UnitError."""
     if unit == SI[kind]:
         return 1.0
     *units, last = OFFERED[kind]
-    accepted = f"{_article(kind)} {kind} is given in {listed(units)} or {last}"
+    accepted = f"{_article(kind)} {kind} is given in {', '.join(units)} or {last}"
     if not unit:
         raise UnitError(f"no unit; {accepted}")
     if not _UNIT.fullmatch(unit):
@@ -76,11 +75,6 @@ def factor(unit: str, kind: Dimension) -> float:
     ):  # base units keep radians apart from plain numbers: neither % nor Hz passes for an angle or a speed
         raise UnitError(f"unit {unit!r}, which is of another dimension; {accepted}")
     return float(quantity.magnitude / wanted.magnitude)
-
-
-def listed(names: Iterable[str]) -> str:
-    """Names for a message."""
-    return ", ".join(names)
 
 
 def _article(kind: str) -> str:

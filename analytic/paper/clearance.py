@@ -27,37 +27,37 @@ from typing import Literal, get_args
 import numpy as np
 
 from analytic.compiled import run
-from analytic.kinematics.assembly import Assembly, AssemblyError, Followed, Path
+from analytic.kinematics.assembly import Assembly, AssemblyError, CrankTable, Walk
 from analytic.kinematics.motion import Gap, kinematics
 from analytic.kinematics.reach import usual_angles
 from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import angles, clearances, one_line
+from analytic.mechanism.parts import TINY
 from analytic.mechanism.signals import Signal, wrapped
 from analytic.paper.friction import Rubbing, lean
-from analytic.paper.guide import Block, placed
+from analytic.paper.guide import GuidedBlock, placed
 from analytic.paper.kinetostatics import Reactions, kinetostatics, pieced
 
 Model = Literal["first_order", "equilibrium"]
 MODELS: tuple[Model, ...] = get_args(Model)
-NO_DIRECTION = 0.01  # of a joint's peak reaction, below which it is flagged
-ROUNDING = 1e-12  # of the linkage's largest reaction: a smaller reaction is the rounding error of zero
-STENCIL = 2e-3  # rad of crank angle, to either neighbour of the two that give the gaps' rates
-UNSTEADY = 0.02  # rad by which a gap's own motion may turn it
-SWAYS = 0.05  # of a bearing's largest gap, by which the second term of that gap's own motion may change it
-STEADY = 3e-4  # of a gap, by which its own motion changes it: the next term of the series is the square of that
-TINY = 1e-300  # m: a gap no larger has no motion of its own
-STILL = STEADY / 3  # of a gap, by which its own motion changes it in parts of a turn that need no second term
-PARTS = 24  # of a turn of the crank
-SETTLED = 1e-12  # rad
-PASSES = 40
-SOLVED = 10  # times, about, that a linkage is solved at each angle until its pins have settled
-NUDGE = 1e-4  # rad
+FAINT_SHARE = 0.01  # of a joint's peak reaction, below which it is flagged
+REACTION_ROUNDING = 1e-12  # of the linkage's largest reaction: a smaller reaction is the rounding error of zero
+GAP_STENCIL = 2e-3  # rad of crank angle, to either neighbour of the two that give the gaps' rates
+UNSTEADY_TURN = 0.02  # rad by which a gap's own motion may turn it
+LARGEST_SWAY = 0.05  # of a bearing's largest gap, by which the second term of that gap's own motion may change it
+STEADY_GAP = 3e-4  # of a gap, by which its own motion changes it: the next term of the series is the square of that
+STILL_GAP = STEADY_GAP / 3  # of a gap, by which its own motion changes it in parts of a turn that need no second term
+PARTS_OF_TURN = 24  # of the crank, that take the second term of a gap's own motion or not
+CONTACT_SETTLED = 1e-12  # rad, by which a contact's direction may miss its own reaction's
+CONTACT_PASSES = 40  # of Broyden's method
+SOLUTIONS_AN_ANGLE = 10  # times, about, that a linkage is solved at each angle until its pins have settled
+STABILITY_NUDGE = 1e-4  # rad, of the difference that tells whether an equilibrium is stable
 ON_ITS_WAY = "is on its way from one rest to another"  # of a block, in a flag
 UNSTABLE = "the equilibrium found is not stable: the pins would leave it"
-TRIES = 6  # of how blocks rest
-LANDS = 1.5  # times as long as a block is on its way, until it rests
-NO_BLOCKS: Mapping[str, Block] = MappingProxyType({})
-SHORTER = 6  # times that a step of the search is halved at most
+REST_TRIES = 6  # of ways in which blocks may rest
+LANDING_TIME = 1.5  # times as long as a block is on its way, until it rests
+NO_BLOCKS: Mapping[str, GuidedBlock] = MappingProxyType({})
+MOST_HALVINGS = 6  # times that a step of the search is halved at most
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ def displaced(  # noqa: PLR0913 - a motion, and what may replace the linkage's o
     inertia: bool = True,
     clearances: Mapping[str, float] | None = None,
     stiffnesses: Mapping[str, float] | None = None,
-    near: Followed | None = None,
+    near: Walk | None = None,
     motions: Sequence[int] = (),
 ) -> Displaced:
     """The linkage with its clearances taken up along the reactions, and its soft bearings giving, at crank angles theta
@@ -129,19 +129,19 @@ def displaced(  # noqa: PLR0913 - a motion, and what may replace the linkage's o
     drive = np.concatenate(np.broadcast_arrays(np.atleast_2d(np.asarray(theta, float)), omega, alpha)).astype(float)
     m, k = assembly.mechanism, len(assembly.structure.inputs)
     loose = {name: c for name, c in (m.clearances if clearances is None else clearances).items() if c > 0}
-    blocks = {name: Block.of(m, name, c) for name, c in loose.items() if m.joint(name).prismatic}
+    blocks = {name: GuidedBlock.of(m, name, c) for name, c in loose.items() if m.joint(name).prismatic}
     sizes = {name: c for name, c in loose.items() if name not in blocks}
     give = {name: 1 / k for name, k in (m.soft_bearings if stiffnesses is None else stiffnesses).items()}
     turning = bool(inertia and np.any(drive[k:]))
-    reach = (2 * STENCIL if give else STENCIL) if turning and (loose or give) else 0.0
-    path: Path | None = None
+    reach = (2 * GAP_STENCIL if give else GAP_STENCIL) if turning and (loose or give) else 0.0
+    path: CrankTable | None = None
     if assembly.structure.by_crank:
         path = assembly.path(drive[0].min() - reach, drive[0].max() + reach)
     else:  # with each sample goes where the linkage is near it
         drive = np.concatenate([drive, (near or assembly.follow(drive[:k])).coordinates])
 
     if loose or give:
-        run.foresee(assembly, SOLVED * drive.shape[1])
+        run.foresee(assembly, SOLUTIONS_AN_ANGLE * drive.shape[1])
     solve = _Solve(assembly, inertia, path, sizes, blocks, model == "equilibrium", len(drive))
     ideal = solve(drive)
     if not (loose or give):
@@ -169,9 +169,9 @@ class _Solve:
 
     assembly: Assembly
     inertia: bool
-    path: Path | None
+    path: CrankTable | None
     sizes: Mapping[str, float]  # m, radial clearance of pins
-    blocks: Mapping[str, Block]
+    blocks: Mapping[str, GuidedBlock]
     finite: bool  # whether a tilted block touches with its finite clearance, or to first order
     rows: int
 
@@ -186,8 +186,8 @@ class _Solve:
         pieces = []
         for way, linkage in enumerate(linkages):
             at = np.flatnonzero(which == way)
-            own = {name: gap.part(at) for name, gap in (gaps or {}).items()}
-            pieces.append((at, self.part(linkage, drive[:, at], own, ways[:, way])))
+            gaps_there = {name: gap.part(at) for name, gap in (gaps or {}).items()}
+            pieces.append((at, self.part(linkage, drive[:, at], gaps_there, ways[:, way])))
         return pieced(self.assembly, pieces)
 
     def part(
@@ -196,25 +196,25 @@ class _Solve:
         """Those of samples in which all blocks rest in one way, ``how`` (blocks,) that is if they do."""
         k = len(self.assembly.structure.inputs)
         theta, omega, alpha, here = np.split(drive[: self.rows], (k, 2 * k, 3 * k))
-        motion = kinematics(linkage, theta, omega, alpha, gaps, self.path or Followed(here))
+        motion = kinematics(linkage, theta, omega, alpha, gaps, self.path or Walk(here))
         ways = how if self.finite else None
         loose = loose_friction(self.assembly.mechanism, self.sizes, self.blocks, ways)
         return kinetostatics(motion, self.inertia, loose=loose)
 
 
-def _with_blocks(pins: _Pins, drive: np.ndarray, found: Displaced, turning: bool) -> Displaced:
-    """``found`` with blocks and pins where they come to rest."""
-    blocks, ideal = pins.solve.blocks, found.ideal
+def _with_blocks(pins: _Pins, drive: np.ndarray, state: Displaced, turning: bool) -> Displaced:
+    """``state`` with blocks and pins where they come to rest."""
+    blocks, ideal = pins.solve.blocks, state.ideal
     border = _on_the_border(pins.solve, ideal, drive)
     if turning:
         border = {**_on_their_way(pins, ideal, drive), **border}
-    found = replace(found, flags={**border, **found.flags})
+    state = replace(state, flags={**border, **state.flags})
     how = np.array([block.rests(ideal) for block in blocks.values()])
     flagged = np.isin(np.arange(how.shape[1]), list(border))
-    for _ in range(TRIES):
-        moved = _taken_up(pins, np.vstack([drive, how]), found, turning)
+    for _ in range(REST_TRIES):
+        moved = _taken_up(pins, np.vstack([drive, how]), state, turning)
         stay = np.array([block.stays(h, moved.configuration) for block, h in zip(blocks.values(), how, strict=True)])
-        if found.model == "first_order" or np.all(stay | flagged):
+        if state.model == "first_order" or np.all(stay | flagged):
             break
         there = np.array([block.rests(moved.configuration) for block in blocks.values()])
         how, before = np.where(stay, how, there), how
@@ -233,13 +233,13 @@ def _with_blocks(pins: _Pins, drive: np.ndarray, found: Displaced, turning: bool
     )
 
 
-def _taken_up(pins: _Pins, drive: np.ndarray, found: Displaced, turning: bool) -> Displaced:
-    """``found`` with its pins where they come to rest, and so its reactions and flags."""
-    model, ideal, flags, solve = found.model, found.ideal, dict(found.flags), pins.solve
+def _taken_up(pins: _Pins, drive: np.ndarray, state: Displaced, turning: bool) -> Displaced:
+    """``state`` with its pins where they come to rest, and so its reactions and flags."""
+    model, ideal, flags, solve = state.model, state.ideal, dict(state.flags), pins.solve
     if not (pins.sizes or pins.give):
         configuration = solve(drive, None)
-        return replace(found, configuration=configuration, reactions=ideal if model == "first_order" else configuration)
-    toward = pins.told(ideal)
+        return replace(state, configuration=configuration, reactions=ideal if model == "first_order" else configuration)
+    toward = pins.unknowns(ideal)
     rates = None
     x, learnt = pins.settled(drive, toward)
     if turning:
@@ -259,18 +259,18 @@ def _taken_up(pins: _Pins, drive: np.ndarray, found: Displaced, turning: bool) -
         if not solve.inertia:
             flags |= {i: UNSTABLE for i in np.flatnonzero(pins.leave(drive, x)).tolist() if i not in flags}
     places = {name: g.value for name, g in gaps.items()}
-    return replace(found, gaps=places, reactions=reactions, configuration=configuration, flags=flags)
+    return replace(state, gaps=places, reactions=reactions, configuration=configuration, flags=flags)
 
 
-def check_determined(found: Reactions, joints: Iterable[str]) -> None:
+def check_determined(reactions: Reactions, joints: Iterable[str]) -> None:
     """Raise AssemblyError for a joint whose pin leaves its bearing's centre along a reaction that statics does not
     determine.
     """
-    loose = sorted(found.undetermined & set(joints))
+    loose = sorted(reactions.undetermined & set(joints))
     if loose:
         raise AssemblyError(
-            f"{found.motion.structure.mechanism.name}: statics does not determine the reaction of joint {loose[0]!r},"
-            " so that its clearance, or its soft bearing, has no direction",
+            f"{reactions.motion.structure.mechanism.name}: statics does not determine the reaction of joint"
+            f" {loose[0]!r}, so that its clearance, or its soft bearing, has no direction",
             remedy="leave that out, or a joint that is not needed",
         )
 
@@ -278,7 +278,7 @@ def check_determined(found: Reactions, joints: Iterable[str]) -> None:
 def loose_friction(
     mechanism: Mechanism,
     sizes: Mapping[str, float],
-    blocks: Mapping[str, Block] = NO_BLOCKS,
+    blocks: Mapping[str, GuidedBlock] = NO_BLOCKS,
     how: np.ndarray | None = None,
 ) -> list[Rubbing]:
     """What rubs in the contacts of pins with these clearances (m), and of blocks, which rest ``how`` (blocks,), or as
@@ -320,7 +320,7 @@ def _on_the_border(solve: _Solve, ideal: Reactions, drive: np.ndarray) -> dict[i
         work = np.maximum(*block.work(usual))
         peak = float(np.median(work) if solve.path is None else work.max())
         apart = np.abs(np.subtract(*block.work(ideal)))
-        for i in np.flatnonzero(apart <= max(NO_DIRECTION * peak, ROUNDING * largest * block.clearance)):
+        for i in np.flatnonzero(apart <= max(FAINT_SHARE * peak, REACTION_ROUNDING * largest * block.clearance)):
             flags.setdefault(
                 int(i), f"the block of {name} passes from one rest to another: what presses it is too little to tell"
             )
@@ -344,20 +344,22 @@ def _on_their_way(pins: _Pins, ideal: Reactions, drive: np.ndarray) -> dict[int,
         before, after = np.split(np.subtract(*block.work(around)) / block.clearance, 2)
         apart, rate = np.subtract(*block.work(ideal)) / block.clearance, (after - before) / (2 * moment)
         away, rate = apart * rate > 0, np.maximum(np.abs(rate), TINY)
-        since, needed = np.abs(apart) / rate, LANDS * np.cbrt(12 * mass * block.clearance / rate)
+        since, needed = np.abs(apart) / rate, LANDING_TIME * np.cbrt(12 * mass * block.clearance / rate)
         for i in np.flatnonzero(away & (since < needed)):
             flags.setdefault(int(i), f"the block of {name} {ON_ITS_WAY}")
     return flags
 
 
-def _faint(found: Reactions, usual: Callable[[np.ndarray], np.floating]) -> dict[str, float]:
-    """By revolute joint the reaction (N) up to which it has no direction, a share of its ``usual`` size in ``found``.
+def _faint(reactions: Reactions, usual: Callable[[np.ndarray], np.floating]) -> dict[str, float]:
+    """By revolute joint the reaction (N) up to which it has no direction, a share of its ``usual`` size.
 
     With several inputs that is the median: poses near a singular one have reactions beyond measure.
     """
-    peaks = {name: float(usual(np.abs(force))) for name, force in found.forces.items()}
+    peaks = {name: float(usual(np.abs(force))) for name, force in reactions.forces.items()}
     largest = max(peaks.values())
-    return {name: max(NO_DIRECTION * peaks[name], ROUNDING * largest) for name in found.motion.structure.pins}
+    return {
+        name: max(FAINT_SHARE * peaks[name], REACTION_ROUNDING * largest) for name in reactions.motion.structure.pins
+    }
 
 
 @dataclass(frozen=True)
@@ -386,21 +388,22 @@ class _Pins:
         """Those without clearance."""
         return [name for name in self.give if name not in self.sizes]
 
-    def told(self, found: Reactions) -> np.ndarray:
-        """x (N, K) by these reactions."""
-        forces, scaled = found.forces, {name: give / self.length for name, give in self.give.items()}
-        columns = [np.angle(push) for push in self.pushes(found).values()]
+    def unknowns(self, reactions: Reactions) -> np.ndarray:
+        """x (N, K) where the pins lie as these reactions ask."""
+        forces, scaled = reactions.forces, {name: give / self.length for name, give in self.give.items()}
+        columns = [np.angle(push) for push in self.pushes(reactions).values()]
         columns += [np.abs(forces[name]) * scaled[name] for name in self.both]
         for name in self.tight:
             columns += [forces[name].real * scaled[name], forces[name].imag * scaled[name]]
         return np.stack(columns, axis=-1)
 
-    def pushes(self, found: Reactions) -> dict[str, np.ndarray]:
+    def pushes(self, reactions: Reactions) -> dict[str, np.ndarray]:
         """The reactions (N,) N of pins with clearance, turned to where they are in contact: by the angle of friction
         if they rub.
         """
-        m = found.motion.structure.mechanism
-        return {name: found.forces[name] * np.exp(1j * lean(found.motion, m.joint(name))) for name in self.sizes}
+        m = reactions.motion.structure.mechanism
+        forces, motion = reactions.forces, reactions.motion
+        return {name: forces[name] * np.exp(1j * lean(motion, m.joint(name))) for name in self.sizes}
 
     def places(self, x: np.ndarray) -> dict[str, np.ndarray]:
         """Gaps (N,) m, complex."""
@@ -434,14 +437,12 @@ class _Pins:
             return x, inverse
         miss = self.miss(drive, x, rates)
         gain = np.ones(len(x))  # by which the last step shrank the miss; the next one is expected to do as well
-        for _ in range(PASSES):
+        for _ in range(CONTACT_PASSES):
             step = np.einsum("nij,nj->ni", inverse[todo], miss)
-            step *= np.minimum(1.0, 0.5 / np.maximum(_largest(step), 1e-300))[
-                :, None
-            ]  # at most half a radian at a time
+            step *= np.minimum(1.0, 0.5 / np.maximum(_largest(step), TINY))[:, None]  # at most half a radian at a time
             x[todo] += step
             size = _largest(miss)
-            far = (size >= SETTLED) & (size * gain >= 1e-3 * SETTLED)
+            far = (size >= CONTACT_SETTLED) & (size * gain >= 1e-3 * CONTACT_SETTLED)
             todo, step, before, size = todo[far], step[far], miss[far], size[far]
             if not todo.size:
                 break
@@ -450,19 +451,19 @@ class _Pins:
             x[todo] += step
             gain = np.minimum(1.0, _largest(miss) / size)
             known = inverse[todo]
-            seen = np.einsum("nij,nj->ni", known, miss - before)
-            along = np.einsum("ni,ni->n", step, seen)[:, None]
+            change = np.einsum("nij,nj->ni", known, miss - before)
+            along = np.einsum("ni,ni->n", step, change)[:, None]
             weight = np.einsum("ni,nij->nj", step, known) / np.where(
                 along, along, np.inf
             )  # no update where the miss has not changed
-            inverse[todo] -= (step + seen)[..., None] * weight[:, None]
+            inverse[todo] -= (step + change)[..., None] * weight[:, None]
         return x, inverse
 
     def onward(
         self, drive: np.ndarray, x: np.ndarray, step: np.ndarray, rates: np.ndarray | None
     ) -> tuple[np.ndarray, np.ndarray]:
         """The miss (N, K) rad at x + step, and the step; it is halved while the linkage does not close there."""
-        for _ in range(SHORTER):
+        for _ in range(MOST_HALVINGS):
             try:
                 return self.miss(drive, x + step, rates), step
             except AssemblyError:
@@ -479,17 +480,17 @@ class _Pins:
         weights = [np.abs(places[name]) * np.abs(forces[name]) for name in self.sizes]
         for name in (*self.both, *(each for each in self.tight for _ in range(2))):
             weights.append(np.full(len(x), self.length**2 / self.give[name]))
-        root = np.sqrt(np.maximum(np.stack(weights, axis=-1), 1e-300))
-        here, nudges = self.miss(drive, x, None), NUDGE * np.eye(x.shape[1])
-        slopes = np.stack([here - self.miss(drive, x + nudge, None) for nudge in nudges], axis=-1) / NUDGE
+        root = np.sqrt(np.maximum(np.stack(weights, axis=-1), TINY))
+        here, nudges = self.miss(drive, x, None), STABILITY_NUDGE * np.eye(x.shape[1])
+        slopes = np.stack([here - self.miss(drive, x + nudge, None) for nudge in nudges], axis=-1) / STABILITY_NUDGE
         bend = slopes * root[:, :, None] / root[:, None, :]
         return np.asarray(np.linalg.eigvalsh((bend + bend.transpose(0, 2, 1)) / 2)[:, 0] <= 0)
 
     def miss(self, drive: np.ndarray, x: np.ndarray, rates: np.ndarray | None) -> np.ndarray:
         """From x (N, K) to what it is by the reactions there."""
-        found, n = self.solve(drive, self.gaps(x, rates)), len(self.sizes)
-        forces = found.forces
-        along = {name: push * np.exp(-1j * x[:, k]) for k, (name, push) in enumerate(self.pushes(found).items())}
+        reactions, n = self.solve(drive, self.gaps(x, rates)), len(self.sizes)
+        forces = reactions.forces
+        along = {name: push * np.exp(-1j * x[:, k]) for k, (name, push) in enumerate(self.pushes(reactions).items())}
         columns = [np.angle(along[name]) for name in self.sizes]
         columns += [along[name].real * self.give[name] / self.length - x[:, n + k] for k, name in enumerate(self.both)]
         for k, name in enumerate(self.tight):
@@ -515,7 +516,7 @@ def _rates(
     """
     beside, moment = _beside(pins, drive)
     learnt = np.tile(learnt, (2, 1, 1))
-    there = pins.told(pins.solve(beside[: pins.solve.rows], None))
+    there = pins.unknowns(pins.solve(beside[: pins.solve.rows], None))
     around, _ = pins.settled(beside, there + np.tile(x - toward, (2, 1)), inverse=learnt)
     if order:
         around, _ = pins.settled(beside, around, _rates(pins, beside, around, there, learnt, order - 1), learnt)
@@ -529,8 +530,8 @@ def _beside(pins: _Pins, drive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     k, unit = pins.pace.size, pins.pace[:, None]
     angle, speed, acceleration, near = np.split(drive, (k, 2 * k, 3 * k))
     turns, pushes = speed / unit, acceleration / unit
-    pace = ((np.abs(turns) + np.sqrt(turns**2 + 2 * np.abs(pushes) * STENCIL)) / 2).max(axis=0)
-    moment = STENCIL / np.where(pace > 0, pace, 1.0)  # s, in which the crank turns by the stencil
+    pace = ((np.abs(turns) + np.sqrt(turns**2 + 2 * np.abs(pushes) * GAP_STENCIL)) / 2).max(axis=0)
+    moment = GAP_STENCIL / np.where(pace > 0, pace, 1.0)  # s, in which the crank turns by the stencil
     sides = [
         np.concatenate([angle + speed * t + acceleration * t**2 / 2, speed + acceleration * t, acceleration, near])
         for t in (-moment, moment)
@@ -546,7 +547,7 @@ def _without_direction(
     for name in sizes:
         size, least = np.abs(ideal.forces[name]), np.repeat([part[name] for part in faint], counts)
         for i in np.flatnonzero(size <= least):
-            why = f"({size[i]:.3g} N, {what} {least[i] / NO_DIRECTION:.3g} N): no direction, contact may be lost"
+            why = f"({size[i]:.3g} N, {what} {least[i] / FAINT_SHARE:.3g} N): no direction, contact may be lost"
             flags.setdefault(int(i), f"the reaction at {name} passes near zero {why}")
     return flags
 
@@ -555,7 +556,7 @@ def _unsteady(pins: _Pins, steady: np.ndarray, moved: np.ndarray) -> dict[int, s
     """Angles at which a gap's own motion turns it, from x (N, K) without to with it, too far for a small correction."""
     flags: dict[int, str] = {}
     for name, turn in zip(pins.sizes, np.abs(wrapped(moved - steady)).T, strict=False):
-        for i in np.flatnonzero(~(turn < UNSTEADY)):
+        for i in np.flatnonzero(~(turn < UNSTEADY_TURN)):
             flags.setdefault(
                 int(i),
                 f"the reaction at {name} turns too fast for its pin to follow (off by {np.degrees(turn[i]):.2g} deg)",
@@ -569,7 +570,7 @@ def _swaying(pins: _Pins, moved: np.ndarray, further: np.ndarray) -> dict[int, s
     """
     flags: dict[int, str] = {}
     for name, sway in zip(pins.give, _sways(pins, moved, further), strict=True):
-        for i in np.flatnonzero(~(sway < SWAYS)):
+        for i in np.flatnonzero(~(sway < LARGEST_SWAY)):
             flags.setdefault(int(i), f"the bearing of {name} is so soft that the linkage sways in it")
     return flags
 
@@ -585,28 +586,28 @@ def _further(pins: _Pins, drive: np.ndarray, sways: np.ndarray, flagged: Sequenc
     """Samples, the flagged ones left out, that take the second term of their gaps' own motion where the first is not
     small everywhere: of a crank those in or beside a part of its turn in which it is not very small, else all.
     """
-    told = np.ones(sways.size, bool)
-    told[flagged] = False
-    if sways[told].max(initial=0.0) < STEADY:
+    chosen = np.ones(sways.size, bool)
+    chosen[flagged] = False
+    if sways[chosen].max(initial=0.0) < STEADY_GAP:
         return np.zeros(0, int)
     if pins.solve.path is not None:
-        part = (drive[0] * (PARTS / (2 * np.pi)) % PARTS).astype(int) % PARTS
-        hit = np.bincount(part[told & (sways >= STILL)], minlength=PARTS) > 0
-        told &= (hit | np.roll(hit, 1) | np.roll(hit, -1))[part]
-    return np.flatnonzero(told)
+        part = (drive[0] * (PARTS_OF_TURN / (2 * np.pi)) % PARTS_OF_TURN).astype(int) % PARTS_OF_TURN
+        hit = np.bincount(part[chosen & (sways >= STILL_GAP)], minlength=PARTS_OF_TURN) > 0
+        chosen &= (hit | np.roll(hit, 1) | np.roll(hit, -1))[part]
+    return np.flatnonzero(chosen)
 
 
-def _unsettled(pins: _Pins, found: Reactions, x: np.ndarray) -> dict[int, str]:
+def _unsettled(pins: _Pins, reactions: Reactions, x: np.ndarray) -> dict[int, str]:
     flags: dict[int, str] = {}
     places = pins.places(x)
-    for name, push in pins.pushes(found).items():
+    for name, push in pins.pushes(reactions).items():
         miss = np.abs(np.angle(push / places[name]))
         for i in np.flatnonzero(~(miss < 1e-6)):
             flags.setdefault(int(i), f"no steady contact direction was found at {name}")
     for name, give in pins.give.items():
-        gap, force = places[name], found.forces[name]
+        gap, force = places[name], reactions.forces[name]
         given = np.abs(gap * (1 - pins.sizes.get(name, 0.0) / np.abs(gap)) if name in pins.sizes else gap)
-        off = np.abs(given - give * np.abs(force)) / max(float(np.abs(gap).max()), 1e-300)
+        off = np.abs(given - give * np.abs(force)) / max(float(np.abs(gap).max()), TINY)
         for i in np.flatnonzero(~(off < 1e-6)):
             flags.setdefault(int(i), f"no steady place of the pin was found in the soft bearing of {name}")
     return flags

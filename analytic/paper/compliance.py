@@ -22,18 +22,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from analytic.kinematics.motion import Motion
+from analytic.kinematics.output import Output
 from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint, Mechanism, Spring
 from analytic.mechanism.one_line import angles, count, largest, one_line
-from analytic.paper.frame import Bar, ComplianceError, beam_stiffness, frame
-from analytic.paper.kinetostatics import joint_law, kinetostatics, of_springs
+from analytic.paper.frame import ComplianceError, ElasticBar, beam_stiffness, frame
+from analytic.paper.kinetostatics import joint_law, kinetostatics, of_springs, spring_pull
 
-BLOCK = 128  # crank angles solved at once: their matrices stay in the processor's cache
+STRUCTURES_AT_ONCE = 128  # crank angles solved at once: their matrices stay in the processor's cache
 DEPENDENT = 1e-10  # of the largest singular value: constraints below it say nothing new
-FREE = 1e-14  # pivot of the stiffness, scaled to a unit diagonal, below which a motion costs no energy
+FREE_PIVOT = 1e-14  # pivot of the stiffness, scaled to a unit diagonal, below which a motion costs no energy
 
 PLANE, SPACE = (0, 1, 5), (0, 1, 2, 3, 4, 5)  # freedoms of a node; the last is the rotation about z
 
-Values = Mapping[str, np.ndarray | complex | float]
+LoadValues = Mapping[str, np.ndarray | complex | float]
 
 
 @dataclass(frozen=True)
@@ -67,14 +68,20 @@ class Compliance:
         """Rotation (rad) about z of the material at a body's point, (N,)."""
         return self.motion(body, point)[:, 5]
 
+    def output(self, d: Output) -> np.ndarray:
+        """Elastic displacement (N,) of an output, in its unit."""
+        if d.axis == "angle":
+            return self.rotation(d.body, self.mechanism.angle_point(d.body))
+        return d.part(self.displacement(d.body, d.point))
+
     def give(self, joint: str) -> np.ndarray:
         """How far the springs of a joint (Eq. 4) yield, x + iy (m): its point on the first body minus that on the
         second, (N,) complex; exactly zero for a joint without ``elasticity``.
         """
-        found = self.mechanism.joint(joint)
-        if found.elasticity is None:
+        spec = self.mechanism.joint(joint)
+        if spec.elasticity is None:
             return np.zeros(self.theta.size, complex)
-        first, second = found.bodies
+        first, second = spec.bodies
         return self.displacement(first, joint) - self.displacement(second, joint)
 
 
@@ -82,9 +89,9 @@ def compliance(
     motion: Motion,
     inertia: bool = False,
     *,
-    forces: Values | None = None,
-    torques: Values | None = None,
-    beam: Callable[[Bar], np.ndarray] = beam_stiffness,
+    forces: LoadValues | None = None,
+    torques: LoadValues | None = None,
+    beam: Callable[[ElasticBar], np.ndarray] = beam_stiffness,
 ) -> Compliance:
     """Elastic displacements under the forces that :func:`kinetostatics` sees too, with the crank held at the drive (Eq.
     7).
@@ -104,7 +111,10 @@ def compliance(
         )
     load = structure.loads(inertia, forces or {}, torques or {})
     n = motion.theta.size
-    parts = [structure.solve(slice(i, i + BLOCK), load[i : i + BLOCK]) for i in range(0, n, BLOCK)]
+    parts = [
+        structure.solve(slice(i, i + STRUCTURES_AT_ONCE), load[i : i + STRUCTURES_AT_ONCE])
+        for i in range(0, n, STRUCTURES_AT_ONCE)
+    ]
     u, energy = (np.concatenate(part) for part in zip(*parts, strict=True))
     at = structure.positions(u)
     return Compliance(structure.mechanism, motion.theta, structure.motions(u), energy, at, structure.by_springs(u, at))
@@ -113,7 +123,7 @@ def compliance(
 class _Structure:
     """The structure that a motion's linkage is, with the crank held, at each of N crank angles."""
 
-    def __init__(self, motion: Motion, beam: Callable[[Bar], np.ndarray]) -> None:
+    def __init__(self, motion: Motion, beam: Callable[[ElasticBar], np.ndarray]) -> None:
         self.motion = motion
         self.mechanism = motion.structure.mechanism
         self.frames = {body.name: frame(body) for body in self.mechanism.bodies}
@@ -128,7 +138,7 @@ class _Structure:
         self.slips = {joint.name: self.slip(joint) for joint in self.mechanism.joints}
 
     def bars_of(
-        self, body: Body, beam: Callable[[Bar], np.ndarray]
+        self, body: Body, beam: Callable[[ElasticBar], np.ndarray]
     ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
         """Freedoms (2 d,), direction (N,) complex and stiffness (2 d, 2 d) in its own axes of each bar; d freedoms a
         node are kept.
@@ -226,25 +236,19 @@ class _Structure:
                 form[:, :, freedoms] = sign * self.carry(arm)[:, :2]
         return form
 
-    def pull(self, spring: Spring, inertia: bool) -> np.ndarray:
-        """Force (N,) N, complex, of a spring, and with ``inertia`` of its damper, on its first point."""
-        near, far = spring.ends
-        rate = self.motion.velocity(*far) - self.motion.velocity(*near) if inertia else 0j
-        return np.asarray(spring.pull(self.motion.position(*far) - self.motion.position(*near), np.asarray(rate)))
-
     def held_by(self, spring: Spring) -> np.ndarray:
         """Stiffness (N, 2, 2) of a spring between its points: along it its own, across it by the force that turns."""
         near, far = (self.motion.position(*end) for end in spring.ends)
         apart = far - near
         along = apart / np.abs(apart)
-        across = (self.pull(spring, inertia=False) / apart).real
+        across = (spring_pull(self.motion, spring, moving=False) / apart).real
         out = np.zeros((apart.size, 2, 2))
         for i, u in enumerate((along.real, along.imag)):
             for j, v in enumerate((along.real, along.imag)):
                 out[:, i, j] = spring.stiffness * u * v + across * ((i == j) - u * v)
         return out
 
-    def loads(self, inertia: bool, forces: Values, torques: Values) -> np.ndarray:
+    def loads(self, inertia: bool, forces: LoadValues, torques: LoadValues) -> np.ndarray:
         """W (N, n): forces and moments on the nodes."""
         load = np.zeros((self.motion.theta.size, self.size))
 
@@ -268,30 +272,16 @@ class _Structure:
         for given in self.mechanism.loads:
             add(given.body, given.point, complex(*given.force), given.torque)
         for spring in self.mechanism.springs:
-            pull = self.pull(spring, inertia)
+            pull = spring_pull(self.motion, spring, inertia)
             load += (np.array([pull.real, pull.imag]).T[:, None] @ -self.reach(spring))[:, 0]
         periodic = self.mechanism.periodic_torque
         if periodic is not None:
             add(self.mechanism.driven, MASS_CENTRE, 0.0, periodic.at(self.motion.theta))
         rubbed = kinetostatics(self.motion, inertia).rubbed if self.mechanism.load_rubbed else {}
         for joint in self.mechanism.joints:
-            law = self.joint_torque(joint, inertia) + rubbed.get(joint.name, 0.0)
+            law = joint_law(joint, self.motion, inertia) + rubbed.get(joint.name, 0.0)
             load += law[:, None] * self.slips[joint.name][:, self.kept.index(_free(joint))]
         return load
-
-    def joint_torque(self, joint: Joint, inertia: bool) -> np.ndarray:
-        """Torque (N.m; prismatic: force, N) of a joint's spring, constant friction and damper on its second body."""
-        m = self.motion
-        if joint.prismatic:
-            return joint_law(joint, *m.travel(joint.name), m.pace, moving=inertia)
-        first, second = joint.bodies
-        return joint_law(
-            joint,
-            m.angle(second) - m.angle(first),
-            m.angular_velocity(second) - m.angular_velocity(first),
-            m.pace,
-            moving=inertia,
-        )
 
     def solve(self, block: slice, load: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Displacements (N, n) and strain energy (N,) of a block of crank angles."""
@@ -343,7 +333,7 @@ class _Structure:
         free = {joint.name: self.kept.index(_free(joint)) for joint in self.mechanism.joints}
         return {name: np.einsum("ni,ni->n", self.slips[name][:, axis], u) for name, axis in free.items()}
 
-    def by_springs(self, u: np.ndarray, positions: Values) -> dict[str, np.ndarray]:
+    def by_springs(self, u: np.ndarray, positions: LoadValues) -> dict[str, np.ndarray]:
         """What springs ask more of joints and drives, N and N.m by signal, where displacements (N, n) take them."""
         m = self.mechanism
         laws = {j.name: -(j.stiffness + self.stiffening(j)) * positions[j.name] for j in m.joints if j.springy}
@@ -378,7 +368,7 @@ def _is_held(stiffness: np.ndarray) -> np.ndarray:
         factor = np.linalg.cholesky(stiffness / scale[:, :, None] / scale[:, None])
     except np.linalg.LinAlgError:
         return np.zeros(len(stiffness), bool)
-    held: np.ndarray = np.einsum("nii->ni", factor).min(axis=1, initial=1.0) ** 2 > FREE
+    held: np.ndarray = np.einsum("nii->ni", factor).min(axis=1, initial=1.0) ** 2 > FREE_PIVOT
     return held
 
 

@@ -20,79 +20,25 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
-from analytic.kinematics.assembly import Assembly, Path
+from analytic.kinematics.assembly import Assembly, CrankTable
 from analytic.kinematics.motion import Gap, Motion, kinematics
-from analytic.paper.compliance import Compliance
-from analytic.paper.guide import Block
-from analytic.paper.kinetostatics import Reactions, answered
+from analytic.kinematics.output import Output
+from analytic.paper.guide import GuidedBlock
+from analytic.paper.kinetostatics import Reactions, reactions_to
 
 DIRECTIONS = np.exp(1j * np.linspace(0.0, np.pi, 91)[:-1])  # where the search for the farthest point starts
-ASCENTS = 30
-
-
-@dataclass(frozen=True)
-class Output:
-    """One number that a user cares about: x or y of a body's point (m, ground frame), or a body's angle (rad).
-
-    A body that bends has its angle where a sensor reads it: at its joint on the ground, else at its com.
-    """
-
-    body: str
-    axis: Literal["x", "y", "angle"]
-    point: str = "com"
-
-    @property
-    def name(self) -> str:
-        """``coupler_x`` for a com as in the signals, ``coupler.B_x`` for another point, ``coupler_angle``."""
-        return f"{self.place}_{self.axis}"
-
-    @property
-    def place(self) -> str:
-        """``coupler`` or ``coupler.B``."""
-        return self.body if self.point == "com" else f"{self.body}.{self.point}"
-
-    @property
-    def unit(self) -> Literal["m", "rad"]:
-        """``m`` or ``rad``."""
-        return "rad" if self.axis == "angle" else "m"
-
-    def value(self, motion: Motion) -> np.ndarray:
-        """The output (N,) itself."""
-        return motion.angle(self.body) if self.axis == "angle" else self._part(motion.position(self.body, self.point))
-
-    def rate(self, motion: Motion) -> np.ndarray:
-        """Its velocity (N,)."""
-        return (
-            motion.angular_velocity(self.body)
-            if self.axis == "angle"
-            else self._part(motion.velocity(self.body, self.point))
-        )
-
-    @property
-    def load(self) -> tuple[str, complex, float]:
-        """A unit load along it: point, force (x + iy) and torque."""
-        return (self.point, 0j, 1.0) if self.axis == "angle" else (self.point, 1.0 if self.axis == "x" else 1j, 0.0)
-
-    def elastic(self, compliance: Compliance) -> np.ndarray:
-        """Its displacement (N,) by compliance."""
-        if self.axis == "angle":
-            return compliance.rotation(self.body, compliance.mechanism.angle_point(self.body))
-        return self._part(compliance.displacement(self.body, self.point))
-
-    def _part(self, z: np.ndarray) -> np.ndarray:
-        return z.real if self.axis == "x" else z.imag
+ASCENTS = 30  # towards the farthest point
 
 
 def unit_reactions(
     assembly: Assembly,
     theta: np.ndarray,
     outputs: Iterable[Output],
-    path: Path | None = None,
-    blocks: Iterable[Block] = (),
+    path: CrankTable | None = None,
+    blocks: Iterable[GuidedBlock] = (),
 ) -> dict[Output, np.ndarray]:
     """R (joints, N) of every revolute joint, in the structure's order of pins, and then of these blocks, for each
     output at crank angles theta (N,) rad.
@@ -105,14 +51,14 @@ def unit_reactions(
         [kinematics(assembly, theta, gaps={pin: Gap(closed, closed + d)}, path=path) for d in (1.0, 1j)]
         for pin in assembly.structure.pins
     ]
-    found = {d: [d.rate(along_x) + 1j * d.rate(along_y) for along_x, along_y in opening] for d in outputs}
+    by_output = {d: [d.rate(along_x) + 1j * d.rate(along_y) for along_x, along_y in opening] for d in outputs}
     every = tuple(blocks)
     if every:
         still = kinematics(assembly, theta, path=path)
-        for d, rows in found.items():
-            forces, moments, _ = answered(still, d.body, *d.load)
+        for d, rows in by_output.items():
+            forces, moments, _ = reactions_to(still, d.body, *d.load)
             rows += [block.push(still, forces[block.joint.name], moments[block.joint.name]) for block in every]
-    return {d: np.array(rows) for d, rows in found.items()}
+    return {d: np.array(rows) for d, rows in by_output.items()}
 
 
 def displacement(reactions: np.ndarray, gaps: np.ndarray) -> np.ndarray:
@@ -191,7 +137,7 @@ def transmission(condition_number: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class SideChange:
+class ContactSideChange:
     """A crank angle at which a reaction passes (near) zero and its pin crosses to another side of the bearing."""
 
     joint: str
@@ -205,14 +151,14 @@ class SideChange:
 
 def side_changes(
     sweep: Reactions, clearances: Mapping[str, float], faint: Mapping[str, float], whole_turn: bool = False
-) -> list[SideChange]:
+) -> list[ContactSideChange]:
     """Changes of side along a sweep of closely spaced, increasing crank angles, in their order.
 
     Each is a stretch on which the reaction passes near zero (is ``faint``, N), or a step on which it turns more than a
     right angle.  The stretch after the last angle ends at the first one if the sweep is a ``whole_turn`` (less its
     closing angle).
     """
-    found = []
+    changes = []
     n = sweep.motion.theta.size
     theta = np.concatenate([sweep.motion.theta, sweep.motion.theta + 2 * np.pi])
     for joint in (name for name, size in clearances.items() if size > 0):
@@ -227,10 +173,10 @@ def side_changes(
             a, b = clear[k], clear[k + 1]
             least = _smallest_on_chords(force[a : b + 1], theta[a : b + 1])
             jump = complex(clearances[joint] * (contact[k + 1] - contact[k]))
-            found.append(
-                SideChange(joint, least[0], float(theta[a]), float(theta[b]), least[1], float(turned[k]), jump)
+            changes.append(
+                ContactSideChange(joint, least[0], float(theta[a]), float(theta[b]), least[1], float(turned[k]), jump)
             )
-    return sorted(found, key=lambda change: change.crank_angle)
+    return sorted(changes, key=lambda change: change.crank_angle)
 
 
 def _smallest_on_chords(force: np.ndarray, theta: np.ndarray) -> tuple[float, float]:
@@ -240,18 +186,3 @@ def _smallest_on_chords(force: np.ndarray, theta: np.ndarray) -> tuple[float, fl
     size = np.abs(force[:-1] + share * step)
     k = int(np.argmin(size))
     return float(theta[k] + share[k] * (theta[k + 1] - theta[k])), float(size[k])
-
-
-__all__ = [
-    "Output",
-    "SideChange",
-    "condition",
-    "displacement",
-    "farthest",
-    "rim_spread",
-    "side_changes",
-    "sizes",
-    "transmission",
-    "unit_reactions",
-    "worst_case",
-]

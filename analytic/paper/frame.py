@@ -19,7 +19,7 @@ class ComplianceError(Error, ValueError):
 
 
 @dataclass(frozen=True)
-class Bar:
+class ElasticBar:
     """A straight bar of rectangular section; z is the axis normal to the linkage's plane (SI units)."""
 
     length: float
@@ -53,7 +53,7 @@ class Bar:
         return a * b**3 * (1 / 3 - 64 / np.pi**5 * b / a * float(np.sum(np.tanh(n * np.pi * a / (2 * b)) / n**5)))
 
 
-def beam_stiffness(bar: Bar) -> np.ndarray:
+def beam_stiffness(bar: ElasticBar) -> np.ndarray:
     """Stiffness (12, 12) of a bar in its own axes (x along it): the Euler-Bernoulli beam that Eqs. 2-3 mean.
 
     Order: translations x, y, z and rotations about x, y, z of the first end, then of the second.  Source:
@@ -76,18 +76,18 @@ def beam_stiffness(bar: Bar) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Frame:
+class ElasticFrame:
     """What a body is as a structure (m, body frame): nodes, bars between two of them, and where its points sit.
 
     ``places`` gives each point, com included, as a node and a rigid arm from that node to the point.
     """
 
     nodes: tuple[complex, ...]
-    bars: tuple[tuple[int, int, Bar], ...]
+    bars: tuple[tuple[int, int, ElasticBar], ...]
     places: Mapping[str, tuple[int, complex]]
 
 
-def frame(body: Body) -> Frame:
+def frame(body: Body) -> ElasticFrame:
     """A rigid body is one node at its com, a flexible one the bars of :func:`analytic.mechanism.bars.division`, of its
     section and welded at their nodes.
 
@@ -96,13 +96,13 @@ def frame(body: Body) -> Frame:
     if body.youngs_modulus is None:
         centre = body.centre
         arms = {name: (0, body.point(name) - centre) for name in (*body.points, "com", MASS_CENTRE)}
-        return Frame((centre,), (), arms)
+        return ElasticFrame((centre,), (), arms)
     parts = division(body)
     bars = tuple((i, j, _bar(body, body.youngs_modulus, abs(parts.nodes[j] - parts.nodes[i]))) for i, j in parts.bars)
-    return Frame(parts.nodes, bars, parts.places)
+    return ElasticFrame(parts.nodes, bars, parts.places)
 
 
-def _bar(body: Body, youngs_modulus: float, length: float) -> Bar:
+def _bar(body: Body, youngs_modulus: float, length: float) -> ElasticBar:
     height, depth = body.section
     if not min(height, depth) > 0:
         raise ComplianceError(
@@ -110,4 +110,4 @@ def _bar(body: Body, youngs_modulus: float, length: float) -> Bar:
             " needs the height and depth of its bar, both above zero; give them, or leave youngs_modulus out for a"
             " rigid body"
         )
-    return Bar(length, height, depth, youngs_modulus, shear_modulus(body))
+    return ElasticBar(length, height, depth, youngs_modulus, shear_modulus(body))

@@ -21,10 +21,10 @@ import numpy as np
 
 from analytic.kinematics.motion import Motion
 from analytic.mechanism import Joint
-from analytic.paper.guide import FLAT, Block, Reactions
+from analytic.paper.guide import FLAT, BlockReactions, GuidedBlock
 
-SETTLED = 1e-12  # of the largest load's friction: the last step that is worth taking
-PASSES = 60  # of Newton's method
+FRICTION_SETTLED = 1e-12  # of the largest load's friction: the last step that is worth taking
+FRICTION_PASSES = 60  # of Newton's method
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Rubbing:
     """
 
     joint: Joint
-    block: Block | None = None
+    block: GuidedBlock | None = None
     way: float | None = None
     clearance: float = 0.0
 
@@ -57,11 +57,11 @@ class Rubbing:
         """What a unit of a pin's does on the first body and on the second."""
         return -1.0, 1.0 + self.clearance * self.beside / self.coefficient
 
-    def load(self, found: Reactions) -> np.ndarray:
+    def load(self, reactions: BlockReactions) -> np.ndarray:
         """What presses it (N,) N, complex: the pin's reaction, or across a block and, over L/2, what turns it."""
         if self.block is None:
-            return found.forces[self.joint.name]
-        return self.block.pushed(found, None if self.way is None else self.block.aside(self.way))
+            return reactions.forces[self.joint.name]
+        return self.block.pushed(reactions, None if self.way is None else self.block.aside(self.way))
 
     def toward(self, load: np.ndarray) -> np.ndarray:
         """Unit (N,) along which that rubs: the derivative of its size, complex."""
@@ -80,15 +80,18 @@ def lean(motion: Motion, joint: Joint) -> np.ndarray:
 
 
 def friction(
-    found: Reactions, units: Sequence[Reactions], rubbing: Sequence[Rubbing], grip: np.ndarray | float = 1.0
+    reactions: BlockReactions,
+    units: Sequence[BlockReactions],
+    rubbing: Sequence[Rubbing],
+    grip: np.ndarray | float = 1.0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Friction (joints, N) N.m, N on the second bodies of joints that rub, beside what gives these reactions without,
     and where (N,) there is none, as it locks the linkage.
 
     ``units`` are the reactions to a unit of each; ``grip`` is the share of the friction that acts.
     """
-    motion, count = found.motion, len(rubbing)
-    given = np.stack([each.load(found) for each in rubbing], axis=-1)
+    motion, count = reactions.motion, len(rubbing)
+    given = np.stack([each.load(reactions) for each in rubbing], axis=-1)
     answers = np.stack([np.stack([each.load(unit) for unit in units], axis=-1) for each in rubbing], axis=1)
     coefficient = np.array([each.coefficient for each in rubbing])
     radius = np.stack([each.coefficient * grip * motion.slip_sign(each.joint) for each in rubbing], axis=-1)
@@ -97,7 +100,7 @@ def friction(
     size = np.abs(given).max(axis=1)
     out = np.zeros((motion.theta.size, count))
     settled = np.zeros(motion.theta.size, bool)
-    for _ in range(PASSES):
+    for _ in range(FRICTION_PASSES):
         load = given + np.einsum("nij,nj->ni", answers, out)
         toward = np.stack([each.toward(load[:, i]) for i, each in enumerate(rubbing)], axis=-1)
         miss = out + radius * (np.conj(toward) * load).real
@@ -107,7 +110,7 @@ def friction(
             change = np.linalg.solve(np.where(growing[:, None, None], slope, np.eye(count)), miss[..., None])[..., 0]
         out = out - change
         size = np.maximum(size, np.abs(load).max(axis=1))
-        settled = (np.abs(change) / coefficient).max(axis=1) <= SETTLED * size
+        settled = (np.abs(change) / coefficient).max(axis=1) <= FRICTION_SETTLED * size
         settled &= growing
         if settled.all():
             break

@@ -35,13 +35,13 @@ from typing import Protocol
 import numpy as np
 
 from analytic.kinematics.motion import Motion
-from analytic.kinematics.structure import Rest, Rests
+from analytic.kinematics.structure import BlockRest, BlockRests
 from analytic.mechanism import Joint, Mechanism, MechanismError
 
 FLAT, TILTED = 1.0, 2.0  # how a block rests: times the sign of the force, or of the moment
 
 
-class Reactions(Protocol):
+class BlockReactions(Protocol):
     """What a block has to know of :class:`analytic.paper.kinetostatics.Reactions`."""
 
     @property
@@ -53,7 +53,7 @@ class Reactions(Protocol):
 
 
 @dataclass(frozen=True)
-class Block:
+class GuidedBlock:
     """The block of a prismatic joint with half the play ``clearance`` (m) in its guide."""
 
     joint: Joint
@@ -62,7 +62,7 @@ class Block:
     height: float  # m
 
     @classmethod
-    def of(cls, mechanism: Mechanism, name: str, clearance: float) -> Block:
+    def of(cls, mechanism: Mechanism, name: str, clearance: float) -> GuidedBlock:
         """The block of a joint with that clearance (m).  Raises MechanismError without ``guide``."""
         joint = mechanism.joint(name)
         if joint.guide is None:
@@ -97,15 +97,15 @@ class Block:
         """
         return (force * np.conj(self.across(motion))).real + 2j / self.length * moment
 
-    def pushed(self, found: Reactions, aside: float | None = None) -> np.ndarray:
+    def pushed(self, reactions: BlockReactions, aside: float | None = None) -> np.ndarray:
         """The same of what the walls alone do in these reactions, without the moment of friction ``aside`` (m) of the
         block's point: half the height, unless told otherwise.
         """
-        push = self.push(found.motion, found.forces[self.joint.name], found.moments[self.joint.name])
+        push = self.push(reactions.motion, reactions.forces[self.joint.name], reactions.moments[self.joint.name])
         if not self.joint.friction:
             return push
         aside = self.height / 2 if aside is None else aside
-        return np.asarray(push + 2j / self.length * aside * self.rub(found.motion) * push.real)
+        return np.asarray(push + 2j / self.length * aside * self.rub(reactions.motion) * push.real)
 
     def rub(self, motion: Motion) -> np.ndarray:
         """Force (N,) along the guide that friction takes from the block, of a unit push of a wall: the coefficient with
@@ -113,36 +113,36 @@ class Block:
         """
         return self.joint.friction * motion.slip_sign(self.joint)
 
-    def work(self, found: Reactions) -> tuple[np.ndarray, np.ndarray]:
+    def work(self, reactions: BlockReactions) -> tuple[np.ndarray, np.ndarray]:
         """Work (N,) N.m that force and moment do on the way from the middle to where they rest flat, and tilted."""
-        push = self.clearance * self.pushed(found)
+        push = self.clearance * self.pushed(reactions)
         return np.abs(push.real), np.abs(push.imag)
 
-    def rests(self, found: Reactions) -> np.ndarray:
+    def rests(self, reactions: BlockReactions) -> np.ndarray:
         """How (N,) the block rests under these reactions, to first order: FLAT or TILTED, with a sign."""
-        push = self.pushed(found)
+        push = self.pushed(reactions)
         flat = np.abs(push.real) >= np.abs(push.imag)
         return np.where(flat, FLAT * np.copysign(1.0, push.real), TILTED * np.copysign(1.0, push.imag))
 
-    def stays(self, how: np.ndarray, found: Reactions) -> np.ndarray:
+    def stays(self, how: np.ndarray, reactions: BlockReactions) -> np.ndarray:
         """Whether (N,) all corners on which a block rests ``how`` (N,) push it, under these reactions of the linkage
         that it displaces.
         """
-        ways = [self.pushed(found, self.aside(each)) for each in (FLAT, TILTED)]
+        ways = [self.pushed(reactions, self.aside(each)) for each in (FLAT, TILTED)]
         push = np.copysign(1.0, how) * np.where(np.abs(how) == FLAT, *ways)
         force, moment = push.real, self.length / 2 * push.imag
         flat = (force > 0) & (np.abs(moment) <= self.length / 2 * force)
         tilted = (moment > 0) & (self.lever * np.abs(force) <= moment)
         return np.where(np.abs(how) == FLAT, flat, tilted)
 
-    def place(self, how: float, finite: bool) -> Rest:
+    def place(self, how: float, finite: bool) -> BlockRest:
         """Where the block rests, second body relative to first; tilted to first order, or ``finite``."""
         if abs(how) == FLAT:
-            return Rest(-math.copysign(self.clearance, how), 0.0)
-        return Rest(0.0, -math.copysign(self.tilt if finite else 2 * self.clearance / self.length, how))
+            return BlockRest(-math.copysign(self.clearance, how), 0.0)
+        return BlockRest(0.0, -math.copysign(self.tilt if finite else 2 * self.clearance / self.length, how))
 
 
-def placed(blocks: Mapping[str, Block], how: np.ndarray, finite: bool) -> Rests:
+def placed(blocks: Mapping[str, GuidedBlock], how: np.ndarray, finite: bool) -> BlockRests:
     """Where blocks rest that rest ``how`` (blocks,)."""
     return {name: block.place(each, finite) for (name, block), each in zip(blocks.items(), how.tolist(), strict=True)}
 

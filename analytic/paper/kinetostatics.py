@@ -17,14 +17,13 @@ from analytic.compiled import run
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.closure import AssemblyError, crank_angle, posture
 from analytic.kinematics.motion import (
-    BLOCK,
+    ANGLES_AT_ONCE,
     DEAD_CENTRE,
     Motion,
     Pieced,
     blocks,
     joined,
     self_stresses,
-    slip_direction,
     solve_forces,
 )
 from analytic.kinematics.structure import Group, Structure
@@ -32,10 +31,10 @@ from analytic.mechanism import MASS_CENTRE, Joint, Spring
 from analytic.mechanism.one_line import angles, largest, one_line
 from analytic.mechanism.signals import Signal, driving, position
 from analytic.paper.friction import Rubbing, friction
-from analytic.paper.guide import Block
+from analytic.paper.guide import GuidedBlock
 
-FAINT = 1e-7  # of a self-stress of 1 N: what of it reaches a joint is rounding error
-LOOKS = 8  # samples of a motion, about as many, at which self-stresses are looked at
+STRESS_ROUNDING = 1e-7  # of a self-stress of 1 N: what of it reaches a joint is rounding error
+STRESS_SAMPLES = 8  # of a motion, about as many, at which self-stresses are looked at
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ class Reactions:
         return one_line(self, self.motion.structure.mechanism.name, angles(self.motion.theta), forces, torque)
 
     def part(self, at: slice | np.ndarray) -> Reactions:
-        """The same at some of its instants (a slice: views of its arrays; or indices, or which)."""
+        """Reactions at some of the instants (a slice: views of its arrays; or indices, or which)."""
 
         def some(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
             return {name: values[at] for name, values in arrays.items()}
@@ -81,7 +80,7 @@ class Reactions:
         return {one.name: values for one, values in self._signals()}
 
     def loads(self) -> dict[str, np.ndarray]:
-        """Those of them that say how the linkage is loaded: the reactions and the drive torque."""
+        """The signals of reactions and of what drives the linkage, by name (SI units)."""
         return {one.name: values for one, values in self._signals() if one.kind in ("reaction", "drive")}
 
     def _signals(self) -> Iterator[tuple[Signal, np.ndarray]]:
@@ -129,42 +128,52 @@ def kinetostatics(
     Raises AssemblyError where that friction locks the linkage, or the force of a spring has no direction.
     """
     motion.assembly.check_springs(motion.coordinates, motion.columns)
-    balanced = run.balanced(motion.assembly, motion.moved, inertia, grip) if motion.compiled else None
+    reactions = compiled_reactions(motion, inertia, grip) if motion.compiled else None
+    if reactions is None:
+        reactions = _by_numpy(motion, inertia, grip)
+    if not rubs:
+        return reactions
+    return _rubbed(reactions, [*loose, *_tight(motion, {each.joint.name for each in loose})], grip)
+
+
+def compiled_reactions(motion: Motion, inertia: bool, grip: np.ndarray | None) -> Reactions | None:
+    """Reactions without friction that grows with them, by compiled code; None where that does not serve."""
+    coordinates = motion.coordinates, motion.rates, motion.accelerations
+    columns = motion.columns, motion.column_rates, motion.column_accelerations
+    balanced = run.balanced(motion.assembly, coordinates, columns, motion.displaced, inertia, grip)
     if balanced is None:
-        found = _by_numpy(motion, inertia, grip)
-    else:
-        s = motion.structure
-        forces = dict(zip([j.name for j in s.mechanism.joints], balanced.forces, strict=True))
-        moments = dict(zip(s.slides, balanced.moments, strict=True))
-        found = _told(motion, forces, moments, balanced.drives, _loose(motion))
-    return _rubbed(found, [*loose, *_tight(motion, {each.joint.name for each in loose})], grip) if rubs else found
+        return None
+    s, (forces, moments, drives) = motion.structure, balanced
+    by_joint = dict(zip([j.name for j in s.mechanism.joints], forces, strict=True))
+    return _reactions_of(motion, by_joint, dict(zip(s.slides, moments, strict=True)), drives, undetermined(motion))
 
 
 def _tight(motion: Motion, loose: Collection[str]) -> list[Rubbing]:
     """Pins and blocks that rub without clearance, but for those that are ``loose``."""
     m = motion.structure.mechanism
     return [
-        Rubbing(joint, Block.of(m, joint.name, 0.0) if joint.prismatic else None)
+        Rubbing(joint, GuidedBlock.of(m, joint.name, 0.0) if joint.prismatic else None)
         for joint in m.load_rubbed
         if joint.name not in loose
     ]
 
 
-def _rubbed(found: Reactions, rubbing: Sequence[Rubbing], grip: np.ndarray | None) -> Reactions:
+def _rubbed(reactions: Reactions, rubbing: Sequence[Rubbing], grip: np.ndarray | None) -> Reactions:
     """Reactions with the friction of joints that rub, from those without.  Raises AssemblyError."""
     if not rubbing:
-        return found
-    name = found.motion.structure.mechanism.name
+        return reactions
+    name = reactions.motion.structure.mechanism.name
     for joint in (each.joint for each in rubbing):
-        if joint.name in found.undetermined:
+        if joint.name in reactions.undetermined:
             raise AssemblyError(
                 f"{name}: {joint.load_law} makes friction grow with a reaction that is statically undetermined; leave"
                 " it out, or a joint that is not needed"
             )
-    forces, moments = dict(found.forces), dict(found.moments)
-    efforts, rubbed = found.efforts.copy(), {each.joint.name: np.empty(found.efforts.shape[1]) for each in rubbing}
-    for block in blocks(found.motion.theta.size):
-        part = found.part(block)
+    forces, moments = dict(reactions.forces), dict(reactions.moments)
+    efforts = reactions.efforts.copy()
+    rubbed = {each.joint.name: np.empty(efforts.shape[1]) for each in rubbing}
+    for block in blocks(reactions.motion.theta.size):
+        part = reactions.part(block)
         units = [_of_a_unit(part.motion, each) for each in rubbing]
         size, locks = friction(part, units, rubbing, 1.0 if grip is None else grip[block])
         if locks.any():
@@ -175,24 +184,24 @@ def _rubbed(found: Reactions, rubbing: Sequence[Rubbing], grip: np.ndarray | Non
                 crank_angle(s, u, first),
                 f"make {fields} smaller, or keep clear of there",
             )
-        for each, own, unit in zip(rubbing, size, units, strict=True):
-            rubbed[each.joint.name][block] = own
-            efforts[:, block] += own * unit.efforts
+        for each, torque, unit in zip(rubbing, size, units, strict=True):
+            rubbed[each.joint.name][block] = torque
+            efforts[:, block] += torque * unit.efforts
             for whole, answer in ((forces, unit.forces), (moments, unit.moments)):
                 for place, values in answer.items():
-                    whole[place][block] += own * values
-    return replace(_told(found.motion, forces, moments, efforts, found.undetermined), rubbed=rubbed)
+                    whole[place][block] += torque * values
+    return replace(_reactions_of(reactions.motion, forces, moments, efforts, reactions.undetermined), rubbed=rubbed)
 
 
 def _of_a_unit(motion: Motion, rubbing: Rubbing) -> Reactions:
     """Reactions to a unit of a joint's friction, N.m or N along its guide."""
-    s, n, joint = motion.structure, motion.theta.size, rubbing.joint
-    work, turning = np.zeros((s.n_columns, n), complex), np.zeros((len(s.bodies), n))
-    along = {name: np.full(n, float(name == joint.name)) for name in s.slides}
-    if not joint.prismatic:
+    joint, (work, turning, along) = rubbing.joint, _unloaded(motion)
+    if joint.prismatic:
+        along[joint.name] = np.ones(motion.theta.size)
+    else:
         for body, side in zip(joint.bodies, rubbing.sides, strict=True):
-            turning[s.body_column(body)] += side
-    return _told(motion, *_carried(motion, work, turning, along), _loose(motion))
+            turning[motion.structure.body_column(body)] += side
+    return _reactions_of(motion, *_carried(motion, work, turning, along), undetermined(motion))
 
 
 def kinetostatics_by_numpy(motion: Motion, inertia: bool = True, grip: np.ndarray | None = None) -> Reactions:
@@ -201,20 +210,20 @@ def kinetostatics_by_numpy(motion: Motion, inertia: bool = True, grip: np.ndarra
 
 
 def _by_numpy(motion: Motion, inertia: bool, grip: np.ndarray | None) -> Reactions:
-    """The same without friction that grows with reactions."""
+    """Reactions by numpy alone, without friction that grows with them."""
     s, n = motion.structure, motion.theta.size
     order = [j.name for j in s.mechanism.joints]
-    found = {name: np.empty(n, complex) for name in order}, {name: np.empty(n) for name in s.slides}
+    by_joint = {name: np.empty(n, complex) for name in order}, {name: np.empty(n) for name in s.slides}
     drives = np.empty((len(s.inputs), n))
-    work = np.empty((s.n_columns, min(n, BLOCK)), complex)  # the same memory for every block
-    loose = _loose(motion)
+    work = np.empty((s.n_columns, min(n, ANGLES_AT_ONCE)), complex)  # the same memory for every block
+    loose = undetermined(motion)
     for block in blocks(n):
         share = 1.0 if grip is None else grip[block]
         *parts, drives[:, block] = _balance(motion.part(block), inertia, share, work[:, : block.stop - block.start])
-        for whole, part in zip(found, parts, strict=True):
+        for whole, part in zip(by_joint, parts, strict=True):
             for name, values in part.items():
                 whole[name][block] = values
-    return _told(motion, *found, drives, loose)
+    return _reactions_of(motion, *by_joint, drives, loose)
 
 
 def pieced(assembly: Assembly, pieces: Sequence[tuple[np.ndarray, Reactions]]) -> Reactions:
@@ -222,36 +231,32 @@ def pieced(assembly: Assembly, pieces: Sequence[tuple[np.ndarray, Reactions]]) -
     n = sum(where.size for where, _ in pieces)
 
     def whole(array: Callable[[Reactions], np.ndarray]) -> np.ndarray:
-        return joined([(where, array(found)) for where, found in pieces], n)
+        return joined([(where, array(reactions)) for where, reactions in pieces], n)
 
     def each(arrays: Callable[[Reactions], Mapping[str, np.ndarray]]) -> dict[str, np.ndarray]:
-        parts = [(where, arrays(found)) for where, found in pieces]
+        parts = [(where, arrays(reactions)) for where, reactions in pieces]
         return {name: joined([(where, part[name]) for where, part in parts], n) for name in parts[0][1]}
 
     return Reactions(
-        Pieced.of(assembly, [(where, found.motion) for where, found in pieces]),
-        each(lambda found: found.forces),
-        each(lambda found: found.moments),
-        whole(lambda found: found.drive_torque),
-        each(lambda found: found.drive_loads),
-        frozenset().union(*(found.undetermined for _, found in pieces)),
-        whole(lambda found: found.efforts),
-        each(lambda found: found.rubbed),
+        Pieced.of(assembly, [(where, reactions.motion) for where, reactions in pieces]),
+        each(lambda reactions: reactions.forces),
+        each(lambda reactions: reactions.moments),
+        whole(lambda reactions: reactions.drive_torque),
+        each(lambda reactions: reactions.drive_loads),
+        frozenset().union(*(reactions.undetermined for _, reactions in pieces)),
+        whole(lambda reactions: reactions.efforts),
+        each(lambda reactions: reactions.rubbed),
     )
 
 
-def _loose(motion: Motion) -> frozenset[str]:
-    return undetermined(motion) if any(group.surplus for group in motion.structure.groups) else frozenset()
-
-
-def _told(
+def _reactions_of(
     motion: Motion,
     forces: dict[str, np.ndarray],
     moments: dict[str, np.ndarray],
     drives: np.ndarray,
     loose: frozenset[str],
 ) -> Reactions:
-    """Reactions with NaN for what nothing determines, and each drive's load."""
+    """Reactions by what holds the motion in balance: NaN of joints that are ``loose``, as nothing determines them."""
     s = motion.structure
     for name in loose:
         forces[name][:] = complex(np.nan, np.nan)
@@ -266,42 +271,37 @@ def undetermined(motion: Motion) -> frozenset[str]:
 
     Each such self-stress is carried through the linkage; the joints that it reaches are those.
     """
-    s, found = motion.structure, set[str]()
-    every = max(1, motion.theta.size // LOOKS)
+    s, joints = motion.structure, set[str]()
+    loose = [group for group in s.groups if group.surplus]
+    if not loose:
+        return frozenset()
+    every = max(1, motion.theta.size // STRESS_SAMPLES)
     some = motion.part(slice(None, None, every))
-    n, longest = some.theta.size, max(body.length for body in s.mechanism.bodies) or 1.0
-    for group in s.groups:
-        for stress in self_stresses(some.jacobians[group], group) if group.surplus else ():
-            idle = (
-                np.zeros((s.n_columns, n), complex),
-                np.zeros((len(s.bodies), n)),
-                dict.fromkeys(s.slides, np.zeros(n)),
-            )
-            forces, moments, _ = _carried(some, *idle, stress={group: stress})
-            found |= {name for name, force in forces.items() if np.abs(force).max() > FAINT}
-            found |= {name for name, moment in moments.items() if np.abs(moment).max() > FAINT * longest}
-    return frozenset(found)
+    longest = max(body.length for body in s.mechanism.bodies) or 1.0
+    for group in loose:
+        for stress in self_stresses(some.jacobians[group], group):
+            forces, moments, _ = _carried(some, *_unloaded(some), stress={group: stress})
+            joints |= {name for name, force in forces.items() if np.abs(force).max() > STRESS_ROUNDING}
+            joints |= {name for name, moment in moments.items() if np.abs(moment).max() > STRESS_ROUNDING * longest}
+    return frozenset(joints)
 
 
-def answers(
-    motion: Motion, body: str, point: str = "com", force: complex = 0j, torque: float = 0.0
-) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """Reactions (N,) complex by joint, and what moves each input (inputs, N), of a force (N, x + iy) at a body's point
-    and a torque (N.m) on it alone, at rest: no weight, no load, no law of a joint.
-    """
-    forces, _, efforts = answered(motion, body, point, force, torque)
-    return forces, efforts
-
-
-def answered(
-    motion: Motion, body: str, point: str = "com", force: complex = 0j, torque: float = 0.0
+def reactions_to(
+    motion: Motion, body: str, point: str, force: complex, torque: float
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], np.ndarray]:
-    """The same with the moments (N,) N.m of prismatic joints in between."""
-    s, n = motion.structure, motion.theta.size
-    work, turning = np.zeros((s.n_columns, n), complex), np.zeros((len(s.bodies), n))
+    """Reactions (N,) complex by joint, moments (N,) N.m by prismatic joint, and what moves each input (inputs, N), of a
+    force (N, x + iy) at a body's point and a torque (N.m) on it alone, at rest: no weight, no load, no law of a joint.
+    """
+    work, turning, along = _unloaded(motion)
     work += (motion.assembly.form(body, point) * np.conj(force))[:, None]
-    turning[s.body_column(body)] += torque
-    return _carried(motion, work, turning, dict.fromkeys(s.slides, np.zeros(n)))
+    turning[motion.structure.body_column(body)] += torque
+    return _carried(motion, work, turning, along)
+
+
+def _unloaded(motion: Motion) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+    """No loads: work on the columns (n_columns, N), torques on bodies (bodies, N), forces along slides (N,), all 0."""
+    s, n = motion.structure, motion.theta.size
+    return np.zeros((s.n_columns, n), complex), np.zeros((len(s.bodies), n)), dict.fromkeys(s.slides, np.zeros(n))
 
 
 def of_springs(motion: Motion, laws: Mapping[str, np.ndarray], pulls: Sequence[tuple[Spring, np.ndarray]]) -> Reactions:
@@ -310,17 +310,17 @@ def of_springs(motion: Motion, laws: Mapping[str, np.ndarray], pulls: Sequence[t
     ``laws`` are torques (N.m; prismatic: forces, N) (N,) on the second body of each joint that has one, ``pulls``
     forces (N, x + iy) (N,) on the first point of springs between points.
     """
-    s, n = motion.structure, motion.theta.size
-    work, turning = np.zeros((s.n_columns, n), complex), np.zeros((len(s.bodies), n))
+    s, (work, turning, along) = motion.structure, _unloaded(motion)
     for spring, pull in pulls:
         for (body, point), sign in zip(spring.ends, (1.0, -1.0), strict=True):
             work += sign * motion.assembly.form(body, point)[:, None] * np.conj(pull)
     for name, law in laws.items():
-        if name not in s.slides:
-            for body, sign in zip(s.mechanism.joint(name).bodies, (-1.0, 1.0), strict=True):
-                turning[s.body_column(body)] += sign * law
-    along = {name: laws.get(name, np.zeros(n)) for name in s.slides}
-    return _told(motion, *_carried(motion, work, turning, along), _loose(motion))
+        if name in s.slides:
+            along[name] = law
+            continue
+        for body, sign in zip(s.mechanism.joint(name).bodies, (-1.0, 1.0), strict=True):
+            turning[s.body_column(body)] += sign * law
+    return _reactions_of(motion, *_carried(motion, work, turning, along), undetermined(motion))
 
 
 def _balance(
@@ -332,11 +332,7 @@ def _balance(
     s = motion.structure
     _work_of_forces(motion, inertia, work)
     torque = _torques(motion, inertia, grip)
-    travel_force = {
-        j.name: joint_law(j, *motion.travel(j.name), motion.pace, inertia, grip)
-        for j in s.mechanism.joints
-        if j.prismatic
-    }
+    travel_force = {j.name: joint_law(j, motion, inertia, grip) for j in s.mechanism.joints if j.prismatic}
     return _carried(motion, work, torque, travel_force)
 
 
@@ -364,8 +360,7 @@ def _carried(
     forces |= {name: -np.conj(work[s.slide_column(name)]) * s.mechanism.joint(name).direction for name in s.slides}
     moments = {}
     for name, carried, far_is_second in zip(s.slides, s.turned_by, s.far_is_second, strict=True):
-        riding = tuple(len(s.bodies) + k for k, b in enumerate(s.slide_body) if b in carried)
-        moment = _turning_work(motion, tuple(carried), riding, work, torque)
+        moment = _turning_work(motion, tuple(carried), s.riding(carried), work, torque)
         moments[name] = -moment if far_is_second else moment
     return forces, moments, np.array([-_generalised(motion, i, work, torque, travel_force) for i in s.inputs])
 
@@ -389,11 +384,16 @@ def _work_of_forces(motion: Motion, inertia: bool, work: np.ndarray) -> None:
     for load in m.loads:
         add(load.body, load.point, complex(*load.force))
     for spring in m.springs:
-        near, far = spring.ends
-        rate = motion.velocity(*far) - motion.velocity(*near) if inertia else 0j
-        pull = spring.pull(motion.position(*far) - motion.position(*near), rate)
+        (near, far), pull = spring.ends, spring_pull(motion, spring, inertia)
         add(*near, pull)
         add(*far, -pull)
+
+
+def spring_pull(motion: Motion, spring: Spring, moving: bool) -> np.ndarray:
+    """Force (N,) N, complex, of a spring on its first point; of its damper too in a linkage that is ``moving``."""
+    near, far = spring.ends
+    rate = np.asarray(motion.velocity(*far) - motion.velocity(*near) if moving else 0j)
+    return np.asarray(spring.pull(motion.position(*far) - motion.position(*near), rate))
 
 
 def _torques(motion: Motion, inertia: bool, grip: np.ndarray | float) -> np.ndarray:
@@ -411,36 +411,21 @@ def _torques(motion: Motion, inertia: bool, grip: np.ndarray | float) -> np.ndar
     for joint in s.mechanism.joints:
         if not joint.prismatic and joint.has_law:
             first, second = joint.bodies
-            law = joint_law(
-                joint,
-                motion.relative(joint),
-                motion.angular_velocity(second) - motion.angular_velocity(first),
-                motion.pace,
-                inertia,
-                grip,
-            )
+            law = joint_law(joint, motion, inertia, grip)
             torque[s.body_column(second)] += law
             torque[s.body_column(first)] -= law
     return torque
 
 
-def joint_law(
-    joint: Joint,
-    position: np.ndarray,
-    rate: np.ndarray,
-    crank: np.ndarray,
-    moving: bool,
-    grip: np.ndarray | float = 1.0,
-) -> np.ndarray:
-    """Torque (N.m; prismatic: force, N) of a joint's dry friction, damper and spring on its second body, (N,).
-
-    ``position`` (rad, m) and ``rate`` are the second body's on the first, ``crank`` (rad/s) is the crank's rate, or the
-    fastest input's; at a dead centre, where the joint rests and the crank turns, there is no friction.
+def joint_law(joint: Joint, motion: Motion, moving: bool, grip: np.ndarray | float = 1.0) -> np.ndarray:
+    """Torque (N.m; prismatic: force, N) of a joint's spring and dry friction on its second body, (N,); of its damper
+    too in a linkage that is ``moving``.
     """
-    slip = slip_direction(rate, crank)
+    position, sign = motion.relative(joint), motion.slip_sign(joint)
     if not moving:
-        return joint.spring(position) - joint.stiction * grip * slip
-    return joint.spring(position) + joint.damper(rate) - joint.dry(rate) * grip * slip
+        return joint.spring(position) - joint.stiction * grip * sign
+    rate = motion.slip(joint)
+    return joint.spring(position) + joint.damper(rate) - joint.dry(rate) * grip * sign
 
 
 def friction_turns(motion: Motion, within: float = 0.0, rough: Collection[str] = ()) -> dict[str, np.ndarray]:
@@ -448,20 +433,20 @@ def friction_turns(motion: Motion, within: float = 0.0, rough: Collection[str] =
     direction: its slip reverses ``within`` so many rad of crank angle, of a crank that turns evenly, or of the fastest
     input, of a slide's in lengths of the longest body; with 0, only at the reversal itself.
     """
-    s, crank, found = motion.structure, motion.pace, {}
+    s, crank, turning = motion.structure, motion.pace, {}
     longest = max(body.length for body in s.mechanism.bodies) or 1.0
     sizes = np.array([1.0 if s.unit(i) == "rad" else longest for i in s.inputs])[:, None]
     turns = (np.abs(motion.rates[list(s.inputs)]) / sizes).max(axis=0)
     for joint in s.mechanism.joints:
         if joint.rubs or joint.name in rough:
-            rate, bend = motion.slip(joint)
+            rate, bend = motion.slip(joint), motion.slip_acceleration(joint)
             dead = np.abs(rate) * crank <= DEAD_CENTRE * crank**2
-            found[joint.name] = dead | (np.abs(rate) * turns <= within * np.abs(bend) if within else False)
-    return found
+            turning[joint.name] = dead | (np.abs(rate) * turns <= within * np.abs(bend) if within else False)
+    return turning
 
 
 def _turning_work(
-    motion: Motion, bodies: tuple[int, ...], riding: tuple[int, ...], work: np.ndarray, torque: np.ndarray
+    motion: Motion, bodies: Sequence[int], riding: Sequence[int], work: np.ndarray, torque: np.ndarray
 ) -> np.ndarray:
     """Work (N,) of everything on a unit turn of these columns: bodies, and the travels along them."""
     turned = sum(torque[k] for k in bodies) - sum((work[k] * motion.columns[k]).imag for k in (*bodies, *riding))
@@ -475,6 +460,6 @@ def _generalised(
     s: Structure = motion.structure
     c = s.coordinates[i]
     if c.bodies:
-        return _turning_work(motion, c.bodies, motion.assembly.turning[i][len(c.bodies) :], work, torque)
+        return _turning_work(motion, c.bodies, s.turning[i][len(c.bodies) :], work, torque)
     along = motion.columns[s.slide_body[c.column - len(s.bodies)]]
     return (work[c.column] * along).real + travel_force[c.joint]

@@ -39,16 +39,16 @@ from analytic.mechanism.file import load
 from analytic.mechanism.one_line import angles, one_line
 from analytic.mechanism.signals import Component, Signal, wrapped
 from analytic.paper.clearance import MODELS, displaced
-from analytic.paper.frame import Bar
+from analytic.paper.frame import ElasticBar
 
 EQ_8_AT_30_DEG: dict[Component, float] = {"x": 0.0087, "y": 0.005}  # m, as section 4 prints them for joint B
-UNKNOWNS = ("F_12x", "F_12y", "F_23x", "F_23y", "F_34x", "F_34y", "F_14x", "F_14y", "T_s")  # F_B of Eq. 12
+REACTION_UNKNOWNS = ("F_12x", "F_12y", "F_23x", "F_23y", "F_34x", "F_34y", "F_14x", "F_14y", "T_s")  # F_B of Eq. 12
 
 
 # ---------------------------------------------------------------- Eqs. 2 and 3
 
 
-def printed_beam_block(bar: Bar) -> np.ndarray:
+def printed_beam_block(bar: ElasticBar) -> np.ndarray:
     """k_b (6, 6) of Eq. 3; as printed, and right as the stiffness of the first end of a bar whose second is clamped."""
     e, length = bar.youngs_modulus, bar.length
     k = np.diag([
@@ -64,7 +64,7 @@ def printed_beam_block(bar: Bar) -> np.ndarray:
     return k
 
 
-def printed_beam_stiffness(bar: Bar) -> np.ndarray:
+def printed_beam_stiffness(bar: ElasticBar) -> np.ndarray:
     """Element matrix (12, 12) of Eq. 2 as printed: wrong, see the module's table; right is ``frame.beam_stiffness``."""
     return np.kron([[1.0, -1.0], [-1.0, 1.0]], printed_beam_block(bar))
 
@@ -204,7 +204,7 @@ def inertia_forces(bar: FourBar, motion: FourBarMotion) -> tuple[np.ndarray, np.
 
 def kinetostatic_matrix(bar: FourBar, angle: np.ndarray) -> np.ndarray:
     """[L] (N, 9, 9) of Eq. 12 for link angles (3, N): rows F_Ox, F_Oy, T_O of links 2, 3, 4 as in Eq. 11, columns
-    UNKNOWNS.
+    REACTION_UNKNOWNS.
 
     Each row is the link's balance (forces on it, inertia included, sum to zero) with the inertia term taken to the
     left. F_jk acts on link k, and on link j with the opposite sign:

@@ -9,15 +9,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analytic.kinematics.assembly import Assembly, Followed, Path
+from analytic.kinematics.assembly import Assembly, CrankTable, Walk
 from analytic.kinematics.motion import kinematics
+from analytic.kinematics.output import Output
 from analytic.mechanism.one_line import angles, clearances, count, one_line
 from analytic.mechanism.signals import Signal, named
 from analytic.paper.clearance import Displaced, Model, displaced, loose_friction
 from analytic.paper.compliance import Compliance, compliance
 from analytic.paper.envelope import (
-    Output,
-    SideChange,
+    ContactSideChange,
     condition,
     displacement,
     farthest,
@@ -27,7 +27,7 @@ from analytic.paper.envelope import (
     worst_case,
 )
 from analytic.paper.friction import lean
-from analytic.paper.guide import Block, direction
+from analytic.paper.guide import GuidedBlock, direction
 from analytic.paper.kinetostatics import kinetostatics
 
 SWEEP_STEP = np.radians(0.25)  # crank angle between looks for a contact that changes side
@@ -105,7 +105,7 @@ def total_displacement(
     model: Model = "first_order",
     inertia: bool = False,
     clearances: Mapping[str, float] | None = None,
-    near: Followed | None = None,
+    near: Walk | None = None,
 ) -> Total:
     """Superpose clearance (``model``) and the ideal configuration's compliance at crank angles theta (N,) rad.
 
@@ -118,7 +118,7 @@ def total_displacement(
 
 
 @dataclass(frozen=True)
-class Accuracy:
+class AccuracyAnalysis:
     """What clearance and compliance do to a linkage's outputs at N crank angles; methods return (N,) in the output's
     unit.
 
@@ -127,7 +127,7 @@ class Accuracy:
     """
 
     assembly: Assembly
-    path: Path
+    path: CrankTable
     total: Total  # its clearance part is the equilibrium with the finite gaps
     pins: tuple[str, ...]  # and then the blocks with clearance
     blocks: int  # so many of the last of them
@@ -135,7 +135,7 @@ class Accuracy:
     unit_reactions: Mapping[Output, np.ndarray]  # (pins, N) complex
     directions: np.ndarray  # (pins, N) complex of length 1: where the ideal linkage's reactions press; see _directions
     condition: np.ndarray  # of the loop Jacobian
-    side_changes: Sequence[SideChange]
+    side_changes: Sequence[ContactSideChange]
     jumps: Mapping[Output, np.ndarray]  # (side changes,): what each one does to the output
     flags: Mapping[int, str]
 
@@ -172,7 +172,7 @@ class Accuracy:
 
     def compliance(self, d: Output) -> np.ndarray:
         """Elastic displacement of the ideal configuration."""
-        return d.elastic(self.total.compliance)
+        return self.total.compliance.output(d)
 
     def by_both(self, d: Output) -> np.ndarray:
         """Displacement by the finite gaps and by compliance together (Fig. 7c); NaN where flagged."""
@@ -185,19 +185,19 @@ class Accuracy:
     @property
     def cautions(self) -> dict[int, str]:
         """Angles near a singularity, or where the gaps are too large for first order."""
-        found: dict[int, str] = {}
+        reasons: dict[int, str] = {}
         size = max(body.length for body in self.assembly.mechanism.bodies)
         for d in self.unit_reactions:
             away = np.abs(self.equilibrium(d) - self.nominal(d))
             least = self.clearances.max() / (size if d.axis == "angle" else 1.0)
             for i in np.flatnonzero(away > NONLINEAR * np.maximum(self.worst_case(d), least)):
-                found.setdefault(
+                reasons.setdefault(
                     int(i),
                     f"first order is {away[i]:.2g} {d.unit} away from the equilibrium of the finite gaps in {d.name}",
                 )
         for i in np.flatnonzero(self.condition > ILL_CONDITIONED):
-            found[int(i)] = f"near a singularity: the loops' condition number is {self.condition[i]:.3g}"
-        return dict(sorted(found.items()))
+            reasons[int(i)] = f"near a singularity: the loops' condition number is {self.condition[i]:.3g}"
+        return dict(sorted(reasons.items()))
 
 
 def accuracy(
@@ -207,7 +207,7 @@ def accuracy(
     clearances: Mapping[str, float],
     omega: float = 1.0,
     inertia: bool = False,
-) -> Accuracy:
+) -> AccuracyAnalysis:
     """Analyse outputs with these radial clearances (m) at crank angles theta (N,) rad.
 
     ``omega`` and ``inertia`` are those of :func:`analytic.paper.clearance.displaced`, and so is what is raised,
@@ -224,10 +224,10 @@ def accuracy(
         moved.faint,
         _whole_turn(theta),
     )
-    blocks = {name: Block.of(m, name, c) for name, c in clearances.items() if c > 0 and m.joint(name).prismatic}
+    blocks = {name: GuidedBlock.of(m, name, c) for name, c in clearances.items() if c > 0 and m.joint(name).prismatic}
     pins = (*assembly.structure.pins, *blocks)
     crossings = np.array([change.crank_angle for change in changes])
-    return Accuracy(
+    return AccuracyAnalysis(
         assembly=assembly,
         path=path,
         total=total,
@@ -261,7 +261,7 @@ def _directions(force: np.ndarray, faint: float) -> np.ndarray:
 
 
 def _jumps(
-    changes: Sequence[SideChange], at_changes: Mapping[Output, np.ndarray], pins: Sequence[str]
+    changes: Sequence[ContactSideChange], at_changes: Mapping[Output, np.ndarray], pins: Sequence[str]
 ) -> dict[Output, np.ndarray]:
     rows = [pins.index(change.joint) for change in changes]
     gaps = np.array([change.jump for change in changes])

@@ -14,7 +14,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
 
-from analytic.mechanism.file import describe
+from analytic.mechanism.errors import describe
 from analytic.mechanism.reading import ReadingError, parse_toml, read_text, read_toml
 from compare.faults import OptionError
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analytic.mechanism import Load, Mechanism
-from analytic.mechanism.signals import AXES, POSE, Signal, Unit
+from analytic.mechanism.signals import AXES, POSE, Signal, SiUnit
 from compare.diagnose.data.recording import Channel, Measured, MeasuredRun
 from compare.diagnose.effects.effect import Readings, Rig
 from compare.diagnose.fit import Fit, hypothesis, without_columns
@@ -24,7 +24,7 @@ ENOUGH = 8.0  # sigmas between two explanations that separate them
 USEFUL = 3.0
 SAMPLES = 90  # of a run that is tried
 SHARE = 0.005  # of a signal's peak: the noise taken for a sensor that is not there yet
-TYPICAL: dict[Unit, float] = {"rad": 5e-5, "rad/s": 1e-3, "m": 2e-5}  # the same for motions
+TYPICAL: dict[SiUnit, float] = {"rad": 5e-5, "rad/s": 1e-3, "m": 2e-5}  # the same for motions
 
 
 @dataclass(frozen=True)

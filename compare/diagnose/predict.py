@@ -16,9 +16,9 @@ import numpy as np
 from analytic.beyond_paper.backlash import Slack
 from analytic.beyond_paper.drive import Motor
 from analytic.beyond_paper.freedom import Freedom, swing
-from analytic.kinematics.assembly import Assembly, AssemblyError, Followed
+from analytic.kinematics.assembly import Assembly, AssemblyError, Walk
 from analytic.kinematics.motion import kinematics
-from analytic.kinematics.schedule import Turning
+from analytic.kinematics.schedule import Steady, Turning
 from analytic.kinematics.structure import StructureError
 from analytic.mechanism import Mechanism
 from analytic.paper.clearance import Displaced, displaced
@@ -49,6 +49,12 @@ class Motors:
         """Their motion at times (N,) s, (k, N)."""
         moved = [motor.at(time) for motor in self.each]
         return Turning(*(np.stack([getattr(turning, part) for turning in moved]) for part in PARTS))
+
+
+def commanded(run: MeasuredRun, mechanism: Mechanism) -> Motor:
+    """The motor of a run at a constant speed, uneven by its drive's ripple."""
+    drive = mechanism.drive
+    return Motor(Steady(run.angle or 0.0, run.speed or 0.0), drive.ripple if drive else None)
 
 
 class StartOfRun(Effect):
@@ -113,7 +119,7 @@ class Model:
         self.courses = courses
         self._tables: dict[object, tuple[Assembly, Freedom] | None] = {}
         self._turned: dict[object, Turning] = {}
-        self._followed: dict[object, Followed] = {}
+        self._followed: dict[object, Walk] = {}
         self._kept: OrderedDict[object, dict[str, np.ndarray]] = OrderedDict()
         self._swung: OrderedDict[object, Reactions | None] = OrderedDict()
 
@@ -243,7 +249,7 @@ class Model:
             for signals, read in zip(found, seen, strict=True)
         ]
 
-    def _near(self, run: MeasuredRun, time: np.ndarray) -> Followed | None:
+    def _near(self, run: MeasuredRun, time: np.ndarray) -> Walk | None:
         """Where the nominal linkage is that several drives move at times (N,) s: kept, as to follow it from sample to
         sample takes longer than all else, and what effects make of it is near.  Raises AssemblyError.
         """
@@ -272,7 +278,7 @@ class Model:
         """The motor of a driven run, or its several."""
         if run.drive == "measured":
             return self.courses[run.name]
-        return Motor(run.speed or 0.0, run.angle or 0.0, mechanism.drive)
+        return commanded(run, mechanism)
 
     # ---------------------------------------------------------------- free runs
 
@@ -451,7 +457,7 @@ def _parted(signals: Mapping[str, np.ndarray], sizes: Sequence[int]) -> list[dic
 
 
 def derived(
-    assembly: Assembly, crank: Turning, near: Followed | None = None, sizes: Sequence[int] = ()
+    assembly: Assembly, crank: Turning, near: Walk | None = None, sizes: Sequence[int] = ()
 ) -> dict[str, np.ndarray]:
     """Every signal with this motion of the crank, or of several inputs ``near`` what is known: pins on their bearings'
     walls or in soft ones, links with a modulus bent.  ``sizes`` are the numbers of samples of several runs.
@@ -468,7 +474,7 @@ def derived(
     return with_derived(signals, mechanism)
 
 
-def _displaced(assembly: Assembly, crank: Turning, near: Followed | None, sizes: Sequence[int]) -> Displaced:
+def _displaced(assembly: Assembly, crank: Turning, near: Walk | None, sizes: Sequence[int]) -> Displaced:
     """The linkage with its pins where they come to rest; soft bearings that hardly give, to first order with the
     reactions of the linkage that they displace: what that leaves out is as small as the square of what they give.
     """

@@ -16,6 +16,7 @@ from scipy.sparse import csr_array, diags_array
 from analytic.beyond_paper.drive import Motor
 from analytic.beyond_paper.freedom import Freedom
 from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.kinematics.schedule import Steady
 from analytic.kinematics.structure import StructureError
 from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import count
@@ -120,7 +121,7 @@ def _still(run: MeasuredRun, encoder: str, motor: Motor | Motors) -> np.ndarray:
 
 def course(run: MeasuredRun, encoder: str) -> Motor:
     """The motor of a run that follows its encoder: a smooth course through the readings that there are."""
-    return Motor(course=_smoothed(run, encoder).course)
+    return Motor(_smoothed(run, encoder).course)
 
 
 def encoder_noise(run: MeasuredRun, encoder: str) -> float:
@@ -217,8 +218,8 @@ def _strained(measured: Measured, floor: Mapping[tuple[str, str], float], model:
 def _nudged(motor: Motor | Motors, of: int, order: int, nudge: float) -> Motor | Motors:
     """A motor, or one of several, of whose course the angle, or a rate, is off."""
     if isinstance(motor, Motor):
-        return Motor(course=_Nudged(motor, order, nudge))
-    each = [Motor(course=_Nudged(m, order, nudge)) if k == of else m for k, m in enumerate(motor.each)]
+        return Motor(_Nudged(motor, order, nudge))
+    each = [Motor(_Nudged(m, order, nudge)) if k == of else m for k, m in enumerate(motor.each)]
     return Motors(tuple(each))
 
 
@@ -231,8 +232,8 @@ class _Nudged:
     nudge: float
 
     def __call__(self, time: np.ndarray, order: int = 0, /) -> np.ndarray:
-        assert self.motor.course is not None
-        return self.motor.course(time, order) + (self.nudge if order == self.order else 0.0)
+        assert not isinstance(self.motor.command, Steady)
+        return self.motor.command(time, order) + (self.nudge if order == self.order else 0.0)
 
 
 def starts(measured: Measured) -> dict[Term, np.ndarray]:

@@ -19,6 +19,7 @@ from compare.diagnose.predict import (
     Term,
     ages,
     altered,
+    commanded,
     heard,
     jitter_of,
     mixed,
@@ -111,7 +112,7 @@ def _driven(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray)
     if isinstance(task.course, Motors):
         return _several(chosen, mechanism, task, task.course, times)
     drive = mechanism.drive
-    motor = task.course or Motor(run.speed or 0.0, run.angle or 0.0, drive)
+    motor = task.course or commanded(run, mechanism)
     fields = (drive.model_dump(exclude_unset=True) if drive else {"joint": mechanism.input_joint.name}) | {
         "ripple": None
     }

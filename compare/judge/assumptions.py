@@ -33,7 +33,7 @@ from analytic.kinematics.motion import Gap, kinematics
 from analytic.kinematics.schedule import Schedule, Turning
 from analytic.mechanism import Joint, Mechanism
 from analytic.mechanism.signals import Signal
-from analytic.paper.clearance import ON_ITS_WAY, STENCIL, Displaced, Model, displaced, loose_friction
+from analytic.paper.clearance import GAP_STENCIL, ON_ITS_WAY, Displaced, Model, displaced, loose_friction
 from analytic.paper.kinetostatics import Reactions, kinetostatics
 from compare.judge.discrepancy import (
     Discrepancy,
@@ -273,7 +273,7 @@ class Examined:
     @cached_property
     def step(self) -> float:
         """Seconds in which the fastest drive moves by the stencil of a rate."""
-        return STENCIL / (float(np.abs(self.turned().omega).max()) or 1.0)
+        return GAP_STENCIL / (float(np.abs(self.turned().omega).max()) or 1.0)
 
     @cached_property
     def beside(self) -> Displaced:

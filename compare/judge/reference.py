@@ -10,7 +10,7 @@ import numpy as np
 
 from analytic.beyond_paper.free_motion import free_motion
 from analytic.beyond_paper.released import released
-from analytic.kinematics.assembly import Assembly, AssemblyError, Followed
+from analytic.kinematics.assembly import Assembly, AssemblyError, Walk
 from analytic.kinematics.motion import Motion as Moving
 from analytic.kinematics.motion import along
 from analytic.kinematics.reach import usual_angles
@@ -127,7 +127,7 @@ def _with_usual_peaks(
     usual, moves = usual_angles(assembly), not schedule.at_rest
     if schedule.crank_angle is not None and np.array_equal(usual, schedule.crank_angle):
         return side
-    side, speed = replace(side, peaks={}), schedule.motor(assembly.mechanism).rate(0.0)
+    side, speed = replace(side, peaks={}), schedule.crank_motion(assembly.mechanism).rate(0.0)
     with suppress(AssemblyError):
         at = displaced(assembly, usual, speed, model=model, inertia=moves, clearances=clearances)
         side = replace(side, peaks=largest(with_derived(at.signals(), assembly.mechanism)))
@@ -181,7 +181,7 @@ def _side(
     model: Model,
     clearances: Mapping[str, float],
     held: Collection[str] = (),
-    near: Followed | None = None,
+    near: Walk | None = None,
 ) -> Reference:
     """The analytic model along a motion of the crank, or of several inputs, flagged where friction has no direction;
     joints that are ``held`` have none.  ``near`` are the samples' coordinates, where they are known already.
@@ -224,7 +224,7 @@ def _side(
 
 def _free(assembly: Assembly, schedule: Schedule) -> Reference:
     """The analytic motion of a linkage of several freedoms, some of which no drive moves."""
-    drives = {name: motor.angles for name, motor in schedule.drives.items()}
+    drives = {name: motor.positions for name, motor in schedule.drives.items()}
     found = free_motion(assembly, schedule.time, drives, schedule.rates)
     signals = with_derived(found.signals(), assembly.mechanism)
     return Reference(signals, _angles(found.motion), {}, {}, peaks=largest(signals), undetermined=found.undetermined)
@@ -232,7 +232,7 @@ def _free(assembly: Assembly, schedule: Schedule) -> Reference:
 
 def _still(assembly: Assembly, schedule: Schedule) -> frozenset[str]:
     """Joints that no drive ever moves: those of drives that stand, and where all of them do every joint."""
-    standing = {name for name, course in schedule.courses.items() if np.ptp(course.positions) == 0}
+    standing = {name for name, course in schedule.courses.items() if np.ptp(course.values) == 0}
     moves = len(standing) < len(schedule.drives)
     return frozenset(standing if moves else (joint.name for joint in assembly.mechanism.joints))
 

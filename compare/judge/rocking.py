@@ -66,7 +66,7 @@ def _since_reversal(assembly: Assembly, joint: Joint, theta: np.ndarray, speed: 
     way = math.copysign(1.0, speed)
     low, high = (way * theta).min() - (TURN if turns_fully(assembly) else 0.0), (way * theta).max()
     places = np.linspace(low, high, max(2, math.ceil((high - low) / TURN * WAY)))
-    rate = kinematics(assembly, way * places, speed).slip(joint)[0]
+    rate = kinematics(assembly, way * places, speed).slip(joint)
     at = np.flatnonzero(rate[1:] * rate[:-1] < 0)
     reversals = places[at] + (places[at + 1] - places[at]) * rate[at] / (rate[at] - rate[at + 1])
     last = np.searchsorted(reversals, way * theta) - 1

@@ -9,7 +9,7 @@ import numpy as np
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism.signals import AXES, Component, Signal, continued, driving, play
-from analytic.mechanism.signals import Kind as Quantity
+from analytic.mechanism.signals import SignalKind as Quantity
 
 Unit = Literal["rad", "N", "m", "N.m", "rad/s"]
 Kind = Literal["angle", "magnitude", "displacement", "rotation", "torque", "force", "position", "place", "velocity"]

@@ -15,7 +15,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from analytic.errors import Error
 from analytic.mechanism import Mechanism
-from analytic.mechanism.file import describe
+from analytic.mechanism.errors import describe
 from analytic.mechanism.reading import ReadingError, read_toml
 from analytic.paper.clearance import Model
 from compare.judge.signals import Kind, compared

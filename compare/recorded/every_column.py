@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from analytic.mechanism import Mechanism
-from analytic.mechanism.columns import PLAIN
+from analytic.mechanism.columns import ANY_LAYOUT
 from analytic.mechanism.one_line import shown
 from analytic.mechanism.signals import Signal
 from compare.recorded.errors import DataError
@@ -43,7 +43,7 @@ def every_column(file: Path, mechanism: Mechanism) -> Everything:
         numbers = {name: v for name, v in all_of.items() if isinstance(v, np.ndarray)}
         return Everything(numbers, {}, tuple(name for name in all_of if name not in numbers), ())
     coded = coding(file)
-    top = header(file, coded, Names(mechanism, PLAIN))
+    top = header(file, coded, Names(mechanism, ANY_LAYOUT))
     found: dict[str, np.ndarray] = {}
     words, faults = list[str](), list[str]()
     twice = next((cell for cell in top.cells if cell.strip() and top.cells.count(cell) > 1), None)

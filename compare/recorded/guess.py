@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from analytic.mechanism import Mechanism
-from analytic.mechanism.columns import PLAIN
+from analytic.mechanism.columns import ANY_LAYOUT
 from analytic.mechanism.one_line import shown
 from analytic.mechanism.signals import Signal
 from analytic.mechanism.units import SI, UnitError, dimension, factor
@@ -46,7 +46,7 @@ def guess(file: Path, mechanism: Mechanism) -> Guessed:
     """What the columns of a file are.  Raises DataError."""
     everything = every_column(file, mechanism)
     columns = everything.columns
-    names = Names(mechanism, PLAIN)
+    names = Names(mechanism, ANY_LAYOUT)
     found: dict[str, Guess] = {}
     for heading, values in columns.items():
         found[heading] = _by_heading(heading, everything.units.get(heading), values, names)

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from analytic.mechanism import Mechanism
-from analytic.mechanism.columns import Layout, Meaning
+from analytic.mechanism.columns import ColumnMeaning, Layout
 from analytic.mechanism.one_line import shown
 from analytic.mechanism.signals import Signal
-from analytic.mechanism.units import UnitError, dimension, factor, listed, readable
+from analytic.mechanism.units import UnitError, dimension, factor, readable
 
 TIME = Signal("time", "", "time")
 CLOCK = ("time", "t")  # what a column of time is called
@@ -45,7 +45,7 @@ class Column:
     unit: str
     factor: float
     place: int = 0
-    meaning: Meaning | None = None
+    meaning: ColumnMeaning | None = None
 
     @property
     def title(self) -> str:
@@ -220,13 +220,13 @@ def read_headings(cells: Sequence[str], units: Mapping[int, str], names: Names, 
 
 
 def _mapped(
-    at: str, place: int, cell: str, units: Mapping[int, str], names: Names, entry: str, meaning: Meaning
+    at: str, place: int, cell: str, units: Mapping[int, str], names: Names, entry: str, meaning: ColumnMeaning
 ) -> Column | str:
     """A column that the map has, or what is wrong with it."""
     signal = names.signal(meaning.signal)
     if signal is None:
         near = names.nearest(meaning.signal)
-        remedy = f"did you mean {near!r}" if near else f"the signals are {listed(names.known)}"
+        remedy = f"did you mean {near!r}" if near else f"the signals are {', '.join(names.known)}"
         return (
             f"{at}, {shown(cell)}: columns.{shown(entry)[1:-1]}.signal = {shown(meaning.signal)} is not a signal of"
             f" {names.mechanism.name!r}; {remedy}"
@@ -252,7 +252,7 @@ def _named(at: str, place: int, cell: str, units: Mapping[int, str], names: Name
     )
 
 
-def _column(at: str, place: int, signal: Signal, unit: str, meaning: Meaning | None) -> Column | str:
+def _column(at: str, place: int, signal: Signal, unit: str, meaning: ColumnMeaning | None) -> Column | str:
     if "," in unit:
         return (
             f"{at}: unit {shown(unit)} has a comma: it looks as if the file has decimal commas; save it with decimal"

@@ -13,7 +13,7 @@ from analytic.errors import Error
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import kinematics
 from analytic.mechanism import Mechanism
-from analytic.mechanism.columns import PLAIN
+from analytic.mechanism.columns import ANY_LAYOUT
 from analytic.mechanism.signals import Signal, turned_near, unwound
 from analytic.mechanism.units import SI, dimension, factor
 from analytic.paper.kinetostatics import kinetostatics
@@ -92,7 +92,7 @@ def by_model(
         signals = with_derived(kinetostatics(moved).signals(), mechanism)
     except (Error, ValueError, np.linalg.LinAlgError):
         return Told({}, float(len(columns)))
-    names = Names(mechanism, PLAIN)
+    names = Names(mechanism, ANY_LAYOUT)
     taken = {g.signal for g in found.values() if g.signal is not None}
     free = {
         name: values
@@ -126,7 +126,7 @@ def zeroed(columns: Mapping[str, np.ndarray], found: Mapping[str, Guess], mechan
         signals = kinetostatics(kinematics(Assembly(mechanism), grid, 0.0, 0.0)).signals()
     except (Error, ValueError, np.linalg.LinAlgError):
         return crank
-    names = Names(mechanism, PLAIN)
+    names = Names(mechanism, ANY_LAYOUT)
     poses = {name: values for name, values in signals.items() if names.known[name].kind == "pose"}
     own = mechanism.encoder.name
     angle = crank.si(columns[crank.heading])

@@ -128,7 +128,7 @@ def followed(time: np.ndarray, angle: np.ndarray, rounded: np.ndarray) -> Follow
         apart = np.abs(coarser(time, order) - course(time, order))
         errors.append(maximum_filter1d(noise, NEIGHBOURS) + maximum_filter1d(apart, NEIGHBOURS) / SURE)
     errors[0] = rounded / SURE
-    motor = Motor(course=course)
+    motor = Motor(course)
     return Followed(time, replace(motor.at(time), theta=angle), Turning(*errors), motor)
 
 
@@ -147,7 +147,7 @@ def followed_as_given(time: np.ndarray, position: np.ndarray, rounded: np.ndarra
     for order, gain in enumerate(GAINS, 1):
         apart = np.abs(coarser(time, order) - course(time, order))
         errors.append(gain * rounded / math.sqrt(3.0) / step**order + maximum_filter1d(apart, NEIGHBOURS) / SURE)
-    motor = Motor(course=course)
+    motor = Motor(course)
     return Followed(time, motor.at(time), Turning(*errors), motor)
 
 

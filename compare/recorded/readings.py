@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 from analytic.mechanism import Mechanism
-from analytic.mechanism.columns import Meaning
+from analytic.mechanism.columns import ColumnMeaning
 from analytic.mechanism.signals import Signal
 from analytic.mechanism.units import OFFERED, dimension, factor
 from compare.recorded.headings import Column
@@ -82,7 +82,7 @@ def _meanings(column: Column, signs: Sequence[int]) -> Iterator[Change]:
 
 def otherwise(column: Column, unit: str, sign: int = 1, scale: float = 1.0) -> Column:
     """A column in this unit, times a sign and a scale."""
-    before = column.meaning or Meaning(signal=column.signal.name)
+    before = column.meaning or ColumnMeaning(signal=column.signal.name)
     times = {"sign": sign * before.sign, "scale": scale * before.scale, "offset": sign * scale * before.offset}
     meaning = before.model_copy(update={"unit": unit, **times})
     return replace(column, unit=unit, factor=factor(unit, dimension(column.signal)), meaning=meaning)
@@ -90,7 +90,7 @@ def otherwise(column: Column, unit: str, sign: int = 1, scale: float = 1.0) -> C
 
 def _as(column: Column, signal: Signal) -> Column:
     """A column as another signal."""
-    before = column.meaning or Meaning(signal=column.signal.name, unit=column.unit)
+    before = column.meaning or ColumnMeaning(signal=column.signal.name, unit=column.unit)
     return replace(column, signal=signal, meaning=before.model_copy(update={"signal": signal.name}))
 
 

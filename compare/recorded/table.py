@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from analytic.mechanism import Mechanism
-from analytic.mechanism.columns import PLAIN, Layout
+from analytic.mechanism.columns import ANY_LAYOUT, Layout
 from analytic.mechanism.one_line import count, shown
 from analytic.mechanism.signals import starts_again, undirected, unwound
 from compare.recorded.errors import DataError
@@ -87,7 +87,7 @@ class _Read:
 def read_table(
     path: Path,
     mechanism: Mechanism,
-    layout: Layout = PLAIN,
+    layout: Layout = ANY_LAYOUT,
     *,
     timed: bool = True,
     mappable: bool = True,

@@ -31,7 +31,7 @@ from pydantic_core import CoreSchema, core_schema
 from analytic.errors import Error
 from analytic.mechanism import Mechanism as _Mechanism
 from analytic.mechanism.assumed import Assumed
-from analytic.mechanism.file import describe
+from analytic.mechanism.errors import describe
 from analytic.mechanism.reading import ReadingError, read_json
 from compare.files import alone_in, check_replaceable, made_folder, to_json, write_atomically, write_together
 from compare.presentation import LEFT_OVER, Presentation, presentation

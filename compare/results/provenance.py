@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar
 from pydantic import Field, FiniteFloat
 
 from analytic.mechanism.one_line import count
-from analytic.mechanism.signals import Unit
+from analytic.mechanism.signals import SiUnit
 from analytic.paper.clearance import Model
 from compare.results.crosscheck import Discrepancy, MetresByJoint, Simulator
 from compare.results.document import Document, Number, Part, Row, Text
@@ -94,7 +94,7 @@ class Provenance(Document):
     signal: Annotated[str, Field(description="Its name in files.")]
     label: Annotated[Text, Field(description="What it is, in words.")]
     acts: Annotated[str, Field(description="Of a joint's signal: which body pushes which; else empty.")]
-    unit: Unit
+    unit: SiUnit
     over_time: Annotated[bool, Field(description="Whether samples belong to times, as the linkage swings freely.")]
     at: Annotated[FiniteFloat, Field(description="What was asked for: a crank angle (rad), or a time (s) over time.")]
     runs: Annotated[tuple[Sample, ...], Field(min_length=1)]

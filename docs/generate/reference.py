@@ -416,7 +416,7 @@ def seam() -> str:
 def functions() -> str:
     """The way in from Python: every function, from where it is written."""
     import linkage_crosscheck as lc
-    from analytic.mechanism.parts import Part
+    from analytic.mechanism.parts import MechanismPart
 
     found = {name: getattr(lc, name) for name in lc.__all__}
     parts = []
@@ -427,7 +427,7 @@ def functions() -> str:
                 f"      heading: lc.{name}\n      toc_label: lc.{name}\n      heading_level: 3\n"
             )
     parts.append("The parts of a mechanism, for one that is made or changed in Python: ")
-    classes = [c for c in found.values() if inspect.isclass(c) and issubclass(c, Part)]
+    classes = [c for c in found.values() if inspect.isclass(c) and issubclass(c, MechanismPart)]
     parts.append(", ".join(f"`{c.__module__}.{c.__name__}`" for c in classes) + ".\n")
     return "\n".join(parts)
 

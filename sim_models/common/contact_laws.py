@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from analytic.mechanism import Body, Joint, Mechanism
 from analytic.mechanism.assumed import Assumed
-from analytic.mechanism.parts import ROUNDING, ContactLaw
+from analytic.mechanism.parts import SAME_POINT, ContactLaw
 from sim_models.engine import Motion, Request, SettingValue
 
 STATIC_STIFFNESS = 1e8  # N/m, where the mechanism gives none and nothing moves
@@ -263,7 +263,7 @@ def _length(body: Body) -> float:
     """The largest distance (m) of a body's points from each other and from its centre of mass."""
     centre, points = body.centre, [body.point(name) for name in body.points]
     length = max(body.length, *(abs(point - centre) for point in points))
-    return length if length > ROUNDING * max(map(abs, (centre, *points))) else 0.0
+    return length if length > SAME_POINT * max(map(abs, (centre, *points))) else 0.0
 
 
 def shortest(mechanism: Mechanism) -> float:

@@ -148,10 +148,12 @@ def _asked(request: Request, assembly: Assembly) -> np.ndarray:
     schedule, m = request.schedule, request.mechanism
     if schedule.crank_angle is not None:
         theta, motor = schedule.crank_angle, request.motor
-        return theta if motor is None else np.append(theta, motor.angle(motor.begin))
+        return theta if motor is None else np.append(theta, motor.position(motor.begin))
     if assembly.left_free(schedule):
         return np.zeros(0)
     last = float(np.max(schedule.time))
     knots = np.unique(np.concatenate([course.knots for course in schedule.courses.values()]))
     times = np.union1d(schedule.time, knots[(knots >= schedule.begin) & (knots <= last)])
-    return schedule.motor(m).angles(times) if schedule.crank else assembly.inputs_at(schedule.positions(times))
+    return (
+        schedule.crank_motion(m).positions(times) if schedule.crank else assembly.inputs_at(schedule.positions(times))
+    )

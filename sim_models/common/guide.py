@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
-from analytic.kinematics.structure import Rest
+from analytic.kinematics.structure import BlockRest
 from analytic.mechanism import Joint
 from analytic.mechanism.parts import Amount
 
@@ -113,16 +113,16 @@ class Guide:
             return (0, 1) if push.real > 0 else (2, 3)
         return (1, 2) if push.imag > 0 else (0, 3)
 
-    def rest(self, push: complex, give: float = 0.0) -> Rest:
+    def rest(self, push: complex, give: float = 0.0) -> BlockRest:
         """Where those hold the block, ``give`` (m) inside the wall."""
         wide = Guide(self.length, self.height, self.clearance + give)
         if abs(push.real) >= abs(push.imag):
-            return Rest(-math.copysign(wide.clearance, push.real), 0.0)
-        return Rest(0.0, -math.copysign(wide.tilt, push.imag))
+            return BlockRest(-math.copysign(wide.clearance, push.real), 0.0)
+        return BlockRest(0.0, -math.copysign(wide.tilt, push.imag))
 
 
-def opened(assembly: Assembly, gaps: Mapping[str, complex | Rest] | None) -> tuple[Assembly, dict[str, complex]]:
+def opened(assembly: Assembly, gaps: Mapping[str, complex | BlockRest] | None) -> tuple[Assembly, dict[str, complex]]:
     """The linkage with those blocks where they rest, and the gaps (m) of pins among ``gaps``."""
     found = gaps or {}
-    rests = {name: gap for name, gap in found.items() if isinstance(gap, Rest)}
-    return assembly.resting(rests), {name: gap for name, gap in found.items() if not isinstance(gap, Rest)}
+    rests = {name: gap for name, gap in found.items() if isinstance(gap, BlockRest)}
+    return assembly.resting(rests), {name: gap for name, gap in found.items() if not isinstance(gap, BlockRest)}

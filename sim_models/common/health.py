@@ -295,7 +295,7 @@ def motors(seen: Seen) -> Iterator[Miss]:
     for name, motor in seen.request.schedule.drives.items():
         joint = seen.m.joint(name)
         off, size = (
-            seen.signal(position(joint).name) - motor.angles(seen.trace.time),
+            seen.signal(position(joint).name) - motor.positions(seen.trace.time),
             seen.size if joint.prismatic else 1.0,
         )
         yield Miss(

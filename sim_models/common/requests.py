@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from analytic.kinematics.schedule import KNOTS
+from analytic.kinematics.schedule import FEWEST_KNOTS
 from analytic.kinematics.structure import structure
 from sim_models.engine import Request, Unsupported
 
@@ -97,8 +97,8 @@ def _check_splines(request: Request) -> None:
     """Raise Unsupported where times and positions make no spline, or reports lie outside of it."""
     name, report = request.mechanism.name, request.schedule.time
     for course in request.schedule.courses.values():
-        time, position = course.knots, course.positions
-        whole = time.ndim == 1 and time.shape == position.shape and time.size >= KNOTS
+        time, position = course.knots, course.values
+        whole = time.ndim == 1 and time.shape == position.shape and time.size >= FEWEST_KNOTS
         if not (whole and np.all(np.diff(time) > 0) and np.all(np.isfinite(position))):
             raise Unsupported(
                 f"{name}: a course is at least four strictly increasing times with a position each; it has"

@@ -16,10 +16,10 @@ from typing import overload
 
 import numpy as np
 
-from analytic.kinematics.schedule import Course, Motor, Schedule, Steady
+from analytic.kinematics.schedule import Course, DriveMotion, Schedule, Steady
 from analytic.kinematics.structure import structure
 from analytic.mechanism import Body, Drive, Joint, Load, Mechanism, Spring
-from analytic.mechanism.signals import Unit, named
+from analytic.mechanism.signals import SiUnit, named
 from sim_models.common.contact_laws import default_stiffness, heaviest, longest, power_of_two, turning_rate
 from sim_models.common.failed_starts import TooSoft
 from sim_models.common.weights import with_equal_masses
@@ -46,7 +46,7 @@ PRESSURE: Dimension = (-1, 1, -2)
 STIFFNESS: Dimension = (0, 1, -2)
 DAMPING: Dimension = (0, 1, -1)
 
-OF_UNIT: dict[Unit, Dimension] = {"m": LENGTH, "rad": NONE, "rad/s": RATE, "N": FORCE, "N.m": TORQUE, "s": TIME}
+OF_UNIT: dict[SiUnit, Dimension] = {"m": LENGTH, "rad": NONE, "rad/s": RATE, "N": FORCE, "N.m": TORQUE, "s": TIME}
 BODY = {
     "mass": (0, 1, 0),
     "com": LENGTH,
@@ -186,10 +186,10 @@ class Units:
         """A schedule of mechanism ``m`` in these units."""
         size = {j.name: self.length if j.prismatic else 1.0 for j in m.joints}
 
-        def motor(name: str, own: Motor) -> Motor:
+        def motor(name: str, own: DriveMotion) -> DriveMotion:
             if isinstance(own, Course):
-                return Course(own.knots / self.time, own.positions / size[name])
-            return Steady(own.position / size[name], own.speed * self.time / size[name], own.begin / self.time)
+                return Course(own.knots / self.time, own.values / size[name])
+            return Steady(own.start / size[name], own.speed * self.time / size[name], own.begin / self.time)
 
         return replace(
             s,
@@ -307,7 +307,7 @@ def fastest(request: Request) -> float:
         return 0.0
     rate = abs(request.schedule.start_speed(request.mechanism)) if request.schedule.rates else 0.0
     for joint, course in request.schedule.courses.items():
-        time, angle = course.knots, course.positions
+        time, angle = course.knots, course.values
         slides = request.mechanism.joint(joint).prismatic
         if slides:
             angle = angle / longest(request.mechanism)

@@ -274,4 +274,4 @@ def _crank(request: Request) -> tuple[np.ndarray, np.ndarray | float, np.ndarray
         assert theta is not None  # other poses are held by drives on courses
         rubs = any(j.rubs for j in m.joints)
         return theta, (m.speed or 1.0) if rubs else 0.0, 0.0, None
-    return motor.angles(time) if theta is None else theta, motor.angles(time, 1), motor.angles(time, 2), time
+    return motor.positions(time) if theta is None else theta, motor.positions(time, 1), motor.positions(time, 2), time

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import newton
 
-from analytic.kinematics.structure import Rest
+from analytic.kinematics.structure import BlockRest
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint
 from sim_models.common.contact_laws import pressed_to
 from sim_models.common.failed_starts import check_stiff_enough, no_start, why_no_equilibrium
@@ -148,10 +148,10 @@ class Equilibria:
         for corner, push in zip(guide.corners, pushes[:, 0].tolist(), strict=True):
             yield share * push * along, at + along * corner * np.exp(1j * tilt[0])
 
-    def _taken_up(self, linkage: ExudynLinkage, near: Record, theta: float) -> dict[str, complex | Rest]:
+    def _taken_up(self, linkage: ExudynLinkage, near: Record, theta: float) -> dict[str, complex | BlockRest]:
         """Gaps (m) where the reactions of a neighbouring equilibrium press every pin, and where they press blocks."""
         scale = max(abs(force[0]) for force in near.force.values())
-        gaps: dict[str, complex | Rest] = {}
+        gaps: dict[str, complex | BlockRest] = {}
         for name, clearance in linkage.model.clearance.items():
             block = linkage.model.blocks.get(name)
             force = complex(near.force[name][0]) if block is None else self._push(block, near)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import PPoly
 
-from analytic.kinematics.schedule import Motor, Steady
+from analytic.kinematics.schedule import DriveMotion, Steady
 
 INSTANT = 1e-9  # s, the first step of a run: it puts velocities right that are only nearly consistent
 SETTLING = 1e-7  # s, the step after which accelerations are consistent, where Exudyn does not know the motor's
@@ -29,17 +29,17 @@ class RunMotor:
     slide's travel comparable to an angle; it is 1 of a motor that turns.
     """
 
-    motor: Motor
+    motor: DriveMotion
     path: PPoly
     first: float  # s of the motor's own time when the run's motion begins
     begins: float  # s of the run at that moment
     size: float = 1.0
 
     @classmethod
-    def of(cls, motor: Motor, first: float | None = None, size: float = 1.0) -> RunMotor:
+    def of(cls, motor: DriveMotion, first: float | None = None, size: float = 1.0) -> RunMotor:
         """On the clock of a run, whose motion begins with the motor's or, on a course, at its time ``first`` (s)."""
         if isinstance(motor, Steady):
-            return cls(motor, PPoly([[motor.speed], [motor.angle(motor.begin)]], [0.0, 1.0]), motor.begin, 0.0)
+            return cls(motor, PPoly([[motor.speed], [motor.position(motor.begin)]], [0.0, 1.0]), motor.begin, 0.0)
         begins, first = BEGIN, motor.begin if first is None else first
         return cls(motor, PPoly(motor.spline.c, motor.knots - first + begins), first, begins, size)
 

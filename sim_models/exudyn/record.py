@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from analytic.kinematics.structure import Rest
+from analytic.kinematics.structure import BlockRest
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism
 from analytic.mechanism.signals import DRIVE_TORQUE
 from sim_models.common.contact_laws import TOO_DEEP, longest, shortest_link
@@ -77,10 +77,10 @@ class Record:
             return np.abs(self.gap[joint.name])
         return np.asarray(guide.reach(self.height[joint.name], self.tilt[joint.name]))
 
-    def gaps(self, joints: Iterable[str]) -> dict[str, complex | Rest]:
+    def gaps(self, joints: Iterable[str]) -> dict[str, complex | BlockRest]:
         """Where the pins and blocks of these joints are, at the only instant."""
         return {
-            name: Rest(float(self.height[name][0]), float(self.tilt[name][0]))
+            name: BlockRest(float(self.height[name][0]), float(self.tilt[name][0]))
             if name in self.tilt
             else complex(self.gap[name][0])
             for name in joints

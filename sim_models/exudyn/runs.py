@@ -11,7 +11,7 @@ from itertools import chain, pairwise
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
-from analytic.kinematics.schedule import Motor
+from analytic.kinematics.schedule import DriveMotion
 from analytic.mechanism import Joint
 from sim_models.common.contact_laws import (
     KelvinVoigt,
@@ -273,7 +273,7 @@ class ExudynRun(Run):
         self.check(self.judge.finite(found), self.judge.joined(found), self.judge.in_assembly_mode(found, self.path))
         return self.report(found.rows(np.argsort(order)), found)
 
-    def driven(self, motor: Motor) -> Trace:
+    def driven(self, motor: DriveMotion) -> Trace:
         time, turned = self.request.schedule.time, RunMotor.of(motor)
         passing = turned.clock(time)
         order = np.argsort(passing, kind="stable")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import BarycentricInterpolator
 
-from analytic.kinematics.structure import Rest
+from analytic.kinematics.structure import BlockRest
 from analytic.mechanism import Mechanism
 from sim_models.common.start import Pose
 from sim_models.engine import Request
@@ -73,7 +73,7 @@ def passing(equilibria: Equilibria, time: np.ndarray, crank: np.ndarray) -> tupl
     gaps would move the linkage by more than the gaps do themselves: large gaps at speed have no motion without swing.
     """
     here, rate = int(np.argmin(np.abs(time))), derivative(time)
-    gaps: list[dict[str, complex | Rest]] = [{} for _ in time]
+    gaps: list[dict[str, complex | BlockRest]] = [{} for _ in time]
     spins, last = _spins(equilibria.path, crank, gaps, rate, here), np.inf
     for _ in range(PASSES):
         passed = _passed(equilibria, crank, gaps, rate)
@@ -120,14 +120,14 @@ def crank_behind(equilibria: Equilibria, motor: RunMotor, stiffness: float, time
 
 
 def _passed(
-    equilibria: Equilibria, crank: np.ndarray, gaps: list[dict[str, complex | Rest]], rate: np.ndarray
+    equilibria: Equilibria, crank: np.ndarray, gaps: list[dict[str, complex | BlockRest]], rate: np.ndarray
 ) -> list[Record]:
     """Equilibria at every instant, under the inertia forces of the motion that passes them all."""
     inertia, turning = _inertia(equilibria.m, _places(equilibria.path, crank, gaps), rate), rate @ crank
     return [equilibria.at(float(theta), a, float(w)) for theta, a, w in zip(crank, inertia, turning, strict=True)]
 
 
-def _places(path: Path, crank: np.ndarray, gaps: list[dict[str, complex | Rest]]) -> list[dict[str, Pose]]:
+def _places(path: Path, crank: np.ndarray, gaps: list[dict[str, complex | BlockRest]]) -> list[dict[str, Pose]]:
     """Poses at every instant."""
     return [path.poses(float(theta), gap) for theta, gap in zip(crank, gaps, strict=True)]
 
@@ -146,14 +146,14 @@ def _inertia(m: Mechanism, places: list[dict[str, Pose]], rate: np.ndarray) -> l
 
 
 def _spins(
-    path: Path, crank: np.ndarray, gaps: list[dict[str, complex | Rest]], rate: np.ndarray, here: int
+    path: Path, crank: np.ndarray, gaps: list[dict[str, complex | BlockRest]], rate: np.ndarray, here: int
 ) -> np.ndarray:
     """Angular velocities (bodies,) rad/s at one of the instants."""
     return np.array([pose.angular_velocity for pose in _moving(path, crank, gaps, rate, here).values()])
 
 
 def _moving(
-    path: Path, crank: np.ndarray, gaps: list[dict[str, complex | Rest]], rate: np.ndarray, here: int
+    path: Path, crank: np.ndarray, gaps: list[dict[str, complex | BlockRest]], rate: np.ndarray, here: int
 ) -> dict[str, Pose]:
     """Poses at one of the instants, with their rates."""
     places = _places(path, crank, gaps)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from analytic.kinematics.schedule import Motor
+from analytic.kinematics.schedule import DriveMotion
 from sim_models.common.requests import check_request
 from sim_models.engine import (
     FEATURES,
@@ -60,13 +60,13 @@ class FmuEngine(Engine):
             version=self.fmu.made_by or "unknown",
             joint_model="ideal",
             motion="driven",
-            crank_angle=told.angles(times) if angles is None else angles.copy(),
+            crank_angle=told.positions(times) if angles is None else angles.copy(),
             time=times,
             signals={name: link.si(found[at, k]) for k, (name, link) in enumerate(signals.items())},
             settings=settings,
         )
 
-    def _drives(self, request: Request) -> list[tuple[Mapping[Moved, Link], Motor]]:
+    def _drives(self, request: Request) -> list[tuple[Mapping[Moved, Link], DriveMotion]]:
         """The inputs of each motor, and how it moves.  Raises FmuError, and Unsupported where there is none."""
         m, schedule = request.mechanism, request.schedule
         if schedule.lets_go:

@@ -32,22 +32,22 @@ import numpy as np
 from pydantic import BeforeValidator, Field
 
 from analytic.mechanism import Mechanism
-from analytic.mechanism.columns import Conversion, Meaning, Part, read_map
+from analytic.mechanism.columns import ColumnMeaning, Conversion, MapPart, read_map
 from analytic.mechanism.one_line import shown
 from analytic.mechanism.signals import named
-from analytic.mechanism.units import DIMENSIONS, SI, Dimension, UnitError, factor
+from analytic.mechanism.units import DIMENSIONS, SI, QuantityKind, UnitError, factor
 from sim_models.fmu.description import NUMBERS, Fmu, FmuError, Variable
 
 Moved = Literal["position", "speed", "acceleration", "start"]
 Value = bool | int | float | str
 Units = Mapping[str, float]  # of what no sensor reads, with their factors
-TURNS: Mapping[Moved, Dimension | Units] = {
+TURNS: Mapping[Moved, QuantityKind | Units] = {
     "position": "angle",
     "speed": "angular velocity",
     "acceleration": {"rad/s2": 1.0, "rad/s^2": 1.0, "deg/s2": math.radians(1.0), "deg/s^2": math.radians(1.0)},
     "start": "angle",
 }
-SLIDES: Mapping[Moved, Dimension | Units] = {
+SLIDES: Mapping[Moved, QuantityKind | Units] = {
     "position": "length",
     "speed": {"m/s": 1.0, "mm/s": 1e-3},
     "acceleration": {"m/s2": 1.0, "m/s^2": 1.0, "mm/s2": 1e-3, "mm/s^2": 1e-3},
@@ -69,7 +69,7 @@ def _named(given: Any) -> Any:
 Input = Annotated[Driven, BeforeValidator(_named)]
 
 
-class Inputs(Part):
+class Inputs(MapPart):
     """The variables that say how the crank moves, as the driven body's angle and its rates."""
 
     angle: Input | None = None
@@ -78,7 +78,7 @@ class Inputs(Part):
     start_angle: Input | None = None
 
 
-class Position(Part):
+class Position(MapPart):
     """The variables that say how one of several driven joints moves: its second body on its first (rad, or m)."""
 
     position: Input | None = None
@@ -87,14 +87,14 @@ class Position(Part):
     start_position: Input | None = None
 
 
-class MapFile(Part):
+class MapFile(MapPart):
     """A map as it stands in its file.  ``step`` (s) is between communication points at most, ``lead_in`` (rad) how far
     the crank turns before its first angle.
     """
 
     inputs: Inputs | None = None
     drives: Mapping[str, Position] = {}
-    columns: Annotated[Mapping[str, Meaning | Literal["ignore"]], Field(min_length=1)]
+    columns: Annotated[Mapping[str, ColumnMeaning | Literal["ignore"]], Field(min_length=1)]
     parameters: Mapping[str, Value] = {}
     step: Annotated[float, Field(gt=0)] | None = None
     lead_in: Annotated[float, Field(ge=0, le=1e4)] = 0.0
@@ -249,7 +249,7 @@ def _links(
     path: Path,
     table: str,
     told: Mapping[Moved, tuple[str, Driven]],
-    kinds: Mapping[Moved, Dimension | Units],
+    kinds: Mapping[Moved, QuantityKind | Units],
 ) -> dict[Moved, Link]:
     """The variables of a drive.  Raises FmuError."""
     found: dict[Moved, Link] = {}
@@ -308,7 +308,7 @@ def _known(fmu: Fmu, name: str, where: str) -> Variable:
     return fmu.variables[name]
 
 
-def _factor(where: str, given: str | None, variable: Variable, kind: Dimension | Units) -> float:
+def _factor(where: str, given: str | None, variable: Variable, kind: QuantityKind | Units) -> float:
     """What a number of a variable is multiplied by to be SI, ``unit`` as given or as the FMU has it.  Raises
     FmuError.
     """
@@ -324,7 +324,7 @@ def _factor(where: str, given: str | None, variable: Variable, kind: Dimension |
     return size
 
 
-def _declared(unit: str, kind: Dimension | Units) -> float | None:
+def _declared(unit: str, kind: QuantityKind | Units) -> float | None:
     """The factor of a unit that an FMU declares: NaN if it is of another dimension, None if it says nothing here."""
     for each in (kind, *SI):
         try:
@@ -335,7 +335,7 @@ def _declared(unit: str, kind: Dimension | Units) -> float | None:
     return None
 
 
-def _size(where: str, unit: str, kind: Dimension | Units, said: str) -> float:
+def _size(where: str, unit: str, kind: QuantityKind | Units, said: str) -> float:
     if isinstance(kind, Mapping):
         if unit not in kind:
             accepted = " or ".join(each for each in kind if "^" not in each)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analytic.kinematics.schedule import Motor
+from analytic.kinematics.schedule import DriveMotion
 from sim_models.fmu.description import FmuError
 from sim_models.fmu.mapping import Link, Map, Moved
 
@@ -44,7 +44,10 @@ class Plan:
 
 
 def scheduled(
-    columns: Map, drives: Sequence[tuple[Mapping[Moved, Link], Motor]], times: np.ndarray, step: float | None = None
+    columns: Map,
+    drives: Sequence[tuple[Mapping[Moved, Link], DriveMotion]],
+    times: np.ndarray,
+    step: float | None = None,
 ) -> Plan:
     """The plan of a run that is reported at times (N,) s of its motors, each with its inputs, in steps (s) of the map
     where none is given.
@@ -78,7 +81,7 @@ def scheduled(
         reported=reported,
         inputs=np.column_stack([told for links, motor in drives for told in _told(links, motor, points + begin)]),
         begin=begin,
-        starts=tuple(float(motor.angles(np.array([begin]))[0]) for motor in motors),
+        starts=tuple(float(motor.positions(np.array([begin]))[0]) for motor in motors),
         step=float(np.diff(points).max(initial=0.0)),
     )
 
@@ -100,12 +103,12 @@ def _counts(columns: Map, gaps: np.ndarray, step: float) -> np.ndarray:
     return fewest
 
 
-def _told(links: Mapping[Moved, Link], motor: Motor, times: np.ndarray) -> Iterator[np.ndarray]:
+def _told(links: Mapping[Moved, Link], motor: DriveMotion, times: np.ndarray) -> Iterator[np.ndarray]:
     """What the inputs of a motor (P,) are told, in the order of the map; where it starts is none of them."""
     rates: dict[Moved, np.ndarray] = {
-        "position": motor.angles(times),
-        "speed": motor.angles(times, 1),
-        "acceleration": motor.angles(times, 2),
+        "position": motor.positions(times),
+        "speed": motor.positions(times, 1),
+        "acceleration": motor.positions(times, 2),
     }
     if "position" not in links and times.size > 1:
         rates["speed"] = np.concatenate([rates["speed"][:1], np.diff(rates["position"]) / np.diff(times)])

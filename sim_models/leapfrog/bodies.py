@@ -221,7 +221,7 @@ class LeapfrogWorld(ABC):
 
     def aims(self, path: Path, times: np.ndarray) -> list[tuple[float, ...]]:
         """Where what is steered is (rad, m) on a path, at each of these times (N,) s."""
-        along = [each.sign * path_of(path, each.joint.name).angles(times) for each in self.steered]
+        along = [each.sign * path_of(path, each.joint.name).positions(times) for each in self.steered]
         return list(zip(*(where.tolist() for where in along), strict=True))
 
     def settled(self, evaluate: Callable[[], T], pressing: Callable[[T], Mapping[str, float]]) -> T:

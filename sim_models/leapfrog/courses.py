@@ -11,8 +11,8 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from analytic.kinematics.assembly import Assembly
-from analytic.kinematics.schedule import Motor, Steady
-from analytic.kinematics.structure import Rest
+from analytic.kinematics.schedule import DriveMotion, Steady
+from analytic.kinematics.structure import BlockRest
 from sim_models.common.start import Pose, substeps
 from sim_models.engine import Request
 from sim_models.run.path import CoursePath, CrankPath, RestingPath
@@ -29,7 +29,7 @@ NONE: Changes = MappingProxyType({})
 class Behind:
     """A crank that lags its motor by a polynomial (rad) in time (s)."""
 
-    motor: Motor
+    motor: DriveMotion
     lag: Polynomial
 
     constant_speed: ClassVar[bool] = False
@@ -44,9 +44,9 @@ class Behind:
         """Time (s) between the knots of the motor's course."""
         return self.motor.knot_spacing
 
-    def angle(self, time: float) -> float:
+    def position(self, time: float) -> float:
         """Angle (rad)."""
-        return self.motor.angle(time) - float(self.lag(time))
+        return self.motor.position(time) - float(self.lag(time))
 
     def rate(self, time: float) -> float:
         """Angular velocity (rad/s)."""
@@ -56,15 +56,15 @@ class Behind:
         """Angular acceleration (rad/s^2)."""
         return self.motor.acceleration(time) - float(self.lag.deriv(2)(time))
 
-    def angles(self, times: np.ndarray) -> np.ndarray:
+    def positions(self, times: np.ndarray) -> np.ndarray:
         """Angles (N,) rad at times (N,) s."""
-        return np.asarray(self.motor.angles(times) - self.lag(times))
+        return np.asarray(self.motor.positions(times) - self.lag(times))
 
 
-Path = Motor | Behind | CoursePath | RestingPath
+Path = DriveMotion | Behind | CoursePath | RestingPath
 
 
-def motion_of(request: Request, assembly: Assembly) -> Motor | CoursePath | None:
+def motion_of(request: Request, assembly: Assembly) -> DriveMotion | CoursePath | None:
     """What moves the linkage of a request that makes a run; None at rest, and where all of it moves freely.  Raises
     AssemblyError where a linkage cannot follow its courses.
     """
@@ -77,10 +77,10 @@ def told_angle(path: Path, time: float) -> float:
     """A crank's angle (rad) at a time (s) of a path; of what is no crank NaN, and at rest that time."""
     if isinstance(path, RestingPath):
         return time
-    return float("nan") if isinstance(path, CoursePath) else path.angle(time)
+    return float("nan") if isinstance(path, CoursePath) else path.position(time)
 
 
-def path_of(path: Path, joint: str) -> Motor | Behind:
+def path_of(path: Path, joint: str) -> DriveMotion | Behind:
     """The path of one driven joint, which at rest goes nowhere."""
     if isinstance(path, RestingPath):
         return Steady(0.0)
@@ -124,10 +124,10 @@ def moving(
 def still(assembly: Assembly, path: Path, time: float, gaps: Changes = NONE) -> dict[str, Pose]:
     """Pose of every moving body at a time (s) of a path, with these gaps (m), as if at rest.  Raises AssemblyError."""
     slides = {joint.name for joint in assembly.mechanism.joints if joint.prismatic}
-    seats = {name: Rest(gap.real, gap.imag) if name in slides else gap for name, gap in gaps.items()}
+    seats = {name: BlockRest(gap.real, gap.imag) if name in slides else gap for name, gap in gaps.items()}
     if isinstance(path, CoursePath | RestingPath):
         return path.poses(time, seats)
-    return CrankPath(assembly).poses(path.angle(time), seats)
+    return CrankPath(assembly).poses(path.position(time), seats)
 
 
 def near(gaps: Changes, time: float, rate: Changes = NONE, bend: Changes = NONE) -> Callable[[float], Changes]:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from analytic.kinematics.assembly import AssemblyError
-from analytic.kinematics.schedule import Motor
+from analytic.kinematics.schedule import DriveMotion
 from analytic.mechanism import GROUND
 from sim_models.common.failed_starts import check_stiff_enough, no_start, why_no_equilibrium
 from sim_models.common.start import AT_REST, Pose
@@ -241,7 +241,7 @@ class Equilibria:
         )
         return {name: max(abs(forces[name]) for forces in seen) for name in self.world.pins}
 
-    def lagging(self, motor: Motor, time: float, stiffness: float, inertia: float) -> Behind:
+    def lagging(self, motor: DriveMotion, time: float, stiffness: float, inertia: float) -> Behind:
         """The crank's path about a time (s) behind a motor on a spring (N.m/rad), in steady motion: no oscillation of
         its own.
 
@@ -263,7 +263,7 @@ class Equilibria:
                 break
             last = here
         why = f"no steady motion of the crank on a drive.stiffness of {stiffness:g} N.m/rad was found"
-        raise self.failed(Cause.RESONANCE, why, motor.angle(time))
+        raise self.failed(Cause.RESONANCE, why, motor.position(time))
 
     def _with_gaps(self, crank: Behind, time: float, stiffness: float) -> Behind:
         """The same crank with a lag (rad) that holds what the pins' gaps add to the drive torque at a time (s)."""
@@ -274,7 +274,7 @@ class Equilibria:
         return Behind(crank.motor, crank.lag + (torque / stiffness - float(crank.lag(time))))
 
     @staticmethod
-    def _window(motor: Motor, time: float, reach: float) -> np.ndarray:
+    def _window(motor: DriveMotion, time: float, reach: float) -> np.ndarray:
         """Times (s) on both sides of one, within a course."""
         first, last = (-np.inf, np.inf) if motor.constant_speed else (motor.begin, motor.end)
         low = max(first, min(time, last - reach) - reach)

@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from analytic.kinematics.schedule import Course, Motor, Steady
+from analytic.kinematics.schedule import Course, DriveMotion, Steady
 from analytic.mechanism.signals import position
 from sim_models.common.backlash import Felt, Flanks
 from sim_models.common.contact_laws import TOO_DEEP, shortest_link
@@ -208,7 +208,7 @@ class Plan:
     seen: np.ndarray  # (M,) s at which the motor is known to be on its path
 
     @property
-    def crank(self) -> Motor:
+    def crank(self) -> DriveMotion:
         """The motor of a crank."""
         assert isinstance(self.motor, Steady | Course)
         return self.motor
@@ -275,7 +275,7 @@ def _check_course(world: LeapfrogWorld, plan: Plan, rows: list[dict[str, float]]
     alone = world.request.schedule.crank is not None
     for each in world.steered:
         signal = _told(world) if alone else position(each.joint).name
-        meant = path_of(plan.motor, each.joint.name).angles(plan.times)
+        meant = path_of(plan.motor, each.joint.name).positions(plan.times)
         off = float(np.abs(np.array([row[signal] for row in rows]) - meant).max())
         if not off < OFF_COURSE:
             what = "the crank" if alone else f"joint {each.joint.name!r}"
@@ -287,7 +287,7 @@ def _felt(world: LeapfrogWorld, found: Equilibria, plan: Plan) -> Felt:
     """What the motor feels of the ideal linkage in the run."""
     times = np.linspace(plan.begin, float(plan.times.max()), FELT)
     torques = [found.ideal_torque(plan.crank, t) for t in times.tolist()]
-    inertias = [drive_inertia(world, angle) for angle in plan.crank.angles(times).tolist()]
+    inertias = [drive_inertia(world, angle) for angle in plan.crank.positions(times).tolist()]
     return Felt(times, np.array(torques), np.array(inertias))
 
 
@@ -300,7 +300,7 @@ def _start(world: LeapfrogWorld, found: Equilibria, plan: Plan, grid: Grid) -> N
     if world.flanks is not None:
         path = Behind(plan.crank, Polynomial([world.flanks.carry(found.ideal_torque(path, begin))]))
     elif world.drive_stiffness:
-        path = found.lagging(plan.crank, begin, world.drive_stiffness, drive_inertia(world, plan.crank.angle(begin)))
+        path = found.lagging(plan.crank, begin, world.drive_stiffness, drive_inertia(world, plan.crank.position(begin)))
     steady = world.request.start == "steady"
     bodies = found.steady(path, begin) if steady else moving(world.assembly, path, begin)
     spin_up = world.spin_ups(path, begin)

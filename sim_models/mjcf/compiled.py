@@ -8,7 +8,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from analytic.mechanism.parts import LARGEST
+from analytic.mechanism.parts import LARGEST_NUMBER
 from sim_models.mjcf.errors import MjcfError
 from sim_models.mjcf.plane import actuator_words, joint_words
 from sim_models.mjcf.scan import MEMORY, scan
@@ -39,12 +39,12 @@ def compiled(path: Path, notes: list[str]) -> mujoco.MjModel:
         raise MjcfError(f"{path}: MuJoCo cannot compile it ({said}); correct it so that MuJoCo loads it") from None
     if model.narena > MEMORY:
         raise MjcfError(f"{path}: asks for {model.narena / 2**30:.3g} GB of memory; give size.memory = 1G or less")
-    if not SHORTEST <= model.opt.timestep <= LARGEST:
+    if not SHORTEST <= model.opt.timestep <= LARGEST_NUMBER:
         raise MjcfError(f"{path}: option.timestep = {model.opt.timestep:g} s cannot be stepped by; give such as 0.001")
     for field in FIELDS:
         values = np.abs(getattr(model, field)).ravel()
-        if not np.all(values <= LARGEST):
-            worst = values[int(np.argmin(values <= LARGEST))]
+        if not np.all(values <= LARGEST_NUMBER):
+            worst = values[int(np.argmin(values <= LARGEST_NUMBER))]
             raise MjcfError(f"{path}: {field} holds {worst:g} once it is compiled; give finite numbers, in SI units")
     notes += reflect(model)
     return model

@@ -81,7 +81,7 @@ class TheirCoursesRun(TheirRun):
         """Whether the motors, and the linkage, can come from so long (s) before the courses' begin."""
         before = self.path.begin - lead * np.array([0.5, 1.0])
         for motor in self.motors:
-            if np.abs(motor.angles(before, 1)).max() > FASTER * motor.top_speed:
+            if np.abs(motor.positions(before, 1)).max() > FASTER * motor.top_speed:
                 return False
         try:
             for time in before.tolist():

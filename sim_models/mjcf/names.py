@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import mujoco
 
 from analytic.mechanism import GROUND
-from analytic.mechanism.parts import LONGEST
+from analytic.mechanism.parts import LONGEST_NAME
 from sim_models.mjcf.parts import Frames, Pin, Site
 
 Points = tuple[complex, complex]
@@ -19,7 +19,7 @@ TAKEN = {GROUND, "world", "com"}
 
 def plain(name: str) -> str:
     """A name with what a mechanism's has not replaced by underscores; empty where nothing is left."""
-    found = re.sub(r"[^\w-]", "_", name, flags=re.ASCII).strip("_-")[: LONGEST - 8]
+    found = re.sub(r"[^\w-]", "_", name, flags=re.ASCII).strip("_-")[: LONGEST_NAME - 8]
     return f"n{found}" if found[:1].isdigit() else found
 
 
@@ -49,7 +49,7 @@ class Names:
         """What the mechanism is called: as the model is, or the file."""
         raw = self.m.names[: self.m.names.find(b"\0")].decode("utf-8", "replace").strip()
         name = raw if raw and raw != "MuJoCo Model" else stem
-        return "".join(c if c.isprintable() else "_" for c in name).strip()[:LONGEST] or "linkage"
+        return "".join(c if c.isprintable() else "_" for c in name).strip()[:LONGEST_NAME] or "linkage"
 
     def body(self, body: int) -> str:
         """The name of a link whose first body this is."""

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from analytic.kinematics.schedule import Motor
+from analytic.kinematics.schedule import DriveMotion
 from sim_models.mjcf.linkage import TheirLinkage
 
 LOOKS = 3  # at a state, until the motors' efforts are those of that state
@@ -21,7 +21,9 @@ class Steering:
     ``lag`` (s) is how much older MuJoCo's velocities are than its positions.  Without motors nothing is put anywhere.
     """
 
-    def __init__(self, link: TheirLinkage, motors: Sequence[Motor] = (), begin: float = 0.0, lag: float = 0.0) -> None:
+    def __init__(
+        self, link: TheirLinkage, motors: Sequence[DriveMotion] = (), begin: float = 0.0, lag: float = 0.0
+    ) -> None:
         self.link, self.motors, self.begin, self.lag = link, motors, begin, lag
         self.step = float(link.model.opt.timestep)
         self.ways = np.array([one.way for one in link.held])
@@ -32,7 +34,7 @@ class Steering:
     def at(self, steps: np.ndarray, order: int = 0, later: float = 0.0) -> np.ndarray:
         """Coordinates (N, motors) so many steps (N,), and ``later`` (s), after the begin; or their derivatives."""
         times = self.begin + self.step * steps + later
-        found = [motor.angles(times, order) for motor in self.motors]
+        found = [motor.positions(times, order) for motor in self.motors]
         turned = self.ways * np.array(found).reshape(len(self.motors), times.size).T
         return np.asarray(turned + self.zeros if order == 0 else turned)
 

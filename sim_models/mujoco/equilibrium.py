@@ -266,7 +266,7 @@ class Equilibria:
         rubbed = slip * block.joint.friction * block.guide.height / 2 * pressed
         return block.guide.push(pressed, seen[f"reaction_{name}_moment"] + rubbed)
 
-    def pressing(self, theta: float, forces: Mapping[str, complex]) -> dict[str, complex | structure.Rest]:
+    def pressing(self, theta: float, forces: Mapping[str, complex]) -> dict[str, complex | structure.BlockRest]:
         """Where these reactions press each pin (m): on the rim, and as far beyond as its stiffness lets it; and where
         each block rests, whose corners there are pressed from now on.
         """
@@ -290,7 +290,7 @@ class Equilibria:
         )
         return {name: abs(forces[name]) for name in giving}
 
-    def rim(self, name: str, force: complex) -> complex | structure.Rest:
+    def rim(self, name: str, force: complex) -> complex | structure.BlockRest:
         """Gap (m) of a joint that carries this force (N); where a block rests that is pushed so."""
         give = self.on_springs({name: force}).get(name, 0.0) / self.laws[name].stiffness
         if name in self.pressed.blocks:

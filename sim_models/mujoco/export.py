@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 import mujoco
 import numpy as np
 
-from analytic.kinematics.schedule import Course, Motor
+from analytic.kinematics.schedule import Course, DriveMotion
 from analytic.mechanism import Joint
 from sim_models.common.export_files import expected, lines, written
 from sim_models.common.simulate import simulate
@@ -179,7 +179,7 @@ def _drive(drive: Drive | None) -> dict[str, Any] | None:
 def _motors(run: MujocoRun, link: MujocoLinkage) -> list[dict[str, Any]]:
     """The coordinate of each motor, and its course: knots (s) and cubics, highest power first, from each knot on."""
     schedule = run.request.schedule
-    courses: list[Motor | None] = [None] * len(link.motors)
+    courses: list[DriveMotion | None] = [None] * len(link.motors)
     if not schedule.at_rest:
         courses = [run.request.motor] * len(link.motors) if schedule.crank else [*schedule.courses.values()]
     return [
@@ -188,7 +188,7 @@ def _motors(run: MujocoRun, link: MujocoLinkage) -> list[dict[str, Any]]:
     ]
 
 
-def _course(motor: Motor | None, way: float) -> dict[str, Any] | None:
+def _course(motor: DriveMotion | None, way: float) -> dict[str, Any] | None:
     if not isinstance(motor, Course):
         return None
     return {"times": motor.knots.tolist(), "cubics": (way * motor.spline.c.T).tolist()}

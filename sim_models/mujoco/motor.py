@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from analytic.kinematics.schedule import Course, Motor, Steady
+from analytic.kinematics.schedule import Course, DriveMotion, Steady
 from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.state import advance
 from sim_models.run.path import CoursePath, Path, direction
@@ -73,7 +73,7 @@ class AtConstantSpeed(Steering):
 
     def __init__(self, motor: Steady) -> None:
         self.motor, self.top_speed = motor, motor.top_speed
-        theta = motor.angle(motor.begin)
+        theta = motor.position(motor.begin)
         self.stencil = Stencil(AROUND * BESIDE / motor.speed, theta + AROUND * BESIDE, 2)
 
     @property
@@ -82,7 +82,7 @@ class AtConstantSpeed(Steering):
         return 2 * math.pi / self.top_speed
 
     def place(self, link: MujocoLinkage, time: float, lag: float) -> None:
-        angle = self.motor.angle(time)
+        angle = self.motor.position(time)
         if abs(link.data.qpos[link.motor] - angle) > ASIDE:
             link.data.qpos[link.motor], link.data.qvel[link.motor] = angle, self.motor.speed
 
@@ -90,7 +90,7 @@ class AtConstantSpeed(Steering):
         return np.array([self.motor.speed])
 
     def passed(self, last: float, count: int) -> np.ndarray:
-        return self.motor.angles(np.linspace(self.motor.begin, last, count))
+        return self.motor.positions(np.linspace(self.motor.begin, last, count))
 
 
 def spacing(motor: Course, size: float = 1.0) -> float:
@@ -123,7 +123,7 @@ class AlongCourses(Steering):
 
     def at(self, link: MujocoLinkage, times: np.ndarray, order: int = 0) -> np.ndarray:
         """The motors' coordinates (N, motors) at times (N,) s, or their derivatives of that order."""
-        return link.ways * np.column_stack([motor.angles(times, order) for motor in self.motors])
+        return link.ways * np.column_stack([motor.positions(times, order) for motor in self.motors])
 
     def turn(self, link: MujocoLinkage, time: float, count: int) -> None:
         m, d = link.model, link.data
@@ -157,10 +157,10 @@ class AlongCourse(AlongCourses):
     def __init__(self, motor: Course) -> None:
         self.motor, self.motors, self.top_speed = motor, [motor], motor.top_speed
         apart = spacing(motor)
-        self.stencil = Stencil(apart * AHEAD, motor.angles(motor.begin + apart * AHEAD), 0)
+        self.stencil = Stencil(apart * AHEAD, motor.positions(motor.begin + apart * AHEAD), 0)
 
     def passed(self, last: float, count: int) -> np.ndarray:
-        return self.motor.angles(np.linspace(self.motor.begin, last, count))
+        return self.motor.positions(np.linspace(self.motor.begin, last, count))
 
     @cached_property
     def period(self) -> float | None:
@@ -169,16 +169,16 @@ class AlongCourse(AlongCourses):
         begin, end, sign = motor.begin, motor.end, direction(motor)
         if sign == 0:
             return None
-        once = np.sort(motor.spline.solve(motor.angle(begin) + sign * 2 * math.pi))
+        once = np.sort(motor.spline.solve(motor.position(begin) + sign * 2 * math.pi))
         once = once[(once > begin) & (once - begin < (end - begin) * (1 + ROUNDING))]
         if not once.size:
             return None
         again = np.linspace(once[0], max(end, once[0]), SAMPLES)
-        change = motor.angles(again, 1) - motor.angles(again - once[0] + begin, 1)
+        change = motor.positions(again, 1) - motor.positions(again - once[0] + begin, 1)
         return float(once[0]) - begin if np.abs(change).max() < AS_BEFORE * self.top_speed else None
 
 
-def steering(motor: Motor | None, path: Path) -> Steering:
+def steering(motor: DriveMotion | None, path: Path) -> Steering:
     """What keeps the motor of a crank, or those of the courses that make a path, in their motion."""
     if isinstance(path, CoursePath):
         return AlongCourses(path) if path.motors else Steering()

@@ -256,8 +256,8 @@ class MujocoRun(Run):
         last = float(schedule.time.max()) if self.motor else motor.begin + 1.0
         times = np.linspace(motor.begin, last, FELT)
         on_spring = replace(self.request, mechanism=_on_spring(m, 1.0), joint_model="ideal")
-        near = Equilibria(on_spring, self.path, {}, motor.angle(motor.begin), STATIC_STEP)
-        felt = np.array([near.felt(*at) for at in zip(*(motor.angles(times, n) for n in range(3)), strict=True)])
+        near = Equilibria(on_spring, self.path, {}, motor.position(motor.begin), STATIC_STEP)
+        felt = np.array([near.felt(*at) for at in zip(*(motor.positions(times, n) for n in range(3)), strict=True)])
         self.flanks = Flanks.of(m, Felt(times, *felt.T), motor.top_speed or 1.0)
         rigid = float(np.abs(felt[:, 0]).max()) / STILL
         self.mechanism = _on_spring(m, max(rigid, 1.0) if self.flanks.rigid else self.flanks.stiffness)

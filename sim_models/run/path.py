@@ -11,9 +11,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from analytic.kinematics.assembly import Assembly, Followed
-from analytic.kinematics.schedule import GLIMPSES, Course, Motor, Steady
-from analytic.kinematics.structure import Rest, Structure
+from analytic.kinematics.assembly import Assembly, Walk
+from analytic.kinematics.schedule import COURSE_INSTANTS, Course, DriveMotion, Steady
+from analytic.kinematics.structure import BlockRest, Structure
 from sim_models.common.contact_laws import longest
 from sim_models.common.guide import opened
 from sim_models.common.start import Pose
@@ -29,7 +29,7 @@ STANDSTILL = 1e-9  # of a course's largest rate or acceleration: nothing
 
 Poses = dict[str, Pose]  # of every moving body
 Placed = dict[str, tuple[np.ndarray, np.ndarray]]  # of every moving body: origin (N,) m, complex, and angle (N,) rad
-Gaps = Mapping[str, complex | Rest]  # by joint: a pin's gap (m), first minus second, or where a block rests
+Gaps = Mapping[str, complex | BlockRest]  # by joint: a pin's gap (m), first minus second, or where a block rests
 NO_GAPS: Gaps = {}
 
 
@@ -54,7 +54,7 @@ class Path:
         """Inputs (n_inputs, N) at places (N,), each ``beside`` (N,) it by so much of what moves fastest."""
         raise NotImplementedError(f"{type(self).__name__} has to say where its inputs are")
 
-    def near(self, at: np.ndarray) -> Followed | None:
+    def near(self, at: np.ndarray) -> Walk | None:
         """The ideal linkage's coordinates at places (N,), where more is known than the inputs say."""
         return None
 
@@ -165,7 +165,7 @@ class CoursePath(Path):
             own = [motor.top_speed / (self.size if name in slides else 1.0) for name, motor in self.motors.items()]
             return max(own, default=0.0)
         finest = max(motor.knots.size for motor in self.motors.values())
-        times = np.linspace(self.begin, last, max(GLIMPSES, 2 * finest))
+        times = np.linspace(self.begin, last, max(COURSE_INSTANTS, 2 * finest))
         self.placed(self.schedule.until(self.schedule.time) + self.ahead)
         found = self.placed(times).values()
         ways = [way for origin, angle in found for way in (np.abs(np.diff(origin)) / self.size, np.abs(np.diff(angle)))]
@@ -194,9 +194,9 @@ class RestingPath(Path):
         here = self.assembly.inputs_at(self.schedule.positions(np.asarray(at, float)))
         return here + beside * self.assembly.inputs_at(self.direction(at)) if np.any(beside) else here
 
-    def near(self, at: np.ndarray) -> Followed:
+    def near(self, at: np.ndarray) -> Walk:
         """The coordinates that the way along the courses leads to."""
-        return Followed(np.array([np.interp(at, self.times, row) for row in self.way]))
+        return Walk(np.array([np.interp(at, self.times, row) for row in self.way]))
 
     def around(self, at: float) -> tuple[Poses, Poses] | None:
         """On either side of where it is at a time (s), as its drives then go on."""
@@ -217,7 +217,7 @@ class RestingPath(Path):
         return s.mechanism.crank_sign * self.schedule.positions(times)[s.coordinates[s.inputs[0]].joint]
 
 
-def direction(motor: Motor) -> float:
+def direction(motor: DriveMotion) -> float:
     """Sign of a motor's rate at its start, or of the rate to come; 0 where it stands."""
     if isinstance(motor, Steady):
         return math.copysign(1.0, motor.speed)
@@ -226,7 +226,7 @@ def direction(motor: Motor) -> float:
 
 
 def placed_at(
-    linkage: Assembly, inputs: np.ndarray, gaps: Mapping[str, np.ndarray], near: Followed | None = None
+    linkage: Assembly, inputs: np.ndarray, gaps: Mapping[str, np.ndarray], near: Walk | None = None
 ) -> Placed:
     """Every moving body of a linkage at inputs (n_inputs, N), its pins off centre by gaps (N,) m.  Raises
     AssemblyError.

@@ -91,7 +91,7 @@ def anywhere(m: Mechanism, course: Course, until: float) -> np.ndarray:
     clear = np.ones(time.size, bool)
     for joint in m.joints:
         if joint.friction_torque:
-            slip = np.abs(motion.slip(joint)[0])
+            slip = np.abs(motion.slip(joint))
             clear &= slip > 0.02 * slip.max()
     return time[clear]
 

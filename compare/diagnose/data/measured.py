@@ -19,13 +19,12 @@ import numpy as np
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.structure import StructureError
-from analytic.mechanism import Mechanism
+from analytic.mechanism import Mechanism, MechanismError
 from analytic.mechanism.assumed import Assumed
 from analytic.mechanism.columns import Layout
-from analytic.mechanism.file import MechanismError, load, shipped_cases
+from analytic.mechanism.file import load, shipped_cases
 from analytic.mechanism.one_line import count, shown
 from analytic.mechanism.signals import undirected, unwound, wrapped
-from analytic.mechanism.units import listed
 from compare.diagnose.data.clipping import clipped
 from compare.diagnose.data.measured_file import Entry, read_file, tolerances
 from compare.diagnose.data.quality import FLOOR, gaps, noise, outliers, unwrapped
@@ -69,8 +68,8 @@ def load_measured(path: str | Path) -> Measured:
         )
     if all(entry.role == "validation" for entry in file.runs):
         raise MeasuredError(
-            f"{path.name}: every run has role = 'validation' ({listed(names)}), and nothing is left to fit; leave role"
-            " out of at least one"
+            f"{path.name}: every run has role = 'validation' ({', '.join(names)}), and nothing is left to fit; leave"
+            " role out of at least one"
         )
     tolerance = tolerances(path.name, file.tolerance)
     tables = _Tables(path.parent, mechanism, file)
@@ -157,7 +156,7 @@ def _run(path: Path, entry: Entry, mechanism: Mechanism, tables: _Tables) -> tup
     for signal in entry.noise:
         if signal not in table.values:
             raise MeasuredError(
-                f"{where}: noise.{signal} is not a column of {entry.file}; the columns are {listed(table.values)}"
+                f"{where}: noise.{signal} is not a column of {entry.file}; the columns are {', '.join(table.values)}"
             )
     encoders = [encoder.name for encoder in mechanism.encoders]
     followed = encoders if drive == "measured" else []
@@ -324,10 +323,8 @@ def _check_fields(where: str, entry: Entry, mechanism: Mechanism, drive: Drive) 
     for name in entry.start or {}:
         if name not in states:
             close = difflib.get_close_matches(name, states, n=1)
-            raise MeasuredError(
-                f"{where}: start.{name} is not a state;"
-                f" {f'did you mean {close[0]!r}' if close else f'use {listed(states)}'}"
-            )
+            remedy = f"did you mean {close[0]!r}" if close else f"use {', '.join(states)}"
+            raise MeasuredError(f"{where}: start.{name} is not a state; {remedy}")
     given = entry.start or {}
     if (
         given
@@ -336,7 +333,7 @@ def _check_fields(where: str, entry: Entry, mechanism: Mechanism, drive: Drive) 
         and not set(given) <= {f"{mechanism.driven}_angular_velocity"}
     ):
         raise MeasuredError(
-            f"{where}: start has {listed(given)}; give {mechanism.driven}_angle, from which the others follow"
+            f"{where}: start has {', '.join(given)}; give {mechanism.driven}_angle, from which the others follow"
         )
     try:
         mechanism.replace(loads=entry.loads or ())

@@ -11,9 +11,8 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from analytic.mechanism import Load
 from analytic.mechanism.columns import Layout
-from analytic.mechanism.file import describe
+from analytic.mechanism.errors import describe
 from analytic.mechanism.reading import ReadingError, read_toml
-from analytic.mechanism.units import listed
 from compare.diagnose.data.recording import MeasuredError
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.recorded.table import LARGEST
@@ -116,7 +115,7 @@ def tolerances(source: str, given: Mapping[str, float | Mapping[str, float]]) ->
             remedy = (
                 f"did you mean {close[0]!r}"
                 if close
-                else f"use a quantity ({listed(quantities)}), a parameter or effect.parameter"
+                else f"use a quantity ({', '.join(quantities)}), a parameter or effect.parameter"
             )
             raise MeasuredError(
                 f"{source}: tolerance.{key} is neither a quantity nor a parameter of an effect; {remedy}"

@@ -14,7 +14,7 @@ from itertools import combinations
 import numpy as np
 
 from analytic.mechanism.signals import starts_again, turned_near
-from analytic.mechanism.units import OFFERED, Dimension, dimension, factor
+from analytic.mechanism.units import OFFERED, QuantityKind, dimension, factor
 from compare.diagnose.data.recording import Fault, MeasuredRun
 from compare.recorded.quantum import quantum, stretches
 
@@ -183,7 +183,7 @@ def suspicious_units(run: MeasuredRun, predicted: Mapping[str, np.ndarray]) -> l
     return faults
 
 
-def looks(kind: Dimension, unit: str, model: np.ndarray, measured: np.ndarray) -> tuple[float, str] | None:
+def looks(kind: QuantityKind, unit: str, model: np.ndarray, measured: np.ndarray) -> tuple[float, str] | None:
     """By what measured values (N,), read in this unit, are the model's (N,), and what they look, if that is a
     conversion of this kind of quantity: in another unit, converted twice, or of the other sign.
     """

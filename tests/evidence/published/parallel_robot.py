@@ -14,14 +14,13 @@ from pathlib import Path
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from scipy.interpolate import CubicSpline
 
-from analytic.beyond_paper.free_motion import driven_motion
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.motion import along, kinematics
 from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
-from analytic.paper.kinetostatics import Reactions
+from analytic.paper.kinetostatics import Reactions, kinetostatics
 from sim_models.engine import Request
 
 FOLDER = "adams-parallel-robot"
@@ -65,8 +64,11 @@ class Recorded:
 
     def at_the_start(self) -> Reactions:
         """The analytic side while one polynomial follows the motion."""
-        courses = {name: lambda t, order=0, fit=fit: fit.deriv(order)(t) for name, fit in self.beginning.items()}
-        return driven_motion(Assembly(self.mechanism), self.time[self.early], courses)
+        assembly, time, fits = Assembly(self.mechanism), self.time[self.early], self.beginning
+        theta, omega, alpha = (
+            assembly.inputs_at({name: fit.deriv(order)(time) for name, fit in fits.items()}) for order in range(3)
+        )
+        return kinetostatics(kinematics(assembly, theta, omega, alpha))
 
     def request_at_the_start(self) -> Request:
         """What an engine is asked for while one polynomial follows the motion."""
@@ -76,8 +78,8 @@ class Recorded:
 
     def in_motion(self) -> Reactions:
         """The analytic side along the splines through all samples."""
-        courses = {name: CubicSpline(self.time, at) for name, at in self.position.items()}
-        return driven_motion(Assembly(self.mechanism), self.time, courses)
+        courses = {name: (self.time, at) for name, at in self.position.items()}
+        return kinetostatics(along(Assembly(self.mechanism), Schedule.along(courses, self.time)))
 
     def request(self) -> Request:
         """What an engine is asked for."""

@@ -13,7 +13,7 @@ from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.schedule import Turning
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import load
-from analytic.mechanism.signals import AXES, Signal, Unit, named
+from analytic.mechanism.signals import AXES, Signal, SiUnit, named
 from compare.diagnose.data.recording import Channel, Drive, Measured, MeasuredRun
 from compare.diagnose.effects.effect import STOPS, Rig
 from compare.diagnose.predict import as_inputs, derived
@@ -286,7 +286,7 @@ def draw_noise(rng: np.random.Generator, signal: Signal, peaks: dict[str, float]
 
 def draw_unit(rng: np.random.Generator, signal: Signal) -> str:
     """A unit that such a sensor's file might be written in."""
-    other: dict[Unit, str] = {"rad": "deg", "m": "mm", "rad/s": "rpm", "N.m": "N.mm", "N": "N"}
+    other: dict[SiUnit, str] = {"rad": "deg", "m": "mm", "rad/s": "rpm", "N.m": "N.mm", "N": "N"}
     return other[signal.unit] if rng.random() < 0.3 else signal.unit
 
 

@@ -91,7 +91,7 @@ class Sizer:
             for term, values in truth:
                 if term.effect.misreads:
                     readings = term.effect.on_readings(readings, plan.name, term.where, values)
-            each = tuple(Motor(course=CubicSpline(plan.time, readings[encoder])) for encoder in self.rig.encoders)
+            each = tuple(Motor(CubicSpline(plan.time, readings[encoder])) for encoder in self.rig.encoders)
             courses[plan.name] = Motors(each) if self.rig.mechanism.several else each[0]
         return Model(self.experiment.measured(), self.rig, self.experiment.nominal, courses)
 

@@ -10,8 +10,9 @@ from typing import Literal
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
-from analytic.kinematics.inverse import Coordinate, inverse
+from analytic.kinematics.inverse import inverse
 from analytic.kinematics.motion import Motion, kinematics
+from analytic.kinematics.output import Output
 from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
@@ -105,7 +106,7 @@ class Spiral:
         self.mechanism = loose(load(case))
         self.assembly = Assembly(self.mechanism)
         s, (body, _, point) = self.assembly.structure, WORKSPACES[case][0].partition(".")
-        pose = tuple(Coordinate(body, axis, point or "com") for axis in POSE)
+        pose = tuple(Output(body, axis, point or "com") for axis in POSE)
         self.wanted = pose[: len(s.inputs)]
         home = kinematics(self.assembly, self.assembly.inputs[:, None])
         share = np.linspace(0.0, 1.0, KNOTS)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from analytic.kinematics.assembly import AssemblyError
-from analytic.mechanism.file import MechanismError
+from analytic.mechanism import MechanismError
 from compare.files import output_folder, write_atomically
 from sim_models.engine import SimulationError, engine, installed_version
 from tests.evidence.results.scoreboard import Kind, Recorder, TrueFault, Truth
