@@ -12,11 +12,9 @@ import os
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from itertools import pairwise
-from numbers import Integral, Real
+from numbers import Real
 from os import PathLike
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 
@@ -26,7 +24,7 @@ from analytic.mechanism import Joint, Mechanism
 from analytic.mechanism.errors import MechanismError, quoted
 from analytic.mechanism.file import load
 from analytic.paper.clearance import Model
-from compare.faults import ArgumentError, DegreesWarning, no_pin
+from compare.faults import ArgumentError, DegreesWarning, no_pin, unusable
 from compare.judge.discrepancy import load_tolerances
 from compare.judge.tolerances import Tolerances
 from sim_models.engine import (
@@ -57,33 +55,6 @@ Metres = Mapping[str, float]
 MOST = 1_000_000  # crank angles, and samples of a Monte Carlo: what a memory holds
 SMALL = 0.1  # of a body's length: a clearance up to this is small, as the paper's displacements are
 
-T = TypeVar("T")
-
-
-def one_of(given: object, accepted: Sequence[T], called: str) -> T:
-    """The one of the accepted words that was given.  Raises ArgumentError."""
-    for each in accepted:
-        if isinstance(given, str) and given == each:
-            return each
-    raise ArgumentError(called, f"{quoted(given)} cannot be used; give {' or '.join(map(repr, accepted))}")
-
-
-def flag(given: object, called: str) -> bool:
-    """True or False.  Raises ArgumentError."""
-    if isinstance(given, bool | np.bool_):
-        return bool(given)
-    raise ArgumentError(called, f"{quoted(given)} cannot be used; give True or False")
-
-
-def whole(given: object, called: str, least: int, most: int | None = None) -> int:
-    """A whole number from ``least`` to ``most``.  Raises ArgumentError."""
-    if isinstance(given, Integral) and not isinstance(given, bool):
-        number = int(given)
-        if least <= number and (most is None or number <= most):
-            return number
-    accepted = f"of {least} or more" if most is None else f"from {least} to {most}"
-    raise ArgumentError(called, f"{quoted(given)} cannot be used; give a whole number {accepted}")
-
 
 def numbers(given: object, called: str, unit: str) -> np.ndarray:
     """Finite numbers (N,), N at least one, of one number or of a flat list of them.  Raises ArgumentError."""
@@ -94,56 +65,23 @@ def numbers(given: object, called: str, unit: str) -> np.ndarray:
         found = np.array(None)
     truth = isinstance(several, list) and any(isinstance(each, bool | np.bool_) for each in several)
     if truth or found.ndim > 1 or not found.size or found.dtype.kind not in "iuf" or not np.all(np.isfinite(found)):
-        given_as = quoted(given.tolist() if isinstance(given, np.ndarray) else given)
-        raise ArgumentError(
-            called, f"{given_as} cannot be used; give one number ({unit}) or a flat list of finite ones"
-        )
+        given = given.tolist() if isinstance(given, np.ndarray) else given
+        raise unusable(called, given, f"one number ({unit}) or a flat list of finite ones")
     return found.astype(float).reshape(-1)
-
-
-def increasing(given: object, called: str, unit: str) -> tuple[float, ...]:
-    """Finite numbers, each once, increasing.  Raises ArgumentError."""
-    found = tuple(sorted(numbers(given, called, unit).tolist()))
-    twice = next((value for value, after in pairwise(found) if value == after), None)
-    if twice is not None:
-        raise ArgumentError(called, f"{twice:g} is there twice; give each once")
-    return found
-
-
-def positive(given: object, called: str, unit: str) -> tuple[float, ...]:
-    """The same, all above zero.  Raises ArgumentError."""
-    found = increasing(given, called, unit)
-    if found[0] <= 0:
-        raise ArgumentError(called, f"{found[0]:g} cannot be used; give {unit} above 0")
-    return found
 
 
 def number(given: object, called: str, unit: str) -> float:
     """One number.  Raises ArgumentError."""
     if isinstance(given, Real) and not isinstance(given, bool):
         return float(given)
-    raise ArgumentError(called, f"{quoted(given)} cannot be used; give one number ({unit})")
-
-
-def seconds(given: object, called: str) -> float:
-    """A time (s) of more than nothing.  Raises ArgumentError."""
-    if isinstance(given, Real) and not isinstance(given, bool) and 0 < float(given) < math.inf:
-        return float(given)
-    raise ArgumentError(called, f"{quoted(given)} cannot be used; give a number of seconds above 0")
-
-
-def address(given: object, called: str) -> str:
-    """Where a scheduler listens.  Raises ArgumentError."""
-    if isinstance(given, str):
-        return given
-    raise ArgumentError(called, f"{quoted(given)} cannot be used; give its address, such as tcp://localhost:8786")
+    raise unusable(called, given, f"one number ({unit})")
 
 
 def names(given: object, called: str, least: int = 0) -> tuple[str, ...]:
     """Names, each once, at least so many; a single text is one name.  Raises ArgumentError."""
     found = (given,) if isinstance(given, str) else tuple(given) if isinstance(given, Iterable) else None
     if found is None or len(found) < least or not all(isinstance(each, str) for each in found):
-        raise ArgumentError(called, f"{quoted(given)} cannot be used; give one name or a list of names")
+        raise unusable(called, given, "one name or a list of names")
     return tuple(dict.fromkeys(found))
 
 
@@ -151,7 +89,7 @@ def path(given: object, called: str) -> Path:
     """A path.  Raises ArgumentError."""
     if isinstance(given, str | PathLike):
         return Path(given)
-    raise ArgumentError(called, f"{quoted(given)} cannot be used; give a path")
+    raise unusable(called, given, "a path")
 
 
 def laid_over(given: object) -> Tolerances:
@@ -162,7 +100,7 @@ def laid_over(given: object) -> Tolerances:
         return given
     if given is None or isinstance(given, str | PathLike):
         return load_tolerances(None if given is None else Path(given), "tolerances")
-    raise ArgumentError("tolerances", f"{quoted(given)} cannot be used; give the path of a tolerance file")
+    raise unusable("tolerances", given, "the path of a tolerance file")
 
 
 def linkage(given: Linkage, clearance: Metres | None = None, *, large: bool) -> Mechanism:
@@ -247,7 +185,7 @@ def metres(given: object, mechanism: Mechanism, called: str) -> dict[str, float]
     pins = [j.name for j in mechanism.joints if not j.prismatic]
     if not isinstance(given, Mapping):
         example = {(pins or ["B"])[-1]: 1e-4}
-        raise ArgumentError(called, f"{quoted(given)} cannot be used; give metres by joint, such as {example}")
+        raise unusable(called, given, f"metres by joint, such as {example}")
     found = {}
     for name, size in given.items():
         if name not in mechanism.may_be_loose:
@@ -309,7 +247,7 @@ def modelling(name: str) -> str:
 def one_engine(given: object) -> str:
     """The name of one engine, in the letters that it is called by.  Raises ArgumentError."""
     if not isinstance(given, str):
-        raise ArgumentError("simulator", f"{quoted(given)} cannot be used; give one of {', '.join(engine_names())}")
+        raise unusable("simulator", given, f"one of {', '.join(engine_names())}")
     return _as_called(given)
 
 
@@ -318,8 +256,7 @@ def _engine_names(given: object) -> tuple[str, ...]:
     parts = [part for text in names(given, "simulators") for part in _parted(text)]
     found = tuple(dict.fromkeys(_as_called(part) for part in parts))
     if not all(found) or not found or ("all" in found and len(found) > 1):
-        accepted = f"give one or several of {', '.join(engine_names())}, or all by itself"
-        raise ArgumentError("simulators", f"{quoted(given)} cannot be used; {accepted}")
+        raise unusable("simulators", given, f"one or several of {', '.join(engine_names())}, or all by itself")
     return found
 
 

@@ -96,6 +96,13 @@ class ArgumentError(OptionError):
         return f"{self.argument}: {self.why}"
 
 
+def unusable(argument: str, given: object, accepted: str) -> ArgumentError:
+    """What is said of an argument that cannot be what it was given."""
+    from analytic.mechanism.errors import quoted
+
+    return ArgumentError(argument, f"{quoted(given)} cannot be used; give {accepted}")
+
+
 def _as_typed(error: ArgumentError, context: typer.Context | None, names: Mapping[str, str]) -> str:
     """A fault of an argument, as one of the option that it came from."""
 

@@ -31,7 +31,7 @@ from compare.arguments import (
     number,
     warn_of_friction,
 )
-from compare.faults import ArgumentError
+from compare.faults import ArgumentError, unusable
 from compare.judge.grid import parse_workspace
 from compare.left_out import Asked, omitted
 from compare.questions.accuracy import Grid, PlatformQuestion
@@ -66,7 +66,7 @@ def platform_accuracy(question: PlatformQuestion) -> PlatformAccuracy:
             raise ArgumentError("mechanism", f"{m.name} has freedoms without a drive; give each one a drive")
         steps, wanted = _steps(question.encoder_step, assembly), named_outputs(question.outputs, m)
         if angle is not None and not np.isfinite(number(angle, "angle", "rad")):
-            raise ArgumentError("angle", f"{quoted(angle)} cannot be used; give a finite number (rad)")
+            raise unusable("angle", angle, "a finite number (rad)")
         if workspace is not None:
             for name, given in (("times", times), ("course", course), ("path", path)):
                 if given is not None:
@@ -88,8 +88,8 @@ def _grid(given: object) -> Grid:
         axes = [(float(low), float(high), number) for low, high, number in given]  # type: ignore[attr-defined]
         return parse_workspace(",".join(f"{low}:{high}:{number}" for low, high, number in axes))
     except (TypeError, ValueError):
-        said = "give ((x0, x1, nx), (y0, y1, ny)): lowest, highest (m) and number of the x, and of the y"
-        raise ArgumentError("workspace", f"{quoted(given)} cannot be used; {said}") from None
+        accepted = "((x0, x1, nx), (y0, y1, ny)): lowest, highest (m) and number of the x, and of the y"
+        raise unusable("workspace", given, accepted) from None
 
 
 def _plain(times: object, course: object, path: object, m: Mechanism) -> bool:
@@ -100,7 +100,7 @@ def _plain(times: object, course: object, path: object, m: Mechanism) -> bool:
 def _steps(given: Mapping[str, float] | None, assembly: Assembly) -> dict[str, float]:
     joints = [joint.name for joint in assembly.mechanism.motors]
     if given is not None and not isinstance(given, Mapping):
-        raise ArgumentError("encoder_step", f"{quoted(given)} cannot be used; give rad, or m, by driven joint")
+        raise unusable("encoder_step", given, "rad, or m, by driven joint")
     found = {}
     for name, step in (given or {}).items():
         if name not in joints:

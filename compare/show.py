@@ -9,10 +9,9 @@ from typing import overload
 
 import numpy as np
 
-from analytic.mechanism.errors import quoted
 from analytic.mechanism.signals import Signal, wrapped
 from compare.arguments import number
-from compare.faults import ArgumentError
+from compare.faults import ArgumentError, unusable
 from compare.quantities import quantities
 from compare.questions.question import answers
 from compare.questions.show import ShowQuestion
@@ -70,10 +69,7 @@ def show(question: ShowQuestion) -> Provenance | SignalResiduals | Diagnosis:
             raise ArgumentError("at", "missing; a number belongs to a crank angle, or to a time if the linkage swings")
         return provenance(document, signal, number(at, "at", "rad, or s if the linkage swings"), joint_model, simulator)
     if not isinstance(document, Diagnosis):
-        why = (
-            f"{quoted(document)} cannot be used; give a cross-check, a diagnosis, or the path of a JSON file of either"
-        )
-        raise ArgumentError("result", why)
+        raise unusable("result", document, "a cross-check, a diagnosis, or the path of a JSON file of either")
     for name, given in (("at", at), ("joint_model", joint_model), ("simulator", simulator)):
         if given is not None:
             raise ArgumentError(name, "a diagnosis takes a signal alone; leave this out")

@@ -18,7 +18,7 @@ import pytest
 import commands
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import dumps, load, shipped_cases
-from compare.baseline.check import check_one, file_of, update_one
+from compare.baseline.check import check_file, command, file_of, update_file
 from compare.baseline.file import Baseline, BaselineError, StoredRun, Tolerance, read, write
 from compare.baseline.moved import fits, moved
 from compare.baseline.runs import not_run, setups
@@ -37,14 +37,16 @@ def compare(*arguments: str, cwd: Path) -> commands.Ended:
 
 def update(folder: Path, fault: Planted, mechanism: Mechanism = PAPER) -> None:
     folder.mkdir(exist_ok=True)
-    print(*lines(update_one(mechanism, "planted", folder, lambda name: fault)), sep="\n")
+    path, checks = file_of(folder, mechanism.name, "planted"), command("check", mechanism.name, "planted", folder)
+    print(*lines(update_file(path, mechanism, "planted", checks, lambda name: fault)), sep="\n")
 
 
 def check(folder: Path, fault: Planted, mechanism: Mechanism = PAPER) -> bool:
-    found = check_one(mechanism, "planted", folder, lambda name: fault)
-    print(*lines(found), sep="\n")
-    assert found.status == ("moved" if found.moved else "same")
-    return not found.moved
+    path, again = file_of(folder, mechanism.name, "planted"), command("update", mechanism.name, "planted", folder)
+    entry = check_file(path, mechanism, "planted", again, lambda name: fault)
+    print(*lines(entry), sep="\n")
+    assert entry.status == ("moved" if entry.moved else "same")
+    return not entry.moved
 
 
 # -------------------------------------------------------------------- the command

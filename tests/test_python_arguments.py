@@ -21,7 +21,7 @@ from analytic.kinematics.structure import StructureError
 from analytic.mechanism import MechanismError
 from analytic.mechanism.file import dumps, load
 from analytic.paper.frame import ComplianceError
-from compare.arguments import engines, every_one, names, numbers, positive, refuse_large
+from compare.arguments import engines, every_one, names, numbers, refuse_large
 from compare.baseline.file import BaselineError
 from compare.cli.app import app
 from compare.diagnose.data.recording import MeasuredError
@@ -31,6 +31,7 @@ from compare.faults import ArgumentError
 from compare.files import OutputError
 from compare.judge.grid import GridError
 from compare.judge.tolerances import ToleranceError
+from compare.questions.option import Speeds
 from compare.questions.validity import ValidityQuestion
 from compare.results.document import DocumentError
 from compare.sweep import ClusterError
@@ -297,7 +298,7 @@ def test_a_single_name_and_a_single_number_are_one() -> None:
     one = lc.accuracy("paper", outputs="coupler.B", angles=1.0, samples=10)
     assert list(one.outputs) == list(lc.accuracy("paper", outputs=["coupler.B"], angles=[1.0], samples=10).outputs)
     assert one.crank_angle.tolist() == [1.0]
-    assert positive(60.0, "speeds", "rad/s") == (60.0,)
+    assert Speeds().check(60.0, "speeds") == (60.0,)
     assert names("rust", "only") == ("rust",)
 
 

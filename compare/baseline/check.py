@@ -31,7 +31,7 @@ from compare.runs import Resolve
 from sim_models.engine import SimulationError, SimulatorMissing, Unsupported, engine
 
 Made = Callable[[Mechanism, str, Resolve], tuple[str, list[StoredRun]]]
-Work = Callable[[Mechanism, str, Path, Resolve, str, Made], Entry]
+Work = Callable[[Path, Mechanism, str, str, Resolve, Made], Entry]
 GRAVITY: dict[Status, Exit] = {
     "moved": Exit.DISAGREES,
     "unusable": Exit.BAD_INPUT,
@@ -52,9 +52,9 @@ def check_baselines(question: BaselinesQuestion) -> Baselines:
     _one_source(question)
     folder = Path(question.folder)
     if question.results is not None:
-        return _recorded(check_one, question, question.results, folder)
+        return _recorded(check_file, question, question.results, folder)
     with progress_bar(question.progress) as told:
-        return _each(check_one, question, folder, told)
+        return _each(check_file, question, folder, told)
 
 
 @answers(BaselinesQuestion)
@@ -65,8 +65,8 @@ def update_baselines(question: BaselinesQuestion) -> Baselines:
     _one_source(question)
     with made_folder(Path(question.folder), "--baselines") as folder, progress_bar(question.progress) as told:
         if question.results is not None:
-            return _recorded(update_one, question, question.results, folder)
-        return _each(update_one, question, folder, told)
+            return _recorded(update_file, question, question.results, folder)
+        return _each(update_file, question, folder, told)
 
 
 def _one_source(question: BaselinesQuestion) -> None:
@@ -148,15 +148,18 @@ def _baselines(folder: Path, entries: Sequence[Entry], left_out: Sequence[str]) 
 def _safely(
     work: Work, mechanism: Mechanism, simulator: str, folder: Path, typed: str, made: Made = simulated
 ) -> Entry:
-    """The entry of a pair; with the reason in place of an answer where there is a foreseen fault."""
+    """The entry of a pair; with the reason in place of an answer where there is a foreseen fault.  ``typed`` is what
+    names the case on a command line.
+    """
+    path = file_of(folder, mechanism.name, simulator)
+    opposite = command("update" if work is check_file else "check", typed, simulator, folder)
     try:
-        return work(mechanism, simulator, folder, engine, typed, made)
+        return work(path, mechanism, simulator, opposite, engine, made)
     except (SimulatorMissing, SimulationError) as error:
         failed: Status = "failed"
         why = error.said(()) if isinstance(error, SimulationError) else str(error)
     except (OptionError, OutputError, Unsupported, AssemblyError, StructureError, DataError) as error:
         failed, why = "unusable", str(error)
-    path = file_of(folder, mechanism.name, simulator)
     return Entry(case=mechanism.name, simulator=simulator, file=str(path), status=failed, why=why)
 
 
@@ -171,24 +174,6 @@ def command(verb: str, typed: str, simulator: str, folder: Path) -> str:
     return shlex.join(["compare", "baseline", verb, "--case", typed, "--simulator", simulator, *elsewhere])
 
 
-def check_one(
-    mechanism: Mechanism,
-    simulator: str,
-    folder: Path,
-    resolve: Resolve = engine,
-    typed: str | None = None,
-    made: Made = simulated,
-) -> Entry:
-    """What moved in one baseline.  ``resolve`` is where the engine comes from, ``typed`` what names the case on a
-    command line, ``made`` what makes the runs again.
-
-    Raises BaselineError, SimulationError, SimulatorMissing, Unsupported.
-    """
-    path = file_of(folder, mechanism.name, simulator)
-    again = command("update", typed or mechanism.name, simulator, folder)
-    return check_file(path, mechanism, simulator, again, resolve, made)
-
-
 def check_file(
     path: Path,
     mechanism: Mechanism,
@@ -197,8 +182,10 @@ def check_file(
     resolve: Resolve = engine,
     made: Made = simulated,
 ) -> Entry:
-    """What moved in the baseline of a file; ``again`` is the command that writes it anew.  Raises what
-    :func:`check_one` does.
+    """What moved in the baseline of a file.  ``again`` is the command that writes it anew, ``resolve`` is where the
+    engine comes from, ``made`` makes the runs again.
+
+    Raises BaselineError, SimulationError, SimulatorMissing or Unsupported.
     """
     stored = read(path, mechanism.name, simulator, again)
     version, fresh = made(mechanism, simulator, resolve)
@@ -209,22 +196,6 @@ def check_file(
     return _entry(path, stored, version, found, "moved" if found else "same", "")
 
 
-def update_one(
-    mechanism: Mechanism,
-    simulator: str,
-    folder: Path,
-    resolve: Resolve = engine,
-    typed: str | None = None,
-    made: Made = simulated,
-) -> Entry:
-    """Write one baseline if anything in it changed.  Raises what check_one does, but a damaged file of the case is
-    replaced.
-    """
-    path = file_of(folder, mechanism.name, simulator)
-    checks = command("check", typed or mechanism.name, simulator, folder)
-    return update_file(path, mechanism, simulator, checks, resolve, made)
-
-
 def update_file(
     path: Path,
     mechanism: Mechanism,
@@ -233,8 +204,8 @@ def update_file(
     resolve: Resolve = engine,
     made: Made = simulated,
 ) -> Entry:
-    """Write the baseline of a file if anything in it changed; ``checks`` is the command that checks it.  Raises what
-    :func:`update_one` does.
+    """Write the baseline of a file if anything in it changed; ``checks`` is the command that checks it.  A damaged file
+    of the case is replaced.  Raises what :func:`check_file` does.
     """
     owned(path, mechanism.name, simulator)
     version, fresh = made(mechanism, simulator, resolve)

@@ -25,7 +25,6 @@ from compare.arguments import (
     linkage,
     noted,
     numbers,
-    one_of,
     refuse_large,
     rigidly_and_evenly_driven,
     warn_of_friction,
@@ -44,7 +43,7 @@ from compare.questions.validity import ValidityQuestion
 from compare.results.validity import Cell, Failed, Validity
 from compare.sweep import sweep
 from sim_models.common.requests import check_request
-from sim_models.engine import JOINT_MODELS, JointModel, Request, SimulatorMissing, Unsupported, check_supported, engine
+from sim_models.engine import JointModel, Request, SimulatorMissing, Unsupported, check_supported, engine
 
 CELL: TypeAdapter[Cell | Failed] = TypeAdapter(Cell | Failed)
 
@@ -131,7 +130,6 @@ def _restitutions(given: Numbers, joint_model: RealJoint) -> tuple[float, ...]:
 
 def real(joint_model: JointModel) -> RealJoint:
     """A joint model that has clearance.  Raises ArgumentError."""
-    joint_model = one_of(joint_model, JOINT_MODELS, "joint_model")
     if joint_model == "ideal":
         raise ArgumentError(
             "joint_model", "ideal joints have no clearance; give massless-link, spring-damper or contact"
@@ -139,12 +137,11 @@ def real(joint_model: JointModel) -> RealJoint:
     return joint_model
 
 
-def capable(simulators: Simulators, joint_model: JointModel, mechanism: Mechanism) -> tuple[tuple[str, ...], list[str]]:
+def capable(simulators: Simulators, joint_model: RealJoint, mechanism: Mechanism) -> tuple[tuple[str, ...], list[str]]:
     """The engines of these names, or for ``all`` every one that is installed and can; and which are left out, and why.
 
     Raises Unsupported, SimulatorMissing or ArgumentError.
     """
-    real(joint_model)
     asked, left_out = engines(simulators)
     found = []
     for name in asked:

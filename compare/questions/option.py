@@ -12,10 +12,12 @@ import functools
 import math
 from dataclasses import dataclass
 from enum import Enum, StrEnum
+from itertools import pairwise
+from numbers import Integral, Real
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Generic, TypeVar, cast
 
-from compare.faults import ArgumentError
+from compare.faults import ArgumentError, unusable
 
 if TYPE_CHECKING:
     import numpy as np
@@ -91,9 +93,11 @@ class Switch(Kind[bool]):
 
     def check(self, given: object, called: str) -> bool:
         """True or False."""
-        from compare.arguments import flag
+        import numpy as np
 
-        return flag(given, called)
+        if isinstance(given, bool | np.bool_):
+            return bool(given)
+        raise unusable(called, given, "True or False")
 
 
 @dataclass(frozen=True)
@@ -113,9 +117,9 @@ class Choice(Kind[StrEnum]):
 
     def check(self, given: object, called: str) -> object:
         """One of the words."""
-        from compare.arguments import one_of
-
-        return one_of(given, self.choices, called)
+        if isinstance(given, str) and given in self.choices:
+            return str(given)
+        raise unusable(called, given, " or ".join(map(repr, self.choices)))
 
     def stands_for(self, argument: object) -> object:
         """The member of the enumeration."""
@@ -143,9 +147,9 @@ class Address(Kind[str]):
 
     def check(self, given: object, called: str) -> str:
         """A text."""
-        from compare.arguments import address
-
-        return address(given, called)
+        if isinstance(given, str):
+            return given
+        raise unusable(called, given, "its address, such as tcp://localhost:8786")
 
 
 @dataclass(frozen=True)
@@ -158,9 +162,11 @@ class Whole(Kind[int]):
 
     def check(self, given: object, called: str) -> int:
         """The number."""
-        from compare.arguments import whole
-
-        return whole(given, called, self.least, self.most)
+        if isinstance(given, Integral) and not isinstance(given, bool):
+            if self.least <= given and (self.most is None or given <= self.most):
+                return int(given)
+        accepted = f"of {self.least} or more" if self.most is None else f"from {self.least} to {self.most}"
+        raise unusable(called, given, f"a whole number {accepted}")
 
 
 class Number(Kind[float]):
@@ -190,9 +196,9 @@ class Seconds(Number):
 
     def check(self, given: object, called: str) -> float:
         """More than nothing."""
-        from compare.arguments import seconds
-
-        return seconds(given, called)
+        if isinstance(given, Real) and not isinstance(given, bool) and 0 < float(given) < math.inf:
+            return float(given)
+        raise unusable(called, given, "a number of seconds above 0")
 
 
 class Listed(Kind[str]):
@@ -271,10 +277,14 @@ class Increasing(Kind[str]):
         return self.increasing(given, called, self.units[1])
 
     def increasing(self, given: object, called: str, unit: str) -> tuple[float, ...]:
-        """The numbers, increasing."""
-        from compare.arguments import increasing
+        """The numbers, each once, increasing."""
+        from compare.arguments import numbers
 
-        return increasing(given, called, unit)
+        ordered = sorted(numbers(given, called, unit).tolist())
+        twice = next((value for value, after in pairwise(ordered) if value == after), None)
+        if twice is not None:
+            raise ArgumentError(called, f"{twice:g} is there twice; give each once")
+        return tuple(ordered)
 
     def converted(self, typed: float) -> float:
         """A typed number in the unit of the argument."""
@@ -288,9 +298,10 @@ class Positive(Increasing):
 
     def increasing(self, given: object, called: str, unit: str) -> tuple[float, ...]:
         """The numbers, increasing, above zero."""
-        from compare.arguments import positive
-
-        return positive(given, called, unit)
+        ordered = super().increasing(given, called, unit)
+        if ordered[0] <= 0:
+            raise ArgumentError(called, f"{ordered[0]:g} cannot be used; give {unit} above 0")
+        return ordered
 
 
 class Clearances(Positive):
