@@ -25,8 +25,7 @@ from analytic.mechanism.errors import MechanismError, quoted
 from analytic.mechanism.file import load
 from analytic.paper.clearance import Model
 from compare.faults import ArgumentError, DegreesWarning, no_pin, unusable
-from compare.judge.discrepancy import load_tolerances
-from compare.judge.tolerances import Tolerances
+from compare.judge.tolerances import Tolerances, load_tolerances
 from sim_models.engine import (
     MAPPED,
     SEPARATOR,
@@ -215,12 +214,12 @@ def engines(given: Simulators) -> tuple[tuple[str, ...], list[str]]:
     return tuple(found), left_out
 
 
-def with_map(given: Simulators, columns: object) -> Simulators:
+def with_map(given: Simulators, columns: PathLike[str] | str | None) -> Simulators:
     """The simulators, those that are somebody's model file with this map of its columns.  Raises ArgumentError."""
     if columns is None:
         return given
     found = tuple(
-        name if scheme_of(name)[0] not in MAPPED or SEPARATOR in name else f"{name}{SEPARATOR}{path(columns, 'map')}"
+        name if scheme_of(name)[0] not in MAPPED or SEPARATOR in name else f"{name}{SEPARATOR}{columns}"
         for name in _engine_names(given)
     )
     if found == _engine_names(given):

@@ -58,7 +58,6 @@ from compare.recorded.motion import (
     Followed,
     FollowedDrives,
     Start,
-    encoder_of,
     evenly,
     released_from,
 )
@@ -195,7 +194,7 @@ def _warnings(mechanism: Mechanism, recordings: Sequence[Recording], motion: Mot
         if one.kind == "released" and f"{mechanism.driven}_angle" not in one.table.values:
             found.append(f"{one.name}: does not say where the linkage begins; it is let go at rest, as it is assembled")
         found += _off_speed(one, mechanism) if motion == "driven" else []
-        if one.kind == "angles" and one.table.time.size and encoder_of(mechanism) not in one.table.values:
+        if one.kind == "angles" and one.table.time.size and mechanism.encoder.name not in one.table.values:
             where = f"{np.degrees(mechanism.assembly[mechanism.driven]):.4g} deg"
             found.append(
                 f"{one.name}: does not say where its crank is; at time 0 it is taken to be at {where}, where the"
@@ -418,7 +417,7 @@ def _trace(one: Recording, mechanism: Mechanism, joint_model: JointModel, motion
     if isinstance(one.moved, FollowedDrives) and motion == "driven":
         for name, each in one.moved.drives.items():
             settings[f"acceleration_known_to_{name}"] = float(SURE * np.max(each.errors.alpha))
-    theta = one.table.values.get(encoder_of(mechanism), one.theta) if one.kind == "released" else one.theta
+    theta = one.table.values.get(mechanism.encoder.name, one.theta) if one.kind == "released" else one.theta
     time = None if motion == "static" and not isinstance(one.moved, FollowedDrives) else one.time
     return Trace(
         one.name,

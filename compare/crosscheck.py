@@ -45,10 +45,8 @@ from compare.judge.discrepancy import (
     Discrepancy,
     Rule,
     Scales,
-    check_known,
     contact_give,
     judge,
-    known_differences,
     run_rules,
 )
 from compare.judge.flexible import Beams, softened
@@ -62,7 +60,7 @@ from compare.judge.reference import (
 )
 from compare.judge.signals import compared, recorded, with_derived, with_rotations
 from compare.judge.statistics import held_together
-from compare.judge.tolerances import Tolerances
+from compare.judge.tolerances import Tolerances, check_known, known_differences
 from compare.left_out import Asked, omitted, rigid_walls
 from compare.progress import Progress, progress_bar
 from compare.questions.crosscheck import REVOLUTIONS, CrosscheckQuestion

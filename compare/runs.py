@@ -45,33 +45,28 @@ def counted(request: Request, trace: Trace) -> Trace:
     return Counted(**told, contact=contact_in(trace, request.mechanism, ideal_peaks(request.mechanism)))
 
 
-def failure(simulator: str, run: Request | Trace, why: str, cause: Cause | None = None) -> Failure:
-    """What is reported of a run that has no result."""
-    return Failure(simulator=simulator, joint_model=run.joint_model, why=why, cause=cause)
-
-
 def simulate(
     simulator: str, request: Request, resolve: Resolve = engine, offers: tuple[str, ...] = ("motion", "angles")
 ) -> Trace | Failure:
     """Run one request; what an engine fails with becomes a Failure: its own errors, a broken installation, numbers that
     overflow, an answer that is no trace.  ``offers`` is what its remedies may tell a person to change.
     """
+    cause: Cause | None = None
     try:
         return counted(request, answered(simulator, request, resolve(simulator).simulate))
     except SimulationError as error:
-        return failure(simulator, request, error.said(offers), error.cause)
+        why, cause = error.said(offers), error.cause
     except Unsupported as error:
-        return failure(simulator, request, str(error), error.cause)
+        why, cause = str(error), error.cause
     except SimulatorMissing as error:
-        return failure(simulator, request, str(error))
+        why = str(error)
     except (ArithmeticError, np.linalg.LinAlgError) as error:
-        why = (
-            f"{simulator} {request.joint_model} {request.motion} ({request.mechanism.name}): {Cause.OVERFLOW.words}"
-            f" ({error}); {Cause.OVERFLOW.remedy}"
-        )
-        return failure(simulator, request, why, Cause.OVERFLOW)
+        cause = Cause.OVERFLOW
+        run = f"{simulator} {request.joint_model} {request.motion} ({request.mechanism.name})"
+        why = f"{run}: {cause.words} ({error}); {cause.remedy}"
     except ImportError as error:
-        return failure(simulator, request, f"{simulator}: its installation is broken ({error}); install it anew")
+        why = f"{simulator}: its installation is broken ({error}); install it anew"
+    return Failure(simulator=simulator, joint_model=request.joint_model, why=why, cause=cause)
 
 
 def simulate_all(
@@ -95,7 +90,7 @@ def simulate_all(
             yield i, ended.value
         elif isinstance(ended.error, Died):
             why = f"{simulator} {request.joint_model} {request.motion}: {ended.error}"
-            yield i, failure(simulator, request, why)
+            yield i, Failure(simulator=simulator, joint_model=request.joint_model, why=why)
         elif ended.error is not None:
             raise ended.error
 

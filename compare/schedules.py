@@ -20,11 +20,11 @@ from analytic.kinematics.schedule import KNOTS, Knots, Schedule
 from analytic.mechanism.errors import quoted
 from analytic.mechanism.signals import Signal, position, turned_near
 from compare.arguments import MOST, numbers
-from compare.arguments import path as a_path
 from compare.faults import ArgumentError, DegreesWarning
 from compare.judge.grid import FARTHEST, FREE_TIME, GridError, chosen_angles
 from compare.questions.analyse import AnalyseQuestion, ExportQuestion, SimulateQuestion
 from compare.questions.crosscheck import CrosscheckQuestion
+from compare.questions.shared import AnyPath
 from compare.recorded.errors import DataError
 from sim_models.engine import Motion
 
@@ -100,7 +100,11 @@ def _check_over_time(assembly: Assembly, motion: Motion, angles: object) -> None
 
 
 def over_time(
-    assembly: Assembly, at_rest: bool = False, times: object = None, course: object = None, path: object = None
+    assembly: Assembly,
+    at_rest: bool = False,
+    times: object = None,
+    course: AnyPath | None = None,
+    path: AnyPath | None = None,
 ) -> Schedule:
     """A schedule over time.  Raises ArgumentError, GridError or DataError."""
     if course is not None and path is not None:
@@ -110,13 +114,13 @@ def over_time(
         asked = numbers(times, "times", "s")
         if asked.size > MOST or np.any(asked < 0) or np.any(np.diff(asked) <= 0):
             raise ArgumentError("times", f"give at most {MOST} times (s) from 0 on, each later than the one before")
-    if course is None and path is None:
-        return at_their_speeds(assembly, asked, at_rest)
     if path is not None:
-        courses, rows = of_path(a_path(path, "path"), assembly)
-    else:
-        courses = of_file(a_path(course, "course"), assembly)
+        courses, rows = of_path(Path(path), assembly)
+    elif course is not None:
+        courses = of_file(Path(course), assembly)
         rows = next(iter(courses.values()))[0] if courses else np.zeros(0)
+    else:
+        return at_their_speeds(assembly, asked, at_rest)
     return Schedule.along(courses, times_within(courses, rows, asked), at_rest=at_rest)
 
 

@@ -255,6 +255,3 @@ def _knock(address: str) -> None:
     get_backend(scheme)
     if scheme in ("tcp", "tls"):
         socket.create_connection(parse_host_port(place, 8786), CONNECT).close()
-
-
-__all__ = ["ClusterError", "Died", "Ended", "Outcome", "spread", "sweep"]

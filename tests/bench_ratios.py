@@ -113,7 +113,7 @@ def sweep() -> None:
     from analytic.mechanism.file import load
     from compare.domain_map.cell import examine
     from compare.domain_map.map import Grid, cells
-    from compare.judge.discrepancy import load_tolerances
+    from compare.judge.tolerances import load_tolerances
     from compare.report.words.validity import RPM
     from compare.sweep import sweep as spread
 

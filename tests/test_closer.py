@@ -14,7 +14,7 @@ from analytic.mechanism.file import load
 from asked import job_of, request_of
 from compare.crosscheck import crosscheck_job
 from compare.judge.closer import HARDER
-from compare.judge.discrepancy import load_tolerances
+from compare.judge.tolerances import load_tolerances
 from sim_models.common.contact_laws import STATIC_STIFFNESS
 from sim_models.engine import Engine, Request, Trace, engine
 

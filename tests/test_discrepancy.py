@@ -16,19 +16,16 @@ from compare.judge.discrepancy import (
     Discrepancy,
     Rule,
     Scales,
-    ToleranceError,
     Tube,
     contact_give,
     difference,
     judge,
-    known_differences,
-    load_tolerances,
     run_rules,
 )
 from compare.judge.grid import default_angles
 from compare.judge.reference import reference
 from compare.judge.signals import DRIVE_TORQUE, UNITS, compared, kind_of, with_derived
-from compare.judge.tolerances import Known, Line
+from compare.judge.tolerances import Known, Line, ToleranceError, known_differences, load_tolerances
 from sim_models.engine import JointModel
 
 THETA = np.linspace(0.3, 2.8, 51)

@@ -20,7 +20,7 @@ from commands import compare
 from compare.crosscheck import crosscheck_job
 from compare.domain_map.cell import examine
 from compare.domain_map.map import Grid, cells
-from compare.judge.discrepancy import load_tolerances
+from compare.judge.tolerances import load_tolerances
 from compare.report.words.validity import RPM
 from sim_models.common.failed_starts import TooSoft, own_start
 from sim_models.engine import Motion, Request, SimulationError, engine

@@ -16,7 +16,7 @@ from asked import job_of, request_of
 from compare.baseline.runs import setups
 from compare.crosscheck import crosscheck_job
 from compare.judge.closer import too_soft
-from compare.judge.discrepancy import load_tolerances
+from compare.judge.tolerances import load_tolerances
 from linkages import inverted_slider, jansen_leg
 from marks import slow
 from sim_models.common.health import LIMITS, Implausible, check, misses

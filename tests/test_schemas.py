@@ -20,9 +20,8 @@ from asked import job_of
 from compare import cli
 from compare.cli.app import app
 from compare.crosscheck import crosscheck_job
-from compare.judge.discrepancy import load_tolerances
 from compare.judge.grid import FREE_TIME, default_angles
-from compare.judge.tolerances import Known
+from compare.judge.tolerances import Known, load_tolerances
 from compare.results.schemas import FOLDER, documents, schema
 from marks import slow
 from planted import Planted, turned
@@ -177,7 +176,7 @@ def test_several_engines_a_failure_and_a_known_difference_are_in_the_schema() ->
     job = job_of(
         mechanism,
         tuple(engines),
-        TOLERANCES.with_known(known),
+        TOLERANCES.model_copy(update={"known": (known,)}),
         motion="static",
         theta=np.radians(np.arange(20.0, 161.0, 20.0)),
     )

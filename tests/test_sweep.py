@@ -23,7 +23,7 @@ from analytic.mechanism.file import load
 from asked import request_of
 from compare.domain_map.cell import examine
 from compare.domain_map.map import Grid, cells
-from compare.judge.discrepancy import load_tolerances
+from compare.judge.tolerances import load_tolerances
 from compare.report.words.validity import RPM
 from compare.results.crosscheck import Failure
 from compare.runs import simulate_all

@@ -36,8 +36,8 @@ from compare.domain_map.cell import Task, examined, judged
 from compare.domain_map.map import Grid, cells, clearance_joints, summarised, too_soft, versions
 from compare.files import to_json
 from compare.judge.assumptions import Examined
-from compare.judge.discrepancy import load_tolerances
 from compare.judge.grid import default_angles
+from compare.judge.tolerances import load_tolerances
 from compare.report.validity_figure import BOUNDARIES, PREDICTED, draw
 from compare.report.words.validity import RPM, about, brief, percent
 from compare.results.validity import Boundary, Cell, Failed, Validity

@@ -23,7 +23,6 @@ from compare.quantities import amount
 from compare.recorded.errors import DataError
 from compare.recorded.guess import EVEN, Guessed, guess
 from compare.recorded.likeness import Guess
-from compare.recorded.motion import encoder_of
 from compare.recorded.text import ROWS
 
 
@@ -141,7 +140,7 @@ def _drive(one: Guessed, mechanism: Mechanism) -> list[str]:
     if not mechanism.cranked:
         what = "a slide" if mechanism.sliding else "several drives" if len(mechanism.drives) > 1 else "such a drive"
         return [f'drive = "measured"    # the only kind of run of {what}']
-    encoder, time = encoder_of(mechanism), one.values["time"]
+    encoder, time = mechanism.encoder.name, one.values["time"]
     angle = one.values.get(encoder, np.zeros(0))
     here = np.isfinite(angle)
     if mechanism.drive is None or mechanism.drive.speed == "free":

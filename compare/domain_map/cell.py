@@ -45,8 +45,7 @@ class Task(Place):
 
     def plain(self) -> dict[str, object]:
         """The task as plain data, which says nothing of what it does not ask for: so a map that was begun goes on."""
-        unasked = {"restitution", "revolutions"} - self.model_fields_set
-        return self.model_dump(exclude=unasked)
+        return self.model_dump(exclude={name for name in ("restitution", "revolutions") if not getattr(self, name)})
 
     @property
     def _place(self) -> dict[str, Any]:

@@ -124,7 +124,6 @@ def cells(grid: Grid) -> list[Task]:
     tolerances = grid.tolerances.only("driven", grid.joint_model)
     places = list(product(grid.layers, grid.speeds, grid.clearances))
     linkages = {(e, w, c): grid.linkage(w, c, e) for e, w, c in places}
-    optional: dict[str, Any] = {"revolutions": grid.revolutions} if grid.revolutions else {}
     return [
         Task(
             simulator=simulator,
@@ -136,8 +135,8 @@ def cells(grid: Grid) -> list[Task]:
             skip=skip,
             tolerances=tolerances,
             versions=versions(simulator),
-            **optional,
-            **_layer(restitution),
+            restitution=restitution,
+            revolutions=grid.revolutions,
         )
         for simulator in grid.simulators
         for restitution, speed, clearance in places

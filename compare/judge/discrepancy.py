@@ -11,21 +11,8 @@ import numpy as np
 from analytic.mechanism import Mechanism
 from analytic.mechanism.signals import AXES, Signal
 from compare.judge.signals import UNITS, Kind, Unit, compared, kind_of
-from compare.judge.tolerances import (
-    Known,
-    ToleranceError,
-    Tolerances,
-    check_known,
-    known_differences,
-    load_tolerances,
-)
+from compare.judge.tolerances import Known, Tolerances
 from sim_models.engine import JointModel, Motion, SettingValue
-
-__all__ = [
-    "Difference", "Discrepancy", "Rule", "Scales", "ToleranceError", "Tube",
-    "check_known", "contact_give", "contact_stiffness", "difference", "judge", "known_differences", "load_tolerances",
-    "run_rules",
-]  # fmt: skip
 
 Verdict = Literal["agrees", "disagrees", "known", "unjudged"]
 HIDDEN = "not told apart: the allowance is larger than the signal"

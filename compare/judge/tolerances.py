@@ -147,10 +147,6 @@ class Tolerances(_Part):
         sides = {"static": here if motion == "static" else {}, "driven": here if motion == "driven" else {}}
         return self.model_copy(update=sides | {"known": ()})
 
-    def with_known(self, *known: Known) -> Tolerances:
-        """These with other known differences in place of their own."""
-        return self.model_copy(update={"known": known})
-
 
 def load_tolerances(path: Path | None = None, called: str = "--tolerance") -> Tolerances:
     """The shipped tolerances, with a file's laid over them.  Raises ToleranceError, which calls the file's option or

@@ -163,8 +163,9 @@ class Whole(Kind[int]):
     def check(self, given: object, called: str) -> int:
         """The number."""
         if isinstance(given, Integral) and not isinstance(given, bool):
-            if self.least <= given and (self.most is None or given <= self.most):
-                return int(given)
+            number = int(given)
+            if self.least <= number and (self.most is None or number <= self.most):
+                return number
         accepted = f"of {self.least} or more" if self.most is None else f"from {self.least} to {self.most}"
         raise unusable(called, given, f"a whole number {accepted}")
 

@@ -34,9 +34,6 @@ class Everything:
 
 def every_column(file: Path, mechanism: Mechanism) -> Everything:
     """All that a file has.  Raises DataError, also where the column of time is none of numbers."""
-    if not file.is_file():
-        what = "is a folder; give the path of a file in it" if file.is_dir() else "no such file; give its path"
-        raise DataError(f"{file}: {what}")
     binary = reader(file)
     if binary is not None:
         all_of = binary(file)
@@ -98,6 +95,3 @@ def _apart(read: Callable[[Sequence[Column]], Rows], group: Sequence[Column], fo
         return
     for half, part in zip(halves, again, strict=True):
         yield from _apart(read, half, part)
-
-
-__all__ = ["Everything", "every_column"]

@@ -17,7 +17,10 @@ Columns = Mapping[str, np.ndarray | str]
 
 
 def reader(path: Path) -> Callable[[Path], Columns] | None:
-    """What reads a file of that name; None for text."""
+    """What reads a file of that name; None for text.  Raises DataError where there is no such file."""
+    if not path.is_file():
+        what = "is a folder; give the path of a file in it" if path.is_dir() else "no such file; give its path"
+        raise DataError(f"{path}: {what}")
     return {".parquet": _parquet, ".feather": _feather, ".arrow": _feather, ".mat": _mat}.get(path.suffix.lower())
 
 

@@ -170,6 +170,3 @@ def _wraps(values: np.ndarray) -> int | None:
     about = float(np.median(steps[back]) + np.median(steps[~back]))
     nearest = min(COUNTS, key=lambda n: abs(n - about))
     return nearest if abs(nearest - about) / nearest < NEAR else None
-
-
-__all__ = ["EVEN", "Guessed", "guess"]

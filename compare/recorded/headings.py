@@ -77,6 +77,11 @@ class Headings:
     cells: tuple[str, ...]
     used: frozenset[str]
 
+    @property
+    def all(self) -> list[Column]:
+        """The columns that are read, time first."""
+        return [self.time, *self.columns] if self.time else list(self.columns)
+
 
 class Names:
     """The signals that a file of a mechanism may have, by whatever it may call them."""

@@ -247,6 +247,3 @@ def _matched(heading: str, lines: Sequence[_Line], names: Names) -> Guess:
         whose.append("zero")
     why += f"; its {' and '.join(whose)} {'are' if whose[1:] else 'is'} the model's" if whose else ""
     return Guess(heading, signal, unit, scale, sign, float(f"{offset:.5g}"), why)
-
-
-__all__ = ["NEAR", "UNKNOWN", "Guess", "Told", "by_model", "zeroed"]

@@ -106,11 +106,6 @@ def off_by(time: np.ndarray, rounded: np.ndarray, late: np.ndarray, rate: np.nda
     return off if clocked else np.minimum(off, COARSEST)
 
 
-def encoder_of(mechanism: Mechanism) -> str:
-    """The signal that says where the crank is, or the slide."""
-    return mechanism.encoder.name
-
-
 def followed(time: np.ndarray, angle: np.ndarray, rounded: np.ndarray) -> Followed:
     """The motion through a crank's angles (N,) rad at times (N,) s: the angles themselves, rate and acceleration of a
     smooth course through them, and how far what they are ``rounded`` to (N,) and how far apart they are leave these

@@ -115,6 +115,3 @@ def _entry(meant: Column) -> str:
         others = meant.meaning.model_dump(exclude_defaults=True, exclude=set(fields))
         fields |= {name: f"{value:.12g}" for name, value in others.items()}
     return f"{{ {', '.join(f'{name} = {value}' for name, value in fields.items())} }}"
-
-
-__all__ = ["Reading", "line", "otherwise"]

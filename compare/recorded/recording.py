@@ -21,7 +21,6 @@ from compare.recorded.motion import (
     Followed,
     FollowedDrives,
     Start,
-    encoder_of,
     evenly,
     followed,
     followed_as_given,
@@ -83,7 +82,7 @@ def recording(
     """A table with the motion of the linkage in it.  Raises DataError or ArgumentError."""
     if not Assembly(mechanism).structure.by_crank:
         return _of_drives(name, file, table, mechanism)
-    encoder, where = encoder_of(mechanism), Path(file).name
+    encoder, where = mechanism.encoder.name, Path(file).name
     table = _kept(table)
     angle = table.values.get(encoder)
     released = mechanism.drive is None or mechanism.drive.speed == "free"
@@ -120,8 +119,8 @@ def _at_its_speed(name: str, file: str, table: Table, mechanism: Mechanism, moti
     if mechanism.speed is None or motion == "static" or not table.time.size:
         heading = "crank_angle [deg]"
         raise DataError(
-            f"{Path(file).name}: has no column {encoder_of(mechanism)!r}, and nothing else says where the crank is; add"
-            f" {heading!r}, or say in a map which column it is"
+            f"{Path(file).name}: has no column {mechanism.encoder.name!r}, and nothing else says where the crank is;"
+            f" add {heading!r}, or say in a map which column it is"
         )
     return Recording(name, file, table, "angles", mechanism.assembly[mechanism.driven] + mechanism.speed * table.time)
 
@@ -185,6 +184,3 @@ def _kept(table: Table) -> Table:
     note = f"of {rows} rows one in {every} is compared"
     values = {name: each[::every] for name, each in table.values.items()}
     return replace(table, time=table.time[::every], values=values, notes=(*table.notes, note))
-
-
-__all__ = ["Kind", "Recording", "recording"]

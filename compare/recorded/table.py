@@ -17,7 +17,7 @@ from compare.recorded.errors import DataError
 from compare.recorded.formats import Columns, reader
 from compare.recorded.headings import TIME, Column, Headings, Names, read_headings
 from compare.recorded.rounding import decimal, rounding
-from compare.recorded.text import ROWS, coding, header, rows
+from compare.recorded.text import ROWS, Rows, coding, header, rows
 
 LARGEST = 1e30  # SI, of any number that is read; nothing on a bench is as large, and its square is still a number
 LAST = 1e-12  # of the largest number: what a change of unit rounds away
@@ -74,16 +74,6 @@ class Table:
         return found
 
 
-@dataclass(frozen=True)
-class _Read:
-    """Readings (rows, columns), NaN where there are none, the place of each row as messages call it, and faults."""
-
-    numbers: np.ndarray
-    lines: np.ndarray
-    faults: tuple[str, ...]
-    row: str = "line"
-
-
 def read_table(
     path: Path,
     mechanism: Mechanism,
@@ -98,9 +88,6 @@ def read_table(
     reads.  Raises DataError with every fault that was found.
     """
     try:
-        if not path.is_file():
-            what = "is a folder; give the path of a file in it" if path.is_dir() else "no such file; give its path"
-            raise DataError(f"{path}: {what}")
         names = Names(mechanism, layout, mappable, derived)
         binary = reader(path)
         return _of_columns(path, binary(path), names, timed) if binary else _of_text(path, names, timed)
@@ -118,23 +105,21 @@ def _of_text(path: Path, names: Names, timed: bool) -> Table:
         coded = coding(path)
         top = header(path, coded, names)
         found = read_headings(top.cells, top.units, names, f"{path.name}: line {top.line}", timed)
-        wanted = [found.time, *found.columns] if found.time else list(found.columns)
-        read = rows(path, coded, top, wanted) if wanted else None
+        read = rows(path, coded, top, found.all) if found.all else None
     except csv.Error as error:
         raise DataError(f"{path.name}: is not a CSV file ({error}); give rows of numbers separated by commas") from None
     if read is None:
         raise DataError(*found.faults)
     notes = [note for note in (coded.note, *top.notes) if note]
-    return _table(path, found, notes, _Read(read.numbers, read.lines, read.faults), timed)
+    return _table(path, found, notes, read, timed)
 
 
 def _of_columns(path: Path, columns: Columns, names: Names, timed: bool) -> Table:
     """The table of a file that is read by columns."""
     found = read_headings(list(columns), {}, names, path.name, timed)
-    wanted = [found.time, *found.columns] if found.time else list(found.columns)
     cells = list(columns.values())
     faults, numbers = [], []
-    for column in wanted:
+    for column in found.all:
         values = cells[column.place]
         if isinstance(values, str):
             faults.append(f"{path.name}: column {column.place + 1}, {column.signal.name!r}, {values}; give numbers")
@@ -149,13 +134,12 @@ def _of_columns(path: Path, columns: Columns, names: Names, timed: bool) -> Tabl
         row = int(np.argmax(np.isnan(numbers[0]))) + 1
         raise DataError(f"{path.name}: row {row} has no time; give every row its time or delete the row")
     size = numbers[0].size
-    return _table(path, found, [], _Read(np.column_stack(numbers), np.arange(1, size + 1), (), "row"), timed)
+    return _table(path, found, [], Rows(np.column_stack(numbers), np.arange(1, size + 1), (), "row"), timed)
 
 
-def _table(path: Path, found: Headings, notes: Sequence[str], read: _Read, timed: bool) -> Table:
+def _table(path: Path, found: Headings, notes: Sequence[str], read: Rows, timed: bool) -> Table:
     """What was read as a table.  Raises DataError."""
-    wanted = [found.time, *found.columns] if found.time else list(found.columns)
-    faults = [*found.faults, *read.faults]
+    wanted, faults = found.all, [*found.faults, *read.faults]
     fewest = ROWS if timed or found.time else 1
     if len(read.numbers) < fewest and not read.faults:
         faults.append(f"{path.name}: has {count(len(read.numbers), 'row')} of numbers; at least {fewest} are needed")
@@ -181,7 +165,7 @@ def unused(where: str, entry: str, headings: Sequence[str]) -> str:
     return f"{where}columns.{shown(entry)} is no heading of a data file; {remedy}"
 
 
-def _differing(name: str, read: _Read, columns: Sequence[Column], series: Sequence[np.ndarray]) -> Iterator[str]:
+def _differing(name: str, read: Rows, columns: Sequence[Column], series: Sequence[np.ndarray]) -> Iterator[str]:
     """A fault for each signal of two columns that are not alike, but for what their numbers are rounded to."""
     first: dict[str, int] = {}
     for k, column in enumerate(columns):
@@ -193,7 +177,7 @@ def _differing(name: str, read: _Read, columns: Sequence[Column], series: Sequen
             yield f"{name}: {at} are both {column.signal.name!r}, and differ; leave one of them out"
 
 
-def _out_of_range(name: str, read: _Read, columns: Sequence[Column], values: Mapping[str, np.ndarray]) -> list[str]:
+def _out_of_range(name: str, read: Rows, columns: Sequence[Column], values: Mapping[str, np.ndarray]) -> list[str]:
     """Readings that nothing on a bench has, the first of each column."""
     faults = []
     for k, column in enumerate(columns):
@@ -206,7 +190,7 @@ def _out_of_range(name: str, read: _Read, columns: Sequence[Column], values: Map
     return faults
 
 
-def _disorder(name: str, read: _Read, time: np.ndarray, column: Column) -> list[str]:
+def _disorder(name: str, read: Rows, time: np.ndarray, column: Column) -> list[str]:
     """What is wrong with the order of time: where it runs back, stays, or hardly moves, the first of them."""
     stamps, steps = read.numbers[:, 0], np.diff(time)
     wrong = np.flatnonzero(steps < SHORTEST)
@@ -224,6 +208,3 @@ def _disorder(name: str, read: _Read, time: np.ndarray, column: Column) -> list[
         f"{at}: time runs back from {before} to {after}{more}; put the rows in order of time, one run in a"
         " file, and let a clock run on that starts again"
     ]
-
-
-__all__ = ["LARGEST", "Table", "read_table", "unused"]

@@ -56,11 +56,14 @@ class Header:
 
 @dataclass(frozen=True)
 class Rows:
-    """Readings (rows, columns) in the units of the file, NaN in an empty cell, and each row's line number (rows,)."""
+    """Readings (rows, columns) in the units of the file, NaN in an empty cell, and each row's number (rows,), of a line
+    or whatever messages call a ``row``.
+    """
 
     numbers: np.ndarray
     lines: np.ndarray
     faults: tuple[str, ...]
+    row: str = "line"
 
 
 @dataclass(frozen=True)

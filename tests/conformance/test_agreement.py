@@ -14,8 +14,8 @@ from analytic.mechanism.file import load
 from analytic.paper.clearance import displaced
 from asked import job_of
 from compare.crosscheck import crosscheck_job
-from compare.judge.discrepancy import load_tolerances
 from compare.judge.grid import default_angles
+from compare.judge.tolerances import load_tolerances
 from engine_checks import at_speed
 from marks import slow_but
 from sim_models.engine import ENGINES, JOINT_MODELS, MOTIONS, JointModel, Motion, declared
