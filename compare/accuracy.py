@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -28,7 +27,8 @@ from compare.questions.question import answers
 from compare.results import accuracy as results
 from compare.results.accuracy import Accuracy, MonteCarlo, Point, Radius, SideChange, Spread
 from compare.schedules import crank_angles
-from sim_models.engine import Motion, installed_version
+from compare.versions import versions
+from sim_models.engine import Motion
 
 
 @answers(AccuracyQuestion)
@@ -204,9 +204,3 @@ def _side_changes(found: Found) -> tuple[SideChange, ...]:
         )
         for k, change in enumerate(found.side_changes)
     )
-
-
-def versions() -> dict[str, str]:
-    """Version by package, of what computed a result."""
-    packages = {name: installed_version(name) or "not installed" for name in ("linkage-crosscheck", "numpy")}
-    return {"python": platform.python_version(), **packages}

@@ -38,7 +38,6 @@ from compare.arguments import (
 from compare.crosscheck import Job, Ran, concluded, judged, run_all
 from compare.diagnose.data.quality import LIKE_UNIT, REVERSED, looks
 from compare.faults import ArgumentError
-from compare.judge.closer import Judged
 from compare.judge.discrepancy import UNCOMPARED, Rule, difference
 from compare.judge.reference import (
     SURE,
@@ -46,6 +45,7 @@ from compare.judge.reference import (
     reference,
     silenced,
 )
+from compare.judge.reruns import Judged
 from compare.judge.signals import UNITS
 from compare.left_out import Asked, omitted
 from compare.progress import Progress, progress_bar

@@ -6,7 +6,6 @@ does it.
 
 from __future__ import annotations
 
-import platform
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -39,7 +38,6 @@ from compare.arguments import (
 from compare.faults import ArgumentError
 from compare.judge.assumptions import failing_assumption
 from compare.judge.attribution import attribute
-from compare.judge.closer import Judged, settle, too_soft
 from compare.judge.contact import TURN
 from compare.judge.discrepancy import (
     Discrepancy,
@@ -51,13 +49,13 @@ from compare.judge.discrepancy import (
 )
 from compare.judge.flexible import Beams, softened
 from compare.judge.grid import turns_fully
-from compare.judge.longer import prolong, span
 from compare.judge.reference import (
     SURE,
     Reference,
     reference,
     with_flexible_links,
 )
+from compare.judge.reruns import Judged, prolong, settle, span, too_soft
 from compare.judge.signals import compared, recorded, with_derived, with_rotations
 from compare.judge.statistics import held_together
 from compare.judge.tolerances import Tolerances, check_known, known_differences
@@ -71,6 +69,7 @@ from compare.results.crosscheck import CrossCheck, Failure, Path, Printed, Run, 
 from compare.results.crosscheck import Discrepancy as Judgement
 from compare.runs import Counted, Resolve, simulate_all
 from compare.schedules import scheduled
+from compare.versions import versions
 from sim_models.common.contact_laws import assumed_of_contact
 from sim_models.engine import (
     JOINT_MODELS,
@@ -83,7 +82,6 @@ from sim_models.engine import (
     Unsupported,
     check_supported,
     engine,
-    installed_version,
 )
 
 STRIKING: tuple[JointModel, ...] = ("contact", "spring-damper")  # whose pins and blocks may leave their walls
@@ -96,7 +94,7 @@ class Job:
     """What to cross-check: a mechanism along a schedule, in engines.
 
     ``beside`` are signals that are judged too, as a file of results has them.
-    ``as_it_is`` takes every run as it comes, where others are looked at more closely (:mod:`compare.judge.closer`).
+    ``as_it_is`` takes every run as it comes, where others are looked at more closely (:mod:`compare.judge.reruns`).
     With ``flexible`` bodies that have a modulus of elasticity bend, in static motion; else all are rigid.
     Contact is watched over so many ``revolutions`` at the utmost (0: not at all) as its statistics need to converge;
     ``as_it_is`` over just as many.
@@ -361,11 +359,19 @@ def concluded(job: Job, ran: Ran, alike: Callable[[Judged], bool] = lambda one: 
     """
     runs = tuple(one.run for one in ran.judged)
     statistics = held_together(runs, job.tolerances)
-    result = CrossCheck(
+    optional: dict[str, Any] = {"statistics": statistics} if statistics else {}
+    printed = printed_figures(job.mechanism)
+    if printed:
+        optional["printed"] = tuple(Printed(**vars(one) | {"signal": one.signal.name}) for one in printed)
+    together = [(one.run, one.rules) for one in ran.judged if alike(one)]
+    if len({run.simulator.name for run, _ in together}) > 1:
+        apart = attribute(together)
+        optional |= {"spread": apart.spread, "odd_one_out": apart.odd_one_out, "words": between_engines(apart)}
+    return CrossCheck(
         case=job.mechanism.name,
         verdict=_verdict(runs, ran.failures, statistics),
         command=job.command,
-        versions=_versions(runs),
+        versions=versions({run.simulator.name: run.simulator.version for run in runs}),
         mechanism=job.mechanism,
         warnings=(
             *job.warnings,
@@ -382,28 +388,8 @@ def concluded(job: Job, ran: Ran, alike: Callable[[Judged], bool] = lambda one: 
         assumed=tuple(_assumed(job.mechanism, runs)),
         runs=tuple(_explained(job, run) for run in runs),
         failures=ran.failures,
+        **optional,
     )
-    printed = tuple(
-        Printed(
-            signal=one.signal.name,
-            crank_angle=one.crank_angle,
-            printed=one.printed,
-            first_order=one.first_order,
-            equilibrium=one.equilibrium,
-            source=one.source,
-        )
-        for one in printed_figures(job.mechanism)
-    )
-    if printed:
-        result = result.model_copy(update={"printed": printed})
-    if statistics:
-        result = result.model_copy(update={"statistics": statistics})
-    together = [(one.run, one.rules) for one in ran.judged if alike(one)]
-    if len({run.simulator.name for run, _ in together}) < 2:
-        return result
-    found = attribute(together)
-    several = {"spread": found.spread, "odd_one_out": found.odd_one_out, "words": between_engines(found)}
-    return result.model_copy(update=several)
 
 
 def _assumed(mechanism: Mechanism, runs: Sequence[Run]) -> Iterator[Assumed]:
@@ -632,12 +618,3 @@ def _public(d: Discrepancy, theta: np.ndarray) -> Judgement:
         verdict=d.verdict,
         **reason,
     )
-
-
-def _versions(runs: Sequence[Run]) -> dict[str, str]:
-    packages = {name: installed_version(name) or "not installed" for name in ("linkage-crosscheck", "numpy")}
-    return {
-        "python": platform.python_version(),
-        **packages,
-        **{run.simulator.name: run.simulator.version for run in runs},
-    }

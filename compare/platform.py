@@ -4,7 +4,7 @@ motion or over its workspace.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,7 +24,7 @@ from analytic.paper.compliance import compliance
 from analytic.paper.envelope import Output
 from analytic.paper.frame import ComplianceError
 from analytic.paper.kinetostatics import kinetostatics
-from compare.accuracy import named_outputs, versions
+from compare.accuracy import named_outputs
 from compare.arguments import (
     linkage,
     noted,
@@ -38,6 +38,7 @@ from compare.questions.accuracy import Grid, PlatformQuestion
 from compare.questions.question import answers
 from compare.results.platform import Map, Place, PlatformAccuracy, PointError, PoseError
 from compare.schedules import over_time
+from compare.versions import versions
 
 POORLY_HELD = (300.0, 100.0, 30.0, 10.0)  # condition of the loops, up to which finite errors are sought, in turn
 MOST_POSES = 250_000
@@ -189,16 +190,21 @@ def _reached(assembly: Assembly, outputs: Sequence[Output], grid: Grid, angle: f
     return workspace(assembly, wanted, x, y, angle)
 
 
+def _well_held(told: Platform) -> Iterator[tuple[float, np.ndarray]]:
+    """Limits of the condition of holding, each lower than the one before, and the poses (indices) below each."""
+    for limit in POORLY_HELD:
+        held = np.flatnonzero(told.holding < limit)
+        if held.size:
+            yield limit, held
+
+
 def _equilibria(assembly: Assembly, coordinates: np.ndarray, told: Platform) -> tuple[Moved | None, str]:
     """The equilibria of finite gaps where the linkage is held well, and a sentence on what is left out.
 
     Near a singular pose gaps may keep the linkage from closing: it is sought where it is held better.
     """
     chosen = list(assembly.structure.inputs)
-    for limit in POORLY_HELD:
-        held = np.flatnonzero(told.holding < limit)
-        if not held.size:
-            break
+    for limit, held in _well_held(told):
         near = coordinates[:, held]
         try:
             found = displaced(assembly, near[chosen], inertia=False, near=Followed(near))
@@ -270,10 +276,7 @@ def _elastic(told: Platform, outputs: Sequence[Output]) -> dict[Output, np.ndarr
     if not (m.bends or m.drive_stiffness or any(joint.elasticity is not None for joint in m.joints)):
         return {d: np.zeros(n) for d in outputs}
     out = {d: np.full(n, np.nan) for d in outputs}
-    for limit in POORLY_HELD:
-        held = np.flatnonzero(told.holding < limit)
-        if not held.size:
-            break
+    for limit, held in _well_held(told):
         try:
             found = compliance(told.motion.part(held))
         except ComplianceError as error:

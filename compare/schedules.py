@@ -22,7 +22,7 @@ from analytic.mechanism.signals import Signal, position, turned_near
 from compare.arguments import MOST, numbers
 from compare.faults import ArgumentError, DegreesWarning
 from compare.judge.grid import FARTHEST, FREE_TIME, GridError, chosen_angles
-from compare.questions.analyse import AnalyseQuestion, ExportQuestion, SimulateQuestion
+from compare.questions.analyse import AnalyseQuestion, SimulateQuestion
 from compare.questions.crosscheck import CrosscheckQuestion
 from compare.questions.shared import AnyPath
 from compare.recorded.errors import DataError
@@ -31,7 +31,7 @@ from sim_models.engine import Motion
 if TYPE_CHECKING:
     from compare.recorded.table import Table
 
-MovedQuestion = CrosscheckQuestion | AnalyseQuestion | SimulateQuestion | ExportQuestion
+MovedQuestion = CrosscheckQuestion | AnalyseQuestion | SimulateQuestion
 TURNS = 4 * math.pi  # rad; crank angles beyond two turns were probably given in degrees
 USUAL = 1.0  # s, as far as the drives get
 SAMPLES = 50

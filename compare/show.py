@@ -99,6 +99,8 @@ def provenance(
         raise ArgumentError(
             "signal", f"{name} is not a signal of the mechanism {result.mechanism.name} that the result is about"
         )
+    if not math.isfinite(at):
+        raise _outside(having[0], at, result.over_time)
     return Provenance(
         case=result.case,
         command=result.command,
@@ -108,7 +110,7 @@ def provenance(
         acts=words.acts(result.mechanism, signal),
         unit=signal.unit,
         over_time=result.over_time,
-        at=_given(having[0], at, result.over_time),
+        at=at,
         runs=tuple(_sample(run, signal, at, result.over_time) for run in having),
     )
 
@@ -136,13 +138,6 @@ def _places(run: Run, over_time: bool) -> np.ndarray:
     if not over_time:
         return run.crank_angle
     return np.array([]) if run.time is None else run.time
-
-
-def _given(run: Run, at: float, over_time: bool) -> float:
-    """What was asked for, if it is a number.  Raises ArgumentError."""
-    if not math.isfinite(at):
-        raise _outside(run, at, over_time)
-    return at
 
 
 def _nearest(run: Run, at: float, over_time: bool) -> tuple[int, float]:

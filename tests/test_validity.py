@@ -33,7 +33,7 @@ from asked import job_of
 from commands import Ended, compare, compare_alone, without
 from compare.crosscheck import crosscheck_job
 from compare.domain_map.cell import Task, examined, judged
-from compare.domain_map.map import Grid, cells, clearance_joints, summarised, too_soft, versions
+from compare.domain_map.map import Grid, cells, clearance_joints, summarised, too_soft
 from compare.files import to_json
 from compare.judge.assumptions import Examined
 from compare.judge.grid import default_angles
@@ -42,6 +42,7 @@ from compare.report.validity_figure import BOUNDARIES, PREDICTED, draw
 from compare.report.words.validity import RPM, about, brief, percent
 from compare.results.validity import Boundary, Cell, Failed, Validity
 from compare.schedules import at_their_speeds
+from compare.versions import installed
 from linkages import shaper
 from marks import slow
 from planted import Planted, truth, turned
@@ -782,4 +783,4 @@ def test_a_map_takes_the_drive_as_rigid_and_says_so(tmp_path: Path) -> None:
 
 
 def test_an_engine_is_listed_by_the_version_of_its_package() -> None:
-    assert all(versions(name)[name] == installed_version(declared(name).package) for name in ENGINES)
+    assert all(installed(name)[name] == installed_version(declared(name).package) for name in ENGINES)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import platform
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -18,14 +17,14 @@ from compare.domain_map.cell import Task
 from compare.domain_map.leaving import boundary
 from compare.faults import ArgumentError, no_pin
 from compare.judge.assumptions import ASSUMPTIONS
-from compare.judge.closer import SOFT
 from compare.judge.grid import default_angles, turns_fully
+from compare.judge.reruns import SOFT
 from compare.judge.tolerances import Tolerances
 from compare.report.words import validity as words
 from compare.results.validity import Between, Boundary, Cell, Failed, Law, Limits, Meaning, Validity
+from compare.versions import installed, versions
 from sim_models.common.contact_laws import assumed_of_contact, contact_parameters
 from sim_models.common.failed_starts import STIFF
-from sim_models.engine import declared, installed_version
 
 RealJoint = Literal["massless-link", "spring-damper", "contact"]
 
@@ -134,7 +133,7 @@ def cells(grid: Grid) -> list[Task]:
             crank_angle=theta,
             skip=skip,
             tolerances=tolerances,
-            versions=versions(simulator),
+            versions=versions(installed(simulator)),
             restitution=restitution,
             revolutions=grid.revolutions,
         )
@@ -158,14 +157,6 @@ def _angles(assembly: Assembly) -> tuple[np.ndarray, int]:
     return theta, 0 if turns_fully(assembly) or theta.size == 1 else 1
 
 
-def versions(*simulators: str) -> dict[str, str]:
-    """Versions of what a result comes from."""
-    packages = {name: name for name in ("linkage-crosscheck", "numpy")} | {
-        name: declared(name).package for name in simulators
-    }
-    return {name: installed_version(package) or "not installed" for name, package in packages.items()}
-
-
 # ---------------------------------------------------------------- what they come to
 
 
@@ -178,7 +169,7 @@ def summarised(grid: Grid, tasks: Sequence[Task], found: Sequence[Cell | Failed]
     result = Validity(
         case=grid.mechanism.name,
         mechanism=grid.mechanism,
-        versions={"python": platform.python_version(), **versions(*grid.simulators)},
+        versions=versions(installed(*grid.simulators)),
         simulators=grid.simulators,
         joint_model=grid.joint_model,
         motion="driven",

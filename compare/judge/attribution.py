@@ -13,20 +13,10 @@ from itertools import combinations, permutations
 import numpy as np
 
 from analytic.mechanism.signals import Signal
-from compare.judge.discrepancy import Rule, difference
-from compare.results.crosscheck import Run
-from compare.results.crosscheck import Spread as Widest
+from compare.judge.discrepancy import Difference, Rule, difference
+from compare.results.crosscheck import Run, Spread
 
 ANALYTIC = "analytic"
-
-
-@dataclass(frozen=True)
-class Spread:
-    """Largest difference between any two engines on a signal (its unit), where, and which two."""
-
-    max: float
-    at: int
-    between: tuple[str, str]
 
 
 @dataclass(frozen=True)
@@ -47,24 +37,25 @@ class Attribution:
     ``differ`` says whether any of them disagrees with the analytic model, ``struck`` whether pins struck in any.
     """
 
-    spread: Mapping[str, Widest]
+    spread: Mapping[str, Spread]
     odd_one_out: str | None
     clearest: Apart | None
     differ: bool
     struck: bool
 
 
-def spread(signal: Signal, engines: Mapping[str, np.ndarray], tolerance: np.ndarray) -> Spread | None:
-    """Spread of a signal between engines; None with fewer than two, or no common sample."""
+def spread(
+    signal: Signal, engines: Mapping[str, np.ndarray], tolerance: np.ndarray
+) -> tuple[Difference, tuple[str, str]] | None:
+    """The largest difference between any two engines on a signal, and which two; None with fewer than two, or no common
+    sample.
+    """
     pairs = [
-        (a, b, found)
+        (apart, (a, b))
         for a, b in combinations(engines, 2)
-        if (found := difference(signal.apart(engines[a], engines[b]), tolerance))
+        if (apart := difference(signal.apart(engines[a], engines[b]), tolerance))
     ]
-    if not pairs:
-        return None
-    a, b, widest = max(pairs, key=lambda pair: pair[2].share)
-    return Spread(abs(widest.max), widest.at, (a, b))
+    return max(pairs, key=lambda pair: pair[0].share, default=None)
 
 
 def stands_apart(signal: Signal, parties: Mapping[str, np.ndarray], tolerance: np.ndarray) -> Apart | None:
@@ -102,7 +93,7 @@ def attribute(judged: Sequence[tuple[Run, Mapping[str, Rule]]]) -> Attribution:
     within each joint model, by the widest rule among them, each by what it is off its own analytic side.
     """
     runs = [run for run, _ in judged]
-    widest: dict[str, Widest] = {}
+    widest: dict[str, Spread] = {}
     apart: list[Apart] = []
     for joint_model in dict.fromkeys(run.joint_model for run in runs):
         group = [run for run in runs if run.joint_model == joint_model]
@@ -121,9 +112,10 @@ def attribute(judged: Sequence[tuple[Run, Mapping[str, Rule]]]) -> Attribution:
             wide = spread(signal, engines, tolerance)
             if wide is None:
                 continue
-            if name not in widest or wide.max > widest[name].max:
-                at = float(theta[wide.at])
-                widest[name] = Widest(max=wide.max, at_crank_angle=at, between=wide.between, joint_model=joint_model)
+            largest, between = wide
+            size, at = abs(largest.max), float(theta[largest.at])
+            if name not in widest or size > widest[name].max:
+                widest[name] = Spread(max=size, at_crank_angle=at, between=between, joint_model=joint_model)
             found = stands_apart(signal, {ANALYTIC: analytic[name], **engines}, tolerance)
             if found is not None:
                 apart.append(found)

@@ -53,20 +53,11 @@ class SimulateQuestion(Question):
     path: Followed = None
 
 
-class ExportQuestion(Question):
+class ExportQuestion(SimulateQuestion):
     """What an engine is to do without this project."""
 
-    mechanism: Case = "paper"
     simulator: Annotated[
         str, Option("Engine whose model is wanted (see: compare simulators).", left_out=LeftOut.REFUSED)
     ] = "mujoco"
     _: KW_ONLY
     folder: Annotated[AnyPath, Option("Folder for the files.", Written("DIR"), name="out")]
-    joint_model: OneModel = "ideal"
-    motion: Drives = "driven"
-    clearance: Clearance = None
-    large: Large = False
-    angles: CrankAngles = None
-    times: GivenTimes = None
-    course: Course = None
-    path: Followed = None

@@ -1,4 +1,4 @@
-"""A disagreement near its tolerance is looked at more closely before it counts.
+"""Runs that are made again: finer where they disagree near a tolerance, longer where their averages have not converged.
 
 An engine's own error falls with its step, and with the give of a contact whose stiffness this project chose; the error
 of a model does not.  So a run that disagrees by little is made again, finer.  If the disagreement vanishes, it was the
@@ -6,6 +6,8 @@ engine's.  If it stays, it counts.  If it falls and does not vanish, the engine 
 
 A contact that lets its pin far beyond the rim hides the clearance.  It is made harder where this project chose its
 stiffness; the run has failed where the mechanism gives the stiffness, or the contact is still too soft.
+
+A run in which pins strike goes on until its averages over revolutions have converged, as far as it is let.
 """
 
 from __future__ import annotations
@@ -18,7 +20,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analytic.mechanism.signals import AXES, Signal
+from compare.judge.contact import TURN, more_revolutions
 from compare.judge.discrepancy import Rule
+from compare.report.words.contact import no_longer_run
 from compare.results.crosscheck import Discrepancy, Failure, Run
 from sim_models.common.contact_laws import default_stiffness
 from sim_models.common.failed_starts import STIFF
@@ -34,6 +38,8 @@ FALLS = 0.6  # of a disagreement that is an engine's, at most, is left in a fine
 HARDER = 16.0  # times as stiff
 SOFT = 0.5  # of a clearance: a pin that is seen farther beyond its rim hardly shows it
 HIDDEN = 1.0  # the same: it does not show it at all
+LONGER_ROUNDS = 3  # of runs that are made longer
+SHORT = 1e-6  # of a revolution, by which an engine's steps may end before it
 
 
 @dataclass(frozen=True)
@@ -184,3 +190,53 @@ def _undecided(one: Judged, why: str) -> Failure:
     said = f"{t.simulator} {t.joint_model} {t.motion}: {one.words} is its own error: {why}"
     cause = Cause.NOT_CONVERGED
     return Failure(simulator=t.simulator, joint_model=t.joint_model, why=f"{said}; {cause.remedy}", cause=cause)
+
+
+# ---------------------------------------------------------------- longer
+
+
+def prolong(
+    judged: Mapping[int, Judged | Failure],
+    requests: Mapping[int, Request],
+    simulate: Callable[[Mapping[int, Request]], Mapping[int, Trace | Failure]],
+    judge: Callable[[Trace], Judged],
+    most: float,
+) -> dict[int, Judged | Failure]:
+    """The runs, those whose statistics have not converged made again from their start, over more revolutions, ``most``
+    at the utmost.  Where a longer run fails, the shorter one stays and says so.
+    """
+    ended, asked = dict(judged), dict(requests)
+    for _ in range(LONGER_ROUNDS):
+        again = {i: longer for i, one in ended.items() if i in asked and (longer := _longer(asked[i], one, most))}
+        for i, outcome in (simulate(again) if again else {}).items():
+            if isinstance(outcome, Trace):
+                ended[i] = judge(outcome)
+            else:
+                ended[i] = _as_far(ended[i], outcome)
+                del asked[i]
+    return ended
+
+
+def _as_far(one: Judged | Failure, longer: Failure) -> Judged | Failure:
+    """A run that could not be prolonged, with the reason in its words."""
+    if isinstance(one, Failure) or one.run.contact is None:
+        return one
+    contact = one.run.contact.model_copy(update={"words": no_longer_run(one.run.contact.words, longer.why)})
+    return replace(one, run=one.run.model_copy(update={"contact": contact}))
+
+
+def _longer(request: Request, one: Judged | Failure, most: float) -> Request | None:
+    """The request of a longer run; None where that is no use, or not allowed."""
+    if isinstance(one, Failure) or one.run.contact is None or one.run.contact.revolutions < 1 - SHORT:
+        return None
+    found = one.run.contact
+    turns = min(math.ceil(more_revolutions(found)), most)
+    if turns < found.revolutions + 0.5:
+        return None
+    return replace(request, beyond=TURN * turns - span(request))
+
+
+def span(request: Request) -> float:
+    """How far (rad) the crank turns from the first report to the last one."""
+    angles = request.schedule.crank_angle
+    return 0.0 if angles is None else float(np.ptp(angles))
