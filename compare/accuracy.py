@@ -22,7 +22,7 @@ from compare.arguments import (
 )
 from compare.faults import ArgumentError
 from compare.left_out import Asked, omitted
-from compare.questions.accuracy import SAMPLES, AccuracyQuestion
+from compare.questions.accuracy import DRAWS, AccuracyQuestion
 from compare.questions.question import answers
 from compare.results import accuracy as results
 from compare.results.accuracy import Accuracy, MonteCarlo, Point, Radius, SideChange, Spread
@@ -59,7 +59,7 @@ def accuracy(question: AccuracyQuestion) -> Accuracy:
             seed=seed,
             nonlinear=nonlinear,
         )
-    asked = {"samples": samples != SAMPLES, "seed": seed != 0, "nonlinear": nonlinear}
+    asked = {"samples": samples != DRAWS, "seed": seed != 0, "nonlinear": nonlinear}
     unused = [f"{m.name}: {name} is of linkages with clearance; no joint has any" for name in asked if asked[name]]
     return found.model_copy(update={"warnings": (*warned, *(() if m.clearances else unused))})
 

@@ -51,8 +51,8 @@ ToleranceFile = Tolerances | str | PathLike[str]
 Metres = Mapping[str, float]
 """Radial clearance (m) by joint."""
 
-MOST = 1_000_000  # crank angles, and samples of a Monte Carlo: what a memory holds
-SMALL = 0.1  # of a body's length: a clearance up to this is small, as the paper's displacements are
+CAPACITY = 1_000_000  # crank angles, and samples of a Monte Carlo: what a memory holds
+SMALL_CLEARANCE = 0.1  # of a body's length: a clearance up to this is small, as the paper's displacements are
 
 
 def numbers(given: object, called: str, unit: str) -> np.ndarray:
@@ -131,7 +131,7 @@ def refuse_large(mechanism: Mechanism, called: str) -> None:
         if joint.guide is not None:
             lengths["its block"] = joint.guide[0]
         size, what = min(((size, what) for what, size in lengths.items() if size > 0), default=(math.inf, ""))
-        if joint.clearance > SMALL * size and not math.isclose(joint.clearance, SMALL * size):
+        if joint.clearance > SMALL_CLEARANCE * size and not math.isclose(joint.clearance, SMALL_CLEARANCE * size):
             raise ArgumentError(
                 called,
                 f"joint {joint.name!r} has clearance = {joint.clearance:g} m, more than a tenth of {what} ({size:g} m);"

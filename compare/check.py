@@ -40,13 +40,13 @@ from compare.diagnose.data.quality import LIKE_UNIT, REVERSED, looks
 from compare.faults import ArgumentError
 from compare.judge.discrepancy import UNCOMPARED, Rule, difference
 from compare.judge.reference import (
-    SURE,
+    SIGMAS,
     Reference,
     reference,
     silenced,
 )
-from compare.judge.reruns import Judged
-from compare.judge.signals import UNITS
+from compare.judge.reruns import JudgedRun
+from compare.judge.signals import KIND_UNITS
 from compare.left_out import Asked, omitted
 from compare.progress import Progress, progress_bar
 from compare.questions.check import CheckQuestion
@@ -54,14 +54,14 @@ from compare.questions.question import answers
 from compare.recorded.errors import DataError
 from compare.recorded.headings import Column
 from compare.recorded.motion import (
-    LEAST,
-    Followed,
-    FollowedDrives,
-    Start,
+    LEAST_SAMPLES,
+    RecordedDrives,
+    RecordedMotion,
+    ReleaseState,
     evenly,
     released_from,
 )
-from compare.recorded.readings import Reading, line, otherwise
+from compare.recorded.readings import TableReading, line, otherwise
 from compare.recorded.recording import Recording, recording
 from compare.recorded.rounding import rounding
 from compare.recorded.table import Table, read_table, unused
@@ -71,7 +71,7 @@ from sim_models.engine import JointModel, Motion, Request, Trace, engine
 
 NAMED = 4  # columns of which something is said, by name
 YIELDING = ("contact", "spring-damper")  # whose walls give: no table says how much, and theirs are taken as ours
-COARSE = 0.5  # of what a signal may differ by: where the course leaves it open by more, that is said
+LEFT_OPEN = 0.5  # of what a signal may differ by: where the course leaves it open by more, that is said
 
 
 @answers(CheckQuestion)
@@ -223,7 +223,7 @@ def _recorded(one: Recording, mechanism: Mechanism) -> dict[Signal, tuple[np.nda
     """
     if one.kind == "course" and mechanism.speed is not None:
         return {mechanism.encoder: (one.theta, mechanism.speed)}
-    if not isinstance(one.moved, FollowedDrives):
+    if not isinstance(one.moved, RecordedDrives):
         return {}
     drives, speeds = one.moved.drives, mechanism.drive_speeds
     return {position(mechanism.joint(n)): (each.moving.theta, speeds[n]) for n, each in drives.items() if n in speeds}
@@ -259,7 +259,7 @@ def _clocked(one: Recording, mechanism: Mechanism) -> list[str]:
             for encoder, (values, speed) in drives.items()
         ]
 
-    read = Reading.of(one.table)
+    read = TableReading.of(one.table)
     if not drives or any(at_speed(read.table)):
         return []
     meant = next((each for each in read.clocks() if all(at_speed(each.table))), None)
@@ -300,7 +300,7 @@ class _Asked:
         """The analytic side at a recording's samples.  Raises AssemblyError."""
         return _side(one, self.mechanism(one), self.motion, self.joint_model, self.job.model)
 
-    def held(self, one: Recording) -> tuple[Reference, Judged]:
+    def held(self, one: Recording) -> tuple[Reference, JudgedRun]:
         """The analytic side of a recording, and the recording held to it.  Raises AssemblyError."""
         side = self.side(one)
         trace = _trace(one, self.mechanism(one), self.joint_model, self.motion)
@@ -310,7 +310,7 @@ class _Asked:
             found = replace(found, run=found.run.model_copy(update={"reason": why}))
         return side, found
 
-    def said(self, one: Recording, side: Reference, found: Judged) -> list[str]:
+    def said(self, one: Recording, side: Reference, found: JudgedRun) -> list[str]:
         """What a reader has to know of a file beside its verdict, in sentences."""
         m, rules = self.mechanism(one), found.rules
         said = [f"{one.name}: {why}" for why in _not_judged(one, side, found, m)] if rules else []
@@ -337,9 +337,12 @@ class _Asked:
 
         Where bodies are depends on the encoders alone, so that these are right where no pose disagrees.
         """
-        best = Reading.of(one.table)
+        best = TableReading.of(one.table)
         first = found = self._agreeing(one, best)
-        ways: list[Callable[[Reading], Iterable[Reading]]] = [lambda r: r.encoders(self.given), Reading.clocks]
+        ways: list[Callable[[TableReading], Iterable[TableReading]]] = [
+            lambda r: r.encoders(self.given),
+            TableReading.clocks,
+        ]
         known = named(self.given.bodies, self.given.joints, self.given.drives)
         poses = [agrees for name, agrees in first.items() if known[name].kind in ("pose", "rotation")]
         for way in ways[1:] if poses and all(poses) else ways:
@@ -356,7 +359,7 @@ class _Asked:
         said = f"{then} of {len(found)} comparisons agree with {best.words}, {now}"
         return f"{said}: say {best.lines} under [columns] of a map"
 
-    def _agreeing(self, one: Recording, reading: Reading) -> dict[str, bool]:
+    def _agreeing(self, one: Recording, reading: TableReading) -> dict[str, bool]:
         """Whether each signal agrees; nothing where the linkage does not move so."""
         try:
             again = recording(one.name, one.file, reading.table, self.given, self.motion, self.joint_model)
@@ -374,15 +377,15 @@ def _side(one: Recording, mechanism: Mechanism, motion: Motion, joint_model: Joi
     at_rest = motion == "static"
     side = reference(assembly, one.schedule(mechanism, at_rest), model, clearances, *one.moving(assembly, at_rest))
     moved = one.moved
-    return silenced(side, _standing(moved, mechanism)) if at_rest and isinstance(moved, FollowedDrives) else side
+    return silenced(side, _standing(moved, mechanism)) if at_rest and isinstance(moved, RecordedDrives) else side
 
 
-def _standing(moved: FollowedDrives, mechanism: Mechanism) -> dict[str, np.ndarray]:
+def _standing(moved: RecordedDrives, mechanism: Mechanism) -> dict[str, np.ndarray]:
     """Where (N,) a record says no more of a drive than that it stands, by what its motor gives where its joint rubs."""
     given = zip(mechanism.motors, driving(mechanism.motors), strict=True)
     named = {joint.name: signal.name for joint, signal in given if joint.rubs}
     drives = {named[name]: each for name, each in moved.drives.items() if name in named}
-    return {name: np.abs(each.moving.omega) <= SURE * each.errors.omega for name, each in drives.items()}
+    return {name: np.abs(each.moving.omega) <= SIGMAS * each.errors.omega for name, each in drives.items()}
 
 
 def _with_rounding(side: Reference, one: Recording) -> Reference:
@@ -394,11 +397,11 @@ def _with_rounding(side: Reference, one: Recording) -> Reference:
     table = one.table
     for name in table.values:
         own = rounding(side.signals[name]) if name in side.signals else np.zeros(1)
-        own = own if np.max(own) > SURE * np.max(unsure.get(name, np.zeros(1))) else np.zeros(1)
-        unsure[name] = unsure.get(name, 0.0) + np.maximum(table.rounding(name) - own, 0.0) / SURE
+        own = own if np.max(own) > SIGMAS * np.max(unsure.get(name, np.zeros(1))) else np.zeros(1)
+        unsure[name] = unsure.get(name, 0.0) + np.maximum(table.rounding(name) - own, 0.0) / SIGMAS
     for name in [name for name in side.signals if name.endswith("_magnitude")]:
         joint = name.removeprefix("reaction_").removesuffix("_magnitude")
-        step = np.hypot(*(table.rounding(Signal("reaction", joint, axis).name) for axis in ("x", "y"))) / SURE
+        step = np.hypot(*(table.rounding(Signal("reaction", joint, axis).name) for axis in ("x", "y"))) / SIGMAS
         turned = Signal("reaction", joint, "angle").name
         size = np.fmax(np.abs(side.signals[name]), 1e-300)
         unsure[name] = unsure.get(name, 0.0) + step
@@ -412,13 +415,13 @@ def _trace(one: Recording, mechanism: Mechanism, joint_model: JointModel, motion
     if clearance and joint_model in YIELDING:
         laws = [contact_parameters(mechanism, mechanism.joint(name), motion) for name in clearance]
         settings["contact_stiffness"] = min(law.stiffness for law in laws)
-    if isinstance(one.moved, Followed):
-        settings["acceleration_known_to"] = float(SURE * np.max(one.moved.errors.alpha))
-    if isinstance(one.moved, FollowedDrives) and motion == "driven":
+    if isinstance(one.moved, RecordedMotion):
+        settings["acceleration_known_to"] = float(SIGMAS * np.max(one.moved.errors.alpha))
+    if isinstance(one.moved, RecordedDrives) and motion == "driven":
         for name, each in one.moved.drives.items():
-            settings[f"acceleration_known_to_{name}"] = float(SURE * np.max(each.errors.alpha))
+            settings[f"acceleration_known_to_{name}"] = float(SIGMAS * np.max(each.errors.alpha))
     theta = one.table.values.get(mechanism.encoder.name, one.theta) if one.kind == "released" else one.theta
-    time = None if motion == "static" and not isinstance(one.moved, FollowedDrives) else one.time
+    time = None if motion == "static" and not isinstance(one.moved, RecordedDrives) else one.time
     return Trace(
         one.name,
         RECORDED,
@@ -433,7 +436,7 @@ def _trace(one: Recording, mechanism: Mechanism, joint_model: JointModel, motion
     )
 
 
-def _not_judged(one: Recording, side: Reference, found: Judged, mechanism: Mechanism) -> list[str]:
+def _not_judged(one: Recording, side: Reference, found: JudgedRun, mechanism: Mechanism) -> list[str]:
     """Why columns are held against nothing, in sentences; that encoders are not, as the analytic side follows them,
     goes without saying, and what is empty is said elsewhere.
     """
@@ -474,7 +477,7 @@ def _held_by(signal: Signal, judged: Collection[str]) -> list[str]:
     return [signal.name] if signal.name in judged else [each.name for each in derived if each.name in judged]
 
 
-def _contradictions(one: Recording, found: Judged) -> list[str]:
+def _contradictions(one: Recording, found: JudgedRun) -> list[str]:
     """Columns of what follows from others that say something else than these do, in sentences."""
     said = []
     for column in one.table.columns:
@@ -490,38 +493,38 @@ def _contradictions(one: Recording, found: Judged) -> list[str]:
 
 def _coarse(one: Recording, side: Reference, rules: Mapping[str, Rule], mechanism: Mechanism) -> list[str]:
     """A warning where the crank's recorded angles leave a signal open by more than it should differ by."""
-    if not isinstance(one.moved, Followed | FollowedDrives) and not one.error:
+    if not isinstance(one.moved, RecordedMotion | RecordedDrives) and not one.error:
         return []
-    left_open, share = "", 1e-3 * COARSE
+    left_open, share = "", 1e-3 * LEFT_OPEN
     for name, rule in rules.items():
         peak = float(np.nanmax(np.abs(side.signals[name]), initial=0.0))
-        open_by = SURE * float(np.max(side.unsure.get(name, np.zeros(1))))
+        open_by = SIGMAS * float(np.max(side.unsure.get(name, np.zeros(1))))
         alone = float(np.nanmax(replace(rule, unsure=0.0).tolerance(side.signals), initial=0.0))
-        if open_by > max(share * peak, COARSE * alone) and (one.error or not rule.signal.wraps):
+        if open_by > max(share * peak, LEFT_OPEN * alone) and (one.error or not rule.signal.wraps):
             share = open_by / peak if peak else math.inf
             much = (
                 f"{100 * share:.2g} % of its peak"
                 if share < 1
-                else f"{open_by:.2g} {UNITS[rule.kind]}, more than its peak"
+                else f"{open_by:.2g} {KIND_UNITS[rule.kind]}, more than its peak"
             )
             left_open = f"{name} to {much}; that much is allowed on top"
     if not left_open:
         return []
-    if not isinstance(one.moved, Followed | FollowedDrives):
+    if not isinstance(one.moved, RecordedMotion | RecordedDrives):
         return [
-            f"{one.name}: its crank's angles are rounded, by up to {np.degrees(SURE * one.error):.2g} deg, and so tell"
-            f" {left_open}: write them with more digits for a closer check"
+            f"{one.name}: its crank's angles are rounded, by up to {np.degrees(SIGMAS * one.error):.2g} deg, and so"
+            f" tell {left_open}: write them with more digits for a closer check"
         ]
     every = float(np.median(np.diff(one.table.time)))
-    if isinstance(one.moved, FollowedDrives):
+    if isinstance(one.moved, RecordedDrives):
         drives = {f"joint {name}": each for name, each in one.moved.drives.items()}
     else:
         drives = {"its crank": one.moved}
     what, moved = max(drives.items(), key=lambda item: float(np.max(item[1].errors.alpha)))
     slides = {"its crank"} if mechanism.sliding else {f"joint {j.name}" for j in mechanism.joints if j.prismatic}
     unit = "m" if what in slides else "rad"
-    known, most = SURE * float(np.max(moved.errors.alpha)), float(np.max(np.abs(moved.moving.alpha)))
-    where = SURE * float(np.max(moved.errors.theta))
+    known, most = SIGMAS * float(np.max(moved.errors.alpha)), float(np.max(np.abs(moved.moving.alpha)))
+    where = SIGMAS * float(np.max(moved.errors.theta))
     position = f"its position to {where:.2g} {unit} and " if where else ""
     return [
         f"{one.name}: {what} is recorded every {every:.3g} s, which tells {position}its acceleration to {known:.2g}"
@@ -530,7 +533,7 @@ def _coarse(one: Recording, side: Reference, rules: Mapping[str, Rule], mechanis
     ]
 
 
-def _units(one: Recording, side: Reference, judged: Judged) -> list[str]:
+def _units(one: Recording, side: Reference, judged: JudgedRun) -> list[str]:
     """A warning for each signal that is the analytic one in another unit, or of the other sign, and does not agree."""
     found = []
     verdicts = {each.signal: each.verdict for each in judged.run.discrepancies}
@@ -538,7 +541,7 @@ def _units(one: Recording, side: Reference, judged: Judged) -> list[str]:
         name, kind = column.signal.name, dimension(column.signal)
         values = one.table.values[name]
         here = np.isfinite(values) & np.isfinite(side.signals.get(name, np.full(values.shape, np.nan)))
-        if np.sum(here) < LEAST or {verdicts[each] for each in _held_by(column.signal, verdicts)} == {"agrees"}:
+        if np.sum(here) < LEAST_SAMPLES or {verdicts[each] for each in _held_by(column.signal, verdicts)} == {"agrees"}:
             continue
         model, recorded = side.signals[name][here], values[here]
         if column.signal.wraps and np.std(column.signal.apart(recorded, model)) <= LIKE_UNIT * np.std(model):
@@ -573,18 +576,18 @@ def _remedy(table: Table, column: Column, what: str) -> str:
 def _engines(asked: _Asked, one: Recording, progress: Progress) -> Ran:
     """The first file's motion in engines."""
     m, joint_model = asked.mechanism(one), asked.joint_model
-    if isinstance(one.moved, Followed | FollowedDrives):
+    if isinstance(one.moved, RecordedMotion | RecordedDrives):
         one = replace(one, moved=one.moved.smooth())
     job = replace(asked.job_of(one), beside=tuple(one.table.values))
     side = _side(one, m, job.motion, joint_model, job.model)
-    let_go = released_from(m.ideal(), one.moved.angle) if isinstance(one.moved, Start) else m
+    let_go = released_from(m.ideal(), one.moved.angle) if isinstance(one.moved, ReleaseState) else m
     request = Request(let_go, joint_model, one.schedule(let_go, job.schedule.at_rest))
     pair = (joint_model, job.motion)
     tasks = [(name, request) for name in job.simulators if pair in engine(name).capabilities.runs]
     return run_all(job, tasks, lambda trace: side, engine, progress)
 
 
-def _alike(one: Judged, first: Judged) -> bool:
+def _alike(one: JudgedRun, first: JudgedRun) -> bool:
     """Whether the analytic model says the same at the samples of two runs, within what each signal may differ by: only
     then is one held against the other.
     """

@@ -40,7 +40,7 @@ from compare.judge.assumptions import failing_assumption
 from compare.judge.attribution import attribute
 from compare.judge.contact import TURN
 from compare.judge.discrepancy import (
-    Discrepancy,
+    Comparison,
     Rule,
     Scales,
     contact_give,
@@ -50,23 +50,22 @@ from compare.judge.discrepancy import (
 from compare.judge.flexible import Beams, softened
 from compare.judge.grid import turns_fully
 from compare.judge.reference import (
-    SURE,
+    SIGMAS,
     Reference,
     reference,
     with_flexible_links,
 )
-from compare.judge.reruns import Judged, prolong, settle, span, too_soft
+from compare.judge.reruns import JudgedRun, prolong, settle, span, too_soft
 from compare.judge.signals import compared, recorded, with_derived, with_rotations
 from compare.judge.statistics import held_together
 from compare.judge.tolerances import Tolerances, check_known, known_differences
 from compare.left_out import Asked, omitted, rigid_walls
 from compare.progress import Progress, progress_bar
-from compare.questions.crosscheck import REVOLUTIONS, CrosscheckQuestion
+from compare.questions.crosscheck import MOST_REVOLUTIONS, CrosscheckQuestion
 from compare.questions.question import answers
 from compare.report.words.disagreement import because, between_engines
 from compare.results.contact import Compared
-from compare.results.crosscheck import CrossCheck, Failure, Path, Printed, Run, Simulator, Verdict, without
-from compare.results.crosscheck import Discrepancy as Judgement
+from compare.results.crosscheck import CrossCheck, Discrepancy, Failure, Path, Printed, Run, Simulator, Verdict, without
 from compare.runs import Counted, Resolve, simulate_all
 from compare.schedules import scheduled
 from compare.versions import versions
@@ -86,7 +85,7 @@ from sim_models.engine import (
 
 STRIKING: tuple[JointModel, ...] = ("contact", "spring-damper")  # whose pins and blocks may leave their walls
 OF_TURNS = "it is of cranks that turn fully, with pins that may strike their walls"
-Measure = Callable[[Assembly, Schedule, Model, Mapping[str, float]], Reference]
+AnalyticSide = Callable[[Assembly, Schedule, Model, Mapping[str, float]], Reference]
 
 
 @dataclass(frozen=True)
@@ -171,7 +170,7 @@ def job_of(question: CrosscheckQuestion) -> Job:
     unused = idle(m, question.analytic, joint_model)
     turns = question.revolutions
     strikes = m.clearances and motion == "driven" and joint_model in (None, *STRIKING) and schedule.turns_evenly
-    if turns not in (0, REVOLUTIONS) and not (strikes and turns_fully(assembly)):
+    if turns not in (0, MOST_REVOLUTIONS) and not (strikes and turns_fully(assembly)):
         unused.append(f"{m.name}: revolutions = {turns} is left out; {OF_TURNS}, and no run here has that")
     return Job(
         mechanism=m,
@@ -266,7 +265,7 @@ def crosscheck_job(
     job: Job,
     progress: Progress = lambda what, done, total: None,
     resolve: Resolve | None = None,
-    measure: Measure = reference,
+    measure: AnalyticSide = reference,
 ) -> CrossCheck:
     """Run a job.
 
@@ -312,7 +311,7 @@ def _smooth(mechanism: Mechanism, joint_model: JointModel) -> bool:
 class Ran:
     """What came of the simulations of a job: runs that were judged, those that failed, and why others are left out."""
 
-    judged: tuple[Judged, ...] = ()
+    judged: tuple[JudgedRun, ...] = ()
     failures: tuple[Failure, ...] = ()
     left_out: tuple[str, ...] = ()
 
@@ -344,16 +343,16 @@ def run_all(
 
     first = {i: judged(job, side(t), t) for i, t in enumerate(traces) if isinstance(t, Trace)}
     again = dict(enumerate(request for _, request in tasks))
-    settled: Mapping[int, Judged | Failure] = first
+    settled: Mapping[int, JudgedRun | Failure] = first
     if not (job.flexible or job.as_it_is):
         settled, again = settle(first, again, simulate_again, lambda t: judged(job, side(t), t))
         settled = prolong(settled, again, simulate_again, lambda t: judged(job, side(t), t), job.revolutions)
     failed += [one for one in settled.values() if isinstance(one, Failure)]
     failed = [_with_jam(one, job.mechanism, job.motion) for one in failed]
-    return Ran(tuple(one for one in settled.values() if isinstance(one, Judged)), tuple(failed), tuple(left_out))
+    return Ran(tuple(one for one in settled.values() if isinstance(one, JudgedRun)), tuple(failed), tuple(left_out))
 
 
-def concluded(job: Job, ran: Ran, alike: Callable[[Judged], bool] = lambda one: True) -> CrossCheck:
+def concluded(job: Job, ran: Ran, alike: Callable[[JudgedRun], bool] = lambda one: True) -> CrossCheck:
     """The result of a job.  Which engine stands apart is asked of those of its runs that are ``alike``: that have the
     same samples.
     """
@@ -399,9 +398,9 @@ def _assumed(mechanism: Mechanism, runs: Sequence[Run]) -> Iterator[Assumed]:
     yield from dict.fromkeys(each for found in contact for each in found)
 
 
-def judged(job: Job, side: Reference, trace: Trace) -> Judged:
+def judged(job: Job, side: Reference, trace: Trace) -> JudgedRun:
     """A trace held to its analytic side."""
-    return Judged(trace, *_run(job, side, trace))
+    return JudgedRun(trace, *_run(job, side, trace))
 
 
 def _pairs(name: str, resolve: Resolve, block: bool) -> str:
@@ -442,7 +441,7 @@ def watched(request: Request, turns: int) -> Request:
     return replace(request, watched=True, beyond=max(TURN * turns - span(request), 0.0) if turns else 0.0)
 
 
-def _side(job: Job, assembly: Assembly, ideal: bool, measure: Measure) -> Reference:
+def _side(job: Job, assembly: Assembly, ideal: bool, measure: AnalyticSide) -> Reference:
     side = measure(assembly, job.schedule, job.model, {} if ideal else job.mechanism.clearances)
     return with_flexible_links(side, assembly, job.schedule) if job.flexible else side
 
@@ -502,7 +501,7 @@ def _told_along(job: Job, trace: Trace) -> np.ndarray:
     return trace.crank_angle
 
 
-def _of_run(found: Sequence[Discrepancy]) -> Verdict:
+def _of_run(found: Sequence[Comparison]) -> Verdict:
     """Of one run: what cannot be told apart from nothing does not agree, and nor does a run without a comparison."""
     verdicts = {each.verdict for each in found}
     if "disagrees" in verdicts:
@@ -548,7 +547,7 @@ def _rules(job: Job, side: Reference, trace: Trace, simulated: Mapping[str, np.n
         given = {s: rules[s].tolerance(side.signals) - rule.tolerance(side.signals) for s, rule in stiff.items()}
         rules = {s: replace(rule, unsure=np.nan_to_num(given[s])) for s, rule in stiff.items()}
     if side.unsure:
-        rules = {s: replace(r, unsure=r.unsure + SURE * side.unsure.get(s, 0.0)) for s, r in rules.items()}
+        rules = {s: replace(r, unsure=r.unsure + SIGMAS * side.unsure.get(s, 0.0)) for s, r in rules.items()}
     return softened(rules, side, clearances, job.mechanism) if job.flexible else rules
 
 
@@ -572,7 +571,7 @@ def _given(
 
 def _discrepancies(
     job: Job, side: Reference, trace: Trace, simulated: Mapping[str, np.ndarray], rules: Mapping[str, Rule]
-) -> list[Discrepancy]:
+) -> list[Comparison]:
     known = known_differences(
         job.tolerances, job.mechanism.name, trace.simulator, trace.joint_model, trace.motion, job.model
     )
@@ -605,9 +604,9 @@ def _their_own(runs: Sequence[Run]) -> Iterator[str]:
         )
 
 
-def _public(d: Discrepancy, theta: np.ndarray) -> Judgement:
+def _public(d: Comparison, theta: np.ndarray) -> Discrepancy:
     reason: dict[str, Any] = {"reason": d.reason} if d.reason else {}
-    return Judgement(
+    return Discrepancy(
         signal=d.signal.name,
         kind=d.kind,
         unit=d.unit,

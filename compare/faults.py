@@ -18,7 +18,7 @@ from compare.recorded.errors import said
 if TYPE_CHECKING:
     from analytic.mechanism import Mechanism
 
-LONGEST = 1000  # characters of a sentence; what is longer repeats somebody's file
+LONGEST_SENTENCE = 1000  # characters of a sentence; what is longer repeats somebody's file
 
 
 class Exit(IntEnum):
@@ -140,8 +140,9 @@ def stop(error: object, status: Exit) -> typer.Exit:
     faults = getattr(error, "faults", ())
     for fault in said(faults) if len(faults) > 1 else [str(error)]:
         text = printable(fault)
-        middle = " ... " if len(text) > LONGEST else ""  # the file and the remedy are at the ends
-        typer.echo(f"compare: {text[: LONGEST // 2] + middle + text[-LONGEST // 2 :] if middle else text}", err=True)
+        if len(text) > LONGEST_SENTENCE:  # the file and the remedy are at the ends
+            text = f"{text[: LONGEST_SENTENCE // 2]} ... {text[-LONGEST_SENTENCE // 2 :]}"
+        typer.echo(f"compare: {text}", err=True)
     return typer.Exit(status)
 
 

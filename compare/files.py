@@ -20,7 +20,7 @@ try:
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
-PATIENCE = 10.0  # s to wait for another process that is writing the same files
+LOCK_PATIENCE = 10.0  # s to wait for another process that is writing the same files
 
 
 class OutputError(Error, ValueError):
@@ -94,7 +94,7 @@ def _made_by(path: Path) -> str | None:
 
 
 @contextmanager
-def alone_in(folder: Path, patience: float = PATIENCE, option: str = "--out") -> Iterator[None]:
+def alone_in(folder: Path, patience: float = LOCK_PATIENCE, option: str = "--out") -> Iterator[None]:
     """Hold a folder, of those processes that ask for it like this, for this one; a process that ends lets it go.
 
     Raises OutputError where another one holds it for longer than ``patience`` (s).  Does nothing where the system has

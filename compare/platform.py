@@ -34,7 +34,7 @@ from compare.arguments import (
 from compare.faults import ArgumentError, unusable
 from compare.judge.grid import parse_workspace
 from compare.left_out import Asked, omitted
-from compare.questions.accuracy import Grid, PlatformQuestion
+from compare.questions.accuracy import PlatformQuestion, WorkspaceGrid
 from compare.questions.question import answers
 from compare.results.platform import Map, Place, PlatformAccuracy, PointError, PoseError
 from compare.schedules import over_time
@@ -83,7 +83,7 @@ def platform_accuracy(question: PlatformQuestion) -> PlatformAccuracy:
     return found.model_copy(update={"warnings": (*found.warnings, *warned)})
 
 
-def _grid(given: object) -> Grid:
+def _grid(given: object) -> WorkspaceGrid:
     """((x0, x1, nx), (y0, y1, ny)), as that is written in a command.  Raises ArgumentError."""
     try:
         axes = [(float(low), float(high), number) for low, high, number in given]  # type: ignore[attr-defined]
@@ -114,7 +114,7 @@ def _steps(given: Mapping[str, float] | None, assembly: Assembly) -> dict[str, f
 
 
 @dataclass(frozen=True)
-class Moved:
+class FiniteGaps:
     """Equilibria with finite gaps at some (indices) of so many poses."""
 
     found: Displaced
@@ -144,7 +144,7 @@ def _along(
     time, inputs = schedule.time, assembly.inputs_along(schedule)
     found = displaced(assembly, inputs.theta, inputs.omega, alpha=inputs.alpha, near=assembly.walk(schedule))
     told = platform(found.ideal, outputs, assembly.mechanism.clearances, steps)
-    moved = Moved(found, np.arange(time.size), time.size)
+    moved = FiniteGaps(found, np.arange(time.size), time.size)
     return _result(assembly, told, moved, outputs, steps, _every).model_copy(update={"motion": "driven", "time": time})
 
 
@@ -157,7 +157,7 @@ def _every(values: np.ndarray) -> np.ndarray:
 
 
 def _over_workspace(
-    assembly: Assembly, outputs: Sequence[Output], grid: Grid, angle: float | None, steps: Mapping[str, float]
+    assembly: Assembly, outputs: Sequence[Output], grid: WorkspaceGrid, angle: float | None, steps: Mapping[str, float]
 ) -> PlatformAccuracy:
     space = _reached(assembly, outputs, grid, angle)
     inputs = space.coordinates[list(assembly.structure.inputs)]
@@ -171,7 +171,7 @@ def _over_workspace(
     return result.model_copy(update={"workspace": where, "warnings": (why,) if why else ()})
 
 
-def _reached(assembly: Assembly, outputs: Sequence[Output], grid: Grid, angle: float | None) -> Workspace:
+def _reached(assembly: Assembly, outputs: Sequence[Output], grid: WorkspaceGrid, angle: float | None) -> Workspace:
     """The workspace of the first point among the outputs.  Raises ArgumentError or AssemblyError."""
     first = next((d for d in outputs if d.axis == "x"), None)
     if first is None:
@@ -198,7 +198,7 @@ def _well_held(told: Platform) -> Iterator[tuple[float, np.ndarray]]:
             yield limit, held
 
 
-def _equilibria(assembly: Assembly, coordinates: np.ndarray, told: Platform) -> tuple[Moved | None, str]:
+def _equilibria(assembly: Assembly, coordinates: np.ndarray, told: Platform) -> tuple[FiniteGaps | None, str]:
     """The equilibria of finite gaps where the linkage is held well, and a sentence on what is left out.
 
     Near a singular pose gaps may keep the linkage from closing: it is sought where it is held better.
@@ -212,7 +212,7 @@ def _equilibria(assembly: Assembly, coordinates: np.ndarray, told: Platform) -> 
             continue
         left = told.holding.size - held.size
         why = f"equilibria are left out of {count(left, 'pose')} whose condition of holding is above {limit:g}"
-        return Moved(found, held, told.holding.size), why if left else ""
+        return FiniteGaps(found, held, told.holding.size), why if left else ""
     return None, "equilibria with finite gaps are left out: with them the linkage does not close"
 
 
@@ -222,7 +222,7 @@ def _equilibria(assembly: Assembly, coordinates: np.ndarray, told: Platform) -> 
 def _result(
     assembly: Assembly,
     told: Platform,
-    moved: Moved | None,
+    moved: FiniteGaps | None,
     outputs: Sequence[Output],
     steps: Mapping[str, float],
     spread: _Spread,

@@ -19,7 +19,7 @@ from analytic.kinematics.motion import kinematics
 from analytic.kinematics.schedule import KNOTS, Knots, Schedule
 from analytic.mechanism.errors import quoted
 from analytic.mechanism.signals import Signal, position, turned_near
-from compare.arguments import MOST, numbers
+from compare.arguments import CAPACITY, numbers
 from compare.faults import ArgumentError, DegreesWarning
 from compare.judge.grid import FARTHEST, FREE_TIME, GridError, chosen_angles
 from compare.questions.analyse import AnalyseQuestion, SimulateQuestion
@@ -32,10 +32,10 @@ if TYPE_CHECKING:
     from compare.recorded.table import Table
 
 MovedQuestion = CrosscheckQuestion | AnalyseQuestion | SimulateQuestion
-TURNS = 4 * math.pi  # rad; crank angles beyond two turns were probably given in degrees
+MOST_LIKELY_DEGREES = 4 * math.pi  # rad; crank angles beyond two turns were probably given in degrees
 USUAL = 1.0  # s, as far as the drives get
-SAMPLES = 50
-SHORTEST = 1e-3  # s
+DEFAULT_TIMES = 50
+SHORTEST_COURSE = 1e-3  # s
 SPARE = 0.9  # of the way to where the drives get no farther
 LINE = 5  # knots of a straight line
 
@@ -70,13 +70,13 @@ def crank_angles(assembly: Assembly, given: object) -> np.ndarray:
     if given is None:
         return chosen_angles(assembly, None)
     theta = numbers(given, "angles", "rad")
-    if theta.size > MOST:
-        raise ArgumentError("angles", f"{theta.size} angles cannot be used; give at most {MOST}")
+    if theta.size > CAPACITY:
+        raise ArgumentError("angles", f"{theta.size} angles cannot be used; give at most {CAPACITY}")
     farthest = float(theta[np.argmax(np.abs(theta))])
     if abs(farthest) > math.radians(FARTHEST):
         limit = f"{math.radians(FARTHEST):.6g} rad ({FARTHEST:g} deg)"
         raise ArgumentError("angles", f"{farthest:g} rad cannot be used; a crank angle must not be beyond {limit}")
-    if abs(farthest) > TURNS:
+    if abs(farthest) > MOST_LIKELY_DEGREES:
         text = f"angles: {farthest:g} rad is beyond two turns; angles are in radians; was it meant in degrees?"
         warnings.warn(text, DegreesWarning, stacklevel=4)
     try:
@@ -112,8 +112,8 @@ def over_time(
     asked = None
     if times is not None:
         asked = numbers(times, "times", "s")
-        if asked.size > MOST or np.any(asked < 0) or np.any(np.diff(asked) <= 0):
-            raise ArgumentError("times", f"give at most {MOST} times (s) from 0 on, each later than the one before")
+        if asked.size > CAPACITY or np.any(asked < 0) or np.any(np.diff(asked) <= 0):
+            raise ArgumentError("times", f"give at most {CAPACITY} times (s) from 0 on, each later than the one before")
     if path is not None:
         courses, rows = of_path(Path(path), assembly)
     elif course is not None:
@@ -137,9 +137,9 @@ def at_their_speeds(assembly: Assembly, time: np.ndarray | None, at_rest: bool =
             )
     speeds = m.drive_speeds
     end = float(time[-1]) if time is not None else _as_far(assembly, speeds)
-    knots = np.linspace(0.0, max(end, SHORTEST), LINE)
+    knots = np.linspace(0.0, max(end, SHORTEST_COURSE), LINE)
     courses = {name: (knots, assembly.positions[name] + speed * knots) for name, speed in speeds.items()}
-    return Schedule.along(courses, np.linspace(0.0, end, SAMPLES + 1) if time is None else time, at_rest=at_rest)
+    return Schedule.along(courses, np.linspace(0.0, end, DEFAULT_TIMES + 1) if time is None else time, at_rest=at_rest)
 
 
 def _as_far(assembly: Assembly, speeds: Mapping[str, float]) -> float:
@@ -147,9 +147,9 @@ def _as_far(assembly: Assembly, speeds: Mapping[str, float]) -> float:
     if len(speeds) < len(assembly.structure.inputs):  # where it moves freely, nobody knows before
         return USUAL
     low, high, end = 0.0, USUAL, USUAL
-    while high - low > SHORTEST:
+    while high - low > SHORTEST_COURSE:
         try:
-            time = np.linspace(0.0, end, SAMPLES)
+            time = np.linspace(0.0, end, DEFAULT_TIMES)
             assembly.follow(assembly.inputs_at({n: assembly.positions[n] + v * time for n, v in speeds.items()}))
             low = end
         except AssemblyError:
@@ -253,7 +253,7 @@ def times_within(courses: Mapping[str, Knots], rows: np.ndarray, time: np.ndarra
     begin = max((float(t[0]) for t, _ in courses.values()), default=0.0)
     end = min((float(t[-1]) for t, _ in courses.values()), default=np.inf)
     if time is None:
-        return np.linspace(begin, end, SAMPLES + 1) if rows.size > 4 * SAMPLES else rows
+        return np.linspace(begin, end, DEFAULT_TIMES + 1) if rows.size > 4 * DEFAULT_TIMES else rows
     if time[0] < begin or time[-1] > end:
         raise GridError(f"--times {time[0]:g} to {time[-1]:g} s is not within the course, {begin:g} to {end:g} s")
     return time

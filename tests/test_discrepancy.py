@@ -13,7 +13,7 @@ from analytic.kinematics.schedule import Schedule
 from analytic.mechanism.file import load
 from analytic.mechanism.signals import Signal, named
 from compare.judge.discrepancy import (
-    Discrepancy,
+    Comparison,
     Rule,
     Scales,
     Tube,
@@ -24,7 +24,7 @@ from compare.judge.discrepancy import (
 )
 from compare.judge.grid import default_angles
 from compare.judge.reference import reference
-from compare.judge.signals import DRIVE_TORQUE, UNITS, compared, kind_of, with_derived
+from compare.judge.signals import DRIVE_TORQUE, KIND_UNITS, compared, kind_of, with_derived
 from compare.judge.tolerances import Known, Line, ToleranceError, known_differences, load_tolerances
 from sim_models.engine import JointModel
 
@@ -63,7 +63,7 @@ def test_each_compared_signal_is_one_of_its_linkage_and_has_the_unit_of_its_kind
     judged = compared(mechanism, clearance)
     assert {known[signal.name] for signal in judged} == set(judged)
     for signal in judged:
-        assert UNITS[kind_of(signal)] == signal.unit
+        assert KIND_UNITS[kind_of(signal)] == signal.unit
         assert signal.wraps == (kind_of(signal) in ("angle", "rotation", "position"))
 
 
@@ -171,7 +171,7 @@ GRID = np.radians(np.arange(0.0, 181.0, 5.0))
 WINDOW = np.radians(0.05)
 
 
-def judged(values: np.ndarray, simulated: np.ndarray, window: float = WINDOW, absolute: float = 1e-3) -> Discrepancy:
+def judged(values: np.ndarray, simulated: np.ndarray, window: float = WINDOW, absolute: float = 1e-3) -> Comparison:
     limits = Rule(DRIVE_TORQUE, absolute, 0.0, 0.02, 0.0, Scales(1.0, 1.0), window=window)
     found = judge(limits, {"drive_torque": simulated}, {"drive_torque": values}, GRID)
     assert found is not None

@@ -32,8 +32,8 @@ from analytic.mechanism.parts import Load
 from asked import job_of
 from commands import Ended, compare, compare_alone, without
 from compare.crosscheck import crosscheck_job
-from compare.domain_map.cell import Task, examined, judged
-from compare.domain_map.map import Grid, cells, clearance_joints, summarised, too_soft
+from compare.domain_map.cell import CellTask, examined, judged
+from compare.domain_map.map import MapPlan, cells, clearance_joints, summarised, too_soft
 from compare.files import to_json
 from compare.judge.assumptions import Examined
 from compare.judge.grid import default_angles
@@ -63,9 +63,11 @@ def validity(*arguments: str, cwd: Path) -> Ended:
 
 def grid(
     mechanism: Mechanism, speeds: tuple[float, ...], clearances: tuple[float, ...], simulator: str = "mujoco"
-) -> Grid:
+) -> MapPlan:
     joints, _ = clearance_joints(mechanism, None)
-    return Grid(mechanism, joints, tuple(rpm * RPM for rpm in speeds), clearances, (simulator,), "contact", TOLERANCES)
+    return MapPlan(
+        mechanism, joints, tuple(rpm * RPM for rpm in speeds), clearances, (simulator,), "contact", TOLERANCES
+    )
 
 
 def one(case: str, rpm: float, clearance: float, simulator: str = "mujoco") -> dict[str, Any]:
@@ -135,7 +137,7 @@ SLOTTED = {
 @pytest.mark.mujoco
 def test_a_map_has_the_walls_that_every_other_command_has() -> None:
     """A shaper's ram of 3.3 kN: walls of 2.48e8 N/m, which give 15 um, whoever asks."""
-    over = Grid(shaper(), ("B",), (TURN,), (5e-5,), ("mujoco",), "spring-damper", TOLERANCES)
+    over = MapPlan(shaper(), ("B",), (TURN,), (5e-5,), ("mujoco",), "spring-damper", TOLERANCES)
     (run,) = cells(over)
     wall = run.mechanism.joint("B").contact_stiffness
     assert wall == pytest.approx(2.4798e8, rel=1e-4)
@@ -379,10 +381,12 @@ def test_the_clearance_is_in_the_joint_farthest_from_the_ground_unless_the_case_
 
 def test_a_cell_is_plain_data_with_one_contact_law_for_every_engine() -> None:
     runs = cells(
-        Grid(load("six-bar"), ("B", "F"), (1.0, 2.0), (1e-4, 2e-4, 3e-4), ("mujoco", "exudyn"), "contact", TOLERANCES)
+        MapPlan(
+            load("six-bar"), ("B", "F"), (1.0, 2.0), (1e-4, 2e-4, 3e-4), ("mujoco", "exudyn"), "contact", TOLERANCES
+        )
     )
     assert len(runs) == 12
-    assert [Task.model_validate(json.loads(to_json(run.model_dump()))).model_dump_json() for run in runs] == [
+    assert [CellTask.model_validate(json.loads(to_json(run.model_dump()))).model_dump_json() for run in runs] == [
         run.model_dump_json() for run in runs
     ]
     backwards = load("six-bar").replace(drive={"joint": "D", "speed": -3.0})
@@ -433,7 +437,7 @@ def test_a_cell_that_asks_for_nothing_new_is_recorded_as_it_always_was() -> None
             "versions",
         )
     }
-    assert Task.model_validate(json.loads(to_json(run.plain()))).plain().keys() == run.plain().keys()
+    assert CellTask.model_validate(json.loads(to_json(run.plain()))).plain().keys() == run.plain().keys()
 
 
 @pytest.mark.mujoco
@@ -524,7 +528,7 @@ def made_up(verdicts: list[list[str | None]]) -> Validity:
     tasks = cells(over)
     base = shared.document("a cell that agrees", lambda: one("paper", 15.0, 1e-3)) | {"fails": []}
 
-    def cell(task: Task, verdict: str | None) -> Cell | Failed:
+    def cell(task: CellTask, verdict: str | None) -> Cell | Failed:
         if verdict is None:
             return task.failed("it diverged")
         place = {"speed": task.speed, "clearance": task.clearance, "simulator": task.simulator}

@@ -44,22 +44,22 @@ class StoredRun:
         return self.rows[:, 0] if self.columns and self.columns[0] in PLACES else None
 
 
-class _Part(BaseModel):
+class _BaselinePart(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
 
-Limit = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+_Limit = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
-class Tolerance(_Part):
+class MovedLimits(_BaselinePart):
     """How far a number may be from the baseline's before it has moved."""
 
-    angle: Limit = 0.005  # deg; half of what must be seen
-    magnitude: Limit = 1e-4  # of the joint's largest force in the run
-    rms: Limit = (
+    angle: _Limit = 0.005  # deg; half of what must be seen
+    magnitude: _Limit = 1e-4  # of the joint's largest force in the run
+    rms: _Limit = (
         0.15  # of the stored value, of averages but a share; from other roundings they spread by 0.02 (1 sigma)
     )
-    free_share: Limit = 0.25  # these by 0.04
+    free_share: _Limit = 0.25  # these by 0.04
 
 
 @dataclass(frozen=True)
@@ -70,10 +70,10 @@ class Baseline:
     simulator: str
     version: str
     runs: tuple[StoredRun, ...]
-    tolerance: Tolerance = field(default_factory=Tolerance)
+    tolerance: MovedLimits = field(default_factory=MovedLimits)
 
 
-class _Run(_Part):
+class _BaselineRun(_BaselinePart):
     name: str
     added: dict[str, JsonValue] = {}
     skipped: str = ""
@@ -81,13 +81,13 @@ class _Run(_Part):
     rows: list[list[float]] = []
 
 
-class _File(_Part):
+class _BaselineFile(_BaselinePart):
     format: Literal[1] = Field(alias="schema")
     case: str
     simulator: str
     version: str
-    tolerance: Tolerance
-    runs: list[_Run] = Field(alias="run", min_length=1)
+    tolerance: MovedLimits
+    runs: list[_BaselineRun] = Field(alias="run", min_length=1)
 
 
 def owned(path: Path, case: str, simulator: str) -> None:
@@ -128,9 +128,11 @@ def read(path: Path, case: str, simulator: str, again: str) -> Baseline:
     except ReadingError as error:
         raise BaselineError(f"{path}: {error}; restore it, or {remedy}") from None
     try:
-        file = _File.model_validate(fields)
+        file = _BaselineFile.model_validate(fields)
     except ValidationError as error:
-        raise BaselineError(f"{path}: {'; '.join(describe(error, fields, _File))}; restore it, or {remedy}") from None
+        raise BaselineError(
+            f"{path}: {'; '.join(describe(error, fields, _BaselineFile))}; restore it, or {remedy}"
+        ) from None
     if (file.case, file.simulator) != (case, simulator):
         raise BaselineError(f"{path}: {_another(file.case, file.simulator, case, simulator)}")
     faults = [f"run {run.name!r} {fault}" for run in file.runs for fault in _faults(run)]
@@ -145,7 +147,7 @@ def read(path: Path, case: str, simulator: str, again: str) -> Baseline:
     return Baseline(case, simulator, file.version, runs, file.tolerance)
 
 
-def _faults(run: _Run) -> Iterator[str]:
+def _faults(run: _BaselineRun) -> Iterator[str]:
     """What a table cannot be."""
     if not run.rows and not run.skipped:
         yield "has neither rows nor a reason ('skipped')"

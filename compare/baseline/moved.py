@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from compare.baseline.file import NO_DIRECTION, PLACES, StoredRun, Tolerance, inline
+from compare.baseline.file import NO_DIRECTION, PLACES, MovedLimits, StoredRun, inline
 from compare.results.baselines import Moved
 
 SAME_PLACE = 1e-6  # deg, s
@@ -42,7 +42,7 @@ def _listed(runs: Sequence[StoredRun]) -> str:
     return ", ".join(repr(run.name) for run in runs) or "none"
 
 
-def moved(old: StoredRun, new: StoredRun, tolerance: Tolerance) -> list[Moved]:
+def moved(old: StoredRun, new: StoredRun, tolerance: MovedLimits) -> list[Moved]:
     """Every column of a run that moved; the runs must fit."""
     largest = max(
         (float(np.nanmax(old.rows[:, j])) for j, name in enumerate(old.columns) if name.endswith("_magnitude [N]")),
@@ -83,7 +83,7 @@ def _turned_up_or_lost(old: np.ndarray, new: np.ndarray, size: np.ndarray) -> np
     return (np.isnan(old) != np.isnan(new)) & (np.abs(size - limit) > 0.01 * limit)
 
 
-def _allowed(signal: str, unit: str, values: np.ndarray, largest: float, tolerance: Tolerance) -> float:
+def _allowed(signal: str, unit: str, values: np.ndarray, largest: float, tolerance: MovedLimits) -> float:
     if unit == "deg":
         return tolerance.angle
     if signal.endswith("_magnitude"):

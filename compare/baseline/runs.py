@@ -26,12 +26,12 @@ from compare.runs import Counted, Resolve, simulate
 from compare.schedules import over_time
 from sim_models.engine import Engine, JointModel, Request, SimulationError, Trace, Unsupported, check_supported
 
-ROWS = 36  # of a table, at most
+TABLE_ROWS = 36  # of a table, at most
 NO_FORCE = 1e-6  # of the run's largest force: a joint below it carries none
 LOOSE: tuple[JointModel, ...] = ("massless-link", "spring-damper", "contact")
 BOUNCING: tuple[JointModel, ...] = ("spring-damper", "contact")
-REVOLUTIONS = 40  # of an impacting run
-SAMPLES = 360  # of each of them
+IMPACT_REVOLUTIONS = 40  # of an impacting run
+SAMPLES_A_REVOLUTION = 360  # of each of them
 
 
 @dataclass(frozen=True)
@@ -128,16 +128,16 @@ def _impacting(mechanism: Mechanism) -> Iterator[Setup]:
         "speed": 20 * np.pi,
         "clearance": {"B": 5e-4},
         "contact_damping": 30.0,
-        "revolutions": REVOLUTIONS,
+        "revolutions": IMPACT_REVOLUTIONS,
     }
-    theta = np.arange(SAMPLES * REVOLUTIONS) * (2 * np.pi / SAMPLES)
+    theta = np.arange(SAMPLES_A_REVOLUTION * IMPACT_REVOLUTIONS) * (2 * np.pi / SAMPLES_A_REVOLUTION)
     for model in BOUNCING:
         request = Request(fast, model, Schedule.at_angles(fast, theta), lead_in=2 * np.pi, watched=True)
         yield Setup(request, added, impacting=True)
 
 
 def _thinned(grid: np.ndarray) -> np.ndarray:
-    return grid[:: -(-grid.size // ROWS)]
+    return grid[:: -(-grid.size // TABLE_ROWS)]
 
 
 def simulated(mechanism: Mechanism, simulator: str, resolve: Resolve) -> tuple[str, list[StoredRun]]:
@@ -204,7 +204,7 @@ def of_results(mechanism: Mechanism, table: Table) -> StoredRun:
     """
     encoder = table.values.get(f"{mechanism.driven}_angle") if mechanism.cranked else None
     size = next(iter(table.values.values())).size
-    every = slice(None, None, -(-size // ROWS))
+    every = slice(None, None, -(-size // TABLE_ROWS))
     if table.time.size:
         columns = {"time [s]": table.time[every]}
     elif encoder is not None:

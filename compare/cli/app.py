@@ -18,7 +18,7 @@ from compare.cli.imported import import_
 from compare.cli.listing import cases, effects, runs, simulators
 from compare.cli.pipe import reader_may_go
 from compare.cli.show import show
-from compare.cli.typed import Line, Shown, Where, command
+from compare.cli.typed import CommandLine, Shown, Where, command
 from compare.cli.validity import validity
 from compare.faults import Exit
 from compare.questions.crosscheck import CrosscheckQuestion
@@ -56,7 +56,7 @@ class Version(Question):
 
 @app.callback(invoke_without_command=True)
 @command(CrosscheckQuestion, Where, Shown, Version)
-def compare(line: Line) -> None:
+def compare(line: CommandLine) -> None:
     """Cross-check the analytic clearance model of a planar linkage against a multibody simulation.
 
     Exit status: 0 agrees, 1 disagrees beyond tolerance or cannot be judged, 2 bad input, 3 a simulator is missing or

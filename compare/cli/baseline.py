@@ -9,7 +9,7 @@ import typer
 
 from compare.cli.folders import refuse_inputs
 from compare.cli.publish import said
-from compare.cli.typed import Line, Shown, command
+from compare.cli.typed import CommandLine, Shown, command
 from compare.faults import OptionError, printable
 from compare.files import made_folder, write_atomically
 from compare.questions.baseline import BaselinesQuestion
@@ -32,7 +32,7 @@ class Junit(Question):
 
 @baseline.command()
 @command(BaselinesQuestion, Junit, Shown)
-def check(line: Line) -> None:
+def check(line: CommandLine) -> None:
     """Run every case in every engine, and report all reaction forces that are not where the baseline has them.
 
     Exit status: 0 nothing moved, 1 something moved, 2 a baseline is missing or damaged, 3 a simulator is missing or
@@ -54,7 +54,7 @@ def check(line: Line) -> None:
 
 @baseline.command()
 @command(BaselinesQuestion, Shown)
-def update(line: Line) -> None:
+def update(line: CommandLine) -> None:
     """Write the baseline of every case in every engine; numbers that have not moved, and files without any that have,
     stay as they are.
 
@@ -67,14 +67,14 @@ def update(line: Line) -> None:
     _end(line, found)
 
 
-def _asked(line: Line, function: Callable[..., "Baselines"]) -> "Baselines":
+def _asked(line: CommandLine, function: Callable[..., "Baselines"]) -> "Baselines":
     """What comes of a command.  Raises OptionError."""
     if line.has("results") and not line.has("case"):
         raise OptionError("--results: they are of one case; name it with --case")
     return line.ask(function, BaselinesQuestion)
 
 
-def _end(line: Line, found: "Baselines") -> None:
+def _end(line: CommandLine, found: "Baselines") -> None:
     """Print what was found, say what was not, and leave with the gravest status."""
     from compare.baseline.check import status
 

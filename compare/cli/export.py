@@ -7,12 +7,12 @@ from pathlib import Path
 
 from compare.cli.folders import refuse_others
 from compare.cli.publish import said
-from compare.cli.typed import Line, Overwrite, Shown, command
+from compare.cli.typed import CommandLine, Overwrite, Shown, command
 from compare.questions.analyse import ExportQuestion
 
 
 @command(ExportQuestion, Overwrite, Shown)
-def export(line: Line) -> None:
+def export(line: CommandLine) -> None:
     """Write the engine's own model and a script that runs it without this project, to be checked by anyone.
 
     ``python DIR/run.py`` needs the bare engine and numpy; it says how far its signals are from those found here.

@@ -24,10 +24,10 @@ ASIDE = {
     "version",
 }  # where and how an answer is given, and not which
 WRITTEN = {"out", "junit"}  # files that a command writes, and does not read
-MODELS = ("mjcf:", "fmu:")  # before a file among the engines
+MODEL_SCHEMES = ("mjcf:", "fmu:")  # before a file among the engines
 STEM = {"case", "measured", "results"}  # whose mechanism a name begins with
 BARE = {"simulator", "clearance"}  # options whose value says in a name what it is
-LONGEST = 150  # characters of a name; file systems take 255 bytes
+LONGEST_NAME = 150  # characters of a name; file systems take 255 bytes
 REMEDY = "choose another folder with --out, or add --overwrite"
 
 
@@ -74,7 +74,7 @@ def _given(context: typer.Context) -> Iterator[str]:
         for one in () if name in WRITTEN else value if isinstance(value, list | tuple) else (value,):
             for text in (str(one), *str(one).split(",")):
                 yield text
-                yield from (text.removeprefix(kind) for kind in MODELS if text.startswith(kind))
+                yield from (text.removeprefix(kind) for kind in MODEL_SCHEMES if text.startswith(kind))
 
 
 def refuse_others(context: typer.Context, folder: Path, texts: Mapping[str, str], overwrite: bool) -> None:
@@ -102,7 +102,9 @@ def _named(context: typer.Context, stem: str) -> str:
         ):
             parts.append(_part(str(option.name), value))
     name = "".join(c if c.isalnum() or c in "-_=+.,@" else "_" for c in "-".join(parts))
-    return name if len(name) <= LONGEST else f"{name[: LONGEST - 9]}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
+    if len(name) <= LONGEST_NAME:
+        return name
+    return f"{name[: LONGEST_NAME - 9]}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
 
 
 def _part(option: str, value: Any) -> str:

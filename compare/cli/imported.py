@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 from compare.cli.folders import refuse_others
-from compare.cli.typed import Line, Overwrite, Shown, command
+from compare.cli.typed import CommandLine, Overwrite, Shown, command
 from compare.questions.listing import ImportQuestion
 from compare.questions.option import Option, Written
 from compare.questions.question import Question
@@ -17,7 +17,7 @@ class Target(Question):
 
 
 @command(ImportQuestion, Target, Overwrite, Shown)
-def import_(line: Line) -> None:
+def import_(line: CommandLine) -> None:
     """Read a MuJoCo model (MJCF) of a planar linkage, and write it as a mechanism file.
 
     Bodies, hinges, slides, loops closed by connect or weld, inertia, and what drives it are read; what MJCF has no word

@@ -53,7 +53,7 @@ class Where(Overwrite):
 
 
 @dataclass(frozen=True)
-class Line:
+class CommandLine:
     """A command line of some questions: the word of each option, typed or what stands in its place."""
 
     context: typer.Context
@@ -125,12 +125,12 @@ class Line:
         return named_after(self.case)
 
 
-def command(*questions: type[Question]) -> Callable[[Callable[[Line], None]], Callable[..., None]]:
+def command(*questions: type[Question]) -> Callable[[Callable[[CommandLine], None]], Callable[..., None]]:
     """Make of a function of a line a command that has the options of these questions."""
 
-    def of(run: Callable[[Line], None]) -> Callable[..., None]:
+    def of(run: Callable[[CommandLine], None]) -> Callable[..., None]:
         def called(context: typer.Context, **words: Any) -> None:
-            run(Line(context, questions, words))
+            run(CommandLine(context, questions, words))
 
         context = inspect.Parameter("context", inspect.Parameter.KEYWORD_ONLY, annotation=typer.Context)
         parameters: dict[str, inspect.Parameter] = {}

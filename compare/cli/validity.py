@@ -5,14 +5,14 @@ where it does not.
 from __future__ import annotations
 
 from compare.cli.publish import finished, put, resumed
-from compare.cli.typed import Line, Shown, Where, command
+from compare.cli.typed import CommandLine, Shown, Where, command
 from compare.faults import Exit, stop
 from compare.files import alone_in, made_folder
 from compare.questions.validity import ValidityQuestion
 
 
 @command(ValidityQuestion, Where, Shown)
-def validity(line: Line) -> None:
+def validity(line: CommandLine) -> None:
     """Say at which speeds and clearances the analytic model holds, where contact is lost, and which assumption fails.
 
     An interrupted map goes on where it stopped.  Exit status: 0 computed, 2 bad input, 3 a simulator is missing or

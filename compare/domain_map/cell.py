@@ -19,7 +19,7 @@ from analytic.mechanism import MechanismWarning
 from compare.crosscheck import STRIKING, Job, crosscheck_job
 from compare.domain_map.leaving import leaving
 from compare.judge.assumptions import Examined, excess
-from compare.judge.discrepancy import Discrepancy
+from compare.judge.discrepancy import Comparison
 from compare.judge.tolerances import Tolerances
 from compare.results.contact import Contact
 from compare.results.crosscheck import Run
@@ -29,7 +29,7 @@ from compare.results.validity import Cell, Failed, Pin, Place, Watched, Worst
 from sim_models.engine import JointModel
 
 
-class Task(Place):
+class CellTask(Place):
     """All that a cell's result depends on; the first ``skip`` crank angles (rad) are simulated and not judged.
 
     Contact is watched over so many ``revolutions``; 0: it is not.
@@ -59,14 +59,14 @@ class Task(Place):
 
 
 def examine(content: Mapping[str, object]) -> dict[str, object]:
-    """A cell of validity.json from the plain data of a :class:`Task`, for :func:`compare.sweep.sweep`."""
+    """A cell of validity.json from the plain data of a :class:`CellTask`, for :func:`compare.sweep.sweep`."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", MechanismWarning)  # said once, where the file was read
-        task = Task.model_validate(content)
+        task = CellTask.model_validate(content)
     return examined(task).model_dump(exclude_unset=True)
 
 
-def examined(task: Task) -> Cell | Failed:
+def examined(task: CellTask) -> Cell | Failed:
     """Simulate and judge one cell.
 
     Where the simulation fails, or the linkage cannot be assembled with these clearances, there is only why.
@@ -93,7 +93,7 @@ def examined(task: Task) -> Cell | Failed:
     return judged(task, held).model_copy(update=_told(task, held.run.contact))
 
 
-def _told(task: Task, contact: Contact | None) -> dict[str, object]:
+def _told(task: CellTask, contact: Contact | None) -> dict[str, object]:
     """What contact did, where it was watched, and what the analytic model says of when it is lost."""
     found: dict[str, object] = {}
     if contact is not None:
@@ -112,7 +112,7 @@ def watched(contact: Contact) -> Watched:
     return Watched(revolutions=contact.revolutions, pins=pins)
 
 
-def judged(task: Task, held: Examined) -> Cell:
+def judged(task: CellTask, held: Examined) -> Cell:
     """What a cell of the map says of a run: whether model and simulation agree, where most they do not, and why."""
     found, agrees = [d for d, _ in held.verdicts], bool(held.agreeing.all())
     unsteady = held.flagged & ~held.unloaded
@@ -150,7 +150,7 @@ def _later(run: Run, skip: int) -> Run:
     return run.model_copy(update={**sides, "flags": flags, "crank_angle": run.crank_angle[skip:]})
 
 
-def _worst(found: Discrepancy, theta: np.ndarray) -> Worst:
+def _worst(found: Comparison, theta: np.ndarray) -> Worst:
     return Worst(
         signal=found.signal.name,
         unit=found.unit,

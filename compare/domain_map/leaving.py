@@ -32,14 +32,14 @@ from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import Gap, kinematics
 from analytic.mechanism import Mechanism
 from analytic.paper.kinetostatics import kinetostatics
-from compare.domain_map.rim import Wall, Way, on_a_rim, on_a_wall
+from compare.domain_map.rim import CrankWay, Wall, on_a_rim, on_a_wall
 from compare.judge.grid import turns_fully
 from compare.results.validity import Leaving
 from sim_models.common.contact_laws import NamedLaw, contact_parameters, named_law
 
-ANGLES = 1440  # of the crank's way, between which the coefficients are linear
+WAY_POINTS = 1440  # of the crank's way, between which the coefficients are linear
 NUDGE = 1e-6  # of the longest body: the gap by which the coefficients are found
-TURNS = 2  # of a crank that turns fully: a run is judged in its second
+RUN_TURNS = 2  # of a crank that turns fully: a run is judged in its second
 HALVINGS = 6
 
 
@@ -47,13 +47,13 @@ HALVINGS = 6
 class Reaction:
     """A joint's reaction over the crank's way, to first order in its gap."""
 
-    way: Way
+    way: CrankWay
 
     @cached_property
     def start(self) -> tuple[complex, complex]:
         """F0 (N) where the crank begins, and its rate (N/s)."""
         way = self.way
-        at = round((way.begin - way.origin) / way.spacing) % ANGLES
+        at = round((way.begin - way.origin) / way.spacing) % WAY_POINTS
         rates = np.gradient(way.terms[0], way.spacing, edge_order=2) * way.speed
         return complex(way.terms[0, at]), complex(rates[at])
 
@@ -84,7 +84,7 @@ def reaction(mechanism: Mechanism, joint: str, theta: np.ndarray) -> Reaction:
     assert speed is not None
     around = turns_fully(ideal)
     low, high = (float(theta[0]), float(theta[0]) + 2 * math.pi) if around else (float(theta.min()), float(theta.max()))
-    at = np.linspace(low, high, ANGLES + 1)
+    at = np.linspace(low, high, WAY_POINTS + 1)
     size = NUDGE * (max(body.length for body in mechanism.bodies) or 1.0)
     rate = 1e3 * abs(speed)  # of a gap that changes by itself in 1e-3 rad: its inertia tells
     nudges = [way * size * rate**order * np.eye(3)[order] for order in range(3) for way in (1, -1, 1j, -1j)]
@@ -92,9 +92,9 @@ def reaction(mechanism: Mechanism, joint: str, theta: np.ndarray) -> Reaction:
     found = kinetostatics(kinematics(ideal, np.tile(at, 13), speed, 0.0, {joint: gap}))
     forces = found.forces[joint].reshape(13, at.size)
     slopes = [(forces[k] - forces[k + 1]) / (2 * size * rate ** (k // 4)) for k in range(1, 13, 2)]
-    turn = math.copysign(TURNS * 2 * math.pi if around else high - low, speed)
+    turn = math.copysign(RUN_TURNS * 2 * math.pi if around else high - low, speed)
     begin = low - math.copysign(2 * math.pi, speed) if around else low if speed > 0 else high
-    return Reaction(Way(np.array([forces[0], *slopes]), low, float(at[1] - at[0]), begin, turn, speed))
+    return Reaction(CrankWay(np.array([forces[0], *slopes]), low, float(at[1] - at[0]), begin, turn, speed))
 
 
 def reactions(mechanism: Mechanism, theta: np.ndarray) -> dict[str, Reaction]:

@@ -13,7 +13,7 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, Mechanism
 from analytic.mechanism.assumed import Assumed, assumed
-from compare.domain_map.cell import Task
+from compare.domain_map.cell import CellTask
 from compare.domain_map.leaving import boundary
 from compare.faults import ArgumentError, no_pin
 from compare.judge.assumptions import ASSUMPTIONS
@@ -30,7 +30,7 @@ RealJoint = Literal["massless-link", "spring-damper", "contact"]
 
 
 @dataclass(frozen=True)
-class Grid:
+class MapPlan:
     """What a map is over.  Every joint in ``joints`` has the cell's clearance, the others have none."""
 
     mechanism: Mechanism
@@ -117,14 +117,14 @@ def _distances(mechanism: Mechanism) -> dict[str, int]:
     return away
 
 
-def cells(grid: Grid) -> list[Task]:
+def cells(grid: MapPlan) -> list[CellTask]:
     """The runs of a map, engine by engine."""
     theta, skip = _angles(Assembly(grid.mechanism))
     tolerances = grid.tolerances.only("driven", grid.joint_model)
     places = list(product(grid.layers, grid.speeds, grid.clearances))
     linkages = {(e, w, c): grid.linkage(w, c, e) for e, w, c in places}
     return [
-        Task(
+        CellTask(
             simulator=simulator,
             joint_model=grid.joint_model,
             speed=speed,
@@ -160,7 +160,7 @@ def _angles(assembly: Assembly) -> tuple[np.ndarray, int]:
 # ---------------------------------------------------------------- what they come to
 
 
-def summarised(grid: Grid, tasks: Sequence[Task], found: Sequence[Cell | Failed]) -> Validity:
+def summarised(grid: MapPlan, tasks: Sequence[CellTask], found: Sequence[Cell | Failed]) -> Validity:
     """The map, but for the command and warnings; ``found`` are the cells of ``tasks``, in their order."""
     between, edge = _between(grid, found), _boundary(grid, tasks, found)
     blocks = [name for name in grid.joints if grid.mechanism.joint(name).prismatic]
@@ -192,7 +192,7 @@ def summarised(grid: Grid, tasks: Sequence[Task], found: Sequence[Cell | Failed]
     return result.model_copy(update={name: value for name, value in optional.items() if value})
 
 
-def _boundary(grid: Grid, tasks: Sequence[Task], found: Sequence[Cell | Failed]) -> tuple[Boundary, ...]:
+def _boundary(grid: MapPlan, tasks: Sequence[CellTask], found: Sequence[Cell | Failed]) -> tuple[Boundary, ...]:
     """Where contact is first lost by the analytic model, by restitution and speed, where its cells were asked."""
     linkages = {task.at: task for task in tasks}
     said = {cell.at: cell.leaving for cell in found if isinstance(cell, Cell) and cell.leaving is not None}
@@ -212,7 +212,7 @@ def _boundary(grid: Grid, tasks: Sequence[Task], found: Sequence[Cell | Failed])
     return tuple(out)
 
 
-def _assumed(grid: Grid, found: Sequence[Cell | Failed]) -> Iterator[Assumed]:
+def _assumed(grid: MapPlan, found: Sequence[Cell | Failed]) -> Iterator[Assumed]:
     """What contact is made of in the cells that the mechanism does not say."""
     asked = grid.asked(grid.speeds[0], grid.clearances[0], grid.layers[0])
     cells = [cell for cell in found if isinstance(cell, Cell)]
@@ -230,7 +230,7 @@ def too_soft(found: Sequence[Cell | Failed]) -> Iterator[str]:
         yield words.too_soft(name, mine, stiffness * times / STIFF if isinstance(stiffness, float) else None)
 
 
-def _contact(grid: Grid) -> dict[str, Law]:
+def _contact(grid: MapPlan) -> dict[str, Law]:
     """Each joint's law; its damping, where that is the same in all cells."""
     linkage = grid.linkage(grid.speeds[0], grid.clearances[0], grid.layers[0])
     found = {}
@@ -243,7 +243,7 @@ def _contact(grid: Grid) -> dict[str, Law]:
     return found
 
 
-def _holds(grid: Grid, each: Sequence[Cell | Failed]) -> Limits:
+def _holds(grid: MapPlan, each: Sequence[Cell | Failed]) -> Limits:
     """By clearance the highest speed (rad/s) up to which the equilibrium, and Eq. 8, hold at every speed and
     restitution of the map; None if at none.
     """
@@ -265,7 +265,7 @@ def _holds(grid: Grid, each: Sequence[Cell | Failed]) -> Limits:
     )
 
 
-def _between(grid: Grid, each: Sequence[Cell | Failed]) -> Between | None:
+def _between(grid: MapPlan, each: Sequence[Cell | Failed]) -> Between | None:
     """How far the engines are from one another; None for one engine."""
     judged = [cell for cell in each if isinstance(cell, Cell)]
     places = product(grid.speeds, grid.clearances, grid.layers)

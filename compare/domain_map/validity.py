@@ -31,8 +31,8 @@ from compare.arguments import (
     with_clearance,
 )
 from compare.crosscheck import OF_TURNS, STRIKING
-from compare.domain_map.cell import Task, examine
-from compare.domain_map.map import Grid, RealJoint, cells, clearance_joints, summarised
+from compare.domain_map.cell import CellTask, examine
+from compare.domain_map.map import MapPlan, RealJoint, cells, clearance_joints, summarised
 from compare.faults import ArgumentError
 from compare.files import made_folder
 from compare.judge.grid import turns_fully
@@ -65,7 +65,7 @@ def validity(question: ValidityQuestion) -> Validity:
         return mapped(grid, question, told)
 
 
-def gridded(question: ValidityQuestion) -> Grid:
+def gridded(question: ValidityQuestion) -> MapPlan:
     """What a map is over.  Warns, and raises, as :func:`validity` does."""
     speeds, clearances = numbers(question.speeds, "speeds", "rad/s"), numbers(question.clearances, "clearances", "m")
     joint_model, tolerances = real(question.joint_model), laid_over(question.tolerances)
@@ -90,7 +90,7 @@ def gridded(question: ValidityQuestion) -> Grid:
         able, left_out = capable(question.simulators, joint_model, widest if blocks else m)
         warn_of_friction(widest, joint_model, "driven")
         left_out += omitted(m, replace(Asked.of_engines("validity", m, "driven", joint_model), mapped=at))
-    return Grid(
+    return MapPlan(
         m,
         at,
         tuple(speeds.tolist()),
@@ -105,7 +105,7 @@ def gridded(question: ValidityQuestion) -> Grid:
     )
 
 
-def mapped(grid: Grid, question: ValidityQuestion, progress: Progress) -> Validity:
+def mapped(grid: MapPlan, question: ValidityQuestion, progress: Progress) -> Validity:
     """The map over a grid.  Raises AssemblyError, ClusterError or OutputError."""
     tasks = cells(grid)
     with tempfile.TemporaryDirectory() as scratch:
@@ -161,7 +161,7 @@ def capable(simulators: Simulators, joint_model: RealJoint, mechanism: Mechanism
 
 
 def _swept(
-    tasks: Sequence[Task], records: Path, workers: int, dask: str | None, progress: Progress
+    tasks: Sequence[CellTask], records: Path, workers: int, dask: str | None, progress: Progress
 ) -> list[Cell | Failed]:
     """The cells, in order; what an interrupted map has left in the folder is not done again."""
     found: list[Cell | Failed | None] = [None] * len(tasks)

@@ -15,7 +15,7 @@ from analytic.kinematics.reach import usual_angles
 from analytic.mechanism import Mechanism
 from analytic.paper.kinetostatics import kinetostatics
 from compare.judge.statistics import needed, statistic
-from compare.judge.watched import Course, Run, Touch, dot, integral, taken
+from compare.judge.watched import ContactHistory, Travel, WatchedRun, dot, integral, taken
 from compare.report.words.contact import Steadiness, steadiness
 from compare.results.contact import (
     Balance,
@@ -37,7 +37,7 @@ TURN = 2 * math.pi
 BINS = 72  # of a turn
 HIGH = 0.9  # quantile of the revolutions' peaks
 KNOWN = 0.1  # of a figure: half the width of its interval, where it has converged
-LEAST = 0.005  # the same of shares of the time, at least
+LEAST_SHARE = 0.005  # the same of shares of the time, at least
 WANTED: tuple[StatisticName, ...] = ("free_share", "rms_force", "peak_force", "restitution_loss")
 REPEATS = 1e-2  # of the clearance, and of the pin's largest speed: how near it comes back to where it was
 FAINT = 0.1  # of the energy that impacts bring along: a smaller loss need not be known any better
@@ -76,7 +76,7 @@ def contact(
     ``ideal`` (N) are the ideal linkage's largest reactions by joint, ``margins`` (m) how far before its wall a pin or
     corner begins to be pushed; ``yields`` says whether walls are springs, which give back what they have stored.
     """
-    run = Run(m, watched)
+    run = WatchedRun(m, watched)
     courses = {
         name: run.course(
             m.joint(name),
@@ -127,7 +127,7 @@ def revolutions(turned: np.ndarray) -> np.ndarray:
     return np.minimum(np.searchsorted(turned, TURN * np.arange(whole + 1) - 1e-9), turned.size - 1)
 
 
-def blows(touch: Touch) -> Iterator[Blow]:
+def blows(touch: ContactHistory) -> Iterator[Blow]:
     """The impacts of a pin or corner: it was off its wall, and is at it.  One ends when it is no longer pushed, or
     begins to press anew.
     """
@@ -159,7 +159,7 @@ class Done:
     impacts: tuple[tuple[Blow, float, float], ...]
 
     @classmethod
-    def by(cls, touch: Touch, time: np.ndarray) -> Done:
+    def by(cls, touch: ContactHistory, time: np.ndarray) -> Done:
         """By a contact at these times (M,) s."""
         normal = np.maximum(touch.push, 0.0)
         impulse, absorbed = integral(normal, time), integral(touch.push * touch.rate, time) - touch.stored
@@ -172,7 +172,7 @@ class Done:
         )
 
 
-def joint_contact(run: Run, course: Course, marks: np.ndarray, ideal: float) -> JointContact:
+def joint_contact(run: WatchedRun, course: Travel, marks: np.ndarray, ideal: float) -> JointContact:
     """Contact of one joint: its figures by revolution between the ``marks``, and all its impacts."""
     time, spans = run.time, list(pairwise(marks.tolist()))
     done = [Done.by(touch, time) for touch in course.contacts]
@@ -225,7 +225,7 @@ def joint_contact(run: Run, course: Course, marks: np.ndarray, ideal: float) -> 
     )
 
 
-def balance(run: Run, courses: Mapping[str, Course], marks: np.ndarray) -> Balance | None:
+def balance(run: WatchedRun, courses: Mapping[str, Travel], marks: np.ndarray) -> Balance | None:
     """The energy of a run's whole revolutions; None where what its joints take is not known."""
     if run.joints is None:
         return None
@@ -262,7 +262,7 @@ def _wanted(joint: JointContact) -> Iterator[tuple[Statistic, float]]:
         size = abs(found.value or 0.0)
         if name == "restitution_loss":  # small beside what the impacts bring along, it says nothing
             size = max(size, FAINT * _brought(joint))
-        yield found, max(KNOWN * size, LEAST if name == "free_share" else 0.0)
+        yield found, max(KNOWN * size, LEAST_SHARE if name == "free_share" else 0.0)
 
 
 def _brought(joint: JointContact) -> float:
@@ -294,7 +294,7 @@ def _steadiness(joints: Mapping[str, JointContact], whole: int, turns: float) ->
     )
 
 
-def _orbit(course: Course, size: np.ndarray, angle: np.ndarray, here: slice) -> Orbit:
+def _orbit(course: Travel, size: np.ndarray, angle: np.ndarray, here: slice) -> Orbit:
     """The path of a pin or block in some instants, thinned; where it is pushed hardest is kept."""
     x, force = course.gap[here], size[here]
     pieces = np.array_split(np.arange(x.size), min(ORBIT_POINTS // 2, x.size))
@@ -328,7 +328,7 @@ def _profile(
     )
 
 
-def _period(section: Section, course: Course) -> int | None:
+def _period(section: Section, course: Travel) -> int | None:
     """After how many revolutions a pin or block is back where it was, as fast, throughout the second half of a run;
     None: not in a few, or too little of the run is left to tell.
     """

@@ -10,12 +10,12 @@ import numpy as np
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism.signals import AXES, Signal
-from compare.judge.signals import UNITS, Kind, Unit, compared, kind_of
+from compare.judge.signals import KIND_UNITS, RuleKind, Unit, compared, kind_of
 from compare.judge.tolerances import Known, Tolerances
 from sim_models.engine import JointModel, Motion, SettingValue
 
 Verdict = Literal["agrees", "disagrees", "known", "unjudged"]
-HIDDEN = "not told apart: the allowance is larger than the signal"
+NOT_TOLD_APART = "not told apart: the allowance is larger than the signal"
 UNCOMPARED = "at no angle of the run has the signal a number, or its force a direction, to compare"
 
 
@@ -62,11 +62,11 @@ class Difference:
     allowed: float = float("nan")
 
 
-NOTHING = Difference(float("nan"), float("nan"), -1, 0.0)  # there is no such sample
+NO_DIFFERENCE = Difference(float("nan"), float("nan"), -1, 0.0)  # there is no such sample
 
 
 @dataclass(frozen=True)
-class Discrepancy:
+class Comparison:
     """A signal's difference with its tolerance and verdict, all in ``unit``; ``reason`` is empty or why the verdict is
     not the tolerance's.
     """
@@ -203,7 +203,7 @@ class Rule:
         )
 
     @property
-    def kind(self) -> Kind:
+    def kind(self) -> RuleKind:
         """The kind of its signal in the tolerance file."""
         return kind_of(self.signal)
 
@@ -341,7 +341,7 @@ def judge(
     analytic: Mapping[str, np.ndarray],
     theta: np.ndarray | None = None,
     known: Known | None = None,
-) -> Discrepancy | None:
+) -> Comparison | None:
     """Compare a rule's signal of two sides; None where it has no comparable sample.
 
     ``theta`` (N,) rad is the crank angle, for the rule's window; without it there is no window.  A sample that only one
@@ -359,17 +359,17 @@ def judge(
         return _discrepancy(rule, Difference(float("nan"), rms, int(one_sided[0]), np.inf), "disagrees", why)
     if found is None and known is not None:
         why = f"known difference cannot be judged: {UNCOMPARED} ({known.reason})"
-        return _discrepancy(rule, NOTHING, "disagrees", why)
+        return _discrepancy(rule, NO_DIFFERENCE, "disagrees", why)
     if found is None:
         return None
     if known is None:
         if found.share > 1 or _told_apart(rule, analytic, apart, (tolerance, tube)):
             return _discrepancy(rule, found, "agrees" if found.share <= 1 else "disagrees")
-        peak = f"{np.nanmax(np.abs(other)):.3g} {UNITS[rule.kind]}"
-        why = f"{HIDDEN} (at most {peak}); a column that says nothing would agree as well"
+        peak = f"{np.nanmax(np.abs(other)):.3g} {KIND_UNITS[rule.kind]}"
+        why = f"{NOT_TOLD_APART} (at most {peak}); a column that says nothing would agree as well"
         return _discrepancy(rule, found, "unjudged", why)
     bound = difference(apart, np.where(np.isnan(tolerance), np.nan, known.bound))
-    verdict, why = _judge_known(known, found, bound or found, UNITS[rule.kind])
+    verdict, why = _judge_known(known, found, bound or found, KIND_UNITS[rule.kind])
     return _discrepancy(rule, found, verdict, why)
 
 
@@ -407,7 +407,7 @@ def _judge_known(known: Known, found: Difference, widest: Difference, unit: str)
     return "known", f"{known.reason} (bound {known.bound:g} {unit})"
 
 
-def _discrepancy(rule: Rule, found: Difference, verdict: Verdict, reason: str = "") -> Discrepancy:
-    kind, unit = rule.kind, UNITS[rule.kind]
+def _discrepancy(rule: Rule, found: Difference, verdict: Verdict, reason: str = "") -> Comparison:
+    kind, unit = rule.kind, KIND_UNITS[rule.kind]
     public: Literal["angle", "magnitude", "value"] = kind if kind in ("angle", "magnitude") else "value"
-    return Discrepancy(rule.signal, public, unit, found.max, found.rms, found.at, found.allowed, verdict, reason)
+    return Comparison(rule.signal, public, unit, found.max, found.rms, found.at, found.allowed, verdict, reason)

@@ -31,9 +31,9 @@ from sim_models.engine import Cause, Request, Trace
 if TYPE_CHECKING:
     from compare.results.analysis import Simulation  # a model that takes its time to be made
 
-NEAR = 1e3  # tolerances: a run that is off by more is not off by its step
+NEAR_TOLERANCE = 1e3  # tolerances: a run that is off by more is not off by its step
 NEAR_LOOSE = 10.0  # the same with clearance, where pins that fly do so differently in every step
-ROUNDS = 2
+FINER_ROUNDS = 2
 FALLS = 0.6  # of a disagreement that is an engine's, at most, is left in a finer run
 HARDER = 16.0  # times as stiff
 SOFT = 0.5  # of a clearance: a pin that is seen farther beyond its rim hardly shows it
@@ -43,7 +43,7 @@ SHORT = 1e-6  # of a revolution, by which an engine's steps may end before it
 
 
 @dataclass(frozen=True)
-class Judged:
+class JudgedRun:
     """A run that was judged: its trace, its entry in the result, and the rules that it was judged by."""
 
     trace: Trace
@@ -75,24 +75,24 @@ class Judged:
 
 
 def settle(
-    judged: Mapping[int, Judged],
+    judged: Mapping[int, JudgedRun],
     requests: Mapping[int, Request],
     simulate: Callable[[Mapping[int, Request]], Mapping[int, Trace | Failure]],
-    judge: Callable[[Trace], Judged],
-) -> tuple[dict[int, Judged | Failure], dict[int, Request]]:
+    judge: Callable[[Trace], JudgedRun],
+) -> tuple[dict[int, JudgedRun | Failure], dict[int, Request]]:
     """The runs, and what each of them was asked in the end; those that disagree by little are made again until they
     agree, no longer change, or have failed.
 
     ``requests`` are those of the runs that may be made again.
     """
-    settled: dict[int, Judged | Failure] = dict(judged)
+    settled: dict[int, JudgedRun | Failure] = dict(judged)
     looking = {
         i: one
         for i, one in judged.items()
-        if 0 < one.share <= (NEAR_LOOSE if one.trace.clearance else NEAR) or one.soft > SOFT
+        if 0 < one.share <= (NEAR_LOOSE if one.trace.clearance else NEAR_TOLERANCE) or one.soft > SOFT
     }
     asked = dict(requests)
-    for round_ in range(1, ROUNDS + 1):
+    for round_ in range(1, FINER_ROUNDS + 1):
         again = {
             i: request
             for i, one in looking.items()
@@ -114,8 +114,10 @@ def settle(
                 settled[i] = _undecided(
                     one, f"it was {before[i].share / one.share:.1f} times that in a coarser run, and still falls"
                 )
-    ended = {i: _too_soft(one) if isinstance(one, Judged) and one.soft > HIDDEN else one for i, one in settled.items()}
-    return ended, asked
+    for i, run in settled.items():
+        if isinstance(run, JudgedRun) and run.soft > HIDDEN:
+            settled[i] = _too_soft(run)
+    return settled, asked
 
 
 def too_soft(run: Run | Simulation) -> Iterator[str]:
@@ -158,7 +160,7 @@ def stiff_enough(run: Run | Simulation, joint: str) -> str:
     return f"give joint {joint} contact_stiffness = {wanted:.1e} (N/m) or more"
 
 
-def _too_soft(one: Judged) -> Failure:
+def _too_soft(one: JudgedRun) -> Failure:
     t, depths = one.trace, beyond_rim(one.run)
     joint = max(depths, key=lambda name: depths[name] / one.run.clearance[name])
     what = (
@@ -185,7 +187,7 @@ def finer(request: Request, trace: Trace) -> Request | None:
     return replace(request, step=step / 2) if step and request.motion == "driven" else None
 
 
-def _undecided(one: Judged, why: str) -> Failure:
+def _undecided(one: JudgedRun, why: str) -> Failure:
     t = one.trace
     said = f"{t.simulator} {t.joint_model} {t.motion}: {one.words} is its own error: {why}"
     cause = Cause.NOT_CONVERGED
@@ -196,12 +198,12 @@ def _undecided(one: Judged, why: str) -> Failure:
 
 
 def prolong(
-    judged: Mapping[int, Judged | Failure],
+    judged: Mapping[int, JudgedRun | Failure],
     requests: Mapping[int, Request],
     simulate: Callable[[Mapping[int, Request]], Mapping[int, Trace | Failure]],
-    judge: Callable[[Trace], Judged],
+    judge: Callable[[Trace], JudgedRun],
     most: float,
-) -> dict[int, Judged | Failure]:
+) -> dict[int, JudgedRun | Failure]:
     """The runs, those whose statistics have not converged made again from their start, over more revolutions, ``most``
     at the utmost.  Where a longer run fails, the shorter one stays and says so.
     """
@@ -217,7 +219,7 @@ def prolong(
     return ended
 
 
-def _as_far(one: Judged | Failure, longer: Failure) -> Judged | Failure:
+def _as_far(one: JudgedRun | Failure, longer: Failure) -> JudgedRun | Failure:
     """A run that could not be prolonged, with the reason in its words."""
     if isinstance(one, Failure) or one.run.contact is None:
         return one
@@ -225,7 +227,7 @@ def _as_far(one: Judged | Failure, longer: Failure) -> Judged | Failure:
     return replace(one, run=one.run.model_copy(update={"contact": contact}))
 
 
-def _longer(request: Request, one: Judged | Failure, most: float) -> Request | None:
+def _longer(request: Request, one: JudgedRun | Failure, most: float) -> Request | None:
     """The request of a longer run; None where that is no use, or not allowed."""
     if isinstance(one, Failure) or one.run.contact is None or one.run.contact.revolutions < 1 - SHORT:
         return None

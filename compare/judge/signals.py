@@ -12,8 +12,8 @@ from analytic.mechanism.signals import AXES, Component, Signal, continued, drivi
 from analytic.mechanism.signals import Kind as Quantity
 
 Unit = Literal["rad", "N", "m", "N.m", "rad/s"]
-Kind = Literal["angle", "magnitude", "displacement", "rotation", "torque", "force", "position", "place", "velocity"]
-UNITS: dict[Kind, Unit] = {
+RuleKind = Literal["angle", "magnitude", "displacement", "rotation", "torque", "force", "position", "place", "velocity"]
+KIND_UNITS: dict[RuleKind, Unit] = {
     "angle": "rad",
     "magnitude": "N",
     "displacement": "m",
@@ -24,7 +24,7 @@ UNITS: dict[Kind, Unit] = {
     "place": "m",
     "velocity": "rad/s",
 }
-_KINDS: dict[tuple[Quantity, Component], Kind] = {
+_KINDS: dict[tuple[Quantity, Component], RuleKind] = {
     ("reaction", "angle"): "angle",
     ("reaction", "magnitude"): "magnitude",
     ("reaction", "x"): "magnitude",
@@ -46,12 +46,12 @@ _KINDS: dict[tuple[Quantity, Component], Kind] = {
 DRIVE_TORQUE = Signal("drive", "", "torque")
 
 
-def kind_of(signal: Signal) -> Kind:
+def kind_of(signal: Signal) -> RuleKind:
     """The kind under which a tolerance file has a signal.  Raises KeyError for one that is never judged."""
     return _KINDS[signal.kind, signal.component]
 
 
-NOTHING = 1e-12  # of a reaction's peak: no force, and no direction
+NO_REACTION = 1e-12  # of a reaction's peak: no force, and no direction
 
 
 def with_derived(signals: Mapping[str, np.ndarray], mechanism: Mechanism) -> dict[str, np.ndarray]:
@@ -67,7 +67,7 @@ def with_derived(signals: Mapping[str, np.ndarray], mechanism: Mechanism) -> dic
             continue
         force = out[x.name] + 1j * out[x.sibling("y").name]
         size = np.abs(force)
-        acts = size > NOTHING * np.nanmax(size, initial=0.0)
+        acts = size > NO_REACTION * np.nanmax(size, initial=0.0)
         out[x.sibling("angle").name] = continued(np.where(acts, np.angle(force), np.nan))
         out[x.sibling("magnitude").name] = size
     return out

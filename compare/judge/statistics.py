@@ -17,11 +17,11 @@ from compare.judge.tolerances import Tolerances
 from compare.results.contact import STATISTICS, UNITS, Compared, Contact, Statistic, StatisticName
 from compare.results.crosscheck import Run
 
-FEWEST = 3  # revolutions for an interval
+FEWEST_REVOLUTIONS = 3  # revolutions for an interval
 RESAMPLES = 1000
 CONFIDENCE = 0.95
 SEED = 20
-ROUNDING = 1e-6  # of what a contact takes: friction of a frictionless one is an engine's rounding
+ENGINE_ROUNDING = 1e-6  # of what a contact takes: friction of a frictionless one is an engine's rounding
 
 
 def statistic(by_revolution: np.ndarray, quantile: float | None = None) -> Statistic:
@@ -36,7 +36,7 @@ def statistic(by_revolution: np.ndarray, quantile: float | None = None) -> Stati
 
     n = by_revolution.size
     value = float(figure(by_revolution)) if n else math.nan
-    if n < FEWEST:
+    if n < FEWEST_REVOLUTIONS:
         return Statistic(value=value, low=None, high=None, by_revolution=by_revolution)
     from scipy.special import stdtrit  # here: importing it takes a tenth of a second
 
@@ -73,7 +73,7 @@ def _held(one: Run, other: Run, tolerances: Tolerances) -> Iterator[Compared]:
     for joint in (name for name in one.contact.joints if name in other.contact.joints):
         for name in STATISTICS:
             a, b = (_of(contact, joint, name) for contact in (one.contact, other.contact))
-            nothing = ROUNDING * _lost(one.contact, other.contact, joint) if UNITS[name] == "J" else 0.0
+            nothing = ENGINE_ROUNDING * _lost(one.contact, other.contact, joint) if UNITS[name] == "J" else 0.0
             allowed = _allowed(a, b, name, tolerances, nothing)
             within = allowed is not None and abs((a.value or 0.0) - (b.value or 0.0)) <= allowed
             yield Compared(

@@ -18,13 +18,13 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.file import describe
 from analytic.mechanism.reading import ReadingError, read_toml
 from analytic.paper.clearance import Model
-from compare.judge.signals import Kind, compared
+from compare.judge.signals import RuleKind, compared
 from compare.results.contact import StatisticName
 from sim_models.engine import ENGINES, JointModel, Motion, scheme_of
 
 NotNegative = Annotated[float, Field(ge=0)]
-Share = Annotated[float, Field(ge=0, lt=1)]
-Text = Annotated[str, Field(min_length=1)]
+Fraction = Annotated[float, Field(ge=0, lt=1)]
+NonEmptyText = Annotated[str, Field(min_length=1)]
 Several = BeforeValidator(
     lambda value: (value,) if isinstance(value, str) else tuple(value) if isinstance(value, list) else value
 )
@@ -36,11 +36,11 @@ class ToleranceError(Error, ValueError):
     """A tolerance file cannot be used; the message says why."""
 
 
-class _Part(BaseModel):
+class _TolerancePart(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
 
-class Line(_Part):
+class Line(_TolerancePart):
     """What one kind of signal may differ by: ``absolute`` in its SI unit, ``relative`` to its peak, ``window`` in rad
     of crank angle.
     """
@@ -56,7 +56,7 @@ class Line(_Part):
         return self
 
 
-class _Lines(_Part):
+class _Lines(_TolerancePart):
     angle: Line | None = None
     magnitude: Line | None = None
     displacement: Line | None = None
@@ -67,24 +67,24 @@ class _Lines(_Part):
     velocity: Line | None = None
 
 
-class _Models(_Part):
+class _Models(_TolerancePart):
     ideal: _Lines | None = None
     massless_link: _Lines | None = Field(default=None, alias="massless-link")
     spring_damper: _Lines | None = Field(default=None, alias="spring-damper")
     contact: _Lines | None = None
 
 
-class Known(_Part):
+class Known(_TolerancePart):
     """A difference that is there for a stated reason: it must exceed the ordinary tolerance and stay within ``bound``.
 
     ``bound`` is in the signal's SI unit.  The selectors take one name or several; one that is left out holds for all.
     """
 
-    case: Text
-    signal: Text
-    reason: Text
+    case: NonEmptyText
+    signal: NonEmptyText
+    reason: NonEmptyText
     bound: Annotated[float, Field(gt=0)]
-    simulator: Annotated[tuple[Text, ...], Several] = ()
+    simulator: Annotated[tuple[NonEmptyText, ...], Several] = ()
     joint_model: Annotated[tuple[JointModel, ...], Several] = ()
     motion: Annotated[tuple[Motion, ...], Several] = ()
     analytic_model: Annotated[tuple[Model, ...], Several] = ()
@@ -96,7 +96,7 @@ class Known(_Part):
         )
 
 
-class _Statistics(_Part):
+class _Statistics(_TolerancePart):
     free_share: Line | None = None
     impacts: Line | None = None
     impulse: Line | None = None
@@ -110,9 +110,9 @@ class _Statistics(_Part):
     penetration: Line | None = None
 
 
-class _File(_Part):
-    floor: Share | None = None
-    noise: Share | None = None
+class _ToleranceFile(_TolerancePart):
+    floor: Fraction | None = None
+    noise: Fraction | None = None
     rest: NotNegative | None = None
     static: _Models | None = None
     driven: _Models | None = None
@@ -120,18 +120,18 @@ class _File(_Part):
     known: list[Known] = []
 
 
-class Tolerances(_Part):
+class Tolerances(_TolerancePart):
     """What every kind of signal of every run may differ by; ``known`` are differences that are declared."""
 
-    floor: Share
-    noise: Share
+    floor: Fraction
+    noise: Fraction
     rest: NotNegative
-    static: Mapping[JointModel, Mapping[Kind, Line]]
-    driven: Mapping[JointModel, Mapping[Kind, Line]]
+    static: Mapping[JointModel, Mapping[RuleKind, Line]]
+    driven: Mapping[JointModel, Mapping[RuleKind, Line]]
     statistics: Mapping[StatisticName, Line] = {}
     known: Annotated[tuple[Known, ...], Several] = ()
 
-    def line(self, motion: Motion, joint_model: JointModel, kind: Kind) -> Line:
+    def line(self, motion: Motion, joint_model: JointModel, kind: RuleKind) -> Line:
         """The line of a kind of signal in a run.  Raises ToleranceError where there is none."""
         lines = self.static if motion == "static" else self.driven
         try:
@@ -156,18 +156,18 @@ def load_tolerances(path: Path | None = None, called: str = "--tolerance") -> To
     """
     with resources.as_file(resources.files("compare.judge").joinpath("tolerances.toml")) as own:
         shipped = _read(own, "compare/judge/tolerances.toml")
-    return _joined(shipped, _read(path, f"{called} {path}") if path else _File())
+    return _joined(shipped, _read(path, f"{called} {path}") if path else _ToleranceFile())
 
 
-def _read(path: Path, name: str) -> _File:
+def _read(path: Path, name: str) -> _ToleranceFile:
     try:
         fields = read_toml(path)
     except ReadingError as error:
         raise ToleranceError(f"{name}: {error}; give a TOML file like compare/judge/tolerances.toml") from None
     try:
-        checked = _File.model_validate(fields)
+        checked = _ToleranceFile.model_validate(fields)
     except ValidationError as error:
-        raise ToleranceError(f"{name}: {'; '.join(describe(error, fields, _File))}") from None
+        raise ToleranceError(f"{name}: {'; '.join(describe(error, fields, _ToleranceFile))}") from None
     for i, known in enumerate(checked.known):
         for simulator in known.simulator:
             if simulator not in ENGINES and not scheme_of(simulator)[0]:
@@ -178,7 +178,7 @@ def _read(path: Path, name: str) -> _File:
     return checked
 
 
-def _joined(shipped: _File, over: _File) -> Tolerances:
+def _joined(shipped: _ToleranceFile, over: _ToleranceFile) -> Tolerances:
     numbers = {
         name: value if (value := getattr(over, name)) is not None else getattr(shipped, name) for name in SCALARS
     }

@@ -2,8 +2,8 @@
 
     clearance: Annotated["Metres | None", Option("Radial clearances (m) in place of the case's own.", ByJoint())] = None
 
-A :class:`Kind` reads the word of a command line (``parse``) and proves what a function was given (``check``); both
-raise ArgumentError, which names the argument.  What computes is imported only when one of them is called.
+An :class:`ArgumentKind` reads the word of a command line (``parse``) and proves what a function was given (``check``);
+both raise ArgumentError, which names the argument.  What computes is imported only when one of them is called.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class LeftOut(Enum):
 
 
 @dataclass(frozen=True)
-class Kind(Generic[W]):
+class ArgumentKind(Generic[W]):
     """Any text, as it is.
 
     A command's help calls it ``metavar``.  ``units`` are that of a word and that of the argument.
@@ -68,7 +68,7 @@ class Option:
     """
 
     help: str
-    kind: Kind = Kind()
+    kind: ArgumentKind = ArgumentKind()
     name: str = ""
     short: str = ""
     positional: bool = False
@@ -86,7 +86,7 @@ class Option:
         return self.help.replace("{unit}", self.kind.units[1])
 
 
-class Switch(Kind[bool]):
+class Switch(ArgumentKind[bool]):
     """True or False."""
 
     word: ClassVar[type] = bool
@@ -101,7 +101,7 @@ class Switch(Kind[bool]):
 
 
 @dataclass(frozen=True)
-class Choice(Kind[StrEnum]):
+class Choice(ArgumentKind[StrEnum]):
     """One of some words."""
 
     choices: tuple[str, ...] = ()
@@ -142,7 +142,7 @@ class AllOrNone(Choice):
         return super().stands_for(self.choices[0 if argument else 1])
 
 
-class Address(Kind[str]):
+class Address(ArgumentKind[str]):
     """Where a program listens."""
 
     def check(self, given: object, called: str) -> str:
@@ -153,7 +153,7 @@ class Address(Kind[str]):
 
 
 @dataclass(frozen=True)
-class Whole(Kind[int]):
+class Whole(ArgumentKind[int]):
     """A whole number within bounds."""
 
     least: int = 0
@@ -170,19 +170,19 @@ class Whole(Kind[int]):
         raise unusable(called, given, f"a whole number {accepted}")
 
 
-class Number(Kind[float]):
+class RealNumber(ArgumentKind[float]):
     """A number, which the function proves."""
 
     word: ClassVar[type] = float
 
 
-class Moment(Number):
+class Moment(RealNumber):
     """A crank angle, typed in degrees, or a time (s): the command knows which, as it has the result."""
 
     units: ClassVar[tuple[str, str]] = ("deg", "rad")
 
 
-class Angle(Number):
+class Angle(RealNumber):
     """An angle, typed in degrees."""
 
     units: ClassVar[tuple[str, str]] = ("deg", "rad")
@@ -192,7 +192,7 @@ class Angle(Number):
         return math.radians(word)
 
 
-class Seconds(Number):
+class Seconds(RealNumber):
     """A stretch of time (s)."""
 
     def check(self, given: object, called: str) -> float:
@@ -202,7 +202,7 @@ class Seconds(Number):
         raise unusable(called, given, "a number of seconds above 0")
 
 
-class Listed(Kind[str]):
+class Listed(ArgumentKind[str]):
     """Words with commas between them, which the function proves."""
 
     def parse(self, word: str, called: str) -> list[str]:
@@ -211,7 +211,7 @@ class Listed(Kind[str]):
 
 
 @dataclass(frozen=True)
-class Names(Listed):
+class NameList(Listed):
     """Names, with commas between them, at least so many."""
 
     least: int = 0
@@ -223,18 +223,18 @@ class Names(Listed):
         return names(given, called, self.least)
 
 
-class RepeatedNames(Kind[list[str]]):
+class RepeatedNames(ArgumentKind[list[str]]):
     """Names, with commas between them, in an option that may be repeated."""
 
     repeated: ClassVar[bool] = True
 
     def parse(self, word: list[str], called: str) -> list[str]:
         """The names, each once."""
-        return Names().parse(",".join(word), called)
+        return NameList().parse(",".join(word), called)
 
     def check(self, given: object, called: str) -> tuple[str, ...]:
         """The names; a single text is one."""
-        return Names().check(given, called)
+        return NameList().check(given, called)
 
     def stands_for(self, argument: object) -> object:
         """None of no names, which typer cannot show."""
@@ -242,7 +242,7 @@ class RepeatedNames(Kind[list[str]]):
 
 
 @dataclass(frozen=True)
-class ByJoint(Kind[str]):
+class ByJoint(ArgumentKind[str]):
     """Numbers by joint, ``B=1e-4,E=2e-4``; that the linkage has these joints is for the function to prove."""
 
     each: str = "JOINT=metres, such as B=1e-4"
@@ -258,7 +258,7 @@ class ByJoint(Kind[str]):
         return sizes
 
 
-class Increasing(Kind[str]):
+class IncreasingNumbers(ArgumentKind[str]):
     """Numbers with commas between them, each once."""
 
     accepted: ClassVar[str] = "finite numbers"
@@ -292,7 +292,7 @@ class Increasing(Kind[str]):
         return typed
 
 
-class Positive(Increasing):
+class PositiveNumbers(IncreasingNumbers):
     """Numbers above zero."""
 
     accepted: ClassVar[str] = "{} above 0"
@@ -305,13 +305,13 @@ class Positive(Increasing):
         return ordered
 
 
-class Clearances(Positive):
+class Clearances(PositiveNumbers):
     """Clearances (m)."""
 
     units: ClassVar[tuple[str, str]] = ("m", "m")
 
 
-class Speeds(Positive):
+class Speeds(PositiveNumbers):
     """Speeds of a crank, typed in rpm."""
 
     units: ClassVar[tuple[str, str]] = ("rpm", "rad/s")
@@ -321,7 +321,7 @@ class Speeds(Positive):
         return typed * math.pi / 30
 
 
-class Angles(Kind[str]):
+class Angles(ArgumentKind[str]):
     """Crank angles, typed as a range of degrees; that they can be reached is for the function to prove."""
 
     units: ClassVar[tuple[str, str]] = ("deg", "rad")
@@ -333,7 +333,7 @@ class Angles(Kind[str]):
         return parse_angles(word)
 
 
-class Times(Kind[str]):
+class Times(ArgumentKind[str]):
     """Times (s), typed as a range."""
 
     def parse(self, word: str, called: str) -> np.ndarray:
@@ -343,7 +343,7 @@ class Times(Kind[str]):
         return parse_times(word)
 
 
-class Places(Kind[str]):
+class Places(ArgumentKind[str]):
     """A grid of places (m)."""
 
     def parse(self, word: str, called: str) -> object:
@@ -353,7 +353,7 @@ class Places(Kind[str]):
         return parse_workspace(word)
 
 
-class Source(Kind[Path]):
+class Source(ArgumentKind[Path]):
     """A file that is read; what the function takes in its place is for it to prove."""
 
     word: ClassVar[type] = Path
@@ -379,14 +379,14 @@ class TomlTolerances(Source):
         return load_tolerances(word)
 
 
-class Files(Kind[list[Path]]):
+class Files(ArgumentKind[list[Path]]):
     """Files that are read, one or several."""
 
     word: ClassVar[type] = Path
     repeated: ClassVar[bool] = True
 
 
-class Written(Kind[str]):
+class Written(ArgumentKind[str]):
     """A file or a folder that is written; an empty text, which would be the current folder, is none."""
 
     def parse(self, word: str, called: str) -> Path:

@@ -14,10 +14,10 @@ from analytic.mechanism.one_line import shown
 from analytic.mechanism.signals import Signal
 from compare.recorded.errors import DataError
 from compare.recorded.formats import reader
-from compare.recorded.headings import TIME, Column, Names, clocklike, told_unit
+from compare.recorded.headings import TIME, Column, Naming, clocklike, told_unit
 from compare.recorded.text import CELLS, Coding, Header, Rows, coding, header, rows
 
-LEAST = 16  # rows
+LEAST_READINGS = 16  # rows
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ def every_column(file: Path, mechanism: Mechanism) -> Everything:
         numbers = {name: v for name, v in all_of.items() if isinstance(v, np.ndarray)}
         return Everything(numbers, {}, tuple(name for name in all_of if name not in numbers), ())
     coded = coding(file)
-    top = header(file, coded, Names(mechanism, PLAIN))
+    top = header(file, coded, Naming(mechanism, PLAIN))
     found: dict[str, np.ndarray] = {}
     words, faults = list[str](), list[str]()
     twice = next((cell for cell in top.cells if cell.strip() and top.cells.count(cell) > 1), None)
@@ -50,7 +50,7 @@ def every_column(file: Path, mechanism: Mechanism) -> Everything:
             f"{file.name}: line {top.line}: columns {' and '.join(places)} are both {shown(twice)}; rename one of them"
         )
     for place, cell, read in _columns(file, coded, top):
-        if not read.faults and np.isfinite(read.numbers).sum() >= LEAST:
+        if not read.faults and np.isfinite(read.numbers).sum() >= LEAST_READINGS:
             found[cell] = read.numbers[:, 0]
             continue
         words.append(cell)

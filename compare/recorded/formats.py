@@ -12,11 +12,11 @@ from analytic.mechanism.one_line import shown
 from compare.recorded.errors import DataError
 from compare.recorded.text import CELLS, too_long
 
-Columns = Mapping[str, np.ndarray | str]
+ColumnsByHeading = Mapping[str, np.ndarray | str]
 """Numbers (N,) by heading, or why a column has none."""
 
 
-def reader(path: Path) -> Callable[[Path], Columns] | None:
+def reader(path: Path) -> Callable[[Path], ColumnsByHeading] | None:
     """What reads a file of that name; None for text.  Raises DataError where there is no such file."""
     if not path.is_file():
         what = "is a folder; give the path of a file in it" if path.is_dir() else "no such file; give its path"
@@ -24,7 +24,7 @@ def reader(path: Path) -> Callable[[Path], Columns] | None:
     return {".parquet": _parquet, ".feather": _feather, ".arrow": _feather, ".mat": _mat}.get(path.suffix.lower())
 
 
-def _parquet(path: Path) -> Columns:
+def _parquet(path: Path) -> ColumnsByHeading:
     pyarrow = _pyarrow(path)
     try:
         with pyarrow.parquet.ParquetFile(path) as file:
@@ -34,7 +34,7 @@ def _parquet(path: Path) -> Columns:
         raise _unreadable(path, "Parquet", error) from None
 
 
-def _feather(path: Path) -> Columns:
+def _feather(path: Path) -> ColumnsByHeading:
     pyarrow = _pyarrow(path)
     try:
         table = pyarrow.feather.read_table(path, memory_map=True)
@@ -57,7 +57,7 @@ def _pyarrow(path: Path) -> Any:
     return pyarrow
 
 
-def _arrow(table: Any) -> Columns:
+def _arrow(table: Any) -> ColumnsByHeading:
     """Columns of an Arrow table; moments in time are seconds after the first."""
     import pyarrow.types as kinds
 
@@ -76,7 +76,7 @@ def _arrow(table: Any) -> Columns:
     return found
 
 
-def _mat(path: Path) -> Columns:
+def _mat(path: Path) -> ColumnsByHeading:
     from scipy.io import loadmat, whosmat
     from scipy.io.matlab import MatReadError
 

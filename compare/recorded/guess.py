@@ -21,15 +21,15 @@ from analytic.mechanism.signals import Signal
 from analytic.mechanism.units import SI, UnitError, dimension, factor
 from compare.recorded.errors import DataError
 from compare.recorded.every_column import every_column
-from compare.recorded.headings import TIME, Names, clocklike, fold, told_unit, unit_of
-from compare.recorded.likeness import NEAR, UNKNOWN, Guess, by_model, zeroed
+from compare.recorded.headings import TIME, Naming, clocklike, fold, told_unit, unit_of
+from compare.recorded.likeness import NEAR_UNIT, UNKNOWN, Guess, by_model, zeroed
 
 HINTS = ("crank", "enc", "geber", "motor", "drive", "phi", "theta", "winkel", "angle", "pos")  # of an encoder's heading
 LINES = (360, 400, 500, 512, 720, 1000, 1024, 1800, 2000, 2048, 2500, 3600, 4096, 5000, 8192, 9000, 10000)
 COUNTS = tuple(n * edges for n in LINES for edges in (1, 4))  # of encoders' turns
 BETTER = 0.3  # columns less that a less likely encoder must leave
 EITHER = 0.1  # columns less that an encoder must leave that counts backward
-EVEN = 0.05  # rad, by which a crank that turns at a speed may be off it
+OFF_SPEED = 0.05  # rad, by which a crank that turns at a speed may be off it
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ def guess(file: Path, mechanism: Mechanism) -> Guessed:
     """What the columns of a file are.  Raises DataError."""
     everything = every_column(file, mechanism)
     columns = everything.columns
-    names = Names(mechanism, PLAIN)
+    names = Naming(mechanism, PLAIN)
     found: dict[str, Guess] = {}
     for heading, values in columns.items():
         found[heading] = _by_heading(heading, everything.units.get(heading), values, names)
@@ -82,7 +82,7 @@ def _moving(columns: Mapping[str, np.ndarray], found: Mapping[str, Guess], mecha
     return [said] if said else _encoders(columns, found, encoder)
 
 
-def _by_heading(heading: str, below: str | None, values: np.ndarray, names: Names) -> Guess:
+def _by_heading(heading: str, below: str | None, values: np.ndarray, names: Naming) -> Guess:
     """What a heading says, and the unit ``below`` it, as far as they say it."""
     signal, _, unit = names.parted(heading)
     unit = below if unit is None else unit
@@ -169,4 +169,4 @@ def _wraps(values: np.ndarray) -> int | None:
         return None
     about = float(np.median(steps[back]) + np.median(steps[~back]))
     nearest = min(COUNTS, key=lambda n: abs(n - about))
-    return nearest if abs(nearest - about) / nearest < NEAR else None
+    return nearest if abs(nearest - about) / nearest < NEAR_UNIT else None

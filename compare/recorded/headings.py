@@ -25,7 +25,7 @@ CLOCK = ("time", "t")  # what a column of time is called
 CLOCKS = (*CLOCK, "zeit", "timestamp", "stamp", "clock", "uhrzeit", "zeitstempel", "temps", "tempo", "tiempo")
 AMBIGUOUS = "T"  # time if it has a unit of time, else as likely a temperature
 ALIASES = ("crank_angle", "crank_angular_velocity")  # of the driven body's signals, whatever it is called
-NEAR = 0.8  # of a signal's name: what is as near may be meant
+SIMILAR_NAME = 0.8  # of a signal's name: what is as near may be meant
 WORD = 3  # letters of a word that tells a signal from another
 SUFFIXES = {  # of headings such as time_ms and phi_deg
     "s": "s", "sec": "s", "ms": "ms", "us": "us", "min": "min", "h": "h", "rad": "rad", "mrad": "mrad", "deg": "deg",
@@ -83,7 +83,7 @@ class Headings:
         return [self.time, *self.columns] if self.time else list(self.columns)
 
 
-class Names:
+class Naming:
     """The signals that a file of a mechanism may have, by whatever it may call them."""
 
     def __init__(self, mechanism: Mechanism, layout: Layout, mappable: bool = True, derived: bool = False) -> None:
@@ -132,7 +132,7 @@ class Names:
         called = fold(name)
         meant = {fold(known): known for known in self.known}
         meant |= {each: canonical(each, self.mechanism) for each in ALIASES}
-        close = difflib.get_close_matches(called, list(meant), n=1, cutoff=NEAR)
+        close = difflib.get_close_matches(called, list(meant), n=1, cutoff=SIMILAR_NAME)
         if close:
             return meant[close[0]] if meant[close[0]] in self.known else None
         words = {word for word in called.split("_") if len(word) >= WORD}
@@ -185,7 +185,7 @@ def canonical(signal: str, mechanism: Mechanism) -> str:
     return f"{mechanism.driven}{signal.removeprefix('crank')}" if signal in ALIASES else signal
 
 
-def read_headings(cells: Sequence[str], units: Mapping[int, str], names: Names, where: str, timed: bool) -> Headings:
+def read_headings(cells: Sequence[str], units: Mapping[int, str], names: Naming, where: str, timed: bool) -> Headings:
     """What the columns with these headings are; ``units`` are those of a row of units, by column, and ``where`` is the
     header's line.  With ``timed`` a file without time is at fault.
     """
@@ -225,7 +225,7 @@ def read_headings(cells: Sequence[str], units: Mapping[int, str], names: Names, 
 
 
 def _mapped(
-    at: str, place: int, cell: str, units: Mapping[int, str], names: Names, entry: str, meaning: Meaning
+    at: str, place: int, cell: str, units: Mapping[int, str], names: Naming, entry: str, meaning: Meaning
 ) -> Column | str:
     """A column that the map has, or what is wrong with it."""
     signal = names.signal(meaning.signal)
@@ -240,7 +240,7 @@ def _mapped(
     return _column(at, place, signal, unit, meaning)
 
 
-def _named(at: str, place: int, cell: str, units: Mapping[int, str], names: Names) -> Column | str | None:
+def _named(at: str, place: int, cell: str, units: Mapping[int, str], names: Naming) -> Column | str | None:
     """A column by its own heading, what is wrong with it, or None if it is none of the linkage's."""
     if not cell.strip() or (BRACKETED.fullmatch(cell) is None and re.search(r"[\[\]]", cell)):
         return f"{at} is {shown(cell)}; write 'signal [unit]', such as 'crank_angle [deg]'"
@@ -269,14 +269,14 @@ def _column(at: str, place: int, signal: Signal, unit: str, meaning: Meaning | N
         return f"{at}, {signal.name!r}, has {error}"
 
 
-def _examples(names: Names) -> str:
+def _examples(names: Naming) -> str:
     """A few signals that a file may have."""
     kinds = ("pose", "reaction")
     found = [next((name for name, signal in names.known.items() if signal.kind == kind), "") for kind in kinds]
     return ", ".join(name for name in (*found, "drive_torque") if name in names.known)
 
 
-def _twice(where: str, columns: Sequence[Column], cells: Sequence[str], names: Names) -> list[str]:
+def _twice(where: str, columns: Sequence[Column], cells: Sequence[str], names: Naming) -> list[str]:
     """A fault for each signal that is there twice under one name.  ``crank_angle`` beside the driven body's own angle,
     as our own results have it, is looked at where its numbers are known.
     """

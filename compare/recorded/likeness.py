@@ -18,10 +18,10 @@ from analytic.mechanism.signals import Signal, turned_near, unwound
 from analytic.mechanism.units import SI, dimension, factor
 from analytic.paper.kinetostatics import kinetostatics
 from compare.judge.signals import with_derived
-from compare.recorded.headings import TIME, Names, told_unit, unit_of
+from compare.recorded.headings import TIME, Naming, told_unit, unit_of
 from compare.recorded.smooth import Smoother
 
-UNITS = {
+GUESSED_UNITS = {
     "time": ("s", "ms", "us"),
     "angle": ("rad", "deg", "mrad", "rev"),
     "angular velocity": ("rad/s", "deg/s", "rpm"),
@@ -29,18 +29,18 @@ UNITS = {
     "force": ("N", "kN", "mN"),
     "torque": ("N.m", "N.mm", "kN.m"),
 }
-STRAIGHT = 0.02  # of a column's own scatter, that may be left of it beside a signal's
+STRAIGHT_LINE = 0.02  # of a column's own scatter, that may be left of it beside a signal's
 FAR = 0.05  # of a half turn, or of a place, by which a sensor's zero must be off to be told
-NEAR = 0.05  # relative, by which its slope may be off a unit's
+NEAR_UNIT = 0.05  # relative, by which its slope may be off a unit's
 ONLY = 3.0  # times as much that the next best signal must leave
-SAMPLES = 400  # of a file, by which its columns are told
+COMPARED_SAMPLES = 400  # of a file, by which its columns are told
 FOLLOWED = 10_000  # of a file, by which the crank's motion is
 ZEROS = 72  # of an encoder, that are tried around a turn
 LIKE = 0.8  # how unlike a column may be that tells an encoder's zero
 ALIKE = 0.5  # of a column's scatter: a signal that leaves less may be what it is
 UNKNOWN = "not recognised: ignored until you say here what it is"
 PASSING = 1e6  # largest ratio of a count's scale
-LEAST = 16  # rows
+LEAST_READINGS = 16  # rows
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class Guess:
 
 
 @dataclass(frozen=True)
-class Told:
+class Matching:
     """What columns are along one motion of the crank, and how many of them that leaves, counting in part those that
     are nearly like a signal.
     """
@@ -79,11 +79,11 @@ class Told:
 
 def by_model(
     columns: Mapping[str, np.ndarray], found: Mapping[str, Guess], mechanism: Mechanism, time: np.ndarray, crank: Guess
-) -> Told:
+) -> Matching:
     """Columns that are a straight line in a signal of the nominal model along the crank's motion."""
     angle = crank.si(columns[crank.heading])
     good = np.flatnonzero(np.isfinite(angle) & np.isfinite(time))
-    at, some = (good[:: max(1, -(-good.size // most))] for most in (SAMPLES, FOLLOWED))
+    at, some = (good[:: max(1, -(-good.size // most))] for most in (COMPARED_SAMPLES, FOLLOWED))
     continued = np.full(angle.shape, np.nan)
     continued[good] = unwound(angle[good])
     try:
@@ -91,8 +91,8 @@ def by_model(
         moved = kinematics(Assembly(mechanism), course(time[at]), course(time[at], 1), course(time[at], 2))
         signals = with_derived(kinetostatics(moved).signals(), mechanism)
     except (Error, ValueError, np.linalg.LinAlgError):
-        return Told({}, float(len(columns)))
-    names = Names(mechanism, PLAIN)
+        return Matching({}, float(len(columns)))
+    names = Naming(mechanism, PLAIN)
     taken = {g.signal for g in found.values() if g.signal is not None}
     free = {
         name: values
@@ -114,7 +114,7 @@ def by_model(
         if told.signal is not None and told.signal in {g.signal for g in out.values()}:
             told = Guess(heading, None, why=f"{UNKNOWN}; {told.signal.name} has a column already")
         out[heading] = told
-    return Told(out, left)
+    return Matching(out, left)
 
 
 def zeroed(columns: Mapping[str, np.ndarray], found: Mapping[str, Guess], mechanism: Mechanism, crank: Guess) -> Guess:
@@ -126,11 +126,11 @@ def zeroed(columns: Mapping[str, np.ndarray], found: Mapping[str, Guess], mechan
         signals = kinetostatics(kinematics(Assembly(mechanism), grid, 0.0, 0.0)).signals()
     except (Error, ValueError, np.linalg.LinAlgError):
         return crank
-    names = Names(mechanism, PLAIN)
+    names = Naming(mechanism, PLAIN)
     poses = {name: values for name, values in signals.items() if names.known[name].kind == "pose"}
     own = mechanism.encoder.name
     angle = crank.si(columns[crank.heading])
-    every = max(1, angle.size // SAMPLES)
+    every = max(1, angle.size // COMPARED_SAMPLES)
     candidates = {
         heading: [g.signal.name] if g.signal is not None else [n for n in poses if n != own and _may(heading, n, names)]
         for heading, g in found.items()
@@ -167,10 +167,14 @@ def _around(place: np.ndarray, grid: np.ndarray, values: np.ndarray, wraps: bool
     return np.angle(found) if wraps else found
 
 
-def _may(heading: str, signal: str, names: Names) -> bool:
+def _may(heading: str, signal: str, names: Naming) -> bool:
     """Whether a column may be a signal, by the unit that its heading has."""
     kind = dimension(names.known[signal])
-    return not unit_of(heading) or bool(told_unit(heading, kind)) or not any(told_unit(heading, each) for each in UNITS)
+    return (
+        not unit_of(heading)
+        or bool(told_unit(heading, kind))
+        or not any(told_unit(heading, each) for each in GUESSED_UNITS)
+    )
 
 
 @dataclass(frozen=True, order=True)
@@ -186,12 +190,12 @@ class _Line:
     value: float
 
 
-def _lines(values: np.ndarray, signals: Mapping[str, np.ndarray], names: Names) -> list[_Line]:
+def _lines(values: np.ndarray, signals: Mapping[str, np.ndarray], names: Naming) -> list[_Line]:
     """A column (N,) as a straight line in each of these signals; the best first."""
     here = np.isfinite(values)
     y = values[here] - values[here].mean() if here.any() else values[here]
     scatter = float(np.sqrt(np.mean(y**2))) if y.size else 0.0
-    if y.size < LEAST or scatter == 0:
+    if y.size < LEAST_READINGS or scatter == 0:
         return []
     found = []
     for name, series in signals.items():
@@ -214,22 +218,24 @@ def _unlike(lines: Sequence[_Line], known: bool = False) -> float:
         return 1.0
     line = lines[0]
     miss = math.hypot(line.miss, 1 / line.slope - 1) if known and line.slope else line.miss
-    return miss / (miss + STRAIGHT)
+    return miss / (miss + STRAIGHT_LINE)
 
 
-def _matched(heading: str, lines: Sequence[_Line], names: Names) -> Guess:
+def _matched(heading: str, lines: Sequence[_Line], names: Naming) -> Guess:
     """The signal that a column is a straight line in, with a unit's slope; none if there is none, or two."""
     if not lines:
         return Guess(heading, None, why=UNKNOWN)
     line = lines[0]
     name, miss = line.name, line.miss
-    if miss > STRAIGHT or (len(lines) > 1 and lines[1].miss < ONLY * miss):
+    if miss > STRAIGHT_LINE or (len(lines) > 1 and lines[1].miss < ONLY * miss):
         near = f"; {100 * (1 - miss):.3g} % of it is a straight line in {name}" if miss < ALIKE else ""
         return Guess(heading, None, why=f"{UNKNOWN}{near}")
     signal = names.known[name]
     kind = dimension(signal)
     told = told_unit(heading, kind)
-    units = [u for u in ([told] if told else UNITS[kind]) if abs(abs(line.slope) * factor(u, kind) - 1) < NEAR]
+    units = [
+        u for u in ([told] if told else GUESSED_UNITS[kind]) if abs(abs(line.slope) * factor(u, kind) - 1) < NEAR_UNIT
+    ]
     if not units and (told or not 1 / PASSING < abs(line.slope) < PASSING):
         why = f"{UNKNOWN}; {100 * (1 - miss):.3g} % of it is a straight line in {name}, but for its size"
         return Guess(heading, None, why=why)

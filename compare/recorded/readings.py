@@ -14,22 +14,22 @@ from analytic.mechanism.units import OFFERED, dimension, factor
 from compare.recorded.headings import Column
 from compare.recorded.table import Table
 
-ROWS = 200  # of a file, by which it is told
+FIRST_ROWS = 200  # of a file, by which it is told
 Change = tuple[Column, Column]  # a column as it is read, and as it may be meant
 
 
 @dataclass(frozen=True)
-class Reading:
+class TableReading:
     """The first rows of a table, with some columns as they may be meant; with none, as they are read."""
 
     table: Table
     changes: tuple[Change, ...] = ()
 
     @classmethod
-    def of(cls, table: Table) -> Reading:
+    def of(cls, table: Table) -> TableReading:
         """A table as it is read."""
-        values = {name: each[:ROWS] for name, each in table.values.items()}
-        return cls(replace(table, time=table.time[:ROWS], values=values))
+        values = {name: each[:FIRST_ROWS] for name, each in table.values.items()}
+        return cls(replace(table, time=table.time[:FIRST_ROWS], values=values))
 
     @property
     def words(self) -> str:
@@ -41,7 +41,7 @@ class Reading:
         """The same as a map has it."""
         return " and ".join(line(self.table, meant) for _, meant in self.changes)
 
-    def encoders(self, mechanism: Mechanism) -> Iterator[Reading]:
+    def encoders(self, mechanism: Mechanism) -> Iterator[TableReading]:
         """The same with an encoder in each other unit, and turning either way; of several one of them, all alike, or
         two in each other's place.
         """
@@ -54,12 +54,12 @@ class Reading:
             if one.signal.unit == other.signal.unit:
                 yield self._with((one, _as(one, other.signal)), (other, _as(other, one.signal)))
 
-    def clocks(self) -> Iterator[Reading]:
+    def clocks(self) -> Iterator[TableReading]:
         """The same with the clock in each other unit."""
         if self.table.clock is not None:
             yield from (self._with(change) for change in _meanings(self.table.clock, (1,)))
 
-    def _with(self, *changes: Change) -> Reading:
+    def _with(self, *changes: Change) -> TableReading:
         time, values, columns = self.table.time, dict(self.table.values), list(self.table.columns)
         for read, meant in changes:
             if read is self.table.clock:
@@ -68,7 +68,7 @@ class Reading:
                 values[meant.signal.name] = meant.si(read.readings(self.table.values[read.signal.name]))
                 columns[columns.index(read)] = meant
         table = replace(self.table, time=time, values=values, columns=tuple(columns))
-        return Reading(table, (*self.changes, *changes))
+        return TableReading(table, (*self.changes, *changes))
 
 
 def _meanings(column: Column, signs: Sequence[int]) -> Iterator[Change]:

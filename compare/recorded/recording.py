@@ -14,13 +14,13 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import position, turned_near, unwound
 from compare.faults import ArgumentError
-from compare.judge.reference import SURE
+from compare.judge.reference import SIGMAS
 from compare.recorded.errors import DataError
 from compare.recorded.motion import (
-    LEAST,
-    Followed,
-    FollowedDrives,
-    Start,
+    LEAST_SAMPLES,
+    RecordedDrives,
+    RecordedMotion,
+    ReleaseState,
     evenly,
     followed,
     followed_as_given,
@@ -30,9 +30,9 @@ from compare.recorded.rounding import rounding
 from compare.recorded.table import Table
 from sim_models.engine import JointModel, Motion
 
-Kind = Literal["angles", "course", "courses", "released"]
+RecordingKind = Literal["angles", "course", "courses", "released"]
 
-SAMPLES = 20_000  # of a file that are kept: more would tell little, and make a page that no browser opens
+KEPT_SAMPLES = 20_000  # of a file that are kept: more would tell little, and make a page that no browser opens
 
 
 @dataclass(frozen=True)
@@ -42,9 +42,9 @@ class Recording:
     name: str
     file: str
     table: Table
-    kind: Kind
+    kind: RecordingKind
     theta: np.ndarray
-    moved: Followed | FollowedDrives | Start | None = None
+    moved: RecordedMotion | RecordedDrives | ReleaseState | None = None
     error: float = 0.0  # rad, rms, of angles of a crank that turns evenly
 
     @property
@@ -54,21 +54,21 @@ class Recording:
 
     def schedule(self, mechanism: Mechanism, at_rest: bool) -> Schedule:
         """Its motion, or rest in its poses."""
-        if isinstance(self.moved, Followed):
+        if isinstance(self.moved, RecordedMotion):
             return self.moved.schedule(mechanism)
-        if isinstance(self.moved, FollowedDrives):
+        if isinstance(self.moved, RecordedDrives):
             return self.moved.schedule(at_rest)
-        if isinstance(self.moved, Start):
+        if isinstance(self.moved, ReleaseState):
             return Schedule.released(mechanism, self.table.time - self.table.time[0], self.moved.rate)
         return Schedule.at_angles(mechanism, self.theta, at_rest=at_rest)
 
     def moving(self, assembly: Assembly, at_rest: bool) -> tuple[Turning | None, Turning | None]:
         """Its inputs as they were recorded, where the schedule has others, and how exactly they are known (rms)."""
-        if isinstance(self.moved, Followed):
+        if isinstance(self.moved, RecordedMotion):
             return self.moved.moving, self.moved.errors
-        if isinstance(self.moved, FollowedDrives):
+        if isinstance(self.moved, RecordedDrives):
             return None if at_rest else self.moved.inputs(assembly, "moving"), self.moved.inputs(assembly, "errors")
-        if isinstance(self.moved, Start):
+        if isinstance(self.moved, ReleaseState):
             start, error = (
                 np.array([[*each, 0.0]]).T for each in ((self.moved.angle, self.moved.rate), self.moved.errors)
             )
@@ -104,8 +104,8 @@ def recording(
     angle = unwound(angle) if mechanism.encoder.wraps else angle
     if motion == "static" or not table.time.size:
         return Recording(name, file, table, "angles", angle)
-    if table.time.size < LEAST:
-        raise DataError(f"{where}: has {count(table.time.size, 'row')}; a course is known from {LEAST} on")
+    if table.time.size < LEAST_SAMPLES:
+        raise DataError(f"{where}: has {count(table.time.size, 'row')}; a course is known from {LEAST_SAMPLES} on")
     rounded, late = table.rounding(encoder), rounding(table.time)
     if mechanism.speed is not None and (turned := evenly(table.time, angle, mechanism.speed, rounded, late)):
         return Recording(name, file, table, "angles", turned[0], error=turned[1])
@@ -125,14 +125,14 @@ def _at_its_speed(name: str, file: str, table: Table, mechanism: Mechanism, moti
     return Recording(name, file, table, "angles", mechanism.assembly[mechanism.driven] + mechanism.speed * table.time)
 
 
-def _start(table: Table, mechanism: Mechanism) -> Start:
+def _start(table: Table, mechanism: Mechanism) -> ReleaseState:
     """The state that a released linkage begins in: as recorded, else at rest where it is assembled."""
     angles, rates = (table.values.get(f"{mechanism.driven}_{part}") for part in ("angle", "angular_velocity"))
     assembled = Assembly(mechanism).start
     angle = assembled if angles is None or np.isnan(angles[0]) else float(turned_near(float(angles[0]), assembled))
     rate = 0.0 if rates is None or np.isnan(rates[0]) else float(rates[0])
     rounded = [float(table.rounding(f"{mechanism.driven}_{part}")[0]) for part in ("angle", "angular_velocity")]
-    return Start(angle, rate, (rounded[0] / SURE, rounded[1] / SURE))
+    return ReleaseState(angle, rate, (rounded[0] / SIGMAS, rounded[1] / SIGMAS))
 
 
 def _of_drives(name: str, file: str, table: Table, mechanism: Mechanism) -> Recording:
@@ -156,8 +156,8 @@ def _of_drives(name: str, file: str, table: Table, mechanism: Mechanism) -> Reco
     ]
     if not faults and not set(table.values) - set(wanted.values()):
         faults.append(f"{where}: has no signal beside {', '.join(wanted.values())}; add what is to be compared")
-    if not faults and table.time.size < LEAST:
-        faults.append(f"{where}: has {count(table.time.size, 'row')}; a course is known from {LEAST} on")
+    if not faults and table.time.size < LEAST_SAMPLES:
+        faults.append(f"{where}: has {count(table.time.size, 'row')}; a course is known from {LEAST_SAMPLES} on")
     if faults:
         raise DataError(*faults)
     late, speeds, drives = rounding(table.time), mechanism.drive_speeds, {}
@@ -169,16 +169,16 @@ def _of_drives(name: str, file: str, table: Table, mechanism: Mechanism) -> Reco
             even = assembly.positions[joint] + speeds[joint] * table.time
             rounded = np.maximum(rounded, table.off(signal, even))
         # a row's positions are those of its other signals, however late its time is
-        errors = replace(found.errors, theta=rounded / SURE)
+        errors = replace(found.errors, theta=rounded / SIGMAS)
         drives[joint] = replace(found, moving=replace(found.moving, theta=values), errors=errors)
     first = next(iter(drives.values()))
-    return Recording(name, file, table, "courses", first.moving.theta, FollowedDrives(table.time, drives))
+    return Recording(name, file, table, "courses", first.moving.theta, RecordedDrives(table.time, drives))
 
 
 def _kept(table: Table) -> Table:
     """A table with no more rows than can be looked at: every second, third ..."""
     rows = next(iter(table.values.values())).size
-    every = -(-rows // SAMPLES)
+    every = -(-rows // KEPT_SAMPLES)
     if every == 1:
         return table
     note = f"of {rows} rows one in {every} is compared"

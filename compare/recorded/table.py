@@ -14,14 +14,14 @@ from analytic.mechanism.columns import PLAIN, Layout
 from analytic.mechanism.one_line import count, shown
 from analytic.mechanism.signals import starts_again, undirected, unwound
 from compare.recorded.errors import DataError
-from compare.recorded.formats import Columns, reader
-from compare.recorded.headings import TIME, Column, Headings, Names, read_headings
+from compare.recorded.formats import ColumnsByHeading, reader
+from compare.recorded.headings import TIME, Column, Headings, Naming, read_headings
 from compare.recorded.rounding import decimal, rounding
-from compare.recorded.text import ROWS, Rows, coding, header, rows
+from compare.recorded.text import MIN_ROWS, Rows, coding, header, rows
 
-LARGEST = 1e30  # SI, of any number that is read; nothing on a bench is as large, and its square is still a number
-LAST = 1e-12  # of the largest number: what a change of unit rounds away
-SHORTEST = 1e-12  # s, between two rows
+LARGEST_READING = 1e30  # SI; nothing on a bench is as large, and its square is still a number
+UNIT_ROUNDING = 1e-12  # of the largest number: what a change of unit rounds away
+SHORTEST_STEP = 1e-12  # s, between two rows
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ def read_table(
     reads.  Raises DataError with every fault that was found.
     """
     try:
-        names = Names(mechanism, layout, mappable, derived)
+        names = Naming(mechanism, layout, mappable, derived)
         binary = reader(path)
         return _of_columns(path, binary(path), names, timed) if binary else _of_text(path, names, timed)
     except (UnicodeError, OSError) as error:
@@ -98,7 +98,7 @@ def read_table(
         ) from None
 
 
-def _of_text(path: Path, names: Names, timed: bool) -> Table:
+def _of_text(path: Path, names: Naming, timed: bool) -> Table:
     import csv
 
     try:
@@ -114,7 +114,7 @@ def _of_text(path: Path, names: Names, timed: bool) -> Table:
     return _table(path, found, notes, read, timed)
 
 
-def _of_columns(path: Path, columns: Columns, names: Names, timed: bool) -> Table:
+def _of_columns(path: Path, columns: ColumnsByHeading, names: Naming, timed: bool) -> Table:
     """The table of a file that is read by columns."""
     found = read_headings(list(columns), {}, names, path.name, timed)
     cells = list(columns.values())
@@ -140,7 +140,7 @@ def _of_columns(path: Path, columns: Columns, names: Names, timed: bool) -> Tabl
 def _table(path: Path, found: Headings, notes: Sequence[str], read: Rows, timed: bool) -> Table:
     """What was read as a table.  Raises DataError."""
     wanted, faults = found.all, [*found.faults, *read.faults]
-    fewest = ROWS if timed or found.time else 1
+    fewest = MIN_ROWS if timed or found.time else 1
     if len(read.numbers) < fewest and not read.faults:
         faults.append(f"{path.name}: has {count(len(read.numbers), 'row')} of numbers; at least {fewest} are needed")
     with np.errstate(over="ignore"):
@@ -171,7 +171,7 @@ def _differing(name: str, read: Rows, columns: Sequence[Column], series: Sequenc
     for k, column in enumerate(columns):
         other = first.setdefault(column.signal.name, k)
         open_by = sum(columns[i].step * rounding(read.numbers[:, i]) for i in (other, k))
-        apart = np.abs(series[k] - series[other]) - LAST * np.nanmax(np.abs(series[k]), initial=0.0)
+        apart = np.abs(series[k] - series[other]) - UNIT_ROUNDING * np.nanmax(np.abs(series[k]), initial=0.0)
         if np.any(np.isnan(series[k]) != np.isnan(series[other])) or np.any(apart > open_by):
             at = f"columns {columns[other].place + 1} and {column.place + 1}"
             yield f"{name}: {at} are both {column.signal.name!r}, and differ; leave one of them out"
@@ -181,7 +181,7 @@ def _out_of_range(name: str, read: Rows, columns: Sequence[Column], values: Mapp
     """Readings that nothing on a bench has, the first of each column."""
     faults = []
     for k, column in enumerate(columns):
-        wrong = np.flatnonzero(np.abs(values[column.signal.name]) > LARGEST)
+        wrong = np.flatnonzero(np.abs(values[column.signal.name]) > LARGEST_READING)
         if wrong.size:
             at = f"{name}: {read.row} {read.lines[wrong[0]]}, column {column.title!r}"
             faults.append(
@@ -193,7 +193,7 @@ def _out_of_range(name: str, read: Rows, columns: Sequence[Column], values: Mapp
 def _disorder(name: str, read: Rows, time: np.ndarray, column: Column) -> list[str]:
     """What is wrong with the order of time: where it runs back, stays, or hardly moves, the first of them."""
     stamps, steps = read.numbers[:, 0], np.diff(time)
-    wrong = np.flatnonzero(steps < SHORTEST)
+    wrong = np.flatnonzero(steps < SHORTEST_STEP)
     if not wrong.size:
         return []
     k = int(wrong[0])

@@ -20,10 +20,10 @@ import numpy as np
 from analytic.mechanism.one_line import count, shown
 from analytic.mechanism.units import OFFERED, UnitError, factor
 from compare.recorded.errors import DataError
-from compare.recorded.headings import BRACKETS, Column, Names
+from compare.recorded.headings import BRACKETS, Column, Naming
 
 CELLS = 10_000_000  # read at most; 80 MB of numbers
-ROWS = 8  # at least
+MIN_ROWS = 8  # at least
 BLOCK = 1 << 20  # characters read at a time
 HEADER = 100_000  # characters; what has no line end in so many is no table
 PREAMBLE = 200  # lines, at most, before a header that is to be found
@@ -81,7 +81,9 @@ def coding(path: Path) -> Coding:
     with path.open("rb") as file:
         head = file.read(BLOCK)
         if not head.strip():
-            raise DataError(f"{name}: is empty; it needs a header of 'signal [unit]' columns and at least {ROWS} rows")
+            raise DataError(
+                f"{name}: is empty; it needs a header of 'signal [unit]' columns and at least {MIN_ROWS} rows"
+            )
         if head[:2] in UTF16:
             coded = "utf-16"
         elif b"\0" in head or CONTROL.search(head):
@@ -123,7 +125,7 @@ def too_long(name: str, rows: int, columns: int) -> DataError:
 # ---------------------------------------------------------------- the header
 
 
-def header(path: Path, coded: Coding, names: Names) -> Header:
+def header(path: Path, coded: Coding, names: Naming) -> Header:
     """The header of a file: the line that has most headings of signals, or the one that the map says.  Raises
     DataError.
     """
@@ -171,7 +173,7 @@ def header(path: Path, coded: Coding, names: Names) -> Header:
     return Header(at + 1, first, tuple(cells), units, delimiter, decimal, tuple(notes))
 
 
-def _header_line(name: str, lines: Sequence[str], names: Names) -> int:
+def _header_line(name: str, lines: Sequence[str], names: Naming) -> int:
     """The index of the header among the first lines."""
     skip = names.layout.skip_rows
     if skip is not None:
@@ -258,7 +260,7 @@ def rows(path: Path, coded: Coding, found: Header, columns: Sequence[Column]) ->
     """The numbers of these columns, in their order.  Raises DataError where there are too many."""
     if coded.lines * len(columns) > CELLS:
         raise too_long(path.name, coded.lines - found.line, len(columns))
-    reader = _Reader(path.name, found, columns)
+    reader = _RowReader(path.name, found, columns)
     parts: list[tuple[np.ndarray, np.ndarray]] = []
     with path.open(encoding=coded.name) as file:
         for _ in islice(iter(file.readline, ""), found.first - 1):
@@ -278,7 +280,7 @@ def _blocks(file: io.TextIOBase, first: int) -> Iterator[tuple[int, list[str]]]:
         first += len(lines)
 
 
-class _Reader:
+class _RowReader:
     """Reads blocks of lines, and keeps what is wrong with them."""
 
     def __init__(self, name: str, found: Header, columns: Sequence[Column]) -> None:
