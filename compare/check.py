@@ -35,7 +35,7 @@ from compare.arguments import (
     rigidly_and_evenly_driven,
     warn_of_friction,
 )
-from compare.crosscheck import Job, Ran, concluded, judged, run_all
+from compare.crosscheck import STRIKING, Job, Ran, concluded, judged, run_all
 from compare.diagnose.data.quality import LIKE_UNIT, REVERSED, looks
 from compare.faults import ArgumentError
 from compare.judge.discrepancy import UNCOMPARED, Rule, difference
@@ -70,7 +70,6 @@ from sim_models.common.contact_laws import contact_parameters
 from sim_models.engine import JointModel, Motion, Request, Trace, engine
 
 NAMED = 4  # columns of which something is said, by name
-YIELDING = ("contact", "spring-damper")  # whose walls give: no table says how much, and theirs are taken as ours
 LEFT_OPEN = 0.5  # of what a signal may differ by: where the course leaves it open by more, that is said
 
 
@@ -412,7 +411,7 @@ def _with_rounding(side: Reference, one: Recording) -> Reference:
 def _trace(one: Recording, mechanism: Mechanism, joint_model: JointModel, motion: Motion) -> Trace:
     clearance = {} if joint_model == "ideal" else dict(mechanism.clearances)
     settings: dict[str, str | float] = {"file": Path(one.file).name}
-    if clearance and joint_model in YIELDING:
+    if clearance and joint_model in STRIKING:  # no table says how much their walls give: they are taken as ours
         laws = [contact_parameters(mechanism, mechanism.joint(name), motion) for name in clearance]
         settings["contact_stiffness"] = min(law.stiffness for law in laws)
     if isinstance(one.moved, RecordedMotion):

@@ -6,6 +6,7 @@ does it.
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -38,7 +39,6 @@ from compare.arguments import (
 from compare.faults import ArgumentError
 from compare.judge.assumptions import failing_assumption
 from compare.judge.attribution import attribute
-from compare.judge.contact import TURN
 from compare.judge.discrepancy import (
     Comparison,
     Rule,
@@ -73,6 +73,7 @@ from sim_models.common.contact_laws import assumed_of_contact
 from sim_models.engine import (
     JOINT_MODELS,
     SEPARATOR,
+    TOUCHING,
     Capabilities,
     JointModel,
     Motion,
@@ -83,7 +84,7 @@ from sim_models.engine import (
     engine,
 )
 
-STRIKING: tuple[JointModel, ...] = ("contact", "spring-damper")  # whose pins and blocks may leave their walls
+STRIKING = TOUCHING["contact_law"]  # joint models whose pins and blocks may leave their walls
 OF_TURNS = "it is of cranks that turn fully, with pins that may strike their walls"
 AnalyticSide = Callable[[Assembly, Schedule, Model, Mapping[str, float]], Reference]
 
@@ -438,7 +439,7 @@ def watched(request: Request, turns: int) -> Request:
     """A request of a driven run with every step of it told, to the end of so many ``turns`` of its crank."""
     if request.motion != "driven" or not request.schedule.turns_evenly:
         return request
-    return replace(request, watched=True, beyond=max(TURN * turns - span(request), 0.0) if turns else 0.0)
+    return replace(request, watched=True, beyond=max(math.tau * turns - span(request), 0.0) if turns else 0.0)
 
 
 def _side(job: Job, assembly: Assembly, ideal: bool, measure: AnalyticSide) -> Reference:

@@ -24,12 +24,19 @@ from compare.recorded.table import Table
 from compare.results.crosscheck import Failure
 from compare.runs import Counted, Resolve, simulate
 from compare.schedules import over_time
-from sim_models.engine import Engine, JointModel, Request, SimulationError, Trace, Unsupported, check_supported
+from sim_models.engine import (
+    JOINT_MODELS,
+    TOUCHING,
+    Engine,
+    Request,
+    SimulationError,
+    Trace,
+    Unsupported,
+    check_supported,
+)
 
 TABLE_ROWS = 36  # of a table, at most
 NO_FORCE = 1e-6  # of the run's largest force: a joint below it carries none
-LOOSE: tuple[JointModel, ...] = ("massless-link", "spring-damper", "contact")
-BOUNCING: tuple[JointModel, ...] = ("spring-damper", "contact")
 IMPACT_REVOLUTIONS = 40  # of an impacting run
 SAMPLES_A_REVOLUTION = 360  # of each of them
 
@@ -91,7 +98,7 @@ def setups(mechanism: Mechanism) -> list[Setup]:
             added["load"] = [load.model_dump(exclude_unset=True, mode="json") for load in loaded.loads]
         at_rest = mechanism.with_clearances(loaded.clearance).replace(loads=mechanism.loads + loaded.loads)
         held = Schedule.at_angles(at_rest, theta, at_rest=True)
-        found += [Setup(Request(at_rest, model, held), added) for model in LOOSE]
+        found += [Setup(Request(at_rest, model, held), added) for model in JOINT_MODELS[1:]]
     if _shipped(mechanism) and mechanism.name == "crank-rocker":
         found += _impacting(mechanism)
     return found
@@ -104,7 +111,7 @@ def _over_time(mechanism: Mechanism, schedule: Schedule) -> Iterator[Setup]:
     loaded = _loaded(mechanism)
     if loaded.clearance and len(schedule.drives) == len(Assembly(mechanism).structure.inputs):
         loose = mechanism.with_clearances(loaded.clearance)
-        for model in LOOSE:
+        for model in JOINT_MODELS[1:]:
             yield Setup(replace(ideal, mechanism=loose, joint_model=model), {"clearance": dict(loaded.clearance)})
 
 
@@ -131,7 +138,7 @@ def _impacting(mechanism: Mechanism) -> Iterator[Setup]:
         "revolutions": IMPACT_REVOLUTIONS,
     }
     theta = np.arange(SAMPLES_A_REVOLUTION * IMPACT_REVOLUTIONS) * (2 * np.pi / SAMPLES_A_REVOLUTION)
-    for model in BOUNCING:
+    for model in filter(TOUCHING["contact_law"].__contains__, JOINT_MODELS):
         request = Request(fast, model, Schedule.at_angles(fast, theta), lead_in=2 * np.pi, watched=True)
         yield Setup(request, added, impacting=True)
 

@@ -15,7 +15,7 @@ from analytic.kinematics.reach import usual_angles
 from analytic.mechanism import Mechanism
 from analytic.paper.kinetostatics import kinetostatics
 from compare.judge.statistics import needed, statistic
-from compare.judge.watched import ContactHistory, Travel, WatchedRun, dot, integral, taken
+from compare.judge.watched import ContactHistory, JointPlay, WatchedRun, dot, integral, taken
 from compare.report.words.contact import Steadiness, steadiness
 from compare.results.contact import (
     Balance,
@@ -33,7 +33,6 @@ from sim_models.common.guide import Guide
 from sim_models.common.journal import free_share
 from sim_models.engine import Trace, Watched
 
-TURN = 2 * math.pi
 BINS = 72  # of a turn
 HIGH = 0.9  # quantile of the revolutions' peaks
 KNOWN = 0.1  # of a figure: half the width of its interval, where it has converged
@@ -90,7 +89,7 @@ def contact(
     whole = marks.size - 1
     periods = [_period(joint.section, courses[name]) for name, joint in joints.items()]
     parts = {"block" if m.joint(name).prismatic else "pin" for name in joints}
-    steady = _steadiness(joints, whole, float(run.turned[-1]) / TURN)
+    steady = _steadiness(joints, whole, float(run.turned[-1]) / math.tau)
     return Contact(
         revolutions=steady.turns,
         converged=steady.converged,
@@ -121,10 +120,10 @@ def revolutions(turned: np.ndarray) -> np.ndarray:
     """The instants at which whole revolutions begin and end, of a crank that has turned (M,) rad; of a run without one,
     its first and last.
     """
-    whole = int(turned[-1] / TURN + 1e-6)
+    whole = int(turned[-1] / math.tau + 1e-6)
     if not whole:
         return np.array([0, turned.size - 1])
-    return np.minimum(np.searchsorted(turned, TURN * np.arange(whole + 1) - 1e-9), turned.size - 1)
+    return np.minimum(np.searchsorted(turned, math.tau * np.arange(whole + 1) - 1e-9), turned.size - 1)
 
 
 def blows(touch: ContactHistory) -> Iterator[Blow]:
@@ -172,7 +171,7 @@ class Done:
         )
 
 
-def joint_contact(run: WatchedRun, course: Travel, marks: np.ndarray, ideal: float) -> JointContact:
+def joint_contact(run: WatchedRun, course: JointPlay, marks: np.ndarray, ideal: float) -> JointContact:
     """Contact of one joint: its figures by revolution between the ``marks``, and all its impacts."""
     time, spans = run.time, list(pairwise(marks.tolist()))
     done = [Done.by(touch, time) for touch in course.contacts]
@@ -214,7 +213,7 @@ def joint_contact(run: WatchedRun, course: Travel, marks: np.ndarray, ideal: flo
         peak_ratio=float(size.max()) / ideal if ideal > 0 else None,
         first_impact=float(angle[begins[0]]) if begins.size else None,
         impacts=Impacts(crank_angle=angle[begins], approach_speed=speeds, impulse=impulses, energy=energies),
-        profile=_profile(angle, time, size, course.free, begins, float(run.turned[-1]) / TURN),
+        profile=_profile(angle, time, size, course.free, begins, float(run.turned[-1]) / math.tau),
         orbit=_orbit(course, size, angle, slice(spans[-1][0], spans[-1][1] + 1)),
         section=Section(
             x=course.gap.real[at],
@@ -225,7 +224,7 @@ def joint_contact(run: WatchedRun, course: Travel, marks: np.ndarray, ideal: flo
     )
 
 
-def balance(run: WatchedRun, courses: Mapping[str, Travel], marks: np.ndarray) -> Balance | None:
+def balance(run: WatchedRun, courses: Mapping[str, JointPlay], marks: np.ndarray) -> Balance | None:
     """The energy of a run's whole revolutions; None where what its joints take is not known."""
     if run.joints is None:
         return None
@@ -294,7 +293,7 @@ def _steadiness(joints: Mapping[str, JointContact], whole: int, turns: float) ->
     )
 
 
-def _orbit(course: Travel, size: np.ndarray, angle: np.ndarray, here: slice) -> Orbit:
+def _orbit(course: JointPlay, size: np.ndarray, angle: np.ndarray, here: slice) -> Orbit:
     """The path of a pin or block in some instants, thinned; where it is pushed hardest is kept."""
     x, force = course.gap[here], size[here]
     pieces = np.array_split(np.arange(x.size), min(ORBIT_POINTS // 2, x.size))
@@ -306,7 +305,7 @@ def _profile(
     angle: np.ndarray, time: np.ndarray, size: np.ndarray, free: np.ndarray, begins: np.ndarray, turns: float
 ) -> Profile:
     """Contact over the crank angle, all revolutions together; every instant counts by the time around it."""
-    which = np.minimum((np.mod(angle, TURN) / TURN * BINS).astype(int), BINS - 1)
+    which = np.minimum((np.mod(angle, math.tau) / math.tau * BINS).astype(int), BINS - 1)
     lasts = np.gradient(time) if time.size > 1 else np.ones(1)
     total = np.bincount(which, lasts, BINS)
     seen = np.where(total > 0, total, np.nan)
@@ -319,7 +318,7 @@ def _profile(
             share = np.cumsum(lasts[here]) / lasts[here].sum()
             low[k], high[k] = size[here][np.searchsorted(share, (0.05, 0.95)).clip(max=here.size - 1)]
     return Profile(
-        crank_angle=(np.arange(BINS) + 0.5) * TURN / BINS,
+        crank_angle=(np.arange(BINS) + 0.5) * math.tau / BINS,
         free_share=np.bincount(which, lasts * free, BINS) / seen,
         impacts=np.bincount(which[begins], minlength=BINS) / max(turns, 1.0),
         mean_force=np.bincount(which, lasts * size, BINS) / seen,
@@ -328,7 +327,7 @@ def _profile(
     )
 
 
-def _period(section: Section, course: Travel) -> int | None:
+def _period(section: Section, course: JointPlay) -> int | None:
     """After how many revolutions a pin or block is back where it was, as fast, throughout the second half of a run;
     None: not in a few, or too little of the run is left to tell.
     """

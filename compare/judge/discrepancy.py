@@ -10,11 +10,12 @@ import numpy as np
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism.signals import AXES, Signal
-from compare.judge.signals import KIND_UNITS, RuleKind, Unit, compared, kind_of
+from compare.judge.signals import KIND_UNITS, RuleKind, compared, kind_of
 from compare.judge.tolerances import Known, Tolerances
+from compare.results.crosscheck import Unit
 from sim_models.engine import JointModel, Motion, SettingValue
 
-Verdict = Literal["agrees", "disagrees", "known", "unjudged"]
+SignalVerdict = Literal["agrees", "disagrees", "known", "unjudged"]
 NOT_TOLD_APART = "not told apart: the allowance is larger than the signal"
 UNCOMPARED = "at no angle of the run has the signal a number, or its force a direction, to compare"
 
@@ -78,7 +79,7 @@ class Comparison:
     rms: float
     at: int
     tolerance: float
-    verdict: Verdict
+    verdict: SignalVerdict
     reason: str = ""
 
 
@@ -386,7 +387,7 @@ def _told_apart(
     return alone is None or nothing is None or alone.share <= 1 or nothing.share > 1
 
 
-def _judge_known(known: Known, found: Difference, widest: Difference, unit: str) -> tuple[Verdict, str]:
+def _judge_known(known: Known, found: Difference, widest: Difference, unit: str) -> tuple[SignalVerdict, str]:
     """The verdict on a difference that is declared known, and why; ``widest`` is its share of the bound."""
     if found.share <= 1:
         return (
@@ -407,7 +408,7 @@ def _judge_known(known: Known, found: Difference, widest: Difference, unit: str)
     return "known", f"{known.reason} (bound {known.bound:g} {unit})"
 
 
-def _discrepancy(rule: Rule, found: Difference, verdict: Verdict, reason: str = "") -> Comparison:
+def _discrepancy(rule: Rule, found: Difference, verdict: SignalVerdict, reason: str = "") -> Comparison:
     kind, unit = rule.kind, KIND_UNITS[rule.kind]
     public: Literal["angle", "magnitude", "value"] = kind if kind in ("angle", "magnitude") else "value"
     return Comparison(rule.signal, public, unit, found.max, found.rms, found.at, found.allowed, verdict, reason)

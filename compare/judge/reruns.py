@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analytic.mechanism.signals import AXES, Signal
-from compare.judge.contact import TURN, more_revolutions
+from compare.judge.contact import more_revolutions
 from compare.judge.discrepancy import Rule
 from compare.report.words.contact import no_longer_run
 from compare.results.crosscheck import Discrepancy, Failure, Run
@@ -235,7 +235,7 @@ def _longer(request: Request, one: JudgedRun | Failure, most: float) -> Request 
     turns = min(math.ceil(more_revolutions(found)), most)
     if turns < found.revolutions + 0.5:
         return None
-    return replace(request, beyond=TURN * turns - span(request))
+    return replace(request, beyond=math.tau * turns - span(request))
 
 
 def span(request: Request) -> float:

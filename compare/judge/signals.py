@@ -10,8 +10,8 @@ import numpy as np
 from analytic.mechanism import Mechanism
 from analytic.mechanism.signals import AXES, Component, Signal, continued, driving, play
 from analytic.mechanism.signals import Kind as Quantity
+from compare.results.crosscheck import Unit
 
-Unit = Literal["rad", "N", "m", "N.m", "rad/s"]
 RuleKind = Literal["angle", "magnitude", "displacement", "rotation", "torque", "force", "position", "place", "velocity"]
 KIND_UNITS: dict[RuleKind, Unit] = {
     "angle": "rad",

@@ -20,15 +20,14 @@ from analytic.mechanism.reading import ReadingError, read_toml
 from analytic.paper.clearance import Model
 from compare.judge.signals import RuleKind, compared
 from compare.results.contact import StatisticName
-from sim_models.engine import ENGINES, JointModel, Motion, scheme_of
+from sim_models.engine import ENGINES, MOTIONS, JointModel, Motion, scheme_of
 
-NotNegative = Annotated[float, Field(ge=0)]
+Allowance = Annotated[float, Field(ge=0)]
 Fraction = Annotated[float, Field(ge=0, lt=1)]
 NonEmptyText = Annotated[str, Field(min_length=1)]
 Several = BeforeValidator(
     lambda value: (value,) if isinstance(value, str) else tuple(value) if isinstance(value, list) else value
 )
-MOTIONS = ("static", "driven")
 SCALARS = ("floor", "noise", "rest")
 
 
@@ -45,8 +44,8 @@ class Line(_TolerancePart):
     of crank angle.
     """
 
-    absolute: NotNegative = 0.0
-    relative: NotNegative = 0.0
+    absolute: Allowance = 0.0
+    relative: Allowance = 0.0
     window: Annotated[float, Field(ge=0, le=0.0175)] = 0.0  # a degree is no longer a matter of timing
 
     @model_validator(mode="after")
@@ -113,7 +112,7 @@ class _Statistics(_TolerancePart):
 class _ToleranceFile(_TolerancePart):
     floor: Fraction | None = None
     noise: Fraction | None = None
-    rest: NotNegative | None = None
+    rest: Allowance | None = None
     static: _Models | None = None
     driven: _Models | None = None
     statistics: _Statistics | None = None
@@ -125,7 +124,7 @@ class Tolerances(_TolerancePart):
 
     floor: Fraction
     noise: Fraction
-    rest: NotNegative
+    rest: Allowance
     static: Mapping[JointModel, Mapping[RuleKind, Line]]
     driven: Mapping[JointModel, Mapping[RuleKind, Line]]
     statistics: Mapping[StatisticName, Line] = {}

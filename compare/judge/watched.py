@@ -75,7 +75,7 @@ class ContactHistory:
 
 
 @dataclass(frozen=True)
-class Travel:
+class JointPlay:
     """What has clearance in one joint, over a run: a pin, which is one contact, or a block, each corner of which is.
 
     ``gap`` (m) is (M,) complex: of a pin the first pin centre minus the second; of a block its height across the guide,
@@ -145,14 +145,14 @@ class WatchedRun:
         """Angle (M,) rad of a body."""
         return np.zeros(self.time.size) if body == GROUND else self.watched.angle[body]
 
-    def course(self, joint: Joint, margin: float = 0.0, stiffness: float = 0.0) -> Travel:
+    def course(self, joint: Joint, margin: float = 0.0, stiffness: float = 0.0) -> JointPlay:
         """What has clearance in a joint; it begins to be pushed a ``margin`` (m) before its wall of this ``stiffness``
         (N/m).
         """
         guide = Guide.of(joint)
         return self._pin(joint, margin, stiffness) if guide is None else self._block(joint, guide, margin, stiffness)
 
-    def _pin(self, joint: Joint, margin: float, stiffness: float) -> Travel:
+    def _pin(self, joint: Joint, margin: float, stiffness: float) -> JointPlay:
         first, second = joint.bodies
         arms = [self.arm(body, joint.name) for body in joint.bodies]
         gap = self.place(first, joint.name) - self.place(second, joint.name)
@@ -171,9 +171,9 @@ class WatchedRun:
             wall=joint.clearance - margin,
             stiffness=stiffness,
         )
-        return Travel(gap, drift, (touch,))
+        return JointPlay(gap, drift, (touch,))
 
-    def _block(self, joint: Joint, guide: Guide, margin: float, stiffness: float) -> Travel:
+    def _block(self, joint: Joint, guide: Guide, margin: float, stiffness: float) -> JointPlay:
         first, second = joint.bodies
         along, arm = joint.direction * np.exp(1j * self.angle(first)), self.arm(second, joint.name)
         apart = self.place(second, joint.name) - self.place(first, joint.name)
@@ -203,7 +203,8 @@ class WatchedRun:
             )
         ]
         turning = guide.length / 2 * (self.spin(second) - self.spin(first))
-        return Travel(height + 1j * guide.length / 2 * tilt, dot(1j * along, moving(0j)) + 1j * turning, tuple(touches))
+        drift = dot(1j * along, moving(0j)) + 1j * turning
+        return JointPlay(height + 1j * guide.length / 2 * tilt, drift, tuple(touches))
 
     # ---------------------------------------------------------------- energy
 
@@ -269,7 +270,7 @@ class WatchedRun:
         return dot(along, apart), dot(along, slip)
 
 
-def taken(courses: Mapping[str, Travel]) -> np.ndarray:
+def taken(courses: Mapping[str, JointPlay]) -> np.ndarray:
     """Power (M,) W that the contacts take, by normal forces and by friction; what walls store is among it."""
     touches = [touch for course in courses.values() for touch in course.contacts]
     return np.sum([touch.push * touch.rate - touch.rub * touch.slip for touch in touches], axis=0)

@@ -17,7 +17,7 @@ from compare.recorded.formats import reader
 from compare.recorded.headings import TIME, Column, Naming, clocklike, told_unit
 from compare.recorded.text import CELLS, Coding, Header, Rows, coding, header, rows
 
-LEAST_READINGS = 16  # rows
+LEAST_READINGS = 16  # rows with a number, by which a column is one of numbers
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from analytic.mechanism.signals import Signal, turned_near, unwound
 from analytic.mechanism.units import SI, dimension, factor
 from analytic.paper.kinetostatics import kinetostatics
 from compare.judge.signals import with_derived
+from compare.recorded.every_column import LEAST_READINGS
 from compare.recorded.headings import TIME, Naming, told_unit, unit_of
 from compare.recorded.smooth import Smoother
 
@@ -40,7 +41,6 @@ LIKE = 0.8  # how unlike a column may be that tells an encoder's zero
 ALIKE = 0.5  # of a column's scatter: a signal that leaves less may be what it is
 UNKNOWN = "not recognised: ignored until you say here what it is"
 PASSING = 1e6  # largest ratio of a count's scale
-LEAST_READINGS = 16  # rows
 
 
 @dataclass(frozen=True)

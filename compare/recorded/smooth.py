@@ -224,7 +224,7 @@ class SplineFit:
 
 
 @dataclass(frozen=True)
-class Candidate:
+class TriedSpline:
     """A spline of one reach with so many harmonics, its score (least is best), and how it misses (rms, worst)."""
 
     reach: float
@@ -347,7 +347,7 @@ class Smoother:
             waves = self._waves(turn)
         return turn
 
-    def _clock(self, best: Candidate) -> BSpline:
+    def _clock(self, best: TriedSpline) -> BSpline:
         """The angle of something that turns evenly, whatever the crank does, so that its harmonics tell these readings
         best: unevenness may come from a motor behind a belt as from the crank's own load.
         """
@@ -381,10 +381,10 @@ class Smoother:
             self._bases[apart] = Basis(self.at, apart)
         return self._bases[apart]
 
-    def _tried(self, reaches: np.ndarray, turn: BSpline | None) -> list[Candidate]:
+    def _tried(self, reaches: np.ndarray, turn: BSpline | None) -> list[TriedSpline]:
         """Splines of these reaches, alone and with harmonics of an angle."""
         waves = np.zeros((self.at.size, 0)) if turn is None else self._waves(turn)
-        found: list[Candidate] = []
+        found: list[TriedSpline] = []
         for reach in reaches[reaches <= max(reaches[0], self.at[-1])].tolist():
             try:
                 fit = SplineFit(self._basis(reach), reach, self._values, waves)
@@ -393,7 +393,7 @@ class Smoother:
             found += self._choices(reach, fit)
         return found
 
-    def _best(self, found: Sequence[Candidate]) -> Candidate:
+    def _best(self, found: Sequence[TriedSpline]) -> TriedSpline:
         """The choice that predicts best; where that follows the stairs of coarse counts, the stiffest that they
         allow.
         """
@@ -406,7 +406,7 @@ class Smoother:
             best = max([best, *smooth], key=lambda choice: choice.reach)
         return best
 
-    def _choices(self, reach: float, fit: SplineFit) -> Iterator[Candidate]:
+    def _choices(self, reach: float, fit: SplineFit) -> Iterator[TriedSpline]:
         n, least = self.at.size, READING_ROUNDING * float(np.ptp(self._values) + abs(self._slope) * self.at[-1])
         for count in (0, *(h for h in HARMONICS if 2 * h <= fit.waves.shape[1])):
             off, free = fit.missed(count), fit.freedom(count)
@@ -414,7 +414,7 @@ class Smoother:
             score = math.inf
             if left > LEFT_FREEDOM:
                 score = n * math.log(float(off @ off) / n / left**2 + least**2 + NO_VARIANCE) + 2 * CHARGE * free
-            yield Candidate(reach, count, score, math.sqrt(float(off @ off) / n), float(np.max(np.abs(off))), fit)
+            yield TriedSpline(reach, count, score, math.sqrt(float(off @ off) / n), float(np.max(np.abs(off))), fit)
 
 
 def _greville(knots: np.ndarray) -> np.ndarray:

@@ -17,7 +17,7 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
 from analytic.mechanism.parts import ContactLaw
 from compare.arguments import cores
-from compare.judge.contact import TURN, contact, ideal_peaks
+from compare.judge.contact import contact, ideal_peaks
 from compare.judge.grid import default_angles
 from compare.results.contact import Contact, StatisticName
 from compare.results.crosscheck import Failure
@@ -111,8 +111,8 @@ def by_equation(m: Mechanism, revolutions: int = OF_ODE) -> Contact:
     """What contact does by the equation, after a revolution that does not count."""
     (joint,) = m.clearances
     loop = loop_of(m, 0.0, named_law(m, m.joint(joint), "driven"))
-    watched = simulate(m, loop, centred(m, loop), (revolutions + 1) * TURN).watched
-    late = watched.time >= TURN / abs(m.speed or 1.0)
+    watched = simulate(m, loop, centred(m, loop), (revolutions + 1) * math.tau).watched
+    late = watched.time >= math.tau / abs(m.speed or 1.0)
 
     def kept(values: np.ndarray) -> np.ndarray:
         return values[late]
@@ -127,12 +127,12 @@ def by_equation(m: Mechanism, revolutions: int = OF_ODE) -> Contact:
 def _request(m: Mechanism, name: str, revolutions: int = REVOLUTIONS) -> Request | None:
     """A run of an engine that has the law in contact, or else between pin centres; None where it has it in neither."""
     theta = default_angles(Assembly(m))
-    beyond = revolutions * TURN - float(theta[-1] - theta[0])
+    beyond = revolutions * math.tau - float(theta[-1] - theta[0])
     rough = any(joint.friction for joint in m.joints if joint.clearance)
     models: tuple[JointModel, ...] = ("contact",) if rough else ("contact", "spring-damper")
     for model in models:
         asked = Request(
-            m, model, Schedule.at_angles(m, theta), start="centred", lead_in=TURN, beyond=beyond, watched=True
+            m, model, Schedule.at_angles(m, theta), start="centred", lead_in=math.tau, beyond=beyond, watched=True
         )
         try:
             check_supported(declared(name), asked)
