@@ -108,7 +108,7 @@ def simulate(question: SimulateQuestion) -> Simulation:
         name = one_engine(question.simulator)
         warn_of_friction(m, joint_model, motion)
         trace = answered(name, request(m, question), engine(name).simulate)
-    found = Simulation(
+    simulation = Simulation(
         case=m.name,
         mechanism=m,
         motion=motion,
@@ -123,10 +123,16 @@ def simulate(question: SimulateQuestion) -> Simulation:
         warnings=tuple(warned),
         assumed=(*assumed(m), *assumed_of_contact(m, trace.clearance, trace.settings)),
     )
-    found = found.model_copy(
-        update={"warnings": (*found.warnings, *rigid_walls(m, name, joint_model, trace.settings), *too_soft(found))}
+    simulation = simulation.model_copy(
+        update={
+            "warnings": (
+                *simulation.warnings,
+                *rigid_walls(m, name, joint_model, trace.settings),
+                *too_soft(simulation),
+            )
+        }
     )
-    return found if trace.time is None else found.model_copy(update={"time": trace.time})
+    return simulation if trace.time is None else simulation.model_copy(update={"time": trace.time})
 
 
 def request(m: Mechanism, question: SimulateQuestion) -> Request:

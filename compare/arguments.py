@@ -59,14 +59,14 @@ def numbers(given: object, called: str, unit: str) -> np.ndarray:
     """Finite numbers (N,), N at least one, of one number or of a flat list of them.  Raises ArgumentError."""
     several = list(given) if isinstance(given, Iterable) and not isinstance(given, str | bytes | np.ndarray) else given
     try:
-        found = np.asarray(several)
+        values = np.asarray(several)
     except ValueError:  # lists of several lengths
-        found = np.array(None)
+        values = np.array(None)
     truth = isinstance(several, list) and any(isinstance(each, bool | np.bool_) for each in several)
-    if truth or found.ndim > 1 or not found.size or found.dtype.kind not in "iuf" or not np.all(np.isfinite(found)):
+    if truth or values.ndim > 1 or not values.size or values.dtype.kind not in "iuf" or not np.all(np.isfinite(values)):
         given = given.tolist() if isinstance(given, np.ndarray) else given
         raise unusable(called, given, f"one number ({unit}) or a flat list of finite ones")
-    return found.astype(float).reshape(-1)
+    return values.astype(float).reshape(-1)
 
 
 def number(given: object, called: str, unit: str) -> float:
@@ -78,10 +78,10 @@ def number(given: object, called: str, unit: str) -> float:
 
 def names(given: object, called: str, least: int = 0) -> tuple[str, ...]:
     """Names, each once, at least so many; a single text is one name.  Raises ArgumentError."""
-    found = (given,) if isinstance(given, str) else tuple(given) if isinstance(given, Iterable) else None
-    if found is None or len(found) < least or not all(isinstance(each, str) for each in found):
+    given_names = (given,) if isinstance(given, str) else tuple(given) if isinstance(given, Iterable) else None
+    if given_names is None or len(given_names) < least or not all(isinstance(each, str) for each in given_names):
         raise unusable(called, given, "one name or a list of names")
-    return tuple(dict.fromkeys(found))
+    return tuple(dict.fromkeys(given_names))
 
 
 def path(given: object, called: str) -> Path:
@@ -113,10 +113,10 @@ def linkage(given: Linkage, clearance: Metres | None = None, *, large: bool) -> 
         Assembly(mechanism)
     except (AssemblyError, StructureError) as error:
         raise MechanismError(f"{mechanism.name if isinstance(given, Mechanism) else given}: {error}") from None
-    found = mechanism if clearance is None else with_clearance(mechanism, clearance)
+    loosened = mechanism if clearance is None else with_clearance(mechanism, clearance)
     if not large:
-        refuse_large(found, "mechanism" if clearance is None else "clearance")
-    return found
+        refuse_large(loosened, "mechanism" if clearance is None else "clearance")
+    return loosened
 
 
 def refuse_large(mechanism: Mechanism, called: str) -> None:
@@ -185,14 +185,14 @@ def metres(given: object, mechanism: Mechanism, called: str) -> dict[str, float]
     if not isinstance(given, Mapping):
         example = {(pins or ["B"])[-1]: 1e-4}
         raise unusable(called, given, f"metres by joint, such as {example}")
-    found = {}
+    clearances = {}
     for name, size in given.items():
         if name not in mechanism.may_be_loose:
             raise ArgumentError(called, no_pin(name, pins, mechanism))
         if not isinstance(size, Real) or isinstance(size, bool) or not 0 <= float(size) < math.inf:
             raise ArgumentError(called, f"{name} = {quoted(size)}; give metres, 0 or more")
-        found[name] = float(size)
-    return found
+        clearances[name] = float(size)
+    return clearances
 
 
 def engines(given: Simulators) -> tuple[tuple[str, ...], list[str]]:
@@ -202,30 +202,30 @@ def engines(given: Simulators) -> tuple[tuple[str, ...], list[str]]:
     """
     if not every_one(given):
         return tuple(engine(name).name for name in _engine_names(given)), []
-    found, left_out = [], []
+    installed, left_out = [], []
     for name in engine_names():
         try:
-            found.append(engine(name).name)
+            installed.append(engine(name).name)
         except SimulatorMissing as missing:
             left_out.append(f"left out: {missing}")
     left_out += [f"left out: {why}" for why in offers().refused.values()]
-    if not found:
+    if not installed:
         raise SimulatorMissing(f"no simulator is installed; run: pip install 'linkage-crosscheck[{engine_names()[0]}]'")
-    return tuple(found), left_out
+    return tuple(installed), left_out
 
 
 def with_map(given: Simulators, columns: PathLike[str] | str | None) -> Simulators:
     """The simulators, those that are somebody's model file with this map of its columns.  Raises ArgumentError."""
     if columns is None:
         return given
-    found = tuple(
+    mapped = tuple(
         name if scheme_of(name)[0] not in MAPPED or SEPARATOR in name else f"{name}{SEPARATOR}{columns}"
         for name in _engine_names(given)
     )
-    if found == _engine_names(given):
+    if mapped == _engine_names(given):
         accepted = " or ".join(f"{each}:FILE" for each in MAPPED)
         raise ArgumentError("map", f"{columns} belongs to no simulator; give one that takes a map, {accepted}")
-    return found
+    return mapped
 
 
 def every_one(given: Simulators) -> bool:
@@ -253,10 +253,10 @@ def one_engine(given: object) -> str:
 def _engine_names(given: object) -> tuple[str, ...]:
     """The names of engines, each once; ``all`` stands alone.  Raises ArgumentError."""
     parts = [part for text in names(given, "simulators") for part in _parted(text)]
-    found = tuple(dict.fromkeys(_as_called(part) for part in parts))
-    if not all(found) or not found or ("all" in found and len(found) > 1):
+    called = tuple(dict.fromkeys(_as_called(part) for part in parts))
+    if not all(called) or not called or ("all" in called and len(called) > 1):
         raise unusable("simulators", given, f"one or several of {', '.join(engine_names())}, or all by itself")
-    return found
+    return called
 
 
 def _parted(text: str) -> Iterator[str]:
@@ -314,7 +314,7 @@ def noted() -> Iterator[list[str]]:
     """Warnings that are given within, as sentences, whatever a person has chosen to be shown; each is given again when
     it ends.  A command, which takes degrees, has none of those that ask for radians.
     """
-    told: list[str] = []
+    sentences: list[str] = []
     in_degrees = any(action == "ignore" and kind is DegreesWarning for action, _, kind, *_ in warnings.filters)
     caught: list[warnings.WarningMessage] = []
     try:
@@ -322,9 +322,9 @@ def noted() -> Iterator[list[str]]:
             warnings.simplefilter("always")
             if in_degrees:
                 warnings.simplefilter("ignore", DegreesWarning)
-            yield told
+            yield sentences
     finally:  # what is refused may be refused for what a warning says
         for each in caught:
             if not issubclass(each.category, RuntimeWarning):
-                told.append(str(each.message))
+                sentences.append(str(each.message))
             warnings.warn_explicit(each.message, each.category, each.filename, each.lineno)

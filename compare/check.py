@@ -113,18 +113,18 @@ def check(question: CheckQuestion) -> CrossCheck:
     ran = Ran()
     for one in recordings:
         try:
-            side, found = asked.held(one)
+            side, judgement = asked.held(one)
         except AssemblyError as error:
             remedy = asked.meant(one) or "check the angles, their unit and their sign"
             raise DataError(f"{Path(one.file).name}: {error}; {remedy}") from None
-        if contradictions := _contradictions(one, found):
+        if contradictions := _contradictions(one, judgement):
             remedy = asked.meant(one) or "leave one of them out"
             raise DataError(*(f"{Path(one.file).name}: {each}; {remedy}" for each in contradictions))
-        remarks += [*side.remarks, *asked.said(one, side, found)]
-        ran += Ran((found,))
+        remarks += [*side.remarks, *asked.sentences(one, side, judgement)]
+        ran += Ran((judgement,))
     if names:
-        with progress_bar(question.progress) as told:
-            ran += _engines(asked, recordings[0], told)
+        with progress_bar(question.progress) as progress:
+            ran += _engines(asked, recordings[0], progress)
     first = ran.judged[0]
     others = dict.fromkeys(one.run.simulator.name for one in ran.judged if not _alike(one, first))
     if others:
@@ -170,37 +170,39 @@ def _tables(
 ) -> list[tuple[str, str, Table]]:
     """Every file as a table, by a map that is called ``where``.  Raises DataError with the faults of all of them."""
     timed = timed and mechanism.speed is None  # at a constant speed an angle tells the time
-    found: list[tuple[str, str, Table]] = []
+    tables: list[tuple[str, str, Table]] = []
     faults: list[str] = []
     for name, file in files.items():
         try:
-            found.append((name, str(file), read_table(file, mechanism, layout, timed=timed, derived=True)))
+            tables.append((name, str(file), read_table(file, mechanism, layout, timed=timed, derived=True)))
         except DataError as error:
             faults += error.faults
-    used = {entry for _, _, table in found for entry in table.used}
-    headings = list(dict.fromkeys(heading for _, _, table in found for heading in table.headings))
+    used = {entry for _, _, table in tables for entry in table.used}
+    headings = list(dict.fromkeys(heading for _, _, table in tables for heading in table.headings))
     faults += [] if faults else [unused(f"{where}: ", entry, headings) for entry in layout.columns if entry not in used]
     if faults:
         raise DataError(*faults)
-    return found
+    return tables
 
 
 def _warnings(mechanism: Mechanism, recordings: Sequence[Recording], motion: Motion) -> list[str]:
     """What was made of the files, in sentences."""
-    found = []
+    sentences = []
     for one in recordings:
-        found += list(one.table.notes)
+        sentences += list(one.table.notes)
         if one.kind == "released" and f"{mechanism.driven}_angle" not in one.table.values:
-            found.append(f"{one.name}: does not say where the linkage begins; it is let go at rest, as it is assembled")
-        found += _off_speed(one, mechanism) if motion == "driven" else []
+            sentences.append(
+                f"{one.name}: does not say where the linkage begins; it is let go at rest, as it is assembled"
+            )
+        sentences += _off_speed(one, mechanism) if motion == "driven" else []
         if one.kind == "angles" and one.table.time.size and mechanism.encoder.name not in one.table.values:
             where = f"{np.degrees(mechanism.assembly[mechanism.driven]):.4g} deg"
-            found.append(
+            sentences.append(
                 f"{one.name}: does not say where its crank is; at time 0 it is taken to be at {where}, where the"
                 " linkage is assembled"
             )
-        found += _absent(one)
-    return found
+        sentences += _absent(one)
+    return sentences
 
 
 def _absent(one: Recording) -> list[str]:
@@ -237,11 +239,11 @@ def _off_speed(one: Recording, mechanism: Mechanism) -> list[str]:
             continue
         verb = "turn" if encoder.wraps else "move"
         what = "its crank" if one.kind == "course" else f"joint {encoder.place}"
-        own = float(values[-1] - values[0]) / float(time[-1] - time[0])
-        if evenly(time, values, own, rounded, late) is None:
+        mean = float(values[-1] - values[0]) / float(time[-1] - time[0])
+        if evenly(time, values, mean, rounded, late) is None:
             off.append(f"{what} does not {verb} evenly at drive.speed = {speed:g} {unit}")
         else:
-            off.append(f"{what} {verb}s evenly, but at {own:.5g} {unit} where drive.speed = {speed:g}")
+            off.append(f"{what} {verb}s evenly, but at {mean:.5g} {unit} where drive.speed = {speed:g}")
     its = "its recorded course is" if len(off) == 1 else "their recorded courses are"
     return [f"{one.name}: {', '.join(off)}; {its} followed, and drive.speed left out"] if off else []
 
@@ -303,27 +305,29 @@ class _Asked:
         """The analytic side of a recording, and the recording held to it.  Raises AssemblyError."""
         side = self.side(one)
         trace = _trace(one, self.mechanism(one), self.joint_model, self.motion)
-        found = judged(self.job_of(one), _with_rounding(side, one), trace)
-        if not found.rules and not found.run.reason:
-            why = "; ".join(_not_judged(one, side, found, self.mechanism(one))) or "no column has a number to compare"
-            found = replace(found, run=found.run.model_copy(update={"reason": why}))
-        return side, found
+        judgement = judged(self.job_of(one), _with_rounding(side, one), trace)
+        if not judgement.rules and not judgement.run.reason:
+            why = (
+                "; ".join(_not_judged(one, side, judgement, self.mechanism(one))) or "no column has a number to compare"
+            )
+            judgement = replace(judgement, run=judgement.run.model_copy(update={"reason": why}))
+        return side, judgement
 
-    def said(self, one: Recording, side: Reference, found: JudgedRun) -> list[str]:
+    def sentences(self, one: Recording, side: Reference, judgement: JudgedRun) -> list[str]:
         """What a reader has to know of a file beside its verdict, in sentences."""
-        m, rules = self.mechanism(one), found.rules
-        said = [f"{one.name}: {why}" for why in _not_judged(one, side, found, m)] if rules else []
+        m, rules = self.mechanism(one), judgement.rules
+        sentences = [f"{one.name}: {why}" for why in _not_judged(one, side, judgement, m)] if rules else []
         if self.motion == "driven":
-            said += _coarse(one, side, rules, m)
-        off = found.run.verdict == "disagrees"
+            sentences += _coarse(one, side, rules, m)
+        off = judgement.run.verdict == "disagrees"
         if off and (meant := self.meant(one)):
-            return [*said, f"{one.name}: {meant}"]
+            return [*sentences, f"{one.name}: {meant}"]
         if self.motion == "driven":
-            said += _clocked(one, self.given)
-        said += _units(one, side, found)
+            sentences += _clocked(one, self.given)
+        sentences += _units(one, side, judgement)
         if off and one.kind == "angles" and self.motion == "driven" and one.time is None and self.rests(one):
-            said.append(f"{one.name}: agrees with the linkage at rest; say --motion static")
-        return said
+            sentences.append(f"{one.name}: agrees with the linkage at rest; say --motion static")
+        return sentences
 
     def rests(self, one: Recording) -> bool:
         """Whether rows that have no time are as the linkage is at rest."""
@@ -337,35 +341,35 @@ class _Asked:
         Where bodies are depends on the encoders alone, so that these are right where no pose disagrees.
         """
         best = TableReading.of(one.table)
-        first = found = self._agreeing(one, best)
+        as_read = agreeing = self._agreeing(one, best)
         ways: list[Callable[[TableReading], Iterable[TableReading]]] = [
             lambda r: r.encoders(self.given),
             TableReading.clocks,
         ]
         known = named(self.given.bodies, self.given.joints, self.given.drives)
-        poses = [agrees for name, agrees in first.items() if known[name].kind in ("pose", "rotation")]
+        poses = [agrees for name, agrees in as_read.items() if known[name].kind in ("pose", "rotation")]
         for way in ways[1:] if poses and all(poses) else ways:
             for reading in way(best):
-                if found and all(found.values()):
+                if agreeing and all(agreeing.values()):
                     break
                 other = self._agreeing(one, reading)
-                if sum(other.values()) > sum(found.values()):
-                    best, found = reading, other
-        agree, then, compared = sum(first.values()), sum(found.values()), len(first) or len(found)
+                if sum(other.values()) > sum(agreeing.values()):
+                    best, agreeing = reading, other
+        agree, then, compared = sum(as_read.values()), sum(agreeing.values()), len(as_read) or len(agreeing)
         if 2 * (then - agree) <= compared - agree:
             return ""
-        now = f"{agree} as it is read" if first else "as it is read the linkage does not reach its angles"
-        said = f"{then} of {len(found)} comparisons agree with {best.words}, {now}"
-        return f"{said}: say {best.lines} under [columns] of a map"
+        now = f"{agree} as it is read" if as_read else "as it is read the linkage does not reach its angles"
+        comparisons = f"{then} of {len(agreeing)} comparisons agree with {best.words}, {now}"
+        return f"{comparisons}: say {best.lines} under [columns] of a map"
 
     def _agreeing(self, one: Recording, reading: TableReading) -> dict[str, bool]:
         """Whether each signal agrees; nothing where the linkage does not move so."""
         try:
             again = recording(one.name, one.file, reading.table, self.given, self.motion, self.joint_model)
-            found = self.held(again)[1].run.discrepancies
+            discrepancies = self.held(again)[1].run.discrepancies
         except (DataError, AssemblyError):
             return {}
-        return {each.signal: each.verdict == "agrees" for each in found}
+        return {each.signal: each.verdict == "agrees" for each in discrepancies}
 
 
 def _side(one: Recording, mechanism: Mechanism, motion: Motion, joint_model: JointModel, model: Model) -> Reference:
@@ -395,9 +399,9 @@ def _with_rounding(side: Reference, one: Recording) -> Reference:
     unsure = {name: np.array(values) for name, values in side.unsure.items()}
     table = one.table
     for name in table.values:
-        own = rounding(side.signals[name]) if name in side.signals else np.zeros(1)
-        own = own if np.max(own) > SIGMAS * np.max(unsure.get(name, np.zeros(1))) else np.zeros(1)
-        unsure[name] = unsure.get(name, 0.0) + np.maximum(table.rounding(name) - own, 0.0) / SIGMAS
+        steps = rounding(side.signals[name]) if name in side.signals else np.zeros(1)
+        steps = steps if np.max(steps) > SIGMAS * np.max(unsure.get(name, np.zeros(1))) else np.zeros(1)
+        unsure[name] = unsure.get(name, 0.0) + np.maximum(table.rounding(name) - steps, 0.0) / SIGMAS
     for name in [name for name in side.signals if name.endswith("_magnitude")]:
         joint = name.removeprefix("reaction_").removesuffix("_magnitude")
         step = np.hypot(*(table.rounding(Signal("reaction", joint, axis).name) for axis in ("x", "y"))) / SIGMAS
@@ -435,28 +439,32 @@ def _trace(one: Recording, mechanism: Mechanism, joint_model: JointModel, motion
     )
 
 
-def _not_judged(one: Recording, side: Reference, found: JudgedRun, mechanism: Mechanism) -> list[str]:
+def _not_judged(one: Recording, side: Reference, judgement: JudgedRun, mechanism: Mechanism) -> list[str]:
     """Why columns are held against nothing, in sentences; that encoders are not, as the analytic side follows them,
     goes without saying, and what is empty is said elsewhere.
     """
-    told = {each.signal for each in found.run.discrepancies}
+    judged_on = {each.signal for each in judgement.run.discrepancies}
     full = {name for name, values in one.table.values.items() if np.any(np.isfinite(values))}
     rest = [column.signal for column in one.table.columns if column.signal.name in full]
-    rest = [s for s in rest if s not in mechanism.encoders and not _held_by(s, told)]
+    rest = [s for s in rest if s not in mechanism.encoders and not _held_by(s, judged_on)]
     rest = [s for s in rest if s.kind != "reaction" or s.place not in side.undetermined]
     crank = mechanism.driven if mechanism.cranked else ""
-    own = [s.name for s in rest if s.place == crank and s.kind in ("rate", "rotation")]
-    bare = [s.name for s in rest if _held_by(s, found.rules)]
-    others = [s.name for s in rest if s.name not in (*own, *bare)]
+    prescribed = [s.name for s in rest if s.place == crank and s.kind in ("rate", "rotation")]
+    bare = [s.name for s in rest if _held_by(s, judgement.rules)]
+    others = [s.name for s in rest if s.name not in (*prescribed, *bare)]
     why = f"the motion of the {crank} is prescribed, and the analytic side follows it"
-    said = [f"{' and '.join(own)} {'is' if len(own) == 1 else 'are'} not judged: {why}"] if own else []
-    said += [f"{', '.join(bare)} {'is' if len(bare) == 1 else 'are'} not judged: {UNCOMPARED}"] if bare else []
+    sentences = (
+        [f"{' and '.join(prescribed)} {'is' if len(prescribed) == 1 else 'are'} not judged: {why}"]
+        if prescribed
+        else []
+    )
+    sentences += [f"{', '.join(bare)} {'is' if len(bare) == 1 else 'are'} not judged: {UNCOMPARED}"] if bare else []
     if others:
-        said.append(
+        sentences.append(
             f"{_listed(others)} {'is' if len(others) == 1 else 'are'} not judged: a run with"
-            f" {found.run.joint_model} joints is judged on other signals"
+            f" {judgement.run.joint_model} joints is judged on other signals"
         )
-    return said
+    return sentences
 
 
 def _listed(names: Sequence[str]) -> str:
@@ -476,18 +484,18 @@ def _held_by(signal: Signal, judged: Collection[str]) -> list[str]:
     return [signal.name] if signal.name in judged else [each.name for each in derived if each.name in judged]
 
 
-def _contradictions(one: Recording, found: JudgedRun) -> list[str]:
+def _contradictions(one: Recording, judgement: JudgedRun) -> list[str]:
     """Columns of what follows from others that say something else than these do, in sentences."""
-    said = []
+    sentences = []
     for column in one.table.columns:
-        signal, rule = column.signal, found.rules.get(column.signal.name)
+        signal, rule = column.signal, judgement.rules.get(column.signal.name)
         if rule is None:
             continue
-        apart = np.abs(signal.apart(one.table.values[signal.name], found.run.simulated[signal.name]))
-        if np.any(apart > rule.tolerance(found.run.analytic)):
+        apart = np.abs(signal.apart(one.table.values[signal.name], judgement.run.simulated[signal.name]))
+        if np.any(apart > rule.tolerance(judgement.run.analytic)):
             of = f"reaction_{signal.place}_x and _y" if signal.kind == "reaction" else f"{signal.place}_angle"
-            said.append(f"{signal.name} is off by {np.nanmax(apart):.3g} {signal.unit} from what {of} make it")
-    return said
+            sentences.append(f"{signal.name} is off by {np.nanmax(apart):.3g} {signal.unit} from what {of} make it")
+    return sentences
 
 
 def _coarse(one: Recording, side: Reference, rules: Mapping[str, Rule], mechanism: Mechanism) -> list[str]:
@@ -534,7 +542,7 @@ def _coarse(one: Recording, side: Reference, rules: Mapping[str, Rule], mechanis
 
 def _units(one: Recording, side: Reference, judged: JudgedRun) -> list[str]:
     """A warning for each signal that is the analytic one in another unit, or of the other sign, and does not agree."""
-    found = []
+    sentences = []
     verdicts = {each.signal: each.verdict for each in judged.run.discrepancies}
     for column in one.table.columns:
         name, kind = column.signal.name, dimension(column.signal)
@@ -545,12 +553,12 @@ def _units(one: Recording, side: Reference, judged: JudgedRun) -> list[str]:
         model, recorded = side.signals[name][here], values[here]
         if column.signal.wraps and np.std(column.signal.apart(recorded, model)) <= LIKE_UNIT * np.std(model):
             continue  # whole turns apart
-        told = looks(kind, column.unit, model, recorded)
-        if told is not None:
-            slope, what = told
+        look = looks(kind, column.unit, model, recorded)
+        if look is not None:
+            slope, what = look
             looked = _remedy(one.table, column, what)
-            found.append(f"{one.name}: {name} is {slope:.4g} times the analytic side's: it looks {looked}")
-    return found
+            sentences.append(f"{one.name}: {name} is {slope:.4g} times the analytic side's: it looks {looked}")
+    return sentences
 
 
 def _remedy(table: Table, column: Column, what: str) -> str:

@@ -144,8 +144,8 @@ def crosscheck(question: CrosscheckQuestion) -> CrossCheck:
     that fails is among the result's ``failures``.
     """
     job = job_of(question)
-    with progress_bar(question.progress) as told:
-        return crosscheck_job(job, told)
+    with progress_bar(question.progress) as progress:
+        return crosscheck_job(job, progress)
 
 
 def job_of(question: CrosscheckQuestion) -> Job:
@@ -249,17 +249,17 @@ def _with_beams(
         )
     if not every:
         return tuple(Beams.of(name).name for name in names), []
-    found, left_out = [], []
+    bending, left_out = [], []
     for name in names:
         try:
-            found.append(Beams.of(name).name)
+            bending.append(Beams.of(name).name)
         except Unsupported as why:
             left_out.append(f"left out: {why}")
-    if not found:
+    if not bending:
         raise ArgumentError(
             "flexible", "no simulator that is installed bends links; run: pip install 'linkage-crosscheck[exudyn]'"
         )
-    return tuple(found), left_out
+    return tuple(bending), left_out
 
 
 def crosscheck_job(
@@ -339,8 +339,8 @@ def run_all(
 
     def simulate_again(requests: Mapping[int, Request]) -> dict[int, Trace | Failure]:
         order = list(requests)
-        found = simulate_all([(tasks[i][0], requests[i]) for i in order], job.workers, resolve, job.offers)
-        return {order[k]: outcome for k, outcome in found}
+        reruns = simulate_all([(tasks[i][0], requests[i]) for i in order], job.workers, resolve, job.offers)
+        return {order[k]: outcome for k, outcome in reruns}
 
     first = {i: judged(job, side(t), t) for i, t in enumerate(traces) if isinstance(t, Trace)}
     again = dict(enumerate(request for _, request in tasks))
@@ -396,7 +396,7 @@ def _assumed(mechanism: Mechanism, runs: Sequence[Run]) -> Iterator[Assumed]:
     """What the linkage takes on, and the contact in each of its runs."""
     yield from assumed(mechanism)
     contact = [assumed_of_contact(mechanism, run.clearance, run.settings) for run in runs]
-    yield from dict.fromkeys(each for found in contact for each in found)
+    yield from dict.fromkeys(each for numbers in contact for each in numbers)
 
 
 def judged(job: Job, side: Reference, trace: Trace) -> JudgedRun:
@@ -430,9 +430,9 @@ def _requests(job: Job, assembly: Assembly, simulator: str, resolve: Resolve) ->
             models = blocks if set(blocks) != {"ideal"} else [m for m in models if m != "massless-link"]
     turns_on = job.motion == "driven" and job.schedule.turns_evenly and turns_fully(assembly)
     settle = 2 * np.pi if turns_on else 0.0
-    found = [Request(job.mechanism, m, job.schedule, lead_in=0.0 if m == "ideal" else settle) for m in models]
+    requests = [Request(job.mechanism, m, job.schedule, lead_in=0.0 if m == "ideal" else settle) for m in models]
     turns = (job.revolutions if job.as_it_is else 1) if settle > 0 else 0
-    return [watched(r, turns) if job.revolutions and r.joint_model in STRIKING else r for r in found]
+    return [watched(r, turns) if job.revolutions and r.joint_model in STRIKING else r for r in requests]
 
 
 def watched(request: Request, turns: int) -> Request:
@@ -451,17 +451,17 @@ def _run(job: Job, side: Reference, trace: Trace) -> tuple[Run, dict[str, Rule]]
     """Both sides of one run, and the verdict on all samples but the flagged ones; and the rules by which it was
     judged.
     """
-    seen = with_derived(trace.signals, job.mechanism)
+    measured = with_derived(trace.signals, job.mechanism)
     if trace.clearance:
-        seen = with_rotations(seen, side.ideal_angles)
+        measured = with_rotations(measured, side.ideal_angles)
     if trace.recorded:
-        seen |= {name: np.full(trace.crank_angle.shape, np.nan) for name in side.signals if name not in seen}
+        measured |= {name: np.full(trace.crank_angle.shape, np.nan) for name in side.signals if name not in measured}
     for name, here in side.silent.items():
-        seen[name][here] = np.nan
-    simulated = without(seen, list(side.flags))
+        measured[name][here] = np.nan
+    simulated = without(measured, list(side.flags))
     theta = _told_along(job, trace)
     rules = _rules(job, side, trace, simulated)
-    found = _discrepancies(job, side, trace, simulated, rules)
+    comparisons = _discrepancies(job, side, trace, simulated, rules)
     optional: dict[str, Any] = {} if trace.time is None else {"time": trace.time}
     if job.schedule.crank is None:
         optional["drive_position"] = job.schedule.positions()
@@ -482,9 +482,9 @@ def _run(job: Job, side: Reference, trace: Trace) -> tuple[Run, dict[str, Rule]]
         crank_angle=theta,
         flags={str(i): why for i, why in sorted(side.flags.items())},
         analytic=dict(side.signals),
-        simulated=seen,
-        discrepancies=tuple(_public(d, theta) for d in found),
-        verdict=_of_run(found),
+        simulated=measured,
+        discrepancies=tuple(_public(d, theta) for d in comparisons),
+        verdict=_of_run(comparisons),
         order_difference=dict(side.order_difference),
         journal={name: Path(x=path[:, 0], y=path[:, 1]) for name, path in trace.journal.items()},
         free_share=dict(trace.free_share),
@@ -502,12 +502,12 @@ def _told_along(job: Job, trace: Trace) -> np.ndarray:
     return trace.crank_angle
 
 
-def _of_run(found: Sequence[Comparison]) -> Verdict:
+def _of_run(comparisons: Sequence[Comparison]) -> Verdict:
     """Of one run: what cannot be told apart from nothing does not agree, and nor does a run without a comparison."""
-    verdicts = {each.verdict for each in found}
+    verdicts = {each.verdict for each in comparisons}
     if "disagrees" in verdicts:
         return "disagrees"
-    return "unjudged" if not found or "unjudged" in verdicts else "agrees"
+    return "unjudged" if not comparisons or "unjudged" in verdicts else "agrees"
 
 
 def _verdict(runs: Sequence[Run], failures: Sequence[Failure], statistics: Sequence[Compared] = ()) -> Verdict:
@@ -565,9 +565,9 @@ def _given(
     mechanism: Mechanism, clearances: Mapping[str, float], simulated: Mapping[str, np.ndarray]
 ) -> tuple[Signal, ...]:
     """The signals of every run that somebody's model gives; of a reaction the one component that it gives alone."""
-    found = [signal for signal in compared(mechanism, clearances) if signal.name in simulated]
+    signals = [signal for signal in compared(mechanism, clearances) if signal.name in simulated]
     alone = [signal for signal in recorded(mechanism, clearances, simulated) if signal.kind == "reaction"]
-    return tuple(dict.fromkeys([*found, *alone]))
+    return tuple(dict.fromkeys([*signals, *alone]))
 
 
 def _discrepancies(
@@ -597,10 +597,10 @@ def _their_own(runs: Sequence[Run]) -> Iterator[str]:
                 "a tenth of its timestep and solref",
             )
         acts = [count(str(run.settings[what]), what[:-1]) for what in ("contacts", "limits") if what in run.settings]
-        own = f"with {' and '.join(acts)} of the file acting, " if acts else ""
+        acting = f"with {' and '.join(acts)} of the file acting, " if acts else ""
         loops = f"its loops open by up to {1e3 * opened:.2g} mm" if opened else "no loop opens"
         yield (
-            f"{run.title}: it runs as its file says, {own}{how}and {loops}; before a mass or a length is blamed, try"
+            f"{run.title}: it runs as its file says, {acting}{how}and {loops}; before a mass or a length is blamed, try"
             f" {ways} in the file"
         )
 

@@ -78,8 +78,8 @@ def check_replaceable(
         return
     if made_by is None:
         raise OutputError(f"{option} {folder}: there is {an} {file} that does not say which command made it; {remedy}")
-    said = "".join(c if c.isprintable() else "?" for c in made_by[:200]) or "none: it is of Python"
-    raise OutputError(f"{option} {folder}: its {file} is of another command ({said}); {remedy}")
+    command = "".join(c if c.isprintable() else "?" for c in made_by[:200]) or "none: it is of Python"
+    raise OutputError(f"{option} {folder}: its {file} is of another command ({command}); {remedy}")
 
 
 def _made_by(path: Path) -> str | None:

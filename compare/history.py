@@ -42,15 +42,15 @@ def runs(question: RunsQuestion) -> Runs:
     place = Path(question.folder)
     if not place.is_dir():
         raise OptionError(f"{place}: there is no such folder; give one that holds reports, such as {REPORTS}")
-    found, unreadable = [], []
+    earlier, unreadable = [], []
     for path in _results(place, DEEPEST):
         try:
-            found.append(_run(path))
+            earlier.append(_run(path))
         except ReadingError as error:
             unreadable.append(printable(f"{path}: {error}"))
-    found.sort(key=lambda run: run.file)
-    found.sort(key=lambda run: run.date, reverse=True)
-    return Runs(folder=str(place), runs=tuple(found), unreadable=tuple(sorted(unreadable)))
+    earlier.sort(key=lambda run: run.file)
+    earlier.sort(key=lambda run: run.date, reverse=True)
+    return Runs(folder=str(place), runs=tuple(earlier), unreadable=tuple(sorted(unreadable)))
 
 
 def _results(folder: Path, depth: int) -> Iterator[Path]:
@@ -116,10 +116,10 @@ def _read(path: Path, wanted: set[str]) -> tuple[Mapping[str, object], float]:
 
 def _fields(text: str) -> dict[str, object]:
     """The first fields of a JSON object whose end may be missing."""
-    found: dict[str, object] = {}
+    fields: dict[str, object] = {}
     at = _blank(text, 0)
     if text[at : at + 1] != "{":
-        return found
+        return fields
     try:
         while text[at : at + 1] in ("{", ","):
             name, at = _DECODER.raw_decode(text, _blank(text, at + 1))
@@ -127,10 +127,10 @@ def _fields(text: str) -> dict[str, object]:
             at = _blank(text, at)
             if at == len(text):
                 break  # a number may go on
-            found[name] = value
+            fields[name] = value
     except (ValueError, RecursionError, TypeError):
         pass
-    return found
+    return fields
 
 
 def _blank(text: str, at: int) -> int:
@@ -140,12 +140,12 @@ def _blank(text: str, at: int) -> int:
 
 def _date(given: object, written: float) -> str:
     """ISO 8601 in UTC: the date that a file says, or when it was written."""
-    found = datetime.fromtimestamp(written, UTC)
+    date = datetime.fromtimestamp(written, UTC)
     if isinstance(given, str):
         try:
-            found = datetime.fromisoformat(given)
+            date = datetime.fromisoformat(given)
         except ValueError:
             pass
         else:
-            found = found.replace(tzinfo=UTC) if found.tzinfo is None else found.astimezone(UTC)
-    return found.isoformat(timespec="seconds")
+            date = date.replace(tzinfo=UTC) if date.tzinfo is None else date.astimezone(UTC)
+    return date.isoformat(timespec="seconds")

@@ -102,11 +102,13 @@ def _no_use_for_section(asked: Asked, part: Part) -> bool:
 def _sliding(mechanism: Mechanism, asked: Asked) -> tuple[str, ...]:
     """The bodies that never turn: on blocks, one on another, that do not lean in their guides in any engine."""
     ideal = set(asked.joint_models) <= {"ideal"}
-    held = [set(joint.bodies) for joint in mechanism.joints if joint.prismatic and (ideal or not _loose(asked, joint))]
-    found = {"ground"}
-    while more := [pair - found for pair in held if len(pair & found) == 1]:
-        found.update(*more)
-    return tuple(sorted(found - {"ground"}))
+    guided = [
+        set(joint.bodies) for joint in mechanism.joints if joint.prismatic and (ideal or not _loose(asked, joint))
+    ]
+    unturned = {"ground"}
+    while more := [pair - unturned for pair in guided if len(pair & unturned) == 1]:
+        unturned.update(*more)
+    return tuple(sorted(unturned - {"ground"}))
 
 
 OMISSIONS: tuple[Omission, ...] = (
@@ -281,15 +283,15 @@ OMISSIONS: tuple[Omission, ...] = (
 
 def omitted(mechanism: Mechanism, asked: Asked) -> list[str]:
     """What a question leaves out of a mechanism, a sentence for each reason; of a field the first one that holds."""
-    asked, told = replace(asked, sliding=_sliding(mechanism, asked)), set[tuple[str, str]]()
+    asked, mentioned = replace(asked, sliding=_sliding(mechanism, asked)), set[tuple[str, str]]()
     sentences = []
     for omission in OMISSIONS:
         by_parts: dict[str, list[str]] = {}  # fields by whose they are
         for field in omission.fields:
             kind, _, name = field.partition(".")
-            found = dict.fromkeys(w for w, part in _given(mechanism, kind, name) if omission.told(asked, part))
-            names = [whose for whose in found if (field, whose) not in told]
-            told |= {(field, whose) for whose in names}
+            owners = dict.fromkeys(w for w, part in _given(mechanism, kind, name) if omission.told(asked, part))
+            names = [whose for whose in owners if (field, whose) not in mentioned]
+            mentioned |= {(field, whose) for whose in names}
             if names:
                 by_parts.setdefault(_called(kind, names), []).append(name)
         if by_parts:

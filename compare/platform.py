@@ -74,13 +74,13 @@ def platform_accuracy(question: PlatformQuestion) -> PlatformAccuracy:
                     raise ArgumentError(
                         name, "is of a motion, and a workspace is of poses at rest; leave one of them out"
                     )
-            found = _over_workspace(assembly, wanted, _grid(workspace), angle, steps)
+            result = _over_workspace(assembly, wanted, _grid(workspace), angle, steps)
         else:
             if angle is not None:
                 raise ArgumentError("angle", "is that of a workspace; give one, or leave the angle out")
             asked = np.linspace(0.0, 1.0, 51) if _plain(times, course, path, m) else times
-            found = _along(assembly, wanted, over_time(assembly, False, asked, course, path), steps)
-    return found.model_copy(update={"warnings": (*found.warnings, *warned)})
+            result = _along(assembly, wanted, over_time(assembly, False, asked, course, path), steps)
+    return result.model_copy(update={"warnings": (*result.warnings, *warned)})
 
 
 def _grid(given: object) -> WorkspaceGrid:
@@ -102,15 +102,15 @@ def _steps(given: Mapping[str, float] | None, assembly: Assembly) -> dict[str, f
     joints = [joint.name for joint in assembly.mechanism.motors]
     if given is not None and not isinstance(given, Mapping):
         raise unusable("encoder_step", given, "rad, or m, by driven joint")
-    found = {}
+    steps = {}
     for name, step in (given or {}).items():
         if name not in joints:
             raise ArgumentError("encoder_step", f"{name!r} is no driven joint; they are {', '.join(joints)}")
         size = number(step, "encoder_step", "rad, or m")
         if not 0 <= size < np.inf:
             raise ArgumentError("encoder_step", f"{name} = {quoted(step)}; give rad, or m, of 0 or more")
-        found[name] = size
-    return found
+        steps[name] = size
+    return steps
 
 
 @dataclass(frozen=True)
@@ -125,9 +125,9 @@ class FiniteGaps:
         """Displacement (N,) of an output; NaN where there is none."""
         moved = d.value(self.found.configuration.motion) - d.value(self.found.ideal.motion)
         moved[list(self.found.flags)] = np.nan
-        out = np.full(self.count, np.nan)
-        out[self.at] = moved
-        return out
+        displacement = np.full(self.count, np.nan)
+        displacement[self.at] = moved
+        return displacement
 
     @property
     def flags(self) -> dict[int, str]:
@@ -142,10 +142,12 @@ def _along(
     assembly: Assembly, outputs: Sequence[Output], schedule: Schedule, steps: Mapping[str, float]
 ) -> PlatformAccuracy:
     time, inputs = schedule.time, assembly.inputs_along(schedule)
-    found = displaced(assembly, inputs.theta, inputs.omega, alpha=inputs.alpha, near=assembly.walk(schedule))
-    told = platform(found.ideal, outputs, assembly.mechanism.clearances, steps)
-    moved = FiniteGaps(found, np.arange(time.size), time.size)
-    return _result(assembly, told, moved, outputs, steps, _every).model_copy(update={"motion": "driven", "time": time})
+    gaps = displaced(assembly, inputs.theta, inputs.omega, alpha=inputs.alpha, near=assembly.walk(schedule))
+    errors = platform(gaps.ideal, outputs, assembly.mechanism.clearances, steps)
+    moved = FiniteGaps(gaps, np.arange(time.size), time.size)
+    return _result(assembly, errors, moved, outputs, steps, _every).model_copy(
+        update={"motion": "driven", "time": time}
+    )
 
 
 def _every(values: np.ndarray) -> np.ndarray:
@@ -163,11 +165,11 @@ def _over_workspace(
     inputs = space.coordinates[list(assembly.structure.inputs)]
     ideal = kinetostatics(kinematics(assembly, inputs, path=space.followed), inertia=False)
     clearances = assembly.mechanism.clearances
-    told = platform(ideal, outputs, clearances, steps)
-    moved, why = _equilibria(assembly, space.coordinates, told) if clearances else (None, "")
+    errors = platform(ideal, outputs, clearances, steps)
+    moved, why = _equilibria(assembly, space.coordinates, errors) if clearances else (None, "")
     first = next(d for d in outputs if d.axis == "x")
     where = Map(output=first.place, x=space.x, y=space.y, angle=space.angle)
-    result = _result(assembly, told, moved, outputs, steps, space.on_grid)
+    result = _result(assembly, errors, moved, outputs, steps, space.on_grid)
     return result.model_copy(update={"workspace": where, "warnings": (why,) if why else ()})
 
 
@@ -190,29 +192,29 @@ def _reached(assembly: Assembly, outputs: Sequence[Output], grid: WorkspaceGrid,
     return workspace(assembly, wanted, x, y, angle)
 
 
-def _well_held(told: Platform) -> Iterator[tuple[float, np.ndarray]]:
+def _well_held(errors: Platform) -> Iterator[tuple[float, np.ndarray]]:
     """Limits of the condition of holding, each lower than the one before, and the poses (indices) below each."""
     for limit in POORLY_HELD:
-        held = np.flatnonzero(told.holding < limit)
-        if held.size:
-            yield limit, held
+        poses = np.flatnonzero(errors.holding < limit)
+        if poses.size:
+            yield limit, poses
 
 
-def _equilibria(assembly: Assembly, coordinates: np.ndarray, told: Platform) -> tuple[FiniteGaps | None, str]:
+def _equilibria(assembly: Assembly, coordinates: np.ndarray, errors: Platform) -> tuple[FiniteGaps | None, str]:
     """The equilibria of finite gaps where the linkage is held well, and a sentence on what is left out.
 
     Near a singular pose gaps may keep the linkage from closing: it is sought where it is held better.
     """
     chosen = list(assembly.structure.inputs)
-    for limit, held in _well_held(told):
-        near = coordinates[:, held]
+    for limit, poses in _well_held(errors):
+        near = coordinates[:, poses]
         try:
-            found = displaced(assembly, near[chosen], inertia=False, near=Followed(near))
+            gaps = displaced(assembly, near[chosen], inertia=False, near=Followed(near))
         except AssemblyError:
             continue
-        left = told.holding.size - held.size
+        left = errors.holding.size - poses.size
         why = f"equilibria are left out of {count(left, 'pose')} whose condition of holding is above {limit:g}"
-        return FiniteGaps(found, held, told.holding.size), why if left else ""
+        return FiniteGaps(gaps, poses, errors.holding.size), why if left else ""
     return None, "equilibria with finite gaps are left out: with them the linkage does not close"
 
 
@@ -221,16 +223,16 @@ def _equilibria(assembly: Assembly, coordinates: np.ndarray, told: Platform) -> 
 
 def _result(
     assembly: Assembly,
-    told: Platform,
+    first_order: Platform,
     moved: FiniteGaps | None,
     outputs: Sequence[Output],
     steps: Mapping[str, float],
     spread: _Spread,
 ) -> PlatformAccuracy:
-    m, motion = assembly.mechanism, told.motion
-    elastic = _elastic(told, outputs)
+    m, motion = assembly.mechanism, first_order.motion
+    elastic = _elastic(first_order, outputs)
     nothing = np.full(motion.theta.size, np.nan)
-    errors = {d: _error(d, told, moved.by(d) if moved else nothing, elastic[d], spread) for d in outputs}
+    errors = {d: _error(d, first_order, moved.by(d) if moved else nothing, elastic[d], spread) for d in outputs}
     planes = zip([d for d in outputs if d.axis == "x"], [d for d in outputs if d.axis == "y"], strict=True)
     indices = np.flatnonzero(np.isfinite(spread(np.zeros(motion.theta.size))))
     flags = {str(int(indices[i])): why for i, why in moved.flags.items()} if moved else {}
@@ -251,11 +253,11 @@ def _result(
             )
             for body in m.bodies
         },
-        holding=spread(told.holding),
-        dexterity=spread(told.dexterity(moves) if moves else np.full(motion.theta.size, np.nan)),
+        holding=spread(first_order.holding),
+        dexterity=spread(first_order.dexterity(moves) if moves else np.full(motion.theta.size, np.nan)),
         flags=flags,
         outputs={d.name: error for d, error in errors.items()},
-        points={x.place: _point(told, x, y, spread) for x, y in planes},
+        points={x.place: _point(first_order, x, y, spread) for x, y in planes},
         first_order_off={d.name: _off(errors[d]) for d in outputs if moved and m.clearances},
         assumed=assumed(m),
     )
@@ -266,40 +268,40 @@ def _moves(outputs: Sequence[Output], inputs: int) -> list[Output]:
     first = next((d for d in outputs if d.axis == "x"), None)
     if first is None:
         return []
-    own = [first, Output(first.body, "y", first.point), Output(first.body, "angle")][:inputs]
-    return own if inputs in (2, 3) and all(d in outputs for d in own) else []
+    moves = [first, Output(first.body, "y", first.point), Output(first.body, "angle")][:inputs]
+    return moves if inputs in (2, 3) and all(d in outputs for d in moves) else []
 
 
-def _elastic(told: Platform, outputs: Sequence[Output]) -> dict[Output, np.ndarray]:
+def _elastic(errors: Platform, outputs: Sequence[Output]) -> dict[Output, np.ndarray]:
     """Elastic displacement (N,) of each output where the linkage is held well; zero where nothing yields."""
-    m, n = told.motion.structure.mechanism, told.motion.theta.size
+    m, n = errors.motion.structure.mechanism, errors.motion.theta.size
     if not (m.bends or m.drive_stiffness or any(joint.elasticity is not None for joint in m.joints)):
         return {d: np.zeros(n) for d in outputs}
-    out = {d: np.full(n, np.nan) for d in outputs}
-    for limit, held in _well_held(told):
+    elastic = {d: np.full(n, np.nan) for d in outputs}
+    for limit, poses in _well_held(errors):
         try:
-            found = compliance(told.motion.part(held))
+            yielding = compliance(errors.motion.part(poses))
         except ComplianceError as error:
             if limit == POORLY_HELD[-1]:
                 raise ArgumentError("mechanism", str(error)) from None
             continue
-        for d, values in out.items():
-            values[held] = d.elastic(found)
+        for d, values in elastic.items():
+            values[poses] = d.elastic(yielding)
         break
-    return out
+    return elastic
 
 
-def _error(d: Output, told: Platform, moved: np.ndarray, elastic: np.ndarray, spread: _Spread) -> PoseError:
-    worst, resolution = told.worst_clearance(d), told.resolution(d)
+def _error(d: Output, errors: Platform, moved: np.ndarray, elastic: np.ndarray, spread: _Spread) -> PoseError:
+    worst, resolution = errors.worst_clearance(d), errors.resolution(d)
     error = PoseError(
         body=d.body,
         axis=d.axis,
         unit=d.unit,
-        value=spread(d.value(told.motion)),
-        nominal=spread(told.along_reactions(d)),
+        value=spread(d.value(errors.motion)),
+        nominal=spread(errors.along_reactions(d)),
         equilibrium=spread(moved),
         worst_case=spread(worst),
-        sensitivity={joint: spread(values) for joint, values in told.sensitivity(d).items()},
+        sensitivity={joint: spread(values) for joint, values in errors.sensitivity(d).items()},
         resolution=spread(resolution),
         compliance=spread(elastic),
         total=spread(worst + resolution + np.abs(elastic)),
@@ -307,8 +309,8 @@ def _error(d: Output, told: Platform, moved: np.ndarray, elastic: np.ndarray, sp
     return error if d.axis == "angle" else error.model_copy(update={"point": d.point})
 
 
-def _point(told: Platform, x: Output, y: Output, spread: _Spread) -> PointError:
-    far = told.farthest(x, y)
+def _point(errors: Platform, x: Output, y: Output, spread: _Spread) -> PointError:
+    far = errors.farthest(x, y)
     return PointError(farthest=spread(np.abs(far)), farthest_direction=spread(np.angle(far)))
 
 

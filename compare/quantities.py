@@ -74,10 +74,10 @@ def quantities(mechanism: Mechanism) -> dict[str, Quantity]:
 
     Names are looked up, not parsed: a body may be called ``reaction_B`` and a joint may have any letters.
     """
-    found = []
+    rows = []
     for joint in mechanism.joints:
         j = joint.name
-        found += [
+        rows += [
             (f"reaction_{j}_angle", "reaction angle", GAMMA, f"at {j}", "rad"),
             (f"reaction_{j}_magnitude", "reaction force", "|F|", f"at {j}", "N"),
             (f"reaction_{j}_x", "reaction x", "", f"at {j}", "N"),
@@ -86,20 +86,20 @@ def quantities(mechanism: Mechanism) -> dict[str, Quantity]:
             (f"clearance_{j}_x", "displacement x", "", f"in {j}", "m"),
             (f"clearance_{j}_y", "displacement y", "", f"in {j}", "m"),
         ]
-        found += [(f"clearance_{j}_angle", "tilt", "", f"in {j}", "rad")] if joint.guide is not None else []
+        rows += [(f"clearance_{j}_angle", "tilt", "", f"in {j}", "rad")] if joint.guide is not None else []
     for b in (body.name for body in mechanism.bodies):
-        found += [
+        rows += [
             (f"{b}_rotation", "rotation", "ψ", f"of {b}", "rad"),
             (f"{b}_angle", "angle", "", f"of {b}", "rad"),
             (f"{b}_x", "position x", "", f"of {b}", "m"),
             (f"{b}_y", "position y", "", f"of {b}", "m"),
             (f"{b}_angular_velocity", "angular velocity", "", f"of {b}", "rad/s"),
         ]
-    found += [(p.name, "position", "", f"of {p.place}", p.unit) for p in map(position, mechanism.joints)]
+    rows += [(p.name, "position", "", f"of {p.place}", p.unit) for p in map(position, mechanism.joints)]
     for drive in driving(mechanism.motors):
         symbol, place = ("F" if drive.component == "force" else "T"), f"at {drive.place}" if drive.place else ""
-        found += [(drive.name, f"drive {drive.component}", symbol, place, drive.unit)]
-    return {signal: Quantity(signal, name, symbol, place, *shown(unit)) for signal, name, symbol, place, unit in found}
+        rows += [(drive.name, f"drive {drive.component}", symbol, place, drive.unit)]
+    return {signal: Quantity(signal, name, symbol, place, *shown(unit)) for signal, name, symbol, place, unit in rows}
 
 
 def key_signals(mechanism: Mechanism, joints: list[str], loose: bool) -> list[str]:

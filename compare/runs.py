@@ -41,8 +41,8 @@ def counted(request: Request, trace: Trace) -> Trace:
     """A trace with what contact did in it, which is little, in place of its every step, which is much."""
     if trace.watched is None:
         return trace
-    told = {f.name: getattr(trace, f.name) for f in fields(Trace)} | {"watched": None}
-    return Counted(**told, contact=contact_in(trace, request.mechanism, ideal_peaks(request.mechanism)))
+    trace_fields = {f.name: getattr(trace, f.name) for f in fields(Trace)} | {"watched": None}
+    return Counted(**trace_fields, contact=contact_in(trace, request.mechanism, ideal_peaks(request.mechanism)))
 
 
 def simulate(

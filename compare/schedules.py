@@ -220,15 +220,15 @@ def of_path(path: Path, assembly: Assembly) -> tuple[dict[str, Knots], np.ndarra
     _warn(path, table, [signal.name for signal in poses], "no x, y or angle of a body")
     wanted = [Coordinate(signal.place, _axis(signal)) for signal in poses]
     home = kinematics(assembly, assembly.inputs[:, None])
-    told = []
+    positions = []
     for coordinate, signal in zip(wanted, poses, strict=True):
         values, begins = table.course(signal.name, path.name), float(coordinate.value(home)[0])
-        told.append(values + (turned_near(values[0], begins) - values[0]) if signal.wraps else values)
+        positions.append(values + (turned_near(values[0], begins) - values[0]) if signal.wraps else values)
     try:
-        time, found = splined(assembly, wanted, np.array(told), table.time)
+        time, followed = splined(assembly, wanted, np.array(positions), table.time)
     except AssemblyError as error:
         raise DataError(f"{path.name}: {error}") from None
-    moved = {s.coordinates[i].joint: s.signs[i] * found.coordinates[i] for i in s.inputs}
+    moved = {s.coordinates[i].joint: s.signs[i] * followed.coordinates[i] for i in s.inputs}
     return {joint.name: (time, moved[joint.name]) for joint in m.motors}, table.time
 
 

@@ -123,10 +123,10 @@ def _chosen(runs: Sequence[Run], joint_model: str | None, simulator: str | None)
         if wanted is not None and wanted not in names:
             there = ", ".join(dict.fromkeys(names)) or "no runs"
             raise ArgumentError(argument, f"{wanted} is not in this result; it has {there}")
-    found = [run for run in runs if joint_model in (None, run.joint_model) and simulator in (None, run.simulator.name)]
-    if not found:
+    chosen = [run for run in runs if joint_model in (None, run.joint_model) and simulator in (None, run.simulator.name)]
+    if not chosen:
         raise ArgumentError("simulator", f"not with joint {joint_model} in this result; it has {_titles(runs)}")
-    return found
+    return chosen
 
 
 def _titles(runs: Iterable[Run]) -> str:
@@ -225,8 +225,8 @@ def _forces(run: Run) -> Iterator[Equation]:
     loose, first_order = any(run.clearance.values()), run.analytic_model == "first_order"
     yield Equation(words=words.forces(run.motion, loose and not first_order), module=KINETOSTATICS)
     if loose:
-        said = words.FIRST_ORDER if first_order else f"displaced by {words.GAP['equilibrium']}"
-        yield Equation(words=said, module=CLEARANCE)
+        equation = words.FIRST_ORDER if first_order else f"displaced by {words.GAP['equilibrium']}"
+        yield Equation(words=equation, module=CLEARANCE)
 
 
 def _motion(run: Run, signal: Signal) -> Iterator[Equation]:

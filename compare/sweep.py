@@ -169,9 +169,9 @@ def _until_broken(
     with pool() as (executor, room):
         while True:
             for item in todo if len(under_way) < room() else ():
-                found = known(item)
-                if found is not None:
-                    yield Ended(item, found, known=True)
+                result = known(item)
+                if result is not None:
+                    yield Ended(item, result, known=True)
                     continue
                 try:
                     with deaf():

@@ -53,8 +53,8 @@ def check_baselines(question: BaselinesQuestion) -> Baselines:
     folder = Path(question.folder)
     if question.results is not None:
         return _recorded(check_file, question, question.results, folder)
-    with progress_bar(question.progress) as told:
-        return _each(check_file, question, folder, told)
+    with progress_bar(question.progress) as progress:
+        return _each(check_file, question, folder, progress)
 
 
 @answers(BaselinesQuestion)
@@ -63,10 +63,10 @@ def update_baselines(question: BaselinesQuestion) -> Baselines:
     stay as they are.  Raises OutputError, and what :func:`check_baselines` does.
     """
     _one_source(question)
-    with made_folder(Path(question.folder), "--baselines") as folder, progress_bar(question.progress) as told:
+    with made_folder(Path(question.folder), "--baselines") as folder, progress_bar(question.progress) as progress:
         if question.results is not None:
             return _recorded(update_file, question, question.results, folder)
-        return _each(update_file, question, folder, told)
+        return _each(update_file, question, folder, progress)
 
 
 def _one_source(question: BaselinesQuestion) -> None:
@@ -79,9 +79,9 @@ def _one_source(question: BaselinesQuestion) -> None:
         raise ArgumentError("map", "says what the columns of results are; give them, or leave it out")
 
 
-def status(found: Baselines) -> Exit:
+def status(baselines: Baselines) -> Exit:
     """The gravest exit status of all entries."""
-    return max((GRAVITY.get(entry.status, Exit.AGREES) for entry in found.entries), default=Exit.AGREES)
+    return max((GRAVITY.get(entry.status, Exit.AGREES) for entry in baselines.entries), default=Exit.AGREES)
 
 
 def _each(work: Work, question: BaselinesQuestion, folder: Path, progress: Progress) -> Baselines:
@@ -192,8 +192,8 @@ def check_file(
     misfit = fits(stored.runs, fresh)
     if misfit:
         raise BaselineError(f"{path}: {misfit}; if that is meant, write it anew with: {again}")
-    found = _moved(stored, fresh)
-    return _entry(path, stored, version, found, "moved" if found else "same", "")
+    moves = _moved(stored, fresh)
+    return _entry(path, stored, version, moves, "moved" if moves else "same", "")
 
 
 def update_file(
@@ -210,7 +210,7 @@ def update_file(
     owned(path, mechanism.name, simulator)
     version, fresh = made(mechanism, simulator, resolve)
     new = Baseline(mechanism.name, simulator, version, tuple(fresh))
-    found: tuple[Moved, ...] = ()
+    moves: tuple[Moved, ...] = ()
     old, why = new, "written"
     try:
         stored = read(path, mechanism.name, simulator, "")
@@ -219,15 +219,15 @@ def update_file(
     else:
         old, why, new = stored, "rewritten: other runs than before", replace(new, tolerance=stored.tolerance)
         if not fits(stored.runs, fresh):
-            found = _moved(stored, fresh)
-            new = replace(new, runs=tuple(_kept(stored, fresh, found)))
-            why = "" if not found and version == stored.version else "rewritten"
+            moves = _moved(stored, fresh)
+            new = replace(new, runs=tuple(_kept(stored, fresh, moves)))
+            why = "" if not moves and version == stored.version else "rewritten"
     if why:
         write_atomically(path, write(new, checks))
-    return _entry(path, old, version, found, "written" if why else "unchanged", why)
+    return _entry(path, old, version, moves, "written" if why else "unchanged", why)
 
 
-def _entry(path: Path, stored: Baseline, version: str, found: tuple[Moved, ...], became: Status, why: str) -> Entry:
+def _entry(path: Path, stored: Baseline, version: str, moves: tuple[Moved, ...], became: Status, why: str) -> Entry:
     return Entry(
         case=stored.case,
         simulator=stored.simulator,
@@ -238,7 +238,7 @@ def _entry(path: Path, stored: Baseline, version: str, found: tuple[Moved, ...],
         runs=len(stored.runs),
         signals=sum(max(0, len(run.columns) - (run.places is not None)) for run in stored.runs),
         numbers=sum(run.rows.size for run in stored.runs),
-        moved=found,
+        moved=moves,
         why=why,
     )
 
@@ -248,8 +248,8 @@ def _moved(stored: Baseline, fresh: Sequence[StoredRun]) -> tuple[Moved, ...]:
     return tuple(each for old, new in pairs for each in moved(old, new, stored.tolerance))
 
 
-def _kept(stored: Baseline, fresh: Sequence[StoredRun], found: Sequence[Moved]) -> Iterator[StoredRun]:
+def _kept(stored: Baseline, fresh: Sequence[StoredRun], moves: Sequence[Moved]) -> Iterator[StoredRun]:
     """The old run where nothing in it moved, so that a rewritten file differs in what moved and nothing else."""
-    changed = {each.run for each in found}
+    changed = {each.run for each in moves}
     for old, new in zip(stored.runs, fresh, strict=True):
         yield new if new.name in changed else old

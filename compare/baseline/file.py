@@ -98,10 +98,10 @@ def owned(path: Path, case: str, simulator: str) -> None:
         text = read_text(path)
     except ReadingError:
         return
-    said = tuple(_said(text, name) for name in ("case", "simulator"))
-    for mine, other in zip((case, simulator), said, strict=True):
+    names = tuple(_said(text, name) for name in ("case", "simulator"))
+    for mine, other in zip((case, simulator), names, strict=True):
         if other not in (mine, None):
-            raise BaselineError(f"{path}: {_another(said[0] or case, said[1] or simulator, case, simulator)}")
+            raise BaselineError(f"{path}: {_another(names[0] or case, names[1] or simulator, case, simulator)}")
 
 
 def _said(text: str, name: str) -> str | None:

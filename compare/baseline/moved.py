@@ -48,7 +48,7 @@ def moved(old: StoredRun, new: StoredRun, tolerance: MovedLimits) -> list[Moved]
         (float(np.nanmax(old.rows[:, j])) for j, name in enumerate(old.columns) if name.endswith("_magnitude [N]")),
         default=0.0,
     )
-    found = []
+    moves = []
     for j, column in enumerate(old.columns):
         if column in PLACES:
             continue
@@ -61,7 +61,7 @@ def moved(old: StoredRun, new: StoredRun, tolerance: MovedLimits) -> list[Moved]
         gone = np.flatnonzero(np.abs(by) > allowed)
         if gone.size:
             k = int(gone[np.argmax(np.abs(by[gone]))])
-            found.append(
+            moves.append(
                 Moved(
                     run=old.name,
                     signal=signal,
@@ -74,7 +74,7 @@ def moved(old: StoredRun, new: StoredRun, tolerance: MovedLimits) -> list[Moved]
                     of=by.size,
                 )
             )
-    return found
+    return moves
 
 
 def _turned_up_or_lost(old: np.ndarray, new: np.ndarray, size: np.ndarray) -> np.ndarray:

@@ -86,22 +86,22 @@ def setups(mechanism: Mechanism) -> list[Setup]:
     if not assembly.structure.by_crank:
         return list(_over_time(mechanism, over_time(assembly)))
     theta = _thinned(default_angles(assembly))
-    found = []
+    runs = []
     if mechanism.speed is not None:
-        found.append(Setup(Request(mechanism.tight(), "ideal", Schedule.at_angles(mechanism, theta))))
+        runs.append(Setup(Request(mechanism.tight(), "ideal", Schedule.at_angles(mechanism, theta))))
     else:
-        found.append(Setup(Request(mechanism.tight(), "ideal", Schedule.released(mechanism, _thinned(FREE_TIME)))))
+        runs.append(Setup(Request(mechanism.tight(), "ideal", Schedule.released(mechanism, _thinned(FREE_TIME)))))
     loaded = _loaded(mechanism)
     if loaded.clearance:
         added: dict[str, JsonValue] = {"clearance": dict(loaded.clearance)}
         if loaded.loads:
             added["load"] = [load.model_dump(exclude_unset=True, mode="json") for load in loaded.loads]
         at_rest = mechanism.with_clearances(loaded.clearance).replace(loads=mechanism.loads + loaded.loads)
-        held = Schedule.at_angles(at_rest, theta, at_rest=True)
-        found += [Setup(Request(at_rest, model, held), added) for model in JOINT_MODELS[1:]]
+        resting = Schedule.at_angles(at_rest, theta, at_rest=True)
+        runs += [Setup(Request(at_rest, model, resting), added) for model in JOINT_MODELS[1:]]
     if _shipped(mechanism) and mechanism.name == "crank-rocker":
-        found += _impacting(mechanism)
-    return found
+        runs += _impacting(mechanism)
+    return runs
 
 
 def _over_time(mechanism: Mechanism, schedule: Schedule) -> Iterator[Setup]:
@@ -121,8 +121,8 @@ def _shipped(mechanism: Mechanism) -> bool:
 
 def _loaded(mechanism: Mechanism) -> Loaded:
     """What a case is given so that its pins rest against their bearings."""
-    own = _shipped(mechanism) and mechanism.name in LOADED
-    return LOADED[mechanism.name] if own else Loaded(mechanism.clearances)
+    shipped = _shipped(mechanism) and mechanism.name in LOADED
+    return LOADED[mechanism.name] if shipped else Loaded(mechanism.clearances)
 
 
 def _impacting(mechanism: Mechanism) -> Iterator[Setup]:
@@ -241,9 +241,9 @@ def _averages(setup: Setup, trace: Trace) -> StoredRun:
     A rigid contact (no stiffness in its settings) has impulses, whose force is a matter of the time step: none is kept.
     """
     columns: dict[str, float] = {}
-    found = trace.contact if isinstance(trace, Counted) else None
+    contact = trace.contact if isinstance(trace, Counted) else None
     for joint, share in trace.free_share.items():
-        known = found.joints[joint].statistics if found is not None else {}
+        known = contact.joints[joint].statistics if contact is not None else {}
         average = {name: each.value or 0.0 for name, each in known.items()}
         if "contact_stiffness" in trace.settings:
             columns[f"reaction_{joint}_rms [N]"] = float(np.sqrt(np.mean(np.abs(_force(trace, joint)) ** 2)))

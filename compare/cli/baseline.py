@@ -44,12 +44,12 @@ def check(line: CommandLine) -> None:
         junit = line.asked(Junit).junit
         refuse_inputs(line.context, [junit] if junit is not None else [], "--junit")
         with nullcontext() if junit is None else made_folder(junit.parent, "--junit"):
-            found = _asked(line, check_baselines)
+            baselines = _asked(line, check_baselines)
             if junit is not None:
                 from compare.report.baselines import junit as junit_of
 
-                write_atomically(junit, junit_of(found))
-    _end(line, found)
+                write_atomically(junit, junit_of(baselines))
+    _end(line, baselines)
 
 
 @baseline.command()
@@ -63,8 +63,8 @@ def update(line: CommandLine) -> None:
     with line.complaints():
         from compare.baseline.check import update_baselines
 
-        found = _asked(line, update_baselines)
-    _end(line, found)
+        baselines = _asked(line, update_baselines)
+    _end(line, baselines)
 
 
 def _asked(line: CommandLine, function: Callable[..., "Baselines"]) -> "Baselines":
@@ -74,12 +74,12 @@ def _asked(line: CommandLine, function: Callable[..., "Baselines"]) -> "Baseline
     return line.ask(function, BaselinesQuestion)
 
 
-def _end(line: CommandLine, found: "Baselines") -> None:
+def _end(line: CommandLine, baselines: "Baselines") -> None:
     """Print what was found, say what was not, and leave with the gravest status."""
     from compare.baseline.check import status
 
-    line.show(found)
-    faults = [entry.why for entry in found.entries if entry.status in ("unusable", "failed")]
-    said(each for each in found.left_out if each not in faults)
+    line.show(baselines)
+    faults = [entry.why for entry in baselines.entries if entry.status in ("unusable", "failed")]
+    said(each for each in baselines.left_out if each not in faults)
     said(f"compare: {printable(why)}" for why in faults)
-    raise typer.Exit(status(found))
+    raise typer.Exit(status(baselines))

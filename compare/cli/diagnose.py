@@ -48,8 +48,8 @@ def diagnose(line: CommandLine) -> None:
 
         folder = line.folder(f"{named_after(measured[0])}-diagnosis", "diagnosis.json", "junit.xml")
         data = load_measured(measured[0])
-        found = line.answer(lambda: line.ask(diagnose, DiagnoseQuestion, measured=data), caught, folder)
-    raise typer.Exit(Exit.AGREES if found.settled else Exit.DISAGREES)
+        diagnosis = line.answer(lambda: line.ask(diagnose, DiagnoseQuestion, measured=data), caught, folder)
+    raise typer.Exit(Exit.AGREES if diagnosis.settled else Exit.DISAGREES)
 
 
 def _only(line: CommandLine, mode: str, *allowed: str) -> None:

@@ -40,7 +40,7 @@ def export(line: CommandLine) -> None:
                 paths = tuple(str(path) for path in write_together(folder, texts))
         left_out = tuple(omitted(mechanism, Asked.of_engines("export", mechanism, motion, joint_model)))
         said(left_out)
-        found = Exported(
+        document = Exported(
             case=mechanism.name,
             simulator=simulator,
             joint_model=joint_model,
@@ -52,4 +52,4 @@ def export(line: CommandLine) -> None:
             assumed=(*assumed(mechanism), *assumed_of_contact(mechanism, mechanism.clearances, settings)),
             warnings=(*left_out, *warned),
         )
-        line.show(found)
+        line.show(document)

@@ -30,10 +30,10 @@ def import_(line: CommandLine) -> None:
         from compare.imported import import_mjcf
 
         out = line.asked(Target).out
-        found = line.ask(import_mjcf, ImportQuestion)
+        imported = line.ask(import_mjcf, ImportQuestion)
         if out.is_dir():
             raise OutputError(f"--out {out}: it is a folder; name the file to write, such as {out / 'linkage.toml'}")
         with made_folder(out.parent) as folder, alone_in(folder):
-            refuse_others(line.context, folder, {out.name: found.text}, line.asked(Overwrite).overwrite)
-            write_atomically(out, found.text)
-        line.show(found.model_copy(update={"path": str(out)}))
+            refuse_others(line.context, folder, {out.name: imported.text}, line.asked(Overwrite).overwrite)
+            write_atomically(out, imported.text)
+        line.show(imported.model_copy(update={"path": str(out)}))

@@ -30,11 +30,11 @@ def command_line() -> str:
 def finished(document: D, warned: Iterable[str]) -> D:
     """A document with the command that asked for it, and with all warnings; those that were not said yet are said."""
     before = list(warned)
-    told = list(dict.fromkeys([*before, *getattr(document, "warnings", ())]))
-    for text in told:
+    sentences = list(dict.fromkeys([*before, *getattr(document, "warnings", ())]))
+    for text in sentences:
         if text not in before:
             typer.echo(text if text.startswith("left out: ") else f"warning: {text}", err=True)
-    known = {"warnings": tuple(told)} if "warnings" in type(document).model_fields else {}
+    known = {"warnings": tuple(sentences)} if "warnings" in type(document).model_fields else {}
     return document.model_copy(update={"command": command_line(), **known})
 
 

@@ -166,9 +166,9 @@ def _parameter(field: Field[Any], name: str, option: Option) -> inspect.Paramete
     if kind.repeated:
         word = list[word]
     bounds = {"min": kind.least, "max": kind.most} if isinstance(kind, Whole) else {}
-    told: dict[str, Any] = {"help": option.typed_help, "metavar": kind.metavar, **bounds}
+    shown: dict[str, Any] = {"help": option.typed_help, "metavar": kind.metavar, **bounds}
     flags = [f"--{name.replace('_', '-')}", *filter(None, [option.short])]
-    info = typer.Argument(**told) if option.positional else typer.Option(*flags, **told)
+    info = typer.Argument(**shown) if option.positional else typer.Option(*flags, **shown)
     return inspect.Parameter(
         name,
         inspect.Parameter.KEYWORD_ONLY,

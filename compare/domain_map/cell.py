@@ -89,17 +89,17 @@ def examined(task: CellTask) -> Cell | Failed:
     if result.failures:
         return task.failed(result.failures[0].why)
     later = Schedule.at_angles(task.mechanism, theta[skip:])
-    held = Examined(task.mechanism, later, _later(result.runs[0], skip), job.tolerances)
-    return judged(task, held).model_copy(update=_told(task, held.run.contact))
+    examination = Examined(task.mechanism, later, _later(result.runs[0], skip), job.tolerances)
+    return judged(task, examination).model_copy(update=_told(task, examination.run.contact))
 
 
 def _told(task: CellTask, contact: Contact | None) -> dict[str, object]:
     """What contact did, where it was watched, and what the analytic model says of when it is lost."""
-    found: dict[str, object] = {}
+    fields: dict[str, object] = {}
     if contact is not None:
-        found["watched"] = watched(contact)
+        fields["watched"] = watched(contact)
     left = leaving(task.mechanism, task.crank_angle) if task.revolutions and task.joint_model in STRIKING else None
-    return found if left is None else found | {"leaving": left}
+    return fields if left is None else fields | {"leaving": left}
 
 
 def watched(contact: Contact) -> Watched:
@@ -112,28 +112,28 @@ def watched(contact: Contact) -> Watched:
     return Watched(revolutions=contact.revolutions, pins=pins)
 
 
-def judged(task: CellTask, held: Examined) -> Cell:
+def judged(task: CellTask, examination: Examined) -> Cell:
     """What a cell of the map says of a run: whether model and simulation agree, where most they do not, and why."""
-    found, agrees = [d for d, _ in held.verdicts], bool(held.agreeing.all())
-    unsteady = held.flagged & ~held.unloaded
+    comparisons, agrees = [d for d, _ in examination.verdicts], bool(examination.agreeing.all())
+    unsteady = examination.flagged & ~examination.unloaded
     return Cell(
         **task._place,
         verdict="agrees" if agrees else "disagrees",
-        cause=None if agrees else held.cause,
-        agreeing_share=float(held.agreeing.mean()),
-        free_share=dict(held.run.free_share),
-        worst=_worst(max(found, key=excess), held.theta) if found else None,
-        fails=tuple(held.fails),
-        cost=dict(held.costs),
-        swings=held.swings,
+        cause=None if agrees else examination.cause,
+        agreeing_share=float(examination.agreeing.mean()),
+        free_share=dict(examination.run.free_share),
+        worst=_worst(max(comparisons, key=excess), examination.theta) if comparisons else None,
+        fails=tuple(examination.fails),
+        cost=dict(examination.costs),
+        swings=examination.swings,
         flagged_share={
-            "unloaded": float(np.mean(held.flagged & held.unloaded)),
+            "unloaded": float(np.mean(examination.flagged & examination.unloaded)),
             "unsteady": float(np.mean(unsteady)),
         },
-        give=held.give,
+        give=examination.give,
         settings={
             name: value
-            for name, value in held.run.settings.items()
+            for name, value in examination.run.settings.items()
             if name in ("contact_law", "contact_stiffness", "contact_damping", "step")
             and not isinstance(value, Mapping)
         },
@@ -150,12 +150,12 @@ def _later(run: Run, skip: int) -> Run:
     return run.model_copy(update={**sides, "flags": flags, "crank_angle": run.crank_angle[skip:]})
 
 
-def _worst(found: Comparison, theta: np.ndarray) -> Worst:
+def _worst(comparison: Comparison, theta: np.ndarray) -> Worst:
     return Worst(
-        signal=found.signal.name,
-        unit=found.unit,
-        max=found.max,
-        tolerance=found.tolerance,
-        over_tolerance=excess(found),
-        at_crank_angle=float(theta[found.at]),
+        signal=comparison.signal.name,
+        unit=comparison.unit,
+        max=comparison.max,
+        tolerance=comparison.tolerance,
+        over_tolerance=excess(comparison),
+        at_crank_angle=float(theta[comparison.at]),
     )

@@ -65,13 +65,13 @@ class Reaction:
         force, rate = self.start
         outwards, turning = force / abs(force), (rate / force).imag
         if law is None:
-            found = on_a_rim(self.way, clearance, math.atan2(force.imag, force.real), turning)
+            angle = on_a_rim(self.way, clearance, math.atan2(force.imag, force.real), turning)
         else:
             gap = (clearance + abs(force) / law.stiffness) * outwards
             growing = (rate * outwards.conjugate()).real / law.stiffness
             wall = Wall(law.stiffness, law.damping, law.stiffness * law.hysteresis / law.slowest)
-            found = on_a_wall(self.way, wall, clearance, gap, 1j * turning * gap + growing * outwards)
-        return None if math.isnan(found) else float(found)
+            angle = on_a_wall(self.way, wall, clearance, gap, 1j * turning * gap + growing * outwards)
+        return None if math.isnan(angle) else float(angle)
 
 
 def reaction(mechanism: Mechanism, joint: str, theta: np.ndarray) -> Reaction:
@@ -89,8 +89,8 @@ def reaction(mechanism: Mechanism, joint: str, theta: np.ndarray) -> Reaction:
     rate = 1e3 * abs(speed)  # of a gap that changes by itself in 1e-3 rad: its inertia tells
     nudges = [way * size * rate**order * np.eye(3)[order] for order in range(3) for way in (1, -1, 1j, -1j)]
     gap = Gap(*np.repeat(np.array([np.zeros(3), *nudges]).T, at.size, axis=1))
-    found = kinetostatics(kinematics(ideal, np.tile(at, 13), speed, 0.0, {joint: gap}))
-    forces = found.forces[joint].reshape(13, at.size)
+    reactions = kinetostatics(kinematics(ideal, np.tile(at, 13), speed, 0.0, {joint: gap}))
+    forces = reactions.forces[joint].reshape(13, at.size)
     slopes = [(forces[k] - forces[k + 1]) / (2 * size * rate ** (k // 4)) for k in range(1, 13, 2)]
     turn = math.copysign(RUN_TURNS * 2 * math.pi if around else high - low, speed)
     begin = low - math.copysign(2 * math.pi, speed) if around else low if speed > 0 else high
@@ -104,20 +104,20 @@ def reactions(mechanism: Mechanism, theta: np.ndarray) -> dict[str, Reaction]:
     if mechanism.loose_guides:
         return {}
     try:
-        found = {name: reaction(mechanism, name, theta) for name in mechanism.clearances}
+        by_joint = {name: reaction(mechanism, name, theta) for name in mechanism.clearances}
     except AssemblyError:
         return {}
-    return found if all(np.all(np.isfinite(one.way.terms)) for one in found.values()) else {}
+    return by_joint if all(np.all(np.isfinite(one.way.terms)) for one in by_joint.values()) else {}
 
 
 def leaving(mechanism: Mechanism, theta: np.ndarray) -> Leaving | None:
     """Where the first of a linkage's pins leaves, each taken by itself; None where that is not known."""
-    found = reactions(mechanism, theta)
-    if not found:
+    by_joint = reactions(mechanism, theta)
+    if not by_joint:
         return None
     sizes = mechanism.clearances
-    rigid = [one.leaves(sizes[name]) for name, one in found.items()]
-    yielding = [one.leaves(sizes[name], contact_law(mechanism, name)) for name, one in found.items()]
+    rigid = [one.leaves(sizes[name]) for name, one in by_joint.items()]
+    yielding = [one.leaves(sizes[name], contact_law(mechanism, name)) for name, one in by_joint.items()]
     way = -1.0 if (mechanism.speed or 0.0) < 0 else 1.0
 
     def first(angles: list[float | None]) -> float | None:
@@ -149,11 +149,11 @@ def boundary(
     if k == 0:
         return clearances[0]
     kept, lost = clearances[k - 1], clearances[k]
-    found = reactions(mechanism, theta)
-    laws = {name: None if rigid else contact_law(mechanism, name) for name in found}
+    by_joint = reactions(mechanism, theta)
+    laws = {name: None if rigid else contact_law(mechanism, name) for name in by_joint}
     for _ in range(HALVINGS):
         middle = math.sqrt(kept * lost)
-        if any(one.leaves(middle, laws[name]) is not None for name, one in found.items()):
+        if any(one.leaves(middle, laws[name]) is not None for name, one in by_joint.items()):
             lost = middle
         else:
             kept = middle

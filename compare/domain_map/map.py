@@ -56,24 +56,24 @@ class MapPlan:
 
         With a ``restitution`` the damping follows from it, or the law that a joint names is asked for it.
         """
-        found = self.asked(speed, clearance, restitution)
+        linkage = self.asked(speed, clearance, restitution)
         for name in self.joints if self.joint_model != "massless-link" else ():
-            joint = found.joint(name)
-            law, named = contact_parameters(found, joint, "driven"), joint.contact_law not in (None, "kelvin-voigt")
+            joint = linkage.joint(name)
+            law, named = contact_parameters(linkage, joint, "driven"), joint.contact_law not in (None, "kelvin-voigt")
             damping = None if named else law.damping
-            found = found.with_joint(name, contact_stiffness=law.stiffness, contact_damping=damping)
-        return found
+            linkage = linkage.with_joint(name, contact_stiffness=law.stiffness, contact_damping=damping)
+        return linkage
 
     def asked(self, speed: float, clearance: float, restitution: float | None = None) -> Mechanism:
         """The same with the contact that the mechanism gives, and this ``restitution``."""
         assert self.mechanism.drive is not None
         assert self.mechanism.speed is not None
         turning = {"speed": math.copysign(speed, self.mechanism.speed)}
-        found = self.mechanism.replace(drive=self.mechanism.drive.model_copy(update=turning))
-        found = found.with_clearances(dict.fromkeys(self.joints, clearance))
+        linkage = self.mechanism.replace(drive=self.mechanism.drive.model_copy(update=turning))
+        linkage = linkage.with_clearances(dict.fromkeys(self.joints, clearance))
         for name in self.joints if self.joint_model != "massless-link" and restitution is not None else ():
-            found = found.with_joint(name, restitution=restitution, contact_damping=None)
-        return found
+            linkage = linkage.with_joint(name, restitution=restitution, contact_damping=None)
+        return linkage
 
 
 def clearance_joints(mechanism: Mechanism, at: Sequence[str] | None) -> tuple[tuple[str, ...], str]:
@@ -160,12 +160,12 @@ def _angles(assembly: Assembly) -> tuple[np.ndarray, int]:
 # ---------------------------------------------------------------- what they come to
 
 
-def summarised(grid: MapPlan, tasks: Sequence[CellTask], found: Sequence[Cell | Failed]) -> Validity:
-    """The map, but for the command and warnings; ``found`` are the cells of ``tasks``, in their order."""
-    between, edge = _between(grid, found), _boundary(grid, tasks, found)
+def summarised(grid: MapPlan, tasks: Sequence[CellTask], results: Sequence[Cell | Failed]) -> Validity:
+    """The map, but for the command and warnings; ``results`` are the cells of ``tasks``, in their order."""
+    between, edge = _between(grid, results), _boundary(grid, tasks, results)
     blocks = [name for name in grid.joints if grid.mechanism.joint(name).prismatic]
     means = words.MEANS_OF_BLOCKS if blocks else words.MEANS
-    told = words.come_to(grid.simulators, found, between, _inertia_only(grid.mechanism))
+    sentences = words.come_to(grid.simulators, results, between, _inertia_only(grid.mechanism))
     result = Validity(
         case=grid.mechanism.name,
         mechanism=grid.mechanism,
@@ -181,24 +181,24 @@ def summarised(grid: MapPlan, tasks: Sequence[CellTask], found: Sequence[Cell | 
         crank_angle=tasks[0].crank_angle[tasks[0].skip :],
         contact=_contact(grid),
         assumptions={name: Meaning(means=each, examined=name in ASSUMPTIONS) for name, each in means.items()},
-        cells=tuple(found),
-        holds_up_to={name: _holds(grid, [c for c in found if c.simulator == name]) for name in grid.simulators},
-        words=(*told, *words.contact_lost(found, blocks)),
+        cells=tuple(results),
+        holds_up_to={name: _holds(grid, [c for c in results if c.simulator == name]) for name in grid.simulators},
+        words=(*sentences, *words.contact_lost(results, blocks)),
         command="",
-        warnings=tuple(too_soft(found)),
-        assumed=(*assumed(grid.mechanism), *_assumed(grid, found)),
+        warnings=tuple(too_soft(results)),
+        assumed=(*assumed(grid.mechanism), *_assumed(grid, results)),
     )
     optional = {"between_simulators": between, "restitutions": grid.restitutions, "boundary": edge}
     return result.model_copy(update={name: value for name, value in optional.items() if value})
 
 
-def _boundary(grid: MapPlan, tasks: Sequence[CellTask], found: Sequence[Cell | Failed]) -> tuple[Boundary, ...]:
+def _boundary(grid: MapPlan, tasks: Sequence[CellTask], results: Sequence[Cell | Failed]) -> tuple[Boundary, ...]:
     """Where contact is first lost by the analytic model, by restitution and speed, where its cells were asked."""
     linkages = {task.at: task for task in tasks}
-    said = {cell.at: cell.leaving for cell in found if isinstance(cell, Cell) and cell.leaving is not None}
-    out = []
+    leavings = {cell.at: cell.leaving for cell in results if isinstance(cell, Cell) and cell.leaving is not None}
+    boundaries = []
     for restitution, speed in product(grid.layers, grid.speeds):
-        column = [said.get((speed, clearance, restitution)) for clearance in grid.clearances]
+        column = [leavings.get((speed, clearance, restitution)) for clearance in grid.clearances]
         known = [(gap, one) for gap, one in zip(grid.clearances, column, strict=True) if one is not None]
         if not known:
             continue
@@ -208,21 +208,21 @@ def _boundary(grid: MapPlan, tasks: Sequence[CellTask], found: Sequence[Cell | F
         edges = {
             kind: boundary(task.mechanism, task.crank_angle, gaps, left[kind], rigid=kind == "rigid") for kind in left
         }
-        out.append(Boundary(speed=speed, **_layer(restitution), **edges))
-    return tuple(out)
+        boundaries.append(Boundary(speed=speed, **_layer(restitution), **edges))
+    return tuple(boundaries)
 
 
-def _assumed(grid: MapPlan, found: Sequence[Cell | Failed]) -> Iterator[Assumed]:
+def _assumed(grid: MapPlan, results: Sequence[Cell | Failed]) -> Iterator[Assumed]:
     """What contact is made of in the cells that the mechanism does not say."""
     asked = grid.asked(grid.speeds[0], grid.clearances[0], grid.layers[0])
-    cells = [cell for cell in found if isinstance(cell, Cell)]
+    cells = [cell for cell in results if isinstance(cell, Cell)]
     contact = [assumed_of_contact(asked, grid.joints, cell.settings) for cell in cells]
     yield from dict.fromkeys(each for one in contact for each in one)
 
 
-def too_soft(found: Sequence[Cell | Failed]) -> Iterator[str]:
+def too_soft(results: Sequence[Cell | Failed]) -> Iterator[str]:
     """A warning for each engine in whose cells the contact gives so much that the clearance is hidden."""
-    soft = [cell for cell in found if isinstance(cell, Cell) and cell.give > SOFT * cell.clearance]
+    soft = [cell for cell in results if isinstance(cell, Cell) and cell.give > SOFT * cell.clearance]
     for name in dict.fromkeys(cell.simulator for cell in soft):
         mine = [cell for cell in soft if cell.simulator == name]
         cell = max(mine, key=lambda cell: cell.give / cell.clearance)
@@ -233,14 +233,14 @@ def too_soft(found: Sequence[Cell | Failed]) -> Iterator[str]:
 def _contact(grid: MapPlan) -> dict[str, Law]:
     """Each joint's law; its damping, where that is the same in all cells."""
     linkage = grid.linkage(grid.speeds[0], grid.clearances[0], grid.layers[0])
-    found = {}
+    laws = {}
     for name in grid.joints:
         joint = linkage.joint(name)
         if joint.contact_stiffness:
             law = {} if joint.contact_law is None else {"law": joint.contact_law}
             damping = None if grid.restitutions else joint.contact_damping
-            found[name] = Law(stiffness=joint.contact_stiffness, damping=damping, **law)
-    return found
+            laws[name] = Law(stiffness=joint.contact_stiffness, damping=damping, **law)
+    return laws
 
 
 def _holds(grid: MapPlan, each: Sequence[Cell | Failed]) -> Limits:
@@ -249,7 +249,7 @@ def _holds(grid: MapPlan, each: Sequence[Cell | Failed]) -> Limits:
     """
 
     def highest(test: Callable[[Cell], bool]) -> tuple[float | None, ...]:
-        out: list[float | None] = []
+        limits: list[float | None] = []
         for clearance in grid.clearances:
             holding: float | None = None
             for cell in sorted((c for c in each if c.clearance == clearance), key=lambda c: c.speed):
@@ -257,8 +257,8 @@ def _holds(grid: MapPlan, each: Sequence[Cell | Failed]) -> Limits:
                     holding = max((w for w in grid.speeds if w < cell.speed), default=None)
                     break
                 holding = cell.speed
-            out.append(holding)
-        return tuple(out)
+            limits.append(holding)
+        return tuple(limits)
 
     return Limits(
         equilibrium=highest(lambda cell: cell.agrees), first_order=highest(lambda cell: cell.first_order_is_enough)

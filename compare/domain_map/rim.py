@@ -74,13 +74,15 @@ def _by(terms: Any, order: int, gap: complex) -> Any:
 @_compiled
 def _swung(terms: Any, clearance: float, angle: float, rate: float) -> Any:
     """Acceleration (rad/s^2) of a pin along its rim, the force (N) that holds it there, and its pace (1/s)."""
-    out = complex(math.cos(angle), math.sin(angle))
-    along = 1j * out
-    rest = terms[0] + clearance * (_by(terms, 0, out) + rate * _by(terms, 1, along) - rate**2 * _by(terms, 2, out))
+    outwards = complex(math.cos(angle), math.sin(angle))
+    along = 1j * outwards
+    rest = terms[0] + clearance * (
+        _by(terms, 0, outwards) + rate * _by(terms, 1, along) - rate**2 * _by(terms, 2, outwards)
+    )
     heavy = clearance * _by(terms, 2, along)
     push = -_dot(along, rest) / _dot(along, heavy)
     pace = math.sqrt(abs(terms[0]) / abs(_dot(along, heavy))) + abs(rate)
-    return push, _dot(out, rest + push * heavy), pace
+    return push, _dot(outwards, rest + push * heavy), pace
 
 
 @_compiled
@@ -91,8 +93,8 @@ def on_a_rim(way: CrankWay, clearance: float, angle: float, rate: float) -> floa
     time, end, speed = 0.0, way.turn / way.speed, way.speed
     while time < end:
         theta = way.begin + speed * time
-        a, held, pace = _swung(_at(way, theta), clearance, angle, rate)
-        if held < 0:
+        a, push, pace = _swung(_at(way, theta), clearance, angle, rate)
+        if push < 0:
             return theta
         h = min(1 / (SWING * pace), LARGEST_STEP / abs(speed))
         middle = _at(way, theta + speed * h / 2)
@@ -111,10 +113,10 @@ def _bounced(terms: Any, wall: Wall, clearance: float, gap: complex, drift: comp
     """Acceleration (m/s^2) of a gap on a wall that yields, and its pace (1/s)."""
     far = abs(gap)
     depth = far - clearance
-    out = gap / far
+    outwards = gap / far
     resisting = wall.damping + wall.hysteresis * max(depth, 0.0)
-    force = max(0.0, wall.stiffness * depth + resisting * _dot(out, drift)) if depth > 0 else 0.0
-    left = force * out - terms[0] - _by(terms, 0, gap) - _by(terms, 1, drift)
+    force = max(0.0, wall.stiffness * depth + resisting * _dot(outwards, drift)) if depth > 0 else 0.0
+    left = force * outwards - terms[0] - _by(terms, 0, gap) - _by(terms, 1, drift)
     x, y = terms[5], terms[6]  # M by columns
     area = x.real * y.imag - y.real * x.imag
     light = area / (x.real + y.imag)  # nearly the smaller mass

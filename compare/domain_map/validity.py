@@ -61,8 +61,8 @@ def validity(question: ValidityQuestion) -> Validity:
     Raises MechanismError, ArgumentError, ToleranceError, Unsupported, SimulatorMissing, ClusterError or OutputError.
     """
     grid = gridded(question)
-    with progress_bar(question.progress) as told:
-        return mapped(grid, question, told)
+    with progress_bar(question.progress) as progress:
+        return mapped(grid, question, progress)
 
 
 def gridded(question: ValidityQuestion) -> MapPlan:
@@ -110,8 +110,8 @@ def mapped(grid: MapPlan, question: ValidityQuestion, progress: Progress) -> Val
     tasks = cells(grid)
     with tempfile.TemporaryDirectory() as scratch:
         records = Path(scratch) / "runs" if question.records is None else Path(question.records)
-        found = _swept(tasks, records, question.workers or cores(), question.dask, progress)
-    result = summarised(grid, tasks, found)
+        results = _swept(tasks, records, question.workers or cores(), question.dask, progress)
+    result = summarised(grid, tasks, results)
     return result.model_copy(update={"warnings": (*grid.warnings, *result.warnings)})
 
 
@@ -119,13 +119,13 @@ def _restitutions(given: Numbers, joint_model: RealJoint) -> tuple[float, ...]:
     """Restitutions that contact can have.  Raises ArgumentError."""
     if joint_model not in STRIKING:
         raise ArgumentError("restitutions", f"the pins of {joint_model} joints never strike; leave restitutions out")
-    found = tuple(numbers(given, "restitutions", "").tolist())
-    for value in found:
+    values = tuple(numbers(given, "restitutions", "").tolist())
+    for value in values:
         if not LEAST_RESTITUTION <= value <= 1:
             endless = ", as it takes endless damping to give back nothing" * (0 <= value < LEAST_RESTITUTION)
             give = f"give restitutions from {LEAST_RESTITUTION:g} to 1{endless}"
             raise ArgumentError("restitutions", f"{value:g} cannot be used; {give}")
-    return found
+    return values
 
 
 def real(joint_model: JointModel) -> RealJoint:
@@ -143,7 +143,7 @@ def capable(simulators: Simulators, joint_model: RealJoint, mechanism: Mechanism
     Raises Unsupported, SimulatorMissing or ArgumentError.
     """
     asked, left_out = engines(simulators)
-    found = []
+    able = []
     for name in asked:
         try:
             check_supported(engine(name), Request(mechanism, joint_model, Schedule.at_angles(mechanism, np.zeros(1))))
@@ -152,30 +152,30 @@ def capable(simulators: Simulators, joint_model: RealJoint, mechanism: Mechanism
                 raise
             left_out.append(f"left out: {why}")
         else:
-            found.append(name)
-    if not found:
+            able.append(name)
+    if not able:
         raise SimulatorMissing(
             f"none of the simulators that are installed has {joint_model} joints; see: compare simulators"
         )
-    return tuple(found), left_out
+    return tuple(able), left_out
 
 
 def _swept(
     tasks: Sequence[CellTask], records: Path, workers: int, dask: str | None, progress: Progress
 ) -> list[Cell | Failed]:
     """The cells, in order; what an interrupted map has left in the folder is not done again."""
-    found: list[Cell | Failed | None] = [None] * len(tasks)
+    results: list[Cell | Failed | None] = [None] * len(tasks)
     lost = False
     runs = [task.plain() for task in tasks]
 
-    def told(done: int, total: int | None) -> None:
+    def tell(done: int, total: int | None) -> None:
         progress("cells", done, total)
 
     with made_folder(records, "records"):
-        for end in sweep(examine, runs, records, workers=workers, dask=dask, progress=told):
+        for end in sweep(examine, runs, records, workers=workers, dask=dask, progress=tell):
             task = tasks[end.index]
-            found[end.index] = task.failed(end.failure) if end.failure else CELL.validate_python(end.result)
+            results[end.index] = task.failed(end.failure) if end.failure else CELL.validate_python(end.result)
             lost |= bool(end.failure)
         if not lost:  # else the same command tries again what was lost, and only that
             shutil.rmtree(records)
-    return [cell for cell in found if cell is not None]
+    return [cell for cell in results if cell is not None]

@@ -126,17 +126,19 @@ class Examined:
 
     def _ringing(self, joint: Joint, off: Sequence[tuple[Comparison, np.ndarray]]) -> bool:
         """Whether a block whose contact nothing damps swings about where it should be, in all that is off of it."""
-        own = [d for d, _ in off if d.signal.place == joint.name and d.signal.component != "angle"]
-        return undamped(self.mechanism, joint) and all(self._to_both_sides(d) for d in own)
+        of_block = [d for d, _ in off if d.signal.place == joint.name and d.signal.component != "angle"]
+        return undamped(self.mechanism, joint) and all(self._to_both_sides(d) for d in of_block)
 
-    def _about(self, found: Comparison) -> bool:
+    def _about(self, comparison: Comparison) -> bool:
         """Whether a difference is of the direction of a reaction that a pin with clearance carries, and of no sign."""
         directions = [Signal.of("reaction", joint, "angle").name for joint in self.run.clearance]
-        return found.signal.name in directions and self._to_both_sides(found)
+        return comparison.signal.name in directions and self._to_both_sides(comparison)
 
-    def _to_both_sides(self, found: Comparison) -> bool:
+    def _to_both_sides(self, comparison: Comparison) -> bool:
         """Whether a difference is of no sign."""
-        apart = found.signal.apart(*(side[found.signal.name] for side in (self.run.comparable, self.run.analytic)))
+        apart = comparison.signal.apart(
+            *(side[comparison.signal.name] for side in (self.run.comparable, self.run.analytic))
+        )
         apart = apart[np.isfinite(apart) & ~self.flagged]
         return bool(abs(apart.mean()) < EITHER_SIDE * math.sqrt(float(np.mean(apart**2))))
 
@@ -281,11 +283,11 @@ class Examined:
 
     def moving(self, stiffness: float) -> dict[str, Gap]:
         """The equilibrium's gaps, larger by force over stiffness (N/m), and their rates by differences."""
-        out = {}
+        gaps = {}
         for name, gap in self.beside.gaps.items():
             before, here, after = (gap + self.beside.reactions.forces[name] / stiffness).reshape(-1, 3).T
-            out[name] = Gap(here, (after - before) / (2 * self.step), (after - 2 * here + before) / self.step**2)
-        return out
+            gaps[name] = Gap(here, (after - before) / (2 * self.step), (after - 2 * here + before) / self.step**2)
+        return gaps
 
     def signals(self, side: Displaced | Reactions) -> SignalArrays:
         """Every signal (N,) of an analytic answer."""
@@ -306,9 +308,9 @@ class Examined:
             self.tolerances, self.mechanism, run.motion, run.joint_model, run.clearance, scales, self.give
         )
         for rule in rules.values():
-            found = judge(rule, one, other, self.theta)
-            if found is not None:
-                yield found, self.within(rule, one, other)
+            comparison = judge(rule, one, other, self.theta)
+            if comparison is not None:
+                yield comparison, self.within(rule, one, other)
 
     def within(self, rule: Rule, one: SignalArrays, other: SignalArrays) -> np.ndarray:
         """Angles (N,) at which a signal is within its rule, or means nothing."""
@@ -324,12 +326,12 @@ class Examined:
         known = np.isfinite(one[reaction]) & np.isfinite(other[reaction])
         known[list(self._flags)] = False
         sides = [{name: np.where(known, values, np.nan) for name, values in side.items()} for side in (one, other)]
-        return max((excess(found) for found, _ in self.judged(*sides)), default=0.0) if known.any() else 0.0
+        return max((excess(comparison) for comparison, _ in self.judged(*sides)), default=0.0) if known.any() else 0.0
 
 
-def excess(found: Comparison) -> float:
+def excess(comparison: Comparison) -> float:
     """A difference over its tolerance."""
-    return abs(found.max) / max(found.tolerance, np.finfo(float).tiny)
+    return abs(comparison.max) / max(comparison.tolerance, np.finfo(float).tiny)
 
 
 # ---------------------------------------------------------------- why a cross-check disagrees

@@ -64,10 +64,10 @@ def stands_apart(signal: Signal, parties: Mapping[str, np.ndarray], tolerance: n
         return None
     distance = {}
     for a, b in permutations(parties, 2):
-        found = difference(signal.apart(parties[a], parties[b]), tolerance)
-        if found is None:
+        apart = difference(signal.apart(parties[a], parties[b]), tolerance)
+        if apart is None:
             return None
-        distance[a, b] = found
+        distance[a, b] = apart
     for party in parties:
         others = [p for p in parties if p != party]
         widest = max((distance[pair] for pair in combinations(others, 2)), key=lambda d: d.share)
@@ -77,12 +77,12 @@ def stands_apart(signal: Signal, parties: Mapping[str, np.ndarray], tolerance: n
     return None
 
 
-def odd_one_out(found: Sequence[Apart]) -> str | None:
+def odd_one_out(standing_apart: Sequence[Apart]) -> str | None:
     """The party that stands apart on the most signals, if no other party stands apart on any as clearly."""
-    parties = {apart.party for apart in found}
+    parties = {apart.party for apart in standing_apart}
     if len(parties) == 1:
         return parties.pop()
-    counts = sorted(((sum(a.party == p for a in found), p) for p in parties), reverse=True)
+    counts = sorted(((sum(a.party == p for a in standing_apart), p) for p in parties), reverse=True)
     return counts[0][1] if counts and counts[0][0] >= 3 * counts[1][0] else None
 
 
@@ -116,9 +116,9 @@ def attribute(judged: Sequence[tuple[Run, Mapping[str, Rule]]]) -> Attribution:
             size, at = abs(largest.max), float(theta[largest.at])
             if name not in widest or size > widest[name].max:
                 widest[name] = Spread(max=size, at_crank_angle=at, between=between, joint_model=joint_model)
-            found = stands_apart(signal, {ANALYTIC: analytic[name], **engines}, tolerance)
-            if found is not None:
-                apart.append(found)
+            alone = stands_apart(signal, {ANALYTIC: analytic[name], **engines}, tolerance)
+            if alone is not None:
+                apart.append(alone)
     odd = odd_one_out(apart)
     differ = any(run.verdict == "disagrees" for run in runs)
     struck = any(run.contact is not None and run.contact.struck for run in runs)

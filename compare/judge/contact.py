@@ -58,9 +58,9 @@ def contact_in(trace: Trace, mechanism: Mechanism, ideal: Mapping[str, float]) -
     if trace.watched is None or not trace.clearance:
         return None
     margins = trace.settings.get("contact_margin")
-    own = {name: float(m) for name, m in margins.items()} if isinstance(margins, Mapping) else {}
+    by_joint = {name: float(m) for name, m in margins.items()} if isinstance(margins, Mapping) else {}
     yields = "contact_stiffness" in trace.settings
-    return contact(mechanism.with_clearances(dict(trace.clearance)), trace.watched, ideal, own, yields)
+    return contact(mechanism.with_clearances(dict(trace.clearance)), trace.watched, ideal, by_joint, yields)
 
 
 def contact(
@@ -106,13 +106,13 @@ def ideal_peaks(mechanism: Mechanism) -> dict[str, float]:
     """
     assembly = Assembly(mechanism.ideal())
     motion = kinematics(assembly, usual_angles(assembly), mechanism.speed or 1.0)
-    found = kinetostatics(motion, rubs=False)
-    forces = {name: np.abs(force) for name, force in found.forces.items()}
+    reactions = kinetostatics(motion, rubs=False)
+    forces = {name: np.abs(force) for name, force in reactions.forces.items()}
     for joint in (mechanism.joint(name) for name in mechanism.loose_guides):
         guide = Guide.of(joint)
         assert guide is not None  # of all that have clearance
-        across = dot(1j * joint.direction * np.exp(1j * motion.angle(joint.bodies[0])), found.forces[joint.name])
-        forces[joint.name] = guide.hardest(across, found.moments[joint.name])
+        across = dot(1j * joint.direction * np.exp(1j * motion.angle(joint.bodies[0])), reactions.forces[joint.name])
+        forces[joint.name] = guide.hardest(across, reactions.moments[joint.name])
     return {name: float(force.max()) for name, force in forces.items()}
 
 
@@ -246,22 +246,22 @@ def balance(run: WatchedRun, courses: Mapping[str, JointPlay], marks: np.ndarray
     )
 
 
-def more_revolutions(found: Contact) -> float:
+def more_revolutions(contact: Contact) -> float:
     """How many revolutions a run should have for its statistics to converge; no more than it has where they have."""
-    if found.converged:
-        return found.revolutions
-    times = max(needed(*pair) for joint in found.joints.values() for pair in _wanted(joint))
-    return found.revolutions * min(max(times, 2.0), 8.0)
+    if contact.converged:
+        return contact.revolutions
+    times = max(needed(*pair) for joint in contact.joints.values() for pair in _wanted(joint))
+    return contact.revolutions * min(max(times, 2.0), 8.0)
 
 
 def _wanted(joint: JointContact) -> Iterator[tuple[Statistic, float]]:
     """Each figure that has to converge, and how narrow half of its interval is to be."""
     for name in WANTED:
-        found = joint.statistics[name]
-        size = abs(found.value or 0.0)
+        figure = joint.statistics[name]
+        size = abs(figure.value or 0.0)
         if name == "restitution_loss":  # small beside what the impacts bring along, it says nothing
             size = max(size, FAINT * _brought(joint))
-        yield found, max(KNOWN * size, LEAST_SHARE if name == "free_share" else 0.0)
+        yield figure, max(KNOWN * size, LEAST_SHARE if name == "free_share" else 0.0)
 
 
 def _brought(joint: JointContact) -> float:
@@ -278,18 +278,18 @@ def _steadiness(joints: Mapping[str, JointContact], whole: int, turns: float) ->
     if turns < 1 - 1e-6:
         return Steadiness(False, turns)
     wide = [
-        (name, key, found)
+        (name, key, figure)
         for name, joint in joints.items()
-        for key, (found, wanted) in zip(WANTED, _wanted(joint), strict=True)
-        if found.half_width is None or found.half_width > wanted
+        for key, (figure, wanted) in zip(WANTED, _wanted(joint), strict=True)
+        if figure.half_width is None or figure.half_width > wanted
     ]
     if not wide:
         return Steadiness(True, turns, whole, within=KNOWN)
-    name, key, found = max(wide, key=lambda one: (one[2].half_width or math.inf) / (abs(one[2].value or 0.0) or 1.0))
-    if found.half_width is None:
+    name, key, figure = max(wide, key=lambda one: (one[2].half_width or math.inf) / (abs(one[2].value or 0.0) or 1.0))
+    if figure.half_width is None:
         return Steadiness(False, turns, whole)
     return Steadiness(
-        False, turns, whole, (name, key), found.half_width / abs(found.value) if found.value else math.inf
+        False, turns, whole, (name, key), figure.half_width / abs(figure.value) if figure.value else math.inf
     )
 
 
@@ -308,7 +308,7 @@ def _profile(
     which = np.minimum((np.mod(angle, math.tau) / math.tau * BINS).astype(int), BINS - 1)
     lasts = np.gradient(time) if time.size > 1 else np.ones(1)
     total = np.bincount(which, lasts, BINS)
-    seen = np.where(total > 0, total, np.nan)
+    lasted = np.where(total > 0, total, np.nan)
     low, high = np.full(BINS, np.nan), np.full(BINS, np.nan)
     order = np.lexsort((size, which))
     edges = np.searchsorted(which[order], np.arange(BINS + 1))
@@ -319,9 +319,9 @@ def _profile(
             low[k], high[k] = size[here][np.searchsorted(share, (0.05, 0.95)).clip(max=here.size - 1)]
     return Profile(
         crank_angle=(np.arange(BINS) + 0.5) * math.tau / BINS,
-        free_share=np.bincount(which, lasts * free, BINS) / seen,
+        free_share=np.bincount(which, lasts * free, BINS) / lasted,
         impacts=np.bincount(which[begins], minlength=BINS) / max(turns, 1.0),
-        mean_force=np.bincount(which, lasts * size, BINS) / seen,
+        mean_force=np.bincount(which, lasts * size, BINS) / lasted,
         low_force=low,
         high_force=high,
     )

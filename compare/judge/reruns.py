@@ -99,9 +99,9 @@ def settle(
             if i in asked and (request := finer(asked[i], one.trace)) is not None
         }
         asked |= again
-        found = simulate(again) if again else {}
+        outcomes = simulate(again) if again else {}
         before, looking = looking, {}
-        for i, outcome in found.items():
+        for i, outcome in outcomes.items():
             if isinstance(outcome, Failure):
                 settled[i] = _undecided(before[i], f"a finer run of it failed ({outcome.why})")
                 continue
@@ -138,15 +138,15 @@ def beyond_rim(run: Run | Simulation) -> dict[str, float]:
     """How far (m) each pin of a run is seen beyond the rim of its bearing, at its samples and on the way
     between them.
     """
-    found = {}
+    depths = {}
     for joint, clearance in run.clearance.items():
         if Signal("clearance", joint, "angle").name in run.simulated:  # a block's corners are not its point
             continue
         sides = [Signal("clearance", joint, axis).name for axis in AXES]
         path = [np.hypot(*(run.simulated[side] for side in sides))]
-        path += [np.hypot(seen.x, seen.y) for name, seen in run.journal.items() if name == joint]
-        found[joint] = float(np.nanmax(np.concatenate(path), initial=0.0)) - clearance
-    return found
+        path += [np.hypot(orbit.x, orbit.y) for name, orbit in run.journal.items() if name == joint]
+        depths[joint] = float(np.nanmax(np.concatenate(path), initial=0.0)) - clearance
+    return depths
 
 
 def stiff_enough(run: Run | Simulation, joint: str) -> str:
@@ -189,9 +189,9 @@ def finer(request: Request, trace: Trace) -> Request | None:
 
 def _undecided(one: JudgedRun, why: str) -> Failure:
     t = one.trace
-    said = f"{t.simulator} {t.joint_model} {t.motion}: {one.words} is its own error: {why}"
+    error = f"{t.simulator} {t.joint_model} {t.motion}: {one.words} is its own error: {why}"
     cause = Cause.NOT_CONVERGED
-    return Failure(simulator=t.simulator, joint_model=t.joint_model, why=f"{said}; {cause.remedy}", cause=cause)
+    return Failure(simulator=t.simulator, joint_model=t.joint_model, why=f"{error}; {cause.remedy}", cause=cause)
 
 
 # ---------------------------------------------------------------- longer
@@ -231,9 +231,9 @@ def _longer(request: Request, one: JudgedRun | Failure, most: float) -> Request 
     """The request of a longer run; None where that is no use, or not allowed."""
     if isinstance(one, Failure) or one.run.contact is None or one.run.contact.revolutions < 1 - SHORT:
         return None
-    found = one.run.contact
-    turns = min(math.ceil(more_revolutions(found)), most)
-    if turns < found.revolutions + 0.5:
+    contact = one.run.contact
+    turns = min(math.ceil(more_revolutions(contact)), most)
+    if turns < contact.revolutions + 0.5:
         return None
     return replace(request, beyond=math.tau * turns - span(request))
 

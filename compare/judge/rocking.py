@@ -43,8 +43,8 @@ def rocking(assembly: Assembly, joint: Joint, theta: np.ndarray, speed: float, a
     with np.errstate(all="ignore"):
         terms = [one**2 * other / (slow - fast) * np.exp(one * since) for one, other in ((slow, fast), (fast, slow))]
         kept = np.exp(slow.real * math.tau / abs(speed) / 2)  # of it, until the next reversal
-        found = step * inertia / spring * (abs(terms[0]) + abs(terms[1])) / (1 - kept)
-    return np.asarray(np.where(step > 0, found, 0.0))
+        moment = step * inertia / spring * (abs(terms[0]) + abs(terms[1])) / (1 - kept)
+    return np.asarray(np.where(step > 0, moment, 0.0))
 
 
 def undamped(mechanism: Mechanism, joint: Joint) -> bool:

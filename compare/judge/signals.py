@@ -60,29 +60,29 @@ def with_derived(signals: Mapping[str, np.ndarray], mechanism: Mechanism) -> dic
     Where there is no force, as where a pin flies, there is no direction: NaN.  A reaction that has not both components
     is left as it is.
     """
-    out = {name: np.array(values, float) for name, values in signals.items()}
+    derived = {name: np.array(values, float) for name, values in signals.items()}
     for joint in mechanism.joints:
         x = Signal.of("reaction", joint.name, "x")
-        if x.name not in out or x.sibling("y").name not in out:
+        if x.name not in derived or x.sibling("y").name not in derived:
             continue
-        force = out[x.name] + 1j * out[x.sibling("y").name]
+        force = derived[x.name] + 1j * derived[x.sibling("y").name]
         size = np.abs(force)
         acts = size > NO_REACTION * np.nanmax(size, initial=0.0)
-        out[x.sibling("angle").name] = continued(np.where(acts, np.angle(force), np.nan))
-        out[x.sibling("magnitude").name] = size
-    return out
+        derived[x.sibling("angle").name] = continued(np.where(acts, np.angle(force), np.nan))
+        derived[x.sibling("magnitude").name] = size
+    return derived
 
 
 def with_rotations(signals: Mapping[str, np.ndarray], ideal_angles: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Signals (N,) with each body's rotation by clearance: its angle minus the ideal linkage's (rad).  Where there is
     no angle, a rotation stays as it is.
     """
-    out = dict(signals)
+    rotated = dict(signals)
     for body, ideal in ideal_angles.items():
-        if Signal.of("pose", body, "angle").name not in out:
+        if Signal.of("pose", body, "angle").name not in rotated:
             continue
-        out[Signal.of("rotation", body, "angle").name] = signals[Signal.of("pose", body, "angle").name] - ideal
-    return out
+        rotated[Signal.of("rotation", body, "angle").name] = signals[Signal.of("pose", body, "angle").name] - ideal
+    return rotated
 
 
 def compared(mechanism: Mechanism, clearances: Iterable[str]) -> tuple[Signal, ...]:
@@ -127,13 +127,13 @@ def recorded(mechanism: Mechanism, clearances: Iterable[str], given: Iterable[st
     names = set(given)
     if mechanism.cranked and mechanism.motors:
         names -= {f"{mechanism.driven}_{part}" for part in ("angle", "angular_velocity")}
-    found = [signal for signal in compared(mechanism, clearances) if signal.name in names]
+    judged = [signal for signal in compared(mechanism, clearances) if signal.name in names]
     for joint in mechanism.joints:
         sides = [Signal("reaction", joint.name, axis) for axis in AXES]
         here = [side for side in sides if side.name in names]
-        found += here if len(here) == 1 else []
+        judged += here if len(here) == 1 else []
     for body in mechanism.bodies:
-        found += [Signal("pose", body.name, axis) for axis in AXES if f"{body.name}_{axis}" in names]
+        judged += [Signal("pose", body.name, axis) for axis in AXES if f"{body.name}_{axis}" in names]
         rate = Signal("rate", body.name, "angular_velocity")
-        found += [rate] if rate.name in names else []
-    return tuple(dict.fromkeys(found))
+        judged += [rate] if rate.name in names else []
+    return tuple(dict.fromkeys(judged))

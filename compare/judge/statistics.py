@@ -50,9 +50,9 @@ def statistic(by_revolution: np.ndarray, quantile: float | None = None) -> Stati
     return Statistic(value=value, low=float(low), high=float(high), by_revolution=by_revolution)
 
 
-def needed(found: Statistic, wanted: float) -> float:
+def needed(figure: Statistic, wanted: float) -> float:
     """By how many times as many revolutions the interval would be as narrow as ``wanted`` (half its width)."""
-    half = found.half_width
+    half = figure.half_width
     return math.inf if half is None else (half / wanted) ** 2 if wanted > 0 else math.inf if half > 0 else 0.0
 
 
@@ -63,7 +63,7 @@ def held_together(runs: Sequence[Run], tolerances: Tolerances) -> tuple[Compared
     """Every statistic of each two runs of one joint model in which pins strike, held against each other."""
     striking = [run for run in runs if run.contact is not None and run.contact.struck]
     pairs = [(one, other) for one, other in combinations(striking, 2) if one.joint_model == other.joint_model]
-    return tuple(found for one, other in pairs for found in _held(one, other, tolerances))
+    return tuple(pair_verdict for one, other in pairs for pair_verdict in _held(one, other, tolerances))
 
 
 def _held(one: Run, other: Run, tolerances: Tolerances) -> Iterator[Compared]:

@@ -153,8 +153,8 @@ def load_tolerances(path: Path | None = None, called: str = "--tolerance") -> To
 
     A line that the file gives replaces the shipped line whole, and its known differences come after the shipped ones.
     """
-    with resources.as_file(resources.files("compare.judge").joinpath("tolerances.toml")) as own:
-        shipped = _read(own, "compare/judge/tolerances.toml")
+    with resources.as_file(resources.files("compare.judge").joinpath("tolerances.toml")) as file:
+        shipped = _read(file, "compare/judge/tolerances.toml")
     return _joined(shipped, _read(path, f"{called} {path}") if path else _ToleranceFile())
 
 

@@ -65,9 +65,9 @@ def answers(question: Callable[P, Q]) -> Callable[[Callable[[Q], R]], Callable[P
 
         assert isinstance(question, type)
         returns = inspect.signature(answer).return_annotation
-        told = inspect.signature(question).replace(return_annotation=returns)
-        asked.__signature__ = told.replace(  # type: ignore[attr-defined]
-            parameters=[each.replace(annotation=_type(each.annotation)) for each in told.parameters.values()]
+        signature = inspect.signature(question).replace(return_annotation=returns)
+        asked.__signature__ = signature.replace(  # type: ignore[attr-defined]
+            parameters=[each.replace(annotation=_type(each.annotation)) for each in signature.parameters.values()]
         )
         helps = [
             fill(f"``{name}``   {option.python_help}", WIDTH, subsequent_indent="  ")

@@ -47,39 +47,39 @@ def guess(file: Path, mechanism: Mechanism) -> Guessed:
     everything = every_column(file, mechanism)
     columns = everything.columns
     names = Naming(mechanism, PLAIN)
-    found: dict[str, Guess] = {}
+    guesses: dict[str, Guess] = {}
     for heading, values in columns.items():
-        found[heading] = _by_heading(heading, everything.units.get(heading), values, names)
-    clock = next((g for g in found.values() if g.signal == TIME), None) or _clock(columns, found)
+        guesses[heading] = _by_heading(heading, everything.units.get(heading), values, names)
+    clock = next((g for g in guesses.values() if g.signal == TIME), None) or _clock(columns, guesses)
     if clock is None:
         raise DataError(f"{file.name}: has no column of time: none rises steadily; add one, such as 'time [s]'")
-    found[clock.heading] = clock
+    guesses[clock.heading] = clock
     time = clock.si(columns[clock.heading])
-    likely = _moving(columns, found, mechanism)
-    crank = likely[0] if likely and likely[0] in found.values() else None
-    tried = [by_model(columns, found, mechanism, time, each) for each in likely]
+    likely = _moving(columns, guesses, mechanism)
+    crank = likely[0] if likely and likely[0] in guesses.values() else None
+    tried = [by_model(columns, guesses, mechanism, time, each) for each in likely]
     if tried and crank is None and mechanism.cranked and min(each.left for each in tried) > BETTER:
-        others = [zeroed(columns, found, mechanism, each) for each in likely]
-        likely, tried = likely + others, tried + [by_model(columns, found, mechanism, time, each) for each in others]
+        others = [zeroed(columns, guesses, mechanism, each) for each in likely]
+        likely, tried = likely + others, tried + [by_model(columns, guesses, mechanism, time, each) for each in others]
     if tried:
         k = min(range(len(tried)), key=lambda i: tried[i].left + (i > 0) * BETTER + (likely[i].sign < 0) * EITHER)
         why = f"{likely[k].why}; so the other columns are nearest to the nominal model" if k else likely[k].why
-        found[likely[k].heading] = replace(likely[k], why=why)
-        found |= tried[k].guesses
-    read = {g.signal.name: g.si(columns[heading]) for heading, g in found.items() if g.signal is not None}
+        guesses[likely[k].heading] = replace(likely[k], why=why)
+        guesses |= tried[k].guesses
+    read = {g.signal.name: g.si(columns[heading]) for heading, g in guesses.items() if g.signal is not None}
     unread = tuple(Guess(heading, None, why="not numbers") for heading in everything.words)
-    return Guessed(file, (*found.values(), *unread), read, everything.notes)
+    return Guessed(file, (*guesses.values(), *unread), read, everything.notes)
 
 
-def _moving(columns: Mapping[str, np.ndarray], found: Mapping[str, Guess], mechanism: Mechanism) -> list[Guess]:
+def _moving(columns: Mapping[str, np.ndarray], guesses: Mapping[str, Guess], mechanism: Mechanism) -> list[Guess]:
     """What the column of the motor may be: what its heading says, or several that are called like one.  Those of
     several motors have to say it.
     """
     encoder, *others = mechanism.encoders
     if others:
         return []
-    said = next((g for g in found.values() if g.signal == encoder), None)
-    return [said] if said else _encoders(columns, found, encoder)
+    named = next((g for g in guesses.values() if g.signal == encoder), None)
+    return [named] if named else _encoders(columns, guesses, encoder)
 
 
 def _by_heading(heading: str, below: str | None, values: np.ndarray, names: Naming) -> Guess:
@@ -112,12 +112,12 @@ def _likely(kind: str, values: np.ndarray) -> str:
     return SI[kind]  # type: ignore[index]
 
 
-def _clock(columns: Mapping[str, np.ndarray], found: Mapping[str, Guess]) -> Guess | None:
+def _clock(columns: Mapping[str, np.ndarray], guesses: Mapping[str, Guess]) -> Guess | None:
     """The column that rises steadily: time.  What is called like it goes first, and what has another unit never."""
     for heading in sorted(columns, key=lambda heading: not clocklike(heading)):
         values = columns[heading]
         step = np.diff(values)
-        if found[heading].signal is not None or (unit_of(heading) and not told_unit(heading, "time")):
+        if guesses[heading].signal is not None or (unit_of(heading) and not told_unit(heading, "time")):
             continue
         if not clocklike(heading) and any(hint in fold(heading) for hint in HINTS):
             continue
@@ -127,9 +127,9 @@ def _clock(columns: Mapping[str, np.ndarray], found: Mapping[str, Guess]) -> Gue
     return None
 
 
-def _encoders(columns: Mapping[str, np.ndarray], found: Mapping[str, Guess], signal: Signal) -> list[Guess]:
+def _encoders(columns: Mapping[str, np.ndarray], guesses: Mapping[str, Guess], signal: Signal) -> list[Guess]:
     """What the column that is called like an encoder may be, the likeliest first: its unit and direction."""
-    free = {h: v for h, v in columns.items() if found[h].signal is None and np.ptp(v[np.isfinite(v)]) > 0}
+    free = {h: v for h, v in columns.items() if guesses[h].signal is None and np.ptp(v[np.isfinite(v)]) > 0}
     hinted = [h for h in free if any(hint in fold(h) for hint in HINTS)]
     for heading in hinted:
         values = free[heading]

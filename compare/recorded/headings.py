@@ -111,17 +111,17 @@ class Naming:
 
     def parted(self, cell: str) -> tuple[Signal | None, str, str | None]:
         """The signal of a heading, its name and its unit; None for what there is not."""
-        found = BRACKETED.fullmatch(cell)
-        if found:
-            unit = found[2] if found[2] is not None else found[3]
-            signal, unit = self.signal(found[1]), (unit or "").strip()
-            return (None if found[1] == AMBIGUOUS and not _of_time(unit) else signal), found[1], unit
+        brackets = BRACKETED.fullmatch(cell)
+        if brackets:
+            unit = brackets[2] if brackets[2] is not None else brackets[3]
+            signal, unit = self.signal(brackets[1]), (unit or "").strip()
+            return (None if brackets[1] == AMBIGUOUS and not _of_time(unit) else signal), brackets[1], unit
         name = cell.strip()
         plain, _, suffix = name.replace(" ", "_").rpartition("_")
-        own = self.signal(name) if name != AMBIGUOUS else None
-        if own is None and suffix.lower() in SUFFIXES and (signal := self.signal(plain)):
+        whole = self.signal(name) if name != AMBIGUOUS else None
+        if whole is None and suffix.lower() in SUFFIXES and (signal := self.signal(plain)):
             return signal, plain, SUFFIXES[suffix.lower()]
-        return own, name, None
+        return whole, name, None
 
     def recognised(self, cell: str) -> bool:
         """Whether a heading is a signal's, or in the map."""
@@ -154,8 +154,8 @@ def fold(name: str) -> str:
 
 def unit_of(heading: str) -> str:
     """The unit in a heading's brackets."""
-    found = BRACKETED.fullmatch(heading)
-    return ((found[2] or found[3] or "") if found else "").strip()
+    brackets = BRACKETED.fullmatch(heading)
+    return ((brackets[2] or brackets[3] or "") if brackets else "").strip()
 
 
 def told_unit(heading: str, kind: str) -> str:
@@ -200,15 +200,15 @@ def read_headings(cells: Sequence[str], units: Mapping[int, str], names: Naming,
         if entry is not None:
             used.add(entry)
             meaning = names.layout.columns[entry]
-            found = None if isinstance(meaning, str) else _mapped(at, place, cell, units, names, entry, meaning)
+            column = None if isinstance(meaning, str) else _mapped(at, place, cell, units, names, entry, meaning)
         else:
-            found = _named(at, place, cell, units, names)
-            if found is None:
+            column = _named(at, place, cell, units, names)
+            if column is None:
                 ignored.append(cell)
-        if isinstance(found, Column):
-            columns.append(found)
-        elif found is not None:
-            faults.append(found)
+        if isinstance(column, Column):
+            columns.append(column)
+        elif column is not None:
+            faults.append(column)
     if ignored:
         notes.append(left_alone(ignored, "no signal of the linkage"))
     faults += _twice(where, columns, cells, names)
@@ -272,8 +272,8 @@ def _column(at: str, place: int, signal: Signal, unit: str, meaning: Meaning | N
 def _examples(names: Naming) -> str:
     """A few signals that a file may have."""
     kinds = ("pose", "reaction")
-    found = [next((name for name, signal in names.known.items() if signal.kind == kind), "") for kind in kinds]
-    return ", ".join(name for name in (*found, "drive_torque") if name in names.known)
+    examples = [next((name for name, signal in names.known.items() if signal.kind == kind), "") for kind in kinds]
+    return ", ".join(name for name in (*examples, "drive_torque") if name in names.known)
 
 
 def _twice(where: str, columns: Sequence[Column], cells: Sequence[str], names: Naming) -> list[str]:

@@ -78,7 +78,11 @@ class Matching:
 
 
 def by_model(
-    columns: Mapping[str, np.ndarray], found: Mapping[str, Guess], mechanism: Mechanism, time: np.ndarray, crank: Guess
+    columns: Mapping[str, np.ndarray],
+    guesses: Mapping[str, Guess],
+    mechanism: Mechanism,
+    time: np.ndarray,
+    crank: Guess,
 ) -> Matching:
     """Columns that are a straight line in a signal of the nominal model along the crank's motion."""
     angle = crank.si(columns[crank.heading])
@@ -93,31 +97,35 @@ def by_model(
     except (Error, ValueError, np.linalg.LinAlgError):
         return Matching({}, float(len(columns)))
     names = Naming(mechanism, PLAIN)
-    taken = {g.signal for g in found.values() if g.signal is not None}
+    taken = {g.signal for g in guesses.values() if g.signal is not None}
     free = {
         name: values
         for name, values in signals.items()
         if (signal := names.signal(name)) is not None and signal not in taken and signal.kind != "position"
     }  # where a joint is, is told by the poses of its bodies
-    out: dict[str, Guess] = {}
+    matched: dict[str, Guess] = {}
     left = 0.0
     for heading, values in columns.items():
-        own = found[heading].signal
-        if heading == crank.heading or own == TIME:
+        known = guesses[heading].signal
+        if heading == crank.heading or known == TIME:
             continue
-        if own is not None:
-            left += _unlike(_lines(found[heading].si(values[at]), {own.name: signals[own.name]}, names), known=True)
+        if known is not None:
+            left += _unlike(
+                _lines(guesses[heading].si(values[at]), {known.name: signals[known.name]}, names), known=True
+            )
             continue
         lines = _lines(values[at], {name: each for name, each in free.items() if _may(heading, name, names)}, names)
         left += _unlike(lines)
-        told = _matched(heading, lines, names)
-        if told.signal is not None and told.signal in {g.signal for g in out.values()}:
-            told = Guess(heading, None, why=f"{UNKNOWN}; {told.signal.name} has a column already")
-        out[heading] = told
-    return Matching(out, left)
+        match = _matched(heading, lines, names)
+        if match.signal is not None and match.signal in {g.signal for g in matched.values()}:
+            match = Guess(heading, None, why=f"{UNKNOWN}; {match.signal.name} has a column already")
+        matched[heading] = match
+    return Matching(matched, left)
 
 
-def zeroed(columns: Mapping[str, np.ndarray], found: Mapping[str, Guess], mechanism: Mechanism, crank: Guess) -> Guess:
+def zeroed(
+    columns: Mapping[str, np.ndarray], guesses: Mapping[str, Guess], mechanism: Mechanism, crank: Guess
+) -> Guess:
     """The same encoder with the zero at which most columns are straight lines in where the bodies of the nominal model
     are; as it is where it does not turn fully.
     """
@@ -128,12 +136,14 @@ def zeroed(columns: Mapping[str, np.ndarray], found: Mapping[str, Guess], mechan
         return crank
     names = Naming(mechanism, PLAIN)
     poses = {name: values for name, values in signals.items() if names.known[name].kind == "pose"}
-    own = mechanism.encoder.name
+    encoder = mechanism.encoder.name
     angle = crank.si(columns[crank.heading])
     every = max(1, angle.size // COMPARED_SAMPLES)
     candidates = {
-        heading: [g.signal.name] if g.signal is not None else [n for n in poses if n != own and _may(heading, n, names)]
-        for heading, g in found.items()
+        heading: [g.signal.name]
+        if g.signal is not None
+        else [n for n in poses if n != encoder and _may(heading, n, names)]
+        for heading, g in guesses.items()
         if heading != crank.heading and (g.signal is None or g.signal.name in poses)
     }
 
@@ -143,9 +153,9 @@ def zeroed(columns: Mapping[str, np.ndarray], found: Mapping[str, Guess], mechan
         left = {}
         for heading in headings:
             lines = _lines(
-                found[heading].si(columns[heading][::every]), {name: at[name] for name in candidates[heading]}, names
+                guesses[heading].si(columns[heading][::every]), {name: at[name] for name in candidates[heading]}, names
             )
-            left[heading] = _unlike(lines, known=found[heading].signal is not None)
+            left[heading] = _unlike(lines, known=guesses[heading].signal is not None)
         return left
 
     rough = min(grid.tolist(), key=lambda zero: sum(off(zero).values()))
@@ -163,8 +173,8 @@ def zeroed(columns: Mapping[str, np.ndarray], found: Mapping[str, Guess], mechan
 def _around(place: np.ndarray, grid: np.ndarray, values: np.ndarray, wraps: bool) -> np.ndarray:
     """A signal (K,) around a turn at places (N,) rad in it."""
     closed = np.append(np.exp(1j * values) if wraps else values, np.exp(1j * values[:1]) if wraps else values[:1])
-    found = np.interp(place, np.append(grid, 2 * math.pi), closed)
-    return np.angle(found) if wraps else found
+    interpolated = np.interp(place, np.append(grid, 2 * math.pi), closed)
+    return np.angle(interpolated) if wraps else interpolated
 
 
 def _may(heading: str, signal: str, names: Naming) -> bool:
@@ -197,7 +207,7 @@ def _lines(values: np.ndarray, signals: Mapping[str, np.ndarray], names: Naming)
     scatter = float(np.sqrt(np.mean(y**2))) if y.size else 0.0
     if y.size < LEAST_READINGS or scatter == 0:
         return []
-    found = []
+    lines = []
     for name, series in signals.items():
         x = unwound(series[here]) if names.known[name].wraps else series[here]
         if not np.all(np.isfinite(x)) or np.ptp(x) < 1e-9 * (np.abs(x).max() or 1.0):
@@ -206,8 +216,8 @@ def _lines(values: np.ndarray, signals: Mapping[str, np.ndarray], names: Naming)
         x = x - value
         slope = float(x @ y) / float(x @ x)
         miss = float(np.sqrt(np.mean((y - slope * x) ** 2))) / scatter
-        found.append(_Line(miss, name, slope, float(values[here].mean()), value))
-    return sorted(found)
+        lines.append(_Line(miss, name, slope, float(values[here].mean()), value))
+    return sorted(lines)
 
 
 def _unlike(lines: Sequence[_Line], known: bool = False) -> float:
@@ -232,11 +242,13 @@ def _matched(heading: str, lines: Sequence[_Line], names: Naming) -> Guess:
         return Guess(heading, None, why=f"{UNKNOWN}{near}")
     signal = names.known[name]
     kind = dimension(signal)
-    told = told_unit(heading, kind)
+    written = told_unit(heading, kind)
     units = [
-        u for u in ([told] if told else GUESSED_UNITS[kind]) if abs(abs(line.slope) * factor(u, kind) - 1) < NEAR_UNIT
+        u
+        for u in ([written] if written else GUESSED_UNITS[kind])
+        if abs(abs(line.slope) * factor(u, kind) - 1) < NEAR_UNIT
     ]
-    if not units and (told or not 1 / PASSING < abs(line.slope) < PASSING):
+    if not units and (written or not 1 / PASSING < abs(line.slope) < PASSING):
         why = f"{UNKNOWN}; {100 * (1 - miss):.3g} % of it is a straight line in {name}, but for its size"
         return Guess(heading, None, why=why)
     unit = units[0] if units else SI[kind]

@@ -46,10 +46,10 @@ class TableReading:
         two in each other's place.
         """
         columns = [c for c in self.table.columns if c.signal in mechanism.encoders]
-        found = [list(_meanings(c, (1, -1))) for c in columns]
-        yield from (self._with(change) for changes in found for change in changes)
-        if len(found) > 1:
-            yield from (self._with(*changes) for changes in zip(*found, strict=True))
+        meanings = [list(_meanings(c, (1, -1))) for c in columns]
+        yield from (self._with(change) for changes in meanings for change in changes)
+        if len(meanings) > 1:
+            yield from (self._with(*changes) for changes in zip(*meanings, strict=True))
         for one, other in combinations(columns, 2):
             if one.signal.unit == other.signal.unit:
                 yield self._with((one, _as(one, other.signal)), (other, _as(other, one.signal)))
@@ -104,8 +104,8 @@ def _words(read: Column, meant: Column) -> str:
     if read.signal != meant.signal:
         return f"{meant.signal.name} in the place of {read.signal.name}"
     signs = [column.meaning.sign if column.meaning else 1 for column in (read, meant)]
-    said = [f"in {meant.unit}"] * (meant.factor != read.factor) + ["of the other sign"] * (signs[0] != signs[1])
-    return f"{meant.signal.name} {', '.join(said)}"
+    words = [f"in {meant.unit}"] * (meant.factor != read.factor) + ["of the other sign"] * (signs[0] != signs[1])
+    return f"{meant.signal.name} {', '.join(words)}"
 
 
 def _entry(meant: Column) -> str:

@@ -110,8 +110,8 @@ def recording(
     if mechanism.speed is not None and (turned := evenly(table.time, angle, mechanism.speed, rounded, late)):
         return Recording(name, file, table, "angles", turned[0], error=turned[1])
     angle = table.course(encoder, where)
-    found = followed(table.time, angle, off_by(table.time, rounded, late, np.gradient(angle, table.time)))
-    return Recording(name, file, table, "course", found.moving.theta, found)
+    motion_in_it = followed(table.time, angle, off_by(table.time, rounded, late, np.gradient(angle, table.time)))
+    return Recording(name, file, table, "course", motion_in_it.moving.theta, motion_in_it)
 
 
 def _at_its_speed(name: str, file: str, table: Table, mechanism: Mechanism, motion: Motion) -> Recording:
@@ -164,13 +164,13 @@ def _of_drives(name: str, file: str, table: Table, mechanism: Mechanism) -> Reco
     for joint, signal in wanted.items():
         values = assembly.on_its_turn(joint, table.course(signal, where))
         rounded = table.rounding(signal)
-        found = followed_as_given(table.time, values, rounded + np.abs(np.gradient(values, table.time)) * late)
+        motion = followed_as_given(table.time, values, rounded + np.abs(np.gradient(values, table.time)) * late)
         if joint in speeds:
             even = assembly.positions[joint] + speeds[joint] * table.time
             rounded = np.maximum(rounded, table.off(signal, even))
         # a row's positions are those of its other signals, however late its time is
-        errors = replace(found.errors, theta=rounded / SIGMAS)
-        drives[joint] = replace(found, moving=replace(found.moving, theta=values), errors=errors)
+        errors = replace(motion.errors, theta=rounded / SIGMAS)
+        drives[joint] = replace(motion, moving=replace(motion.moving, theta=values), errors=errors)
     first = next(iter(drives.values()))
     return Recording(name, file, table, "courses", first.moving.theta, RecordedDrives(table.time, drives))
 

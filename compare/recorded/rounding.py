@@ -35,8 +35,8 @@ def _last_digit(readings: np.ndarray) -> np.ndarray:
     if decimals explain them as well.
     """
     nothing = np.zeros(readings.shape)
-    told = np.isfinite(readings) & (readings != 0)
-    sizes = np.abs(readings[told])
+    present = np.isfinite(readings) & (readings != 0)
+    sizes = np.abs(readings[present])
     if sizes.size < LEAST_NUMBERS:
         return nothing
     decade = np.floor(np.log10(sizes) + 1e-12)
@@ -50,5 +50,5 @@ def _last_digit(readings: np.ndarray) -> np.ndarray:
     finer = np.abs(small / coarse - np.round(small / coarse)) > 1e-6
     if small.size < LEAST_NUMBERS / 2 or np.mean(finer) < 0.5:
         return nothing
-    nothing[told] = last
+    nothing[present] = last
     return nothing

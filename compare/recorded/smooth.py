@@ -77,10 +77,10 @@ class SmoothCourse:
 def _beyond(spline: BSpline, at: np.ndarray, order: int) -> np.ndarray:
     """A spline or its derivative (up to the second), continued as a parabola."""
     near = np.clip(at, spline.t[0], spline.t[-1])
-    off, out = at - near, spline(near, order)
+    off, values = at - near, spline(near, order)
     for n in range(order + 1, 3) if np.any(off) else ():
-        out = out + spline(near, n) * off ** (n - order) / (n - order)
-    return np.asarray(out)
+        values = values + spline(near, n) * off ** (n - order) / (n - order)
+    return np.asarray(values)
 
 
 def _waves(turn: BSpline, at: np.ndarray, count: int, order: int) -> np.ndarray:
@@ -139,11 +139,11 @@ class Basis:
 
     def squared(self, coefficients: np.ndarray) -> np.ndarray:
         """The readings' normal matrix times coefficients (K, k)."""
-        out = self._gram[0][:, None] * coefficients
+        product = self._gram[0][:, None] * coefficients
         for d, band in enumerate(self._gram[1:, :], 1):
-            out[d:] += band[:-d, None] * coefficients[:-d]
-            out[:-d] += band[:-d, None] * coefficients[d:]
-        return np.asarray(out)
+            product[d:] += band[:-d, None] * coefficients[:-d]
+            product[:-d] += band[:-d, None] * coefficients[d:]
+        return np.asarray(product)
 
     def factor(self, reach: float) -> np.ndarray:
         """Banded Cholesky factor of the equations of a spline of this reach, in samples.  Raises LinAlgError."""
@@ -161,11 +161,11 @@ def _bands(matrix: csr_array, weights: np.ndarray) -> np.ndarray:
     values, size = matrix.data.reshape(-1, DEGREE + 1), matrix.shape[1]
     first, values = matrix.indices[:: DEGREE + 1], np.ascontiguousarray(values.T)
     weighted = values * weights
-    out = np.zeros((DEGREE + 1, size))
+    bands = np.zeros((DEGREE + 1, size))
     for d in range(DEGREE + 1):
         for k in range(DEGREE + 1 - d):
-            out[d] += np.bincount(first + k, weighted[k] * values[k + d], size)
-    return out
+            bands[d] += np.bincount(first + k, weighted[k] * values[k + d], size)
+    return bands
 
 
 class SplineFit:
@@ -263,15 +263,15 @@ class Smoother:
             if turn is None or not best.count:
                 break
             again = self._curve(best.fit.basis, best.fit.spline(best.count))
-            found = self._best(self._tried(best.reach * np.sqrt(AGAIN), again))
-            if not found.score < best.score - SETTLED:
+            better = self._best(self._tried(best.reach * np.sqrt(AGAIN), again))
+            if not better.score < best.score - SETTLED:
                 break
-            turn, best = again, found
+            turn, best = again, better
         if turn is not None and best.count:
             clock = self._clock(best)
-            found = self._best(self._tried(best.reach * np.sqrt(AGAIN), clock))
-            if found.score < best.score - SETTLED:
-                turn, best = clock, found
+            better = self._best(self._tried(best.reach * np.sqrt(AGAIN), clock))
+            if better.score < best.score - SETTLED:
+                turn, best = clock, better
         self.fit, self.count = best.fit, best.count
         self.freedom = best.fit.freedom(best.count)
         self.reach = best.reach
@@ -363,8 +363,8 @@ class Smoother:
 
         reach = ASTRAY / float(self.at[-1])
         around = (self._slope - reach, self._slope + reach)
-        found = minimize_scalar(score, bounds=around, method="bounded", options={"xatol": SLOPE_ACCURACY * reach})
-        return evenly(float(found.x))
+        fitted = minimize_scalar(score, bounds=around, method="bounded", options={"xatol": SLOPE_ACCURACY * reach})
+        return evenly(float(fitted.x))
 
     def _waves(self, turn: BSpline) -> np.ndarray:
         """(N, 2 h) all harmonics of an angle that these readings can tell."""
@@ -384,25 +384,25 @@ class Smoother:
     def _tried(self, reaches: np.ndarray, turn: BSpline | None) -> list[TriedSpline]:
         """Splines of these reaches, alone and with harmonics of an angle."""
         waves = np.zeros((self.at.size, 0)) if turn is None else self._waves(turn)
-        found: list[TriedSpline] = []
+        tried: list[TriedSpline] = []
         for reach in reaches[reaches <= max(reaches[0], self.at[-1])].tolist():
             try:
                 fit = SplineFit(self._basis(reach), reach, self._values, waves)
             except LinAlgError:  # as stiff as numbers can have it on this clock
                 break
-            found += self._choices(reach, fit)
-        return found
+            tried += self._choices(reach, fit)
+        return tried
 
-    def _best(self, found: Sequence[TriedSpline]) -> TriedSpline:
+    def _best(self, tried: Sequence[TriedSpline]) -> TriedSpline:
         """The choice that predicts best; where that follows the stairs of coarse counts, the stiffest that they
         allow.
         """
         best, rounding = (
-            min(found, key=lambda choice: (np.round(choice.score, 2), -choice.reach)),
+            min(tried, key=lambda choice: (np.round(choice.score, 2), -choice.reach)),
             self._step / math.sqrt(12),
         )
         if best.miss < STAIRS * rounding:
-            smooth = [c for c in found if c.miss <= BLURRED * rounding and c.worst <= BLURRED * self._step / 2]
+            smooth = [c for c in tried if c.miss <= BLURRED * rounding and c.worst <= BLURRED * self._step / 2]
             best = max([best, *smooth], key=lambda choice: choice.reach)
         return best
 

@@ -65,13 +65,13 @@ class Table:
         column = next(c for c in self.columns if c.signal.name == signal)
         if not (column.signal.wraps and starts_again(values)):
             return values
-        if step := undirected(found := unwound(values)):
+        if step := undirected(continued := unwound(values)):
             raise DataError(
                 f"{file}: {signal!r} stays within one turn and steps by {np.degrees(step):.4g} deg the shorter way,"
                 " which does not say which way it turned; let it go on beyond a turn, or give it rows a quarter of a"
                 " turn apart or less"
             )
-        return found
+        return continued
 
 
 def read_table(
@@ -104,22 +104,22 @@ def _of_text(path: Path, names: Naming, timed: bool) -> Table:
     try:
         coded = coding(path)
         top = header(path, coded, names)
-        found = read_headings(top.cells, top.units, names, f"{path.name}: line {top.line}", timed)
-        read = rows(path, coded, top, found.all) if found.all else None
+        headings = read_headings(top.cells, top.units, names, f"{path.name}: line {top.line}", timed)
+        read = rows(path, coded, top, headings.all) if headings.all else None
     except csv.Error as error:
         raise DataError(f"{path.name}: is not a CSV file ({error}); give rows of numbers separated by commas") from None
     if read is None:
-        raise DataError(*found.faults)
+        raise DataError(*headings.faults)
     notes = [note for note in (coded.note, *top.notes) if note]
-    return _table(path, found, notes, read, timed)
+    return _table(path, headings, notes, read, timed)
 
 
 def _of_columns(path: Path, columns: ColumnsByHeading, names: Naming, timed: bool) -> Table:
     """The table of a file that is read by columns."""
-    found = read_headings(list(columns), {}, names, path.name, timed)
+    headings = read_headings(list(columns), {}, names, path.name, timed)
     cells = list(columns.values())
     faults, numbers = [], []
-    for column in found.all:
+    for column in headings.all:
         values = cells[column.place]
         if isinstance(values, str):
             faults.append(f"{path.name}: column {column.place + 1}, {column.signal.name!r}, {values}; give numbers")
@@ -128,19 +128,19 @@ def _of_columns(path: Path, columns: ColumnsByHeading, names: Naming, timed: boo
             faults.append(f"{path.name}: row {row}, column {column.title!r}: {values[row - 1]} is not a finite number")
         else:
             numbers.append(values)
-    if found.faults or faults:
-        raise DataError(*found.faults, *faults)
-    if found.time is not None and np.any(np.isnan(numbers[0])):
+    if headings.faults or faults:
+        raise DataError(*headings.faults, *faults)
+    if headings.time is not None and np.any(np.isnan(numbers[0])):
         row = int(np.argmax(np.isnan(numbers[0]))) + 1
         raise DataError(f"{path.name}: row {row} has no time; give every row its time or delete the row")
     size = numbers[0].size
-    return _table(path, found, [], Rows(np.column_stack(numbers), np.arange(1, size + 1), (), "row"), timed)
+    return _table(path, headings, [], Rows(np.column_stack(numbers), np.arange(1, size + 1), (), "row"), timed)
 
 
-def _table(path: Path, found: Headings, notes: Sequence[str], read: Rows, timed: bool) -> Table:
+def _table(path: Path, headings: Headings, notes: Sequence[str], read: Rows, timed: bool) -> Table:
     """What was read as a table.  Raises DataError."""
-    wanted, faults = found.all, [*found.faults, *read.faults]
-    fewest = MIN_ROWS if timed or found.time else 1
+    wanted, faults = headings.all, [*headings.faults, *read.faults]
+    fewest = MIN_ROWS if timed or headings.time else 1
     if len(read.numbers) < fewest and not read.faults:
         faults.append(f"{path.name}: has {count(len(read.numbers), 'row')} of numbers; at least {fewest} are needed")
     with np.errstate(over="ignore"):
@@ -149,13 +149,13 @@ def _table(path: Path, found: Headings, notes: Sequence[str], read: Rows, timed:
     faults += _differing(path.name, read, wanted, series)
     faults += _out_of_range(path.name, read, wanted, values)
     time = values.pop(TIME.name, np.zeros(0))
-    if found.time is not None and not faults:
-        faults += _disorder(path.name, read, time, found.time)
+    if headings.time is not None and not faults:
+        faults += _disorder(path.name, read, time, headings.time)
     if faults:
         raise DataError(*faults)
-    said = [f"{path.name}: {note}" for note in found.notes]
-    columns = tuple({c.signal.name: c for c in found.columns}.values())
-    return Table(columns, time, values, (*notes, *said), found.cells, found.used, found.time)
+    remarks = [f"{path.name}: {note}" for note in headings.notes]
+    columns = tuple({c.signal.name: c for c in headings.columns}.values())
+    return Table(columns, time, values, (*notes, *remarks), headings.cells, headings.used, headings.time)
 
 
 def unused(where: str, entry: str, headings: Sequence[str]) -> str:

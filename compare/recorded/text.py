@@ -153,8 +153,8 @@ def header(path: Path, coded: Coding, names: Naming) -> Header:
         )
     notes = []
     if at and layout.skip_rows is None:
-        said = "line of it is" if at == 1 else f"{at} lines of it are"
-        notes.append(f"{name}: the first {said} skipped, as no header is there")
+        skipped = "line of it is" if at == 1 else f"{at} lines of it are"
+        notes.append(f"{name}: the first {skipped} skipped, as no header is there")
     below = at + 1 + next((k for k, line in enumerate(lines[at + 1 :]) if line.strip()), 0)
     units = _units(_cells(lines[below], delimiter) if below < len(lines) else [], len(cells))
     rows = [_cells(line, delimiter) for line in rest[bool(units) :][:SAMPLED]]
@@ -256,16 +256,16 @@ def _decimal(rows: Sequence[Sequence[str]], delimiter: str | None) -> str:
 # ---------------------------------------------------------------- the rows
 
 
-def rows(path: Path, coded: Coding, found: Header, columns: Sequence[Column]) -> Rows:
+def rows(path: Path, coded: Coding, top: Header, columns: Sequence[Column]) -> Rows:
     """The numbers of these columns, in their order.  Raises DataError where there are too many."""
     if coded.lines * len(columns) > CELLS:
-        raise too_long(path.name, coded.lines - found.line, len(columns))
-    reader = _RowReader(path.name, found, columns)
+        raise too_long(path.name, coded.lines - top.line, len(columns))
+    reader = _RowReader(path.name, top, columns)
     parts: list[tuple[np.ndarray, np.ndarray]] = []
     with path.open(encoding=coded.name) as file:
-        for _ in islice(iter(file.readline, ""), found.first - 1):
+        for _ in islice(iter(file.readline, ""), top.first - 1):
             pass
-        for first, lines in _blocks(file, found.first):
+        for first, lines in _blocks(file, top.first):
             parts.append(reader.block(lines, first))
             if reader.enough:
                 break
@@ -283,8 +283,8 @@ def _blocks(file: io.TextIOBase, first: int) -> Iterator[tuple[int, list[str]]]:
 class _RowReader:
     """Reads blocks of lines, and keeps what is wrong with them."""
 
-    def __init__(self, name: str, found: Header, columns: Sequence[Column]) -> None:
-        self.name, self.header, self.columns = name, found, columns
+    def __init__(self, name: str, top: Header, columns: Sequence[Column]) -> None:
+        self.name, self.header, self.columns = name, top, columns
         self.places = [c.place for c in columns]
         self.faults: list[str] = []
         self.cells: dict[tuple[int, str], list[str]] = {}  # at fault, by column and remedy
@@ -296,11 +296,11 @@ class _RowReader:
 
     def all_faults(self) -> tuple[str, ...]:
         """A sentence for each fault, one for all cells of a column that have the same."""
-        found = []
+        sentences = []
         for (_, remedy), places in self.cells.items():
             more = "" if len(places) == 1 else f" (and so in {count(len(places) - 1, 'line')} more, at least)"
-            found.append(f"{places[0]} {remedy}{more}")
-        return (*found, *self.faults)
+            sentences.append(f"{places[0]} {remedy}{more}")
+        return (*sentences, *self.faults)
 
     def block(self, lines: list[str], first: int) -> tuple[np.ndarray, np.ndarray]:
         """Numbers (rows, columns) of a block, in the units of the file, and the line number (rows,) of each row."""
@@ -340,7 +340,7 @@ class _RowReader:
         return self.columns[0].signal.kind == "time"
 
     def _cell_by_cell(self, lines: list[str], first: int) -> tuple[np.ndarray, np.ndarray]:
-        found, numbers, width = [], [], len(self.header.cells)
+        readings, numbers, width = [], [], len(self.header.cells)
         for number, line in enumerate(lines, first):
             cells = _cells(line, self.header.delimiter)
             if not any(cells):
@@ -350,13 +350,17 @@ class _RowReader:
             if len(cells) != width:
                 self.faults.append(self._miscounted(number, len(cells)))
                 continue
-            found.append([self._value(number, column, cells[column.place]) for column in self.columns])
+            readings.append([self._value(number, column, cells[column.place]) for column in self.columns])
             numbers.append(number)
-            if self._timed and math.isnan(found[-1][0]) and _number(cells[self.columns[0].place] or "nan") is not None:
+            if (
+                self._timed
+                and math.isnan(readings[-1][0])
+                and _number(cells[self.columns[0].place] or "nan") is not None
+            ):
                 self.faults.append(f"{self.name}: line {number} has no time; give every row its time or delete the row")
             if self.enough:
                 break
-        return np.array(found, float).reshape(-1, len(self.columns)), np.array(numbers, int)
+        return np.array(readings, float).reshape(-1, len(self.columns)), np.array(numbers, int)
 
     def _miscounted(self, number: int, cells: int) -> str:
         width = len(self.header.cells)
