@@ -11,7 +11,7 @@ from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
 from analytic.mechanism.assumed import assumed
 from analytic.paper.envelope import Output, transmission
-from analytic.paper.superposition import Accuracy as Found
+from analytic.paper.superposition import Accuracy as CycleAccuracy
 from analytic.paper.superposition import accuracy as accuracy_of
 from compare.arguments import (
     Names,
@@ -174,7 +174,7 @@ def accuracy_at(
     )
 
 
-def _output(d: Output, cycle: Found, free: Distribution, along: Distribution) -> results.Output:
+def _output(d: Output, cycle: CycleAccuracy, free: Distribution, along: Distribution) -> results.Output:
     of_sides = MonteCarlo(free=Spread(**vars(free.spreads[d])), along_reactions=Spread(**vars(along.spreads[d])))
     output = results.Output(
         body=d.body,
@@ -191,7 +191,7 @@ def _output(d: Output, cycle: Found, free: Distribution, along: Distribution) ->
     return output if d.axis == "angle" else output.model_copy(update={"point": d.point})
 
 
-def _side_changes(cycle: Found) -> tuple[SideChange, ...]:
+def _side_changes(cycle: CycleAccuracy) -> tuple[SideChange, ...]:
     return tuple(
         SideChange(
             joint=change.joint,

@@ -113,7 +113,7 @@ def check(question: CheckQuestion) -> CrossCheck:
     ran = Ran()
     for one in recordings:
         try:
-            side, judgement = asked.held(one)
+            side, judgement = asked.judged(one)
         except AssemblyError as error:
             remedy = asked.meant(one) or "check the angles, their unit and their sign"
             raise DataError(f"{Path(one.file).name}: {error}; {remedy}") from None
@@ -215,10 +215,10 @@ def _absent(one: Recording) -> list[str]:
     cells = f"{low} to {high}" if low < high else f"{low}"
     rows = next(iter(one.table.values.values())).size
     are = "is" if len(absent) == 1 else "are"
-    return [f"{one.name}: {_listed(list(absent))} {are} absent in {cells} of {rows} rows, which are left out"]
+    return [f"{one.name}: {_first_named(list(absent))} {are} absent in {cells} of {rows} rows, which are left out"]
 
 
-def _recorded(one: Recording, mechanism: Mechanism) -> dict[Signal, tuple[np.ndarray, float]]:
+def _followed_drives(one: Recording, mechanism: Mechanism) -> dict[Signal, tuple[np.ndarray, float]]:
     """Of each drive with a speed whose recorded course is followed: its encoder, its positions (N,) rad, m, and its
     speed (rad/s, m/s).
     """
@@ -233,7 +233,7 @@ def _recorded(one: Recording, mechanism: Mechanism) -> dict[Signal, tuple[np.nda
 def _off_speed(one: Recording, mechanism: Mechanism) -> list[str]:
     """A sentence on drives that do not move evenly at their speed."""
     off, time = [], one.table.time
-    for encoder, (values, speed) in _recorded(one, mechanism).items():
+    for encoder, (values, speed) in _followed_drives(one, mechanism).items():
         unit, rounded, late = f"{encoder.unit}/s", one.table.rounding(encoder.name), rounding(time)
         if evenly(time, values, speed, rounded, late) is not None:
             continue
@@ -250,7 +250,7 @@ def _off_speed(one: Recording, mechanism: Mechanism) -> list[str]:
 
 def _clocked(one: Recording, mechanism: Mechanism) -> list[str]:
     """A sentence on a clock by which all drives have their speeds, where by the one that is read none has."""
-    drives = _recorded(one, mechanism)
+    drives = _followed_drives(one, mechanism)
 
     def at_speed(table: Table) -> list[bool]:
         time = table.time
@@ -299,9 +299,9 @@ class _Asked:
 
     def side(self, one: Recording) -> Reference:
         """The analytic side at a recording's samples.  Raises AssemblyError."""
-        return _side(one, self.mechanism(one), self.motion, self.joint_model, self.job.model)
+        return _analytic_side(one, self.mechanism(one), self.motion, self.joint_model, self.job.model)
 
-    def held(self, one: Recording) -> tuple[Reference, JudgedRun]:
+    def judged(self, one: Recording) -> tuple[Reference, JudgedRun]:
         """The analytic side of a recording, and the recording held to it.  Raises AssemblyError."""
         side = self.side(one)
         trace = _trace(one, self.mechanism(one), self.joint_model, self.motion)
@@ -332,7 +332,7 @@ class _Asked:
     def rests(self, one: Recording) -> bool:
         """Whether rows that have no time are as the linkage is at rest."""
         still = replace(self, motion="static")
-        return still.held(one)[1].run.verdict == "agrees"
+        return still.judged(one)[1].run.verdict == "agrees"
 
     def meant(self, one: Recording) -> str:
         """What a map has to say where most of what disagrees agrees once the clock or an encoder is read otherwise;
@@ -366,13 +366,15 @@ class _Asked:
         """Whether each signal agrees; nothing where the linkage does not move so."""
         try:
             again = recording(one.name, one.file, reading.table, self.given, self.motion, self.joint_model)
-            discrepancies = self.held(again)[1].run.discrepancies
+            discrepancies = self.judged(again)[1].run.discrepancies
         except (DataError, AssemblyError):
             return {}
         return {each.signal: each.verdict == "agrees" for each in discrepancies}
 
 
-def _side(one: Recording, mechanism: Mechanism, motion: Motion, joint_model: JointModel, model: Model) -> Reference:
+def _analytic_side(
+    one: Recording, mechanism: Mechanism, motion: Motion, joint_model: JointModel, model: Model
+) -> Reference:
     """The analytic side at a recording's samples, by what is known of its motion.  Raises AssemblyError."""
     clearances = {} if joint_model == "ideal" else mechanism.clearances
     rubs = joint_model in ("ideal", "contact")
@@ -446,11 +448,11 @@ def _not_judged(one: Recording, side: Reference, judgement: JudgedRun, mechanism
     judged_on = {each.signal for each in judgement.run.discrepancies}
     full = {name for name, values in one.table.values.items() if np.any(np.isfinite(values))}
     rest = [column.signal for column in one.table.columns if column.signal.name in full]
-    rest = [s for s in rest if s not in mechanism.encoders and not _held_by(s, judged_on)]
+    rest = [s for s in rest if s not in mechanism.encoders and not _judged_by(s, judged_on)]
     rest = [s for s in rest if s.kind != "reaction" or s.place not in side.undetermined]
     crank = mechanism.driven if mechanism.cranked else ""
     prescribed = [s.name for s in rest if s.place == crank and s.kind in ("rate", "rotation")]
-    bare = [s.name for s in rest if _held_by(s, judgement.rules)]
+    bare = [s.name for s in rest if _judged_by(s, judgement.rules)]
     others = [s.name for s in rest if s.name not in (*prescribed, *bare)]
     why = f"the motion of the {crank} is prescribed, and the analytic side follows it"
     sentences = (
@@ -461,18 +463,18 @@ def _not_judged(one: Recording, side: Reference, judgement: JudgedRun, mechanism
     sentences += [f"{', '.join(bare)} {'is' if len(bare) == 1 else 'are'} not judged: {UNCOMPARED}"] if bare else []
     if others:
         sentences.append(
-            f"{_listed(others)} {'is' if len(others) == 1 else 'are'} not judged: a run with"
+            f"{_first_named(others)} {'is' if len(others) == 1 else 'are'} not judged: a run with"
             f" {judgement.run.joint_model} joints is judged on other signals"
         )
     return sentences
 
 
-def _listed(names: Sequence[str]) -> str:
+def _first_named(names: Sequence[str]) -> str:
     """The first of some names, and how many more there are."""
     return ", ".join(names[:NAMED]) + (f" and {len(names) - NAMED} more" if len(names) > NAMED else "")
 
 
-def _held_by(signal: Signal, judged: Collection[str]) -> list[str]:
+def _judged_by(signal: Signal, judged: Collection[str]) -> list[str]:
     """By which of these signals a column is judged: by itself, or by what is derived of it: a reaction's size and
     direction, a body's rotation.
     """
@@ -548,7 +550,9 @@ def _units(one: Recording, side: Reference, judged: JudgedRun) -> list[str]:
         name, kind = column.signal.name, dimension(column.signal)
         values = one.table.values[name]
         here = np.isfinite(values) & np.isfinite(side.signals.get(name, np.full(values.shape, np.nan)))
-        if np.sum(here) < LEAST_SAMPLES or {verdicts[each] for each in _held_by(column.signal, verdicts)} == {"agrees"}:
+        if np.sum(here) < LEAST_SAMPLES or {verdicts[each] for each in _judged_by(column.signal, verdicts)} == {
+            "agrees"
+        }:
             continue
         model, recorded = side.signals[name][here], values[here]
         if column.signal.wraps and np.std(column.signal.apart(recorded, model)) <= LIKE_UNIT * np.std(model):
@@ -586,7 +590,7 @@ def _engines(asked: _Asked, one: Recording, progress: Progress) -> Ran:
     if isinstance(one.moved, RecordedMotion | RecordedDrives):
         one = replace(one, moved=one.moved.smooth())
     job = replace(asked.job_of(one), beside=tuple(one.table.values))
-    side = _side(one, m, job.motion, joint_model, job.model)
+    side = _analytic_side(one, m, job.motion, joint_model, job.model)
     let_go = released_from(m.ideal(), one.moved.angle) if isinstance(one.moved, ReleaseState) else m
     request = Request(let_go, joint_model, one.schedule(let_go, job.schedule.at_rest))
     pair = (joint_model, job.motion)

@@ -57,7 +57,7 @@ from compare.judge.reference import (
 )
 from compare.judge.reruns import JudgedRun, prolong, settle, span, too_soft
 from compare.judge.signals import compared, recorded, with_derived, with_rotations
-from compare.judge.statistics import held_together
+from compare.judge.statistics import compared_statistics
 from compare.judge.tolerances import Tolerances, check_known, known_differences
 from compare.left_out import Asked, omitted, rigid_walls
 from compare.progress import Progress, progress_bar
@@ -66,7 +66,7 @@ from compare.questions.question import answers
 from compare.report.words.disagreement import because, between_engines
 from compare.results.contact import Compared
 from compare.results.crosscheck import CrossCheck, Discrepancy, Failure, Path, Printed, Run, Simulator, Verdict, without
-from compare.runs import Counted, Resolve, simulate_all
+from compare.runs import ContactTrace, Resolve, simulate_all
 from compare.schedules import scheduled
 from compare.versions import versions
 from sim_models.common.contact_laws import assumed_of_contact
@@ -278,7 +278,9 @@ def crosscheck_job(
     assembly = Assembly(job.mechanism)
     tasks = [(name, request) for name in job.simulators for request in _requests(job, assembly, name, resolve)]
     if job.schedule.crank is None and job.joint_model is None:
-        tasks = [(name, request) for name, request in tasks if request.joint_model == "ideal" or _has(name, request)]
+        tasks = [
+            (name, request) for name, request in tasks if request.joint_model == "ideal" or _supported(name, request)
+        ]
     if not tasks:
         block = bool(job.mechanism.loose_guides)
         what = f"{job.joint_model or 'ideal'} joints in {job.motion} motion{' with a block in its guide' * block}"
@@ -291,7 +293,9 @@ def crosscheck_job(
     job = replace(job, warnings=(*job.warnings, *(f"left out: {name} has no {lacks}" for name in idle)))
     smooth = {model: _smooth(job.mechanism, model) for model in JOINT_MODELS}
     sides = {
-        key: _side(job, Assembly(job.mechanism.without_contact_friction()) if key[1] else assembly, key[0], measure)
+        key: _analytic_side(
+            job, Assembly(job.mechanism.without_contact_friction()) if key[1] else assembly, key[0], measure
+        )
         for key in {(request.joint_model == "ideal", smooth[request.joint_model]) for _, request in tasks}
     }
     job = replace(job, warnings=(*job.warnings, *dict.fromkeys(r for side in sides.values() for r in side.remarks)))
@@ -358,7 +362,7 @@ def concluded(job: Job, ran: Ran, alike: Callable[[JudgedRun], bool] = lambda on
     same samples.
     """
     runs = tuple(one.run for one in ran.judged)
-    statistics = held_together(runs, job.tolerances)
+    statistics = compared_statistics(runs, job.tolerances)
     optional: dict[str, Any] = {"statistics": statistics} if statistics else {}
     printed = printed_figures(job.mechanism)
     if printed:
@@ -383,7 +387,7 @@ def concluded(job: Job, ran: Ran, alike: Callable[[JudgedRun], bool] = lambda on
                 if not run.simulator.recorded
                 for why in rigid_walls(job.mechanism, run.simulator.name, run.joint_model, run.settings)
             ),
-            *_their_own(runs),
+            *_of_file_models(runs),
         ),
         assumed=tuple(_assumed(job.mechanism, runs)),
         runs=tuple(_explained(job, run) for run in runs),
@@ -401,7 +405,7 @@ def _assumed(mechanism: Mechanism, runs: Sequence[Run]) -> Iterator[Assumed]:
 
 def judged(job: Job, side: Reference, trace: Trace) -> JudgedRun:
     """A trace held to its analytic side."""
-    return JudgedRun(trace, *_run(job, side, trace))
+    return JudgedRun(trace, *_judged_run(job, side, trace))
 
 
 def _pairs(name: str, resolve: Resolve, block: bool) -> str:
@@ -442,12 +446,12 @@ def watched(request: Request, turns: int) -> Request:
     return replace(request, watched=True, beyond=max(math.tau * turns - span(request), 0.0) if turns else 0.0)
 
 
-def _side(job: Job, assembly: Assembly, ideal: bool, measure: AnalyticSide) -> Reference:
+def _analytic_side(job: Job, assembly: Assembly, ideal: bool, measure: AnalyticSide) -> Reference:
     side = measure(assembly, job.schedule, job.model, {} if ideal else job.mechanism.clearances)
     return with_flexible_links(side, assembly, job.schedule) if job.flexible else side
 
 
-def _run(job: Job, side: Reference, trace: Trace) -> tuple[Run, dict[str, Rule]]:
+def _judged_run(job: Job, side: Reference, trace: Trace) -> tuple[Run, dict[str, Rule]]:
     """Both sides of one run, and the verdict on all samples but the flagged ones; and the rules by which it was
     judged.
     """
@@ -459,13 +463,13 @@ def _run(job: Job, side: Reference, trace: Trace) -> tuple[Run, dict[str, Rule]]
     for name, here in side.silent.items():
         measured[name][here] = np.nan
     simulated = without(measured, list(side.flags))
-    theta = _told_along(job, trace)
+    theta = _axis(job, trace)
     rules = _rules(job, side, trace, simulated)
     comparisons = _discrepancies(job, side, trace, simulated, rules)
     optional: dict[str, Any] = {} if trace.time is None else {"time": trace.time}
     if job.schedule.crank is None:
         optional["drive_position"] = job.schedule.positions()
-    if isinstance(trace, Counted) and trace.contact is not None:
+    if isinstance(trace, ContactTrace) and trace.contact is not None:
         optional["contact"] = trace.contact
     if len(side.flags) == theta.size:
         first, *others = dict.fromkeys(why for _, why in sorted(side.flags.items()))
@@ -483,8 +487,8 @@ def _run(job: Job, side: Reference, trace: Trace) -> tuple[Run, dict[str, Rule]]
         flags={str(i): why for i, why in sorted(side.flags.items())},
         analytic=dict(side.signals),
         simulated=measured,
-        discrepancies=tuple(_public(d, theta) for d in comparisons),
-        verdict=_of_run(comparisons),
+        discrepancies=tuple(_entry(d, theta) for d in comparisons),
+        verdict=_run_verdict(comparisons),
         order_difference=dict(side.order_difference),
         journal={name: Path(x=path[:, 0], y=path[:, 1]) for name, path in trace.journal.items()},
         free_share=dict(trace.free_share),
@@ -493,7 +497,7 @@ def _run(job: Job, side: Reference, trace: Trace) -> tuple[Run, dict[str, Rule]]
     return run, rules
 
 
-def _told_along(job: Job, trace: Trace) -> np.ndarray:
+def _axis(job: Job, trace: Trace) -> np.ndarray:
     """The crank's angle at each sample (N,) rad; where drives follow courses, the first one's position."""
     if job.schedule.crank_angle is not None:
         return job.schedule.crank_angle
@@ -502,7 +506,7 @@ def _told_along(job: Job, trace: Trace) -> np.ndarray:
     return trace.crank_angle
 
 
-def _of_run(comparisons: Sequence[Comparison]) -> Verdict:
+def _run_verdict(comparisons: Sequence[Comparison]) -> Verdict:
     """Of one run: what cannot be told apart from nothing does not agree, and nor does a run without a comparison."""
     verdicts = {each.verdict for each in comparisons}
     if "disagrees" in verdicts:
@@ -536,7 +540,7 @@ def _rules(job: Job, side: Reference, trace: Trace, simulated: Mapping[str, np.n
     if trace.recorded:
         wanted = recorded(m, clearances, (s for s, values in simulated.items() if np.any(np.isfinite(values))))
     elif any(signal.name not in simulated for signal in compared(m, clearances)):
-        wanted = _given(m, clearances, simulated)
+        wanted = _given_signals(m, clearances, simulated)
     elif job.beside:
         wanted = recorded(m, clearances, (*(s.name for s in compared(m, clearances)), *job.beside))
     if side.undetermined:
@@ -552,7 +556,7 @@ def _rules(job: Job, side: Reference, trace: Trace, simulated: Mapping[str, np.n
     return softened(rules, side, clearances, job.mechanism) if job.flexible else rules
 
 
-def _has(name: str, request: Request) -> bool:
+def _supported(name: str, request: Request) -> bool:
     """Whether an engine runs a request at all, whichever engine it is; what is no engine's is asked to say so."""
     try:
         check_supported(engine(name), request)
@@ -561,7 +565,7 @@ def _has(name: str, request: Request) -> bool:
     return True
 
 
-def _given(
+def _given_signals(
     mechanism: Mechanism, clearances: Mapping[str, float], simulated: Mapping[str, np.ndarray]
 ) -> tuple[Signal, ...]:
     """The signals of every run that somebody's model gives; of a reaction the one component that it gives alone."""
@@ -584,7 +588,7 @@ def _discrepancies(
     return [one for one in judged if one is not None]
 
 
-def _their_own(runs: Sequence[Run]) -> Iterator[str]:
+def _of_file_models(runs: Sequence[Run]) -> Iterator[str]:
     """A warning for each run of somebody's MuJoCo model that disagrees: its own solver and step may be the cause."""
     for run in runs:
         step, opened = run.settings.get("time_step"), run.settings.get("loops_open_by")
@@ -605,7 +609,7 @@ def _their_own(runs: Sequence[Run]) -> Iterator[str]:
         )
 
 
-def _public(d: Comparison, theta: np.ndarray) -> Discrepancy:
+def _entry(d: Comparison, theta: np.ndarray) -> Discrepancy:
     reason: dict[str, Any] = {"reason": d.reason} if d.reason else {}
     return Discrepancy(
         signal=d.signal.name,

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from analytic.errors import Error
-from compare.recorded.errors import said
+from compare.recorded.errors import first_faults
 
 if TYPE_CHECKING:
     from analytic.mechanism import Mechanism
@@ -138,7 +138,7 @@ def printable(text: str) -> str:
 def stop(error: object, status: Exit) -> typer.Exit:
     """Say why on standard error, in one line, or one for each fault of a file; raise what this returns."""
     faults = getattr(error, "faults", ())
-    for fault in said(faults) if len(faults) > 1 else [str(error)]:
+    for fault in first_faults(faults) if len(faults) > 1 else [str(error)]:
         text = printable(fault)
         if len(text) > LONGEST_SENTENCE:  # the file and the remedy are at the ends
             text = f"{text[: LONGEST_SENTENCE // 2]} ... {text[-LONGEST_SENTENCE // 2 :]}"

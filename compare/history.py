@@ -75,10 +75,10 @@ def _run(path: Path) -> EarlierRun:
     wanted = {"schema", "case", "command", *(["verdict"] if kind in JUDGED else [])}
     fields, written = _read(path, wanted)
     if fields.get("schema") != 1:
-        raise ReadingError(f"is not a result of compare: schema is {_said(fields, 'schema')}, and not 1")
+        raise ReadingError(f"is not a result of compare: schema is {_shown_value(fields, 'schema')}, and not 1")
     for name in sorted(wanted & {"case", "verdict"}):
         if not isinstance(fields.get(name), str):
-            raise ReadingError(f"is not a result of compare: {name} is {_said(fields, name)}, and no text")
+            raise ReadingError(f"is not a result of compare: {name} is {_shown_value(fields, name)}, and no text")
     command = fields.get("command")
     return EarlierRun(
         file=str(path),
@@ -90,7 +90,7 @@ def _run(path: Path) -> EarlierRun:
     )
 
 
-def _said(fields: Mapping[str, object], name: str) -> str:
+def _shown_value(fields: Mapping[str, object], name: str) -> str:
     return repr(fields[name])[:60] if name in fields else "missing"
 
 

@@ -51,14 +51,14 @@ class Asked:
 
 @dataclass(frozen=True)
 class Omission:
-    """Fields that are left out ``where`` (in words) something holds, and ``why``; ``told`` says of a part whether it is
+    """Fields that are left out ``where`` (in words) something holds, and ``why``; ``applies`` says of a part whether it is
     so.
     """
 
     fields: tuple[str, ...]
     where: str
     why: str
-    told: Callable[[Asked, Part], bool]
+    applies: Callable[[Asked, Part], bool]
 
 
 def _loose(asked: Asked, part: Part) -> bool:
@@ -289,7 +289,7 @@ def omitted(mechanism: Mechanism, asked: Asked) -> list[str]:
         by_parts: dict[str, list[str]] = {}  # fields by whose they are
         for field in omission.fields:
             kind, _, name = field.partition(".")
-            owners = dict.fromkeys(w for w, part in _given(mechanism, kind, name) if omission.told(asked, part))
+            owners = dict.fromkeys(w for w, part in _given(mechanism, kind, name) if omission.applies(asked, part))
             names = [whose for whose in owners if (field, whose) not in mentioned]
             mentioned |= {(field, whose) for whose in names}
             if names:

@@ -31,18 +31,18 @@ Numbered = tuple[int, str, Request]
 
 
 @dataclass(frozen=True)
-class Counted(Trace):
+class ContactTrace(Trace):
     """A trace that was watched, and what contact did in it in place of its every step."""
 
     contact: Contact | None = None
 
 
-def counted(request: Request, trace: Trace) -> Trace:
+def with_contact(request: Request, trace: Trace) -> Trace:
     """A trace with what contact did in it, which is little, in place of its every step, which is much."""
     if trace.watched is None:
         return trace
     trace_fields = {f.name: getattr(trace, f.name) for f in fields(Trace)} | {"watched": None}
-    return Counted(**trace_fields, contact=contact_in(trace, request.mechanism, ideal_peaks(request.mechanism)))
+    return ContactTrace(**trace_fields, contact=contact_in(trace, request.mechanism, ideal_peaks(request.mechanism)))
 
 
 def simulate(
@@ -53,7 +53,7 @@ def simulate(
     """
     cause: Cause | None = None
     try:
-        return counted(request, answered(simulator, request, resolve(simulator).simulate))
+        return with_contact(request, answered(simulator, request, resolve(simulator).simulate))
     except SimulationError as error:
         why, cause = error.said(offers), error.cause
     except Unsupported as error:

@@ -234,10 +234,10 @@ def of_path(path: Path, assembly: Assembly) -> tuple[dict[str, Knots], np.ndarra
 
 def _warn(path: Path, table: Table, used: Collection[str], role: str) -> None:
     """Warn of what was made of a file, and of its signals that are not used, as they are none of this role."""
-    from compare.recorded.headings import left_alone
+    from compare.recorded.headings import ignored_columns
 
     others = [table.headings[c.place] for c in table.columns if c.signal.name not in used]
-    notes = [f"{path.name}: {left_alone(others, role)}"] if others else []
+    notes = [f"{path.name}: {ignored_columns(others, role)}"] if others else []
     for note in (*table.notes, *notes):
         warnings.warn(note, stacklevel=4)
 

@@ -98,13 +98,13 @@ def owned(path: Path, case: str, simulator: str) -> None:
         text = read_text(path)
     except ReadingError:
         return
-    names = tuple(_said(text, name) for name in ("case", "simulator"))
+    names = tuple(_named_in(text, name) for name in ("case", "simulator"))
     for mine, other in zip((case, simulator), names, strict=True):
         if other not in (mine, None):
-            raise BaselineError(f"{path}: {_another(names[0] or case, names[1] or simulator, case, simulator)}")
+            raise BaselineError(f"{path}: {_of_another(names[0] or case, names[1] or simulator, case, simulator)}")
 
 
-def _said(text: str, name: str) -> str | None:
+def _named_in(text: str, name: str) -> str | None:
     """What a file's line gives as this name."""
     line = re.search(rf"(?m)^{name} *=.*$", text)
     try:
@@ -113,7 +113,7 @@ def _said(text: str, name: str) -> str | None:
         return None
 
 
-def _another(its_case: str, its_simulator: str, case: str, simulator: str) -> str:
+def _of_another(its_case: str, its_simulator: str, case: str, simulator: str) -> str:
     remedy = "both would have this file, so rename one of them, or keep this one in another folder with --baselines"
     return f"is the baseline of {its_case!r} in {its_simulator}, not of {case!r} in {simulator}; {remedy}"
 
@@ -134,7 +134,7 @@ def read(path: Path, case: str, simulator: str, again: str) -> Baseline:
             f"{path}: {'; '.join(describe(error, fields, _BaselineFile))}; restore it, or {remedy}"
         ) from None
     if (file.case, file.simulator) != (case, simulator):
-        raise BaselineError(f"{path}: {_another(file.case, file.simulator, case, simulator)}")
+        raise BaselineError(f"{path}: {_of_another(file.case, file.simulator, case, simulator)}")
     faults = [f"run {run.name!r} {fault}" for run in file.runs for fault in _faults(run)]
     if faults:
         raise BaselineError(f"{path}: {faults[0]}; restore it, or {remedy}")

@@ -22,7 +22,7 @@ from compare.judge.grid import FREE_TIME, default_angles
 from compare.recorded.errors import DataError
 from compare.recorded.table import Table
 from compare.results.crosscheck import Failure
-from compare.runs import Counted, Resolve, simulate
+from compare.runs import ContactTrace, Resolve, simulate
 from compare.schedules import over_time
 from sim_models.engine import (
     JOINT_MODELS,
@@ -241,7 +241,7 @@ def _averages(setup: Setup, trace: Trace) -> StoredRun:
     A rigid contact (no stiffness in its settings) has impulses, whose force is a matter of the time step: none is kept.
     """
     columns: dict[str, float] = {}
-    contact = trace.contact if isinstance(trace, Counted) else None
+    contact = trace.contact if isinstance(trace, ContactTrace) else None
     for joint, share in trace.free_share.items():
         known = contact.joints[joint].statistics if contact is not None else {}
         average = {name: each.value or 0.0 for name, each in known.items()}

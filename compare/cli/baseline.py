@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from compare.cli.folders import refuse_inputs
-from compare.cli.publish import said
+from compare.cli.publish import say
 from compare.cli.typed import CommandLine, Shown, command
 from compare.faults import OptionError, printable
 from compare.files import made_folder, write_atomically
@@ -80,6 +80,6 @@ def _end(line: CommandLine, baselines: "Baselines") -> None:
 
     line.show(baselines)
     faults = [entry.why for entry in baselines.entries if entry.status in ("unusable", "failed")]
-    said(each for each in baselines.left_out if each not in faults)
-    said(f"compare: {printable(why)}" for why in faults)
+    say(each for each in baselines.left_out if each not in faults)
+    say(f"compare: {printable(why)}" for why in faults)
     raise typer.Exit(status(baselines))

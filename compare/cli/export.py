@@ -6,7 +6,7 @@ import shlex
 from pathlib import Path
 
 from compare.cli.folders import refuse_others
-from compare.cli.publish import said
+from compare.cli.publish import say
 from compare.cli.typed import CommandLine, Overwrite, Shown, command
 from compare.questions.analyse import ExportQuestion
 
@@ -39,7 +39,7 @@ def export(line: CommandLine) -> None:
                 refuse_others(line.context, folder, texts, line.asked(Overwrite).overwrite)
                 paths = tuple(str(path) for path in write_together(folder, texts))
         left_out = tuple(omitted(mechanism, Asked.of_engines("export", mechanism, motion, joint_model)))
-        said(left_out)
+        say(left_out)
         document = Exported(
             case=mechanism.name,
             simulator=simulator,

@@ -107,7 +107,7 @@ def console_of(width: int | None) -> Console:
     return Console(width=width, markup=False, emoji=False)
 
 
-def said(sentences: Iterable[str]) -> None:
+def say(sentences: Iterable[str]) -> None:
     """Sentences on standard error."""
     for sentence in sentences:
         typer.echo(sentence, err=True)

@@ -90,10 +90,10 @@ def examined(task: CellTask) -> Cell | Failed:
         return task.failed(result.failures[0].why)
     later = Schedule.at_angles(task.mechanism, theta[skip:])
     examination = Examined(task.mechanism, later, _later(result.runs[0], skip), job.tolerances)
-    return judged(task, examination).model_copy(update=_told(task, examination.run.contact))
+    return judged(task, examination).model_copy(update=_contact_fields(task, examination.run.contact))
 
 
-def _told(task: CellTask, contact: Contact | None) -> dict[str, object]:
+def _contact_fields(task: CellTask, contact: Contact | None) -> dict[str, object]:
     """What contact did, where it was watched, and what the analytic model says of when it is lost."""
     fields: dict[str, object] = {}
     if contact is not None:

@@ -208,7 +208,7 @@ def _side(
     for signal in compared(mechanism, clearances) if clearances else ():
         apart = signal.apart(*(signals[each][signal.name] for each in ("first_order", "equilibrium")))
         if (most := difference(apart)) is not None:
-            unit, where = KIND_UNITS[kind_of(signal)], float(_told(answer.ideal.motion)[most.at])
+            unit, where = KIND_UNITS[kind_of(signal)], float(_axis(answer.ideal.motion)[most.at])
             order[signal.name] = OrderDifference(unit=unit, max=most.max, rms=most.rms, at_crank_angle=where)
     ideal = _angles(answer.ideal.motion)
     rough = [name for name in clearances if mechanism.joint(name).friction]
@@ -243,7 +243,7 @@ def _at_rest(side: Reference) -> Reference:
     return replace(side, signals={**side.signals, **{name: np.zeros(side.signals[name].shape) for name in rates}})
 
 
-def _told(motion: Moving) -> np.ndarray:
+def _axis(motion: Moving) -> np.ndarray:
     """What the samples (N,) of a motion are told along: the crank's angle, or the first input's joint's position."""
     s = motion.structure
     return motion.theta if s.mechanism.cranked else s.signs[s.inputs[0]] * motion.theta

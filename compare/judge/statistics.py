@@ -59,21 +59,21 @@ def needed(figure: Statistic, wanted: float) -> float:
 # ---------------------------------------------------------------- two runs
 
 
-def held_together(runs: Sequence[Run], tolerances: Tolerances) -> tuple[Compared, ...]:
+def compared_statistics(runs: Sequence[Run], tolerances: Tolerances) -> tuple[Compared, ...]:
     """Every statistic of each two runs of one joint model in which pins strike, held against each other."""
     striking = [run for run in runs if run.contact is not None and run.contact.struck]
     pairs = [(one, other) for one, other in combinations(striking, 2) if one.joint_model == other.joint_model]
-    return tuple(pair_verdict for one, other in pairs for pair_verdict in _held(one, other, tolerances))
+    return tuple(pair_verdict for one, other in pairs for pair_verdict in _compared(one, other, tolerances))
 
 
-def _held(one: Run, other: Run, tolerances: Tolerances) -> Iterator[Compared]:
+def _compared(one: Run, other: Run, tolerances: Tolerances) -> Iterator[Compared]:
     assert one.contact is not None
     assert other.contact is not None
     why = _incomparable(one, other)
     for joint in (name for name in one.contact.joints if name in other.contact.joints):
         for name in STATISTICS:
-            a, b = (_of(contact, joint, name) for contact in (one.contact, other.contact))
-            nothing = ENGINE_ROUNDING * _lost(one.contact, other.contact, joint) if UNITS[name] == "J" else 0.0
+            a, b = (_statistic(contact, joint, name) for contact in (one.contact, other.contact))
+            nothing = ENGINE_ROUNDING * _largest_loss(one.contact, other.contact, joint) if UNITS[name] == "J" else 0.0
             allowed = _allowed(a, b, name, tolerances, nothing)
             within = allowed is not None and abs((a.value or 0.0) - (b.value or 0.0)) <= allowed
             yield Compared(
@@ -89,14 +89,14 @@ def _held(one: Run, other: Run, tolerances: Tolerances) -> Iterator[Compared]:
             )
 
 
-def _of(contact: Contact, joint: str, name: StatisticName) -> Statistic:
+def _statistic(contact: Contact, joint: str, name: StatisticName) -> Statistic:
     return contact.joints[joint].statistics[name]
 
 
-def _lost(one: Contact, other: Contact, joint: str) -> float:
+def _largest_loss(one: Contact, other: Contact, joint: str) -> float:
     """The largest loss (J) of a joint in two runs."""
     names = [name for name in STATISTICS if UNITS[name] == "J"]
-    return max(abs(_of(contact, joint, name).value or 0.0) for contact in (one, other) for name in names)
+    return max(abs(_statistic(contact, joint, name).value or 0.0) for contact in (one, other) for name in names)
 
 
 def _allowed(

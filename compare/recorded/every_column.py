@@ -14,7 +14,7 @@ from analytic.mechanism.one_line import shown
 from analytic.mechanism.signals import Signal
 from compare.recorded.errors import DataError
 from compare.recorded.formats import reader
-from compare.recorded.headings import TIME, Column, Naming, clocklike, told_unit
+from compare.recorded.headings import TIME, Column, Naming, clocklike, written_unit
 from compare.recorded.text import CELLS, Coding, Header, Rows, coding, header, rows
 
 LEAST_READINGS = 16  # rows with a number, by which a column is one of numbers
@@ -56,7 +56,7 @@ def every_column(file: Path, mechanism: Mechanism) -> Everything:
         words.append(cell)
         faults += read.faults[:1]
         if clocklike(cell):
-            clock_faults = rows(file, coded, top, [Column(TIME, told_unit(cell, "time") or "s", 1.0, place)]).faults
+            clock_faults = rows(file, coded, top, [Column(TIME, written_unit(cell, "time") or "s", 1.0, place)]).faults
             if clock_faults:
                 raise DataError(clock_faults[0])
     if not columns:

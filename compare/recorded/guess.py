@@ -21,7 +21,7 @@ from analytic.mechanism.signals import Signal
 from analytic.mechanism.units import SI, UnitError, dimension, factor
 from compare.recorded.errors import DataError
 from compare.recorded.every_column import every_column
-from compare.recorded.headings import TIME, Naming, clocklike, fold, told_unit, unit_of
+from compare.recorded.headings import TIME, Naming, clocklike, fold, unit_of, written_unit
 from compare.recorded.likeness import NEAR_UNIT, UNKNOWN, Guess, by_model, zeroed
 
 HINTS = ("crank", "enc", "geber", "motor", "drive", "phi", "theta", "winkel", "angle", "pos")  # of an encoder's heading
@@ -117,12 +117,12 @@ def _clock(columns: Mapping[str, np.ndarray], guesses: Mapping[str, Guess]) -> G
     for heading in sorted(columns, key=lambda heading: not clocklike(heading)):
         values = columns[heading]
         step = np.diff(values)
-        if guesses[heading].signal is not None or (unit_of(heading) and not told_unit(heading, "time")):
+        if guesses[heading].signal is not None or (unit_of(heading) and not written_unit(heading, "time")):
             continue
         if not clocklike(heading) and any(hint in fold(heading) for hint in HINTS):
             continue
         if np.all(step > 0) and np.std(step) < 0.2 * np.mean(step):
-            unit = told_unit(heading, "time") or _likely("time", values)
+            unit = written_unit(heading, "time") or _likely("time", values)
             return Guess(heading, TIME, unit, why="it rises steadily")
     return None
 
@@ -133,7 +133,7 @@ def _encoders(columns: Mapping[str, np.ndarray], guesses: Mapping[str, Guess], s
     hinted = [h for h in free if any(hint in fold(h) for hint in HINTS)]
     for heading in hinted:
         values = free[heading]
-        unit = told_unit(heading, dimension(signal))
+        unit = written_unit(heading, dimension(signal))
         if unit:
             what = "crank" if signal.wraps else "slide"
             return _either_way([Guess(heading, signal, unit, why=f"called like an encoder of the {what}")])

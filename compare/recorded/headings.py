@@ -158,7 +158,7 @@ def unit_of(heading: str) -> str:
     return ((brackets[2] or brackets[3] or "") if brackets else "").strip()
 
 
-def told_unit(heading: str, kind: str) -> str:
+def written_unit(heading: str, kind: str) -> str:
     """The unit in a heading's brackets or at its end, if it is of this kind."""
     suffix = re.search(r"[_\s]([A-Za-z]+)$", heading.strip())
     unit = unit_of(heading) or (SUFFIXES.get(suffix[1].lower(), "") if suffix else "")
@@ -210,7 +210,7 @@ def read_headings(cells: Sequence[str], units: Mapping[int, str], names: Naming,
         elif column is not None:
             faults.append(column)
     if ignored:
-        notes.append(left_alone(ignored, "no signal of the linkage"))
+        notes.append(ignored_columns(ignored, "no signal of the linkage"))
     faults += _twice(where, columns, cells, names)
     time = next((c for c in columns if c.signal == TIME), None)
     others = tuple(c for c in columns if c.signal != TIME)
@@ -296,7 +296,7 @@ def _own_and_alias(signal: str, mechanism: Mechanism) -> list[str]:
     return sorted(fold(name) for name in {signal, *ALIASES} if canonical(name, mechanism) == signal)
 
 
-def left_alone(cells: Sequence[str], what: str) -> str:
+def ignored_columns(cells: Sequence[str], what: str) -> str:
     """That columns with these headings are not used, and what they are."""
     return f"{_listed(cells)} {'is' if len(cells) == 1 else 'are'} {what}, and ignored"
 

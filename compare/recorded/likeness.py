@@ -19,7 +19,7 @@ from analytic.mechanism.units import SI, dimension, factor
 from analytic.paper.kinetostatics import kinetostatics
 from compare.judge.signals import with_derived
 from compare.recorded.every_column import LEAST_READINGS
-from compare.recorded.headings import TIME, Naming, told_unit, unit_of
+from compare.recorded.headings import TIME, Naming, unit_of, written_unit
 from compare.recorded.smooth import Smoother
 
 GUESSED_UNITS = {
@@ -182,8 +182,8 @@ def _may(heading: str, signal: str, names: Naming) -> bool:
     kind = dimension(names.known[signal])
     return (
         not unit_of(heading)
-        or bool(told_unit(heading, kind))
-        or not any(told_unit(heading, each) for each in GUESSED_UNITS)
+        or bool(written_unit(heading, kind))
+        or not any(written_unit(heading, each) for each in GUESSED_UNITS)
     )
 
 
@@ -242,7 +242,7 @@ def _matched(heading: str, lines: Sequence[_Line], names: Naming) -> Guess:
         return Guess(heading, None, why=f"{UNKNOWN}{near}")
     signal = names.known[name]
     kind = dimension(signal)
-    written = told_unit(heading, kind)
+    written = written_unit(heading, kind)
     units = [
         u
         for u in ([written] if written else GUESSED_UNITS[kind])

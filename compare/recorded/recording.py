@@ -110,8 +110,8 @@ def recording(
     if mechanism.speed is not None and (turned := evenly(table.time, angle, mechanism.speed, rounded, late)):
         return Recording(name, file, table, "angles", turned[0], error=turned[1])
     angle = table.course(encoder, where)
-    motion_in_it = followed(table.time, angle, off_by(table.time, rounded, late, np.gradient(angle, table.time)))
-    return Recording(name, file, table, "course", motion_in_it.moving.theta, motion_in_it)
+    course = followed(table.time, angle, off_by(table.time, rounded, late, np.gradient(angle, table.time)))
+    return Recording(name, file, table, "course", course.moving.theta, course)
 
 
 def _at_its_speed(name: str, file: str, table: Table, mechanism: Mechanism, motion: Motion) -> Recording:

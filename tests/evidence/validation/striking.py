@@ -21,7 +21,7 @@ from compare.judge.contact import contact, ideal_peaks
 from compare.judge.grid import default_angles
 from compare.results.contact import Contact, StatisticName
 from compare.results.crosscheck import Failure
-from compare.runs import Counted, simulate_all
+from compare.runs import ContactTrace, simulate_all
 from sim_models.common.contact_laws import named_law
 from sim_models.engine import JointModel, Request, SimulationError, Unsupported, check_supported, declared
 from tests.evidence.contact_ode import centred, loop_of, simulate
@@ -93,7 +93,7 @@ def striking(
         rattling, law, _ = cells[i]
         if isinstance(outcome, Failure):
             raise SimulationError(f"{rattling.case}, {law}, in {name}: {outcome.why}")
-        assert isinstance(outcome, Counted)
+        assert isinstance(outcome, ContactTrace)
         assert outcome.contact is not None
         found[i, name] = _row(rattling, law, name, outcome.joint_model, outcome.contact, ideal[i])
     equations = [
