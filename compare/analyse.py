@@ -9,6 +9,7 @@ import numpy as np
 
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import along
+from analytic.kinematics.reach import turns_fully
 from analytic.mechanism import Mechanism
 from analytic.mechanism.assumed import assumed
 from analytic.mechanism.signals import position
@@ -22,7 +23,6 @@ from compare.arguments import (
     warn_of_friction,
 )
 from compare.faults import ArgumentError
-from compare.judge.grid import turns_fully
 from compare.judge.reference import (
     Reference,
     reference,

@@ -97,9 +97,8 @@ def check(question: CheckQuestion) -> CrossCheck:
         timed = motion == "driven" or not given.cranked
         tables = _tables(result_files(question.results), given, layout, str(map), timed=timed)
         recordings = [recording(name, file, table, given, motion, model) for name, file, table in tables]
-    uneven = any(one.kind == "course" for one in recordings)
     job = Job(
-        _followed(given) if uneven and given.speed is not None else given,
+        _followed(given, *recordings),
         names,
         tolerances,
         Schedule(),
@@ -190,12 +189,12 @@ def _warnings(mechanism: Mechanism, recordings: Sequence[Recording], motion: Mot
     sentences = []
     for one in recordings:
         sentences += list(one.table.notes)
-        if one.kind == "released" and f"{mechanism.driven}_angle" not in one.table.values:
+        if isinstance(one.moved, ReleaseState) and f"{mechanism.driven}_angle" not in one.table.values:
             sentences.append(
                 f"{one.name}: does not say where the linkage begins; it is let go at rest, as it is assembled"
             )
         sentences += _off_speed(one, mechanism) if motion == "driven" else []
-        if one.kind == "angles" and one.table.time.size and mechanism.encoder.name not in one.table.values:
+        if one.moved is None and one.table.time.size and mechanism.encoder.name not in one.table.values:
             where = f"{np.degrees(mechanism.assembly[mechanism.driven]):.4g} deg"
             sentences.append(
                 f"{one.name}: does not say where its crank is; at time 0 it is taken to be at {where}, where the"
@@ -222,7 +221,7 @@ def _followed_drives(one: Recording, mechanism: Mechanism) -> dict[Signal, tuple
     """Of each drive with a speed whose recorded course is followed: its encoder, its positions (N,) rad, m, and its
     speed (rad/s, m/s).
     """
-    if one.kind == "course" and mechanism.speed is not None:
+    if isinstance(one.moved, RecordedMotion) and mechanism.speed is not None:
         return {mechanism.encoder: (one.theta, mechanism.speed)}
     if not isinstance(one.moved, RecordedDrives):
         return {}
@@ -238,7 +237,7 @@ def _off_speed(one: Recording, mechanism: Mechanism) -> list[str]:
         if evenly(time, values, speed, rounded, late) is not None:
             continue
         verb = "turn" if encoder.wraps else "move"
-        what = "its crank" if one.kind == "course" else f"joint {encoder.place}"
+        what = "its crank" if isinstance(one.moved, RecordedMotion) else f"joint {encoder.place}"
         mean = float(values[-1] - values[0]) / float(time[-1] - time[0])
         if evenly(time, values, mean, rounded, late) is None:
             off.append(f"{what} does not {verb} evenly at drive.speed = {speed:g} {unit}")
@@ -272,10 +271,11 @@ def _clocked(one: Recording, mechanism: Mechanism) -> list[str]:
 # ---------------------------------------------------------------- both sides
 
 
-def _followed(mechanism: Mechanism) -> Mechanism:
-    """The mechanism with a motor that follows a record."""
-    drive = mechanism.drive
-    assert drive is not None
+def _followed(mechanism: Mechanism, *recordings: Recording) -> Mechanism:
+    """The mechanism, with a motor that follows the record where its crank does not turn evenly in one of these."""
+    drive, uneven = mechanism.drive, any(isinstance(one.moved, RecordedMotion) for one in recordings)
+    if drive is None or mechanism.speed is None or not uneven:
+        return mechanism
     return mechanism.replace(drive=drive.model_dump(exclude_unset=True) | {"speed": "measured"})
 
 
@@ -289,8 +289,8 @@ class _Asked:
     motion: Motion
 
     def mechanism(self, one: Recording) -> Mechanism:
-        """The mechanism as it moves in a recording: with a motor that follows it where it does not turn evenly."""
-        return _followed(self.given) if one.kind == "course" and self.given.speed is not None else self.given
+        """The mechanism as it moves in a recording."""
+        return _followed(self.given, one)
 
     def job_of(self, one: Recording) -> Job:
         """The job for the samples of a recording."""
@@ -325,7 +325,7 @@ class _Asked:
         if self.motion == "driven":
             sentences += _clocked(one, self.given)
         sentences += _units(one, side, judgement)
-        if off and one.kind == "angles" and self.motion == "driven" and one.time is None and self.rests(one):
+        if off and one.moved is None and self.motion == "driven" and one.time is None and self.rests(one):
             sentences.append(f"{one.name}: agrees with the linkage at rest; say --motion static")
         return sentences
 
@@ -425,14 +425,13 @@ def _trace(one: Recording, mechanism: Mechanism, joint_model: JointModel, motion
     if isinstance(one.moved, RecordedDrives) and motion == "driven":
         for name, each in one.moved.drives.items():
             settings[f"acceleration_known_to_{name}"] = float(SIGMAS * np.max(each.errors.alpha))
-    theta = one.table.values.get(mechanism.encoder.name, one.theta) if one.kind == "released" else one.theta
     time = None if motion == "static" and not isinstance(one.moved, RecordedDrives) else one.time
     return Trace(
         one.name,
         RECORDED,
         joint_model,
         motion,
-        np.array(theta),
+        one.theta,
         time,
         one.table.values,
         clearance,

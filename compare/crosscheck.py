@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.reach import turns_fully
 from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from analytic.mechanism.assumed import Assumed, assumed
@@ -48,7 +49,6 @@ from compare.judge.discrepancy import (
     run_rules,
 )
 from compare.judge.flexible import Beams, softened
-from compare.judge.grid import turns_fully
 from compare.judge.reference import (
     SIGMAS,
     Reference,

@@ -51,9 +51,7 @@ class Asked:
 
 @dataclass(frozen=True)
 class Omission:
-    """Fields that are left out ``where`` (in words) something holds, and ``why``; ``applies`` says of a part whether it is
-    so.
-    """
+    """Fields that are left out ``where`` (in words) something holds, and ``why``; ``applies`` tests a part for it."""
 
     fields: tuple[str, ...]
     where: str

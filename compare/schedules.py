@@ -16,12 +16,13 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.inverse import Coordinate, splined
 from analytic.kinematics.motion import kinematics
+from analytic.kinematics.reach import usual_angles
 from analytic.kinematics.schedule import KNOTS, Knots, Schedule
 from analytic.mechanism.errors import quoted
 from analytic.mechanism.signals import Signal, position, turned_near
 from compare.arguments import CAPACITY, numbers
 from compare.faults import ArgumentError, DegreesWarning
-from compare.judge.grid import FARTHEST, FREE_TIME, GridError, chosen_angles
+from compare.judge.grid import FARTHEST, FREE_TIME, GridError
 from compare.questions.analyse import AnalyseQuestion, SimulateQuestion
 from compare.questions.crosscheck import CrosscheckQuestion
 from compare.questions.shared import AnyPath
@@ -68,7 +69,9 @@ def crank_angles(assembly: Assembly, given: object) -> np.ndarray:
     Raises ArgumentError, or AssemblyError by default.
     """
     if given is None:
-        return chosen_angles(assembly, None)
+        theta = usual_angles(assembly)
+        assembly.path(theta.min(), theta.max())
+        return theta
     theta = numbers(given, "angles", "rad")
     if theta.size > CAPACITY:
         raise ArgumentError("angles", f"{theta.size} angles cannot be used; give at most {CAPACITY}")

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.reach import usual_angles
 from analytic.kinematics.schedule import Schedule
 from analytic.mechanism.file import load
 from analytic.mechanism.signals import Signal, named
@@ -22,7 +23,6 @@ from compare.judge.discrepancy import (
     judge,
     run_rules,
 )
-from compare.judge.grid import default_angles
 from compare.judge.reference import reference
 from compare.judge.signals import DRIVE_TORQUE, KIND_UNITS, compared, kind_of, with_derived
 from compare.judge.tolerances import Known, Line, ToleranceError, known_differences, load_tolerances
@@ -417,7 +417,7 @@ def test_what_is_allowed_at_an_angle_does_not_depend_on_which_others_are_asked_f
 def test_at_the_usual_angles_the_peaks_are_the_runs() -> None:
     mechanism = load("crank-rocker")
     assembly = Assembly(mechanism)
-    theta = default_angles(assembly)
+    theta = usual_angles(assembly)
     side = reference(assembly, Schedule.at_angles(mechanism, theta), "equilibrium", {})
     assert Scales.of(side.signals, mechanism, side.peaks).force == Scales.of(side.signals, mechanism).force
     assert side.peaks["reaction_B_magnitude"] == side.signals["reaction_B_magnitude"].max()

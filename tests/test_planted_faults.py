@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.reach import usual_angles
 from analytic.mechanism.file import load
 from asked import job_of
 from compare.crosscheck import crosscheck_job
-from compare.judge.grid import default_angles
 from compare.judge.tolerances import Known, ToleranceError, load_tolerances
 from planted import Fault, Planted, Signals, truth, turned
 from sim_models.engine import JointModel, Motion
@@ -31,7 +31,7 @@ def result(
     **job: Any,
 ) -> dict[str, Any]:
     mechanism = load(case)
-    theta = default_angles(Assembly(mechanism))
+    theta = usual_angles(Assembly(mechanism))
     asked = job_of(mechanism, ("planted",), tolerances, motion=motion, theta=theta, joint_model=joint_model, **job)
     return crosscheck_job(asked, resolve=lambda name: Planted(fault))
 

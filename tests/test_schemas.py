@@ -15,12 +15,13 @@ import pytest
 import typer
 
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.reach import usual_angles
 from analytic.mechanism.file import load
 from asked import job_of
 from compare import cli
 from compare.cli.app import app
 from compare.crosscheck import crosscheck_job
-from compare.judge.grid import FREE_TIME, default_angles
+from compare.judge.grid import FREE_TIME
 from compare.judge.tolerances import Known, load_tolerances
 from compare.results.schemas import FOLDER, documents, schema
 from marks import slow
@@ -49,7 +50,7 @@ def written(case: str, motion: Motion = "driven", clearance: dict[str, float] | 
     if mechanism.speed is None:
         job |= {"time": FREE_TIME}
     else:
-        job = {"theta": default_angles(Assembly(mechanism))[::12]} | job
+        job = {"theta": usual_angles(Assembly(mechanism))[::12]} | job
     return json.loads(crosscheck_job(job_of(mechanism, ("mujoco",), TOLERANCES, motion=motion, **job)).to_json())
 
 

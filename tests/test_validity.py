@@ -25,6 +25,7 @@ from jsonschema import Draft202012Validator
 import linkage_crosscheck as lc
 import shared
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.reach import usual_angles
 from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import dumps, load
@@ -36,7 +37,6 @@ from compare.domain_map.cell import CellTask, examined, judged
 from compare.domain_map.map import MapPlan, cells, clearance_joints, summarised, too_soft
 from compare.files import to_json
 from compare.judge.assumptions import Examined
-from compare.judge.grid import default_angles
 from compare.judge.tolerances import load_tolerances
 from compare.report.validity_figure import BOUNDARIES, PREDICTED, draw
 from compare.report.words.validity import RPM, about, brief, percent
@@ -246,7 +246,7 @@ def test_a_simulation_that_cannot_be_made_is_a_failed_cell() -> None:
 def planted(rpm: float, clearance: float, fault: Callable[[Any], Any] = truth) -> Examined:
     """A cell of the paper's case in an engine that says what the equilibrium says, but for a fault."""
     linkage = grid(load("paper"), (rpm,), (clearance,)).linkage(rpm * RPM, clearance)
-    job = job_of(linkage, ("planted",), TOLERANCES, theta=default_angles(Assembly(linkage)), joint_model="contact")
+    job = job_of(linkage, ("planted",), TOLERANCES, theta=usual_angles(Assembly(linkage)), joint_model="contact")
     run = crosscheck_job(job, resolve=lambda name: Planted(fault, supports=DRIVEN)).runs[0]
     return Examined(linkage, job.schedule, run, TOLERANCES)
 

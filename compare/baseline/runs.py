@@ -14,11 +14,12 @@ import numpy as np
 from pydantic import JsonValue
 
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.reach import usual_angles
 from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Drive, Load, Mechanism
 from analytic.mechanism.file import load, shipped_cases
 from compare.baseline.file import NO_DIRECTION, StoredRun
-from compare.judge.grid import FREE_TIME, default_angles
+from compare.judge.grid import FREE_TIME
 from compare.recorded.errors import DataError
 from compare.recorded.table import Table
 from compare.results.crosscheck import Failure
@@ -85,7 +86,7 @@ def setups(mechanism: Mechanism) -> list[Setup]:
     assembly = Assembly(mechanism)
     if not assembly.structure.by_crank:
         return list(_over_time(mechanism, over_time(assembly)))
-    theta = _thinned(default_angles(assembly))
+    theta = _thinned(usual_angles(assembly))
     runs = []
     if mechanism.speed is not None:
         runs.append(Setup(Request(mechanism.tight(), "ideal", Schedule.at_angles(mechanism, theta))))
@@ -187,6 +188,14 @@ def _force(trace: Trace, joint: str) -> np.ndarray:
     return trace.signals[f"reaction_{joint}_x"] + 1j * trace.signals[f"reaction_{joint}_y"]
 
 
+def _reaction(joint: str, force: np.ndarray, least: float = 0.0) -> dict[str, np.ndarray]:
+    """Direction (N,) deg of a joint's reaction where it is above ``least`` (N) and its limit, and its size (N,) N."""
+    size = np.abs(force)
+    known = size > max(NO_DIRECTION * np.nanmax(size), least)
+    angle = np.where(known, np.degrees(np.angle(force)), np.nan)
+    return {f"reaction_{joint}_angle [deg]": angle, f"reaction_{joint}_magnitude [N]": size}
+
+
 def _table(setup: Setup, trace: Trace) -> StoredRun:
     """Direction (deg) and size (N) of every reaction, a row for each crank angle (deg), or time (s) of a released
     linkage.
@@ -197,10 +206,7 @@ def _table(setup: Setup, trace: Trace) -> StoredRun:
     angles = {"crank_angle [deg]": np.degrees(trace.crank_angle)}
     columns = angles if schedule.turns_evenly else {"time [s]": schedule.time}
     for joint, force in forces.items():
-        size = np.abs(force)
-        known = size > max(NO_DIRECTION * size.max(), NO_FORCE * largest)
-        columns[f"reaction_{joint}_angle [deg]"] = np.where(known, np.degrees(np.angle(force)), np.nan)
-        columns[f"reaction_{joint}_magnitude [N]"] = size
+        columns |= _reaction(joint, force, NO_FORCE * largest)
     return StoredRun(setup.name, setup.added, tuple(columns), np.column_stack(list(columns.values())))
 
 
@@ -222,10 +228,7 @@ def of_results(mechanism: Mechanism, table: Table) -> StoredRun:
         sides = [table.values.get(f"reaction_{joint}_{axis}") for axis in ("x", "y")]
         if sides[0] is None or sides[1] is None:
             continue
-        force = (sides[0] + 1j * sides[1])[every]
-        known = np.abs(force) > NO_DIRECTION * np.nanmax(np.abs(force))
-        columns[f"reaction_{joint}_angle [deg]"] = np.where(known, np.degrees(np.angle(force)), np.nan)
-        columns[f"reaction_{joint}_magnitude [N]"] = np.abs(force)
+        columns |= _reaction(joint, (sides[0] + 1j * sides[1])[every])
     if len(columns) == 1 or not all(np.all(np.isfinite(v)) for n, v in columns.items() if not n.endswith("[deg]")):
         raise DataError(
             f"the results of {mechanism.name} have no reaction in every row with both components, reaction_<joint>_x"

@@ -11,13 +11,13 @@ from typing import Any, Literal
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.reach import turns_fully, usual_angles
 from analytic.mechanism import GROUND, Mechanism
 from analytic.mechanism.assumed import Assumed, assumed
 from compare.domain_map.cell import CellTask
 from compare.domain_map.leaving import boundary
 from compare.faults import ArgumentError, no_pin
 from compare.judge.assumptions import ASSUMPTIONS
-from compare.judge.grid import default_angles, turns_fully
 from compare.judge.reruns import SOFT
 from compare.judge.tolerances import Tolerances
 from compare.report.words import validity as words
@@ -153,7 +153,7 @@ def _angles(assembly: Assembly) -> tuple[np.ndarray, int]:
     A crank that turns fully has made a revolution before its first angle.  For another the first angle is the start
     itself, at which the engine was told where to be.
     """
-    theta = default_angles(assembly)
+    theta = usual_angles(assembly)
     return theta, 0 if turns_fully(assembly) or theta.size == 1 else 1
 
 
@@ -166,7 +166,8 @@ def summarised(grid: MapPlan, tasks: Sequence[CellTask], results: Sequence[Cell 
     blocks = [name for name in grid.joints if grid.mechanism.joint(name).prismatic]
     means = words.MEANS_OF_BLOCKS if blocks else words.MEANS
     sentences = words.come_to(grid.simulators, results, between, _inertia_only(grid.mechanism))
-    result = Validity(
+    optional: dict[str, Any] = {"between_simulators": between, "restitutions": grid.restitutions, "boundary": edge}
+    return Validity(
         case=grid.mechanism.name,
         mechanism=grid.mechanism,
         versions=versions(installed(*grid.simulators)),
@@ -187,9 +188,8 @@ def summarised(grid: MapPlan, tasks: Sequence[CellTask], results: Sequence[Cell 
         command="",
         warnings=tuple(too_soft(results)),
         assumed=(*assumed(grid.mechanism), *_assumed(grid, results)),
+        **{name: value for name, value in optional.items() if value},
     )
-    optional = {"between_simulators": between, "restitutions": grid.restitutions, "boundary": edge}
-    return result.model_copy(update={name: value for name, value in optional.items() if value})
 
 
 def _boundary(grid: MapPlan, tasks: Sequence[CellTask], results: Sequence[Cell | Failed]) -> tuple[Boundary, ...]:

@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.reach import turns_fully
 from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from analytic.mechanism.checks import LEAST_RESTITUTION
@@ -35,7 +36,6 @@ from compare.domain_map.cell import CellTask, examine
 from compare.domain_map.map import MapPlan, RealJoint, cells, clearance_joints, summarised
 from compare.faults import ArgumentError
 from compare.files import made_folder
-from compare.judge.grid import turns_fully
 from compare.left_out import Asked, omitted
 from compare.progress import Progress, progress_bar
 from compare.questions.question import answers

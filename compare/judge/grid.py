@@ -5,9 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from analytic.errors import Error
-from analytic.kinematics.assembly import Assembly, AssemblyError
-from analytic.kinematics.reach import turns_fully
-from analytic.kinematics.reach import usual_angles as default_angles
 
 FARTHEST = 1e6  # deg: the crank is followed there from where it is assembled
 MOST_TIMES = 100_000  # of a command line's grid
@@ -59,33 +56,3 @@ def parse_workspace(text: str) -> tuple[tuple[float, float, int], tuple[float, f
     if not (np.isfinite([x0, x1, y0, y1]).all() and x1 > x0 and y1 > y0 and nx >= 2 and ny >= 2):
         raise GridError(f"--workspace {text}: each axis needs a higher end above its lower one, and two places or more")
     return (x0, x1, nx), (y0, y1, ny)
-
-
-def chosen_angles(assembly: Assembly, text: str | None) -> np.ndarray:
-    """Crank angles (rad) of ``--angles``, or the default ones, all of which the linkage reaches.
-
-    Raises GridError, or AssemblyError where the default ones cannot be reached.
-    """
-    if text is None:
-        theta = default_angles(assembly)
-        assembly.path(theta.min(), theta.max())
-        return theta
-    theta = parse_angles(text)
-    try:
-        assembly.path(theta.min(), theta.max())
-    except AssemblyError as error:
-        raise GridError(f"--angles {text}: {error}") from None
-    return theta
-
-
-__all__ = [
-    "FARTHEST",
-    "FREE_TIME",
-    "GridError",
-    "chosen_angles",
-    "default_angles",
-    "parse_angles",
-    "parse_times",
-    "parse_workspace",
-    "turns_fully",
-]

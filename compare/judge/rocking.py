@@ -20,8 +20,8 @@ import numpy as np
 
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import kinematics
+from analytic.kinematics.reach import turns_fully
 from analytic.mechanism import GROUND, Joint, Mechanism
-from compare.judge.grid import turns_fully
 from sim_models.common.contact_laws import contact_parameters, named_law
 
 WAY = 720  # places along a turn between which the rate of sliding is linear

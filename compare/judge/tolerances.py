@@ -6,12 +6,12 @@ remedy.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, get_args
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, create_model, model_validator
 
 from analytic.errors import Error
 from analytic.mechanism import Mechanism
@@ -19,8 +19,8 @@ from analytic.mechanism.file import describe
 from analytic.mechanism.reading import ReadingError, read_toml
 from analytic.paper.clearance import Model
 from compare.judge.signals import RuleKind, compared
-from compare.results.contact import StatisticName
-from sim_models.engine import ENGINES, MOTIONS, JointModel, Motion, scheme_of
+from compare.results.contact import STATISTICS, StatisticName
+from sim_models.engine import ENGINES, JOINT_MODELS, MOTIONS, JointModel, Motion, scheme_of
 
 Allowance = Annotated[float, Field(ge=0)]
 Fraction = Annotated[float, Field(ge=0, lt=1)]
@@ -55,22 +55,17 @@ class Line(_TolerancePart):
         return self
 
 
-class _Lines(_TolerancePart):
-    angle: Line | None = None
-    magnitude: Line | None = None
-    displacement: Line | None = None
-    rotation: Line | None = None
-    torque: Line | None = None
-    position: Line | None = None
-    place: Line | None = None
-    velocity: Line | None = None
+def _table(name: str, fields: Iterable[str], value: type[BaseModel]) -> type[_TolerancePart]:
+    """The model of a file's table with these fields, each of which may be left out."""
+    optional: dict[str, Any] = {
+        field.replace("-", "_"): (value | None, Field(default=None, alias=field)) for field in fields
+    }
+    return create_model(name, __base__=_TolerancePart, **optional)
 
 
-class _Models(_TolerancePart):
-    ideal: _Lines | None = None
-    massless_link: _Lines | None = Field(default=None, alias="massless-link")
-    spring_damper: _Lines | None = Field(default=None, alias="spring-damper")
-    contact: _Lines | None = None
+_Lines = _table("_Lines", (kind for kind in get_args(RuleKind) if kind != "force"), Line)
+_Models = _table("_Models", JOINT_MODELS, _Lines)
+_Statistics = _table("_Statistics", STATISTICS, Line)
 
 
 class Known(_TolerancePart):
@@ -95,27 +90,13 @@ class Known(_TolerancePart):
         )
 
 
-class _Statistics(_TolerancePart):
-    free_share: Line | None = None
-    impacts: Line | None = None
-    impulse: Line | None = None
-    approach_speed: Line | None = None
-    rms_force: Line | None = None
-    peak_force: Line | None = None
-    high_peak: Line | None = None
-    restitution_loss: Line | None = None
-    friction_loss: Line | None = None
-    wear: Line | None = None
-    penetration: Line | None = None
-
-
 class _ToleranceFile(_TolerancePart):
     floor: Fraction | None = None
     noise: Fraction | None = None
     rest: Allowance | None = None
-    static: _Models | None = None
-    driven: _Models | None = None
-    statistics: _Statistics | None = None
+    static: _Models | None = None  # type: ignore[valid-type]
+    driven: _Models | None = None  # type: ignore[valid-type]
+    statistics: _Statistics | None = None  # type: ignore[valid-type]
     known: list[Known] = []
 
 
@@ -185,17 +166,13 @@ def _joined(shipped: _ToleranceFile, over: _ToleranceFile) -> Tolerances:
     for motion in MOTIONS:
         for model, given in _lines(getattr(over, motion)).items():
             lines[motion][model] = {**lines[motion].get(model, {}), **given}
-    statistics = {
-        name: getattr(file.statistics, name)
-        for file in (shipped, over)
-        if file.statistics is not None
-        for name in file.statistics.model_fields_set
-    }
+    tables: list[BaseModel | None] = [shipped.statistics, over.statistics]
+    statistics = {name: getattr(table, name) for table in tables if table for name in table.model_fields_set}
     known = (*shipped.known, *over.known)
     return Tolerances.model_validate({**numbers, **lines, "statistics": statistics, "known": known})
 
 
-def _lines(models: _Models | None) -> dict[str, dict[str, Line]]:
+def _lines(models: BaseModel | None) -> dict[str, dict[str, Line]]:
     """The lines of a motion that a file gives, by joint model and kind."""
     return {
         name.replace("_", "-"): {kind: getattr(lines, kind) for kind in lines.model_fields_set}

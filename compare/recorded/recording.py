@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -30,8 +29,6 @@ from compare.recorded.rounding import rounding
 from compare.recorded.table import Table
 from sim_models.engine import JointModel, Motion
 
-RecordingKind = Literal["angles", "course", "courses", "released"]
-
 KEPT_SAMPLES = 20_000  # of a file that are kept: more would tell little, and make a page that no browser opens
 
 
@@ -42,7 +39,6 @@ class Recording:
     name: str
     file: str
     table: Table
-    kind: RecordingKind
     theta: np.ndarray
     moved: RecordedMotion | RecordedDrives | ReleaseState | None = None
     error: float = 0.0  # rad, rms, of angles of a crank that turns evenly
@@ -96,22 +92,22 @@ def recording(
                 ' clearance in a free motion; give `clearance` 0, or drive.speed = "measured" in the mechanism file',
             )
         start = _start(table, mechanism)
-        return Recording(name, file, table, "released", np.zeros(table.time.size), start)
+        return Recording(name, file, table, table.values.get(encoder, np.zeros(table.time.size)), start)
     if angle is None:
         return _at_its_speed(name, file, table, mechanism, motion)
     if np.any(np.isnan(angle)):
         raise DataError(f"{where}: {encoder!r} has empty cells; give the crank's angle in every row, or leave rows out")
     angle = unwound(angle) if mechanism.encoder.wraps else angle
     if motion == "static" or not table.time.size:
-        return Recording(name, file, table, "angles", angle)
+        return Recording(name, file, table, angle)
     if table.time.size < LEAST_SAMPLES:
         raise DataError(f"{where}: has {count(table.time.size, 'row')}; a course is known from {LEAST_SAMPLES} on")
     rounded, late = table.rounding(encoder), rounding(table.time)
     if mechanism.speed is not None and (turned := evenly(table.time, angle, mechanism.speed, rounded, late)):
-        return Recording(name, file, table, "angles", turned[0], error=turned[1])
+        return Recording(name, file, table, turned[0], error=turned[1])
     angle = table.course(encoder, where)
     course = followed(table.time, angle, off_by(table.time, rounded, late, np.gradient(angle, table.time)))
-    return Recording(name, file, table, "course", course.moving.theta, course)
+    return Recording(name, file, table, course.moving.theta, course)
 
 
 def _at_its_speed(name: str, file: str, table: Table, mechanism: Mechanism, motion: Motion) -> Recording:
@@ -122,7 +118,7 @@ def _at_its_speed(name: str, file: str, table: Table, mechanism: Mechanism, moti
             f"{Path(file).name}: has no column {mechanism.encoder.name!r}, and nothing else says where the crank is;"
             f" add {heading!r}, or say in a map which column it is"
         )
-    return Recording(name, file, table, "angles", mechanism.assembly[mechanism.driven] + mechanism.speed * table.time)
+    return Recording(name, file, table, mechanism.assembly[mechanism.driven] + mechanism.speed * table.time)
 
 
 def _start(table: Table, mechanism: Mechanism) -> ReleaseState:
@@ -172,7 +168,7 @@ def _of_drives(name: str, file: str, table: Table, mechanism: Mechanism) -> Reco
         errors = replace(motion.errors, theta=rounded / SIGMAS)
         drives[joint] = replace(motion, moving=replace(motion.moving, theta=values), errors=errors)
     first = next(iter(drives.values()))
-    return Recording(name, file, table, "courses", first.moving.theta, RecordedDrives(table.time, drives))
+    return Recording(name, file, table, first.moving.theta, RecordedDrives(table.time, drives))
 
 
 def _kept(table: Table) -> Table:

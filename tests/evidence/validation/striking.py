@@ -12,13 +12,13 @@ from typing import get_args
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.reach import usual_angles
 from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
 from analytic.mechanism.parts import ContactLaw
 from compare.arguments import cores
 from compare.judge.contact import contact, ideal_peaks
-from compare.judge.grid import default_angles
 from compare.results.contact import Contact, StatisticName
 from compare.results.crosscheck import Failure
 from compare.runs import ContactTrace, simulate_all
@@ -126,7 +126,7 @@ def by_equation(m: Mechanism, revolutions: int = OF_ODE) -> Contact:
 
 def _request(m: Mechanism, name: str, revolutions: int = REVOLUTIONS) -> Request | None:
     """A run of an engine that has the law in contact, or else between pin centres; None where it has it in neither."""
-    theta = default_angles(Assembly(m))
+    theta = usual_angles(Assembly(m))
     beyond = revolutions * math.tau - float(theta[-1] - theta[0])
     rough = any(joint.friction for joint in m.joints if joint.clearance)
     models: tuple[JointModel, ...] = ("contact",) if rough else ("contact", "spring-damper")
