@@ -193,14 +193,6 @@ def _output(d: Output, cycle: CycleAccuracy, free: Distribution, along: Distribu
 
 def _side_changes(cycle: CycleAccuracy) -> tuple[SideChange, ...]:
     return tuple(
-        SideChange(
-            joint=change.joint,
-            crank_angle=change.crank_angle,
-            before=change.before,
-            after=change.after,
-            reaction=change.reaction,
-            turned=change.turned,
-            jump={d.name: float(jump[k]) for d, jump in cycle.jumps.items()},
-        )
+        SideChange(**vars(change) | {"jump": {d.name: float(jump[k]) for d, jump in cycle.jumps.items()}})
         for k, change in enumerate(cycle.side_changes)
     )

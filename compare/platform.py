@@ -32,9 +32,9 @@ from compare.arguments import (
     warn_of_friction,
 )
 from compare.faults import ArgumentError, unusable
-from compare.judge.grid import parse_workspace
 from compare.left_out import Asked, omitted
 from compare.questions.accuracy import PlatformQuestion, WorkspaceGrid
+from compare.questions.option import Places
 from compare.questions.question import answers
 from compare.results.platform import Map, Place, PlatformAccuracy, PointError, PoseError
 from compare.schedules import over_time
@@ -87,7 +87,7 @@ def _grid(given: object) -> WorkspaceGrid:
     """((x0, x1, nx), (y0, y1, ny)), as that is written in a command.  Raises ArgumentError."""
     try:
         axes = [(float(low), float(high), number) for low, high, number in given]  # type: ignore[attr-defined]
-        return parse_workspace(",".join(f"{low}:{high}:{number}" for low, high, number in axes))
+        return Places().parse(",".join(f"{low}:{high}:{number}" for low, high, number in axes), "workspace")
     except (TypeError, ValueError):
         accepted = "((x0, x1, nx), (y0, y1, ny)): lowest, highest (m) and number of the x, and of the y"
         raise unusable("workspace", given, accepted) from None

@@ -22,9 +22,9 @@ from analytic.mechanism.errors import quoted
 from analytic.mechanism.signals import Signal, position, turned_near
 from compare.arguments import CAPACITY, numbers
 from compare.faults import ArgumentError, DegreesWarning
-from compare.judge.grid import FARTHEST, FREE_TIME, GridError
 from compare.questions.analyse import AnalyseQuestion, SimulateQuestion
 from compare.questions.crosscheck import CrosscheckQuestion
+from compare.questions.option import FARTHEST_ANGLE, GridError
 from compare.questions.shared import AnyPath
 from compare.recorded.errors import DataError
 from sim_models.engine import Motion
@@ -39,6 +39,7 @@ DEFAULT_TIMES = 50
 SHORTEST_COURSE = 1e-3  # s
 SPARE = 0.9  # of the way to where the drives get no farther
 LINE = 5  # knots of a straight line
+FREE_TIME = np.linspace(0.0, 2.0, 101)  # s, for a released linkage
 
 
 def scheduled(assembly: Assembly, question: MovedQuestion, *, may_swing: bool = True) -> Schedule:
@@ -76,8 +77,8 @@ def crank_angles(assembly: Assembly, given: object) -> np.ndarray:
     if theta.size > CAPACITY:
         raise ArgumentError("angles", f"{theta.size} angles cannot be used; give at most {CAPACITY}")
     farthest = float(theta[np.argmax(np.abs(theta))])
-    if abs(farthest) > math.radians(FARTHEST):
-        limit = f"{math.radians(FARTHEST):.6g} rad ({FARTHEST:g} deg)"
+    if abs(farthest) > math.radians(FARTHEST_ANGLE):
+        limit = f"{math.radians(FARTHEST_ANGLE):.6g} rad ({FARTHEST_ANGLE:g} deg)"
         raise ArgumentError("angles", f"{farthest:g} rad cannot be used; a crank angle must not be beyond {limit}")
     if abs(farthest) > MOST_LIKELY_DEGREES:
         text = f"angles: {farthest:g} rad is beyond two turns; angles are in radians; was it meant in degrees?"

@@ -29,9 +29,8 @@ from compare.domain_map.map import MapPlan
 from compare.domain_map.validity import gridded
 from compare.faults import ArgumentError
 from compare.files import OutputError
-from compare.judge.grid import GridError
 from compare.judge.tolerances import ToleranceError
-from compare.questions.option import Speeds
+from compare.questions.option import GridError, Speeds
 from compare.questions.validity import ValidityQuestion
 from compare.results.document import DocumentError
 from compare.sweep import ClusterError

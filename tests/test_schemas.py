@@ -21,9 +21,9 @@ from asked import job_of
 from compare import cli
 from compare.cli.app import app
 from compare.crosscheck import crosscheck_job
-from compare.judge.grid import FREE_TIME
 from compare.judge.tolerances import Known, load_tolerances
 from compare.results.schemas import FOLDER, documents, schema
+from compare.schedules import FREE_TIME
 from marks import slow
 from planted import Planted, turned
 from sim_models.engine import Motion

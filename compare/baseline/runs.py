@@ -19,12 +19,11 @@ from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Drive, Load, Mechanism
 from analytic.mechanism.file import load, shipped_cases
 from compare.baseline.file import NO_DIRECTION, StoredRun
-from compare.judge.grid import FREE_TIME
 from compare.recorded.errors import DataError
 from compare.recorded.table import Table
 from compare.results.crosscheck import Failure
 from compare.runs import ContactTrace, Resolve, simulate
-from compare.schedules import over_time
+from compare.schedules import FREE_TIME, over_time
 from sim_models.engine import (
     JOINT_MODELS,
     TOUCHING,

@@ -17,12 +17,16 @@ from numbers import Integral, Real
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Generic, TypeVar, cast
 
+from analytic.errors import Error
 from compare.faults import ArgumentError, unusable
 
 if TYPE_CHECKING:
     import numpy as np
 
     from compare.judge.tolerances import Tolerances
+
+FARTHEST_ANGLE = 1e6  # deg: the crank is followed there from where it is assembled
+MOST_TIMES = 100_000  # of a command line's grid
 
 W = TypeVar("W")  # what typer makes of what is typed
 
@@ -321,36 +325,62 @@ class Speeds(PositiveNumbers):
         return typed * math.pi / 30
 
 
+class GridError(Error, ValueError):
+    """``--angles``, ``--times`` or ``--workspace`` cannot be used; the message says what is accepted."""
+
+
 class Angles(ArgumentKind[str]):
     """Crank angles, typed as a range of degrees; that they can be reached is for the function to prove."""
 
     units: ClassVar[tuple[str, str]] = ("deg", "rad")
 
     def parse(self, word: str, called: str) -> np.ndarray:
-        """The angles (N,) rad, stop included."""
-        from compare.judge.grid import parse_angles
+        """The angles (N,) rad, stop included.  Raises GridError."""
+        import numpy as np
 
-        return parse_angles(word)
+        start, stop, step = _range(f"--angles {word}", word, "degrees, such as 20:160:5")
+        if not (all(map(math.isfinite, (start, stop, step))) and step > 0 and stop >= start):
+            raise GridError(f"--angles {word}: stop must not be below start, and step must be positive (degrees)")
+        if max(abs(start), abs(stop)) > FARTHEST_ANGLE:
+            raise GridError(f"--angles {word}: a crank angle (degrees) must not be beyond {FARTHEST_ANGLE:g}")
+        if (stop - start) / step > 1e6:
+            raise GridError(f"--angles {word}: that is more than a million angles; use a larger step")
+        return np.radians(start + step * np.arange(int((stop - start) / step + 1e-9) + 1))
 
 
 class Times(ArgumentKind[str]):
     """Times (s), typed as a range."""
 
     def parse(self, word: str, called: str) -> np.ndarray:
-        """The times (N,) s, stop included."""
-        from compare.judge.grid import parse_times
+        """The times (N,) s, stop included.  Raises GridError."""
+        import numpy as np
 
-        return parse_times(word)
+        start, stop, step = _range(f"--times {word}", word, "seconds, such as 0:1:0.02")
+        if not (all(map(math.isfinite, (start, stop, step))) and step > 0 and 0 <= start < stop):
+            raise GridError(f"--times {word}: give a start of 0 or more, a later stop and a positive step (seconds)")
+        if (stop - start) / step > MOST_TIMES:
+            raise GridError(f"--times {word}: that is more than {MOST_TIMES} times; use a larger step")
+        return np.asarray(start + step * np.arange(int((stop - start) / step + 1e-9) + 1))
 
 
 class Places(ArgumentKind[str]):
     """A grid of places (m)."""
 
-    def parse(self, word: str, called: str) -> object:
-        """Lowest, highest and number of the x and of the y."""
-        from compare.judge.grid import parse_workspace
-
-        return parse_workspace(word)
+    def parse(self, word: str, called: str) -> tuple[tuple[float, float, int], tuple[float, float, int]]:
+        """Lowest, highest and number of the x and of the y.  Raises GridError."""
+        remedy = "give x0:x1:nx,y0:y1:ny in metres, such as -0.1:0.1:41,0:0.2:41"
+        axes = [part.split(":") for part in word.split(",")]
+        if [len(axis) for axis in axes] != [3, 3]:
+            raise GridError(f"--workspace {word}: {remedy}")
+        try:
+            (x0, x1, nx), (y0, y1, ny) = ((float(a), float(b), int(n)) for a, b, n in axes)
+        except ValueError:
+            raise GridError(f"--workspace {word}: {remedy}") from None
+        if not (all(map(math.isfinite, (x0, x1, y0, y1))) and x1 > x0 and y1 > y0 and nx >= 2 and ny >= 2):
+            raise GridError(
+                f"--workspace {word}: each axis needs a higher end above its lower one, and two places or more"
+            )
+        return (x0, x1, nx), (y0, y1, ny)
 
 
 class Source(ArgumentKind[Path]):
@@ -416,6 +446,15 @@ def listed_once(text: str, called: str) -> list[str]:
     if twice is not None:
         raise ArgumentError(called, f"{twice} is there twice; give each once")
     return parts
+
+
+def _range(typed: str, word: str, example: str) -> tuple[float, float, float]:
+    """Start, stop and step of a range.  Raises GridError."""
+    try:
+        start, stop, step = (float(part) for part in word.split(":"))
+    except ValueError:
+        raise GridError(f"{typed}: give start:stop:step in {example}") from None
+    return start, stop, step
 
 
 def _number(text: str, called: str, remedy: str) -> float:
