@@ -116,7 +116,7 @@ def accuracy_at(
     seed: int,
     nonlinear: bool = False,
 ) -> Accuracy:
-    """The same for a linkage with its own clearances at crank angles theta (N,) rad.
+    """How accurate a linkage with its own clearances is at crank angles theta (N,) rad.
 
     Raises ArgumentError where a tolerance exceeds its clearance, ComplianceError where the links cannot carry their
     loads, and AssemblyError.

@@ -1,4 +1,4 @@
-"""What there is: shipped cases, engines and effects."""
+"""The catalogue of shipped cases, engines and effects."""
 
 from __future__ import annotations
 

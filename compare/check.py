@@ -281,7 +281,7 @@ def _followed(mechanism: Mechanism, *recordings: Recording) -> Mechanism:
 
 @dataclass(frozen=True)
 class _Asked:
-    """What is asked of each file: the mechanism as it is given, and the job with the joint model that all have."""
+    """The check of each file: the mechanism as it is given, and the job with the joint model that all have."""
 
     given: Mechanism
     job: Job
@@ -314,7 +314,7 @@ class _Asked:
         return side, judgement
 
     def sentences(self, one: Recording, side: Reference, judgement: JudgedRun) -> list[str]:
-        """What a reader has to know of a file beside its verdict, in sentences."""
+        """Remarks on a file for the reader beside its verdict, in sentences."""
         m, rules = self.mechanism(one), judgement.rules
         sentences = [f"{one.name}: {why}" for why in _not_judged(one, side, judgement, m)] if rules else []
         if self.motion == "driven":
@@ -565,7 +565,7 @@ def _units(one: Recording, side: Reference, judged: JudgedRun) -> list[str]:
 
 
 def _remedy(table: Table, column: Column, what: str) -> str:
-    """What a column looks, and the line of a map that mends it."""
+    """The unit or sign in which a column looks like its signal, and the line of a map that mends it."""
     how, *words = what.split()
     if what == REVERSED:
         what += " or is the force on the other body" * (column.signal.kind == "reaction")

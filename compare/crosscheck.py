@@ -121,7 +121,7 @@ class Job:
 
     @property
     def offers(self) -> tuple[str, ...]:
-        """What a remedy may tell a person to change who asked for this: a map has no motion and no angles to choose."""
+        """Arguments that a remedy may tell a person to change: a map has no motion and no angles to choose."""
         return () if self.as_it_is else ("motion", "angles")
 
 
@@ -409,7 +409,7 @@ def judged(job: Job, side: Reference, trace: Trace) -> JudgedRun:
 
 
 def _pairs(name: str, resolve: Resolve, block: bool) -> str:
-    """What an engine runs, in words; with a ``block`` in its guide, if there is one."""
+    """The joint models and motions that an engine runs, in words; with a ``block`` in its guide, if there is one."""
     able = resolve(name).capabilities
     runs = [run for run in able.runs if not block or run[0] == "ideal" or _with_block(able, *run)]
     return ", ".join(sorted(f"{model} {motion}" for model, motion in runs))
@@ -507,7 +507,7 @@ def _axis(job: Job, trace: Trace) -> np.ndarray:
 
 
 def _run_verdict(comparisons: Sequence[Comparison]) -> Verdict:
-    """Of one run: what cannot be told apart from nothing does not agree, and nor does a run without a comparison."""
+    """The verdict on one run: a signal that cannot be told from none does not agree, nor does a run without signals."""
     verdicts = {each.verdict for each in comparisons}
     if "disagrees" in verdicts:
         return "disagrees"
@@ -515,8 +515,8 @@ def _run_verdict(comparisons: Sequence[Comparison]) -> Verdict:
 
 
 def _verdict(runs: Sequence[Run], failures: Sequence[Failure], statistics: Sequence[Compared] = ()) -> Verdict:
-    """Of the whole result: what has failed or is not judged neither agrees nor disagrees, but for statistics that are
-    not.
+    """The verdict on the whole result: a run that failed or is not judged neither agrees nor disagrees; statistics that
+    are not judged do not count.
     """
     verdicts = {run.verdict for run in runs} | {one.verdict for one in statistics if one.verdict == "disagrees"}
     if "disagrees" in verdicts:

@@ -97,7 +97,7 @@ class ArgumentError(OptionError):
 
 
 def unusable(argument: str, given: object, accepted: str) -> ArgumentError:
-    """What is said of an argument that cannot be what it was given."""
+    """The error of an argument that cannot be what was given; ``accepted`` says what it can be."""
     from analytic.mechanism.errors import quoted
 
     return ArgumentError(argument, f"{quoted(given)} cannot be used; give {accepted}")
@@ -120,7 +120,7 @@ def _as_typed(error: ArgumentError, context: typer.Context | None, names: Mappin
 
 
 def reason(error: ValueError) -> str:
-    """What an error says, without pydantic's frame around it."""
+    """The message of an error, without pydantic's frame around it."""
     from pydantic import ValidationError
 
     if isinstance(error, ValidationError):

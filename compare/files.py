@@ -48,7 +48,9 @@ def output_folder(path: Path, option: str = "--out") -> Path:
 
 @contextmanager
 def made_folder(path: Path, option: str = "--out") -> Iterator[Path]:
-    """The same; folders that this made are removed again where nothing was left in them.  Raises OutputError."""
+    """The folder that an option names, made if need be; what this made is removed again where nothing was left in it.
+    Raises OutputError.
+    """
     new = [each for each in (path, *path.parents) if not os.path.lexists(each)]
     try:
         yield output_folder(path, option)

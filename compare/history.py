@@ -70,7 +70,7 @@ def _results(folder: Path, depth: int) -> Iterator[Path]:
 
 
 def _run(path: Path) -> EarlierRun:
-    """What a result says of itself.  Raises ReadingError."""
+    """The case, command, verdict and date that a result gives.  Raises ReadingError."""
     kind = KINDS[path.name]
     wanted = {"schema", "case", "command", *(["verdict"] if kind in JUDGED else [])}
     fields, written = _read(path, wanted)

@@ -1,4 +1,4 @@
-"""What of a mechanism file each command leaves out, and why: one table, told in every result and in the documentation.
+"""Fields of a mechanism file that commands leave out, and why: one table, told in every result and in the docs.
 
 A field that does nothing where it stands is told wherever it is; so is one that this question has no use for.
 Drives are told of where they are looked at (:func:`compare.arguments.rigidly_and_evenly_driven`).
@@ -280,7 +280,7 @@ OMISSIONS: tuple[Omission, ...] = (
 
 
 def omitted(mechanism: Mechanism, asked: Asked) -> list[str]:
-    """What a question leaves out of a mechanism, a sentence for each reason; of a field the first one that holds."""
+    """The fields that a question leaves out, a sentence for each reason; of a field the first that holds."""
     asked, mentioned = replace(asked, sliding=_sliding(mechanism, asked)), set[tuple[str, str]]()
     sentences = []
     for omission in OMISSIONS:

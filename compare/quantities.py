@@ -1,4 +1,4 @@
-"""What a signal is called and in which unit a person reads it: degrees and millimetres, where files have radians and
+"""Names of signals, and the units in which a person reads them: degrees and millimetres, where files have radians and
 metres.
 """
 
@@ -49,7 +49,7 @@ class Quantity:
 
     @property
     def angular(self) -> bool:
-        """Whether it is an angle, so that differences of it are modulo a turn."""
+        """Whether this is an angle, so that differences of it are modulo a turn."""
         return self.unit == "deg"
 
     @property

@@ -158,7 +158,7 @@ def _nearest(run: Run, at: float, over_time: bool) -> tuple[int, float]:
 
 
 def _outside(run: Run, at: float, over_time: bool) -> ArgumentError:
-    """What is said of a place that the run does not have, as a person reads it (deg or s)."""
+    """The error of a place that the run does not have, as a person reads it (deg or s)."""
     unit, factor = ("s", 1.0) if over_time else ("deg", math.degrees(1.0))
     places = factor * _places(run, over_time)
     span = f"from {places.min():.6g} to {places.max():.6g} {unit}" if places.size else "nowhere"
@@ -210,7 +210,7 @@ def _components(side: Mapping[str, np.ndarray], signal: Signal, k: int) -> dict[
 
 
 def _equations(run: Run, signal: Signal, over_time: bool) -> Iterator[Equation]:
-    """What an analytic number was computed from."""
+    """The equations that an analytic number was computed from."""
     if over_time and not run.drive_position:
         yield Equation(words=words.SWUNG, module=RELEASED)
     elif signal.kind in ("reaction", "drive"):

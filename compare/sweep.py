@@ -155,7 +155,7 @@ def _file(content: Mapping[str, object]) -> str:
 
 # ---------------------------------------------------------------- where runs are done
 
-Pool = tuple[Executor, Callable[[], int]]  # and how many runs may be under way in it
+Pool = tuple[Executor, Callable[[], int]]  # an executor, and how many runs may be under way in it
 
 
 def _until_broken(

@@ -56,10 +56,8 @@ class MovedLimits(_BaselinePart):
 
     angle: _Limit = 0.005  # deg; half of what must be seen
     magnitude: _Limit = 1e-4  # of the joint's largest force in the run
-    rms: _Limit = (
-        0.15  # of the stored value, of averages but a share; from other roundings they spread by 0.02 (1 sigma)
-    )
-    free_share: _Limit = 0.25  # these by 0.04
+    rms: _Limit = 0.15  # of the stored value, of averages but a share; other roundings spread them by 0.02 (1 sigma)
+    free_share: _Limit = 0.25  # of time; other roundings spread it by 0.04 (1 sigma)
 
 
 @dataclass(frozen=True)
@@ -105,7 +103,7 @@ def owned(path: Path, case: str, simulator: str) -> None:
 
 
 def _named_in(text: str, name: str) -> str | None:
-    """What a file's line gives as this name."""
+    """The value that a line of a file gives to this name; None where it gives none."""
     line = re.search(rf"(?m)^{name} *=.*$", text)
     try:
         return str(parse_toml(line[0])[name]) if line else None
@@ -148,7 +146,7 @@ def read(path: Path, case: str, simulator: str, again: str) -> Baseline:
 
 
 def _faults(run: _BaselineRun) -> Iterator[str]:
-    """What a table cannot be."""
+    """Faults of a run's table, a sentence each."""
     if not run.rows and not run.skipped:
         yield "has neither rows nor a reason ('skipped')"
     for k, row in enumerate(run.rows, 1):

@@ -43,9 +43,7 @@ SAMPLES_A_REVOLUTION = 360  # of each of them
 
 @dataclass(frozen=True)
 class Loaded:
-    """What a shipped case is given so that its pins rest against their bearings: clearance (m), and loads beside its
-    own.
-    """
+    """The clearance (m) and the further loads by which the pins of a shipped case rest against their bearings."""
 
     clearance: Mapping[str, float]
     loads: tuple[Load, ...] = ()
@@ -120,7 +118,7 @@ def _shipped(mechanism: Mechanism) -> bool:
 
 
 def _loaded(mechanism: Mechanism) -> Loaded:
-    """What a case is given so that its pins rest against their bearings."""
+    """The clearance and loads by which the pins of a case rest against their bearings."""
     shipped = _shipped(mechanism) and mechanism.name in LOADED
     return LOADED[mechanism.name] if shipped else Loaded(mechanism.clearances)
 

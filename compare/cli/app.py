@@ -49,7 +49,7 @@ def main() -> None:
 
 
 class Version(Question):
-    """Of the package."""
+    """The version of the package."""
 
     version: Annotated[bool, Option("Print the version.", Switch())] = False
 

@@ -15,7 +15,7 @@ from compare.questions.question import Question
 
 
 class Instead(Question):
-    """What a person may want of data in place of a diagnosis."""
+    """Uses of data in place of a diagnosis."""
 
     check: Annotated[bool, Option("Show the data beside the nominal model; diagnose nothing.", Switch())] = False
     init: Annotated[

@@ -49,7 +49,7 @@ def result_folder(
 
 
 def named_after(file: str | Path) -> str:
-    """What a default folder is named after: a shipped case, a file's stem, the folder of a measured.toml."""
+    """The name of a default folder: a shipped case, a file's stem, the folder of a measured.toml."""
     path = Path(file).absolute()
     return path.stem if path.name != "measured.toml" else path.parent.name or path.stem
 
@@ -132,7 +132,7 @@ def _asked(context: typer.Context, line: str) -> tuple[str, dict[str, str]] | No
 
 
 def _question(options: Mapping[str, Any]) -> dict[str, str]:
-    """What a command was asked, from its options."""
+    """The options of a command that say what it was asked, as text by name."""
     return {
         name: str(list(value) if isinstance(value, tuple) else value)
         for name, value in options.items()

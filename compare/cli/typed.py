@@ -121,7 +121,7 @@ class CommandLine:
 
     @property
     def stem(self) -> str:
-        """What a folder is named after: the case."""
+        """The name of the case, after which folders are named."""
         return named_after(self.case)
 
 

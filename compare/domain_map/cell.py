@@ -113,7 +113,7 @@ def watched(contact: Contact) -> Watched:
 
 
 def judged(task: CellTask, examination: Examined) -> Cell:
-    """What a cell of the map says of a run: whether model and simulation agree, where most they do not, and why."""
+    """The cell of a run: whether model and simulation agree, where they differ most, and why."""
     comparisons, agrees = [d for d, _ in examination.verdicts], bool(examination.agreeing.all())
     unsteady = examination.flagged & ~examination.unloaded
     return Cell(

@@ -127,7 +127,7 @@ def leaving(mechanism: Mechanism, theta: np.ndarray) -> Leaving | None:
 
 
 def contact_law(mechanism: Mechanism, joint: str) -> NamedLaw:
-    """What a joint's contact is made of; that of Kelvin and Voigt where it is called nothing."""
+    """The law of a joint's contact; that of Kelvin and Voigt where the joint names none."""
     one = mechanism.joint(joint)
     made = contact_parameters(mechanism, one, "driven")
     voigt = NamedLaw("kelvin-voigt", made.stiffness, made.damping, 0.0, math.inf, math.nan)

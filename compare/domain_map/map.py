@@ -1,4 +1,4 @@
-"""The cells of a validity map, and what their results come to."""
+"""The cells of a validity map, and the map that their results make."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ RealJoint = Literal["massless-link", "spring-damper", "contact"]
 
 @dataclass(frozen=True)
 class MapPlan:
-    """What a map is over.  Every joint in ``joints`` has the cell's clearance, the others have none."""
+    """The axes of a map.  Every joint in ``joints`` has the cell's clearance, the others have none."""
 
     mechanism: Mechanism
     joints: tuple[str, ...]
@@ -65,7 +65,7 @@ class MapPlan:
         return linkage
 
     def asked(self, speed: float, clearance: float, restitution: float | None = None) -> Mechanism:
-        """The same with the contact that the mechanism gives, and this ``restitution``."""
+        """The mechanism of a cell with the contact that it gives itself, and this ``restitution``."""
         assert self.mechanism.drive is not None
         assert self.mechanism.speed is not None
         turning = {"speed": math.copysign(speed, self.mechanism.speed)}

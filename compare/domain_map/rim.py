@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 SWING = 6.0  # steps in a radian of a pin's swing along a rigid rim
-BOUNCE = 3.0  # and of its bounce on a wall that yields
+BOUNCE = 3.0  # steps in a radian of a pin's bounce on a wall that yields
 LARGEST_STEP = 0.005  # rad of crank in a step, at most
 NO_MOTION = 1e-300  # m^2
 

@@ -66,7 +66,7 @@ def validity(question: ValidityQuestion) -> Validity:
 
 
 def gridded(question: ValidityQuestion) -> MapPlan:
-    """What a map is over.  Warns, and raises, as :func:`validity` does."""
+    """The axes of the map that a question asks for.  Warns, and raises, as :func:`validity` does."""
     speeds, clearances = numbers(question.speeds, "speeds", "rad/s"), numbers(question.clearances, "clearances", "m")
     joint_model, tolerances = real(question.joint_model), laid_over(question.tolerances)
     watched = question.revolutions

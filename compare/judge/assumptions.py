@@ -245,7 +245,7 @@ class Examined:
         }
 
     def _costs_of_blocks(self, right: SignalArrays) -> dict[Costing, float]:
-        """The same where blocks have the clearance: at rest on their corners they have no motion of their own."""
+        """The costs where blocks have the clearance: at rest on their corners they have no motion of their own."""
         first, wider = self.displaced("first_order"), self.displaced("equilibrium", wider=self._sunk)
         return {
             "first-order": self.cost(self.signals(first), right),

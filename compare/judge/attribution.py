@@ -26,7 +26,7 @@ class Apart:
     party: str
     signal: Signal
     by: float  # in the signal's unit, signed
-    share: float  # the same, over the tolerance
+    share: float  # of the tolerance, unsigned
     others_spread: float
 
 

@@ -36,7 +36,7 @@ from sim_models.engine import Trace, Watched
 BINS = 72  # of a turn
 HIGH = 0.9  # quantile of the revolutions' peaks
 KNOWN = 0.1  # of a figure: half the width of its interval, where it has converged
-LEAST_SHARE = 0.005  # the same of shares of the time, at least
+LEAST_SHARE = 0.005  # of the time: half the width of a share's interval, at least
 WANTED: tuple[StatisticName, ...] = ("free_share", "rms_force", "peak_force", "restitution_loss")
 REPEATS = 1e-2  # of the clearance, and of the pin's largest speed: how near it comes back to where it was
 FAINT = 0.1  # of the energy that impacts bring along: a smaller loss need not be known any better

@@ -62,7 +62,7 @@ class Reference:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What a reader has to know of it, in sentences."""
+        """Remarks for the reader, in sentences."""
         quiet = tuple(
             f"{name} has no number at {int(here.sum())} of {count(here.size, 'sample')}: its joint stands or turns back"
             " there, and its friction takes any part of it"
@@ -302,8 +302,8 @@ def _released(assembly: Assembly, time: np.ndarray, angle: float, rate: float) -
 
 
 def _own_friction(mechanism: Mechanism, turning: Mapping[str, np.ndarray]) -> dict[str, tuple[Signal, np.ndarray]]:
-    """Of what turns back, by joint, what a motor drives: what it gives, and where (N,).  A motor and its joint's
-    friction act between the same two bodies, so that the rest of the linkage does not feel which of them does what.
+    """The motors of joints that turn back, by joint: the signal of what a motor gives, and where (N,).  A motor and its
+    joint's friction act between the same two bodies, so that the rest of the linkage does not feel which does what.
     """
     if mechanism.cranked:  # whose samples at a dead centre say nothing, as ever
         return {}

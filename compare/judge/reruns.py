@@ -32,12 +32,12 @@ if TYPE_CHECKING:
     from compare.results.analysis import Simulation  # a model that takes its time to be made
 
 NEAR_TOLERANCE = 1e3  # tolerances: a run that is off by more is not off by its step
-NEAR_LOOSE = 10.0  # the same with clearance, where pins that fly do so differently in every step
+NEAR_LOOSE = 10.0  # tolerances, with clearance: pins that fly do so differently in every step
 FINER_ROUNDS = 2
 FALLS = 0.6  # of a disagreement that is an engine's, at most, is left in a finer run
 HARDER = 16.0  # times as stiff
 SOFT = 0.5  # of a clearance: a pin that is seen farther beyond its rim hardly shows it
-HIDDEN = 1.0  # the same: it does not show it at all
+HIDDEN = 1.0  # of a clearance: a pin that is seen farther beyond its rim does not show it at all
 LONGER_ROUNDS = 3  # of runs that are made longer
 SHORT = 1e-6  # of a revolution, by which an engine's steps may end before it
 
@@ -173,7 +173,7 @@ def _too_soft(one: JudgedRun) -> Failure:
 
 
 def finer(request: Request, trace: Trace) -> Request | None:
-    """The same run with a harder contact where this project chose its stiffness, else with half the step; None where
+    """A run with a harder contact where this project chose its stiffness, else with half the step; None where
     neither can be done.
     """
     m = request.mechanism

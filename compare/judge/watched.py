@@ -50,12 +50,12 @@ class ContactHistory:
 
     @property
     def free(self) -> np.ndarray:
-        """Whether it is off its wall, (M,), as :func:`sim_models.common.journal.free_share` has it."""
+        """Where (M,) it is off its wall, as :func:`sim_models.common.journal.free_share` has it."""
         return self.reach < self.wall * (1 - OFF_WALL)
 
     @property
     def touching(self) -> np.ndarray:
-        """Whether it is at its wall or pushed, (M,)."""
+        """Where (M,) it is at its wall or pushed."""
         return (self.reach >= self.wall) | (self.push > 0)
 
     @property
@@ -104,7 +104,7 @@ class JointPlay:
 
     @property
     def free(self) -> np.ndarray:
-        """Whether nothing of it is at its wall, (M,)."""
+        """Where (M,) nothing of it is at its wall."""
         return np.all([touch.free for touch in self.contacts], axis=0)
 
     @property

@@ -37,7 +37,7 @@ Outputs = Annotated[
 
 
 class AccuracyQuestion(Question):
-    """Of a linkage that one crank moves."""
+    """How accurate a linkage is that one crank moves."""
 
     mechanism: CaseOption = "paper"
     _: KW_ONLY
@@ -59,7 +59,7 @@ class AccuracyQuestion(Question):
 
 
 class PlatformQuestion(Question):
-    """Of a linkage with several drives."""
+    """How accurate a linkage with several drives is."""
 
     mechanism: CaseOption
     _: KW_ONLY

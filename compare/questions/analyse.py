@@ -22,7 +22,7 @@ from compare.questions.shared import (
 
 
 class AnalyseQuestion(Question):
-    """What the analytic model is to say."""
+    """The motion and the model of an analysis."""
 
     mechanism: CaseOption = "paper"
     _: KW_ONLY
@@ -38,7 +38,7 @@ class AnalyseQuestion(Question):
 
 
 class SimulateQuestion(Question):
-    """What an engine is to do."""
+    """The run that an engine is to make."""
 
     mechanism: CaseOption = "paper"
     simulator: EngineOption = "mujoco"
@@ -54,7 +54,7 @@ class SimulateQuestion(Question):
 
 
 class ExportQuestion(SimulateQuestion):
-    """What an engine is to do without this project."""
+    """The run that an engine is to make without this project."""
 
     simulator: Annotated[
         str, Option("Engine whose model is wanted (see: compare simulators).", left_out=LeftOut.REFUSED)

@@ -17,7 +17,7 @@ BASELINES = Path("reports") / "baselines"
 
 
 class BaselinesQuestion(Question):
-    """Of which linkages, in which engines or by which results."""
+    """The linkages of baselines, and the engines or results that they are held to."""
 
     cases: Annotated[
         "Linkage | Sequence[Linkage] | None",

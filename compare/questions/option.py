@@ -32,7 +32,7 @@ W = TypeVar("W")  # what typer makes of what is typed
 
 
 class LeftOut(Enum):
-    """What a command takes for an option that is left out."""
+    """The value that a command takes for an option that is left out."""
 
     AS_ARGUMENT = "what the function takes for its argument"
     REFUSED = "nothing: the option must be typed"
@@ -134,7 +134,7 @@ class AllOrNone(Choice):
     """True or False, typed as one of two words."""
 
     def parse(self, word: StrEnum, called: str) -> bool:
-        """Whether it is the first."""
+        """Whether the first word was typed."""
         return str(word) == self.choices[0]
 
     def check(self, given: object, called: str) -> bool:

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 class ValidityQuestion(Question):
-    """What a map is over."""
+    """The axes, engines and contact of a map."""
 
     mechanism: CaseOption = "paper"
     _: KW_ONLY

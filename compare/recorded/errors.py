@@ -1,4 +1,4 @@
-"""What is wrong with a data file: every fault that was found, a sentence each."""
+"""Faults of a data file, a sentence each."""
 
 from __future__ import annotations
 

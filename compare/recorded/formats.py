@@ -102,7 +102,7 @@ def _mat(path: Path) -> ColumnsByHeading:
 
 
 def _vectors(fields: Mapping[str, Any]) -> list[tuple[str, Any]]:
-    """What a MAT file holds by name; of a struct its fields."""
+    """The variables of a MAT file by name; of a struct its fields."""
     vectors: list[tuple[str, Any]] = []
     for name, value in fields.items():
         inside = getattr(value, "_fieldnames", None)

@@ -83,7 +83,7 @@ def _moving(columns: Mapping[str, np.ndarray], guesses: Mapping[str, Guess], mec
 
 
 def _by_heading(heading: str, below: str | None, values: np.ndarray, names: Naming) -> Guess:
-    """What a heading says, and the unit ``below`` it, as far as they say it."""
+    """The guess that a heading, and the unit ``below`` it, make by themselves."""
     signal, _, unit = names.parted(heading)
     unit = below if unit is None else unit
     if signal is None:

@@ -21,7 +21,7 @@ from analytic.mechanism.units import UnitError, dimension, factor, listed, reada
 
 TIME = Signal("time", "", "time")
 CLOCK = ("time", "t")  # what a column of time is called
-# and in other words, of which none is enough
+# words in a heading of time, none of which is enough by itself
 CLOCKS = (*CLOCK, "zeit", "timestamp", "stamp", "clock", "uhrzeit", "zeitstempel", "temps", "tempo", "tiempo")
 AMBIGUOUS = "T"  # time if it has a unit of time, else as likely a temperature
 ALIASES = ("crank_angle", "crank_angular_velocity")  # of the driven body's signals, whatever it is called
@@ -62,7 +62,7 @@ class Column:
         return (self.meaning.of(readings) if self.meaning else readings) * self.factor
 
     def readings(self, si: np.ndarray) -> np.ndarray:
-        """What a file has where a signal (N,) is this in SI."""
+        """The readings (N,) of a file for a signal in SI."""
         return self.meaning.read(si / self.factor) if self.meaning else si / self.factor
 
 
@@ -292,12 +292,12 @@ def _twice(where: str, columns: Sequence[Column], cells: Sequence[str], names: N
 
 
 def _own_and_alias(signal: str, mechanism: Mechanism) -> list[str]:
-    """What a signal is called, by itself and by its alias."""
+    """The names of a signal: its own and its alias."""
     return sorted(fold(name) for name in {signal, *ALIASES} if canonical(name, mechanism) == signal)
 
 
 def ignored_columns(cells: Sequence[str], what: str) -> str:
-    """That columns with these headings are not used, and what they are."""
+    """A sentence on columns with these headings that are not used."""
     return f"{_listed(cells)} {'is' if len(cells) == 1 else 'are'} {what}, and ignored"
 
 

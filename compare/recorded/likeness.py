@@ -126,7 +126,7 @@ def by_model(
 def zeroed(
     columns: Mapping[str, np.ndarray], guesses: Mapping[str, Guess], mechanism: Mechanism, crank: Guess
 ) -> Guess:
-    """The same encoder with the zero at which most columns are straight lines in where the bodies of the nominal model
+    """An encoder with the zero at which most columns are straight lines in where the bodies of the nominal model
     are; as it is where it does not turn fully.
     """
     grid = np.linspace(0, 2 * math.pi, ZEROS, endpoint=False)

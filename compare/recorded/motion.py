@@ -43,7 +43,7 @@ class RecordedMotion:
     course: Motor
 
     def smooth(self) -> RecordedMotion:
-        """The same motion as an engine follows it: at each sample on its course."""
+        """The motion that an engine follows: at each sample on its course."""
         return replace(self, moving=self.course.at(self.time))
 
     @property
@@ -55,19 +55,19 @@ class RecordedMotion:
         return knots, self.course.at(knots).theta
 
     def schedule(self, mechanism: Mechanism) -> Schedule:
-        """The same motion as its course has it."""
+        """The schedule of its course."""
         return Schedule.of_crank(mechanism, self.knots, self.time)
 
 
 @dataclass(frozen=True)
 class RecordedDrives:
-    """The same of several drives, by joint: positions (rad, m) as they were recorded, and courses in between."""
+    """A motion of several drives over time, by joint: positions (rad, m) as recorded, and courses in between."""
 
     time: np.ndarray
     drives: Mapping[str, RecordedMotion]
 
     def smooth(self) -> RecordedDrives:
-        """The same motion as an engine follows it."""
+        """The motion that an engine follows: each drive on its course."""
         return RecordedDrives(self.time, {name: one.smooth() for name, one in self.drives.items()})
 
     @property
@@ -81,7 +81,7 @@ class RecordedDrives:
         return Turning(*(assembly.inputs_at(part) for part in parts))
 
     def schedule(self, at_rest: bool) -> Schedule:
-        """The same motion as its courses have it, or rest in the poses that were recorded."""
+        """The schedule of its courses, or of rest in the poses that were recorded."""
         poses = {name: (self.time, one.moving.theta) for name, one in self.drives.items()}
         return Schedule.along(poses if at_rest else self.knots, self.time, at_rest=at_rest)
 
@@ -128,7 +128,7 @@ def followed(time: np.ndarray, angle: np.ndarray, rounded: np.ndarray) -> Record
 
 
 def followed_as_given(time: np.ndarray, position: np.ndarray, rounded: np.ndarray) -> RecordedMotion:
-    """The same of a program's drive: its positions (N,) are as exact as they are written.
+    """The motion of a program's drive, whose positions (N,) are as exact as they are written.
 
     A smooth course is taken where it leaves no more than they are ``rounded`` to; where it leaves more, they have
     corners, or a motion of their own from sample to sample, and the course is the cubic spline through them.

@@ -33,16 +33,16 @@ class TableReading:
 
     @property
     def words(self) -> str:
-        """What is meant: ``crank_angle in deg and time in ms``."""
+        """The meaning in words: ``crank_angle in deg and time in ms``."""
         return " and ".join(_words(*change) for change in self.changes)
 
     @property
     def lines(self) -> str:
-        """The same as a map has it."""
+        """The meaning as lines of a map."""
         return " and ".join(line(self.table, meant) for _, meant in self.changes)
 
     def encoders(self, mechanism: Mechanism) -> Iterator[TableReading]:
-        """The same with an encoder in each other unit, and turning either way; of several one of them, all alike, or
+        """This table with an encoder in each other unit, and turning either way; of several one of them, all alike, or
         two in each other's place.
         """
         columns = [c for c in self.table.columns if c.signal in mechanism.encoders]
@@ -55,7 +55,7 @@ class TableReading:
                 yield self._with((one, _as(one, other.signal)), (other, _as(other, one.signal)))
 
     def clocks(self) -> Iterator[TableReading]:
-        """The same with the clock in each other unit."""
+        """This table with the clock in each other unit."""
         if self.table.clock is not None:
             yield from (self._with(change) for change in _meanings(self.table.clock, (1,)))
 
@@ -95,7 +95,7 @@ def _as(column: Column, signal: Signal) -> Column:
 
 
 def line(table: Table, meant: Column) -> str:
-    """What a map says of a column that is meant so."""
+    """The line of a map for a column that is meant so."""
     return f"{json.dumps(table.headings[meant.place].strip(), ensure_ascii=False)} = {_entry(meant)}"
 
 

@@ -159,7 +159,7 @@ def _table(path: Path, headings: Headings, notes: Sequence[str], read: Rows, tim
 
 
 def unused(where: str, entry: str, headings: Sequence[str]) -> str:
-    """What is wrong with an entry of [columns] that no file has."""
+    """The fault of an entry of [columns] that no file has."""
     close = difflib.get_close_matches(entry, headings, n=1)
     remedy = f"did you mean {shown(close[0])}" if close else f"the headings are {', '.join(map(shown, headings[:12]))}"
     return f"{where}columns.{shown(entry)} is no heading of a data file; {remedy}"
@@ -191,7 +191,7 @@ def _out_of_range(name: str, read: Rows, columns: Sequence[Column], values: Mapp
 
 
 def _disorder(name: str, read: Rows, time: np.ndarray, column: Column) -> list[str]:
-    """What is wrong with the order of time: where it runs back, stays, or hardly moves, the first of them."""
+    """The first fault in the order of time: where it runs back, stays, or hardly moves."""
     stamps, steps = read.numbers[:, 0], np.diff(time)
     wrong = np.flatnonzero(steps < SHORTEST_STEP)
     if not wrong.size:

@@ -114,7 +114,7 @@ def _decodes(path: Path, coded: str) -> bool:
 
 
 def too_long(name: str, rows: int, columns: int) -> DataError:
-    """What is said of a file that has more numbers than are read."""
+    """The error of a file that has more numbers than are read."""
     keep = math.ceil(rows * columns / CELLS)
     return DataError(
         f"{name}: has {count(rows, 'row')} of {count(columns, 'column')}, and at most {CELLS // columns} such rows are"
