@@ -291,7 +291,8 @@ def crosscheck_job(
     idle = [name for name in job.simulators if name not in {at for at, _ in tasks}] if job.joint_model else []
     lacks = f"{job.joint_model} joints in {job.motion} motion{' with a block' if job.mechanism.loose_guides else ''}"
     job = replace(job, warnings=(*job.warnings, *(f"left out: {name} has no {lacks}" for name in idle)))
-    smooth = {model: _smooth(job.mechanism, model) for model in JOINT_MODELS}
+    rough = any(joint.rough for joint in job.mechanism.joints)  # by the friction of contacts, which others leave out
+    smooth = {model: rough and model not in ("ideal", "contact") for model in JOINT_MODELS}
     sides = {
         key: _analytic_side(
             job, Assembly(job.mechanism.without_contact_friction()) if key[1] else assembly, key[0], measure
@@ -305,11 +306,6 @@ def crosscheck_job(
     if len(ran.left_out) == len(tasks) or (ran.left_out and len(job.simulators) == 1):
         raise Unsupported(ran.left_out[0])
     return concluded(job, ran)
-
-
-def _smooth(mechanism: Mechanism, joint_model: JointModel) -> bool:
-    """Whether joints of this model leave out the friction of contacts, which the mechanism has."""
-    return joint_model not in ("ideal", "contact") and any(joint.rough for joint in mechanism.joints)
 
 
 @dataclass(frozen=True)

@@ -69,7 +69,8 @@ def complaints(
     except Error as error:
         raise stop(error, Exit.BAD_INPUT) from None
     except ValidationError as error:
-        raise stop(reason(error), Exit.BAD_INPUT) from None
+        messages = (fault["msg"].removeprefix("Value error, ") for fault in error.errors())
+        raise stop("; ".join(messages), Exit.BAD_INPUT) from None
     except KeyboardInterrupt as interrupt:
         raise stop("; ".join(["stopped", *map(str, interrupt.args)]), Exit.INTERRUPTED) from None
 
@@ -117,15 +118,6 @@ def _as_typed(error: ArgumentError, context: typer.Context | None, names: Mappin
     typed = "" if value in (None, True) else f" {','.join(map(str, value)) if isinstance(value, list) else value}"
     why = why.removeprefix(f"{typed.strip()}: ")  # the value is said once
     return f"{option(error.argument)}{typed}: {why}"
-
-
-def reason(error: ValueError) -> str:
-    """The message of an error, without pydantic's frame around it."""
-    from pydantic import ValidationError
-
-    if isinstance(error, ValidationError):
-        return "; ".join(fault["msg"].removeprefix("Value error, ") for fault in error.errors())
-    return str(error)
 
 
 def printable(text: str) -> str:

@@ -81,10 +81,6 @@ def _sticks(part: Part) -> bool:
     return isinstance(part, Joint) and part.static_torque is not None
 
 
-def _force_of_friction(part: Part) -> bool:
-    return isinstance(part, Joint) and part.prismatic and part.guide is None
-
-
 def _guides_nothing(asked: Asked, part: Part) -> bool:
     """The block neither leans in its guide nor is rubbed by it."""
     return asked.joint_models == ("ideal",) if _loose(asked, part) else _frictionless(asked, part)
@@ -154,7 +150,13 @@ OMISSIONS: tuple[Omission, ...] = (
         ("joint.friction",),
         "the same, a prismatic joint without `guide`, whose friction is in N",
         AT_STATIC,
-        lambda asked, part: asked.motion == "static" and _sticks(part) and _force_of_friction(part),
+        lambda asked, part: (
+            asked.motion == "static"
+            and isinstance(part, Joint)
+            and _sticks(part)
+            and part.prismatic
+            and part.guide is None
+        ),
     ),
     Omission(
         ("drive.ripple", "drive.half_gap"),

@@ -145,14 +145,9 @@ def _along(
     gaps = displaced(assembly, inputs.theta, inputs.omega, alpha=inputs.alpha, near=assembly.walk(schedule))
     errors = platform(gaps.ideal, outputs, assembly.mechanism.clearances, steps)
     moved = FiniteGaps(gaps, np.arange(time.size), time.size)
-    return _result(assembly, errors, moved, outputs, steps, _every).model_copy(
+    return _result(assembly, errors, moved, outputs, steps, np.asarray).model_copy(
         update={"motion": "driven", "time": time}
     )
-
-
-def _every(values: np.ndarray) -> np.ndarray:
-    """Values of every pose of a motion, all of which are reached."""
-    return np.asarray(values, float)
 
 
 # ---------------------------------------------------------------- over a workspace

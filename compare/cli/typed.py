@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar, cast
 import typer
 
 from compare.cli.folders import named_after, result_folder
-from compare.cli.publish import finished, publish, show
+from compare.cli.publish import finished, put, show
 from compare.faults import Exit, complaints
-from compare.files import made_folder
+from compare.files import alone_in, made_folder
 from compare.questions.option import LeftOut, Option, Switch, Whole, Written
 from compare.questions.question import Question, arguments, option_of
 
@@ -90,10 +90,11 @@ class CommandLine:
 
     def answer(self, ask: Callable[[], D], caught: Sequence[str], folder: Path) -> D:
         """Ask, write what comes of it into a folder, and print it."""
-        shown, overwrite = self.asked(Shown), self.asked(Overwrite).overwrite
         with made_folder(folder) as place:
             document = finished(ask(), caught)
-            publish(document, place, json=shown.json, quiet=shown.quiet, overwrite=overwrite, context=self.context)
+            with alone_in(place):
+                put(document, place, self.asked(Overwrite).overwrite, self.context)
+            self.show(document, place)
         return document
 
     def show(self, document: "Document", place: Path | None = None) -> None:

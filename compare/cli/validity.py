@@ -27,7 +27,7 @@ def validity(line: CommandLine) -> None:
         with made_folder(place) as folder, resumed():
             with alone_in(folder, patience=0.0):  # two maps would take each other's records away
                 result = finished(line.ask(validity, ValidityQuestion, records=folder / "runs"), caught)
-                put(result, folder, result.files(), line.asked(Where).overwrite, line.context)
+                put(result, folder, line.asked(Where).overwrite, line.context)
         line.show(result, folder)
         failed = [cell.failure for cell in result.cells if isinstance(cell, Failed)]
         if len(failed) == len(result.cells):

@@ -142,11 +142,6 @@ def cells(grid: MapPlan) -> list[CellTask]:
     ]
 
 
-def _layer(restitution: float | None) -> dict[str, Any]:
-    """The field of a restitution; none where the contact is the mechanism's own."""
-    return {} if restitution is None else {"restitution": restitution}
-
-
 def _angles(assembly: Assembly) -> tuple[np.ndarray, int]:
     """Crank angles (N,) rad of every run, and how many of the first are not judged.
 
@@ -208,7 +203,8 @@ def _boundary(grid: MapPlan, tasks: Sequence[CellTask], results: Sequence[Cell |
         edges = {
             kind: boundary(task.mechanism, task.crank_angle, gaps, left[kind], rigid=kind == "rigid") for kind in left
         }
-        boundaries.append(Boundary(speed=speed, **_layer(restitution), **edges))
+        layer: dict[str, Any] = {} if restitution is None else {"restitution": restitution}
+        boundaries.append(Boundary(speed=speed, **layer, **edges))
     return tuple(boundaries)
 
 

@@ -97,7 +97,8 @@ class Examined:
             return not self.contact_lost
         if self.rocks:
             return True
-        turned = any(self._about(d) for d in off)
+        directions = [Signal.of("reaction", joint, "angle").name for joint in self.run.clearance]
+        turned = any(d.signal.name in directions and self._to_both_sides(d) for d in off)
         return turned and max(self.costs["quasi-static-corrected"], self.costs["rigid"]) <= 1
 
     @cached_property
@@ -128,11 +129,6 @@ class Examined:
         """Whether a block whose contact nothing damps swings about where it should be, in all that is off of it."""
         of_block = [d for d, _ in off if d.signal.place == joint.name and d.signal.component != "angle"]
         return undamped(self.mechanism, joint) and all(self._to_both_sides(d) for d in of_block)
-
-    def _about(self, comparison: Comparison) -> bool:
-        """Whether a difference is of the direction of a reaction that a pin with clearance carries, and of no sign."""
-        directions = [Signal.of("reaction", joint, "angle").name for joint in self.run.clearance]
-        return comparison.signal.name in directions and self._to_both_sides(comparison)
 
     def _to_both_sides(self, comparison: Comparison) -> bool:
         """Whether a difference is of no sign."""

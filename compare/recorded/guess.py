@@ -18,10 +18,10 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.columns import PLAIN
 from analytic.mechanism.one_line import shown
 from analytic.mechanism.signals import Signal
-from analytic.mechanism.units import SI, UnitError, dimension, factor
+from analytic.mechanism.units import SI, dimension
 from compare.recorded.errors import DataError
 from compare.recorded.every_column import every_column
-from compare.recorded.headings import TIME, Naming, clocklike, fold, unit_of, written_unit
+from compare.recorded.headings import TIME, Naming, clocklike, fold, is_unit, unit_of, written_unit
 from compare.recorded.likeness import NEAR_UNIT, UNKNOWN, Guess, by_model, zeroed
 
 HINTS = ("crank", "enc", "geber", "motor", "drive", "phi", "theta", "winkel", "angle", "pos")  # of an encoder's heading
@@ -88,11 +88,9 @@ def _by_heading(heading: str, below: str | None, values: np.ndarray, names: Nami
     unit = below if unit is None else unit
     if signal is None:
         return Guess(heading, None, why=UNKNOWN)
+    if unit and not is_unit(unit, dimension(signal)):
+        return Guess(heading, None, why=f"its unit {shown(unit)} is none of {dimension(signal)}")
     if unit:
-        try:
-            factor(unit, dimension(signal))
-        except UnitError:
-            return Guess(heading, None, why=f"its unit {shown(unit)} is none of {dimension(signal)}")
         return Guess(heading, signal, unit, sure=True)
     return Guess(
         heading, signal, _likely(dimension(signal), values), why="its heading has no unit; guessed by its size"

@@ -17,7 +17,7 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.columns import Layout, Meaning
 from analytic.mechanism.one_line import shown
 from analytic.mechanism.signals import Signal
-from analytic.mechanism.units import UnitError, dimension, factor, listed, readable
+from analytic.mechanism.units import Dimension, UnitError, dimension, factor, listed, readable
 
 TIME = Signal("time", "", "time")
 CLOCK = ("time", "t")  # what a column of time is called
@@ -115,7 +115,7 @@ class Naming:
         if brackets:
             unit = brackets[2] if brackets[2] is not None else brackets[3]
             signal, unit = self.signal(brackets[1]), (unit or "").strip()
-            return (None if brackets[1] == AMBIGUOUS and not _of_time(unit) else signal), brackets[1], unit
+            return (None if brackets[1] == AMBIGUOUS and not is_unit(unit, "time") else signal), brackets[1], unit
         name = cell.strip()
         plain, _, suffix = name.replace(" ", "_").rpartition("_")
         whole = self.signal(name) if name != AMBIGUOUS else None
@@ -139,9 +139,10 @@ class Naming:
         return next((known for key, known in meant.items() if words and words <= set(key.split("_"))), None)
 
 
-def _of_time(unit: str) -> bool:
+def is_unit(text: str, kind: Dimension) -> bool:
+    """Whether a text is a unit of this kind."""
     try:
-        factor(unit, "time")
+        factor(text, kind)
     except UnitError:
         return False
     return True
@@ -158,15 +159,11 @@ def unit_of(heading: str) -> str:
     return ((brackets[2] or brackets[3] or "") if brackets else "").strip()
 
 
-def written_unit(heading: str, kind: str) -> str:
+def written_unit(heading: str, kind: Dimension) -> str:
     """The unit in a heading's brackets or at its end, if it is of this kind."""
     suffix = re.search(r"[_\s]([A-Za-z]+)$", heading.strip())
     unit = unit_of(heading) or (SUFFIXES.get(suffix[1].lower(), "") if suffix else "")
-    try:
-        factor(unit, kind)  # type: ignore[arg-type]
-    except UnitError:
-        return ""
-    return unit
+    return unit if is_unit(unit, kind) else ""
 
 
 def clocklike(heading: str) -> bool:

@@ -15,14 +15,14 @@ from analytic.kinematics.motion import kinematics
 from analytic.mechanism import Mechanism
 from analytic.mechanism.columns import PLAIN
 from analytic.mechanism.signals import Signal, turned_near, unwound
-from analytic.mechanism.units import SI, dimension, factor
+from analytic.mechanism.units import SI, Dimension, dimension, factor
 from analytic.paper.kinetostatics import kinetostatics
 from compare.judge.signals import with_derived
 from compare.recorded.every_column import LEAST_READINGS
 from compare.recorded.headings import TIME, Naming, unit_of, written_unit
 from compare.recorded.smooth import Smoother
 
-GUESSED_UNITS = {
+GUESSED_UNITS: dict[Dimension, tuple[str, ...]] = {
     "time": ("s", "ms", "us"),
     "angle": ("rad", "deg", "mrad", "rev"),
     "angular velocity": ("rad/s", "deg/s", "rpm"),

@@ -18,9 +18,9 @@ from pathlib import Path
 import numpy as np
 
 from analytic.mechanism.one_line import count, shown
-from analytic.mechanism.units import OFFERED, UnitError, factor
+from analytic.mechanism.units import OFFERED
 from compare.recorded.errors import DataError
-from compare.recorded.headings import BRACKETS, Column, Naming
+from compare.recorded.headings import BRACKETS, Column, Naming, is_unit
 
 CELLS = 10_000_000  # read at most; 80 MB of numbers
 MIN_ROWS = 8  # at least
@@ -230,19 +230,10 @@ def _cells(line: str, delimiter: str | None) -> list[str]:
 def _units(cells: Sequence[str], columns: int) -> dict[int, str]:
     """The units of a row of units below the header, by column; empty where that is none."""
     bare = [cell.strip("[]() ") for cell in cells]
-    if len(bare) < columns or any(_number(cell) is not None for cell in bare) or not any(map(_is_unit, bare)):
+    numeric = any(_number(cell) is not None for cell in bare)
+    if numeric or len(bare) < columns or not any(is_unit(cell, kind) for cell in bare for kind in OFFERED):
         return {}
     return {place: unit for place, unit in enumerate(bare) if unit not in ("", "-")}
-
-
-def _is_unit(text: str) -> bool:
-    for kind in OFFERED:
-        try:
-            factor(text, kind)
-        except UnitError:
-            continue
-        return True
-    return False
 
 
 def _decimal(rows: Sequence[Sequence[str]], delimiter: str | None) -> str:
