@@ -46,7 +46,6 @@ from compare.judge.reference import (
     silenced,
 )
 from compare.judge.reruns import JudgedRun
-from compare.judge.signals import KIND_UNITS
 from compare.left_out import Asked, omitted
 from compare.progress import Progress, progress_bar
 from compare.questions.check import CheckQuestion
@@ -513,7 +512,7 @@ def _coarse(one: Recording, side: Reference, rules: Mapping[str, Rule], mechanis
             much = (
                 f"{100 * share:.2g} % of its peak"
                 if share < 1
-                else f"{open_by:.2g} {KIND_UNITS[rule.kind]}, more than its peak"
+                else f"{open_by:.2g} {rule.signal.unit}, more than its peak"
             )
             left_open = f"{name} to {much}; that much is allowed on top"
     if not left_open:

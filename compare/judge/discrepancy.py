@@ -10,7 +10,7 @@ import numpy as np
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism.signals import AXES, Signal
-from compare.judge.signals import KIND_UNITS, RuleKind, compared, kind_of
+from compare.judge.signals import RuleKind, compared, kind_of, unit_of
 from compare.judge.tolerances import Known, Tolerances
 from compare.results.crosscheck import Unit
 from sim_models.engine import JointModel, Motion, SettingValue
@@ -366,11 +366,11 @@ def judge(
     if known is None:
         if widest.share > 1 or _told_apart(rule, analytic, apart, (tolerance, tube)):
             return _discrepancy(rule, widest, "agrees" if widest.share <= 1 else "disagrees")
-        peak = f"{np.nanmax(np.abs(other)):.3g} {KIND_UNITS[rule.kind]}"
+        peak = f"{np.nanmax(np.abs(other)):.3g} {rule.signal.unit}"
         why = f"{NOT_TOLD_APART} (at most {peak}); a column that says nothing would agree as well"
         return _discrepancy(rule, widest, "unjudged", why)
     bound = difference(apart, np.where(np.isnan(tolerance), np.nan, known.bound))
-    verdict, why = _judge_known(known, widest, bound or widest, KIND_UNITS[rule.kind])
+    verdict, why = _judge_known(known, widest, bound or widest, rule.signal.unit)
     return _discrepancy(rule, widest, verdict, why)
 
 
@@ -409,6 +409,6 @@ def _judge_known(known: Known, difference: Difference, of_bound: Difference, uni
 
 
 def _discrepancy(rule: Rule, widest: Difference, verdict: SignalVerdict, reason: str = "") -> Comparison:
-    kind, unit = rule.kind, KIND_UNITS[rule.kind]
+    kind, unit = rule.kind, unit_of(rule.signal)
     public: Literal["angle", "magnitude", "value"] = kind if kind in ("angle", "magnitude") else "value"
     return Comparison(rule.signal, public, unit, widest.max, widest.rms, widest.at, widest.allowed, verdict, reason)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 
@@ -13,17 +13,6 @@ from analytic.mechanism.signals import Kind as Quantity
 from compare.results.crosscheck import Unit
 
 RuleKind = Literal["angle", "magnitude", "displacement", "rotation", "torque", "force", "position", "place", "velocity"]
-KIND_UNITS: dict[RuleKind, Unit] = {
-    "angle": "rad",
-    "magnitude": "N",
-    "displacement": "m",
-    "rotation": "rad",
-    "torque": "N.m",
-    "force": "N",
-    "position": "rad",
-    "place": "m",
-    "velocity": "rad/s",
-}
 _KINDS: dict[tuple[Quantity, Component], RuleKind] = {
     ("reaction", "angle"): "angle",
     ("reaction", "magnitude"): "magnitude",
@@ -49,6 +38,11 @@ DRIVE_TORQUE = Signal("drive", "", "torque")
 def kind_of(signal: Signal) -> RuleKind:
     """The kind under which a tolerance file has a signal.  Raises KeyError for one that is never judged."""
     return _KINDS[signal.kind, signal.component]
+
+
+def unit_of(signal: Signal) -> Unit:
+    """The unit of a signal that is judged: time is none."""
+    return cast(Unit, signal.unit)
 
 
 NO_REACTION = 1e-12  # of a reaction's peak: no force, and no direction

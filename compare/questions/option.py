@@ -96,7 +96,6 @@ class Switch(ArgumentKind[bool]):
     word: ClassVar[type] = bool
 
     def check(self, given: object, called: str) -> bool:
-        """True or False."""
         import numpy as np
 
         if isinstance(given, bool | np.bool_):
@@ -116,17 +115,14 @@ class Choice(ArgumentKind[StrEnum]):
         return _enumeration(self.choices)
 
     def parse(self, word: StrEnum, called: str) -> object:
-        """The word itself."""
         return str(word)
 
     def check(self, given: object, called: str) -> object:
-        """One of the words."""
         if isinstance(given, str) and given in self.choices:
             return str(given)
         raise unusable(called, given, " or ".join(map(repr, self.choices)))
 
     def stands_for(self, argument: object) -> object:
-        """The member of the enumeration."""
         return None if argument is None else self.word(str(argument))
 
 
@@ -138,11 +134,9 @@ class AllOrNone(Choice):
         return str(word) == self.choices[0]
 
     def check(self, given: object, called: str) -> bool:
-        """True or False."""
         return Switch().check(given, called)
 
     def stands_for(self, argument: object) -> object:
-        """The member of the enumeration."""
         return super().stands_for(self.choices[0 if argument else 1])
 
 
@@ -150,7 +144,6 @@ class Address(ArgumentKind[str]):
     """Where a program listens."""
 
     def check(self, given: object, called: str) -> str:
-        """A text."""
         if isinstance(given, str):
             return given
         raise unusable(called, given, "its address, such as tcp://localhost:8786")
@@ -165,7 +158,6 @@ class Whole(ArgumentKind[int]):
     word: ClassVar[type] = int
 
     def check(self, given: object, called: str) -> int:
-        """The number."""
         if isinstance(given, Integral) and not isinstance(given, bool):
             number = int(given)
             if self.least <= number and (self.most is None or number <= self.most):
@@ -192,7 +184,6 @@ class Angle(RealNumber):
     units: ClassVar[tuple[str, str]] = ("deg", "rad")
 
     def parse(self, word: float, called: str) -> float:
-        """The angle in rad."""
         return math.radians(word)
 
 
@@ -210,7 +201,6 @@ class Listed(ArgumentKind[str]):
     """Words with commas between them, which the function proves."""
 
     def parse(self, word: str, called: str) -> list[str]:
-        """The words, each once."""
         return listed_once(word, called)
 
 
@@ -221,7 +211,6 @@ class NameList(Listed):
     least: int = 0
 
     def check(self, given: object, called: str) -> tuple[str, ...]:
-        """The names; a single text is one."""
         from compare.arguments import names
 
         return names(given, called, self.least)
@@ -233,11 +222,9 @@ class RepeatedNames(ArgumentKind[list[str]]):
     repeated: ClassVar[bool] = True
 
     def parse(self, word: list[str], called: str) -> list[str]:
-        """The names, each once."""
         return NameList().parse(",".join(word), called)
 
     def check(self, given: object, called: str) -> tuple[str, ...]:
-        """The names; a single text is one."""
         return NameList().check(given, called)
 
     def stands_for(self, argument: object) -> object:
@@ -278,7 +265,6 @@ class IncreasingNumbers(ArgumentKind[str]):
         return [self.converted(value) for value in self.increasing(typed, called, unit)]
 
     def check(self, given: object, called: str) -> tuple[float, ...]:
-        """The numbers, increasing."""
         return self.increasing(given, called, self.units[1])
 
     def increasing(self, given: object, called: str, unit: str) -> tuple[float, ...]:
@@ -393,7 +379,6 @@ class File(Source):
     """A file that is read, or a folder."""
 
     def check(self, given: object, called: str) -> Path:
-        """Its path."""
         from compare.arguments import path
 
         return path(given, called)
@@ -403,7 +388,6 @@ class TomlTolerances(Source):
     """A file of tolerances, which is read where it is typed, so that a fault in it names the option."""
 
     def parse(self, word: Path, called: str) -> Tolerances:
-        """The tolerances."""
         from compare.judge.tolerances import load_tolerances
 
         return load_tolerances(word)
@@ -420,13 +404,11 @@ class Written(ArgumentKind[str]):
     """A file or a folder that is written; an empty text, which would be the current folder, is none."""
 
     def parse(self, word: str, called: str) -> Path:
-        """Its path."""
         if not word.strip():
             raise ArgumentError(called, "it is empty; name a folder, or give . for the current one")
         return Path(word)
 
     def check(self, given: object, called: str) -> Path:
-        """Its path."""
         return File().check(given, called)
 
     def stands_for(self, argument: object) -> str | None:
