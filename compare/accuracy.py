@@ -21,7 +21,7 @@ from compare.arguments import (
     warn_of_friction,
 )
 from compare.faults import ArgumentError
-from compare.left_out import Asked, omitted
+from compare.omissions import Asked, omitted
 from compare.questions.accuracy import DRAWS, AccuracyQuestion
 from compare.questions.question import answers
 from compare.results import accuracy as results

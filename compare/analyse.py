@@ -30,7 +30,7 @@ from compare.judge.reference import (
 )
 from compare.judge.reruns import too_soft
 from compare.judge.signals import with_derived
-from compare.left_out import Asked, omitted, rigid_walls
+from compare.omissions import Asked, omitted, rigid_walls
 from compare.questions.analyse import AnalyseQuestion, SimulateQuestion
 from compare.questions.question import answers
 from compare.results.analysis import Analysis, Simulation

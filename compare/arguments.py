@@ -159,7 +159,7 @@ def warn_of_friction(
 ) -> None:
     """Warn of the radius that is assumed of a pin that rubs in its clearance, and of blocks that jam in an engine.
 
-    Friction that is left out is in :mod:`compare.left_out`.
+    Friction that is left out is in :mod:`compare.omissions`.
     """
     if joint_model not in (None, "contact"):
         return

@@ -46,10 +46,11 @@ from compare.judge.reference import (
     silenced,
 )
 from compare.judge.reruns import JudgedRun
-from compare.left_out import Asked, omitted
+from compare.omissions import Asked, omitted
 from compare.progress import Progress, progress_bar
 from compare.questions.check import CheckQuestion
 from compare.questions.question import answers
+from compare.recorded.alternatives import TableReading, line, otherwise
 from compare.recorded.errors import DataError
 from compare.recorded.headings import Column
 from compare.recorded.motion import (
@@ -60,7 +61,6 @@ from compare.recorded.motion import (
     evenly,
     released_from,
 )
-from compare.recorded.readings import TableReading, line, otherwise
 from compare.recorded.recording import Recording, recording
 from compare.recorded.rounding import rounding
 from compare.recorded.table import Table, read_table, unused

@@ -59,7 +59,7 @@ from compare.judge.reruns import JudgedRun, prolong, settle, span, too_soft
 from compare.judge.signals import compared, recorded, with_derived, with_rotations
 from compare.judge.statistics import compared_statistics
 from compare.judge.tolerances import Tolerances, check_known, known_differences
-from compare.left_out import Asked, omitted, rigid_walls
+from compare.omissions import Asked, omitted, rigid_walls
 from compare.progress import Progress, progress_bar
 from compare.questions.crosscheck import MOST_REVOLUTIONS, CrosscheckQuestion
 from compare.questions.question import answers

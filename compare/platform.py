@@ -32,7 +32,7 @@ from compare.arguments import (
     warn_of_friction,
 )
 from compare.faults import ArgumentError, unusable
-from compare.left_out import Asked, omitted
+from compare.omissions import Asked, omitted
 from compare.questions.accuracy import PlatformQuestion, WorkspaceGrid
 from compare.questions.option import Places
 from compare.questions.question import answers

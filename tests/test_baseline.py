@@ -19,8 +19,8 @@ import commands
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import dumps, load, shipped_cases
 from compare.baseline.check import check_file, command, file_of, update_file
+from compare.baseline.comparison import fits, moved
 from compare.baseline.file import Baseline, BaselineError, MovedLimits, StoredRun, read, write
-from compare.baseline.moved import fits, moved
 from compare.baseline.runs import not_run, setups
 from compare.report.baselines import lines
 from compare.results.schemas import FOLDER

@@ -16,7 +16,7 @@ from analytic.mechanism.file import load, loads
 from asked import request_of
 from compare.crosscheck import crosscheck
 from compare.judge.contact import contact, contact_in, ideal_peaks
-from compare.judge.watched import WatchedRun
+from compare.judge.contact_motion import WatchedRun
 from compare.report.contact_figures import contact_figures
 from compare.report.words.contact import told
 from compare.results.contact import Contact

@@ -11,8 +11,8 @@ from analytic.mechanism import GROUND
 from analytic.mechanism.file import load
 from compare.crosscheck import crosscheck_job, job_of
 from compare.judge.contact import contact_in, more_revolutions, revolutions
+from compare.judge.contact_motion import WatchedRun, integral
 from compare.judge.statistics import statistic
-from compare.judge.watched import WatchedRun, integral
 from compare.questions.crosscheck import CrosscheckQuestion
 from sim_models.engine import Request, SimulationError, Trace, Watched
 

@@ -13,7 +13,7 @@ import pytest
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
 from compare.domain_map.leaving import Reaction, boundary, contact_law, leaving, reaction
-from compare.domain_map.rim import CrankWay
+from compare.domain_map.pin_motion import CrankWay
 from marks import slow
 from sim_models.common.contact_laws import NamedLaw
 from tests.evidence.contact_ode import loop_of, pressed, simulate

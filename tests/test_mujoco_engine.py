@@ -19,7 +19,7 @@ from analytic.mechanism.parts import ContactLaw
 from analytic.paper.kinetostatics import kinetostatics
 from asked import request_of
 from compare.crosscheck import crosscheck
-from compare.judge.watched import WatchedRun, integral, taken
+from compare.judge.contact_motion import WatchedRun, integral, taken
 from engine_checks import at_speed, exact_motion, fast_crank_rocker, ideal_signals, is_force, off, run, vector
 from rebounds import law_of
 from sim_models.common.contact_laws import restitution

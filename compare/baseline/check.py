@@ -13,8 +13,8 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.file import shipped_cases
 from analytic.mechanism.one_line import count
 from compare.arguments import Linkage, engines, linkage, modelling, warn_of_friction
+from compare.baseline.comparison import fits, moved
 from compare.baseline.file import Baseline, BaselineError, StoredRun, owned, read, write
-from compare.baseline.moved import fits, moved
 from compare.baseline.runs import of_results, simulated
 from compare.check import layout_of, result_files
 from compare.faults import ArgumentError, Exit, OptionError

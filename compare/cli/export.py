@@ -23,7 +23,7 @@ def export(line: CommandLine) -> None:
         from compare.arguments import linkage, noted, one_engine
         from compare.export import exported, used_in
         from compare.files import alone_in, made_folder, write_together
-        from compare.left_out import Asked, omitted
+        from compare.omissions import Asked, omitted
         from compare.results.export import Exported
         from sim_models.common.contact_laws import assumed_of_contact
         from sim_models.engine import declared

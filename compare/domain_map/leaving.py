@@ -33,7 +33,7 @@ from analytic.kinematics.motion import Gap, kinematics
 from analytic.kinematics.reach import turns_fully
 from analytic.mechanism import Mechanism
 from analytic.paper.kinetostatics import kinetostatics
-from compare.domain_map.rim import CrankWay, Wall, on_a_rim, on_a_wall
+from compare.domain_map.pin_motion import CrankWay, Wall, on_a_rim, on_a_wall
 from compare.results.validity import Leaving
 from sim_models.common.contact_laws import NamedLaw, contact_parameters, named_law
 

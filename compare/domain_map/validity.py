@@ -36,7 +36,7 @@ from compare.domain_map.cell import CellTask, examine
 from compare.domain_map.map import MapPlan, RealJoint, cells, clearance_joints, summarised
 from compare.faults import ArgumentError
 from compare.files import made_folder
-from compare.left_out import Asked, omitted
+from compare.omissions import Asked, omitted
 from compare.progress import Progress, progress_bar
 from compare.questions.question import answers
 from compare.questions.validity import ValidityQuestion

@@ -14,8 +14,8 @@ from analytic.kinematics.motion import kinematics
 from analytic.kinematics.reach import usual_angles
 from analytic.mechanism import Mechanism
 from analytic.paper.kinetostatics import kinetostatics
+from compare.judge.contact_motion import ContactHistory, JointPlay, WatchedRun, dot, integral, taken
 from compare.judge.statistics import needed, statistic
-from compare.judge.watched import ContactHistory, JointPlay, WatchedRun, dot, integral, taken
 from compare.report.words.contact import Steadiness, steadiness
 from compare.results.contact import (
     Balance,
