@@ -106,7 +106,6 @@ class Job:
     schedule: Schedule
     joint_model: JointModel | None = None
     model: Model = "equilibrium"
-    command: str = ""
     warnings: tuple[str, ...] = ()
     workers: int = 1
     flexible: bool = False
@@ -370,7 +369,7 @@ def concluded(job: Job, ran: Ran, alike: Callable[[JudgedRun], bool] = lambda on
     return CrossCheck(
         case=job.mechanism.name,
         verdict=_verdict(runs, ran.failures, statistics),
-        command=job.command,
+        command="",
         versions=versions({run.simulator.name: run.simulator.version for run in runs}),
         mechanism=job.mechanism,
         warnings=(
