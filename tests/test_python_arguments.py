@@ -26,7 +26,7 @@ from compare.baseline.file import BaselineError
 from compare.cli.app import app
 from compare.diagnose.data.recording import MeasuredError
 from compare.domain_map.map import MapPlan
-from compare.domain_map.validity import gridded
+from compare.domain_map.validity import plan_of
 from compare.faults import ArgumentError
 from compare.files import OutputError
 from compare.judge.tolerances import ToleranceError
@@ -242,7 +242,7 @@ def test_a_clearance_of_more_than_a_tenth_of_a_body_is_taken_only_where_it_is_me
 
 def test_a_map_takes_large_clearances_only_where_they_are_meant() -> None:
     def grid(**asked: object) -> MapPlan:
-        return gridded(ValidityQuestion("paper", speeds=[60.0], **asked))
+        return plan_of(ValidityQuestion("paper", speeds=[60.0], **asked))
 
     with pytest.raises(
         ArgumentError, match=r"^clearances: joint 'B' has clearance = 0\.0201 m, more than a tenth of body"

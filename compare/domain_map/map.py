@@ -117,16 +117,16 @@ def _distances(mechanism: Mechanism) -> dict[str, int]:
     return away
 
 
-def cells(grid: MapPlan) -> list[CellTask]:
+def cells(plan: MapPlan) -> list[CellTask]:
     """The runs of a map, engine by engine."""
-    theta, skip = _angles(Assembly(grid.mechanism))
-    tolerances = grid.tolerances.only("driven", grid.joint_model)
-    places = list(product(grid.layers, grid.speeds, grid.clearances))
-    linkages = {(e, w, c): grid.linkage(w, c, e) for e, w, c in places}
+    theta, skip = _angles(Assembly(plan.mechanism))
+    tolerances = plan.tolerances.only("driven", plan.joint_model)
+    places = list(product(plan.layers, plan.speeds, plan.clearances))
+    linkages = {(e, w, c): plan.linkage(w, c, e) for e, w, c in places}
     return [
         CellTask(
             simulator=simulator,
-            joint_model=grid.joint_model,
+            joint_model=plan.joint_model,
             speed=speed,
             clearance=clearance,
             mechanism=linkages[restitution, speed, clearance],
@@ -135,9 +135,9 @@ def cells(grid: MapPlan) -> list[CellTask]:
             tolerances=tolerances,
             versions=versions(installed(simulator)),
             restitution=restitution,
-            revolutions=grid.revolutions,
+            revolutions=plan.revolutions,
         )
-        for simulator in grid.simulators
+        for simulator in plan.simulators
         for restitution, speed, clearance in places
     ]
 
@@ -155,46 +155,46 @@ def _angles(assembly: Assembly) -> tuple[np.ndarray, int]:
 # ---------------------------------------------------------------- what they come to
 
 
-def summarised(grid: MapPlan, tasks: Sequence[CellTask], results: Sequence[Cell | Failed]) -> Validity:
+def summarised(plan: MapPlan, tasks: Sequence[CellTask], results: Sequence[Cell | Failed]) -> Validity:
     """The map, but for the command and warnings; ``results`` are the cells of ``tasks``, in their order."""
-    between, edge = _between(grid, results), _boundary(grid, tasks, results)
-    blocks = [name for name in grid.joints if grid.mechanism.joint(name).prismatic]
+    between, edge = _between(plan, results), _boundary(plan, tasks, results)
+    blocks = [name for name in plan.joints if plan.mechanism.joint(name).prismatic]
     means = words.MEANS_OF_BLOCKS if blocks else words.MEANS
-    sentences = words.come_to(grid.simulators, results, between, _inertia_only(grid.mechanism))
-    optional: dict[str, Any] = {"between_simulators": between, "restitutions": grid.restitutions, "boundary": edge}
+    sentences = words.come_to(plan.simulators, results, between, _inertia_only(plan.mechanism))
+    optional: dict[str, Any] = {"between_simulators": between, "restitutions": plan.restitutions, "boundary": edge}
     return Validity(
-        case=grid.mechanism.name,
-        mechanism=grid.mechanism,
-        versions=versions(installed(*grid.simulators)),
-        simulators=grid.simulators,
-        joint_model=grid.joint_model,
+        case=plan.mechanism.name,
+        mechanism=plan.mechanism,
+        versions=versions(installed(*plan.simulators)),
+        simulators=plan.simulators,
+        joint_model=plan.joint_model,
         motion="driven",
         analytic_model="equilibrium",
-        joints=grid.joints,
-        joints_are=grid.joints_are,
-        speeds=grid.speeds,
-        clearances=grid.clearances,
+        joints=plan.joints,
+        joints_are=plan.joints_are,
+        speeds=plan.speeds,
+        clearances=plan.clearances,
         crank_angle=tasks[0].crank_angle[tasks[0].skip :],
-        contact=_contact(grid),
+        contact=_contact(plan),
         assumptions={name: Meaning(means=each, examined=name in ASSUMPTIONS) for name, each in means.items()},
         cells=tuple(results),
-        holds_up_to={name: _holds(grid, [c for c in results if c.simulator == name]) for name in grid.simulators},
+        holds_up_to={name: _holds(plan, [c for c in results if c.simulator == name]) for name in plan.simulators},
         words=(*sentences, *words.contact_lost(results, blocks)),
         command="",
         warnings=tuple(too_soft(results)),
-        assumed=(*assumed(grid.mechanism), *_assumed(grid, results)),
+        assumed=(*assumed(plan.mechanism), *_assumed(plan, results)),
         **{name: value for name, value in optional.items() if value},
     )
 
 
-def _boundary(grid: MapPlan, tasks: Sequence[CellTask], results: Sequence[Cell | Failed]) -> tuple[Boundary, ...]:
+def _boundary(plan: MapPlan, tasks: Sequence[CellTask], results: Sequence[Cell | Failed]) -> tuple[Boundary, ...]:
     """Where contact is first lost by the analytic model, by restitution and speed, where its cells were asked."""
     linkages = {task.at: task for task in tasks}
     leavings = {cell.at: cell.leaving for cell in results if isinstance(cell, Cell) and cell.leaving is not None}
     boundaries = []
-    for restitution, speed in product(grid.layers, grid.speeds):
-        column = [leavings.get((speed, clearance, restitution)) for clearance in grid.clearances]
-        known = [(gap, one) for gap, one in zip(grid.clearances, column, strict=True) if one is not None]
+    for restitution, speed in product(plan.layers, plan.speeds):
+        column = [leavings.get((speed, clearance, restitution)) for clearance in plan.clearances]
+        known = [(gap, one) for gap, one in zip(plan.clearances, column, strict=True) if one is not None]
         if not known:
             continue
         task = linkages[speed, known[0][0], restitution]
@@ -208,11 +208,11 @@ def _boundary(grid: MapPlan, tasks: Sequence[CellTask], results: Sequence[Cell |
     return tuple(boundaries)
 
 
-def _assumed(grid: MapPlan, results: Sequence[Cell | Failed]) -> Iterator[Assumed]:
+def _assumed(plan: MapPlan, results: Sequence[Cell | Failed]) -> Iterator[Assumed]:
     """What contact is made of in the cells that the mechanism does not say."""
-    asked = grid.asked(grid.speeds[0], grid.clearances[0], grid.layers[0])
+    asked = plan.asked(plan.speeds[0], plan.clearances[0], plan.layers[0])
     cells = [cell for cell in results if isinstance(cell, Cell)]
-    contact = [assumed_of_contact(asked, grid.joints, cell.settings) for cell in cells]
+    contact = [assumed_of_contact(asked, plan.joints, cell.settings) for cell in cells]
     yield from dict.fromkeys(each for one in contact for each in one)
 
 
@@ -226,31 +226,31 @@ def too_soft(results: Sequence[Cell | Failed]) -> Iterator[str]:
         yield words.too_soft(name, mine, stiffness * times / STIFF if isinstance(stiffness, float) else None)
 
 
-def _contact(grid: MapPlan) -> dict[str, Law]:
+def _contact(plan: MapPlan) -> dict[str, Law]:
     """Each joint's law; its damping, where that is the same in all cells."""
-    linkage = grid.linkage(grid.speeds[0], grid.clearances[0], grid.layers[0])
+    linkage = plan.linkage(plan.speeds[0], plan.clearances[0], plan.layers[0])
     laws = {}
-    for name in grid.joints:
+    for name in plan.joints:
         joint = linkage.joint(name)
         if joint.contact_stiffness:
             law = {} if joint.contact_law is None else {"law": joint.contact_law}
-            damping = None if grid.restitutions else joint.contact_damping
+            damping = None if plan.restitutions else joint.contact_damping
             laws[name] = Law(stiffness=joint.contact_stiffness, damping=damping, **law)
     return laws
 
 
-def _holds(grid: MapPlan, each: Sequence[Cell | Failed]) -> Limits:
+def _holds(plan: MapPlan, each: Sequence[Cell | Failed]) -> Limits:
     """By clearance the highest speed (rad/s) up to which the equilibrium, and Eq. 8, hold at every speed and
     restitution of the map; None if at none.
     """
 
     def highest(test: Callable[[Cell], bool]) -> tuple[float | None, ...]:
         limits: list[float | None] = []
-        for clearance in grid.clearances:
+        for clearance in plan.clearances:
             holding: float | None = None
             for cell in sorted((c for c in each if c.clearance == clearance), key=lambda c: c.speed):
                 if isinstance(cell, Failed) or not test(cell):
-                    holding = max((w for w in grid.speeds if w < cell.speed), default=None)
+                    holding = max((w for w in plan.speeds if w < cell.speed), default=None)
                     break
                 holding = cell.speed
             limits.append(holding)
@@ -261,10 +261,10 @@ def _holds(grid: MapPlan, each: Sequence[Cell | Failed]) -> Limits:
     )
 
 
-def _between(grid: MapPlan, each: Sequence[Cell | Failed]) -> Between | None:
+def _between(plan: MapPlan, each: Sequence[Cell | Failed]) -> Between | None:
     """How far the engines are from one another; None for one engine."""
     judged = [cell for cell in each if isinstance(cell, Cell)]
-    places = product(grid.speeds, grid.clearances, grid.layers)
+    places = product(plan.speeds, plan.clearances, plan.layers)
     groups = [[c for c in judged if c.at == place] for place in places]
     groups = [group for group in groups if len(group) > 1]
     if not groups:

@@ -60,12 +60,12 @@ def validity(question: ValidityQuestion) -> Validity:
 
     Raises MechanismError, ArgumentError, ToleranceError, Unsupported, SimulatorMissing, ClusterError or OutputError.
     """
-    grid = gridded(question)
+    plan = plan_of(question)
     with progress_bar(question.progress) as progress:
-        return mapped(grid, question, progress)
+        return mapped(plan, question, progress)
 
 
-def gridded(question: ValidityQuestion) -> MapPlan:
+def plan_of(question: ValidityQuestion) -> MapPlan:
     """The axes of the map that a question asks for.  Warns, and raises, as :func:`validity` does."""
     speeds, clearances = numbers(question.speeds, "speeds", "rad/s"), numbers(question.clearances, "clearances", "m")
     joint_model, tolerances = real(question.joint_model), laid_over(question.tolerances)
@@ -105,14 +105,14 @@ def gridded(question: ValidityQuestion) -> MapPlan:
     )
 
 
-def mapped(grid: MapPlan, question: ValidityQuestion, progress: Progress) -> Validity:
+def mapped(plan: MapPlan, question: ValidityQuestion, progress: Progress) -> Validity:
     """The map over a grid.  Raises AssemblyError, ClusterError or OutputError."""
-    tasks = cells(grid)
+    tasks = cells(plan)
     with tempfile.TemporaryDirectory() as scratch:
         records = Path(scratch) / "runs" if question.records is None else Path(question.records)
         results = _swept(tasks, records, question.workers or cores(), question.dask, progress)
-    result = summarised(grid, tasks, results)
-    return result.model_copy(update={"warnings": (*grid.warnings, *result.warnings)})
+    result = summarised(plan, tasks, results)
+    return result.model_copy(update={"warnings": (*plan.warnings, *result.warnings)})
 
 
 def _restitutions(given: Numbers, joint_model: RealJoint) -> tuple[float, ...]:
