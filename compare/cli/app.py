@@ -90,17 +90,10 @@ def compare(line: CommandLine) -> None:
         line.judge(lambda: line.ask(crosscheck, CrosscheckQuestion), caught, folder)
 
 
-app.command()(accuracy)
-app.command()(analyse)
-app.command()(cases)
-app.command()(check)
-app.command()(diagnose)
-app.command()(effects)
-app.command()(export)
+for listed in (accuracy, analyse, cases, check, diagnose, effects, export):
+    app.command()(listed)
 app.command("import")(import_)
-app.command(name="list")(runs)
-app.command()(simulate)
-app.command()(simulators)
-app.command()(validity)
-app.command()(show)
+app.command("list")(runs)
+for listed in (simulate, simulators, validity, show):
+    app.command()(listed)
 app.add_typer(baseline, name="baseline")
