@@ -87,16 +87,16 @@ def settle(
     """
     settled: dict[int, JudgedRun | Failure] = dict(judged)
     looking = {
-        i: one
-        for i, one in judged.items()
-        if 0 < one.share <= (NEAR_LOOSE if one.trace.clearance else NEAR_TOLERANCE) or one.soft > SOFT
+        i: judgement
+        for i, judgement in judged.items()
+        if 0 < judgement.share <= (NEAR_LOOSE if judgement.trace.clearance else NEAR_TOLERANCE) or judgement.soft > SOFT
     }
     asked = dict(requests)
     for round_ in range(1, FINER_ROUNDS + 1):
         again = {
             i: request
-            for i, one in looking.items()
-            if i in asked and (request := finer(asked[i], one.trace)) is not None
+            for i, judgement in looking.items()
+            if i in asked and (request := finer(asked[i], judgement.trace)) is not None
         }
         asked |= again
         outcomes = simulate(again) if again else {}
@@ -105,14 +105,15 @@ def settle(
             if isinstance(outcome, Failure):
                 settled[i] = _undecided(before[i], f"a finer run of it failed ({outcome.why})")
                 continue
-            one = judge(replace(outcome, settings={**outcome.settings, "refinements": round_}))
-            settled[i] = one
-            if one.soft > SOFT:
-                looking[i] = one
-            elif 0 < one.share <= FALLS * before[i].share:
-                looking[i] = one
+            judgement = judge(replace(outcome, settings={**outcome.settings, "refinements": round_}))
+            settled[i] = judgement
+            if judgement.soft > SOFT:
+                looking[i] = judgement
+            elif 0 < judgement.share <= FALLS * before[i].share:
+                looking[i] = judgement
                 settled[i] = _undecided(
-                    one, f"it was {before[i].share / one.share:.1f} times that in a coarser run, and still falls"
+                    judgement,
+                    f"it was {before[i].share / judgement.share:.1f} times that in a coarser run, and still falls",
                 )
     for i, run in settled.items():
         if isinstance(run, JudgedRun) and run.soft > HIDDEN:
@@ -160,15 +161,15 @@ def stiff_enough(run: Run | Simulation, joint: str) -> str:
     return f"give joint {joint} contact_stiffness = {wanted:.1e} (N/m) or more"
 
 
-def _too_soft(one: JudgedRun) -> Failure:
-    t, depths = one.trace, beyond_rim(one.run)
-    joint = max(depths, key=lambda name: depths[name] / one.run.clearance[name])
+def _too_soft(judgement: JudgedRun) -> Failure:
+    t, depths = judgement.trace, beyond_rim(judgement.run)
+    joint = max(depths, key=lambda name: depths[name] / judgement.run.clearance[name])
     what = (
         f"{t.simulator} {t.joint_model} {t.motion}: contact too soft for this load: the pin of joint {joint} is seen"
         f" {depths[joint]:.2g} m"
     )
-    times = f"{depths[joint] / one.run.clearance[joint]:.2g} times its clearance"
-    why = f"{what} beyond its rim, {times}; {stiff_enough(one.run, joint)}, or a smaller load"
+    times = f"{depths[joint] / judgement.run.clearance[joint]:.2g} times its clearance"
+    why = f"{what} beyond its rim, {times}; {stiff_enough(judgement.run, joint)}, or a smaller load"
     return Failure(simulator=t.simulator, joint_model=t.joint_model, why=why, cause=Cause.TOO_SOFT)
 
 
@@ -187,9 +188,9 @@ def finer(request: Request, trace: Trace) -> Request | None:
     return replace(request, step=step / 2) if step and request.motion == "driven" else None
 
 
-def _undecided(one: JudgedRun, why: str) -> Failure:
-    t = one.trace
-    error = f"{t.simulator} {t.joint_model} {t.motion}: {one.words} is its own error: {why}"
+def _undecided(judgement: JudgedRun, why: str) -> Failure:
+    t = judgement.trace
+    error = f"{t.simulator} {t.joint_model} {t.motion}: {judgement.words} is its own error: {why}"
     cause = Cause.NOT_CONVERGED
     return Failure(simulator=t.simulator, joint_model=t.joint_model, why=f"{error}; {cause.remedy}", cause=cause)
 
@@ -219,19 +220,19 @@ def prolong(
     return ended
 
 
-def _as_far(one: JudgedRun | Failure, longer: Failure) -> JudgedRun | Failure:
+def _as_far(shorter: JudgedRun | Failure, longer: Failure) -> JudgedRun | Failure:
     """A run that could not be prolonged, with the reason in its words."""
-    if isinstance(one, Failure) or one.run.contact is None:
-        return one
-    contact = one.run.contact.model_copy(update={"words": no_longer_run(one.run.contact.words, longer.why)})
-    return replace(one, run=one.run.model_copy(update={"contact": contact}))
+    if isinstance(shorter, Failure) or shorter.run.contact is None:
+        return shorter
+    contact = shorter.run.contact.model_copy(update={"words": no_longer_run(shorter.run.contact.words, longer.why)})
+    return replace(shorter, run=shorter.run.model_copy(update={"contact": contact}))
 
 
-def _longer(request: Request, one: JudgedRun | Failure, most: float) -> Request | None:
+def _longer(request: Request, shorter: JudgedRun | Failure, most: float) -> Request | None:
     """The request of a longer run; None where that is no use, or not allowed."""
-    if isinstance(one, Failure) or one.run.contact is None or one.run.contact.revolutions < 1 - SHORT:
+    if isinstance(shorter, Failure) or shorter.run.contact is None or shorter.run.contact.revolutions < 1 - SHORT:
         return None
-    contact = one.run.contact
+    contact = shorter.run.contact
     turns = min(math.ceil(more_revolutions(contact)), most)
     if turns < contact.revolutions + 0.5:
         return None

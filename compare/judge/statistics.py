@@ -66,22 +66,24 @@ def compared_statistics(runs: Sequence[Run], tolerances: Tolerances) -> tuple[Co
     return tuple(pair_verdict for one, other in pairs for pair_verdict in _compared(one, other, tolerances))
 
 
-def _compared(one: Run, other: Run, tolerances: Tolerances) -> Iterator[Compared]:
-    assert one.contact is not None
-    assert other.contact is not None
-    why = _incomparable(one, other)
-    for joint in (name for name in one.contact.joints if name in other.contact.joints):
+def _compared(first: Run, second: Run, tolerances: Tolerances) -> Iterator[Compared]:
+    assert first.contact is not None
+    assert second.contact is not None
+    why = _incomparable(first, second)
+    for joint in (name for name in first.contact.joints if name in second.contact.joints):
         for name in STATISTICS:
-            a, b = (_statistic(contact, joint, name) for contact in (one.contact, other.contact))
-            nothing = ENGINE_ROUNDING * _largest_loss(one.contact, other.contact, joint) if UNITS[name] == "J" else 0.0
+            a, b = (_statistic(contact, joint, name) for contact in (first.contact, second.contact))
+            nothing = (
+                ENGINE_ROUNDING * _largest_loss(first.contact, second.contact, joint) if UNITS[name] == "J" else 0.0
+            )
             allowed = _allowed(a, b, name, tolerances, nothing)
             within = allowed is not None and abs((a.value or 0.0) - (b.value or 0.0)) <= allowed
             yield Compared(
                 joint=joint,
                 statistic=name,
                 unit=UNITS[name],
-                joint_model=one.joint_model,
-                between=(one.simulator.name, other.simulator.name),
+                joint_model=first.joint_model,
+                between=(first.simulator.name, second.simulator.name),
                 values=(a.value, b.value),
                 allowed=allowed,
                 verdict="unjudged" if why or allowed is None else "agrees" if within else "disagrees",
@@ -93,10 +95,10 @@ def _statistic(contact: Contact, joint: str, name: StatisticName) -> Statistic:
     return contact.joints[joint].statistics[name]
 
 
-def _largest_loss(one: Contact, other: Contact, joint: str) -> float:
+def _largest_loss(first: Contact, second: Contact, joint: str) -> float:
     """The largest loss (J) of a joint in two runs."""
     names = [name for name in STATISTICS if UNITS[name] == "J"]
-    return max(abs(_statistic(contact, joint, name).value or 0.0) for contact in (one, other) for name in names)
+    return max(abs(_statistic(contact, joint, name).value or 0.0) for contact in (first, second) for name in names)
 
 
 def _allowed(
@@ -112,10 +114,10 @@ def _allowed(
     return max(line.absolute, line.relative * size, nothing) + math.hypot(halves[0], halves[1])
 
 
-def _incomparable(one: Run, other: Run) -> str:
+def _incomparable(first: Run, second: Run) -> str:
     """Why the statistics of two runs say nothing of each other; empty where they do."""
     for name, what in (("contact_law", "laws"), ("contact_stiffness", "stiffnesses")):
-        a, b = (run.settings.get(name) for run in (one, other))
+        a, b = (run.settings.get(name) for run in (first, second))
         if a != b:
             remedy = "; name one for all: contact_law of the joint" if name == "contact_law" else ""
             return f"different {what} of contact ({a} and {b}){remedy}"
