@@ -17,17 +17,17 @@ from compare.questions.listing import REPORTS, RunsQuestion
 from compare.questions.question import answers
 from compare.results.history import EarlierRun, Kind, Runs
 
-KINDS: Mapping[str, Kind] = {
+RESULT_KINDS: Mapping[str, Kind] = {
     "result.json": "cross-check",
     "diagnosis.json": "diagnosis",
     "accuracy.json": "accuracy",
     "validity.json": "validity",
     "data.json": "data",
 }
-JUDGED = ("cross-check", "diagnosis")  # kinds that have a verdict
-DEEPEST = 4  # folders below the one that is asked for
+WITH_VERDICT = ("cross-check", "diagnosis")  # kinds that have a verdict
+DEEPEST_FOLDER = 4  # folders below the one that is asked for
 HEAD = 2**16  # bytes in which case, verdict and command are looked for
-WHOLE = 2**22  # bytes of a file that is read whole where its head has not got them all
+WHOLE_FILE = 2**22  # bytes of a file that is read whole where its head has not got them all
 _BLANK = re.compile(r"[ \t\r\n]*")
 _DECODER = json.JSONDecoder()
 
@@ -43,7 +43,7 @@ def runs(question: RunsQuestion) -> Runs:
     if not place.is_dir():
         raise OptionError(f"{place}: there is no such folder; give one that holds reports, such as {REPORTS}")
     earlier, unreadable = [], []
-    for path in _results(place, DEEPEST):
+    for path in _results(place, DEEPEST_FOLDER):
         try:
             earlier.append(_run(path))
         except ReadingError as error:
@@ -59,7 +59,7 @@ def _results(folder: Path, depth: int) -> Iterator[Path]:
         with os.scandir(folder) as entries:
             inner = []
             for entry in entries:
-                if entry.name in KINDS:
+                if entry.name in RESULT_KINDS:
                     yield Path(entry.path)
                 elif depth and not entry.name.startswith(".") and entry.is_dir(follow_symlinks=False):
                     inner.append(Path(entry.path))
@@ -71,8 +71,8 @@ def _results(folder: Path, depth: int) -> Iterator[Path]:
 
 def _run(path: Path) -> EarlierRun:
     """The case, command, verdict and date that a result gives.  Raises ReadingError."""
-    kind = KINDS[path.name]
-    wanted = {"schema", "case", "command", *(["verdict"] if kind in JUDGED else [])}
+    kind = RESULT_KINDS[path.name]
+    wanted = {"schema", "case", "command", *(["verdict"] if kind in WITH_VERDICT else [])}
     fields, written = _read(path, wanted)
     if fields.get("schema") != 1:
         raise ReadingError(f"is not a result of compare: schema is {_shown_value(fields, 'schema')}, and not 1")
@@ -84,7 +84,7 @@ def _run(path: Path) -> EarlierRun:
         file=str(path),
         kind=kind,
         case=printable(cast(str, fields["case"])),
-        verdict=printable(cast(str, fields["verdict"])) if kind in JUDGED else None,
+        verdict=printable(cast(str, fields["verdict"])) if kind in WITH_VERDICT else None,
         command=printable(command) if isinstance(command, str) else "",
         date=_date(fields.get("date"), written),
     )
@@ -107,7 +107,7 @@ def _read(path: Path, wanted: set[str]) -> tuple[Mapping[str, object], float]:
     except OSError as error:
         raise ReadingError(f"cannot be read: {error.strerror}") from None
     fields = _fields(head.decode("utf-8-sig", errors="replace"))
-    if about.st_size <= WHOLE and not wanted <= set(fields):
+    if about.st_size <= WHOLE_FILE and not wanted <= set(fields):
         return read_json(path), about.st_mtime
     if not tail.rstrip().endswith(b"}"):
         raise ReadingError("is cut off: it does not end with a brace")

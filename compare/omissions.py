@@ -18,7 +18,7 @@ from sim_models.engine import JOINT_MODELS, TOUCHING, JointModel, Motion, Settin
 Command = Literal["analyse", "accuracy", "compare", "simulate", "check", "validity", "export", "diagnose"]
 AT_SPEED = ("contact_damping", "restitution", "contact_law")
 AT_STATIC = "dry friction at rest is static_torque"
-CONTACT = tuple(f"joint.{field}" for field in ("contact_stiffness", *AT_SPEED))
+CONTACT_FIELDS = tuple(f"joint.{field}" for field in ("contact_stiffness", *AT_SPEED))
 
 
 @dataclass(frozen=True)
@@ -165,19 +165,19 @@ OMISSIONS: tuple[Omission, ...] = (
         lambda asked, part: asked.bends and asked.command in ("analyse", "accuracy"),
     ),
     Omission(
-        CONTACT,
+        CONTACT_FIELDS,
         "a joint without `clearance`",
         "nothing touches without clearance",
         lambda asked, part: not _loose(asked, part),
     ),
     Omission(
-        CONTACT,
+        CONTACT_FIELDS,
         "`analyse`, `accuracy`, `check`",
         "the analytic model's contact is rigid",
         lambda asked, part: asked.command in ("analyse", "accuracy", "check"),
     ),
     Omission(
-        CONTACT,
+        CONTACT_FIELDS,
         "`ideal` and `massless-link` joints",
         "no pin touches its bearing by a law of contact in these joint models",
         lambda asked, part: not asked.touches,
@@ -195,7 +195,7 @@ OMISSIONS: tuple[Omission, ...] = (
         lambda asked, part: isinstance(part, Joint) and part.contact_damping is not None,
     ),
     Omission(
-        CONTACT,
+        CONTACT_FIELDS,
         "the analytic side of `compare` and `validity`",
         "contact is rigid on the analytic side; the simulation has them",
         lambda asked, part: asked.command in ("compare", "validity"),

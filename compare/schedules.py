@@ -34,11 +34,11 @@ if TYPE_CHECKING:
 
 MovedQuestion = CrosscheckQuestion | AnalyseQuestion | SimulateQuestion
 MOST_LIKELY_DEGREES = 4 * math.pi  # rad; crank angles beyond two turns were probably given in degrees
-USUAL = 1.0  # s, as far as the drives get
+USUAL_TIME = 1.0  # s, as far as the drives get
 DEFAULT_TIMES = 50
 SHORTEST_COURSE = 1e-3  # s
 SPARE = 0.9  # of the way to where the drives get no farther
-LINE = 5  # knots of a straight line
+LINE_KNOTS = 5  # knots of a straight line
 FREE_TIME = np.linspace(0.0, 2.0, 101)  # s, for a released linkage
 
 
@@ -141,7 +141,7 @@ def at_their_speeds(assembly: Assembly, time: np.ndarray | None, at_rest: bool =
             )
     speeds = m.drive_speeds
     end = float(time[-1]) if time is not None else _as_far(assembly, speeds)
-    knots = np.linspace(0.0, max(end, SHORTEST_COURSE), LINE)
+    knots = np.linspace(0.0, max(end, SHORTEST_COURSE), LINE_KNOTS)
     courses = {name: (knots, assembly.positions[name] + speed * knots) for name, speed in speeds.items()}
     return Schedule.along(courses, np.linspace(0.0, end, DEFAULT_TIMES + 1) if time is None else time, at_rest=at_rest)
 
@@ -149,8 +149,8 @@ def at_their_speeds(assembly: Assembly, time: np.ndarray | None, at_rest: bool =
 def _as_far(assembly: Assembly, speeds: Mapping[str, float]) -> float:
     """How long (s) all drives can go on, at most the usual time, less a tenth where they cannot."""
     if len(speeds) < len(assembly.structure.inputs):  # where it moves freely, nobody knows before
-        return USUAL
-    low, high, end = 0.0, USUAL, USUAL
+        return USUAL_TIME
+    low, high, end = 0.0, USUAL_TIME, USUAL_TIME
     while high - low > SHORTEST_COURSE:
         try:
             time = np.linspace(0.0, end, DEFAULT_TIMES)
@@ -158,8 +158,8 @@ def _as_far(assembly: Assembly, speeds: Mapping[str, float]) -> float:
             low = end
         except AssemblyError:
             high = end
-        if low == USUAL:
-            return USUAL
+        if low == USUAL_TIME:
+            return USUAL_TIME
         end = (low + high) / 2
     return SPARE * low
 

@@ -23,7 +23,7 @@ from compare.faults import ArgumentError
 from compare.files import to_json, write_atomically
 from compare.workers import deaf
 
-AHEAD = 2  # runs under way for each worker: one that it does, one that waits for it
+RUNS_AHEAD = 2  # runs under way for each worker: one that it does, one that waits for it
 CONNECT = 10.0  # s to wait for a cluster's scheduler
 WORKERS_PATIENCE = 60.0  # s to wait for its workers
 RUNS_TAKE_TURNS = threading.Lock()  # engines are not made for threads: the runs of one process take turns
@@ -213,7 +213,7 @@ def _processes(workers: int) -> Iterator[Pool]:
     from compare.workers import processes
 
     with processes(workers) as executor:
-        yield executor, lambda: AHEAD * workers
+        yield executor, lambda: RUNS_AHEAD * workers
 
 
 @contextmanager
@@ -240,7 +240,7 @@ def _cluster(address: str) -> Iterator[Pool]:
             raise ClusterError(
                 "dask", f"{address}: the cluster has no workers; start some, then the same again"
             ) from None
-        return AHEAD * max(1, sum(client.nthreads().values()))
+        return RUNS_AHEAD * max(1, sum(client.nthreads().values()))
 
     with client:
         yield client.get_executor(pure=False), room

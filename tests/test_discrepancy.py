@@ -24,7 +24,7 @@ from compare.judge.discrepancy import (
     run_rules,
 )
 from compare.judge.reference import reference
-from compare.judge.signals import DRIVE_TORQUE, compared, kind_of, with_derived
+from compare.judge.signals import compared, kind_of, with_derived
 from compare.judge.tolerances import Known, Line, ToleranceError, known_differences, load_tolerances
 from compare.results.crosscheck import Unit
 from sim_models.engine import JointModel
@@ -35,7 +35,7 @@ SIDE = {"reaction_B_angle": ANGLE, "reaction_B_magnitude": SIZE, "drive_torque":
 TOLERANCES = load_tolerances()
 
 
-GAMMA = Signal("reaction", "B", "angle")
+GAMMA, DRIVE_TORQUE = Signal("reaction", "B", "angle"), Signal("drive", "", "torque")
 JUDGED = {s.name: s for s in (GAMMA, GAMMA.sibling("magnitude"), DRIVE_TORQUE)}
 
 

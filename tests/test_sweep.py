@@ -27,7 +27,7 @@ from compare.judge.tolerances import load_tolerances
 from compare.report.words.validity import RPM
 from compare.results.crosscheck import Failure
 from compare.runs import simulate_all
-from compare.sweep import AHEAD, ClusterError, SweepOutcome, sweep
+from compare.sweep import RUNS_AHEAD, ClusterError, SweepOutcome, sweep
 from marks import slow
 
 HERE = Path(__file__).parent
@@ -181,7 +181,7 @@ def test_memory_holds_only_the_runs_under_way(workers: int, tmp_path: Path) -> N
             ends.add(outcome)
             seen.append((runs.count, ends.count))
     assert len(seen) == 600
-    assert max(count for count, _ in seen) <= AHEAD * workers + 2
+    assert max(count for count, _ in seen) <= RUNS_AHEAD * workers + 2
     assert max(count for _, count in seen) <= 2
 
 

@@ -18,8 +18,8 @@ from analytic.mechanism.file import describe
 from analytic.mechanism.reading import ReadingError, parse_toml, read_text, read_toml
 from compare.faults import OptionError
 
-PLACES = ("crank_angle [deg]", "time [s]")
-NO_DIRECTION = 0.02  # of a joint's peak force, below which its direction is left open (nan)
+PLACE_COLUMNS = ("crank_angle [deg]", "time [s]")
+UNDIRECTED = 0.02  # of a joint's peak force, below which its direction is left open (nan)
 
 
 class BaselineError(OptionError):
@@ -41,7 +41,7 @@ class StoredRun:
     @property
     def places(self) -> np.ndarray | None:
         """Where the rows are: crank angle (deg) or time (s); None for averages over the run."""
-        return self.rows[:, 0] if self.columns and self.columns[0] in PLACES else None
+        return self.rows[:, 0] if self.columns and self.columns[0] in PLACE_COLUMNS else None
 
 
 class _BaselinePart(BaseModel):

@@ -18,7 +18,7 @@ from analytic.kinematics.reach import usual_angles
 from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Drive, Load, Mechanism
 from analytic.mechanism.file import load, shipped_cases
-from compare.baseline.file import NO_DIRECTION, StoredRun
+from compare.baseline.file import UNDIRECTED, StoredRun
 from compare.recorded.errors import DataError
 from compare.recorded.table import Table
 from compare.results.crosscheck import Failure
@@ -188,7 +188,7 @@ def _force(trace: Trace, joint: str) -> np.ndarray:
 def _reaction(joint: str, force: np.ndarray, least: float = 0.0) -> dict[str, np.ndarray]:
     """Direction (N,) deg of a joint's reaction where it is above ``least`` (N) and its limit, and its size (N,) N."""
     size = np.abs(force)
-    known = size > max(NO_DIRECTION * np.nanmax(size), least)
+    known = size > max(UNDIRECTED * np.nanmax(size), least)
     angle = np.where(known, np.degrees(np.angle(force)), np.nan)
     return {f"reaction_{joint}_angle [deg]": angle, f"reaction_{joint}_magnitude [N]": size}
 

@@ -14,7 +14,7 @@ import typer
 
 from compare.files import OutputError, check_replaceable, file_name
 
-ASIDE = {
+NOT_ASKED = {
     "out",
     "overwrite",
     "json",
@@ -23,7 +23,7 @@ ASIDE = {
     "dask",
     "version",
 }  # where and how an answer is given, and not which
-WRITTEN = {"out", "junit"}  # files that a command writes, and does not read
+WRITTEN_FILES = {"out", "junit"}  # files that a command writes, and does not read
 MODEL_SCHEMES = ("mjcf:", "fmu:")  # before a file among the engines
 STEM = {"case", "measured", "results"}  # whose mechanism a name begins with
 BARE = {"simulator", "clearance"}  # options whose value says in a name what it is
@@ -71,7 +71,7 @@ def refuse_inputs(context: typer.Context, written: Iterable[Path], option: str =
 def _given(context: typer.Context) -> Iterator[str]:
     """What may be files that a command reads, of its options."""
     for name, value in context.params.items():
-        for one in () if name in WRITTEN else value if isinstance(value, list | tuple) else (value,):
+        for one in () if name in WRITTEN_FILES else value if isinstance(value, list | tuple) else (value,):
             for text in (str(one), *str(one).split(",")):
                 yield text
                 yield from (text.removeprefix(kind) for kind in MODEL_SCHEMES if text.startswith(kind))
@@ -96,7 +96,7 @@ def _named(context: typer.Context, stem: str) -> str:
     for option in context.command.params:
         value = context.params.get(option.name or "")
         if (
-            option.name not in ASIDE | STEM
+            option.name not in NOT_ASKED | STEM
             and value not in (None, (), [])
             and str(value) != str(option.get_default(context))
         ):
@@ -136,5 +136,5 @@ def _question(options: Mapping[str, Any]) -> dict[str, str]:
     return {
         name: str(list(value) if isinstance(value, tuple) else value)
         for name, value in options.items()
-        if name not in ASIDE
+        if name not in NOT_ASKED
     }

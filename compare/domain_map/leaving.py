@@ -38,9 +38,9 @@ from compare.results.validity import Leaving
 from sim_models.common.contact_laws import NamedLaw, contact_parameters, named_law
 
 WAY_POINTS = 1440  # of the crank's way, between which the coefficients are linear
-NUDGE = 1e-6  # of the longest body: the gap by which the coefficients are found
+GAP_NUDGE = 1e-6  # of the longest body: the gap by which the coefficients are found
 RUN_TURNS = 2  # of a crank that turns fully: a run is judged in its second
-HALVINGS = 6
+BOUND_HALVINGS = 6
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ def reaction(mechanism: Mechanism, joint: str, theta: np.ndarray) -> Reaction:
     around = turns_fully(ideal)
     low, high = (float(theta[0]), float(theta[0]) + 2 * math.pi) if around else (float(theta.min()), float(theta.max()))
     at = np.linspace(low, high, WAY_POINTS + 1)
-    size = NUDGE * (max(body.length for body in mechanism.bodies) or 1.0)
+    size = GAP_NUDGE * (max(body.length for body in mechanism.bodies) or 1.0)
     rate = 1e3 * abs(speed)  # of a gap that changes by itself in 1e-3 rad: its inertia tells
     nudges = [way * size * rate**order * np.eye(3)[order] for order in range(3) for way in (1, -1, 1j, -1j)]
     gap = Gap(*np.repeat(np.array([np.zeros(3), *nudges]).T, at.size, axis=1))
@@ -151,7 +151,7 @@ def boundary(
     kept, lost = clearances[k - 1], clearances[k]
     by_joint = reactions(mechanism, theta)
     laws = {name: None if rigid else contact_law(mechanism, name) for name in by_joint}
-    for _ in range(HALVINGS):
+    for _ in range(BOUND_HALVINGS):
         middle = math.sqrt(kept * lost)
         if any(one.leaves(middle, laws[name]) is not None for name, one in by_joint.items()):
             lost = middle

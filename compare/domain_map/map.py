@@ -18,7 +18,7 @@ from compare.domain_map.cell import CellTask
 from compare.domain_map.leaving import boundary
 from compare.faults import ArgumentError, no_pin
 from compare.judge.assumptions import ASSUMPTIONS
-from compare.judge.reruns import SOFT
+from compare.judge.reruns import SOFT_CONTACT
 from compare.judge.tolerances import Tolerances
 from compare.report.words import validity as words
 from compare.results.validity import Between, Boundary, Cell, Failed, Law, Limits, Meaning, Validity
@@ -218,7 +218,7 @@ def _assumed(plan: MapPlan, results: Sequence[Cell | Failed]) -> Iterator[Assume
 
 def too_soft(results: Sequence[Cell | Failed]) -> Iterator[str]:
     """A warning for each engine in whose cells the contact gives so much that the clearance is hidden."""
-    soft = [cell for cell in results if isinstance(cell, Cell) and cell.give > SOFT * cell.clearance]
+    soft = [cell for cell in results if isinstance(cell, Cell) and cell.give > SOFT_CONTACT * cell.clearance]
     for name in dict.fromkeys(cell.simulator for cell in soft):
         mine = [cell for cell in soft if cell.simulator == name]
         cell = max(mine, key=lambda cell: cell.give / cell.clearance)

@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-SWING = 6.0  # steps in a radian of a pin's swing along a rigid rim
-BOUNCE = 3.0  # steps in a radian of a pin's bounce on a wall that yields
-LARGEST_STEP = 0.005  # rad of crank in a step, at most
+SWING_STEPS = 6.0  # steps in a radian of a pin's swing along a rigid rim
+BOUNCE_STEPS = 3.0  # steps in a radian of a pin's bounce on a wall that yields
+LARGEST_TURN = 0.005  # rad of crank in a step, at most
 NO_MOTION = 1e-300  # m^2
 
 
@@ -96,7 +96,7 @@ def on_a_rim(way: CrankWay, clearance: float, angle: float, rate: float) -> floa
         a, push, pace = _swung(_at(way, theta), clearance, angle, rate)
         if push < 0:
             return theta
-        h = min(1 / (SWING * pace), LARGEST_STEP / abs(speed))
+        h = min(1 / (SWING_STEPS * pace), LARGEST_TURN / abs(speed))
         middle = _at(way, theta + speed * h / 2)
         b = _swung(middle, clearance, angle + rate * h / 2, rate + a * h / 2)[0]
         c = _swung(middle, clearance, angle + rate * h / 2 + a * h**2 / 4, rate + b * h / 2)[0]
@@ -133,7 +133,7 @@ def on_a_wall(way: CrankWay, wall: Wall, clearance: float, gap: complex, drift: 
     while time < end:
         theta = way.begin + speed * time
         a, pace = _bounced(_at(way, theta), wall, clearance, gap, drift)
-        h = min(1 / (BOUNCE * pace), LARGEST_STEP / abs(speed))
+        h = min(1 / (BOUNCE_STEPS * pace), LARGEST_TURN / abs(speed))
         middle = _at(way, theta + speed * h / 2)
         b = _bounced(middle, wall, clearance, gap + drift * h / 2, drift + a * h / 2)[0]
         c = _bounced(middle, wall, clearance, gap + drift * h / 2 + a * h**2 / 4, drift + b * h / 2)[0]

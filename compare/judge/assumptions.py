@@ -53,7 +53,7 @@ from compare.results.validity import Assumption, Costing
 from sim_models.common.guide import Guide
 
 SignalArrays = Mapping[str, np.ndarray]
-ROCKS = 1.5  # times what a linear wall lets a block rock, as much as one that stiffens may
+ROCKING_SPREAD = 1.5  # times what a linear wall lets a block rock, as much as one that stiffens may
 EITHER_SIDE = 0.3  # of its rms, below which the mean of a difference says that it is to neither side
 ASSUMPTIONS: tuple[Assumption, ...] = get_args(Assumption)
 
@@ -121,7 +121,7 @@ class Examined:
         if signals > 1 or not joint.rough or self.run.joint_model != "contact":
             return False
         across = self.run.analytic[Signal.of("reaction", joint.name, "magnitude").name]
-        least = ROCKS * rocking(self.assembly, joint, self.theta, self.mechanism.speed or 0.0, across)
+        least = ROCKING_SPREAD * rocking(self.assembly, joint, self.theta, self.mechanism.speed or 0.0, across)
         off = np.abs(self.run.comparable[moment] - self.run.analytic[moment])
         return bool(np.all(within | (off <= least)))
 

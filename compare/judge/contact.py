@@ -33,13 +33,13 @@ from sim_models.common.guide import Guide
 from sim_models.common.journal import free_share
 from sim_models.engine import Trace, Watched
 
-BINS = 72  # of a turn
+TURN_BINS = 72  # of a turn
 HIGH = 0.9  # quantile of the revolutions' peaks
-KNOWN = 0.1  # of a figure: half the width of its interval, where it has converged
+KNOWN_TO = 0.1  # of a figure: half the width of its interval, where it has converged
 LEAST_SHARE = 0.005  # of the time: half the width of a share's interval, at least
 WANTED: tuple[StatisticName, ...] = ("free_share", "rms_force", "peak_force", "restitution_loss")
-REPEATS = 1e-2  # of the clearance, and of the pin's largest speed: how near it comes back to where it was
-FAINT = 0.1  # of the energy that impacts bring along: a smaller loss need not be known any better
+REPEATS_TO = 1e-2  # of the clearance, and of the pin's largest speed: how near it comes back to where it was
+FAINT_LOSS = 0.1  # of the energy that impacts bring along: a smaller loss need not be known any better
 LONGEST_PERIOD = 8  # revolutions
 ORBIT_POINTS = 1500
 
@@ -260,8 +260,8 @@ def _wanted(joint: JointContact) -> Iterator[tuple[Statistic, float]]:
         figure = joint.statistics[name]
         size = abs(figure.value or 0.0)
         if name == "restitution_loss":  # small beside what the impacts bring along, it says nothing
-            size = max(size, FAINT * _brought(joint))
-        yield figure, max(KNOWN * size, LEAST_SHARE if name == "free_share" else 0.0)
+            size = max(size, FAINT_LOSS * _brought(joint))
+        yield figure, max(KNOWN_TO * size, LEAST_SHARE if name == "free_share" else 0.0)
 
 
 def _brought(joint: JointContact) -> float:
@@ -284,7 +284,7 @@ def _steadiness(joints: Mapping[str, JointContact], whole: int, turns: float) ->
         if figure.half_width is None or figure.half_width > wanted
     ]
     if not wide:
-        return Steadiness(True, turns, whole, within=KNOWN)
+        return Steadiness(True, turns, whole, within=KNOWN_TO)
     name, key, figure = max(wide, key=lambda one: (one[2].half_width or math.inf) / (abs(one[2].value or 0.0) or 1.0))
     if figure.half_width is None:
         return Steadiness(False, turns, whole)
@@ -305,23 +305,23 @@ def _profile(
     angle: np.ndarray, time: np.ndarray, size: np.ndarray, free: np.ndarray, begins: np.ndarray, turns: float
 ) -> Profile:
     """Contact over the crank angle, all revolutions together; every instant counts by the time around it."""
-    which = np.minimum((np.mod(angle, math.tau) / math.tau * BINS).astype(int), BINS - 1)
+    which = np.minimum((np.mod(angle, math.tau) / math.tau * TURN_BINS).astype(int), TURN_BINS - 1)
     lasts = np.gradient(time) if time.size > 1 else np.ones(1)
-    total = np.bincount(which, lasts, BINS)
+    total = np.bincount(which, lasts, TURN_BINS)
     lasted = np.where(total > 0, total, np.nan)
-    low, high = np.full(BINS, np.nan), np.full(BINS, np.nan)
+    low, high = np.full(TURN_BINS, np.nan), np.full(TURN_BINS, np.nan)
     order = np.lexsort((size, which))
-    edges = np.searchsorted(which[order], np.arange(BINS + 1))
+    edges = np.searchsorted(which[order], np.arange(TURN_BINS + 1))
     for k, (first, last) in enumerate(pairwise(edges.tolist())):
         if last > first:
             here = order[first:last]
             share = np.cumsum(lasts[here]) / lasts[here].sum()
             low[k], high[k] = size[here][np.searchsorted(share, (0.05, 0.95)).clip(max=here.size - 1)]
     return Profile(
-        crank_angle=(np.arange(BINS) + 0.5) * math.tau / BINS,
-        free_share=np.bincount(which, lasts * free, BINS) / lasted,
-        impacts=np.bincount(which[begins], minlength=BINS) / max(turns, 1.0),
-        mean_force=np.bincount(which, lasts * size, BINS) / lasted,
+        crank_angle=(np.arange(TURN_BINS) + 0.5) * math.tau / TURN_BINS,
+        free_share=np.bincount(which, lasts * free, TURN_BINS) / lasted,
+        impacts=np.bincount(which[begins], minlength=TURN_BINS) / max(turns, 1.0),
+        mean_force=np.bincount(which, lasts * size, TURN_BINS) / lasted,
         low_force=low,
         high_force=high,
     )
@@ -337,6 +337,6 @@ def _period(section: Section, course: JointPlay) -> int | None:
     for period in range(1, LONGEST_PERIOD + 1):
         if halves[0].size < 2 * period + 1:
             return None
-        if all(np.all(np.abs(half[period:] - half[:-period]) < REPEATS) for half in halves):
+        if all(np.all(np.abs(half[period:] - half[:-period]) < REPEATS_TO) for half in halves):
             return period
     return None

@@ -16,7 +16,7 @@ from sim_models.common.journal import OFF_WALL
 from sim_models.engine import Watched
 
 NO_GAP = 1e-300  # m, in place of a gap of nothing
-SLOW = 1e-2  # of a joint's fastest turning: friction is not reckoned with below, where engines let it fade
+SLOW_TURNING = 1e-2  # of a joint's fastest turning: friction is not reckoned with below, where engines let it fade
 
 
 def dot(a: np.ndarray, b: np.ndarray | complex) -> np.ndarray:
@@ -254,7 +254,7 @@ class WatchedRun:
             if joint.load_coefficient:
                 return None
             position, rate = self._moved(joint)
-            dry = joint.dry(rate) * np.clip(rate / (SLOW * float(np.abs(rate).max()) or 1.0), -1, 1)
+            dry = joint.dry(rate) * np.clip(rate / (SLOW_TURNING * float(np.abs(rate).max()) or 1.0), -1, 1)
             power = power - (joint.spring(position) + joint.damper(rate) - dry) * rate
         return power
 

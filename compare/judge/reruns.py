@@ -36,10 +36,10 @@ NEAR_LOOSE = 10.0  # tolerances, with clearance: pins that fly do so differently
 FINER_ROUNDS = 2
 FALLS = 0.6  # of a disagreement that is an engine's, at most, is left in a finer run
 HARDER = 16.0  # times as stiff
-SOFT = 0.5  # of a clearance: a pin that is seen farther beyond its rim hardly shows it
-HIDDEN = 1.0  # of a clearance: a pin that is seen farther beyond its rim does not show it at all
+SOFT_CONTACT = 0.5  # of a clearance: a pin that is seen farther beyond its rim hardly shows it
+HIDDEN_CLEARANCE = 1.0  # of a clearance: a pin that is seen farther beyond its rim does not show it at all
 LONGER_ROUNDS = 3  # of runs that are made longer
-SHORT = 1e-6  # of a revolution, by which an engine's steps may end before it
+SHORT_TURN = 1e-6  # of a revolution, by which an engine's steps may end before it
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,8 @@ def settle(
     looking = {
         i: judgement
         for i, judgement in judged.items()
-        if 0 < judgement.share <= (NEAR_LOOSE if judgement.trace.clearance else NEAR_TOLERANCE) or judgement.soft > SOFT
+        if 0 < judgement.share <= (NEAR_LOOSE if judgement.trace.clearance else NEAR_TOLERANCE)
+        or judgement.soft > SOFT_CONTACT
     }
     asked = dict(requests)
     for round_ in range(1, FINER_ROUNDS + 1):
@@ -107,7 +108,7 @@ def settle(
                 continue
             judgement = judge(replace(outcome, settings={**outcome.settings, "refinements": round_}))
             settled[i] = judgement
-            if judgement.soft > SOFT:
+            if judgement.soft > SOFT_CONTACT:
                 looking[i] = judgement
             elif 0 < judgement.share <= FALLS * before[i].share:
                 looking[i] = judgement
@@ -116,7 +117,7 @@ def settle(
                     f"it was {before[i].share / judgement.share:.1f} times that in a coarser run, and still falls",
                 )
     for i, run in settled.items():
-        if isinstance(run, JudgedRun) and run.soft > HIDDEN:
+        if isinstance(run, JudgedRun) and run.soft > HIDDEN_CLEARANCE:
             settled[i] = _too_soft(run)
     return settled, asked
 
@@ -127,7 +128,7 @@ def too_soft(run: Run | Simulation) -> Iterator[str]:
     """
     for joint, depth in beyond_rim(run).items():
         clearance = run.clearance[joint]
-        if depth > SOFT * clearance:
+        if depth > SOFT_CONTACT * clearance:
             yield (
                 f"{run.title}: the pin of joint {joint} is seen"
                 f" {1e3 * depth:.2g} mm beyond its rim, {depth / clearance:.1f} times its clearance: too soft to"
@@ -230,7 +231,7 @@ def _as_far(shorter: JudgedRun | Failure, longer: Failure) -> JudgedRun | Failur
 
 def _longer(request: Request, shorter: JudgedRun | Failure, most: float) -> Request | None:
     """The request of a longer run; None where that is no use, or not allowed."""
-    if isinstance(shorter, Failure) or shorter.run.contact is None or shorter.run.contact.revolutions < 1 - SHORT:
+    if isinstance(shorter, Failure) or shorter.run.contact is None or shorter.run.contact.revolutions < 1 - SHORT_TURN:
         return None
     contact = shorter.run.contact
     turns = min(math.ceil(more_revolutions(contact)), most)

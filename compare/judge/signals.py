@@ -32,7 +32,6 @@ _KINDS: dict[tuple[Quantity, Component], RuleKind] = {
     ("drive", "torque"): "torque",
     ("drive", "force"): "force",
 }
-DRIVE_TORQUE = Signal("drive", "", "torque")
 
 
 def kind_of(signal: Signal) -> RuleKind:

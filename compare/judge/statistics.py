@@ -20,7 +20,7 @@ from compare.results.crosscheck import Run
 FEWEST_REVOLUTIONS = 3  # revolutions for an interval
 RESAMPLES = 1000
 CONFIDENCE = 0.95
-SEED = 20
+RESAMPLE_SEED = 20
 ENGINE_ROUNDING = 1e-6  # of what a contact takes: friction of a frictionless one is an engine's rounding
 
 
@@ -41,7 +41,7 @@ def statistic(by_revolution: np.ndarray, quantile: float | None = None) -> Stati
     from scipy.special import stdtrit  # here: importing it takes a tenth of a second
 
     length = max(1, round(n ** (1 / 3)))
-    starts = np.random.default_rng(SEED).integers(0, n, (RESAMPLES, math.ceil(n / length)))
+    starts = np.random.default_rng(RESAMPLE_SEED).integers(0, n, (RESAMPLES, math.ceil(n / length)))
     index = (starts[..., None] + np.arange(length)).reshape(RESAMPLES, -1)[:, :n] % n
     tail = (1 - CONFIDENCE) / 2
     ends = np.quantile(figure(by_revolution[index]), [tail, 1 - tail])

@@ -26,7 +26,7 @@ from compare.recorded.likeness import NEAR_UNIT, UNKNOWN, Guess, by_model, zeroe
 
 HINTS = ("crank", "enc", "geber", "motor", "drive", "phi", "theta", "winkel", "angle", "pos")  # of an encoder's heading
 LINES = (360, 400, 500, 512, 720, 1000, 1024, 1800, 2000, 2048, 2500, 3600, 4096, 5000, 8192, 9000, 10000)
-COUNTS = tuple(n * edges for n in LINES for edges in (1, 4))  # of encoders' turns
+ENCODER_COUNTS = tuple(n * edges for n in LINES for edges in (1, 4))  # of encoders' turns
 BETTER = 0.3  # columns less that a less likely encoder must leave
 EITHER = 0.1  # columns less that an encoder must leave that counts backward
 OFF_SPEED = 0.05  # rad, by which a crank that turns at a speed may be off it
@@ -166,5 +166,5 @@ def _wraps(values: np.ndarray) -> int | None:
     if not back.any() or back.all() or np.nanmax(steps) < 0.5 * np.nanmax(np.abs(values)):
         return None
     about = float(np.median(steps[back]) + np.median(steps[~back]))
-    nearest = min(COUNTS, key=lambda n: abs(n - about))
+    nearest = min(ENCODER_COUNTS, key=lambda n: abs(n - about))
     return nearest if abs(nearest - about) / nearest < NEAR_UNIT else None

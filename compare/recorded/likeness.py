@@ -31,14 +31,14 @@ GUESSED_UNITS: dict[Dimension, tuple[str, ...]] = {
     "torque": ("N.m", "N.mm", "kN.m"),
 }
 STRAIGHT_LINE = 0.02  # of a column's own scatter, that may be left of it beside a signal's
-FAR = 0.05  # of a half turn, or of a place, by which a sensor's zero must be off to be told
+FAR_ZERO = 0.05  # of a half turn, or of a place, by which a sensor's zero must be off to be told
 NEAR_UNIT = 0.05  # relative, by which its slope may be off a unit's
 ONLY = 3.0  # times as much that the next best signal must leave
 COMPARED_SAMPLES = 400  # of a file, by which its columns are told
 FOLLOWED = 10_000  # of a file, by which the crank's motion is
-ZEROS = 72  # of an encoder, that are tried around a turn
+TRIED_ZEROS = 72  # of an encoder, that are tried around a turn
 LIKE = 0.8  # how unlike a column may be that tells an encoder's zero
-ALIKE = 0.5  # of a column's scatter: a signal that leaves less may be what it is
+LIKELY_SHARE = 0.5  # of a column's scatter: a signal that leaves less may be what it is
 UNKNOWN = "not recognised: ignored until you say here what it is"
 PASSING = 1e6  # largest ratio of a count's scale
 
@@ -129,7 +129,7 @@ def zeroed(
     """An encoder with the zero at which most columns are straight lines in where the bodies of the nominal model
     are; as it is where it does not turn fully.
     """
-    grid = np.linspace(0, 2 * math.pi, ZEROS, endpoint=False)
+    grid = np.linspace(0, 2 * math.pi, TRIED_ZEROS, endpoint=False)
     try:
         signals = kinetostatics(kinematics(Assembly(mechanism), grid, 0.0, 0.0)).signals()
     except (Error, ValueError, np.linalg.LinAlgError):
@@ -238,7 +238,7 @@ def _matched(heading: str, lines: Sequence[_Line], names: Naming) -> Guess:
     line = lines[0]
     name, miss = line.name, line.miss
     if miss > STRAIGHT_LINE or (len(lines) > 1 and lines[1].miss < ONLY * miss):
-        near = f"; {100 * (1 - miss):.3g} % of it is a straight line in {name}" if miss < ALIKE else ""
+        near = f"; {100 * (1 - miss):.3g} % of it is a straight line in {name}" if miss < LIKELY_SHARE else ""
         return Guess(heading, None, why=f"{UNKNOWN}{near}")
     signal = names.known[name]
     kind = dimension(signal)
@@ -259,7 +259,7 @@ def _matched(heading: str, lines: Sequence[_Line], names: Naming) -> Guess:
     offset = line.value / size - sign * scale * line.reading
     if signal.wraps:
         offset = float(turned_near(np.array(offset * size), 0.0)) / size
-    if signal.kind != "pose" or abs(offset) * size < FAR * (math.pi if signal.wraps else abs(line.value)):
+    if signal.kind != "pose" or abs(offset) * size < FAR_ZERO * (math.pi if signal.wraps else abs(line.value)):
         offset = 0.0
     else:
         whose.append("zero")

@@ -18,13 +18,13 @@ from analytic.mechanism import Mechanism
 from compare.judge.reference import SIGMAS
 from compare.recorded.smooth import Smoother
 
-PARTS = ("theta", "omega", "alpha")  # of a turning
+TURNING_PARTS = ("theta", "omega", "alpha")  # of a turning
 EVEN_TURNING = 1e-6  # rad: a crank that is off an even turning by no more turns evenly
 COARSEST = 0.02  # rad, half of the step of an encoder: of rows at uneven times angles farther apart are chosen
-SPEED = 1e-5  # relative: so near is a speed the drive's own
+SPEED_ACCURACY = 1e-5  # relative: so near is a speed the drive's own
 FINER = 4  # knots of a course that an engine follows, to a sample
 COURSE_KNOTS = 500  # at least
-MARGIN = 1e-6  # of a course's length, beyond its ends
+COURSE_MARGIN = 1e-6  # of a course's length, beyond its ends
 LEAST_SAMPLES = 5  # angles by which a course is known
 LEFT_BY_COURSE = 2.0  # times what positions are rounded to, that a smooth course through them may be off
 GAINS = 1.18, 6.0  # rms error of a cubic spline's derivatives at its knots, a step apart, for one of 1 in those
@@ -49,7 +49,7 @@ class RecordedMotion:
     @property
     def knots(self) -> tuple[np.ndarray, np.ndarray]:
         """The course as times (M,) s and angles (M,)."""
-        margin = MARGIN * float(self.time[-1] - self.time[0])
+        margin = COURSE_MARGIN * float(self.time[-1] - self.time[0])
         count = max(FINER * self.time.size, COURSE_KNOTS)
         knots = np.linspace(self.time[0] - margin, self.time[-1] + margin, count)
         return knots, self.course.at(knots).theta
@@ -77,7 +77,7 @@ class RecordedDrives:
 
     def inputs(self, assembly: Assembly, of: Literal["moving", "errors"]) -> Turning:
         """The inputs as they were recorded, (n_inputs, N), or how exactly they are known."""
-        parts = ({name: getattr(getattr(one, of), part) for name, one in self.drives.items()} for part in PARTS)
+        parts = ({name: getattr(getattr(one, of), part) for name, one in self.drives.items()} for part in TURNING_PARTS)
         return Turning(*(assembly.inputs_at(part) for part in parts))
 
     def schedule(self, at_rest: bool) -> Schedule:
@@ -162,7 +162,7 @@ def evenly(
     known = float(rounded.max()), abs(slope) * float(late.max())
     if off > EVEN_TURNING + 2 * float(off_by(time, rounded, late, slope).max()):
         return None
-    if abs(slope - speed) * float(since[-1]) > SPEED * abs(speed) * float(since[-1]) + 2 * off:
+    if abs(slope - speed) * float(since[-1]) > SPEED_ACCURACY * abs(speed) * float(since[-1]) + 2 * off:
         return None
     if off <= EVEN_TURNING:
         return angle, 0.0

@@ -24,13 +24,13 @@ from compare.recorded.headings import BRACKETS, Column, Naming, is_unit
 
 CELLS = 10_000_000  # read at most; 80 MB of numbers
 MIN_ROWS = 8  # at least
-BLOCK = 1 << 20  # characters read at a time
+BLOCK_SIZE = 1 << 20  # characters read at a time
 HEADER = 100_000  # characters; what has no line end in so many is no table
 PREAMBLE = 200  # lines, at most, before a header that is to be found
 DELIMITERS = (",", ";", "\t")
 SAMPLED = 20  # rows by which the decimal mark is known
-MANY = 100  # faults of a file, after which no more are looked for
-POINTS = "save it with decimal points"
+ENOUGH_FAULTS = 100  # faults of a file, after which no more are looked for
+SAVE_WITH_POINTS = "save it with decimal points"
 THOUSANDS = re.compile(r"[-+]?\d{1,3}(\.\d{3})+,\d+")
 ABSENT = {"NAN", "NA", "N/A", "#N/A", "NULL", "NONE", "-", "--"}  # what programs write where there is nothing
 COMMA = re.compile(r"[-+]?\d*,\d+(e[-+]?\d+)?", re.IGNORECASE)
@@ -79,7 +79,7 @@ def coding(path: Path) -> Coding:
     """How a file is coded.  Raises DataError for what is no text, or has lines without end."""
     name, coded = path.name, "utf-8-sig"
     with path.open("rb") as file:
-        head = file.read(BLOCK)
+        head = file.read(BLOCK_SIZE)
         if not head.strip():
             raise DataError(
                 f"{name}: is empty; it needs a header of 'signal [unit]' columns and at least {MIN_ROWS} rows"
@@ -90,7 +90,7 @@ def coding(path: Path) -> Coding:
             raise DataError(f"{name}: is not text but binary (or UTF-16 unmarked); save it as a CSV file in UTF-8")
 
         end = b"\n" if b"\n" in head else b"\r"
-        ends = head.count(end) + sum(block.count(end) for block in iter(lambda: file.read(BLOCK), b""))
+        ends = head.count(end) + sum(block.count(end) for block in iter(lambda: file.read(BLOCK_SIZE), b""))
     if path.stat().st_size > HEADER * (ends + 2):
         raise DataError(
             f"{name}: has lines longer than {HEADER} characters; give a CSV file with a header of 'signal [unit]'"
@@ -106,7 +106,7 @@ def coding(path: Path) -> Coding:
 def _decodes(path: Path, coded: str) -> bool:
     try:
         with path.open(encoding=coded, newline="") as file:
-            for _ in iter(lambda: file.read(BLOCK), ""):
+            for _ in iter(lambda: file.read(BLOCK_SIZE), ""):
                 pass
     except UnicodeDecodeError:
         return False
@@ -266,7 +266,7 @@ def rows(path: Path, coded: Coding, top: Header, columns: Sequence[Column]) -> R
 
 def _blocks(file: io.TextIOBase, first: int) -> Iterator[tuple[int, list[str]]]:
     """Blocks of whole lines, each with the number of its first line."""
-    while lines := file.readlines(BLOCK):
+    while lines := file.readlines(BLOCK_SIZE):
         yield first, lines
         first += len(lines)
 
@@ -283,7 +283,7 @@ class _RowReader:
     @property
     def enough(self) -> bool:
         """Whether there are faults enough to stop."""
-        return len(self.faults) + sum(map(len, self.cells.values())) >= MANY
+        return len(self.faults) + sum(map(len, self.cells.values())) >= ENOUGH_FAULTS
 
     def all_faults(self) -> tuple[str, ...]:
         """A sentence for each fault, one for all cells of a column that have the same."""
@@ -356,7 +356,7 @@ class _RowReader:
     def _miscounted(self, number: int, cells: int) -> str:
         width = len(self.header.cells)
         commas = self.header.delimiter == "," and cells > width
-        hint = f"; if the file has decimal commas, {POINTS}, or with semicolons between its cells" * commas
+        hint = f"; if the file has decimal commas, {SAVE_WITH_POINTS}, or with semicolons between its cells" * commas
         return (
             f"{self.name}: line {number} has {count(cells, 'cell')} and the header {width}; leave an absent cell empty"
             f" between its separators{hint}"
@@ -371,7 +371,7 @@ class _RowReader:
             return value
         where = f"{self.name}: line {number}, column {column.title!r}: {shown(cell)}"
         if self.header.decimal == "." and COMMA.fullmatch(cell):
-            remedy = f'has a decimal comma; {POINTS}, or say decimal = ","'
+            remedy = f'has a decimal comma; {SAVE_WITH_POINTS}, or say decimal = ","'
         elif THOUSANDS.fullmatch(cell):
             remedy = "has a point between thousands; write numbers without"
         elif value is not None and self.header.decimal == "," and "." in cell:
