@@ -272,10 +272,10 @@ def _clocked(record: Recording, mechanism: Mechanism) -> list[str]:
 
 def _followed(mechanism: Mechanism, *recordings: Recording) -> Mechanism:
     """The mechanism, with a motor that follows the record where its crank does not turn evenly in one of these."""
-    drive, uneven = mechanism.drive, any(isinstance(record.moved, RecordedMotion) for record in recordings)
-    if drive is None or mechanism.speed is None or not uneven:
+    uneven = any(isinstance(record.moved, RecordedMotion) for record in recordings)
+    if not uneven or mechanism.speed is None or mechanism.drive is None:
         return mechanism
-    return mechanism.replace(drive=drive.model_dump(exclude_unset=True) | {"speed": "measured"})
+    return mechanism.replace(drive=mechanism.drive.model_dump(exclude_unset=True) | {"speed": "measured"})
 
 
 @dataclass(frozen=True)
