@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -13,7 +12,7 @@ from analytic.kinematics.output import Output
 from analytic.mechanism import Mechanism
 from analytic.mechanism.assumed import assumed
 from analytic.paper.envelope import transmission
-from analytic.paper.superposition import AccuracyAnalysis as Found
+from analytic.paper.superposition import AccuracyAnalysis as CycleAccuracy
 from analytic.paper.superposition import accuracy as accuracy_of
 from compare.arguments import (
     Names,
@@ -23,13 +22,14 @@ from compare.arguments import (
     warn_of_friction,
 )
 from compare.faults import ArgumentError
-from compare.left_out import Asked, omitted
-from compare.questions.accuracy import SAMPLES, AccuracyQuestion
+from compare.omissions import Asked, omitted
+from compare.questions.accuracy import DRAWS, AccuracyQuestion
 from compare.questions.question import answers
 from compare.results import accuracy as results
 from compare.results.accuracy import Accuracy, MonteCarlo, Point, Radius, SideChange, Spread
 from compare.schedules import crank_angles
-from sim_models.engine import Motion, installed_version
+from compare.versions import versions
+from sim_models.engine import Motion
 
 
 @answers(AccuracyQuestion)
@@ -50,7 +50,7 @@ def accuracy(question: AccuracyQuestion) -> Accuracy:
         warn_of_friction(m, None, moves, engines=False)
         warned += omitted(m, Asked("accuracy", moves, bends=True))
         assembly = Assembly(m)
-        found = accuracy_at(
+        result = accuracy_at(
             assembly,
             crank_angles(assembly, question.angles),
             named_outputs(question.outputs, m),
@@ -60,9 +60,9 @@ def accuracy(question: AccuracyQuestion) -> Accuracy:
             seed=seed,
             nonlinear=nonlinear,
         )
-    asked = {"samples": samples != SAMPLES, "seed": seed != 0, "nonlinear": nonlinear}
+    asked = {"samples": samples != DRAWS, "seed": seed != 0, "nonlinear": nonlinear}
     unused = [f"{m.name}: {name} is of linkages with clearance; no joint has any" for name in asked if asked[name]]
-    return found.model_copy(update={"warnings": (*warned, *(() if m.clearances else unused))})
+    return result.model_copy(update={"warnings": (*warned, *(() if m.clearances else unused))})
 
 
 def named_outputs(names: Names | None, mechanism: Mechanism) -> list[Output]:
@@ -72,7 +72,7 @@ def named_outputs(names: Names | None, mechanism: Mechanism) -> list[Output]:
     Raises ArgumentError.
     """
     bodies = mechanism.moving
-    found: dict[Output, None] = {}
+    outputs: dict[Output, None] = {}
     for name in dict.fromkeys(names) if names else list(bodies):
         body, _, point = name.partition(".")
         owners = [b for b in bodies if name in bodies[b].points]
@@ -89,8 +89,8 @@ def named_outputs(names: Names | None, mechanism: Mechanism) -> list[Output]:
             raise ArgumentError(
                 "outputs", f"{name}: {body} has no point {point!r}; give com, angle, {', '.join(bodies[body].points)}"
             )
-        found |= dict.fromkeys(_outputs_of(body, point))
-    return list(found)
+        outputs |= dict.fromkeys(_outputs_of(body, point))
+    return list(outputs)
 
 
 def _outputs_of(body: str, point: str) -> list[Output]:
@@ -117,7 +117,7 @@ def accuracy_at(
     seed: int,
     nonlinear: bool = False,
 ) -> Accuracy:
-    """The same for a linkage with its own clearances at crank angles theta (N,) rad.
+    """How accurate a linkage with its own clearances is at crank angles theta (N,) rad.
 
     Raises ArgumentError where a tolerance exceeds its clearance, ComplianceError where the links cannot carry their
     loads, and AssemblyError.
@@ -134,12 +134,12 @@ def accuracy_at(
             raise ArgumentError(
                 "clearance_tolerance", f"{joint}={tolerance:g} is more than {limit}; a clearance cannot be negative"
             )
-    found = accuracy_of(assembly, theta, outputs, mechanism.clearances, mechanism.speed or 1.0, inertia)
+    cycle = accuracy_of(assembly, theta, outputs, mechanism.clearances, mechanism.speed or 1.0, inertia)
     drawn = draw(
-        found.clearances, np.array([tolerances.get(pin, 0.0) for pin in found.pins]), samples, seed, found.blocks
+        cycle.clearances, np.array([tolerances.get(pin, 0.0) for pin in cycle.pins]), samples, seed, cycle.blocks
     )
     population = Population(
-        assembly, found.total.clearance.ideal.motion, found.path, found.unit_reactions, found.directions
+        assembly, cycle.total.clearance.ideal.motion, cycle.path, cycle.unit_reactions, cycle.directions
     )
     kinds: tuple[Contacts, Contacts] = ("free", "along reactions")
     free, along = (population.distribution(drawn, kind, nonlinear) for kind in kinds)
@@ -155,16 +155,16 @@ def accuracy_at(
         seed=seed,
         nonlinear=nonlinear,
         crank_angle=theta,
-        flags={str(i): why for i, why in sorted(found.flags.items())},
-        cautions={str(i): why for i, why in found.cautions.items()},
-        condition=found.condition,
-        transmission=transmission(found.condition),
-        side_changes=_side_changes(found),
-        outputs={d.name: _output(d, found, free, along) for d in outputs},
+        flags={str(i): why for i, why in sorted(cycle.flags.items())},
+        cautions={str(i): why for i, why in cycle.cautions.items()},
+        condition=cycle.condition,
+        transmission=transmission(cycle.condition),
+        side_changes=_side_changes(cycle),
+        outputs={d.name: _output(d, cycle, free, along) for d in outputs},
         points={
             x.place: Point(
-                farthest=np.abs(found.farthest(x, y)),
-                farthest_direction=np.angle(found.farthest(x, y)),
+                farthest=np.abs(cycle.farthest(x, y)),
+                farthest_direction=np.angle(cycle.farthest(x, y)),
                 radius_95=Radius(free=free.radius[x.place], along_reactions=along.radius[x.place]),
             )
             for x, y in planes
@@ -175,39 +175,25 @@ def accuracy_at(
     )
 
 
-def _output(d: Output, found: Found, free: Distribution, along: Distribution) -> results.Output:
+def _output(d: Output, cycle: CycleAccuracy, free: Distribution, along: Distribution) -> results.Output:
     of_sides = MonteCarlo(free=Spread(**vars(free.spreads[d])), along_reactions=Spread(**vars(along.spreads[d])))
     output = results.Output(
         body=d.body,
         axis=d.axis,
         unit=d.unit,
-        nominal=found.nominal(d),
-        equilibrium=found.equilibrium(d),
-        worst_case=found.worst_case(d),
-        sensitivity=found.sensitivity(d),
-        compliance=found.compliance(d),
-        total=found.by_both(d),
+        nominal=cycle.nominal(d),
+        equilibrium=cycle.equilibrium(d),
+        worst_case=cycle.worst_case(d),
+        sensitivity=cycle.sensitivity(d),
+        compliance=cycle.compliance(d),
+        total=cycle.by_both(d),
         monte_carlo=of_sides,
     )
     return output if d.axis == "angle" else output.model_copy(update={"point": d.point})
 
 
-def _side_changes(found: Found) -> tuple[SideChange, ...]:
+def _side_changes(cycle: CycleAccuracy) -> tuple[SideChange, ...]:
     return tuple(
-        SideChange(
-            joint=change.joint,
-            crank_angle=change.crank_angle,
-            before=change.before,
-            after=change.after,
-            reaction=change.reaction,
-            turned=change.turned,
-            jump={d.name: float(jump[k]) for d, jump in found.jumps.items()},
-        )
-        for k, change in enumerate(found.side_changes)
+        SideChange(**vars(change) | {"jump": {d.name: float(jump[k]) for d, jump in cycle.jumps.items()}})
+        for k, change in enumerate(cycle.side_changes)
     )
-
-
-def versions() -> dict[str, str]:
-    """Version by package, of what computed a result."""
-    packages = {name: installed_version(name) or "not installed" for name in ("linkage-crosscheck", "numpy")}
-    return {"python": platform.python_version(), **packages}

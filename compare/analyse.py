@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from math import tau
+from typing import Any
 
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import along
+from analytic.kinematics.reach import turns_fully
 from analytic.mechanism import Mechanism
 from analytic.mechanism.assumed import assumed
 from analytic.mechanism.signals import position
-from analytic.paper.clearance import Model
 from compare.arguments import (
     idle,
     linkage,
@@ -23,16 +23,15 @@ from compare.arguments import (
     warn_of_friction,
 )
 from compare.faults import ArgumentError
-from compare.judge.closer import too_soft
-from compare.judge.grid import turns_fully
 from compare.judge.reference import (
     Reference,
     reference,
     with_flexible_links,
 )
+from compare.judge.reruns import too_soft
 from compare.judge.signals import with_derived
-from compare.left_out import Asked, omitted, rigid_walls
-from compare.questions.analyse import AnalyseQuestion, ExportQuestion, SimulateQuestion
+from compare.omissions import Asked, omitted, rigid_walls
+from compare.questions.analyse import AnalyseQuestion, SimulateQuestion
 from compare.questions.question import answers
 from compare.results.analysis import Analysis, Simulation
 from compare.results.crosscheck import Path, Simulator
@@ -70,33 +69,29 @@ def analyse(question: AnalyseQuestion) -> Analysis:
         side = reference(assembly, schedule, model, m.clearances)
         if compliance:
             side = with_flexible_links(side, assembly, schedule)
-    theta = schedule.crank_angle
-    found = _analysed(m, side, model, warned, schedule.time if theta is None else None)
-    crank_angle = {} if theta is None else {"crank_angle": theta}
-    return found.model_copy(update={"motion": motion, "compliance": compliance, **crank_angle})
-
-
-def _analysed(m: Mechanism, side: Reference, model: Model, warned: Sequence[str], time: np.ndarray | None) -> Analysis:
-    """The result of a driven motion; over time, without a crank its first input's position takes the place of the
-    crank's angle.
-    """
-    first = f"{m.driven}_angle" if m.cranked else position(m.motors[0]).name if m.motors else ""
-    told = side.signals[first] if first in side.signals else np.zeros(next(iter(side.signals.values())).shape)
-    found = Analysis(
+    optional: dict[str, Any] = {} if schedule.crank_angle is not None else {"time": schedule.time}
+    return Analysis(
         case=m.name,
         mechanism=m,
-        motion="driven",
+        motion=motion,
         clearance=m.clearances,
         analytic_model=model,
-        compliance=False,
-        crank_angle=np.nan_to_num(told),
+        compliance=compliance,
+        crank_angle=_along(m, side) if schedule.crank_angle is None else schedule.crank_angle,
         signals=dict(side.signals),
         flags={str(i): why for i, why in sorted(side.flags.items())},
         order_difference=dict(side.order_difference),
         warnings=(*warned, *side.remarks),
         assumed=assumed(m),
+        **optional,
     )
-    return found if time is None else found.model_copy(update={"time": time})
+
+
+def _along(m: Mechanism, side: Reference) -> np.ndarray:
+    """The crank's angle (N,) rad over time; without a crank the first input's position, or 0 where nothing drives."""
+    first = f"{m.driven}_angle" if m.cranked else position(m.motors[0]).name if m.motors else ""
+    zero = np.zeros(next(iter(side.signals.values())).shape)
+    return np.nan_to_num(side.signals.get(first, zero))
 
 
 @answers(SimulateQuestion)
@@ -113,7 +108,7 @@ def simulate(question: SimulateQuestion) -> Simulation:
         name = one_engine(question.simulator)
         warn_of_friction(m, joint_model, motion)
         trace = answered(name, request(m, question), engine(name).simulate)
-    found = Simulation(
+    simulation = Simulation(
         case=m.name,
         mechanism=m,
         motion=motion,
@@ -128,13 +123,19 @@ def simulate(question: SimulateQuestion) -> Simulation:
         warnings=tuple(warned),
         assumed=(*assumed(m), *assumed_of_contact(m, trace.clearance, trace.settings)),
     )
-    found = found.model_copy(
-        update={"warnings": (*found.warnings, *rigid_walls(m, name, joint_model, trace.settings), *too_soft(found))}
+    simulation = simulation.model_copy(
+        update={
+            "warnings": (
+                *simulation.warnings,
+                *rigid_walls(m, name, joint_model, trace.settings),
+                *too_soft(simulation),
+            )
+        }
     )
-    return found if trace.time is None else found.model_copy(update={"time": trace.time})
+    return simulation if trace.time is None else simulation.model_copy(update={"time": trace.time})
 
 
-def request(m: Mechanism, question: SimulateQuestion | ExportQuestion) -> Request:
+def request(m: Mechanism, question: SimulateQuestion) -> Request:
     """The run of a linkage that a cross-check makes of this joint model.  Raises what
     :func:`compare.schedules.scheduled` does.
     """

@@ -12,11 +12,9 @@ import os
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from itertools import pairwise
-from numbers import Integral, Real
+from numbers import Real
 from os import PathLike
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 
@@ -26,9 +24,8 @@ from analytic.mechanism import Joint, Mechanism
 from analytic.mechanism.errors import MechanismError, quoted
 from analytic.mechanism.file import load
 from analytic.paper.clearance import Model
-from compare.faults import ArgumentError, DegreesWarning, no_pin
-from compare.judge.discrepancy import load_tolerances
-from compare.judge.tolerances import Tolerances
+from compare.faults import ArgumentError, DegreesWarning, no_pin, unusable
+from compare.judge.tolerances import Tolerances, load_tolerances
 from sim_models.engine import (
     MAPPED,
     SEPARATOR,
@@ -54,104 +51,44 @@ ToleranceFile = Tolerances | str | PathLike[str]
 Metres = Mapping[str, float]
 """Radial clearance (m) by joint."""
 
-MOST = 1_000_000  # crank angles, and samples of a Monte Carlo: what a memory holds
-SMALL = 0.1  # of a body's length: a clearance up to this is small, as the paper's displacements are
-
-T = TypeVar("T")
-
-
-def one_of(given: object, accepted: Sequence[T], called: str) -> T:
-    """The one of the accepted words that was given.  Raises ArgumentError."""
-    for each in accepted:
-        if isinstance(given, str) and given == each:
-            return each
-    raise ArgumentError(called, f"{quoted(given)} cannot be used; give {' or '.join(map(repr, accepted))}")
-
-
-def flag(given: object, called: str) -> bool:
-    """True or False.  Raises ArgumentError."""
-    if isinstance(given, bool | np.bool_):
-        return bool(given)
-    raise ArgumentError(called, f"{quoted(given)} cannot be used; give True or False")
-
-
-def whole(given: object, called: str, least: int, most: int | None = None) -> int:
-    """A whole number from ``least`` to ``most``.  Raises ArgumentError."""
-    if isinstance(given, Integral) and not isinstance(given, bool):
-        number = int(given)
-        if least <= number and (most is None or number <= most):
-            return number
-    accepted = f"of {least} or more" if most is None else f"from {least} to {most}"
-    raise ArgumentError(called, f"{quoted(given)} cannot be used; give a whole number {accepted}")
+CAPACITY = 1_000_000  # crank angles, and samples of a Monte Carlo: what a memory holds
+SMALL_CLEARANCE = 0.1  # of a body's length: a clearance up to this is small, as the paper's displacements are
 
 
 def numbers(given: object, called: str, unit: str) -> np.ndarray:
     """Finite numbers (N,), N at least one, of one number or of a flat list of them.  Raises ArgumentError."""
     several = list(given) if isinstance(given, Iterable) and not isinstance(given, str | bytes | np.ndarray) else given
     try:
-        found = np.asarray(several)
+        values = np.asarray(several)
     except ValueError:  # lists of several lengths
-        found = np.array(None)
+        values = np.array(None)
     truth = isinstance(several, list) and any(isinstance(each, bool | np.bool_) for each in several)
-    if truth or found.ndim > 1 or not found.size or found.dtype.kind not in "iuf" or not np.all(np.isfinite(found)):
-        given_as = quoted(given.tolist() if isinstance(given, np.ndarray) else given)
-        raise ArgumentError(
-            called, f"{given_as} cannot be used; give one number ({unit}) or a flat list of finite ones"
-        )
-    return found.astype(float).reshape(-1)
-
-
-def increasing(given: object, called: str, unit: str) -> tuple[float, ...]:
-    """Finite numbers, each once, increasing.  Raises ArgumentError."""
-    found = tuple(sorted(numbers(given, called, unit).tolist()))
-    twice = next((value for value, after in pairwise(found) if value == after), None)
-    if twice is not None:
-        raise ArgumentError(called, f"{twice:g} is there twice; give each once")
-    return found
-
-
-def positive(given: object, called: str, unit: str) -> tuple[float, ...]:
-    """The same, all above zero.  Raises ArgumentError."""
-    found = increasing(given, called, unit)
-    if found[0] <= 0:
-        raise ArgumentError(called, f"{found[0]:g} cannot be used; give {unit} above 0")
-    return found
+    if truth or values.ndim > 1 or not values.size or values.dtype.kind not in "iuf" or not np.all(np.isfinite(values)):
+        given = given.tolist() if isinstance(given, np.ndarray) else given
+        raise unusable(called, given, f"one number ({unit}) or a flat list of finite ones")
+    return values.astype(float).reshape(-1)
 
 
 def number(given: object, called: str, unit: str) -> float:
     """One number.  Raises ArgumentError."""
     if isinstance(given, Real) and not isinstance(given, bool):
         return float(given)
-    raise ArgumentError(called, f"{quoted(given)} cannot be used; give one number ({unit})")
-
-
-def seconds(given: object, called: str) -> float:
-    """A time (s) of more than nothing.  Raises ArgumentError."""
-    if isinstance(given, Real) and not isinstance(given, bool) and 0 < float(given) < math.inf:
-        return float(given)
-    raise ArgumentError(called, f"{quoted(given)} cannot be used; give a number of seconds above 0")
-
-
-def address(given: object, called: str) -> str:
-    """Where a scheduler listens.  Raises ArgumentError."""
-    if isinstance(given, str):
-        return given
-    raise ArgumentError(called, f"{quoted(given)} cannot be used; give its address, such as tcp://localhost:8786")
+    raise unusable(called, given, f"one number ({unit})")
 
 
 def names(given: object, called: str, least: int = 0) -> tuple[str, ...]:
     """Names, each once, at least so many; a single text is one name.  Raises ArgumentError."""
-    found = (given,) if isinstance(given, str) else tuple(given) if isinstance(given, Iterable) else None
-    if found is None or len(found) < least or not all(isinstance(each, str) for each in found):
-        raise ArgumentError(called, f"{quoted(given)} cannot be used; give one name or a list of names")
-    return tuple(dict.fromkeys(found))
+    given_names = (given,) if isinstance(given, str) else tuple(given) if isinstance(given, Iterable) else None
+    if given_names is None or len(given_names) < least or not all(isinstance(each, str) for each in given_names):
+        raise unusable(called, given, "one name or a list of names")
+    return tuple(dict.fromkeys(given_names))
 
 
 def path(given: object, called: str) -> Path:
     """A path.  Raises ArgumentError."""
     if isinstance(given, str | PathLike):
         return Path(given)
-    raise ArgumentError(called, f"{quoted(given)} cannot be used; give a path")
+    raise unusable(called, given, "a path")
 
 
 def laid_over(given: object) -> Tolerances:
@@ -162,7 +99,7 @@ def laid_over(given: object) -> Tolerances:
         return given
     if given is None or isinstance(given, str | PathLike):
         return load_tolerances(None if given is None else Path(given), "tolerances")
-    raise ArgumentError("tolerances", f"{quoted(given)} cannot be used; give the path of a tolerance file")
+    raise unusable("tolerances", given, "the path of a tolerance file")
 
 
 def linkage(given: Linkage, clearance: Metres | None = None, *, large: bool) -> Mechanism:
@@ -176,10 +113,10 @@ def linkage(given: Linkage, clearance: Metres | None = None, *, large: bool) -> 
         Assembly(mechanism)
     except (AssemblyError, StructureError) as error:
         raise MechanismError(f"{mechanism.name if isinstance(given, Mechanism) else given}: {error}") from None
-    found = mechanism if clearance is None else with_clearance(mechanism, clearance)
+    loosened = mechanism if clearance is None else with_clearance(mechanism, clearance)
     if not large:
-        refuse_large(found, "mechanism" if clearance is None else "clearance")
-    return found
+        refuse_large(loosened, "mechanism" if clearance is None else "clearance")
+    return loosened
 
 
 def refuse_large(mechanism: Mechanism, called: str) -> None:
@@ -194,7 +131,7 @@ def refuse_large(mechanism: Mechanism, called: str) -> None:
         if joint.guide is not None:
             lengths["its block"] = joint.guide[0]
         size, what = min(((size, what) for what, size in lengths.items() if size > 0), default=(math.inf, ""))
-        if joint.clearance > SMALL * size and not math.isclose(joint.clearance, SMALL * size):
+        if joint.clearance > SMALL_CLEARANCE * size and not math.isclose(joint.clearance, SMALL_CLEARANCE * size):
             raise ArgumentError(
                 called,
                 f"joint {joint.name!r} has clearance = {joint.clearance:g} m, more than a tenth of {what} ({size:g} m);"
@@ -222,7 +159,7 @@ def warn_of_friction(
 ) -> None:
     """Warn of the radius that is assumed of a pin that rubs in its clearance, and of blocks that jam in an engine.
 
-    Friction that is left out is in :mod:`compare.left_out`.
+    Friction that is left out is in :mod:`compare.omissions`.
     """
     if joint_model not in (None, "contact"):
         return
@@ -247,15 +184,15 @@ def metres(given: object, mechanism: Mechanism, called: str) -> dict[str, float]
     pins = [j.name for j in mechanism.joints if not j.prismatic]
     if not isinstance(given, Mapping):
         example = {(pins or ["B"])[-1]: 1e-4}
-        raise ArgumentError(called, f"{quoted(given)} cannot be used; give metres by joint, such as {example}")
-    found = {}
+        raise unusable(called, given, f"metres by joint, such as {example}")
+    clearances = {}
     for name, size in given.items():
         if name not in mechanism.may_be_loose:
             raise ArgumentError(called, no_pin(name, pins, mechanism))
         if not isinstance(size, Real) or isinstance(size, bool) or not 0 <= float(size) < math.inf:
             raise ArgumentError(called, f"{name} = {quoted(size)}; give metres, 0 or more")
-        found[name] = float(size)
-    return found
+        clearances[name] = float(size)
+    return clearances
 
 
 def engines(given: Simulators) -> tuple[tuple[str, ...], list[str]]:
@@ -265,30 +202,30 @@ def engines(given: Simulators) -> tuple[tuple[str, ...], list[str]]:
     """
     if not every_one(given):
         return tuple(engine(name).name for name in _engine_names(given)), []
-    found, left_out = [], []
+    installed, left_out = [], []
     for name in engine_names():
         try:
-            found.append(engine(name).name)
+            installed.append(engine(name).name)
         except SimulatorMissing as missing:
             left_out.append(f"left out: {missing}")
     left_out += [f"left out: {why}" for why in offers().refused.values()]
-    if not found:
+    if not installed:
         raise SimulatorMissing(f"no simulator is installed; run: pip install 'linkage-crosscheck[{engine_names()[0]}]'")
-    return tuple(found), left_out
+    return tuple(installed), left_out
 
 
-def with_map(given: Simulators, columns: object) -> Simulators:
+def with_map(given: Simulators, columns: PathLike[str] | str | None) -> Simulators:
     """The simulators, those that are somebody's model file with this map of its columns.  Raises ArgumentError."""
     if columns is None:
         return given
-    found = tuple(
-        name if scheme_of(name)[0] not in MAPPED or SEPARATOR in name else f"{name}{SEPARATOR}{path(columns, 'map')}"
+    mapped = tuple(
+        name if scheme_of(name)[0] not in MAPPED or SEPARATOR in name else f"{name}{SEPARATOR}{columns}"
         for name in _engine_names(given)
     )
-    if found == _engine_names(given):
+    if mapped == _engine_names(given):
         accepted = " or ".join(f"{each}:FILE" for each in MAPPED)
         raise ArgumentError("map", f"{columns} belongs to no simulator; give one that takes a map, {accepted}")
-    return found
+    return mapped
 
 
 def every_one(given: Simulators) -> bool:
@@ -309,18 +246,17 @@ def modelling(name: str) -> str:
 def one_engine(given: object) -> str:
     """The name of one engine, in the letters that it is called by.  Raises ArgumentError."""
     if not isinstance(given, str):
-        raise ArgumentError("simulator", f"{quoted(given)} cannot be used; give one of {', '.join(engine_names())}")
+        raise unusable("simulator", given, f"one of {', '.join(engine_names())}")
     return _as_called(given)
 
 
 def _engine_names(given: object) -> tuple[str, ...]:
     """The names of engines, each once; ``all`` stands alone.  Raises ArgumentError."""
     parts = [part for text in names(given, "simulators") for part in _parted(text)]
-    found = tuple(dict.fromkeys(_as_called(part) for part in parts))
-    if not all(found) or not found or ("all" in found and len(found) > 1):
-        accepted = f"give one or several of {', '.join(engine_names())}, or all by itself"
-        raise ArgumentError("simulators", f"{quoted(given)} cannot be used; {accepted}")
-    return found
+    called = tuple(dict.fromkeys(_as_called(part) for part in parts))
+    if not all(called) or not called or ("all" in called and len(called) > 1):
+        raise unusable("simulators", given, f"one or several of {', '.join(engine_names())}, or all by itself")
+    return called
 
 
 def _parted(text: str) -> Iterator[str]:
@@ -378,7 +314,7 @@ def noted() -> Iterator[list[str]]:
     """Warnings that are given within, as sentences, whatever a person has chosen to be shown; each is given again when
     it ends.  A command, which takes degrees, has none of those that ask for radians.
     """
-    told: list[str] = []
+    sentences: list[str] = []
     in_degrees = any(action == "ignore" and kind is DegreesWarning for action, _, kind, *_ in warnings.filters)
     caught: list[warnings.WarningMessage] = []
     try:
@@ -386,9 +322,9 @@ def noted() -> Iterator[list[str]]:
             warnings.simplefilter("always")
             if in_degrees:
                 warnings.simplefilter("ignore", DegreesWarning)
-            yield told
+            yield sentences
     finally:  # what is refused may be refused for what a warning says
         for each in caught:
             if not issubclass(each.category, RuntimeWarning):
-                told.append(str(each.message))
+                sentences.append(str(each.message))
             warnings.warn_explicit(each.message, each.category, each.filename, each.lineno)

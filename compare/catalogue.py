@@ -1,4 +1,4 @@
-"""What there is: shipped cases, engines and effects."""
+"""The catalogue of shipped cases, engines and effects."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from sim_models.engine import JOINT_MODELS, MOTIONS, SimulatorMissing, broken, d
 
 def cases() -> Cases:
     """The mechanisms that ship with the package."""
-    found = []
+    shipped = []
     for name in shipped_cases():
         m = load(name)
         bodies, joints = (tuple(part.name for part in parts) for parts in (m.bodies, m.joints))
-        found.append(Case(name=name, bodies=bodies, joints=joints, clearance=dict(m.clearances), speed=m.speed))
-    return Cases(cases=tuple(found))
+        shipped.append(Case(name=name, bodies=bodies, joints=joints, clearance=dict(m.clearances), speed=m.speed))
+    return Cases(cases=tuple(shipped))
 
 
 def simulators() -> Simulators:
@@ -67,7 +67,7 @@ def effects() -> Effects:
                 where=effect.place,
                 says=effect.says("<where>"),
                 parameters=tuple(Parameter(name=p.name, unit=p.unit or "of the signal") for p in effect.parameters),
-                simulators=tuple(name for name, found in able.items() if effect.name in found),
+                simulators=tuple(name for name, names in able.items() if effect.name in names),
                 asked_for=effect.asked_for,
             )
             for effect in VOCABULARY.values()

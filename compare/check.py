@@ -35,34 +35,32 @@ from compare.arguments import (
     rigidly_and_evenly_driven,
     warn_of_friction,
 )
-from compare.crosscheck import Job, Ran, concluded, judged, run_all
+from compare.crosscheck import STRIKING, Job, Ran, concluded, judged, run_all
 from compare.diagnose.data.quality import LIKE_UNIT, REVERSED, looks
 from compare.faults import ArgumentError
-from compare.judge.closer import Judged
 from compare.judge.discrepancy import UNCOMPARED, Rule, difference
 from compare.judge.reference import (
-    SURE,
+    SIGMAS,
     Reference,
     reference,
     silenced,
 )
-from compare.judge.signals import UNITS
-from compare.left_out import Asked, omitted
+from compare.judge.reruns import JudgedRun
+from compare.omissions import Asked, omitted
 from compare.progress import Progress, progress_bar
 from compare.questions.check import CheckQuestion
 from compare.questions.question import answers
+from compare.recorded.alternatives import TableReading, line, otherwise
 from compare.recorded.errors import DataError
 from compare.recorded.headings import Column
 from compare.recorded.motion import (
-    LEAST,
-    Followed,
-    FollowedDrives,
-    Start,
-    encoder_of,
+    LEAST_SAMPLES,
+    RecordedDrives,
+    RecordedMotion,
+    ReleaseState,
     evenly,
     released_from,
 )
-from compare.recorded.readings import Reading, line, otherwise
 from compare.recorded.recording import Recording, recording
 from compare.recorded.rounding import rounding
 from compare.recorded.table import Table, read_table, unused
@@ -71,8 +69,7 @@ from sim_models.common.contact_laws import contact_parameters
 from sim_models.engine import JointModel, Motion, Request, Trace, engine
 
 NAMED = 4  # columns of which something is said, by name
-YIELDING = ("contact", "spring-damper")  # whose walls give: no table says how much, and theirs are taken as ours
-COARSE = 0.5  # of what a signal may differ by: where the course leaves it open by more, that is said
+LEFT_OPEN = 0.5  # of what a signal may differ by: where the course leaves it open by more, that is said
 
 
 @answers(CheckQuestion)
@@ -99,9 +96,8 @@ def check(question: CheckQuestion) -> CrossCheck:
         timed = motion == "driven" or not given.cranked
         tables = _tables(result_files(question.results), given, layout, str(map), timed=timed)
         recordings = [recording(name, file, table, given, motion, model) for name, file, table in tables]
-    uneven = any(one.kind == "course" for one in recordings)
     job = Job(
-        _followed(given) if uneven and given.speed is not None else given,
+        _followed(given, *recordings),
         names,
         tolerances,
         Schedule(),
@@ -113,29 +109,29 @@ def check(question: CheckQuestion) -> CrossCheck:
     asked = _Asked(given, job, model, motion)
     remarks: list[str] = []
     ran = Ran()
-    for one in recordings:
+    for record in recordings:
         try:
-            side, found = asked.held(one)
+            side, judgement = asked.judged(record)
         except AssemblyError as error:
-            remedy = asked.meant(one) or "check the angles, their unit and their sign"
-            raise DataError(f"{Path(one.file).name}: {error}; {remedy}") from None
-        if contradictions := _contradictions(one, found):
-            remedy = asked.meant(one) or "leave one of them out"
-            raise DataError(*(f"{Path(one.file).name}: {each}; {remedy}" for each in contradictions))
-        remarks += [*side.remarks, *asked.said(one, side, found)]
-        ran += Ran((found,))
+            remedy = asked.meant(record) or "check the angles, their unit and their sign"
+            raise DataError(f"{Path(record.file).name}: {error}; {remedy}") from None
+        if contradictions := _contradictions(record, judgement):
+            remedy = asked.meant(record) or "leave one of them out"
+            raise DataError(*(f"{Path(record.file).name}: {each}; {remedy}" for each in contradictions))
+        remarks += [*side.remarks, *asked.sentences(record, side, judgement)]
+        ran += Ran((judgement,))
     if names:
-        with progress_bar(question.progress) as told:
-            ran += _engines(asked, recordings[0], told)
+        with progress_bar(question.progress) as progress:
+            ran += _engines(asked, recordings[0], progress)
     first = ran.judged[0]
-    others = dict.fromkeys(one.run.simulator.name for one in ran.judged if not _alike(one, first))
+    others = dict.fromkeys(run.run.simulator.name for run in ran.judged if not _alike(run, first))
     if others:
         remarks.append(
             f"{', '.join(others)}: has other samples than {first.run.simulator.name}, so that who stands apart is asked"
             " of the rest; give tables of one motion with the same rows"
         )
     job = replace(job, warnings=(*job.warnings, *remarks))
-    return concluded(job, ran, lambda one: _alike(one, first))
+    return concluded(job, ran, lambda run: _alike(run, first))
 
 
 # ---------------------------------------------------------------- files
@@ -172,85 +168,87 @@ def _tables(
 ) -> list[tuple[str, str, Table]]:
     """Every file as a table, by a map that is called ``where``.  Raises DataError with the faults of all of them."""
     timed = timed and mechanism.speed is None  # at a constant speed an angle tells the time
-    found: list[tuple[str, str, Table]] = []
+    tables: list[tuple[str, str, Table]] = []
     faults: list[str] = []
     for name, file in files.items():
         try:
-            found.append((name, str(file), read_table(file, mechanism, layout, timed=timed, derived=True)))
+            tables.append((name, str(file), read_table(file, mechanism, layout, timed=timed, derived=True)))
         except DataError as error:
             faults += error.faults
-    used = {entry for _, _, table in found for entry in table.used}
-    headings = list(dict.fromkeys(heading for _, _, table in found for heading in table.headings))
+    used = {entry for _, _, table in tables for entry in table.used}
+    headings = list(dict.fromkeys(heading for _, _, table in tables for heading in table.headings))
     faults += [] if faults else [unused(f"{where}: ", entry, headings) for entry in layout.columns if entry not in used]
     if faults:
         raise DataError(*faults)
-    return found
+    return tables
 
 
 def _warnings(mechanism: Mechanism, recordings: Sequence[Recording], motion: Motion) -> list[str]:
     """What was made of the files, in sentences."""
-    found = []
-    for one in recordings:
-        found += list(one.table.notes)
-        if one.kind == "released" and f"{mechanism.driven}_angle" not in one.table.values:
-            found.append(f"{one.name}: does not say where the linkage begins; it is let go at rest, as it is assembled")
-        found += _off_speed(one, mechanism) if motion == "driven" else []
-        if one.kind == "angles" and one.table.time.size and encoder_of(mechanism) not in one.table.values:
+    sentences = []
+    for record in recordings:
+        sentences += list(record.table.notes)
+        if isinstance(record.moved, ReleaseState) and f"{mechanism.driven}_angle" not in record.table.values:
+            sentences.append(
+                f"{record.name}: does not say where the linkage begins; it is let go at rest, as it is assembled"
+            )
+        sentences += _off_speed(record, mechanism) if motion == "driven" else []
+        if record.moved is None and record.table.time.size and mechanism.encoder.name not in record.table.values:
             where = f"{np.degrees(mechanism.assembly[mechanism.driven]):.4g} deg"
-            found.append(
-                f"{one.name}: does not say where its crank is; at time 0 it is taken to be at {where}, where the"
+            sentences.append(
+                f"{record.name}: does not say where its crank is; at time 0 it is taken to be at {where}, where the"
                 " linkage is assembled"
             )
-        found += _absent(one)
-    return found
+        sentences += _absent(record)
+    return sentences
 
 
-def _absent(one: Recording) -> list[str]:
+def _absent(record: Recording) -> list[str]:
     """A sentence on cells without a number, if there are any."""
-    absent = {signal: int(np.sum(np.isnan(values))) for signal, values in one.table.values.items()}
+    absent = {signal: int(np.sum(np.isnan(values))) for signal, values in record.table.values.items()}
     absent = {signal: cells for signal, cells in absent.items() if cells}
     if not absent:
         return []
     low, high = min(absent.values()), max(absent.values())
     cells = f"{low} to {high}" if low < high else f"{low}"
-    rows = next(iter(one.table.values.values())).size
+    rows = next(iter(record.table.values.values())).size
     are = "is" if len(absent) == 1 else "are"
-    return [f"{one.name}: {_listed(list(absent))} {are} absent in {cells} of {rows} rows, which are left out"]
+    return [f"{record.name}: {_first_named(list(absent))} {are} absent in {cells} of {rows} rows, which are left out"]
 
 
-def _recorded(one: Recording, mechanism: Mechanism) -> dict[Signal, tuple[np.ndarray, float]]:
+def _followed_drives(record: Recording, mechanism: Mechanism) -> dict[Signal, tuple[np.ndarray, float]]:
     """Of each drive with a speed whose recorded course is followed: its encoder, its positions (N,) rad, m, and its
     speed (rad/s, m/s).
     """
-    if one.kind == "course" and mechanism.speed is not None:
-        return {mechanism.encoder: (one.theta, mechanism.speed)}
-    if not isinstance(one.moved, FollowedDrives):
+    if isinstance(record.moved, RecordedMotion) and mechanism.speed is not None:
+        return {mechanism.encoder: (record.theta, mechanism.speed)}
+    if not isinstance(record.moved, RecordedDrives):
         return {}
-    drives, speeds = one.moved.drives, mechanism.drive_speeds
+    drives, speeds = record.moved.drives, mechanism.drive_speeds
     return {position(mechanism.joint(n)): (each.moving.theta, speeds[n]) for n, each in drives.items() if n in speeds}
 
 
-def _off_speed(one: Recording, mechanism: Mechanism) -> list[str]:
+def _off_speed(record: Recording, mechanism: Mechanism) -> list[str]:
     """A sentence on drives that do not move evenly at their speed."""
-    off, time = [], one.table.time
-    for encoder, (values, speed) in _recorded(one, mechanism).items():
-        unit, rounded, late = f"{encoder.unit}/s", one.table.rounding(encoder.name), rounding(time)
+    off, time = [], record.table.time
+    for encoder, (values, speed) in _followed_drives(record, mechanism).items():
+        unit, rounded, late = f"{encoder.unit}/s", record.table.rounding(encoder.name), rounding(time)
         if evenly(time, values, speed, rounded, late) is not None:
             continue
         verb = "turn" if encoder.wraps else "move"
-        what = "its crank" if one.kind == "course" else f"joint {encoder.place}"
-        own = float(values[-1] - values[0]) / float(time[-1] - time[0])
-        if evenly(time, values, own, rounded, late) is None:
+        what = "its crank" if isinstance(record.moved, RecordedMotion) else f"joint {encoder.place}"
+        mean = float(values[-1] - values[0]) / float(time[-1] - time[0])
+        if evenly(time, values, mean, rounded, late) is None:
             off.append(f"{what} does not {verb} evenly at drive.speed = {speed:g} {unit}")
         else:
-            off.append(f"{what} {verb}s evenly, but at {own:.5g} {unit} where drive.speed = {speed:g}")
+            off.append(f"{what} {verb}s evenly, but at {mean:.5g} {unit} where drive.speed = {speed:g}")
     its = "its recorded course is" if len(off) == 1 else "their recorded courses are"
-    return [f"{one.name}: {', '.join(off)}; {its} followed, and drive.speed left out"] if off else []
+    return [f"{record.name}: {', '.join(off)}; {its} followed, and drive.speed left out"] if off else []
 
 
-def _clocked(one: Recording, mechanism: Mechanism) -> list[str]:
+def _clocked(record: Recording, mechanism: Mechanism) -> list[str]:
     """A sentence on a clock by which all drives have their speeds, where by the one that is read none has."""
-    drives = _recorded(one, mechanism)
+    drives = _followed_drives(record, mechanism)
 
     def at_speed(table: Table) -> list[bool]:
         time = table.time
@@ -260,146 +258,157 @@ def _clocked(one: Recording, mechanism: Mechanism) -> list[str]:
             for encoder, (values, speed) in drives.items()
         ]
 
-    read = Reading.of(one.table)
+    read = TableReading.of(record.table)
     if not drives or any(at_speed(read.table)):
         return []
     meant = next((each for each in read.clocks() if all(at_speed(each.table))), None)
     if meant is None:
         return []
-    return [f"{one.name}: with {meant.words} drive.speed holds: say {meant.lines} under [columns] of a map"]
+    return [f"{record.name}: with {meant.words} drive.speed holds: say {meant.lines} under [columns] of a map"]
 
 
 # ---------------------------------------------------------------- both sides
 
 
-def _followed(mechanism: Mechanism) -> Mechanism:
-    """The mechanism with a motor that follows a record."""
-    drive = mechanism.drive
-    assert drive is not None
-    return mechanism.replace(drive=drive.model_dump(exclude_unset=True) | {"speed": "measured"})
+def _followed(mechanism: Mechanism, *recordings: Recording) -> Mechanism:
+    """The mechanism, with a motor that follows the record where its crank does not turn evenly in one of these."""
+    uneven = any(isinstance(record.moved, RecordedMotion) for record in recordings)
+    if not uneven or mechanism.speed is None or mechanism.drive is None:
+        return mechanism
+    return mechanism.replace(drive=mechanism.drive.model_dump(exclude_unset=True) | {"speed": "measured"})
 
 
 @dataclass(frozen=True)
 class _Asked:
-    """What is asked of each file: the mechanism as it is given, and the job with the joint model that all have."""
+    """The check of each file: the mechanism as it is given, and the job with the joint model that all have."""
 
     given: Mechanism
     job: Job
     joint_model: JointModel
     motion: Motion
 
-    def mechanism(self, one: Recording) -> Mechanism:
-        """The mechanism as it moves in a recording: with a motor that follows it where it does not turn evenly."""
-        return _followed(self.given) if one.kind == "course" and self.given.speed is not None else self.given
+    def mechanism(self, record: Recording) -> Mechanism:
+        """The mechanism as it moves in a recording."""
+        return _followed(self.given, record)
 
-    def job_of(self, one: Recording) -> Job:
+    def job_of(self, record: Recording) -> Job:
         """The job for the samples of a recording."""
-        m = self.mechanism(one)
-        return replace(self.job, mechanism=m, schedule=one.schedule(m, self.motion == "static"))
+        m = self.mechanism(record)
+        return replace(self.job, mechanism=m, schedule=record.schedule(m, self.motion == "static"))
 
-    def side(self, one: Recording) -> Reference:
+    def side(self, record: Recording) -> Reference:
         """The analytic side at a recording's samples.  Raises AssemblyError."""
-        return _side(one, self.mechanism(one), self.motion, self.joint_model, self.job.model)
+        return _analytic_side(record, self.mechanism(record), self.motion, self.joint_model, self.job.model)
 
-    def held(self, one: Recording) -> tuple[Reference, Judged]:
+    def judged(self, record: Recording) -> tuple[Reference, JudgedRun]:
         """The analytic side of a recording, and the recording held to it.  Raises AssemblyError."""
-        side = self.side(one)
-        trace = _trace(one, self.mechanism(one), self.joint_model, self.motion)
-        found = judged(self.job_of(one), _with_rounding(side, one), trace)
-        if not found.rules and not found.run.reason:
-            why = "; ".join(_not_judged(one, side, found, self.mechanism(one))) or "no column has a number to compare"
-            found = replace(found, run=found.run.model_copy(update={"reason": why}))
-        return side, found
+        side = self.side(record)
+        trace = _trace(record, self.mechanism(record), self.joint_model, self.motion)
+        judgement = judged(self.job_of(record), _with_rounding(side, record), trace)
+        if not judgement.rules and not judgement.run.reason:
+            why = (
+                "; ".join(_not_judged(record, side, judgement, self.mechanism(record)))
+                or "no column has a number to compare"
+            )
+            judgement = replace(judgement, run=judgement.run.model_copy(update={"reason": why}))
+        return side, judgement
 
-    def said(self, one: Recording, side: Reference, found: Judged) -> list[str]:
-        """What a reader has to know of a file beside its verdict, in sentences."""
-        m, rules = self.mechanism(one), found.rules
-        said = [f"{one.name}: {why}" for why in _not_judged(one, side, found, m)] if rules else []
+    def sentences(self, record: Recording, side: Reference, judgement: JudgedRun) -> list[str]:
+        """Remarks on a file for the reader beside its verdict, in sentences."""
+        m, rules = self.mechanism(record), judgement.rules
+        sentences = [f"{record.name}: {why}" for why in _not_judged(record, side, judgement, m)] if rules else []
         if self.motion == "driven":
-            said += _coarse(one, side, rules, m)
-        off = found.run.verdict == "disagrees"
-        if off and (meant := self.meant(one)):
-            return [*said, f"{one.name}: {meant}"]
+            sentences += _coarse(record, side, rules, m)
+        off = judgement.run.verdict == "disagrees"
+        if off and (meant := self.meant(record)):
+            return [*sentences, f"{record.name}: {meant}"]
         if self.motion == "driven":
-            said += _clocked(one, self.given)
-        said += _units(one, side, found)
-        if off and one.kind == "angles" and self.motion == "driven" and one.time is None and self.rests(one):
-            said.append(f"{one.name}: agrees with the linkage at rest; say --motion static")
-        return said
+            sentences += _clocked(record, self.given)
+        sentences += _units(record, side, judgement)
+        if off and record.moved is None and self.motion == "driven" and record.time is None and self.rests(record):
+            sentences.append(f"{record.name}: agrees with the linkage at rest; say --motion static")
+        return sentences
 
-    def rests(self, one: Recording) -> bool:
+    def rests(self, record: Recording) -> bool:
         """Whether rows that have no time are as the linkage is at rest."""
         still = replace(self, motion="static")
-        return still.held(one)[1].run.verdict == "agrees"
+        return still.judged(record)[1].run.verdict == "agrees"
 
-    def meant(self, one: Recording) -> str:
+    def meant(self, record: Recording) -> str:
         """What a map has to say where most of what disagrees agrees once the clock or an encoder is read otherwise;
         empty where nothing does.
 
         Where bodies are depends on the encoders alone, so that these are right where no pose disagrees.
         """
-        best = Reading.of(one.table)
-        first = found = self._agreeing(one, best)
-        ways: list[Callable[[Reading], Iterable[Reading]]] = [lambda r: r.encoders(self.given), Reading.clocks]
+        best = TableReading.of(record.table)
+        as_read = agreeing = self._agreeing(record, best)
+        ways: list[Callable[[TableReading], Iterable[TableReading]]] = [
+            lambda r: r.encoders(self.given),
+            TableReading.clocks,
+        ]
         known = named(self.given.bodies, self.given.joints, self.given.drives)
-        poses = [agrees for name, agrees in first.items() if known[name].kind in ("pose", "rotation")]
+        poses = [agrees for name, agrees in as_read.items() if known[name].kind in ("pose", "rotation")]
         for way in ways[1:] if poses and all(poses) else ways:
             for reading in way(best):
-                if found and all(found.values()):
+                if agreeing and all(agreeing.values()):
                     break
-                other = self._agreeing(one, reading)
-                if sum(other.values()) > sum(found.values()):
-                    best, found = reading, other
-        agree, then, compared = sum(first.values()), sum(found.values()), len(first) or len(found)
+                other = self._agreeing(record, reading)
+                if sum(other.values()) > sum(agreeing.values()):
+                    best, agreeing = reading, other
+        agree, then, compared = sum(as_read.values()), sum(agreeing.values()), len(as_read) or len(agreeing)
         if 2 * (then - agree) <= compared - agree:
             return ""
-        now = f"{agree} as it is read" if first else "as it is read the linkage does not reach its angles"
-        said = f"{then} of {len(found)} comparisons agree with {best.words}, {now}"
-        return f"{said}: say {best.lines} under [columns] of a map"
+        now = f"{agree} as it is read" if as_read else "as it is read the linkage does not reach its angles"
+        comparisons = f"{then} of {len(agreeing)} comparisons agree with {best.words}, {now}"
+        return f"{comparisons}: say {best.lines} under [columns] of a map"
 
-    def _agreeing(self, one: Recording, reading: Reading) -> dict[str, bool]:
+    def _agreeing(self, record: Recording, reading: TableReading) -> dict[str, bool]:
         """Whether each signal agrees; nothing where the linkage does not move so."""
         try:
-            again = recording(one.name, one.file, reading.table, self.given, self.motion, self.joint_model)
-            found = self.held(again)[1].run.discrepancies
+            again = recording(record.name, record.file, reading.table, self.given, self.motion, self.joint_model)
+            discrepancies = self.judged(again)[1].run.discrepancies
         except (DataError, AssemblyError):
             return {}
-        return {each.signal: each.verdict == "agrees" for each in found}
+        return {each.signal: each.verdict == "agrees" for each in discrepancies}
 
 
-def _side(one: Recording, mechanism: Mechanism, motion: Motion, joint_model: JointModel, model: Model) -> Reference:
+def _analytic_side(
+    record: Recording, mechanism: Mechanism, motion: Motion, joint_model: JointModel, model: Model
+) -> Reference:
     """The analytic side at a recording's samples, by what is known of its motion.  Raises AssemblyError."""
     clearances = {} if joint_model == "ideal" else mechanism.clearances
     rubs = joint_model in ("ideal", "contact")
     assembly = Assembly(mechanism if rubs else mechanism.without_contact_friction())
     at_rest = motion == "static"
-    side = reference(assembly, one.schedule(mechanism, at_rest), model, clearances, *one.moving(assembly, at_rest))
-    moved = one.moved
-    return silenced(side, _standing(moved, mechanism)) if at_rest and isinstance(moved, FollowedDrives) else side
+    side = reference(
+        assembly, record.schedule(mechanism, at_rest), model, clearances, *record.moving(assembly, at_rest)
+    )
+    moved = record.moved
+    return silenced(side, _standing(moved, mechanism)) if at_rest and isinstance(moved, RecordedDrives) else side
 
 
-def _standing(moved: FollowedDrives, mechanism: Mechanism) -> dict[str, np.ndarray]:
+def _standing(moved: RecordedDrives, mechanism: Mechanism) -> dict[str, np.ndarray]:
     """Where (N,) a record says no more of a drive than that it stands, by what its motor gives where its joint rubs."""
     given = zip(mechanism.motors, driving(mechanism.motors), strict=True)
     named = {joint.name: signal.name for joint, signal in given if joint.rubs}
     drives = {named[name]: each for name, each in moved.drives.items() if name in named}
-    return {name: np.abs(each.moving.omega) <= SURE * each.errors.omega for name, each in drives.items()}
+    return {name: np.abs(each.moving.omega) <= SIGMAS * each.errors.omega for name, each in drives.items()}
 
 
-def _with_rounding(side: Reference, one: Recording) -> Reference:
+def _with_rounding(side: Reference, record: Recording) -> Reference:
     """A side with what the file's numbers are rounded to as further ignorance; a signal that has steps of its own, as
     the direction of a force between two walls, is not rounded to them.  Steps that are no more than what the motion
     leaves open are those of its encoders.
     """
     unsure = {name: np.array(values) for name, values in side.unsure.items()}
-    table = one.table
+    table = record.table
     for name in table.values:
-        own = rounding(side.signals[name]) if name in side.signals else np.zeros(1)
-        own = own if np.max(own) > SURE * np.max(unsure.get(name, np.zeros(1))) else np.zeros(1)
-        unsure[name] = unsure.get(name, 0.0) + np.maximum(table.rounding(name) - own, 0.0) / SURE
+        steps = rounding(side.signals[name]) if name in side.signals else np.zeros(1)
+        steps = steps if np.max(steps) > SIGMAS * np.max(unsure.get(name, np.zeros(1))) else np.zeros(1)
+        unsure[name] = unsure.get(name, 0.0) + np.maximum(table.rounding(name) - steps, 0.0) / SIGMAS
     for name in [name for name in side.signals if name.endswith("_magnitude")]:
         joint = name.removeprefix("reaction_").removesuffix("_magnitude")
-        step = np.hypot(*(table.rounding(Signal("reaction", joint, axis).name) for axis in ("x", "y"))) / SURE
+        step = np.hypot(*(table.rounding(Signal("reaction", joint, axis).name) for axis in ("x", "y"))) / SIGMAS
         turned = Signal("reaction", joint, "angle").name
         size = np.fmax(np.abs(side.signals[name]), 1e-300)
         unsure[name] = unsure.get(name, 0.0) + step
@@ -407,63 +416,66 @@ def _with_rounding(side: Reference, one: Recording) -> Reference:
     return replace(side, unsure=unsure)
 
 
-def _trace(one: Recording, mechanism: Mechanism, joint_model: JointModel, motion: Motion) -> Trace:
+def _trace(record: Recording, mechanism: Mechanism, joint_model: JointModel, motion: Motion) -> Trace:
     clearance = {} if joint_model == "ideal" else dict(mechanism.clearances)
-    settings: dict[str, str | float] = {"file": Path(one.file).name}
-    if clearance and joint_model in YIELDING:
+    settings: dict[str, str | float] = {"file": Path(record.file).name}
+    if clearance and joint_model in STRIKING:  # no table says how much their walls give: they are taken as ours
         laws = [contact_parameters(mechanism, mechanism.joint(name), motion) for name in clearance]
         settings["contact_stiffness"] = min(law.stiffness for law in laws)
-    if isinstance(one.moved, Followed):
-        settings["acceleration_known_to"] = float(SURE * np.max(one.moved.errors.alpha))
-    if isinstance(one.moved, FollowedDrives) and motion == "driven":
-        for name, each in one.moved.drives.items():
-            settings[f"acceleration_known_to_{name}"] = float(SURE * np.max(each.errors.alpha))
-    theta = one.table.values.get(encoder_of(mechanism), one.theta) if one.kind == "released" else one.theta
-    time = None if motion == "static" and not isinstance(one.moved, FollowedDrives) else one.time
+    if isinstance(record.moved, RecordedMotion):
+        settings["acceleration_known_to"] = float(SIGMAS * np.max(record.moved.errors.alpha))
+    if isinstance(record.moved, RecordedDrives) and motion == "driven":
+        for name, each in record.moved.drives.items():
+            settings[f"acceleration_known_to_{name}"] = float(SIGMAS * np.max(each.errors.alpha))
+    time = None if motion == "static" and not isinstance(record.moved, RecordedDrives) else record.time
     return Trace(
-        one.name,
+        record.name,
         RECORDED,
         joint_model,
         motion,
-        np.array(theta),
+        record.theta,
         time,
-        one.table.values,
+        record.table.values,
         clearance,
         settings=settings,
         recorded=True,
     )
 
 
-def _not_judged(one: Recording, side: Reference, found: Judged, mechanism: Mechanism) -> list[str]:
+def _not_judged(record: Recording, side: Reference, judgement: JudgedRun, mechanism: Mechanism) -> list[str]:
     """Why columns are held against nothing, in sentences; that encoders are not, as the analytic side follows them,
     goes without saying, and what is empty is said elsewhere.
     """
-    told = {each.signal for each in found.run.discrepancies}
-    full = {name for name, values in one.table.values.items() if np.any(np.isfinite(values))}
-    rest = [column.signal for column in one.table.columns if column.signal.name in full]
-    rest = [s for s in rest if s not in mechanism.encoders and not _held_by(s, told)]
+    judged_on = {each.signal for each in judgement.run.discrepancies}
+    full = {name for name, values in record.table.values.items() if np.any(np.isfinite(values))}
+    rest = [column.signal for column in record.table.columns if column.signal.name in full]
+    rest = [s for s in rest if s not in mechanism.encoders and not _judged_by(s, judged_on)]
     rest = [s for s in rest if s.kind != "reaction" or s.place not in side.undetermined]
     crank = mechanism.driven if mechanism.cranked else ""
-    own = [s.name for s in rest if s.place == crank and s.kind in ("rate", "rotation")]
-    bare = [s.name for s in rest if _held_by(s, found.rules)]
-    others = [s.name for s in rest if s.name not in (*own, *bare)]
+    prescribed = [s.name for s in rest if s.place == crank and s.kind in ("rate", "rotation")]
+    bare = [s.name for s in rest if _judged_by(s, judgement.rules)]
+    others = [s.name for s in rest if s.name not in (*prescribed, *bare)]
     why = f"the motion of the {crank} is prescribed, and the analytic side follows it"
-    said = [f"{' and '.join(own)} {'is' if len(own) == 1 else 'are'} not judged: {why}"] if own else []
-    said += [f"{', '.join(bare)} {'is' if len(bare) == 1 else 'are'} not judged: {UNCOMPARED}"] if bare else []
+    sentences = (
+        [f"{' and '.join(prescribed)} {'is' if len(prescribed) == 1 else 'are'} not judged: {why}"]
+        if prescribed
+        else []
+    )
+    sentences += [f"{', '.join(bare)} {'is' if len(bare) == 1 else 'are'} not judged: {UNCOMPARED}"] if bare else []
     if others:
-        said.append(
-            f"{_listed(others)} {'is' if len(others) == 1 else 'are'} not judged: a run with"
-            f" {found.run.joint_model} joints is judged on other signals"
+        sentences.append(
+            f"{_first_named(others)} {'is' if len(others) == 1 else 'are'} not judged: a run with"
+            f" {judgement.run.joint_model} joints is judged on other signals"
         )
-    return said
+    return sentences
 
 
-def _listed(names: Sequence[str]) -> str:
+def _first_named(names: Sequence[str]) -> str:
     """The first of some names, and how many more there are."""
     return ", ".join(names[:NAMED]) + (f" and {len(names) - NAMED} more" if len(names) > NAMED else "")
 
 
-def _held_by(signal: Signal, judged: Collection[str]) -> list[str]:
+def _judged_by(signal: Signal, judged: Collection[str]) -> list[str]:
     """By which of these signals a column is judged: by itself, or by what is derived of it: a reaction's size and
     direction, a body's rotation.
     """
@@ -475,85 +487,87 @@ def _held_by(signal: Signal, judged: Collection[str]) -> list[str]:
     return [signal.name] if signal.name in judged else [each.name for each in derived if each.name in judged]
 
 
-def _contradictions(one: Recording, found: Judged) -> list[str]:
+def _contradictions(record: Recording, judgement: JudgedRun) -> list[str]:
     """Columns of what follows from others that say something else than these do, in sentences."""
-    said = []
-    for column in one.table.columns:
-        signal, rule = column.signal, found.rules.get(column.signal.name)
+    sentences = []
+    for column in record.table.columns:
+        signal, rule = column.signal, judgement.rules.get(column.signal.name)
         if rule is None:
             continue
-        apart = np.abs(signal.apart(one.table.values[signal.name], found.run.simulated[signal.name]))
-        if np.any(apart > rule.tolerance(found.run.analytic)):
+        apart = np.abs(signal.apart(record.table.values[signal.name], judgement.run.simulated[signal.name]))
+        if np.any(apart > rule.tolerance(judgement.run.analytic)):
             of = f"reaction_{signal.place}_x and _y" if signal.kind == "reaction" else f"{signal.place}_angle"
-            said.append(f"{signal.name} is off by {np.nanmax(apart):.3g} {signal.unit} from what {of} make it")
-    return said
+            sentences.append(f"{signal.name} is off by {np.nanmax(apart):.3g} {signal.unit} from what {of} make it")
+    return sentences
 
 
-def _coarse(one: Recording, side: Reference, rules: Mapping[str, Rule], mechanism: Mechanism) -> list[str]:
+def _coarse(record: Recording, side: Reference, rules: Mapping[str, Rule], mechanism: Mechanism) -> list[str]:
     """A warning where the crank's recorded angles leave a signal open by more than it should differ by."""
-    if not isinstance(one.moved, Followed | FollowedDrives) and not one.error:
+    if not isinstance(record.moved, RecordedMotion | RecordedDrives) and not record.error:
         return []
-    left_open, share = "", 1e-3 * COARSE
+    left_open, share = "", 1e-3 * LEFT_OPEN
     for name, rule in rules.items():
         peak = float(np.nanmax(np.abs(side.signals[name]), initial=0.0))
-        open_by = SURE * float(np.max(side.unsure.get(name, np.zeros(1))))
+        open_by = SIGMAS * float(np.max(side.unsure.get(name, np.zeros(1))))
         alone = float(np.nanmax(replace(rule, unsure=0.0).tolerance(side.signals), initial=0.0))
-        if open_by > max(share * peak, COARSE * alone) and (one.error or not rule.signal.wraps):
+        if open_by > max(share * peak, LEFT_OPEN * alone) and (record.error or not rule.signal.wraps):
             share = open_by / peak if peak else math.inf
             much = (
                 f"{100 * share:.2g} % of its peak"
                 if share < 1
-                else f"{open_by:.2g} {UNITS[rule.kind]}, more than its peak"
+                else f"{open_by:.2g} {rule.signal.unit}, more than its peak"
             )
             left_open = f"{name} to {much}; that much is allowed on top"
     if not left_open:
         return []
-    if not isinstance(one.moved, Followed | FollowedDrives):
+    if not isinstance(record.moved, RecordedMotion | RecordedDrives):
         return [
-            f"{one.name}: its crank's angles are rounded, by up to {np.degrees(SURE * one.error):.2g} deg, and so tell"
-            f" {left_open}: write them with more digits for a closer check"
+            f"{record.name}: its crank's angles are rounded, by up to {np.degrees(SIGMAS * record.error):.2g} deg, and"
+            f" so tell {left_open}: write them with more digits for a closer check"
         ]
-    every = float(np.median(np.diff(one.table.time)))
-    if isinstance(one.moved, FollowedDrives):
-        drives = {f"joint {name}": each for name, each in one.moved.drives.items()}
+    every = float(np.median(np.diff(record.table.time)))
+    if isinstance(record.moved, RecordedDrives):
+        drives = {f"joint {name}": each for name, each in record.moved.drives.items()}
     else:
-        drives = {"its crank": one.moved}
+        drives = {"its crank": record.moved}
     what, moved = max(drives.items(), key=lambda item: float(np.max(item[1].errors.alpha)))
     slides = {"its crank"} if mechanism.sliding else {f"joint {j.name}" for j in mechanism.joints if j.prismatic}
     unit = "m" if what in slides else "rad"
-    known, most = SURE * float(np.max(moved.errors.alpha)), float(np.max(np.abs(moved.moving.alpha)))
-    where = SURE * float(np.max(moved.errors.theta))
+    known, most = SIGMAS * float(np.max(moved.errors.alpha)), float(np.max(np.abs(moved.moving.alpha)))
+    where = SIGMAS * float(np.max(moved.errors.theta))
     position = f"its position to {where:.2g} {unit} and " if where else ""
     return [
-        f"{one.name}: {what} is recorded every {every:.3g} s, which tells {position}its acceleration to {known:.2g}"
+        f"{record.name}: {what} is recorded every {every:.3g} s, which tells {position}its acceleration to {known:.2g}"
         f" {unit}/s2 (of {most:.3g} at most), and so {left_open}: record it more often, or with more digits, for a"
         " closer check"
     ]
 
 
-def _units(one: Recording, side: Reference, judged: Judged) -> list[str]:
+def _units(record: Recording, side: Reference, judged: JudgedRun) -> list[str]:
     """A warning for each signal that is the analytic one in another unit, or of the other sign, and does not agree."""
-    found = []
+    sentences = []
     verdicts = {each.signal: each.verdict for each in judged.run.discrepancies}
-    for column in one.table.columns:
+    for column in record.table.columns:
         name, kind = column.signal.name, dimension(column.signal)
-        values = one.table.values[name]
+        values = record.table.values[name]
         here = np.isfinite(values) & np.isfinite(side.signals.get(name, np.full(values.shape, np.nan)))
-        if np.sum(here) < LEAST or {verdicts[each] for each in _held_by(column.signal, verdicts)} == {"agrees"}:
+        if np.sum(here) < LEAST_SAMPLES or {verdicts[each] for each in _judged_by(column.signal, verdicts)} == {
+            "agrees"
+        }:
             continue
         model, recorded = side.signals[name][here], values[here]
         if column.signal.wraps and np.std(column.signal.apart(recorded, model)) <= LIKE_UNIT * np.std(model):
             continue  # whole turns apart
-        told = looks(kind, column.unit, model, recorded)
-        if told is not None:
-            slope, what = told
-            looked = _remedy(one.table, column, what)
-            found.append(f"{one.name}: {name} is {slope:.4g} times the analytic side's: it looks {looked}")
-    return found
+        look = looks(kind, column.unit, model, recorded)
+        if look is not None:
+            slope, what = look
+            looked = _remedy(record.table, column, what)
+            sentences.append(f"{record.name}: {name} is {slope:.4g} times the analytic side's: it looks {looked}")
+    return sentences
 
 
 def _remedy(table: Table, column: Column, what: str) -> str:
-    """What a column looks, and the line of a map that mends it."""
+    """The unit or sign in which a column looks like its signal, and the line of a map that mends it."""
     how, *words = what.split()
     if what == REVERSED:
         what += " or is the force on the other body" * (column.signal.kind == "reaction")
@@ -571,21 +585,21 @@ def _remedy(table: Table, column: Column, what: str) -> str:
 # ---------------------------------------------------------------- engines beside
 
 
-def _engines(asked: _Asked, one: Recording, progress: Progress) -> Ran:
+def _engines(asked: _Asked, record: Recording, progress: Progress) -> Ran:
     """The first file's motion in engines."""
-    m, joint_model = asked.mechanism(one), asked.joint_model
-    if isinstance(one.moved, Followed | FollowedDrives):
-        one = replace(one, moved=one.moved.smooth())
-    job = replace(asked.job_of(one), beside=tuple(one.table.values))
-    side = _side(one, m, job.motion, joint_model, job.model)
-    let_go = released_from(m.ideal(), one.moved.angle) if isinstance(one.moved, Start) else m
-    request = Request(let_go, joint_model, one.schedule(let_go, job.schedule.at_rest))
+    m, joint_model = asked.mechanism(record), asked.joint_model
+    if isinstance(record.moved, RecordedMotion | RecordedDrives):
+        record = replace(record, moved=record.moved.smooth())
+    job = replace(asked.job_of(record), beside=tuple(record.table.values))
+    side = _analytic_side(record, m, job.motion, joint_model, job.model)
+    let_go = released_from(m.ideal(), record.moved.angle) if isinstance(record.moved, ReleaseState) else m
+    request = Request(let_go, joint_model, record.schedule(let_go, job.schedule.at_rest))
     pair = (joint_model, job.motion)
     tasks = [(name, request) for name in job.simulators if pair in engine(name).capabilities.runs]
     return run_all(job, tasks, lambda trace: side, engine, progress)
 
 
-def _alike(one: Judged, first: Judged) -> bool:
+def _alike(one: JudgedRun, first: JudgedRun) -> bool:
     """Whether the analytic model says the same at the samples of two runs, within what each signal may differ by: only
     then is one held against the other.
     """

@@ -6,7 +6,7 @@ does it.
 
 from __future__ import annotations
 
-import platform
+import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.reach import turns_fully
 from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from analytic.mechanism.assumed import Assumed, assumed
@@ -39,44 +40,40 @@ from compare.arguments import (
 from compare.faults import ArgumentError
 from compare.judge.assumptions import failing_assumption
 from compare.judge.attribution import attribute
-from compare.judge.closer import Judged, settle, too_soft
-from compare.judge.contact import TURN
 from compare.judge.discrepancy import (
-    Discrepancy,
+    Comparison,
     Rule,
     Scales,
-    check_known,
     contact_give,
     judge,
-    known_differences,
     run_rules,
 )
 from compare.judge.flexible import Beams, softened
-from compare.judge.grid import turns_fully
-from compare.judge.longer import prolong, span
 from compare.judge.reference import (
-    SURE,
+    SIGMAS,
     Reference,
     reference,
     with_flexible_links,
 )
+from compare.judge.reruns import JudgedRun, prolong, settle, span, too_soft
 from compare.judge.signals import compared, recorded, with_derived, with_rotations
-from compare.judge.statistics import held_together
-from compare.judge.tolerances import Tolerances
-from compare.left_out import Asked, omitted, rigid_walls
+from compare.judge.statistics import compared_statistics
+from compare.judge.tolerances import Tolerances, check_known, known_differences
+from compare.omissions import Asked, omitted, rigid_walls
 from compare.progress import Progress, progress_bar
-from compare.questions.crosscheck import REVOLUTIONS, CrosscheckQuestion
+from compare.questions.crosscheck import MOST_REVOLUTIONS, CrosscheckQuestion
 from compare.questions.question import answers
 from compare.report.words.disagreement import because, between_engines
 from compare.results.contact import Compared
-from compare.results.crosscheck import CrossCheck, Failure, Path, Printed, Run, Simulator, Verdict, without
-from compare.results.crosscheck import Discrepancy as Judgement
-from compare.runs import Counted, Resolve, simulate_all
+from compare.results.crosscheck import CrossCheck, Discrepancy, Failure, Path, Printed, Run, Simulator, Verdict, without
+from compare.runs import ContactTrace, Resolve, simulate_all
 from compare.schedules import scheduled
+from compare.versions import versions
 from sim_models.common.contact_laws import assumed_of_contact
 from sim_models.engine import (
     JOINT_MODELS,
     SEPARATOR,
+    TOUCHING,
     Capabilities,
     JointModel,
     Motion,
@@ -85,12 +82,11 @@ from sim_models.engine import (
     Unsupported,
     check_supported,
     engine,
-    installed_version,
 )
 
-STRIKING: tuple[JointModel, ...] = ("contact", "spring-damper")  # whose pins and blocks may leave their walls
+STRIKING = TOUCHING["contact_law"]  # joint models whose pins and blocks may leave their walls
 OF_TURNS = "it is of cranks that turn fully, with pins that may strike their walls"
-Measure = Callable[[Assembly, Schedule, Model, Mapping[str, float]], Reference]
+AnalyticSide = Callable[[Assembly, Schedule, Model, Mapping[str, float]], Reference]
 
 
 @dataclass(frozen=True)
@@ -98,7 +94,7 @@ class Job:
     """What to cross-check: a mechanism along a schedule, in engines.
 
     ``beside`` are signals that are judged too, as a file of results has them.
-    ``as_it_is`` takes every run as it comes, where others are looked at more closely (:mod:`compare.judge.closer`).
+    ``as_it_is`` takes every run as it comes, where others are looked at more closely (:mod:`compare.judge.reruns`).
     With ``flexible`` bodies that have a modulus of elasticity bend, in static motion; else all are rigid.
     Contact is watched over so many ``revolutions`` at the utmost (0: not at all) as its statistics need to converge;
     ``as_it_is`` over just as many.
@@ -110,7 +106,6 @@ class Job:
     schedule: Schedule
     joint_model: JointModel | None = None
     model: Model = "equilibrium"
-    command: str = ""
     warnings: tuple[str, ...] = ()
     workers: int = 1
     flexible: bool = False
@@ -125,7 +120,7 @@ class Job:
 
     @property
     def offers(self) -> tuple[str, ...]:
-        """What a remedy may tell a person to change who asked for this: a map has no motion and no angles to choose."""
+        """Arguments that a remedy may tell a person to change: a map has no motion and no angles to choose."""
         return () if self.as_it_is else ("motion", "angles")
 
 
@@ -148,8 +143,8 @@ def crosscheck(question: CrosscheckQuestion) -> CrossCheck:
     that fails is among the result's ``failures``.
     """
     job = job_of(question)
-    with progress_bar(question.progress) as told:
-        return crosscheck_job(job, told)
+    with progress_bar(question.progress) as progress:
+        return crosscheck_job(job, progress)
 
 
 def job_of(question: CrosscheckQuestion) -> Job:
@@ -175,7 +170,7 @@ def job_of(question: CrosscheckQuestion) -> Job:
     unused = idle(m, question.analytic, joint_model)
     turns = question.revolutions
     strikes = m.clearances and motion == "driven" and joint_model in (None, *STRIKING) and schedule.turns_evenly
-    if turns not in (0, REVOLUTIONS) and not (strikes and turns_fully(assembly)):
+    if turns not in (0, MOST_REVOLUTIONS) and not (strikes and turns_fully(assembly)):
         unused.append(f"{m.name}: revolutions = {turns} is left out; {OF_TURNS}, and no run here has that")
     return Job(
         mechanism=m,
@@ -253,24 +248,24 @@ def _with_beams(
         )
     if not every:
         return tuple(Beams.of(name).name for name in names), []
-    found, left_out = [], []
+    bending, left_out = [], []
     for name in names:
         try:
-            found.append(Beams.of(name).name)
+            bending.append(Beams.of(name).name)
         except Unsupported as why:
             left_out.append(f"left out: {why}")
-    if not found:
+    if not bending:
         raise ArgumentError(
             "flexible", "no simulator that is installed bends links; run: pip install 'linkage-crosscheck[exudyn]'"
         )
-    return tuple(found), left_out
+    return tuple(bending), left_out
 
 
 def crosscheck_job(
     job: Job,
     progress: Progress = lambda what, done, total: None,
     resolve: Resolve | None = None,
-    measure: Measure = reference,
+    measure: AnalyticSide = reference,
 ) -> CrossCheck:
     """Run a job.
 
@@ -282,7 +277,9 @@ def crosscheck_job(
     assembly = Assembly(job.mechanism)
     tasks = [(name, request) for name in job.simulators for request in _requests(job, assembly, name, resolve)]
     if job.schedule.crank is None and job.joint_model is None:
-        tasks = [(name, request) for name, request in tasks if request.joint_model == "ideal" or _has(name, request)]
+        tasks = [
+            (name, request) for name, request in tasks if request.joint_model == "ideal" or _supported(name, request)
+        ]
     if not tasks:
         block = bool(job.mechanism.loose_guides)
         what = f"{job.joint_model or 'ideal'} joints in {job.motion} motion{' with a block in its guide' * block}"
@@ -293,9 +290,12 @@ def crosscheck_job(
     idle = [name for name in job.simulators if name not in {at for at, _ in tasks}] if job.joint_model else []
     lacks = f"{job.joint_model} joints in {job.motion} motion{' with a block' if job.mechanism.loose_guides else ''}"
     job = replace(job, warnings=(*job.warnings, *(f"left out: {name} has no {lacks}" for name in idle)))
-    smooth = {model: _smooth(job.mechanism, model) for model in JOINT_MODELS}
+    rough = any(joint.rough for joint in job.mechanism.joints)  # by the friction of contacts, which others leave out
+    smooth = {model: rough and model not in ("ideal", "contact") for model in JOINT_MODELS}
     sides = {
-        key: _side(job, Assembly(job.mechanism.without_contact_friction()) if key[1] else assembly, key[0], measure)
+        key: _analytic_side(
+            job, Assembly(job.mechanism.without_contact_friction()) if key[1] else assembly, key[0], measure
+        )
         for key in {(request.joint_model == "ideal", smooth[request.joint_model]) for _, request in tasks}
     }
     job = replace(job, warnings=(*job.warnings, *dict.fromkeys(r for side in sides.values() for r in side.remarks)))
@@ -307,16 +307,11 @@ def crosscheck_job(
     return concluded(job, ran)
 
 
-def _smooth(mechanism: Mechanism, joint_model: JointModel) -> bool:
-    """Whether joints of this model leave out the friction of contacts, which the mechanism has."""
-    return joint_model not in ("ideal", "contact") and any(joint.rough for joint in mechanism.joints)
-
-
 @dataclass(frozen=True)
 class Ran:
     """What came of the simulations of a job: runs that were judged, those that failed, and why others are left out."""
 
-    judged: tuple[Judged, ...] = ()
+    judged: tuple[JudgedRun, ...] = ()
     failures: tuple[Failure, ...] = ()
     left_out: tuple[str, ...] = ()
 
@@ -343,31 +338,39 @@ def run_all(
 
     def simulate_again(requests: Mapping[int, Request]) -> dict[int, Trace | Failure]:
         order = list(requests)
-        found = simulate_all([(tasks[i][0], requests[i]) for i in order], job.workers, resolve, job.offers)
-        return {order[k]: outcome for k, outcome in found}
+        reruns = simulate_all([(tasks[i][0], requests[i]) for i in order], job.workers, resolve, job.offers)
+        return {order[k]: outcome for k, outcome in reruns}
 
     first = {i: judged(job, side(t), t) for i, t in enumerate(traces) if isinstance(t, Trace)}
     again = dict(enumerate(request for _, request in tasks))
-    settled: Mapping[int, Judged | Failure] = first
+    settled: Mapping[int, JudgedRun | Failure] = first
     if not (job.flexible or job.as_it_is):
         settled, again = settle(first, again, simulate_again, lambda t: judged(job, side(t), t))
         settled = prolong(settled, again, simulate_again, lambda t: judged(job, side(t), t), job.revolutions)
     failed += [one for one in settled.values() if isinstance(one, Failure)]
     failed = [_with_jam(one, job.mechanism, job.motion) for one in failed]
-    return Ran(tuple(one for one in settled.values() if isinstance(one, Judged)), tuple(failed), tuple(left_out))
+    return Ran(tuple(one for one in settled.values() if isinstance(one, JudgedRun)), tuple(failed), tuple(left_out))
 
 
-def concluded(job: Job, ran: Ran, alike: Callable[[Judged], bool] = lambda one: True) -> CrossCheck:
+def concluded(job: Job, ran: Ran, alike: Callable[[JudgedRun], bool] = lambda one: True) -> CrossCheck:
     """The result of a job.  Which engine stands apart is asked of those of its runs that are ``alike``: that have the
     same samples.
     """
     runs = tuple(one.run for one in ran.judged)
-    statistics = held_together(runs, job.tolerances)
-    result = CrossCheck(
+    statistics = compared_statistics(runs, job.tolerances)
+    optional: dict[str, Any] = {"statistics": statistics} if statistics else {}
+    printed = printed_figures(job.mechanism)
+    if printed:
+        optional["printed"] = tuple(Printed(**vars(one) | {"signal": one.signal.name}) for one in printed)
+    together = [(one.run, one.rules) for one in ran.judged if alike(one)]
+    if len({run.simulator.name for run, _ in together}) > 1:
+        apart = attribute(together)
+        optional |= {"spread": apart.spread, "odd_one_out": apart.odd_one_out, "words": between_engines(apart)}
+    return CrossCheck(
         case=job.mechanism.name,
         verdict=_verdict(runs, ran.failures, statistics),
-        command=job.command,
-        versions=_versions(runs),
+        command="",
+        versions=versions({run.simulator.name: run.simulator.version for run in runs}),
         mechanism=job.mechanism,
         warnings=(
             *job.warnings,
@@ -379,49 +382,29 @@ def concluded(job: Job, ran: Ran, alike: Callable[[Judged], bool] = lambda one: 
                 if not run.simulator.recorded
                 for why in rigid_walls(job.mechanism, run.simulator.name, run.joint_model, run.settings)
             ),
-            *_their_own(runs),
+            *_of_file_models(runs),
         ),
         assumed=tuple(_assumed(job.mechanism, runs)),
         runs=tuple(_explained(job, run) for run in runs),
         failures=ran.failures,
+        **optional,
     )
-    printed = tuple(
-        Printed(
-            signal=one.signal.name,
-            crank_angle=one.crank_angle,
-            printed=one.printed,
-            first_order=one.first_order,
-            equilibrium=one.equilibrium,
-            source=one.source,
-        )
-        for one in printed_figures(job.mechanism)
-    )
-    if printed:
-        result = result.model_copy(update={"printed": printed})
-    if statistics:
-        result = result.model_copy(update={"statistics": statistics})
-    together = [(one.run, one.rules) for one in ran.judged if alike(one)]
-    if len({run.simulator.name for run, _ in together}) < 2:
-        return result
-    found = attribute(together)
-    several = {"spread": found.spread, "odd_one_out": found.odd_one_out, "words": between_engines(found)}
-    return result.model_copy(update=several)
 
 
 def _assumed(mechanism: Mechanism, runs: Sequence[Run]) -> Iterator[Assumed]:
     """What the linkage takes on, and the contact in each of its runs."""
     yield from assumed(mechanism)
     contact = [assumed_of_contact(mechanism, run.clearance, run.settings) for run in runs]
-    yield from dict.fromkeys(each for found in contact for each in found)
+    yield from dict.fromkeys(each for numbers in contact for each in numbers)
 
 
-def judged(job: Job, side: Reference, trace: Trace) -> Judged:
+def judged(job: Job, side: Reference, trace: Trace) -> JudgedRun:
     """A trace held to its analytic side."""
-    return Judged(trace, *_run(job, side, trace))
+    return JudgedRun(trace, *_judged_run(job, side, trace))
 
 
 def _pairs(name: str, resolve: Resolve, block: bool) -> str:
-    """What an engine runs, in words; with a ``block`` in its guide, if there is one."""
+    """The joint models and motions that an engine runs, in words; with a ``block`` in its guide, if there is one."""
     able = resolve(name).capabilities
     runs = [run for run in able.runs if not block or run[0] == "ideal" or _with_block(able, *run)]
     return ", ".join(sorted(f"{model} {motion}" for model, motion in runs))
@@ -446,42 +429,42 @@ def _requests(job: Job, assembly: Assembly, simulator: str, resolve: Resolve) ->
             models = blocks if set(blocks) != {"ideal"} else [m for m in models if m != "massless-link"]
     turns_on = job.motion == "driven" and job.schedule.turns_evenly and turns_fully(assembly)
     settle = 2 * np.pi if turns_on else 0.0
-    found = [Request(job.mechanism, m, job.schedule, lead_in=0.0 if m == "ideal" else settle) for m in models]
+    requests = [Request(job.mechanism, m, job.schedule, lead_in=0.0 if m == "ideal" else settle) for m in models]
     turns = (job.revolutions if job.as_it_is else 1) if settle > 0 else 0
-    return [watched(r, turns) if job.revolutions and r.joint_model in STRIKING else r for r in found]
+    return [watched(r, turns) if job.revolutions and r.joint_model in STRIKING else r for r in requests]
 
 
 def watched(request: Request, turns: int) -> Request:
     """A request of a driven run with every step of it told, to the end of so many ``turns`` of its crank."""
     if request.motion != "driven" or not request.schedule.turns_evenly:
         return request
-    return replace(request, watched=True, beyond=max(TURN * turns - span(request), 0.0) if turns else 0.0)
+    return replace(request, watched=True, beyond=max(math.tau * turns - span(request), 0.0) if turns else 0.0)
 
 
-def _side(job: Job, assembly: Assembly, ideal: bool, measure: Measure) -> Reference:
+def _analytic_side(job: Job, assembly: Assembly, ideal: bool, measure: AnalyticSide) -> Reference:
     side = measure(assembly, job.schedule, job.model, {} if ideal else job.mechanism.clearances)
     return with_flexible_links(side, assembly, job.schedule) if job.flexible else side
 
 
-def _run(job: Job, side: Reference, trace: Trace) -> tuple[Run, dict[str, Rule]]:
+def _judged_run(job: Job, side: Reference, trace: Trace) -> tuple[Run, dict[str, Rule]]:
     """Both sides of one run, and the verdict on all samples but the flagged ones; and the rules by which it was
     judged.
     """
-    seen = with_derived(trace.signals, job.mechanism)
+    measured = with_derived(trace.signals, job.mechanism)
     if trace.clearance:
-        seen = with_rotations(seen, side.ideal_angles)
+        measured = with_rotations(measured, side.ideal_angles)
     if trace.recorded:
-        seen |= {name: np.full(trace.crank_angle.shape, np.nan) for name in side.signals if name not in seen}
+        measured |= {name: np.full(trace.crank_angle.shape, np.nan) for name in side.signals if name not in measured}
     for name, here in side.silent.items():
-        seen[name][here] = np.nan
-    simulated = without(seen, list(side.flags))
-    theta = _told_along(job, trace)
+        measured[name][here] = np.nan
+    simulated = without(measured, list(side.flags))
+    theta = _axis(job, trace)
     rules = _rules(job, side, trace, simulated)
-    found = _discrepancies(job, side, trace, simulated, rules)
+    comparisons = _discrepancies(job, side, trace, simulated, rules)
     optional: dict[str, Any] = {} if trace.time is None else {"time": trace.time}
     if job.schedule.crank is None:
         optional["drive_position"] = job.schedule.positions()
-    if isinstance(trace, Counted) and trace.contact is not None:
+    if isinstance(trace, ContactTrace) and trace.contact is not None:
         optional["contact"] = trace.contact
     if len(side.flags) == theta.size:
         first, *others = dict.fromkeys(why for _, why in sorted(side.flags.items()))
@@ -498,9 +481,9 @@ def _run(job: Job, side: Reference, trace: Trace) -> tuple[Run, dict[str, Rule]]
         crank_angle=theta,
         flags={str(i): why for i, why in sorted(side.flags.items())},
         analytic=dict(side.signals),
-        simulated=seen,
-        discrepancies=tuple(_public(d, theta) for d in found),
-        verdict=_of_run(found),
+        simulated=measured,
+        discrepancies=tuple(_entry(d, theta) for d in comparisons),
+        verdict=_run_verdict(comparisons),
         order_difference=dict(side.order_difference),
         journal={name: Path(x=path[:, 0], y=path[:, 1]) for name, path in trace.journal.items()},
         free_share=dict(trace.free_share),
@@ -509,7 +492,7 @@ def _run(job: Job, side: Reference, trace: Trace) -> tuple[Run, dict[str, Rule]]
     return run, rules
 
 
-def _told_along(job: Job, trace: Trace) -> np.ndarray:
+def _axis(job: Job, trace: Trace) -> np.ndarray:
     """The crank's angle at each sample (N,) rad; where drives follow courses, the first one's position."""
     if job.schedule.crank_angle is not None:
         return job.schedule.crank_angle
@@ -518,17 +501,17 @@ def _told_along(job: Job, trace: Trace) -> np.ndarray:
     return trace.crank_angle
 
 
-def _of_run(found: Sequence[Discrepancy]) -> Verdict:
-    """Of one run: what cannot be told apart from nothing does not agree, and nor does a run without a comparison."""
-    verdicts = {each.verdict for each in found}
+def _run_verdict(comparisons: Sequence[Comparison]) -> Verdict:
+    """The verdict on one run: a signal that cannot be told from none does not agree, nor does a run without signals."""
+    verdicts = {each.verdict for each in comparisons}
     if "disagrees" in verdicts:
         return "disagrees"
-    return "unjudged" if not found or "unjudged" in verdicts else "agrees"
+    return "unjudged" if not comparisons or "unjudged" in verdicts else "agrees"
 
 
 def _verdict(runs: Sequence[Run], failures: Sequence[Failure], statistics: Sequence[Compared] = ()) -> Verdict:
-    """Of the whole result: what has failed or is not judged neither agrees nor disagrees, but for statistics that are
-    not.
+    """The verdict on the whole result: a run that failed or is not judged neither agrees nor disagrees; statistics that
+    are not judged do not count.
     """
     verdicts = {run.verdict for run in runs} | {one.verdict for one in statistics if one.verdict == "disagrees"}
     if "disagrees" in verdicts:
@@ -552,7 +535,7 @@ def _rules(job: Job, side: Reference, trace: Trace, simulated: Mapping[str, np.n
     if trace.recorded:
         wanted = recorded(m, clearances, (s for s, values in simulated.items() if np.any(np.isfinite(values))))
     elif any(signal.name not in simulated for signal in compared(m, clearances)):
-        wanted = _given(m, clearances, simulated)
+        wanted = _given_signals(m, clearances, simulated)
     elif job.beside:
         wanted = recorded(m, clearances, (*(s.name for s in compared(m, clearances)), *job.beside))
     if side.undetermined:
@@ -564,11 +547,11 @@ def _rules(job: Job, side: Reference, trace: Trace, simulated: Mapping[str, np.n
         given = {s: rules[s].tolerance(side.signals) - rule.tolerance(side.signals) for s, rule in stiff.items()}
         rules = {s: replace(rule, unsure=np.nan_to_num(given[s])) for s, rule in stiff.items()}
     if side.unsure:
-        rules = {s: replace(r, unsure=r.unsure + SURE * side.unsure.get(s, 0.0)) for s, r in rules.items()}
+        rules = {s: replace(r, unsure=r.unsure + SIGMAS * side.unsure.get(s, 0.0)) for s, r in rules.items()}
     return softened(rules, side, clearances, job.mechanism) if job.flexible else rules
 
 
-def _has(name: str, request: Request) -> bool:
+def _supported(name: str, request: Request) -> bool:
     """Whether an engine runs a request at all, whichever engine it is; what is no engine's is asked to say so."""
     try:
         check_supported(engine(name), request)
@@ -577,18 +560,18 @@ def _has(name: str, request: Request) -> bool:
     return True
 
 
-def _given(
+def _given_signals(
     mechanism: Mechanism, clearances: Mapping[str, float], simulated: Mapping[str, np.ndarray]
 ) -> tuple[Signal, ...]:
     """The signals of every run that somebody's model gives; of a reaction the one component that it gives alone."""
-    found = [signal for signal in compared(mechanism, clearances) if signal.name in simulated]
+    signals = [signal for signal in compared(mechanism, clearances) if signal.name in simulated]
     alone = [signal for signal in recorded(mechanism, clearances, simulated) if signal.kind == "reaction"]
-    return tuple(dict.fromkeys([*found, *alone]))
+    return tuple(dict.fromkeys([*signals, *alone]))
 
 
 def _discrepancies(
     job: Job, side: Reference, trace: Trace, simulated: Mapping[str, np.ndarray], rules: Mapping[str, Rule]
-) -> list[Discrepancy]:
+) -> list[Comparison]:
     known = known_differences(
         job.tolerances, job.mechanism.name, trace.simulator, trace.joint_model, trace.motion, job.model
     )
@@ -600,7 +583,7 @@ def _discrepancies(
     return [one for one in judged if one is not None]
 
 
-def _their_own(runs: Sequence[Run]) -> Iterator[str]:
+def _of_file_models(runs: Sequence[Run]) -> Iterator[str]:
     """A warning for each run of somebody's MuJoCo model that disagrees: its own solver and step may be the cause."""
     for run in runs:
         step, opened = run.settings.get("time_step"), run.settings.get("loops_open_by")
@@ -613,17 +596,17 @@ def _their_own(runs: Sequence[Run]) -> Iterator[str]:
                 "a tenth of its timestep and solref",
             )
         acts = [count(str(run.settings[what]), what[:-1]) for what in ("contacts", "limits") if what in run.settings]
-        own = f"with {' and '.join(acts)} of the file acting, " if acts else ""
+        acting = f"with {' and '.join(acts)} of the file acting, " if acts else ""
         loops = f"its loops open by up to {1e3 * opened:.2g} mm" if opened else "no loop opens"
         yield (
-            f"{run.title}: it runs as its file says, {own}{how}and {loops}; before a mass or a length is blamed, try"
+            f"{run.title}: it runs as its file says, {acting}{how}and {loops}; before a mass or a length is blamed, try"
             f" {ways} in the file"
         )
 
 
-def _public(d: Discrepancy, theta: np.ndarray) -> Judgement:
+def _entry(d: Comparison, theta: np.ndarray) -> Discrepancy:
     reason: dict[str, Any] = {"reason": d.reason} if d.reason else {}
-    return Judgement(
+    return Discrepancy(
         signal=d.signal.name,
         kind=d.kind,
         unit=d.unit,
@@ -634,12 +617,3 @@ def _public(d: Discrepancy, theta: np.ndarray) -> Judgement:
         verdict=d.verdict,
         **reason,
     )
-
-
-def _versions(runs: Sequence[Run]) -> dict[str, str]:
-    packages = {name: installed_version(name) or "not installed" for name in ("linkage-crosscheck", "numpy")}
-    return {
-        "python": platform.python_version(),
-        **packages,
-        **{run.simulator.name: run.simulator.version for run in runs},
-    }

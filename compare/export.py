@@ -18,7 +18,7 @@ from compare.arguments import (
 )
 from compare.faults import ArgumentError
 from compare.files import OutputError, output_folder, write_together
-from compare.left_out import Asked, omitted, rigid_walls
+from compare.omissions import Asked, omitted, rigid_walls
 from compare.questions.analyse import ExportQuestion
 from compare.questions.question import answers
 from sim_models.engine import SettingValue, declared, engine, engine_names

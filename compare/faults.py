@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from analytic.errors import Error
-from compare.recorded.errors import said
+from compare.recorded.errors import first_faults
 
 if TYPE_CHECKING:
     from analytic.mechanism import Mechanism
 
-LONGEST = 1000  # characters of a sentence; what is longer repeats somebody's file
+LONGEST_SENTENCE = 1000  # characters of a sentence; what is longer repeats somebody's file
 
 
 class Exit(IntEnum):
@@ -69,7 +69,8 @@ def complaints(
     except Error as error:
         raise stop(error, Exit.BAD_INPUT) from None
     except ValidationError as error:
-        raise stop(reason(error), Exit.BAD_INPUT) from None
+        messages = (fault["msg"].removeprefix("Value error, ") for fault in error.errors())
+        raise stop("; ".join(messages), Exit.BAD_INPUT) from None
     except KeyboardInterrupt as interrupt:
         raise stop("; ".join(["stopped", *map(str, interrupt.args)]), Exit.INTERRUPTED) from None
 
@@ -96,6 +97,13 @@ class ArgumentError(OptionError):
         return f"{self.argument}: {self.why}"
 
 
+def unusable(argument: str, given: object, accepted: str) -> ArgumentError:
+    """The error of an argument that cannot be what was given; ``accepted`` says what it can be."""
+    from analytic.mechanism.errors import quoted
+
+    return ArgumentError(argument, f"{quoted(given)} cannot be used; give {accepted}")
+
+
 def _as_typed(error: ArgumentError, context: typer.Context | None, names: Mapping[str, str]) -> str:
     """A fault of an argument, as one of the option that it came from."""
 
@@ -112,15 +120,6 @@ def _as_typed(error: ArgumentError, context: typer.Context | None, names: Mappin
     return f"{option(error.argument)}{typed}: {why}"
 
 
-def reason(error: ValueError) -> str:
-    """What an error says, without pydantic's frame around it."""
-    from pydantic import ValidationError
-
-    if isinstance(error, ValidationError):
-        return "; ".join(fault["msg"].removeprefix("Value error, ") for fault in error.errors())
-    return str(error)
-
-
 def printable(text: str) -> str:
     """Text in which a line break or a control character of somebody's file is spelled out, so that it cannot move a
     terminal's cursor.
@@ -131,10 +130,11 @@ def printable(text: str) -> str:
 def stop(error: object, status: Exit) -> typer.Exit:
     """Say why on standard error, in one line, or one for each fault of a file; raise what this returns."""
     faults = getattr(error, "faults", ())
-    for fault in said(faults) if len(faults) > 1 else [str(error)]:
+    for fault in first_faults(faults) if len(faults) > 1 else [str(error)]:
         text = printable(fault)
-        middle = " ... " if len(text) > LONGEST else ""  # the file and the remedy are at the ends
-        typer.echo(f"compare: {text[: LONGEST // 2] + middle + text[-LONGEST // 2 :] if middle else text}", err=True)
+        if len(text) > LONGEST_SENTENCE:  # the file and the remedy are at the ends
+            text = f"{text[: LONGEST_SENTENCE // 2]} ... {text[-LONGEST_SENTENCE // 2 :]}"
+        typer.echo(f"compare: {text}", err=True)
     return typer.Exit(status)
 
 

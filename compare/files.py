@@ -20,7 +20,7 @@ try:
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
-PATIENCE = 10.0  # s to wait for another process that is writing the same files
+LOCK_PATIENCE = 10.0  # s to wait for another process that is writing the same files
 
 
 class OutputError(Error, ValueError):
@@ -48,7 +48,9 @@ def output_folder(path: Path, option: str = "--out") -> Path:
 
 @contextmanager
 def made_folder(path: Path, option: str = "--out") -> Iterator[Path]:
-    """The same; folders that this made are removed again where nothing was left in them.  Raises OutputError."""
+    """The folder that an option names, made if need be; what this made is removed again where nothing was left in it.
+    Raises OutputError.
+    """
     new = [each for each in (path, *path.parents) if not os.path.lexists(each)]
     try:
         yield output_folder(path, option)
@@ -78,8 +80,8 @@ def check_replaceable(
         return
     if made_by is None:
         raise OutputError(f"{option} {folder}: there is {an} {file} that does not say which command made it; {remedy}")
-    said = "".join(c if c.isprintable() else "?" for c in made_by[:200]) or "none: it is of Python"
-    raise OutputError(f"{option} {folder}: its {file} is of another command ({said}); {remedy}")
+    command = "".join(c if c.isprintable() else "?" for c in made_by[:200]) or "none: it is of Python"
+    raise OutputError(f"{option} {folder}: its {file} is of another command ({command}); {remedy}")
 
 
 def _made_by(path: Path) -> str | None:
@@ -94,7 +96,7 @@ def _made_by(path: Path) -> str | None:
 
 
 @contextmanager
-def alone_in(folder: Path, patience: float = PATIENCE, option: str = "--out") -> Iterator[None]:
+def alone_in(folder: Path, patience: float = LOCK_PATIENCE, option: str = "--out") -> Iterator[None]:
     """Hold a folder, of those processes that ask for it like this, for this one; a process that ends lets it go.
 
     Raises OutputError where another one holds it for longer than ``patience`` (s).  Does nothing where the system has

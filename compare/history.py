@@ -17,17 +17,17 @@ from compare.questions.listing import REPORTS, RunsQuestion
 from compare.questions.question import answers
 from compare.results.history import EarlierRun, Kind, Runs
 
-KINDS: Mapping[str, Kind] = {
+RESULT_KINDS: Mapping[str, Kind] = {
     "result.json": "cross-check",
     "diagnosis.json": "diagnosis",
     "accuracy.json": "accuracy",
     "validity.json": "validity",
     "data.json": "data",
 }
-JUDGED = ("cross-check", "diagnosis")  # kinds that have a verdict
-DEEPEST = 4  # folders below the one that is asked for
+WITH_VERDICT = ("cross-check", "diagnosis")  # kinds that have a verdict
+DEEPEST_FOLDER = 4  # folders below the one that is asked for
 HEAD = 2**16  # bytes in which case, verdict and command are looked for
-WHOLE = 2**22  # bytes of a file that is read whole where its head has not got them all
+WHOLE_FILE = 2**22  # bytes of a file that is read whole where its head has not got them all
 _BLANK = re.compile(r"[ \t\r\n]*")
 _DECODER = json.JSONDecoder()
 
@@ -42,15 +42,15 @@ def runs(question: RunsQuestion) -> Runs:
     place = Path(question.folder)
     if not place.is_dir():
         raise OptionError(f"{place}: there is no such folder; give one that holds reports, such as {REPORTS}")
-    found, unreadable = [], []
-    for path in _results(place, DEEPEST):
+    earlier, unreadable = [], []
+    for path in _results(place, DEEPEST_FOLDER):
         try:
-            found.append(_run(path))
+            earlier.append(_run(path))
         except ReadingError as error:
             unreadable.append(printable(f"{path}: {error}"))
-    found.sort(key=lambda run: run.file)
-    found.sort(key=lambda run: run.date, reverse=True)
-    return Runs(folder=str(place), runs=tuple(found), unreadable=tuple(sorted(unreadable)))
+    earlier.sort(key=lambda run: run.file)
+    earlier.sort(key=lambda run: run.date, reverse=True)
+    return Runs(folder=str(place), runs=tuple(earlier), unreadable=tuple(sorted(unreadable)))
 
 
 def _results(folder: Path, depth: int) -> Iterator[Path]:
@@ -59,7 +59,7 @@ def _results(folder: Path, depth: int) -> Iterator[Path]:
         with os.scandir(folder) as entries:
             inner = []
             for entry in entries:
-                if entry.name in KINDS:
+                if entry.name in RESULT_KINDS:
                     yield Path(entry.path)
                 elif depth and not entry.name.startswith(".") and entry.is_dir(follow_symlinks=False):
                     inner.append(Path(entry.path))
@@ -70,27 +70,27 @@ def _results(folder: Path, depth: int) -> Iterator[Path]:
 
 
 def _run(path: Path) -> EarlierRun:
-    """What a result says of itself.  Raises ReadingError."""
-    kind = KINDS[path.name]
-    wanted = {"schema", "case", "command", *(["verdict"] if kind in JUDGED else [])}
+    """The case, command, verdict and date that a result gives.  Raises ReadingError."""
+    kind = RESULT_KINDS[path.name]
+    wanted = {"schema", "case", "command", *(["verdict"] if kind in WITH_VERDICT else [])}
     fields, written = _read(path, wanted)
     if fields.get("schema") != 1:
-        raise ReadingError(f"is not a result of compare: schema is {_said(fields, 'schema')}, and not 1")
+        raise ReadingError(f"is not a result of compare: schema is {_shown_value(fields, 'schema')}, and not 1")
     for name in sorted(wanted & {"case", "verdict"}):
         if not isinstance(fields.get(name), str):
-            raise ReadingError(f"is not a result of compare: {name} is {_said(fields, name)}, and no text")
+            raise ReadingError(f"is not a result of compare: {name} is {_shown_value(fields, name)}, and no text")
     command = fields.get("command")
     return EarlierRun(
         file=str(path),
         kind=kind,
         case=printable(cast(str, fields["case"])),
-        verdict=printable(cast(str, fields["verdict"])) if kind in JUDGED else None,
+        verdict=printable(cast(str, fields["verdict"])) if kind in WITH_VERDICT else None,
         command=printable(command) if isinstance(command, str) else "",
         date=_date(fields.get("date"), written),
     )
 
 
-def _said(fields: Mapping[str, object], name: str) -> str:
+def _shown_value(fields: Mapping[str, object], name: str) -> str:
     return repr(fields[name])[:60] if name in fields else "missing"
 
 
@@ -107,7 +107,7 @@ def _read(path: Path, wanted: set[str]) -> tuple[Mapping[str, object], float]:
     except OSError as error:
         raise ReadingError(f"cannot be read: {error.strerror}") from None
     fields = _fields(head.decode("utf-8-sig", errors="replace"))
-    if about.st_size <= WHOLE and not wanted <= set(fields):
+    if about.st_size <= WHOLE_FILE and not wanted <= set(fields):
         return read_json(path), about.st_mtime
     if not tail.rstrip().endswith(b"}"):
         raise ReadingError("is cut off: it does not end with a brace")
@@ -116,10 +116,10 @@ def _read(path: Path, wanted: set[str]) -> tuple[Mapping[str, object], float]:
 
 def _fields(text: str) -> dict[str, object]:
     """The first fields of a JSON object whose end may be missing."""
-    found: dict[str, object] = {}
+    fields: dict[str, object] = {}
     at = _blank(text, 0)
     if text[at : at + 1] != "{":
-        return found
+        return fields
     try:
         while text[at : at + 1] in ("{", ","):
             name, at = _DECODER.raw_decode(text, _blank(text, at + 1))
@@ -127,10 +127,10 @@ def _fields(text: str) -> dict[str, object]:
             at = _blank(text, at)
             if at == len(text):
                 break  # a number may go on
-            found[name] = value
+            fields[name] = value
     except (ValueError, RecursionError, TypeError):
         pass
-    return found
+    return fields
 
 
 def _blank(text: str, at: int) -> int:
@@ -140,12 +140,12 @@ def _blank(text: str, at: int) -> int:
 
 def _date(given: object, written: float) -> str:
     """ISO 8601 in UTC: the date that a file says, or when it was written."""
-    found = datetime.fromtimestamp(written, UTC)
+    date = datetime.fromtimestamp(written, UTC)
     if isinstance(given, str):
         try:
-            found = datetime.fromisoformat(given)
+            date = datetime.fromisoformat(given)
         except ValueError:
             pass
         else:
-            found = found.replace(tzinfo=UTC) if found.tzinfo is None else found.astimezone(UTC)
-    return found.isoformat(timespec="seconds")
+            date = date.replace(tzinfo=UTC) if date.tzinfo is None else date.astimezone(UTC)
+    return date.isoformat(timespec="seconds")

@@ -25,6 +25,6 @@ def import_mjcf(question: ImportQuestion) -> Imported:
         raise SimulatorMissing(f"MuJoCo, which reads MJCF, cannot be imported ({fault}); run: pip install mujoco")
     from sim_models.mjcf.imported import imported
 
-    found = imported(source)
-    m = found.mechanism
-    return Imported(case=m.name, source=str(source), mechanism=m, notes=found.notes, assumed=assumed(m))
+    model = imported(source)
+    m = model.mechanism
+    return Imported(case=m.name, source=str(source), mechanism=m, notes=model.notes, assumed=assumed(m))

@@ -4,7 +4,7 @@ motion or over its workspace.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,20 +23,21 @@ from analytic.paper.clearance import Displaced, displaced
 from analytic.paper.compliance import compliance
 from analytic.paper.frame import ComplianceError
 from analytic.paper.kinetostatics import kinetostatics
-from compare.accuracy import named_outputs, versions
+from compare.accuracy import named_outputs
 from compare.arguments import (
     linkage,
     noted,
     number,
     warn_of_friction,
 )
-from compare.faults import ArgumentError
-from compare.judge.grid import parse_workspace
-from compare.left_out import Asked, omitted
-from compare.questions.accuracy import Grid, PlatformQuestion
+from compare.faults import ArgumentError, unusable
+from compare.omissions import Asked, omitted
+from compare.questions.accuracy import PlatformQuestion, WorkspaceGrid
+from compare.questions.option import Places
 from compare.questions.question import answers
 from compare.results.platform import Map, Place, PlatformAccuracy, PointError, PoseError
 from compare.schedules import over_time
+from compare.versions import versions
 
 POORLY_HELD = (300.0, 100.0, 30.0, 10.0)  # condition of the loops, up to which finite errors are sought, in turn
 MOST_POSES = 250_000
@@ -65,30 +66,30 @@ def platform_accuracy(question: PlatformQuestion) -> PlatformAccuracy:
             raise ArgumentError("mechanism", f"{m.name} has freedoms without a drive; give each one a drive")
         steps, wanted = _steps(question.encoder_step, assembly), named_outputs(question.outputs, m)
         if angle is not None and not np.isfinite(number(angle, "angle", "rad")):
-            raise ArgumentError("angle", f"{quoted(angle)} cannot be used; give a finite number (rad)")
+            raise unusable("angle", angle, "a finite number (rad)")
         if workspace is not None:
             for name, given in (("times", times), ("course", course), ("path", path)):
                 if given is not None:
                     raise ArgumentError(
                         name, "is of a motion, and a workspace is of poses at rest; leave one of them out"
                     )
-            found = _over_workspace(assembly, wanted, _grid(workspace), angle, steps)
+            result = _over_workspace(assembly, wanted, _grid(workspace), angle, steps)
         else:
             if angle is not None:
                 raise ArgumentError("angle", "is that of a workspace; give one, or leave the angle out")
             asked = np.linspace(0.0, 1.0, 51) if _plain(times, course, path, m) else times
-            found = _along(assembly, wanted, over_time(assembly, False, asked, course, path), steps)
-    return found.model_copy(update={"warnings": (*found.warnings, *warned)})
+            result = _along(assembly, wanted, over_time(assembly, False, asked, course, path), steps)
+    return result.model_copy(update={"warnings": (*result.warnings, *warned)})
 
 
-def _grid(given: object) -> Grid:
+def _grid(given: object) -> WorkspaceGrid:
     """((x0, x1, nx), (y0, y1, ny)), as that is written in a command.  Raises ArgumentError."""
     try:
         axes = [(float(low), float(high), number) for low, high, number in given]  # type: ignore[attr-defined]
-        return parse_workspace(",".join(f"{low}:{high}:{number}" for low, high, number in axes))
+        return Places().parse(",".join(f"{low}:{high}:{number}" for low, high, number in axes), "workspace")
     except (TypeError, ValueError):
-        said = "give ((x0, x1, nx), (y0, y1, ny)): lowest, highest (m) and number of the x, and of the y"
-        raise ArgumentError("workspace", f"{quoted(given)} cannot be used; {said}") from None
+        accepted = "((x0, x1, nx), (y0, y1, ny)): lowest, highest (m) and number of the x, and of the y"
+        raise unusable("workspace", given, accepted) from None
 
 
 def _plain(times: object, course: object, path: object, m: Mechanism) -> bool:
@@ -99,20 +100,20 @@ def _plain(times: object, course: object, path: object, m: Mechanism) -> bool:
 def _steps(given: Mapping[str, float] | None, assembly: Assembly) -> dict[str, float]:
     joints = [joint.name for joint in assembly.mechanism.motors]
     if given is not None and not isinstance(given, Mapping):
-        raise ArgumentError("encoder_step", f"{quoted(given)} cannot be used; give rad, or m, by driven joint")
-    found = {}
+        raise unusable("encoder_step", given, "rad, or m, by driven joint")
+    steps = {}
     for name, step in (given or {}).items():
         if name not in joints:
             raise ArgumentError("encoder_step", f"{name!r} is no driven joint; they are {', '.join(joints)}")
         size = number(step, "encoder_step", "rad, or m")
         if not 0 <= size < np.inf:
             raise ArgumentError("encoder_step", f"{name} = {quoted(step)}; give rad, or m, of 0 or more")
-        found[name] = size
-    return found
+        steps[name] = size
+    return steps
 
 
 @dataclass(frozen=True)
-class Moved:
+class FiniteGaps:
     """Equilibria with finite gaps at some (indices) of so many poses."""
 
     found: Displaced
@@ -123,9 +124,9 @@ class Moved:
         """Displacement (N,) of an output; NaN where there is none."""
         moved = d.value(self.found.configuration.motion) - d.value(self.found.ideal.motion)
         moved[list(self.found.flags)] = np.nan
-        out = np.full(self.count, np.nan)
-        out[self.at] = moved
-        return out
+        displacement = np.full(self.count, np.nan)
+        displacement[self.at] = moved
+        return displacement
 
     @property
     def flags(self) -> dict[int, str]:
@@ -140,36 +141,33 @@ def _along(
     assembly: Assembly, outputs: Sequence[Output], schedule: Schedule, steps: Mapping[str, float]
 ) -> PlatformAccuracy:
     time, inputs = schedule.time, assembly.inputs_along(schedule)
-    found = displaced(assembly, inputs.theta, inputs.omega, alpha=inputs.alpha, near=assembly.walk(schedule))
-    told = platform(found.ideal, outputs, assembly.mechanism.clearances, steps)
-    moved = Moved(found, np.arange(time.size), time.size)
-    return _result(assembly, told, moved, outputs, steps, _every).model_copy(update={"motion": "driven", "time": time})
-
-
-def _every(values: np.ndarray) -> np.ndarray:
-    """Values of every pose of a motion, all of which are reached."""
-    return np.asarray(values, float)
+    gaps = displaced(assembly, inputs.theta, inputs.omega, alpha=inputs.alpha, near=assembly.walk(schedule))
+    errors = platform(gaps.ideal, outputs, assembly.mechanism.clearances, steps)
+    moved = FiniteGaps(gaps, np.arange(time.size), time.size)
+    return _result(assembly, errors, moved, outputs, steps, np.asarray).model_copy(
+        update={"motion": "driven", "time": time}
+    )
 
 
 # ---------------------------------------------------------------- over a workspace
 
 
 def _over_workspace(
-    assembly: Assembly, outputs: Sequence[Output], grid: Grid, angle: float | None, steps: Mapping[str, float]
+    assembly: Assembly, outputs: Sequence[Output], grid: WorkspaceGrid, angle: float | None, steps: Mapping[str, float]
 ) -> PlatformAccuracy:
     space = _reached(assembly, outputs, grid, angle)
     inputs = space.coordinates[list(assembly.structure.inputs)]
     ideal = kinetostatics(kinematics(assembly, inputs, path=space.followed), inertia=False)
     clearances = assembly.mechanism.clearances
-    told = platform(ideal, outputs, clearances, steps)
-    moved, why = _equilibria(assembly, space.coordinates, told) if clearances else (None, "")
+    errors = platform(ideal, outputs, clearances, steps)
+    moved, why = _equilibria(assembly, space.coordinates, errors) if clearances else (None, "")
     first = next(d for d in outputs if d.axis == "x")
     where = Map(output=first.place, x=space.x, y=space.y, angle=space.angle)
-    result = _result(assembly, told, moved, outputs, steps, space.on_grid)
+    result = _result(assembly, errors, moved, outputs, steps, space.on_grid)
     return result.model_copy(update={"workspace": where, "warnings": (why,) if why else ()})
 
 
-def _reached(assembly: Assembly, outputs: Sequence[Output], grid: Grid, angle: float | None) -> Workspace:
+def _reached(assembly: Assembly, outputs: Sequence[Output], grid: WorkspaceGrid, angle: float | None) -> Workspace:
     """The workspace of the first point among the outputs.  Raises ArgumentError or AssemblyError."""
     first = next((d for d in outputs if d.axis == "x"), None)
     if first is None:
@@ -188,24 +186,29 @@ def _reached(assembly: Assembly, outputs: Sequence[Output], grid: Grid, angle: f
     return workspace(assembly, wanted, x, y, angle)
 
 
-def _equilibria(assembly: Assembly, coordinates: np.ndarray, told: Platform) -> tuple[Moved | None, str]:
+def _well_held(errors: Platform) -> Iterator[tuple[float, np.ndarray]]:
+    """Limits of the condition of holding, each lower than the one before, and the poses (indices) below each."""
+    for limit in POORLY_HELD:
+        poses = np.flatnonzero(errors.holding < limit)
+        if poses.size:
+            yield limit, poses
+
+
+def _equilibria(assembly: Assembly, coordinates: np.ndarray, errors: Platform) -> tuple[FiniteGaps | None, str]:
     """The equilibria of finite gaps where the linkage is held well, and a sentence on what is left out.
 
     Near a singular pose gaps may keep the linkage from closing: it is sought where it is held better.
     """
     chosen = list(assembly.structure.inputs)
-    for limit in POORLY_HELD:
-        held = np.flatnonzero(told.holding < limit)
-        if not held.size:
-            break
-        near = coordinates[:, held]
+    for limit, poses in _well_held(errors):
+        near = coordinates[:, poses]
         try:
-            found = displaced(assembly, near[chosen], inertia=False, near=Walk(near))
+            gaps = displaced(assembly, near[chosen], inertia=False, near=Walk(near))
         except AssemblyError:
             continue
-        left = told.holding.size - held.size
+        left = errors.holding.size - poses.size
         why = f"equilibria are left out of {count(left, 'pose')} whose condition of holding is above {limit:g}"
-        return Moved(found, held, told.holding.size), why if left else ""
+        return FiniteGaps(gaps, poses, errors.holding.size), why if left else ""
     return None, "equilibria with finite gaps are left out: with them the linkage does not close"
 
 
@@ -214,16 +217,16 @@ def _equilibria(assembly: Assembly, coordinates: np.ndarray, told: Platform) -> 
 
 def _result(
     assembly: Assembly,
-    told: Platform,
-    moved: Moved | None,
+    first_order: Platform,
+    moved: FiniteGaps | None,
     outputs: Sequence[Output],
     steps: Mapping[str, float],
     spread: _Spread,
 ) -> PlatformAccuracy:
-    m, motion = assembly.mechanism, told.motion
-    elastic = _elastic(told, outputs)
+    m, motion = assembly.mechanism, first_order.motion
+    elastic = _elastic(first_order, outputs)
     nothing = np.full(motion.theta.size, np.nan)
-    errors = {d: _error(d, told, moved.by(d) if moved else nothing, elastic[d], spread) for d in outputs}
+    errors = {d: _error(d, first_order, moved.by(d) if moved else nothing, elastic[d], spread) for d in outputs}
     planes = zip([d for d in outputs if d.axis == "x"], [d for d in outputs if d.axis == "y"], strict=True)
     indices = np.flatnonzero(np.isfinite(spread(np.zeros(motion.theta.size))))
     flags = {str(int(indices[i])): why for i, why in moved.flags.items()} if moved else {}
@@ -244,11 +247,11 @@ def _result(
             )
             for body in m.bodies
         },
-        holding=spread(told.holding),
-        dexterity=spread(told.dexterity(moves) if moves else np.full(motion.theta.size, np.nan)),
+        holding=spread(first_order.holding),
+        dexterity=spread(first_order.dexterity(moves) if moves else np.full(motion.theta.size, np.nan)),
         flags=flags,
         outputs={d.name: error for d, error in errors.items()},
-        points={x.place: _point(told, x, y, spread) for x, y in planes},
+        points={x.place: _point(first_order, x, y, spread) for x, y in planes},
         first_order_off={d.name: _off(errors[d]) for d in outputs if moved and m.clearances},
         assumed=assumed(m),
     )
@@ -259,43 +262,40 @@ def _moves(outputs: Sequence[Output], inputs: int) -> list[Output]:
     first = next((d for d in outputs if d.axis == "x"), None)
     if first is None:
         return []
-    own = [first, Output(first.body, "y", first.point), Output(first.body, "angle")][:inputs]
-    return own if inputs in (2, 3) and all(d in outputs for d in own) else []
+    moves = [first, Output(first.body, "y", first.point), Output(first.body, "angle")][:inputs]
+    return moves if inputs in (2, 3) and all(d in outputs for d in moves) else []
 
 
-def _elastic(told: Platform, outputs: Sequence[Output]) -> dict[Output, np.ndarray]:
+def _elastic(errors: Platform, outputs: Sequence[Output]) -> dict[Output, np.ndarray]:
     """Elastic displacement (N,) of each output where the linkage is held well; zero where nothing yields."""
-    m, n = told.motion.structure.mechanism, told.motion.theta.size
+    m, n = errors.motion.structure.mechanism, errors.motion.theta.size
     if not (m.bends or m.drive_stiffness or any(joint.elasticity is not None for joint in m.joints)):
         return {d: np.zeros(n) for d in outputs}
-    out = {d: np.full(n, np.nan) for d in outputs}
-    for limit in POORLY_HELD:
-        held = np.flatnonzero(told.holding < limit)
-        if not held.size:
-            break
+    elastic = {d: np.full(n, np.nan) for d in outputs}
+    for limit, poses in _well_held(errors):
         try:
-            found = compliance(told.motion.part(held))
+            yielding = compliance(errors.motion.part(poses))
         except ComplianceError as error:
             if limit == POORLY_HELD[-1]:
                 raise ArgumentError("mechanism", str(error)) from None
             continue
-        for d, values in out.items():
-            values[held] = found.output(d)
+        for d, values in elastic.items():
+            values[poses] = yielding.output(d)
         break
-    return out
+    return elastic
 
 
-def _error(d: Output, told: Platform, moved: np.ndarray, elastic: np.ndarray, spread: _Spread) -> PoseError:
-    worst, resolution = told.worst_clearance(d), told.resolution(d)
+def _error(d: Output, errors: Platform, moved: np.ndarray, elastic: np.ndarray, spread: _Spread) -> PoseError:
+    worst, resolution = errors.worst_clearance(d), errors.resolution(d)
     error = PoseError(
         body=d.body,
         axis=d.axis,
         unit=d.unit,
-        value=spread(d.value(told.motion)),
-        nominal=spread(told.along_reactions(d)),
+        value=spread(d.value(errors.motion)),
+        nominal=spread(errors.along_reactions(d)),
         equilibrium=spread(moved),
         worst_case=spread(worst),
-        sensitivity={joint: spread(values) for joint, values in told.sensitivity(d).items()},
+        sensitivity={joint: spread(values) for joint, values in errors.sensitivity(d).items()},
         resolution=spread(resolution),
         compliance=spread(elastic),
         total=spread(worst + resolution + np.abs(elastic)),
@@ -303,8 +303,8 @@ def _error(d: Output, told: Platform, moved: np.ndarray, elastic: np.ndarray, sp
     return error if d.axis == "angle" else error.model_copy(update={"point": d.point})
 
 
-def _point(told: Platform, x: Output, y: Output, spread: _Spread) -> PointError:
-    far = told.farthest(x, y)
+def _point(errors: Platform, x: Output, y: Output, spread: _Spread) -> PointError:
+    far = errors.farthest(x, y)
     return PointError(farthest=spread(np.abs(far)), farthest_direction=spread(np.angle(far)))
 
 

@@ -1,4 +1,4 @@
-"""What a signal is called and in which unit a person reads it: degrees and millimetres, where files have radians and
+"""Names of signals, and the units in which a person reads them: degrees and millimetres, where files have radians and
 metres.
 """
 
@@ -49,7 +49,7 @@ class Quantity:
 
     @property
     def angular(self) -> bool:
-        """Whether it is an angle, so that differences of it are modulo a turn."""
+        """Whether this is an angle, so that differences of it are modulo a turn."""
         return self.unit == "deg"
 
     @property
@@ -74,10 +74,10 @@ def quantities(mechanism: Mechanism) -> dict[str, Quantity]:
 
     Names are looked up, not parsed: a body may be called ``reaction_B`` and a joint may have any letters.
     """
-    found = []
+    rows = []
     for joint in mechanism.joints:
         j = joint.name
-        found += [
+        rows += [
             (f"reaction_{j}_angle", "reaction angle", GAMMA, f"at {j}", "rad"),
             (f"reaction_{j}_magnitude", "reaction force", "|F|", f"at {j}", "N"),
             (f"reaction_{j}_x", "reaction x", "", f"at {j}", "N"),
@@ -86,20 +86,20 @@ def quantities(mechanism: Mechanism) -> dict[str, Quantity]:
             (f"clearance_{j}_x", "displacement x", "", f"in {j}", "m"),
             (f"clearance_{j}_y", "displacement y", "", f"in {j}", "m"),
         ]
-        found += [(f"clearance_{j}_angle", "tilt", "", f"in {j}", "rad")] if joint.guide is not None else []
+        rows += [(f"clearance_{j}_angle", "tilt", "", f"in {j}", "rad")] if joint.guide is not None else []
     for b in (body.name for body in mechanism.bodies):
-        found += [
+        rows += [
             (f"{b}_rotation", "rotation", "ψ", f"of {b}", "rad"),
             (f"{b}_angle", "angle", "", f"of {b}", "rad"),
             (f"{b}_x", "position x", "", f"of {b}", "m"),
             (f"{b}_y", "position y", "", f"of {b}", "m"),
             (f"{b}_angular_velocity", "angular velocity", "", f"of {b}", "rad/s"),
         ]
-    found += [(p.name, "position", "", f"of {p.place}", p.unit) for p in map(position, mechanism.joints)]
+    rows += [(p.name, "position", "", f"of {p.place}", p.unit) for p in map(position, mechanism.joints)]
     for drive in driving(mechanism.motors):
         symbol, place = ("F" if drive.component == "force" else "T"), f"at {drive.place}" if drive.place else ""
-        found += [(drive.name, f"drive {drive.component}", symbol, place, drive.unit)]
-    return {signal: Quantity(signal, name, symbol, place, *shown(unit)) for signal, name, symbol, place, unit in found}
+        rows += [(drive.name, f"drive {drive.component}", symbol, place, drive.unit)]
+    return {signal: Quantity(signal, name, symbol, place, *shown(unit)) for signal, name, symbol, place, unit in rows}
 
 
 def key_signals(mechanism: Mechanism, joints: list[str], loose: bool) -> list[str]:
@@ -136,15 +136,15 @@ def number(value: float | None, digits: int = 3, sign: bool = False) -> str:
     return f"{mantissa}{TIMES}10{str(int(exponent)).translate(SUPERSCRIPT)}" if e else mantissa
 
 
-def plainly(value: float | None, digits: int = 3, sign: bool = False) -> str:
+def plainly(value: float | None, digits: int = 3) -> str:
     """A number as one writes it: ``17,400``; powers of ten only beyond a million or below a ten-thousandth."""
     if value is None or not math.isfinite(value):
         return DASH
     short = float(f"{value:.{digits}g}")
     if short and not 1e-4 <= abs(short) < 1e6:
-        return number(value, digits, sign)
+        return number(value, digits)
     decimals = max(0, digits - 1 - (math.floor(math.log10(abs(short))) if short else 0))
-    text = f"{short:{'+' if sign else ''},.{decimals}f}"
+    text = f"{short:,.{decimals}f}"
     return (text.rstrip("0").rstrip(".") if "." in text else text).replace("-", MINUS)
 
 

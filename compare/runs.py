@@ -31,23 +31,18 @@ Numbered = tuple[int, str, Request]
 
 
 @dataclass(frozen=True)
-class Counted(Trace):
+class ContactTrace(Trace):
     """A trace that was watched, and what contact did in it in place of its every step."""
 
     contact: Contact | None = None
 
 
-def counted(request: Request, trace: Trace) -> Trace:
+def with_contact(request: Request, trace: Trace) -> Trace:
     """A trace with what contact did in it, which is little, in place of its every step, which is much."""
     if trace.watched is None:
         return trace
-    told = {f.name: getattr(trace, f.name) for f in fields(Trace)} | {"watched": None}
-    return Counted(**told, contact=contact_in(trace, request.mechanism, ideal_peaks(request.mechanism)))
-
-
-def failure(simulator: str, run: Request | Trace, why: str, cause: Cause | None = None) -> Failure:
-    """What is reported of a run that has no result."""
-    return Failure(simulator=simulator, joint_model=run.joint_model, why=why, cause=cause)
+    trace_fields = {f.name: getattr(trace, f.name) for f in fields(Trace)} | {"watched": None}
+    return ContactTrace(**trace_fields, contact=contact_in(trace, request.mechanism, ideal_peaks(request.mechanism)))
 
 
 def simulate(
@@ -56,22 +51,22 @@ def simulate(
     """Run one request; what an engine fails with becomes a Failure: its own errors, a broken installation, numbers that
     overflow, an answer that is no trace.  ``offers`` is what its remedies may tell a person to change.
     """
+    cause: Cause | None = None
     try:
-        return counted(request, answered(simulator, request, resolve(simulator).simulate))
+        return with_contact(request, answered(simulator, request, resolve(simulator).simulate))
     except SimulationError as error:
-        return failure(simulator, request, error.said(offers), error.cause)
+        why, cause = error.said(offers), error.cause
     except Unsupported as error:
-        return failure(simulator, request, str(error), error.cause)
+        why, cause = str(error), error.cause
     except SimulatorMissing as error:
-        return failure(simulator, request, str(error))
+        why = str(error)
     except (ArithmeticError, np.linalg.LinAlgError) as error:
-        why = (
-            f"{simulator} {request.joint_model} {request.motion} ({request.mechanism.name}): {Cause.OVERFLOW.words}"
-            f" ({error}); {Cause.OVERFLOW.remedy}"
-        )
-        return failure(simulator, request, why, Cause.OVERFLOW)
+        cause = Cause.OVERFLOW
+        run = f"{simulator} {request.joint_model} {request.motion} ({request.mechanism.name})"
+        why = f"{run}: {cause.words} ({error}); {cause.remedy}"
     except ImportError as error:
-        return failure(simulator, request, f"{simulator}: its installation is broken ({error}); install it anew")
+        why = f"{simulator}: its installation is broken ({error}); install it anew"
+    return Failure(simulator=simulator, joint_model=request.joint_model, why=why, cause=cause)
 
 
 def simulate_all(
@@ -95,7 +90,7 @@ def simulate_all(
             yield i, ended.value
         elif isinstance(ended.error, Died):
             why = f"{simulator} {request.joint_model} {request.motion}: {ended.error}"
-            yield i, failure(simulator, request, why)
+            yield i, Failure(simulator=simulator, joint_model=request.joint_model, why=why)
         elif ended.error is not None:
             raise ended.error
 

@@ -17,28 +17,30 @@ from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.inverse import splined
 from analytic.kinematics.motion import kinematics
 from analytic.kinematics.output import Output
+from analytic.kinematics.reach import usual_angles
 from analytic.kinematics.schedule import FEWEST_KNOTS, Knots, Schedule
 from analytic.mechanism.errors import quoted
 from analytic.mechanism.signals import Signal, position, turned_near
-from compare.arguments import MOST, numbers
-from compare.arguments import path as a_path
+from compare.arguments import CAPACITY, numbers
 from compare.faults import ArgumentError, DegreesWarning
-from compare.judge.grid import FARTHEST, FREE_TIME, GridError, chosen_angles
-from compare.questions.analyse import AnalyseQuestion, ExportQuestion, SimulateQuestion
+from compare.questions.analyse import AnalyseQuestion, SimulateQuestion
 from compare.questions.crosscheck import CrosscheckQuestion
+from compare.questions.option import FARTHEST_ANGLE, GridError
+from compare.questions.shared import AnyPath
 from compare.recorded.errors import DataError
 from sim_models.engine import Motion
 
 if TYPE_CHECKING:
     from compare.recorded.table import Table
 
-MovedQuestion = CrosscheckQuestion | AnalyseQuestion | SimulateQuestion | ExportQuestion
-TURNS = 4 * math.pi  # rad; crank angles beyond two turns were probably given in degrees
-USUAL = 1.0  # s, as far as the drives get
-SAMPLES = 50
-SHORTEST = 1e-3  # s
+MovedQuestion = CrosscheckQuestion | AnalyseQuestion | SimulateQuestion
+MOST_LIKELY_DEGREES = 4 * math.pi  # rad; crank angles beyond two turns were probably given in degrees
+USUAL_TIME = 1.0  # s, as far as the drives get
+DEFAULT_TIMES = 50
+SHORTEST_COURSE = 1e-3  # s
 SPARE = 0.9  # of the way to where the drives get no farther
-LINE = 5  # knots of a straight line
+LINE_KNOTS = 5  # knots of a straight line
+FREE_TIME = np.linspace(0.0, 2.0, 101)  # s, for a released linkage
 
 
 def scheduled(assembly: Assembly, question: MovedQuestion, *, may_swing: bool = True) -> Schedule:
@@ -69,15 +71,17 @@ def crank_angles(assembly: Assembly, given: object) -> np.ndarray:
     Raises ArgumentError, or AssemblyError by default.
     """
     if given is None:
-        return chosen_angles(assembly, None)
+        theta = usual_angles(assembly)
+        assembly.path(theta.min(), theta.max())
+        return theta
     theta = numbers(given, "angles", "rad")
-    if theta.size > MOST:
-        raise ArgumentError("angles", f"{theta.size} angles cannot be used; give at most {MOST}")
+    if theta.size > CAPACITY:
+        raise ArgumentError("angles", f"{theta.size} angles cannot be used; give at most {CAPACITY}")
     farthest = float(theta[np.argmax(np.abs(theta))])
-    if abs(farthest) > math.radians(FARTHEST):
-        limit = f"{math.radians(FARTHEST):.6g} rad ({FARTHEST:g} deg)"
+    if abs(farthest) > math.radians(FARTHEST_ANGLE):
+        limit = f"{math.radians(FARTHEST_ANGLE):.6g} rad ({FARTHEST_ANGLE:g} deg)"
         raise ArgumentError("angles", f"{farthest:g} rad cannot be used; a crank angle must not be beyond {limit}")
-    if abs(farthest) > TURNS:
+    if abs(farthest) > MOST_LIKELY_DEGREES:
         text = f"angles: {farthest:g} rad is beyond two turns; angles are in radians; was it meant in degrees?"
         warnings.warn(text, DegreesWarning, stacklevel=4)
     try:
@@ -101,7 +105,11 @@ def _check_over_time(assembly: Assembly, motion: Motion, angles: object) -> None
 
 
 def over_time(
-    assembly: Assembly, at_rest: bool = False, times: object = None, course: object = None, path: object = None
+    assembly: Assembly,
+    at_rest: bool = False,
+    times: object = None,
+    course: AnyPath | None = None,
+    path: AnyPath | None = None,
 ) -> Schedule:
     """A schedule over time.  Raises ArgumentError, GridError or DataError."""
     if course is not None and path is not None:
@@ -109,15 +117,15 @@ def over_time(
     asked = None
     if times is not None:
         asked = numbers(times, "times", "s")
-        if asked.size > MOST or np.any(asked < 0) or np.any(np.diff(asked) <= 0):
-            raise ArgumentError("times", f"give at most {MOST} times (s) from 0 on, each later than the one before")
-    if course is None and path is None:
-        return at_their_speeds(assembly, asked, at_rest)
+        if asked.size > CAPACITY or np.any(asked < 0) or np.any(np.diff(asked) <= 0):
+            raise ArgumentError("times", f"give at most {CAPACITY} times (s) from 0 on, each later than the one before")
     if path is not None:
-        courses, rows = of_path(a_path(path, "path"), assembly)
-    else:
-        courses = of_file(a_path(course, "course"), assembly)
+        courses, rows = of_path(Path(path), assembly)
+    elif course is not None:
+        courses = of_file(Path(course), assembly)
         rows = next(iter(courses.values()))[0] if courses else np.zeros(0)
+    else:
+        return at_their_speeds(assembly, asked, at_rest)
     return Schedule.along(courses, times_within(courses, rows, asked), at_rest=at_rest)
 
 
@@ -134,25 +142,25 @@ def at_their_speeds(assembly: Assembly, time: np.ndarray | None, at_rest: bool =
             )
     speeds = m.drive_speeds
     end = float(time[-1]) if time is not None else _as_far(assembly, speeds)
-    knots = np.linspace(0.0, max(end, SHORTEST), LINE)
+    knots = np.linspace(0.0, max(end, SHORTEST_COURSE), LINE_KNOTS)
     courses = {name: (knots, assembly.positions[name] + speed * knots) for name, speed in speeds.items()}
-    return Schedule.along(courses, np.linspace(0.0, end, SAMPLES + 1) if time is None else time, at_rest=at_rest)
+    return Schedule.along(courses, np.linspace(0.0, end, DEFAULT_TIMES + 1) if time is None else time, at_rest=at_rest)
 
 
 def _as_far(assembly: Assembly, speeds: Mapping[str, float]) -> float:
     """How long (s) all drives can go on, at most the usual time, less a tenth where they cannot."""
     if len(speeds) < len(assembly.structure.inputs):  # where it moves freely, nobody knows before
-        return USUAL
-    low, high, end = 0.0, USUAL, USUAL
-    while high - low > SHORTEST:
+        return USUAL_TIME
+    low, high, end = 0.0, USUAL_TIME, USUAL_TIME
+    while high - low > SHORTEST_COURSE:
         try:
-            time = np.linspace(0.0, end, SAMPLES)
+            time = np.linspace(0.0, end, DEFAULT_TIMES)
             assembly.follow(assembly.inputs_at({n: assembly.positions[n] + v * time for n, v in speeds.items()}))
             low = end
         except AssemblyError:
             high = end
-        if low == USUAL:
-            return USUAL
+        if low == USUAL_TIME:
+            return USUAL_TIME
         end = (low + high) / 2
     return SPARE * low
 
@@ -217,24 +225,24 @@ def of_path(path: Path, assembly: Assembly) -> tuple[dict[str, Knots], np.ndarra
     _warn(path, table, [signal.name for signal in poses], "no x, y or angle of a body")
     wanted = [Output(signal.place, _axis(signal)) for signal in poses]
     home = kinematics(assembly, assembly.inputs[:, None])
-    told = []
+    positions = []
     for coordinate, signal in zip(wanted, poses, strict=True):
         values, begins = table.course(signal.name, path.name), float(coordinate.value(home)[0])
-        told.append(values + (turned_near(values[0], begins) - values[0]) if signal.wraps else values)
+        positions.append(values + (turned_near(values[0], begins) - values[0]) if signal.wraps else values)
     try:
-        time, found = splined(assembly, wanted, np.array(told), table.time)
+        time, followed = splined(assembly, wanted, np.array(positions), table.time)
     except AssemblyError as error:
         raise DataError(f"{path.name}: {error}") from None
-    moved = {s.coordinates[i].joint: s.signs[i] * found.coordinates[i] for i in s.inputs}
+    moved = {s.coordinates[i].joint: s.signs[i] * followed.coordinates[i] for i in s.inputs}
     return {joint.name: (time, moved[joint.name]) for joint in m.motors}, table.time
 
 
 def _warn(path: Path, table: Table, used: Collection[str], role: str) -> None:
     """Warn of what was made of a file, and of its signals that are not used, as they are none of this role."""
-    from compare.recorded.headings import left_alone
+    from compare.recorded.headings import ignored_columns
 
     others = [table.headings[c.place] for c in table.columns if c.signal.name not in used]
-    notes = [f"{path.name}: {left_alone(others, role)}"] if others else []
+    notes = [f"{path.name}: {ignored_columns(others, role)}"] if others else []
     for note in (*table.notes, *notes):
         warnings.warn(note, stacklevel=4)
 
@@ -250,7 +258,7 @@ def times_within(courses: Mapping[str, Knots], rows: np.ndarray, time: np.ndarra
     begin = max((float(t[0]) for t, _ in courses.values()), default=0.0)
     end = min((float(t[-1]) for t, _ in courses.values()), default=np.inf)
     if time is None:
-        return np.linspace(begin, end, SAMPLES + 1) if rows.size > 4 * SAMPLES else rows
+        return np.linspace(begin, end, DEFAULT_TIMES + 1) if rows.size > 4 * DEFAULT_TIMES else rows
     if time[0] < begin or time[-1] > end:
         raise GridError(f"--times {time[0]:g} to {time[-1]:g} s is not within the course, {begin:g} to {end:g} s")
     return time

@@ -9,10 +9,9 @@ from typing import overload
 
 import numpy as np
 
-from analytic.mechanism.errors import quoted
 from analytic.mechanism.signals import Signal, wrapped
 from compare.arguments import number
-from compare.faults import ArgumentError
+from compare.faults import ArgumentError, unusable
 from compare.quantities import quantities
 from compare.questions.question import answers
 from compare.questions.show import ShowQuestion
@@ -70,10 +69,7 @@ def show(question: ShowQuestion) -> Provenance | SignalResiduals | Diagnosis:
             raise ArgumentError("at", "missing; a number belongs to a crank angle, or to a time if the linkage swings")
         return provenance(document, signal, number(at, "at", "rad, or s if the linkage swings"), joint_model, simulator)
     if not isinstance(document, Diagnosis):
-        why = (
-            f"{quoted(document)} cannot be used; give a cross-check, a diagnosis, or the path of a JSON file of either"
-        )
-        raise ArgumentError("result", why)
+        raise unusable("result", document, "a cross-check, a diagnosis, or the path of a JSON file of either")
     for name, given in (("at", at), ("joint_model", joint_model), ("simulator", simulator)):
         if given is not None:
             raise ArgumentError(name, "a diagnosis takes a signal alone; leave this out")
@@ -103,6 +99,8 @@ def provenance(
         raise ArgumentError(
             "signal", f"{name} is not a signal of the mechanism {result.mechanism.name} that the result is about"
         )
+    if not math.isfinite(at):
+        raise _outside(having[0], at, result.over_time)
     return Provenance(
         case=result.case,
         command=result.command,
@@ -112,7 +110,7 @@ def provenance(
         acts=words.acts(result.mechanism, signal),
         unit=signal.unit,
         over_time=result.over_time,
-        at=_given(having[0], at, result.over_time),
+        at=at,
         runs=tuple(_sample(run, signal, at, result.over_time) for run in having),
     )
 
@@ -125,10 +123,10 @@ def _chosen(runs: Sequence[Run], joint_model: str | None, simulator: str | None)
         if wanted is not None and wanted not in names:
             there = ", ".join(dict.fromkeys(names)) or "no runs"
             raise ArgumentError(argument, f"{wanted} is not in this result; it has {there}")
-    found = [run for run in runs if joint_model in (None, run.joint_model) and simulator in (None, run.simulator.name)]
-    if not found:
+    chosen = [run for run in runs if joint_model in (None, run.joint_model) and simulator in (None, run.simulator.name)]
+    if not chosen:
         raise ArgumentError("simulator", f"not with joint {joint_model} in this result; it has {_titles(runs)}")
-    return found
+    return chosen
 
 
 def _titles(runs: Iterable[Run]) -> str:
@@ -140,13 +138,6 @@ def _places(run: Run, over_time: bool) -> np.ndarray:
     if not over_time:
         return run.crank_angle
     return np.array([]) if run.time is None else run.time
-
-
-def _given(run: Run, at: float, over_time: bool) -> float:
-    """What was asked for, if it is a number.  Raises ArgumentError."""
-    if not math.isfinite(at):
-        raise _outside(run, at, over_time)
-    return at
 
 
 def _nearest(run: Run, at: float, over_time: bool) -> tuple[int, float]:
@@ -167,7 +158,7 @@ def _nearest(run: Run, at: float, over_time: bool) -> tuple[int, float]:
 
 
 def _outside(run: Run, at: float, over_time: bool) -> ArgumentError:
-    """What is said of a place that the run does not have, as a person reads it (deg or s)."""
+    """The error of a place that the run does not have, as a person reads it (deg or s)."""
     unit, factor = ("s", 1.0) if over_time else ("deg", math.degrees(1.0))
     places = factor * _places(run, over_time)
     span = f"from {places.min():.6g} to {places.max():.6g} {unit}" if places.size else "nowhere"
@@ -219,7 +210,7 @@ def _components(side: Mapping[str, np.ndarray], signal: Signal, k: int) -> dict[
 
 
 def _equations(run: Run, signal: Signal, over_time: bool) -> Iterator[Equation]:
-    """What an analytic number was computed from."""
+    """The equations that an analytic number was computed from."""
     if over_time and not run.drive_position:
         yield Equation(words=words.SWUNG, module=RELEASED)
     elif signal.kind in ("reaction", "drive"):
@@ -234,8 +225,8 @@ def _forces(run: Run) -> Iterator[Equation]:
     loose, first_order = any(run.clearance.values()), run.analytic_model == "first_order"
     yield Equation(words=words.forces(run.motion, loose and not first_order), module=KINETOSTATICS)
     if loose:
-        said = words.FIRST_ORDER if first_order else f"displaced by {words.GAP['equilibrium']}"
-        yield Equation(words=said, module=CLEARANCE)
+        equation = words.FIRST_ORDER if first_order else f"displaced by {words.GAP['equilibrium']}"
+        yield Equation(words=equation, module=CLEARANCE)
 
 
 def _motion(run: Run, signal: Signal) -> Iterator[Equation]:

@@ -23,10 +23,10 @@ from compare.faults import ArgumentError
 from compare.files import to_json, write_atomically
 from compare.workers import deaf
 
-AHEAD = 2  # runs under way for each worker: one that it does, one that waits for it
+RUNS_AHEAD = 2  # runs under way for each worker: one that it does, one that waits for it
 CONNECT = 10.0  # s to wait for a cluster's scheduler
-PATIENCE = 60.0  # s to wait for its workers
-TURN = threading.Lock()  # engines are not made for threads: the runs of one process take turns
+WORKERS_PATIENCE = 60.0  # s to wait for its workers
+RUNS_TAKE_TURNS = threading.Lock()  # engines are not made for threads: the runs of one process take turns
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -54,7 +54,7 @@ class Ended(Generic[T, R]):
 
 
 @dataclass(frozen=True)
-class Outcome:
+class SweepOutcome:
     """A run of a sweep: its place in the sequence, its result as plain JSON data or ``failure``, why there is none.
 
     ``recorded`` says that the folder had the result already.
@@ -105,7 +105,7 @@ def sweep(
     workers: int = 1,
     dask: str | None = None,
     progress: Callable[[int, int | None], None] = lambda done, total: None,
-) -> Iterator[Outcome]:
+) -> Iterator[SweepOutcome]:
     """Do every run that the folder does not hold; yield and record each outcome as it comes, in no particular order.
 
     A run is plain JSON data, everything that its result depends on; ``work``, importable wherever it is called, makes
@@ -119,11 +119,11 @@ def sweep(
     for done, ended in enumerate(ends, 1):
         index, content = ended.item
         if ended.value is None:
-            yield Outcome(index, failure=f"{type(ended.error).__name__}: {ended.error}")
+            yield SweepOutcome(index, failure=f"{type(ended.error).__name__}: {ended.error}")
         else:
             if folder is not None and not ended.known:
                 write_atomically(folder / _file(content), ended.value)
-            yield Outcome(index, json.loads(ended.value)["result"], recorded=ended.known)
+            yield SweepOutcome(index, json.loads(ended.value)["result"], recorded=ended.known)
         progress(done, total)
 
 
@@ -132,7 +132,7 @@ def sweep(
 
 def _record(work: Callable[[C], Mapping[str, object]], item: tuple[int, C]) -> str:
     """Do a run; the text of its file."""
-    with TURN:
+    with RUNS_TAKE_TURNS:
         return to_json({"run": item[1], "result": work(item[1])})
 
 
@@ -155,7 +155,7 @@ def _file(content: Mapping[str, object]) -> str:
 
 # ---------------------------------------------------------------- where runs are done
 
-Pool = tuple[Executor, Callable[[], int]]  # and how many runs may be under way in it
+Pool = tuple[Executor, Callable[[], int]]  # an executor, and how many runs may be under way in it
 
 
 def _until_broken(
@@ -169,9 +169,9 @@ def _until_broken(
     with pool() as (executor, room):
         while True:
             for item in todo if len(under_way) < room() else ():
-                found = known(item)
-                if found is not None:
-                    yield Ended(item, found, known=True)
+                result = known(item)
+                if result is not None:
+                    yield Ended(item, result, known=True)
                     continue
                 try:
                     with deaf():
@@ -182,7 +182,7 @@ def _until_broken(
                     break
             if not under_way:
                 return []
-            done, _ = wait(under_way, PATIENCE, FIRST_COMPLETED)
+            done, _ = wait(under_way, WORKERS_PATIENCE, FIRST_COMPLETED)
             if any(future.cancelled() for future in done):
                 raise ClusterError(
                     "dask", "the cluster was lost while runs were under way; start the same again to go on"
@@ -213,7 +213,7 @@ def _processes(workers: int) -> Iterator[Pool]:
     from compare.workers import processes
 
     with processes(workers) as executor:
-        yield executor, lambda: AHEAD * workers
+        yield executor, lambda: RUNS_AHEAD * workers
 
 
 @contextmanager
@@ -235,12 +235,12 @@ def _cluster(address: str) -> Iterator[Pool]:
 
     def room() -> int:
         try:
-            client.wait_for_workers(1, timeout=PATIENCE)
+            client.wait_for_workers(1, timeout=WORKERS_PATIENCE)
         except TimeoutError:
             raise ClusterError(
                 "dask", f"{address}: the cluster has no workers; start some, then the same again"
             ) from None
-        return AHEAD * max(1, sum(client.nthreads().values()))
+        return RUNS_AHEAD * max(1, sum(client.nthreads().values()))
 
     with client:
         yield client.get_executor(pure=False), room
@@ -255,6 +255,3 @@ def _knock(address: str) -> None:
     get_backend(scheme)
     if scheme in ("tcp", "tls"):
         socket.create_connection(parse_host_port(place, 8786), CONNECT).close()
-
-
-__all__ = ["ClusterError", "Died", "Ended", "Outcome", "spread", "sweep"]

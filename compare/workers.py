@@ -89,6 +89,3 @@ def _watch(parent: int) -> None:
         time.sleep(WATCH)
     if os.name == "posix":
         os._exit(1)
-
-
-__all__ = ["deaf", "processes"]

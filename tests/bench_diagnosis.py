@@ -146,14 +146,13 @@ def with_speed(m: Mechanism, speed: float) -> Mechanism:
 
 def one(measured: Path, out: Path, others: bool, workers: int) -> None:
     """In a fresh process: diagnose and publish; what it took, as JSON."""
-    from compare.cli.publish import publish
     from compare.diagnose.data.measured import load_measured
     from compare.diagnose.workflow import diagnose
 
     start = time.perf_counter()
     found = diagnose(load_measured(measured), "mujoco", others=others, workers=workers)
     diagnosed = time.perf_counter() - start
-    publish(found, out, json=False, quiet=False)
+    found.write(out)
     print(json.dumps({"diagnosed": diagnosed}))
 
 

@@ -112,13 +112,13 @@ def sweep() -> None:
     """A validity map's cells on one worker and on two: both new for each turn, as a command's are."""
     from analytic.mechanism.file import load
     from compare.domain_map.cell import examine
-    from compare.domain_map.map import Grid, cells
-    from compare.judge.discrepancy import load_tolerances
+    from compare.domain_map.map import MapPlan, cells
+    from compare.judge.tolerances import load_tolerances
     from compare.report.words.validity import RPM
     from compare.sweep import sweep as spread
 
     speeds, sizes = (30, 45, 60, 90, 120, 180, 240, 300), (1e-4, 2e-4, 4e-4)
-    grid = Grid(
+    grid = MapPlan(
         load("crank-rocker"),
         ("B",),
         tuple(rpm * RPM for rpm in speeds),

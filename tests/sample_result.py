@@ -15,7 +15,7 @@ from analytic.kinematics.assembly import Assembly
 from analytic.mechanism.file import load
 from analytic.paper.clearance import displaced
 from compare.judge.signals import compared, with_derived
-from compare.judge.statistics import held_together
+from compare.judge.statistics import compared_statistics
 from compare.judge.tolerances import load_tolerances
 from compare.results.crosscheck import CrossCheck
 from test_contact_statistics import BOUNCES, CLEARANCE, bouncing, prescribed, springs, told
@@ -174,7 +174,7 @@ def rattling(louder: float = 1.0, turns: tuple[int, int] = (24, 24)) -> CrossChe
 
         k = next(i for i, r in enumerate(runs) if r.joint_model == "contact" and r.contact is None)
         runs[k] = runs[k].model_copy(update={"contact": told(prescribed(n, bouncing, pressed, 1500 * n))})
-    held = held_together(runs, load_tolerances())
+    held = compared_statistics(runs, load_tolerances())
     wrong = any(one.verdict == "disagrees" for one in held)
     verdict = "disagrees" if wrong else document.verdict
     return document.model_copy(update={"runs": tuple(runs), "statistics": held, "verdict": verdict})

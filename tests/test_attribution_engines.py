@@ -15,9 +15,9 @@ from analytic.paper import printed
 from analytic.paper.clearance import Model
 from asked import job_of
 from compare.crosscheck import crosscheck_job
-from compare.judge.discrepancy import load_tolerances
 from compare.judge.reference import Reference, reference
 from compare.judge.signals import with_derived
+from compare.judge.tolerances import load_tolerances
 from engines_here import present
 from marks import slow
 from sim_models.engine import Engine, Request, Trace, Unsupported, engine

@@ -18,9 +18,9 @@ import pytest
 import commands
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import dumps, load, shipped_cases
-from compare.baseline.check import check_one, file_of, update_one
-from compare.baseline.file import Baseline, BaselineError, StoredRun, Tolerance, read, write
-from compare.baseline.moved import fits, moved
+from compare.baseline.check import check_file, command, file_of, update_file
+from compare.baseline.comparison import fits, moved
+from compare.baseline.file import Baseline, BaselineError, MovedLimits, StoredRun, read, write
 from compare.baseline.runs import not_run, setups
 from compare.report.baselines import lines
 from compare.results.schemas import FOLDER
@@ -37,14 +37,16 @@ def compare(*arguments: str, cwd: Path) -> commands.Ended:
 
 def update(folder: Path, fault: Planted, mechanism: Mechanism = PAPER) -> None:
     folder.mkdir(exist_ok=True)
-    print(*lines(update_one(mechanism, "planted", folder, lambda name: fault)), sep="\n")
+    path, checks = file_of(folder, mechanism.name, "planted"), command("check", mechanism.name, "planted", folder)
+    print(*lines(update_file(path, mechanism, "planted", checks, lambda name: fault)), sep="\n")
 
 
 def check(folder: Path, fault: Planted, mechanism: Mechanism = PAPER) -> bool:
-    found = check_one(mechanism, "planted", folder, lambda name: fault)
-    print(*lines(found), sep="\n")
-    assert found.status == ("moved" if found.moved else "same")
-    return not found.moved
+    path, again = file_of(folder, mechanism.name, "planted"), command("update", mechanism.name, "planted", folder)
+    entry = check_file(path, mechanism, "planted", again, lambda name: fault)
+    print(*lines(entry), sep="\n")
+    assert entry.status == ("moved" if entry.moved else "same")
+    return not entry.moved
 
 
 # -------------------------------------------------------------------- the command
@@ -290,7 +292,7 @@ TABLE = StoredRun(
 def seen(k: int, j: int, value: float) -> list[str]:
     rows = TABLE.rows.copy()
     rows[k, j] = value
-    return [each.sentence for each in moved(TABLE, replace(TABLE, rows=rows), Tolerance())]
+    return [each.sentence for each in moved(TABLE, replace(TABLE, rows=rows), MovedLimits())]
 
 
 def test_directions_are_compared_modulo_a_turn() -> None:
@@ -302,13 +304,13 @@ def test_a_direction_that_is_lost_or_turns_up_has_moved_but_for_a_force_at_the_v
     assert "has a direction on one side only at 0 deg" in seen(0, 1, np.nan)[0]
     assert "has a direction on one side only at 5 deg" in seen(1, 1, 12.0)[0]
     at_limit = replace(TABLE, rows=np.array([[0, 179.999, 5], [5, np.nan, 0.0999]]))
-    assert moved(at_limit, replace(at_limit, rows=np.array([[0, 179.999, 5], [5, 12.0, 0.1001]])), Tolerance()) == []
+    assert moved(at_limit, replace(at_limit, rows=np.array([[0, 179.999, 5], [5, 12.0, 0.1001]])), MovedLimits()) == []
 
 
 def test_averages_have_tolerances_of_their_own() -> None:
     average = StoredRun("contact, impacting", {}, ("reaction_B_rms [N]", "free_share_B [1]"), np.array([[50.0, 0.7]]))
-    assert moved(average, replace(average, rows=np.array([[55.0, 0.8]])), Tolerance()) == []
-    lines = [each.sentence for each in moved(average, replace(average, rows=np.array([[70.0, 0.1]])), Tolerance())]
+    assert moved(average, replace(average, rows=np.array([[55.0, 0.8]])), MovedLimits()) == []
+    lines = [each.sentence for each in moved(average, replace(average, rows=np.array([[70.0, 0.1]])), MovedLimits())]
     assert lines[0].startswith("contact, impacting: reaction_B_rms moved by +20 N from 50 N over the run")
     assert lines[1].startswith("contact, impacting: free_share_B moved by -0.6 from 0.7 over the run")
 
@@ -326,7 +328,7 @@ def test_a_file_reads_back_as_it_was_written() -> None:
         "mujoco",
         "4.0.0",
         (table, StoredRun("massless-link, static", {}, skipped='no "rubber"')),
-        Tolerance(angle=0.004),
+        MovedLimits(angle=0.004),
     )
     text = write(stored, "compare baseline check")
     assert tomllib.loads(text)["run"][0]["rows"][0] == [20, -135.1234, 12.3457]
@@ -507,6 +509,6 @@ def test_what_is_stored_of_a_bouncing_pin_repeats_from_starts_that_differ_in_rou
         )
         free = np.array([t.free_share["B"] for t in traces])
         assert np.ptp(rms) > 1e-3  # they are different runs
-        assert np.ptp(rms) < Tolerance().rms * rms.mean()
-        assert np.ptp(free) < Tolerance().free_share
+        assert np.ptp(rms) < MovedLimits().rms * rms.mean()
+        assert np.ptp(free) < MovedLimits().free_share
         assert 0.3 < free.mean() < 0.95

@@ -16,7 +16,7 @@ from analytic.mechanism.file import load, loads
 from asked import request_of
 from compare.crosscheck import crosscheck
 from compare.judge.contact import contact, contact_in, ideal_peaks
-from compare.judge.watched import Run
+from compare.judge.contact_motion import WatchedRun
 from compare.report.contact_figures import contact_figures
 from compare.report.words.contact import told
 from compare.results.contact import Contact
@@ -338,10 +338,10 @@ def test_where_height_and_tilt_make_up_the_clearance_a_corner_is_at_its_wall() -
     m = twisted("elastic")
     seen = watched("mujoco", m, 1.0, step=1e-6).watched
     assert seen is not None
-    course = Run(m, seen).course(m.joint("S"))
+    course = WatchedRun(m, seen).course(m.joint("S"))
     inside = np.abs(course.gap.real) + np.abs(course.gap.imag)
     np.testing.assert_allclose(course.reach, inside, atol=1e-2 * course.clearance)
     drift = np.gradient(course.gap, seen.time)
     np.testing.assert_allclose(course.drift, drift, atol=2e-3 * np.abs(drift).max())
     alone = replace(seen, corners={"S": np.zeros_like(seen.corners["S"])})
-    assert Run(m, alone).course(m.joint("S")).size.max() == 0.0
+    assert WatchedRun(m, alone).course(m.joint("S")).size.max() == 0.0

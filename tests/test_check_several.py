@@ -10,7 +10,7 @@ import pytest
 import linkage_crosscheck as lc
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.schedule import Schedule, Turning
-from compare.judge.reference import SURE, reference
+from compare.judge.reference import SIGMAS, reference
 from marks import slow
 from measured_files import written
 from several_linkages import arm
@@ -63,14 +63,14 @@ def test_positions_leave_a_place_open_by_the_sum_of_what_each_drive_moves_it(mot
     """The forearm's middle of an arm, by its angles: x = 0.1 cos D + 0.08 cos (D + A)."""
     assembly, off = Assembly(ARM), {"D": 4e-4, "A": 3e-4}
     at = {"D": 1.234567 + 2.0 * TIME, "A": 0.348889 - TIME}
-    errors = assembly.inputs_at({name: np.full(TIME.size, each / SURE) for name, each in off.items()})
+    errors = assembly.inputs_at({name: np.full(TIME.size, each / SIGMAS) for name, each in off.items()})
     schedule = Schedule.along({name: (TIME, values) for name, values in at.items()}, TIME, at_rest=motion == "static")
     side = reference(assembly, schedule, "equilibrium", {}, None, Turning(errors, 0 * errors, 0 * errors))
     by_a = 0.08 * np.sin(at["D"] + at["A"])
     by_d = 0.1 * np.sin(at["D"]) + by_a
     wanted = np.abs(by_d) * off["D"] + np.abs(by_a) * off["A"]
-    assert SURE * side.unsure["fore_x"] == pytest.approx(wanted, abs=2e-8)  # m, second order of the angles
-    assert SURE * side.unsure["fore_angle"] == pytest.approx(7e-4)
+    assert SIGMAS * side.unsure["fore_x"] == pytest.approx(wanted, abs=2e-8)  # m, second order of the angles
+    assert SIGMAS * side.unsure["fore_angle"] == pytest.approx(7e-4)
 
 
 def mended(folder: Path, warning: str) -> Path:

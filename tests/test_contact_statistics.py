@@ -11,8 +11,8 @@ from analytic.mechanism import GROUND
 from analytic.mechanism.file import load
 from compare.crosscheck import crosscheck_job, job_of
 from compare.judge.contact import contact_in, more_revolutions, revolutions
+from compare.judge.contact_motion import WatchedRun, integral
 from compare.judge.statistics import statistic
-from compare.judge.watched import Run, integral
 from compare.questions.crosscheck import CrosscheckQuestion
 from sim_models.engine import Request, SimulationError, Trace, Watched
 
@@ -134,7 +134,7 @@ def test_a_spring_that_is_pressed_harder_and_harder_takes_nothing() -> None:
 def test_friction_takes_what_it_rubs_times_the_way() -> None:
     push, rub = 30.0, 3.0
     watched = prescribed(2.0, lambda phase: CLEARANCE * np.exp(1j * phase), lambda phase: push + 0 * phase)
-    run = Run(ROCKER, watched)
+    run = WatchedRun(ROCKER, watched)
     (pin,) = run.course(ROCKER.joint("B")).contacts
     rubbing = watched.force["B"] - np.sign(pin.slip) * rub * 1j * watched.force["B"] / push
     found = told(replace(watched, force={"B": rubbing}))
@@ -151,7 +151,7 @@ def test_a_damper_in_the_wall_takes_energy_and_the_balance_says_so() -> None:
 
     watched = prescribed(4.0, bouncing, damped)
     found = told(watched)
-    (pin,) = Run(ROCKER, watched).course(ROCKER.joint("B")).contacts
+    (pin,) = WatchedRun(ROCKER, watched).course(ROCKER.joint("B")).contacts
     total = integral(pin.push * pin.rate, watched.time)[-1]
     loss = found.joints["B"].statistics["restitution_loss"]
     assert loss.by_revolution.sum() == pytest.approx(total, rel=1e-9)

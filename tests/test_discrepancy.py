@@ -3,32 +3,30 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
 
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.reach import usual_angles
 from analytic.kinematics.schedule import Schedule
 from analytic.mechanism.file import load
 from analytic.mechanism.signals import Signal, named
 from compare.judge.discrepancy import (
-    Discrepancy,
+    Comparison,
     Rule,
     Scales,
-    ToleranceError,
     Tube,
     contact_give,
     difference,
     judge,
-    known_differences,
-    load_tolerances,
     run_rules,
 )
-from compare.judge.grid import default_angles
 from compare.judge.reference import reference
-from compare.judge.signals import DRIVE_TORQUE, UNITS, compared, kind_of, with_derived
-from compare.judge.tolerances import Known, Line
+from compare.judge.signals import compared, kind_of, with_derived
+from compare.judge.tolerances import Known, Line, ToleranceError, known_differences, load_tolerances
+from compare.results.crosscheck import Unit
 from sim_models.engine import JointModel
 
 THETA = np.linspace(0.3, 2.8, 51)
@@ -37,7 +35,7 @@ SIDE = {"reaction_B_angle": ANGLE, "reaction_B_magnitude": SIZE, "drive_torque":
 TOLERANCES = load_tolerances()
 
 
-GAMMA = Signal("reaction", "B", "angle")
+GAMMA, DRIVE_TORQUE = Signal("reaction", "B", "angle"), Signal("drive", "", "torque")
 JUDGED = {s.name: s for s in (GAMMA, GAMMA.sibling("magnitude"), DRIVE_TORQUE)}
 
 
@@ -58,7 +56,7 @@ def test_equal_signals_agree(signal: str) -> None:
 @pytest.mark.parametrize(
     ("case", "clearance"), [("paper", {"B": 1e-3}), ("slider-crank", {}), ("six-bar", {"G": 1e-4})]
 )
-def test_each_compared_signal_is_one_of_its_linkage_and_has_the_unit_of_its_kind(
+def test_each_compared_signal_is_one_of_its_linkage_and_has_a_unit_of_results(
     case: str, clearance: dict[str, float]
 ) -> None:
     mechanism = load(case)
@@ -66,7 +64,7 @@ def test_each_compared_signal_is_one_of_its_linkage_and_has_the_unit_of_its_kind
     judged = compared(mechanism, clearance)
     assert {known[signal.name] for signal in judged} == set(judged)
     for signal in judged:
-        assert UNITS[kind_of(signal)] == signal.unit
+        assert signal.unit in get_args(Unit)
         assert signal.wraps == (kind_of(signal) in ("angle", "rotation", "position"))
 
 
@@ -174,7 +172,7 @@ GRID = np.radians(np.arange(0.0, 181.0, 5.0))
 WINDOW = np.radians(0.05)
 
 
-def judged(values: np.ndarray, simulated: np.ndarray, window: float = WINDOW, absolute: float = 1e-3) -> Discrepancy:
+def judged(values: np.ndarray, simulated: np.ndarray, window: float = WINDOW, absolute: float = 1e-3) -> Comparison:
     limits = Rule(DRIVE_TORQUE, absolute, 0.0, 0.02, 0.0, Scales(1.0, 1.0), window=window)
     found = judge(limits, {"drive_torque": simulated}, {"drive_torque": values}, GRID)
     assert found is not None
@@ -420,7 +418,7 @@ def test_what_is_allowed_at_an_angle_does_not_depend_on_which_others_are_asked_f
 def test_at_the_usual_angles_the_peaks_are_the_runs() -> None:
     mechanism = load("crank-rocker")
     assembly = Assembly(mechanism)
-    theta = default_angles(assembly)
+    theta = usual_angles(assembly)
     side = reference(assembly, Schedule.at_angles(mechanism, theta), "equilibrium", {})
     assert Scales.of(side.signals, mechanism, side.peaks).force == Scales.of(side.signals, mechanism).force
     assert side.peaks["reaction_B_magnitude"] == side.signals["reaction_B_magnitude"].max()

@@ -19,8 +19,8 @@ from asked import job_of, request_of
 from commands import compare
 from compare.crosscheck import crosscheck_job
 from compare.domain_map.cell import examine
-from compare.domain_map.map import Grid, cells
-from compare.judge.discrepancy import load_tolerances
+from compare.domain_map.map import MapPlan, cells
+from compare.judge.tolerances import load_tolerances
 from compare.report.words.validity import RPM
 from sim_models.common.failed_starts import TooSoft, own_start
 from sim_models.engine import Motion, Request, SimulationError, engine
@@ -117,7 +117,7 @@ def test_the_command_writes_the_other_runs_and_leaves_with_status_3(tmp_path: Pa
 
 @pytest.mark.mujoco
 def test_an_absurd_speed_of_a_map_is_a_cell_that_failed_for_a_reason() -> None:
-    grid = Grid(
+    grid = MapPlan(
         load("crank-rocker").with_joint("B", contact_stiffness=1e7),
         ("B",),
         (1e9 * RPM,),

@@ -13,8 +13,8 @@ import commands
 from analytic.mechanism.file import dumps, load
 from asked import job_of
 from compare.crosscheck import crosscheck_job
-from compare.judge.discrepancy import load_tolerances
 from compare.judge.flexible import Beams
+from compare.judge.tolerances import load_tolerances
 from sim_models.engine import Request, Trace
 
 pytestmark = pytest.mark.exudyn

@@ -25,9 +25,9 @@ from asked import job_of, request_of
 from commands import compare
 from compare.crosscheck import crosscheck_job
 from compare.faults import ArgumentError
-from compare.judge.discrepancy import load_tolerances
 from compare.judge.flexible import Beams
 from compare.judge.reference import reference, with_flexible_links
+from compare.judge.tolerances import load_tolerances
 from marks import slow
 from several_linkages import SHIPPED, TIMES, third_bar, waved
 from sim_models.engine import Request, SimulationError, Trace, Unsupported, engine

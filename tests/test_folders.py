@@ -21,7 +21,7 @@ import linkage_crosscheck as lc
 from analytic.mechanism.file import dumps, load
 from compare.cli.app import app
 from compare.cli.folders import named_after, result_folder
-from compare.cli.publish import publish
+from compare.cli.publish import put
 from compare.files import OutputError
 from test_readme import COMMANDS
 
@@ -286,7 +286,7 @@ def test_of_two_commands_that_begin_in_one_folder_the_second_to_end_is_refused(c
     with pytest.raises(
         OutputError, match=r"its analysis\.json is of another command \(compare analyse --case crank-rock"
     ):
-        publish(found, place, json=False, quiet=True, context=asked)
+        put(found, place, False, asked)
     assert contents(tmp_path / "here") == before
 
 
@@ -295,7 +295,7 @@ def test_of_one_command_that_is_given_twice_at_once_the_last_to_end_stays(compar
     place = result_folder(asked, "paper-analysis", "analysis.json", tmp_path / "here", overwrite=False)
     assert compare("compare analyse --motion static --out here")[0] == 0
     before = contents(tmp_path / "here")
-    publish(lc.analyse("paper", motion="static"), place, json=False, quiet=True, context=asked)
+    put(lc.analyse("paper", motion="static"), place, False, asked)
     after = contents(tmp_path / "here")
     assert set(after) == set(before)
     assert after["signals.csv"] == before["signals.csv"]
@@ -335,17 +335,17 @@ def test_what_cannot_be_read_is_replaced_alone(tmp_path: Path) -> None:
     """Nobody knows which files are a stranger's own."""
     (tmp_path / "analysis.json").write_text('{"schema": 1, "case": "mine"}', encoding="utf-8")
     (tmp_path / "gamma_A.svg").write_text("<svg/>", encoding="utf-8")
-    publish(lc.analyse("paper", motion="static"), tmp_path, json=False, quiet=True, overwrite=True)
+    put(lc.analyse("paper", motion="static"), tmp_path, True, context("compare analyse --motion static"))
     assert set(contents(tmp_path)) == {"analysis.json", "signals.csv", "gamma_A.svg"}
 
 
 def test_a_file_that_shows_up_while_a_command_computes_is_not_replaced(tmp_path: Path) -> None:
-    found = lc.analyse("paper", motion="static")
+    found, asked = lc.analyse("paper", motion="static"), context("compare analyse --motion static")
     (tmp_path / "signals.csv").write_text("mine\n", encoding="utf-8")
     with pytest.raises(OutputError, match=r"there is another signals\.csv"):
-        publish(found, tmp_path, json=False, quiet=True)
+        put(found, tmp_path, False, asked)
     assert contents(tmp_path) == {"signals.csv": b"mine\n"}
-    publish(found, tmp_path, json=False, quiet=True, overwrite=True)
+    put(found, tmp_path, True, asked)
     assert len(contents(tmp_path)["signals.csv"]) > 100
 
 

@@ -18,7 +18,7 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.file import dumps
 from asked import job_of
 from compare.crosscheck import crosscheck_job
-from compare.judge.discrepancy import load_tolerances
+from compare.judge.tolerances import load_tolerances
 from multiplier_oracle import LeftOut, Oracle
 from random_linkages import HUMAN, WIDE, seeded
 from sim_models.engine import ENGINES, JointModel, Motion, SimulatorMissing, Unsupported, declared, engine

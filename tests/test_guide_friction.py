@@ -30,9 +30,10 @@ from compare.crosscheck import crosscheck
 from compare.domain_map.validity import validity
 from compare.export import export
 from compare.judge.assumptions import failing_assumption
-from compare.judge.discrepancy import Scales, load_tolerances, run_rules
+from compare.judge.discrepancy import Scales, run_rules
 from compare.judge.rocking import rocking as left_rocking
 from compare.judge.signals import with_derived
+from compare.judge.tolerances import load_tolerances
 from compare.results.validity import Cell
 from marks import slow
 from sim_models.engine import JointModel, Motion, Unsupported, declared, engine

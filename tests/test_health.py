@@ -15,8 +15,8 @@ from analytic.mechanism.file import load, shipped_cases
 from asked import job_of, request_of
 from compare.baseline.runs import setups
 from compare.crosscheck import crosscheck_job
-from compare.judge.closer import too_soft
-from compare.judge.discrepancy import load_tolerances
+from compare.judge.reruns import too_soft
+from compare.judge.tolerances import load_tolerances
 from linkages import inverted_slider, jansen_leg
 from marks import slow
 from sim_models.common.health import LIMITS, Implausible, check, misses

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 import linkage_crosscheck as lc
 from compare.cli.app import app
-from compare.history import HEAD, WHOLE
+from compare.history import HEAD, WHOLE_FILE
 from document_faults import faults
 
 REPORTS = Path(__file__).parent.parent / "reports"
@@ -77,7 +77,7 @@ DAMAGED = {
     "empty": ("", "cannot be read as JSON"),
     "nested": ("[" * 100_000, "nested too deep"),
     "cut off": ('{"schema": 1, "case": "p", "verdict": "agrees", "command": "c", "runs": [' + "1, " * HEAD, "cut off"),
-    "large and empty of what is needed": ('{"runs": [' + "1, " * (WHOLE // 2) + "1]}", "schema is missing"),
+    "large and empty of what is needed": ('{"runs": [' + "1, " * (WHOLE_FILE // 2) + "1]}", "schema is missing"),
 }
 
 

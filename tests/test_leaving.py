@@ -13,7 +13,7 @@ import pytest
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
 from compare.domain_map.leaving import Reaction, boundary, contact_law, leaving, reaction
-from compare.domain_map.rim import Way
+from compare.domain_map.pin_motion import CrankWay
 from marks import slow
 from sim_models.common.contact_laws import NamedLaw
 from tests.evidence.contact_ode import loop_of, pressed, simulate
@@ -29,7 +29,9 @@ def pushed(force: np.ndarray, time: np.ndarray) -> Reaction:
     terms = np.zeros((7, time.size), complex)
     terms[0], terms[5], terms[6] = force, -MASS, -1j * MASS  # F = F0 - m g''
     theta = SPEED * time
-    way = Way(terms, float(theta[0]), float(theta[1] - theta[0]), float(theta[0]), float(theta[-1] - theta[0]), SPEED)
+    way = CrankWay(
+        terms, float(theta[0]), float(theta[1] - theta[0]), float(theta[0]), float(theta[-1] - theta[0]), SPEED
+    )
     return Reaction(way)
 
 

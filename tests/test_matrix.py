@@ -26,7 +26,7 @@ from analytic.mechanism import Body, Drive, Elasticity, Joint, Load, Mechanism, 
 from compare.cli.app import app
 from compare.crosscheck import crosscheck_job, job_of
 from compare.export import exported
-from compare.left_out import OMISSIONS, Asked, omitted
+from compare.omissions import OMISSIONS, Asked, omitted
 from compare.platform import platform_accuracy
 from compare.questions.analyse import ExportQuestion
 from compare.questions.crosscheck import CrosscheckQuestion

@@ -24,9 +24,9 @@ from compare.diagnose.data.clipping import clipped
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import Measured
 from compare.judge.signals import with_derived
-from compare.recorded.headings import Names, read_headings
+from compare.recorded.headings import Naming, read_headings
 from compare.recorded.table import read_table
-from compare.recorded.text import _Reader, coding, header
+from compare.recorded.text import _RowReader, coding, header
 from measured_files import RunTable, csv_text, write_measured
 
 CRANK_ROCKER = load("crank-rocker")
@@ -203,10 +203,10 @@ def test_fast_and_careful_reading_agree(tmp_path: Path, seed: int) -> None:
     path = tmp_path / "x.csv"
     path.write_text(text)
     found = read_table(path, CRANK_ROCKER)
-    top = header(path, coding(path), names_of := Names(CRANK_ROCKER, ANY_LAYOUT))
+    top = header(path, coding(path), names_of := Naming(CRANK_ROCKER, ANY_LAYOUT))
     headings = read_headings(top.cells, {}, names_of, "line 1", True)
     assert headings.time is not None
-    reader = _Reader("x.csv", top, [headings.time, *headings.columns])
+    reader = _RowReader("x.csv", top, [headings.time, *headings.columns])
     slow, lines = reader._cell_by_cell(text.splitlines(True)[1:], 2)
     assert not reader.faults
     np.testing.assert_array_equal(np.column_stack([found.time, *found.values.values()]), slow)

@@ -19,7 +19,7 @@ from analytic.mechanism.parts import ContactLaw
 from analytic.paper.kinetostatics import kinetostatics
 from asked import request_of
 from compare.crosscheck import crosscheck
-from compare.judge.watched import Run, integral, taken
+from compare.judge.contact_motion import WatchedRun, integral, taken
 from engine_checks import at_speed, exact_motion, fast_crank_rocker, ideal_signals, is_force, off, run, vector
 from rebounds import law_of
 from sim_models.common.contact_laws import restitution
@@ -178,7 +178,7 @@ def watched(law: ContactLaw | None, model: JointModel = "contact", friction: flo
 def missing(trace: Trace, m: Mechanism) -> float:
     """Largest energy that a watched run has lost track of, over what its motor turned over."""
     assert trace.watched is not None
-    run = Run(m, trace.watched)
+    run = WatchedRun(m, trace.watched)
     margin = trace.settings.get("contact_margin", {})
     pin = run.course(m.joint("B"), margin.get("B", 0.0))  # type: ignore[union-attr]
     power = run.motor + run.applied - taken({"B": pin}) - run.joints
@@ -207,7 +207,7 @@ def test_the_wall_pushes_as_the_law_says_at_every_instant(friction: float) -> No
     m = crank_rocker("kelvin-voigt", 0.5, friction)
     trace = turned(m, watched=True)
     assert trace.watched is not None
-    law, (pin,) = law_of(m, "B"), Run(m, trace.watched).course(m.joint("B")).contacts
+    law, (pin,) = law_of(m, "B"), WatchedRun(m, trace.watched).course(m.joint("B")).contacts
     pressed = np.where(pin.depth > 0, np.maximum(law.stiffness * pin.depth + law.damping * pin.rate, 0.0), 0.0)
     steady = pin.depth > 0
     steady[1:] &= pin.depth[:-1] > 0  # of the step that finds it there the mean is taken
@@ -229,7 +229,7 @@ def test_a_pin_rubs_as_its_coefficient_says_however_little_its_wall_is_damped(da
     m = m.with_joint("B", contact_damping=damping)
     trace = turned(m, watched=True)
     assert trace.watched is not None
-    (pin,) = Run(m, trace.watched).course(m.joint("B")).contacts
+    (pin,) = WatchedRun(m, trace.watched).course(m.joint("B")).contacts
     slides = (pin.push > 0.1 * pin.push.max()) & (np.abs(pin.slip) > 5e-3)
     assert slides.sum() > 100
     np.testing.assert_allclose(np.abs(pin.rub[slides]), 0.2 * pin.push[slides], rtol=1e-3)
@@ -239,7 +239,7 @@ def test_a_law_with_hysteresis_pushes_as_hooke_says_where_the_pin_turns_back() -
     m = crank_rocker("flores")
     trace = watched("flores")
     assert trace.watched is not None
-    law, (pin,) = law_of(m, "B"), Run(m, trace.watched).course(m.joint("B")).contacts
+    law, (pin,) = law_of(m, "B"), WatchedRun(m, trace.watched).course(m.joint("B")).contacts
     turns = np.flatnonzero((pin.rate[:-1] > 0) & (pin.rate[1:] <= 0) & (pin.push[:-1] > 1.0))
     assert turns.size > 3
     part = pin.rate[turns] / (pin.rate[turns] - pin.rate[turns + 1])
@@ -252,7 +252,7 @@ def test_what_rests_in_contact_is_damped_as_by_the_slowest_touch() -> None:
     m = crank_rocker("hunt-crossley", 0.5)
     trace = ENGINE.simulate(request_of(m, "contact", "driven", np.array([1.0, 1.1]), watched=True))
     assert trace.watched is not None
-    law, (pin,) = law_of(m, "B"), Run(m, trace.watched).course(m.joint("B")).contacts
+    law, (pin,) = law_of(m, "B"), WatchedRun(m, trace.watched).course(m.joint("B")).contacts
     assert np.all(pin.push > 0)
     factor = 1 + law.hysteresis * pin.rate / law.slowest
     np.testing.assert_allclose(pin.push, law.stiffness * pin.depth * factor, rtol=1e-4)

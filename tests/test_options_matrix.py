@@ -27,7 +27,7 @@ from analytic.paper.clearance import MODELS
 from commands import compare
 from compare.baseline.check import check_baselines, update_baselines
 from compare.cli.app import app
-from compare.cli.folders import ASIDE
+from compare.cli.folders import NOT_ASKED
 from compare.diagnose import prepare
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.measured_file import QUANTITIES, Entry, MeasuredFile
@@ -302,7 +302,7 @@ def options() -> list[tuple[str, str]]:
         (name, each.name)
         for name, command in commands()
         for each in command.params
-        if each.name not in ASIDE | OF_TYPER
+        if each.name not in NOT_ASKED | OF_TYPER
     ]
 
 
@@ -337,7 +337,7 @@ def test_every_option_is_an_argument_of_the_function_and_back() -> None:
     """What the command line takes, Python takes by its name, and back."""
     for command, questions in QUESTIONS.items():
         taken = {option for of, option in options() if of == command and (of, option) not in OF_A_COMMAND}
-        assert taken == set(named(command).values()) - ASIDE, command
+        assert taken == set(named(command).values()) - NOT_ASKED, command
         assert all(option_of(field.type) for question in questions for field in arguments(question)), command
 
 

@@ -11,12 +11,11 @@ import numpy as np
 import pytest
 
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.reach import usual_angles
 from analytic.mechanism.file import load
 from asked import job_of
 from compare.crosscheck import crosscheck_job
-from compare.judge.discrepancy import ToleranceError, load_tolerances
-from compare.judge.grid import default_angles
-from compare.judge.tolerances import Known
+from compare.judge.tolerances import Known, ToleranceError, load_tolerances
 from planted import Fault, Planted, Signals, truth, turned
 from sim_models.engine import JointModel, Motion
 
@@ -32,7 +31,7 @@ def result(
     **job: Any,
 ) -> dict[str, Any]:
     mechanism = load(case)
-    theta = default_angles(Assembly(mechanism))
+    theta = usual_angles(Assembly(mechanism))
     asked = job_of(mechanism, ("planted",), tolerances, motion=motion, theta=theta, joint_model=joint_model, **job)
     return crosscheck_job(asked, resolve=lambda name: Planted(fault))
 
@@ -137,7 +136,9 @@ def test_what_is_missing_or_no_number_is_named() -> None:
 
 
 def first_order(known: tuple[Known, ...] = ()) -> dict[str, Any]:
-    return result("paper", "static", "contact", tolerances=TOLERANCES.with_known(*known), model="first_order")
+    return result(
+        "paper", "static", "contact", tolerances=TOLERANCES.model_copy(update={"known": known}), model="first_order"
+    )
 
 
 def declared(rows: list[dict[str, Any]], factor: float) -> tuple[Known, ...]:
@@ -169,7 +170,7 @@ def test_the_papers_first_order_agrees_once_its_differences_are_declared_and_bou
 
 def test_a_known_difference_that_is_not_there_fails() -> None:
     known = Known(case="paper", signal="reaction_B_angle", bound=0.2, reason="once it was so")
-    found = result("paper", "static", "contact", tolerances=TOLERANCES.with_known(known))
+    found = result("paper", "static", "contact", tolerances=TOLERANCES.model_copy(update={"known": (known,)}))
     (row,) = (row for row in found.runs[0].discrepancies if row.verdict == "disagrees")
     assert (row.signal, found.verdict) == ("reaction_B_angle", "disagrees")
     assert "has vanished" in row.reason
@@ -180,7 +181,7 @@ def test_a_known_difference_of_a_signal_that_is_never_compared_is_refused() -> N
     with pytest.raises(
         ToleranceError, match=r"'reaction_Q_angle' is not compared in paper; the signals are reaction_D_angle"
     ):
-        result("paper", "static", "contact", tolerances=TOLERANCES.with_known(known))
+        result("paper", "static", "contact", tolerances=TOLERANCES.model_copy(update={"known": (known,)}))
 
 
 @pytest.mark.parametrize(("push", "expected"), [(1e-7, "agrees"), (1e-4, "disagrees")])

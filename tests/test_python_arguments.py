@@ -21,16 +21,16 @@ from analytic.kinematics.structure import StructureError
 from analytic.mechanism import MechanismError
 from analytic.mechanism.file import dumps, load
 from analytic.paper.frame import ComplianceError
-from compare.arguments import engines, every_one, names, numbers, positive, refuse_large
+from compare.arguments import engines, every_one, names, numbers, refuse_large
 from compare.baseline.file import BaselineError
 from compare.cli.app import app
 from compare.diagnose.data.recording import MeasuredError
-from compare.domain_map.map import Grid
-from compare.domain_map.validity import gridded
+from compare.domain_map.map import MapPlan
+from compare.domain_map.validity import plan_of
 from compare.faults import ArgumentError
 from compare.files import OutputError
-from compare.judge.grid import GridError
 from compare.judge.tolerances import ToleranceError
+from compare.questions.option import GridError, Speeds
 from compare.questions.validity import ValidityQuestion
 from compare.results.document import DocumentError
 from compare.sweep import ClusterError
@@ -241,8 +241,8 @@ def test_a_clearance_of_more_than_a_tenth_of_a_body_is_taken_only_where_it_is_me
 
 
 def test_a_map_takes_large_clearances_only_where_they_are_meant() -> None:
-    def grid(**asked: object) -> Grid:
-        return gridded(ValidityQuestion("paper", speeds=[60.0], **asked))
+    def grid(**asked: object) -> MapPlan:
+        return plan_of(ValidityQuestion("paper", speeds=[60.0], **asked))
 
     with pytest.raises(
         ArgumentError, match=r"^clearances: joint 'B' has clearance = 0\.0201 m, more than a tenth of body"
@@ -297,7 +297,7 @@ def test_a_single_name_and_a_single_number_are_one() -> None:
     one = lc.accuracy("paper", outputs="coupler.B", angles=1.0, samples=10)
     assert list(one.outputs) == list(lc.accuracy("paper", outputs=["coupler.B"], angles=[1.0], samples=10).outputs)
     assert one.crank_angle.tolist() == [1.0]
-    assert positive(60.0, "speeds", "rad/s") == (60.0,)
+    assert Speeds().check(60.0, "speeds") == (60.0,)
     assert names("rust", "only") == ("rust",)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from compare.judge.statistics import held_together
+from compare.judge.statistics import compared_statistics
 from compare.judge.tolerances import load_tolerances
 from compare.quantities import number
 from compare.report.contact_figures import bands, contact_figures
@@ -197,7 +197,7 @@ def test_friction_that_is_an_engine_s_rounding_is_no_disagreement(agreeing: Cros
 
     one, other = in_contact(agreeing)
     for friction, verdict in ((-7e-11, "agrees"), (-7e-8, "disagrees")):
-        held = held_together([with_losses(one, 4e-20), with_losses(other, friction)], load_tolerances())
+        held = compared_statistics([with_losses(one, 4e-20), with_losses(other, friction)], load_tolerances())
         assert next(row.verdict for row in held if row.statistic == "friction_loss") == verdict
 
 

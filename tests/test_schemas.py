@@ -15,15 +15,15 @@ import pytest
 import typer
 
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.reach import usual_angles
 from analytic.mechanism.file import load
 from asked import job_of
 from compare import cli
 from compare.cli.app import app
 from compare.crosscheck import crosscheck_job
-from compare.judge.discrepancy import load_tolerances
-from compare.judge.grid import FREE_TIME, default_angles
-from compare.judge.tolerances import Known
+from compare.judge.tolerances import Known, load_tolerances
 from compare.results.schemas import FOLDER, documents, schema
+from compare.schedules import FREE_TIME
 from marks import slow
 from planted import Planted, turned
 from sim_models.engine import Motion
@@ -50,7 +50,7 @@ def written(case: str, motion: Motion = "driven", clearance: dict[str, float] | 
     if mechanism.speed is None:
         job |= {"time": FREE_TIME}
     else:
-        job = {"theta": default_angles(Assembly(mechanism))[::12]} | job
+        job = {"theta": usual_angles(Assembly(mechanism))[::12]} | job
     return json.loads(crosscheck_job(job_of(mechanism, ("mujoco",), TOLERANCES, motion=motion, **job)).to_json())
 
 
@@ -177,7 +177,7 @@ def test_several_engines_a_failure_and_a_known_difference_are_in_the_schema() ->
     job = job_of(
         mechanism,
         tuple(engines),
-        TOLERANCES.with_known(known),
+        TOLERANCES.model_copy(update={"known": (known,)}),
         motion="static",
         theta=np.radians(np.arange(20.0, 161.0, 20.0)),
     )

@@ -22,12 +22,12 @@ import sweep_work
 from analytic.mechanism.file import load
 from asked import request_of
 from compare.domain_map.cell import examine
-from compare.domain_map.map import Grid, cells
-from compare.judge.discrepancy import load_tolerances
+from compare.domain_map.map import MapPlan, cells
+from compare.judge.tolerances import load_tolerances
 from compare.report.words.validity import RPM
 from compare.results.crosscheck import Failure
 from compare.runs import simulate_all
-from compare.sweep import AHEAD, ClusterError, Outcome, sweep
+from compare.sweep import RUNS_AHEAD, ClusterError, SweepOutcome, sweep
 from marks import slow
 
 HERE = Path(__file__).parent
@@ -35,11 +35,11 @@ POSIX = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="this system h
 MATRICES = [{"seed": seed, "size": 40 + 20 * (seed % 3)} for seed in range(24)]
 
 
-def in_order(outcomes: Iterator[Outcome]) -> list[Outcome]:
+def in_order(outcomes: Iterator[SweepOutcome]) -> list[SweepOutcome]:
     return sorted(outcomes, key=lambda outcome: outcome.index)
 
 
-def results(outcomes: Iterator[Outcome]) -> str:
+def results(outcomes: Iterator[SweepOutcome]) -> str:
     """Every result to the last bit, in the order of the runs."""
     found = in_order(outcomes)
     assert [outcome.index for outcome in found] == list(range(len(found)))
@@ -181,7 +181,7 @@ def test_memory_holds_only_the_runs_under_way(workers: int, tmp_path: Path) -> N
             ends.add(outcome)
             seen.append((runs.count, ends.count))
     assert len(seen) == 600
-    assert max(count for count, _ in seen) <= AHEAD * workers + 2
+    assert max(count for count, _ in seen) <= RUNS_AHEAD * workers + 2
     assert max(count for _, count in seen) <= 2
 
 
@@ -303,7 +303,9 @@ def test_cells_of_a_map_are_the_same_to_the_last_bit_on_a_cluster_in_processes_a
     cluster: tuple[str, list[subprocess.Popen[bytes]]],
 ) -> None:
     paper = load("paper")
-    tasks = cells(Grid(paper, ("B",), (400 * RPM, 600 * RPM), (1e-4, 1e-2), ("mujoco",), "contact", load_tolerances()))
+    tasks = cells(
+        MapPlan(paper, ("B",), (400 * RPM, 600 * RPM), (1e-4, 1e-2), ("mujoco",), "contact", load_tolerances())
+    )
     runs = [task.model_dump() for task in tasks]
     here = results(sweep(examine, runs))
     assert results(sweep(examine, runs, workers=2)) == here

@@ -13,7 +13,7 @@ from analytic.mechanism.signals import named
 from asked import job_of, request_of
 from compare.baseline.runs import setups
 from compare.crosscheck import crosscheck_job
-from compare.judge.discrepancy import load_tolerances
+from compare.judge.tolerances import load_tolerances
 from linkages import inverted_slider, shaper
 from marks import slow
 from sim_models.common.contact_laws import DRIVEN_STIFFNESS, STATIC_STIFFNESS, TURNS, carried, default_stiffness

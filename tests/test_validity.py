@@ -25,6 +25,7 @@ from jsonschema import Draft202012Validator
 import linkage_crosscheck as lc
 import shared
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.reach import usual_angles
 from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import dumps, load
@@ -32,16 +33,16 @@ from analytic.mechanism.parts import Load
 from asked import job_of
 from commands import Ended, compare, compare_alone, without
 from compare.crosscheck import crosscheck_job
-from compare.domain_map.cell import Task, examined, judged
-from compare.domain_map.map import Grid, cells, clearance_joints, summarised, too_soft, versions
+from compare.domain_map.cell import CellTask, examined, judged
+from compare.domain_map.map import MapPlan, cells, clearance_joints, summarised, too_soft
 from compare.files import to_json
 from compare.judge.assumptions import Examined
-from compare.judge.discrepancy import load_tolerances
-from compare.judge.grid import default_angles
+from compare.judge.tolerances import load_tolerances
 from compare.report.validity_figure import BOUNDARIES, PREDICTED, draw
 from compare.report.words.validity import RPM, about, brief, percent
 from compare.results.validity import Boundary, Cell, Failed, Validity
 from compare.schedules import at_their_speeds
+from compare.versions import installed
 from linkages import shaper
 from marks import slow
 from planted import Planted, truth, turned
@@ -62,9 +63,11 @@ def validity(*arguments: str, cwd: Path) -> Ended:
 
 def grid(
     mechanism: Mechanism, speeds: tuple[float, ...], clearances: tuple[float, ...], simulator: str = "mujoco"
-) -> Grid:
+) -> MapPlan:
     joints, _ = clearance_joints(mechanism, None)
-    return Grid(mechanism, joints, tuple(rpm * RPM for rpm in speeds), clearances, (simulator,), "contact", TOLERANCES)
+    return MapPlan(
+        mechanism, joints, tuple(rpm * RPM for rpm in speeds), clearances, (simulator,), "contact", TOLERANCES
+    )
 
 
 def one(case: str, rpm: float, clearance: float, simulator: str = "mujoco") -> dict[str, Any]:
@@ -134,7 +137,7 @@ SLOTTED = {
 @pytest.mark.mujoco
 def test_a_map_has_the_walls_that_every_other_command_has() -> None:
     """A shaper's ram of 3.3 kN: walls of 2.48e8 N/m, which give 15 um, whoever asks."""
-    over = Grid(shaper(), ("B",), (TURN,), (5e-5,), ("mujoco",), "spring-damper", TOLERANCES)
+    over = MapPlan(shaper(), ("B",), (TURN,), (5e-5,), ("mujoco",), "spring-damper", TOLERANCES)
     (run,) = cells(over)
     wall = run.mechanism.joint("B").contact_stiffness
     assert wall == pytest.approx(2.4798e8, rel=1e-4)
@@ -243,7 +246,7 @@ def test_a_simulation_that_cannot_be_made_is_a_failed_cell() -> None:
 def planted(rpm: float, clearance: float, fault: Callable[[Any], Any] = truth) -> Examined:
     """A cell of the paper's case in an engine that says what the equilibrium says, but for a fault."""
     linkage = grid(load("paper"), (rpm,), (clearance,)).linkage(rpm * RPM, clearance)
-    job = job_of(linkage, ("planted",), TOLERANCES, theta=default_angles(Assembly(linkage)), joint_model="contact")
+    job = job_of(linkage, ("planted",), TOLERANCES, theta=usual_angles(Assembly(linkage)), joint_model="contact")
     run = crosscheck_job(job, resolve=lambda name: Planted(fault, supports=DRIVEN)).runs[0]
     return Examined(linkage, job.schedule, run, TOLERANCES)
 
@@ -378,10 +381,12 @@ def test_the_clearance_is_in_the_joint_farthest_from_the_ground_unless_the_case_
 
 def test_a_cell_is_plain_data_with_one_contact_law_for_every_engine() -> None:
     runs = cells(
-        Grid(load("six-bar"), ("B", "F"), (1.0, 2.0), (1e-4, 2e-4, 3e-4), ("mujoco", "exudyn"), "contact", TOLERANCES)
+        MapPlan(
+            load("six-bar"), ("B", "F"), (1.0, 2.0), (1e-4, 2e-4, 3e-4), ("mujoco", "exudyn"), "contact", TOLERANCES
+        )
     )
     assert len(runs) == 12
-    assert [Task.model_validate(json.loads(to_json(run.model_dump()))).model_dump_json() for run in runs] == [
+    assert [CellTask.model_validate(json.loads(to_json(run.model_dump()))).model_dump_json() for run in runs] == [
         run.model_dump_json() for run in runs
     ]
     backwards = load("six-bar").replace(drive={"joint": "D", "speed": -3.0})
@@ -432,7 +437,7 @@ def test_a_cell_that_asks_for_nothing_new_is_recorded_as_it_always_was() -> None
             "versions",
         )
     }
-    assert Task.model_validate(json.loads(to_json(run.plain()))).plain().keys() == run.plain().keys()
+    assert CellTask.model_validate(json.loads(to_json(run.plain()))).plain().keys() == run.plain().keys()
 
 
 @pytest.mark.mujoco
@@ -523,7 +528,7 @@ def made_up(verdicts: list[list[str | None]]) -> Validity:
     tasks = cells(over)
     base = shared.document("a cell that agrees", lambda: one("paper", 15.0, 1e-3)) | {"fails": []}
 
-    def cell(task: Task, verdict: str | None) -> Cell | Failed:
+    def cell(task: CellTask, verdict: str | None) -> Cell | Failed:
         if verdict is None:
             return task.failed("it diverged")
         place = {"speed": task.speed, "clearance": task.clearance, "simulator": task.simulator}
@@ -782,4 +787,4 @@ def test_a_map_takes_the_drive_as_rigid_and_says_so(tmp_path: Path) -> None:
 
 
 def test_an_engine_is_listed_by_the_version_of_its_package() -> None:
-    assert all(versions(name)[name] == installed_version(declared(name).package) for name in ENGINES)
+    assert all(installed(name)[name] == installed_version(declared(name).package) for name in ENGINES)

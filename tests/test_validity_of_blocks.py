@@ -13,7 +13,7 @@ from jsonschema import Draft202012Validator
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
-from compare.domain_map.validity import gridded, validity
+from compare.domain_map.validity import plan_of, validity
 from compare.faults import ArgumentError
 from compare.questions.validity import ValidityQuestion
 from compare.report.validity_text import markdown
@@ -110,5 +110,5 @@ def test_a_block_without_a_moment_of_inertia_has_no_map() -> None:
 def test_a_map_of_springs_leaves_friction_out_and_says_so() -> None:
     pytest.importorskip("exudyn")
     asked: dict[str, Any] = {"simulators": "exudyn", "joint_model": "spring-damper"}
-    grid = gridded(ValidityQuestion(sliding(0.1), speeds=[10.0], clearances=[1e-4], **asked))
+    grid = plan_of(ValidityQuestion(sliding(0.1), speeds=[10.0], clearances=[1e-4], **asked))
     assert "left out: friction of joint S, as only contact joints rub in their clearance" in grid.warnings

@@ -13,8 +13,8 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.file import shipped_cases
 from analytic.mechanism.one_line import count
 from compare.arguments import Linkage, engines, linkage, modelling, warn_of_friction
+from compare.baseline.comparison import fits, moved
 from compare.baseline.file import Baseline, BaselineError, StoredRun, owned, read, write
-from compare.baseline.moved import fits, moved
 from compare.baseline.runs import of_results, simulated
 from compare.check import layout_of, result_files
 from compare.faults import ArgumentError, Exit, OptionError
@@ -31,7 +31,7 @@ from compare.runs import Resolve
 from sim_models.engine import SimulationError, SimulatorMissing, Unsupported, engine
 
 Made = Callable[[Mechanism, str, Resolve], tuple[str, list[StoredRun]]]
-Work = Callable[[Mechanism, str, Path, Resolve, str, Made], Entry]
+Work = Callable[[Path, Mechanism, str, str, Resolve, Made], Entry]
 GRAVITY: dict[Status, Exit] = {
     "moved": Exit.DISAGREES,
     "unusable": Exit.BAD_INPUT,
@@ -52,9 +52,9 @@ def check_baselines(question: BaselinesQuestion) -> Baselines:
     _one_source(question)
     folder = Path(question.folder)
     if question.results is not None:
-        return _recorded(check_one, question, question.results, folder)
-    with progress_bar(question.progress) as told:
-        return _each(check_one, question, folder, told)
+        return _recorded(check_file, question, question.results, folder)
+    with progress_bar(question.progress) as progress:
+        return _each(check_file, question, folder, progress)
 
 
 @answers(BaselinesQuestion)
@@ -63,10 +63,10 @@ def update_baselines(question: BaselinesQuestion) -> Baselines:
     stay as they are.  Raises OutputError, and what :func:`check_baselines` does.
     """
     _one_source(question)
-    with made_folder(Path(question.folder), "--baselines") as folder, progress_bar(question.progress) as told:
+    with made_folder(Path(question.folder), "--baselines") as folder, progress_bar(question.progress) as progress:
         if question.results is not None:
-            return _recorded(update_one, question, question.results, folder)
-        return _each(update_one, question, folder, told)
+            return _recorded(update_file, question, question.results, folder)
+        return _each(update_file, question, folder, progress)
 
 
 def _one_source(question: BaselinesQuestion) -> None:
@@ -79,9 +79,9 @@ def _one_source(question: BaselinesQuestion) -> None:
         raise ArgumentError("map", "says what the columns of results are; give them, or leave it out")
 
 
-def status(found: Baselines) -> Exit:
+def status(baselines: Baselines) -> Exit:
     """The gravest exit status of all entries."""
-    return max((GRAVITY.get(entry.status, Exit.AGREES) for entry in found.entries), default=Exit.AGREES)
+    return max((GRAVITY.get(entry.status, Exit.AGREES) for entry in baselines.entries), default=Exit.AGREES)
 
 
 def _each(work: Work, question: BaselinesQuestion, folder: Path, progress: Progress) -> Baselines:
@@ -148,15 +148,18 @@ def _baselines(folder: Path, entries: Sequence[Entry], left_out: Sequence[str]) 
 def _safely(
     work: Work, mechanism: Mechanism, simulator: str, folder: Path, typed: str, made: Made = simulated
 ) -> Entry:
-    """The entry of a pair; with the reason in place of an answer where there is a foreseen fault."""
+    """The entry of a pair; with the reason in place of an answer where there is a foreseen fault.  ``typed`` is what
+    names the case on a command line.
+    """
+    path = file_of(folder, mechanism.name, simulator)
+    opposite = command("update" if work is check_file else "check", typed, simulator, folder)
     try:
-        return work(mechanism, simulator, folder, engine, typed, made)
+        return work(path, mechanism, simulator, opposite, engine, made)
     except (SimulatorMissing, SimulationError) as error:
         failed: Status = "failed"
         why = error.said(()) if isinstance(error, SimulationError) else str(error)
     except (OptionError, OutputError, Unsupported, AssemblyError, StructureError, DataError) as error:
         failed, why = "unusable", str(error)
-    path = file_of(folder, mechanism.name, simulator)
     return Entry(case=mechanism.name, simulator=simulator, file=str(path), status=failed, why=why)
 
 
@@ -171,24 +174,6 @@ def command(verb: str, typed: str, simulator: str, folder: Path) -> str:
     return shlex.join(["compare", "baseline", verb, "--case", typed, "--simulator", simulator, *elsewhere])
 
 
-def check_one(
-    mechanism: Mechanism,
-    simulator: str,
-    folder: Path,
-    resolve: Resolve = engine,
-    typed: str | None = None,
-    made: Made = simulated,
-) -> Entry:
-    """What moved in one baseline.  ``resolve`` is where the engine comes from, ``typed`` what names the case on a
-    command line, ``made`` what makes the runs again.
-
-    Raises BaselineError, SimulationError, SimulatorMissing, Unsupported.
-    """
-    path = file_of(folder, mechanism.name, simulator)
-    again = command("update", typed or mechanism.name, simulator, folder)
-    return check_file(path, mechanism, simulator, again, resolve, made)
-
-
 def check_file(
     path: Path,
     mechanism: Mechanism,
@@ -197,32 +182,18 @@ def check_file(
     resolve: Resolve = engine,
     made: Made = simulated,
 ) -> Entry:
-    """What moved in the baseline of a file; ``again`` is the command that writes it anew.  Raises what
-    :func:`check_one` does.
+    """What moved in the baseline of a file.  ``again`` is the command that writes it anew, ``resolve`` is where the
+    engine comes from, ``made`` makes the runs again.
+
+    Raises BaselineError, SimulationError, SimulatorMissing or Unsupported.
     """
     stored = read(path, mechanism.name, simulator, again)
     version, fresh = made(mechanism, simulator, resolve)
     misfit = fits(stored.runs, fresh)
     if misfit:
         raise BaselineError(f"{path}: {misfit}; if that is meant, write it anew with: {again}")
-    found = _moved(stored, fresh)
-    return _entry(path, stored, version, found, "moved" if found else "same", "")
-
-
-def update_one(
-    mechanism: Mechanism,
-    simulator: str,
-    folder: Path,
-    resolve: Resolve = engine,
-    typed: str | None = None,
-    made: Made = simulated,
-) -> Entry:
-    """Write one baseline if anything in it changed.  Raises what check_one does, but a damaged file of the case is
-    replaced.
-    """
-    path = file_of(folder, mechanism.name, simulator)
-    checks = command("check", typed or mechanism.name, simulator, folder)
-    return update_file(path, mechanism, simulator, checks, resolve, made)
+    moves = _moved(stored, fresh)
+    return _entry(path, stored, version, moves, "moved" if moves else "same", "")
 
 
 def update_file(
@@ -233,13 +204,13 @@ def update_file(
     resolve: Resolve = engine,
     made: Made = simulated,
 ) -> Entry:
-    """Write the baseline of a file if anything in it changed; ``checks`` is the command that checks it.  Raises what
-    :func:`update_one` does.
+    """Write the baseline of a file if anything in it changed; ``checks`` is the command that checks it.  A damaged file
+    of the case is replaced.  Raises what :func:`check_file` does.
     """
     owned(path, mechanism.name, simulator)
     version, fresh = made(mechanism, simulator, resolve)
     new = Baseline(mechanism.name, simulator, version, tuple(fresh))
-    found: tuple[Moved, ...] = ()
+    moves: tuple[Moved, ...] = ()
     old, why = new, "written"
     try:
         stored = read(path, mechanism.name, simulator, "")
@@ -248,15 +219,15 @@ def update_file(
     else:
         old, why, new = stored, "rewritten: other runs than before", replace(new, tolerance=stored.tolerance)
         if not fits(stored.runs, fresh):
-            found = _moved(stored, fresh)
-            new = replace(new, runs=tuple(_kept(stored, fresh, found)))
-            why = "" if not found and version == stored.version else "rewritten"
+            moves = _moved(stored, fresh)
+            new = replace(new, runs=tuple(_kept(stored, fresh, moves)))
+            why = "" if not moves and version == stored.version else "rewritten"
     if why:
         write_atomically(path, write(new, checks))
-    return _entry(path, old, version, found, "written" if why else "unchanged", why)
+    return _entry(path, old, version, moves, "written" if why else "unchanged", why)
 
 
-def _entry(path: Path, stored: Baseline, version: str, found: tuple[Moved, ...], became: Status, why: str) -> Entry:
+def _entry(path: Path, stored: Baseline, version: str, moves: tuple[Moved, ...], became: Status, why: str) -> Entry:
     return Entry(
         case=stored.case,
         simulator=stored.simulator,
@@ -267,7 +238,7 @@ def _entry(path: Path, stored: Baseline, version: str, found: tuple[Moved, ...],
         runs=len(stored.runs),
         signals=sum(max(0, len(run.columns) - (run.places is not None)) for run in stored.runs),
         numbers=sum(run.rows.size for run in stored.runs),
-        moved=found,
+        moved=moves,
         why=why,
     )
 
@@ -277,8 +248,8 @@ def _moved(stored: Baseline, fresh: Sequence[StoredRun]) -> tuple[Moved, ...]:
     return tuple(each for old, new in pairs for each in moved(old, new, stored.tolerance))
 
 
-def _kept(stored: Baseline, fresh: Sequence[StoredRun], found: Sequence[Moved]) -> Iterator[StoredRun]:
+def _kept(stored: Baseline, fresh: Sequence[StoredRun], moves: Sequence[Moved]) -> Iterator[StoredRun]:
     """The old run where nothing in it moved, so that a rewritten file differs in what moved and nothing else."""
-    changed = {each.run for each in found}
+    changed = {each.run for each in moves}
     for old, new in zip(stored.runs, fresh, strict=True):
         yield new if new.name in changed else old

@@ -18,8 +18,8 @@ from analytic.mechanism.errors import describe
 from analytic.mechanism.reading import ReadingError, parse_toml, read_text, read_toml
 from compare.faults import OptionError
 
-PLACES = ("crank_angle [deg]", "time [s]")
-NO_DIRECTION = 0.02  # of a joint's peak force, below which its direction is left open (nan)
+PLACE_COLUMNS = ("crank_angle [deg]", "time [s]")
+UNDIRECTED = 0.02  # of a joint's peak force, below which its direction is left open (nan)
 
 
 class BaselineError(OptionError):
@@ -41,25 +41,23 @@ class StoredRun:
     @property
     def places(self) -> np.ndarray | None:
         """Where the rows are: crank angle (deg) or time (s); None for averages over the run."""
-        return self.rows[:, 0] if self.columns and self.columns[0] in PLACES else None
+        return self.rows[:, 0] if self.columns and self.columns[0] in PLACE_COLUMNS else None
 
 
-class _Part(BaseModel):
+class _BaselinePart(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
 
-Limit = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+_Limit = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
-class Tolerance(_Part):
+class MovedLimits(_BaselinePart):
     """How far a number may be from the baseline's before it has moved."""
 
-    angle: Limit = 0.005  # deg; half of what must be seen
-    magnitude: Limit = 1e-4  # of the joint's largest force in the run
-    rms: Limit = (
-        0.15  # of the stored value, of averages but a share; from other roundings they spread by 0.02 (1 sigma)
-    )
-    free_share: Limit = 0.25  # these by 0.04
+    angle: _Limit = 0.005  # deg; half of what must be seen
+    magnitude: _Limit = 1e-4  # of the joint's largest force in the run
+    rms: _Limit = 0.15  # of the stored value, of averages but a share; other roundings spread them by 0.02 (1 sigma)
+    free_share: _Limit = 0.25  # of time; other roundings spread it by 0.04 (1 sigma)
 
 
 @dataclass(frozen=True)
@@ -70,10 +68,10 @@ class Baseline:
     simulator: str
     version: str
     runs: tuple[StoredRun, ...]
-    tolerance: Tolerance = field(default_factory=Tolerance)
+    tolerance: MovedLimits = field(default_factory=MovedLimits)
 
 
-class _Run(_Part):
+class _BaselineRun(_BaselinePart):
     name: str
     added: dict[str, JsonValue] = {}
     skipped: str = ""
@@ -81,13 +79,13 @@ class _Run(_Part):
     rows: list[list[float]] = []
 
 
-class _File(_Part):
+class _BaselineFile(_BaselinePart):
     format: Literal[1] = Field(alias="schema")
     case: str
     simulator: str
     version: str
-    tolerance: Tolerance
-    runs: list[_Run] = Field(alias="run", min_length=1)
+    tolerance: MovedLimits
+    runs: list[_BaselineRun] = Field(alias="run", min_length=1)
 
 
 def owned(path: Path, case: str, simulator: str) -> None:
@@ -98,14 +96,14 @@ def owned(path: Path, case: str, simulator: str) -> None:
         text = read_text(path)
     except ReadingError:
         return
-    said = tuple(_said(text, name) for name in ("case", "simulator"))
-    for mine, other in zip((case, simulator), said, strict=True):
+    names = tuple(_named_in(text, name) for name in ("case", "simulator"))
+    for mine, other in zip((case, simulator), names, strict=True):
         if other not in (mine, None):
-            raise BaselineError(f"{path}: {_another(said[0] or case, said[1] or simulator, case, simulator)}")
+            raise BaselineError(f"{path}: {_of_another(names[0] or case, names[1] or simulator, case, simulator)}")
 
 
-def _said(text: str, name: str) -> str | None:
-    """What a file's line gives as this name."""
+def _named_in(text: str, name: str) -> str | None:
+    """The value that a line of a file gives to this name; None where it gives none."""
     line = re.search(rf"(?m)^{name} *=.*$", text)
     try:
         return str(parse_toml(line[0])[name]) if line else None
@@ -113,7 +111,7 @@ def _said(text: str, name: str) -> str | None:
         return None
 
 
-def _another(its_case: str, its_simulator: str, case: str, simulator: str) -> str:
+def _of_another(its_case: str, its_simulator: str, case: str, simulator: str) -> str:
     remedy = "both would have this file, so rename one of them, or keep this one in another folder with --baselines"
     return f"is the baseline of {its_case!r} in {its_simulator}, not of {case!r} in {simulator}; {remedy}"
 
@@ -128,11 +126,13 @@ def read(path: Path, case: str, simulator: str, again: str) -> Baseline:
     except ReadingError as error:
         raise BaselineError(f"{path}: {error}; restore it, or {remedy}") from None
     try:
-        file = _File.model_validate(fields)
+        file = _BaselineFile.model_validate(fields)
     except ValidationError as error:
-        raise BaselineError(f"{path}: {'; '.join(describe(error, fields, _File))}; restore it, or {remedy}") from None
+        raise BaselineError(
+            f"{path}: {'; '.join(describe(error, fields, _BaselineFile))}; restore it, or {remedy}"
+        ) from None
     if (file.case, file.simulator) != (case, simulator):
-        raise BaselineError(f"{path}: {_another(file.case, file.simulator, case, simulator)}")
+        raise BaselineError(f"{path}: {_of_another(file.case, file.simulator, case, simulator)}")
     faults = [f"run {run.name!r} {fault}" for run in file.runs for fault in _faults(run)]
     if faults:
         raise BaselineError(f"{path}: {faults[0]}; restore it, or {remedy}")
@@ -145,8 +145,8 @@ def read(path: Path, case: str, simulator: str, again: str) -> Baseline:
     return Baseline(case, simulator, file.version, runs, file.tolerance)
 
 
-def _faults(run: _Run) -> Iterator[str]:
-    """What a table cannot be."""
+def _faults(run: _BaselineRun) -> Iterator[str]:
+    """Faults of a run's table, a sentence each."""
     if not run.rows and not run.skipped:
         yield "has neither rows nor a reason ('skipped')"
     for k, row in enumerate(run.rows, 1):

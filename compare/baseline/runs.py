@@ -14,31 +14,36 @@ import numpy as np
 from pydantic import JsonValue
 
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.reach import usual_angles
 from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Drive, Load, Mechanism
 from analytic.mechanism.file import load, shipped_cases
-from compare.baseline.file import NO_DIRECTION, StoredRun
-from compare.judge.grid import FREE_TIME, default_angles
+from compare.baseline.file import UNDIRECTED, StoredRun
 from compare.recorded.errors import DataError
 from compare.recorded.table import Table
 from compare.results.crosscheck import Failure
-from compare.runs import Counted, Resolve, simulate
-from compare.schedules import over_time
-from sim_models.engine import Engine, JointModel, Request, SimulationError, Trace, Unsupported, check_supported
+from compare.runs import ContactTrace, Resolve, simulate
+from compare.schedules import FREE_TIME, over_time
+from sim_models.engine import (
+    JOINT_MODELS,
+    TOUCHING,
+    Engine,
+    Request,
+    SimulationError,
+    Trace,
+    Unsupported,
+    check_supported,
+)
 
-ROWS = 36  # of a table, at most
+TABLE_ROWS = 36  # of a table, at most
 NO_FORCE = 1e-6  # of the run's largest force: a joint below it carries none
-LOOSE: tuple[JointModel, ...] = ("massless-link", "spring-damper", "contact")
-BOUNCING: tuple[JointModel, ...] = ("spring-damper", "contact")
-REVOLUTIONS = 40  # of an impacting run
-SAMPLES = 360  # of each of them
+IMPACT_REVOLUTIONS = 40  # of an impacting run
+SAMPLES_A_REVOLUTION = 360  # of each of them
 
 
 @dataclass(frozen=True)
 class Loaded:
-    """What a shipped case is given so that its pins rest against their bearings: clearance (m), and loads beside its
-    own.
-    """
+    """The clearance (m) and the further loads by which the pins of a shipped case rest against their bearings."""
 
     clearance: Mapping[str, float]
     loads: tuple[Load, ...] = ()
@@ -78,23 +83,23 @@ def setups(mechanism: Mechanism) -> list[Setup]:
     assembly = Assembly(mechanism)
     if not assembly.structure.by_crank:
         return list(_over_time(mechanism, over_time(assembly)))
-    theta = _thinned(default_angles(assembly))
-    found = []
+    theta = _thinned(usual_angles(assembly))
+    runs = []
     if mechanism.speed is not None:
-        found.append(Setup(Request(mechanism.tight(), "ideal", Schedule.at_angles(mechanism, theta))))
+        runs.append(Setup(Request(mechanism.tight(), "ideal", Schedule.at_angles(mechanism, theta))))
     else:
-        found.append(Setup(Request(mechanism.tight(), "ideal", Schedule.released(mechanism, _thinned(FREE_TIME)))))
+        runs.append(Setup(Request(mechanism.tight(), "ideal", Schedule.released(mechanism, _thinned(FREE_TIME)))))
     loaded = _loaded(mechanism)
     if loaded.clearance:
         added: dict[str, JsonValue] = {"clearance": dict(loaded.clearance)}
         if loaded.loads:
             added["load"] = [load.model_dump(exclude_unset=True, mode="json") for load in loaded.loads]
         at_rest = mechanism.with_clearances(loaded.clearance).replace(loads=mechanism.loads + loaded.loads)
-        held = Schedule.at_angles(at_rest, theta, at_rest=True)
-        found += [Setup(Request(at_rest, model, held), added) for model in LOOSE]
+        resting = Schedule.at_angles(at_rest, theta, at_rest=True)
+        runs += [Setup(Request(at_rest, model, resting), added) for model in JOINT_MODELS[1:]]
     if _shipped(mechanism) and mechanism.name == "crank-rocker":
-        found += _impacting(mechanism)
-    return found
+        runs += _impacting(mechanism)
+    return runs
 
 
 def _over_time(mechanism: Mechanism, schedule: Schedule) -> Iterator[Setup]:
@@ -104,7 +109,7 @@ def _over_time(mechanism: Mechanism, schedule: Schedule) -> Iterator[Setup]:
     loaded = _loaded(mechanism)
     if loaded.clearance and len(schedule.drives) == len(Assembly(mechanism).structure.inputs):
         loose = mechanism.with_clearances(loaded.clearance)
-        for model in LOOSE:
+        for model in JOINT_MODELS[1:]:
             yield Setup(replace(ideal, mechanism=loose, joint_model=model), {"clearance": dict(loaded.clearance)})
 
 
@@ -113,9 +118,9 @@ def _shipped(mechanism: Mechanism) -> bool:
 
 
 def _loaded(mechanism: Mechanism) -> Loaded:
-    """What a case is given so that its pins rest against their bearings."""
-    own = _shipped(mechanism) and mechanism.name in LOADED
-    return LOADED[mechanism.name] if own else Loaded(mechanism.clearances)
+    """The clearance and loads by which the pins of a case rest against their bearings."""
+    shipped = _shipped(mechanism) and mechanism.name in LOADED
+    return LOADED[mechanism.name] if shipped else Loaded(mechanism.clearances)
 
 
 def _impacting(mechanism: Mechanism) -> Iterator[Setup]:
@@ -128,16 +133,16 @@ def _impacting(mechanism: Mechanism) -> Iterator[Setup]:
         "speed": 20 * np.pi,
         "clearance": {"B": 5e-4},
         "contact_damping": 30.0,
-        "revolutions": REVOLUTIONS,
+        "revolutions": IMPACT_REVOLUTIONS,
     }
-    theta = np.arange(SAMPLES * REVOLUTIONS) * (2 * np.pi / SAMPLES)
-    for model in BOUNCING:
+    theta = np.arange(SAMPLES_A_REVOLUTION * IMPACT_REVOLUTIONS) * (2 * np.pi / SAMPLES_A_REVOLUTION)
+    for model in filter(TOUCHING["contact_law"].__contains__, JOINT_MODELS):
         request = Request(fast, model, Schedule.at_angles(fast, theta), lead_in=2 * np.pi, watched=True)
         yield Setup(request, added, impacting=True)
 
 
 def _thinned(grid: np.ndarray) -> np.ndarray:
-    return grid[:: -(-grid.size // ROWS)]
+    return grid[:: -(-grid.size // TABLE_ROWS)]
 
 
 def simulated(mechanism: Mechanism, simulator: str, resolve: Resolve) -> tuple[str, list[StoredRun]]:
@@ -180,6 +185,14 @@ def _force(trace: Trace, joint: str) -> np.ndarray:
     return trace.signals[f"reaction_{joint}_x"] + 1j * trace.signals[f"reaction_{joint}_y"]
 
 
+def _reaction(joint: str, force: np.ndarray, least: float = 0.0) -> dict[str, np.ndarray]:
+    """Direction (N,) deg of a joint's reaction where it is above ``least`` (N) and its limit, and its size (N,) N."""
+    size = np.abs(force)
+    known = size > max(UNDIRECTED * np.nanmax(size), least)
+    angle = np.where(known, np.degrees(np.angle(force)), np.nan)
+    return {f"reaction_{joint}_angle [deg]": angle, f"reaction_{joint}_magnitude [N]": size}
+
+
 def _table(setup: Setup, trace: Trace) -> StoredRun:
     """Direction (deg) and size (N) of every reaction, a row for each crank angle (deg), or time (s) of a released
     linkage.
@@ -190,10 +203,7 @@ def _table(setup: Setup, trace: Trace) -> StoredRun:
     angles = {"crank_angle [deg]": np.degrees(trace.crank_angle)}
     columns = angles if schedule.turns_evenly else {"time [s]": schedule.time}
     for joint, force in forces.items():
-        size = np.abs(force)
-        known = size > max(NO_DIRECTION * size.max(), NO_FORCE * largest)
-        columns[f"reaction_{joint}_angle [deg]"] = np.where(known, np.degrees(np.angle(force)), np.nan)
-        columns[f"reaction_{joint}_magnitude [N]"] = size
+        columns |= _reaction(joint, force, NO_FORCE * largest)
     return StoredRun(setup.name, setup.added, tuple(columns), np.column_stack(list(columns.values())))
 
 
@@ -204,7 +214,7 @@ def of_results(mechanism: Mechanism, table: Table) -> StoredRun:
     """
     encoder = table.values.get(f"{mechanism.driven}_angle") if mechanism.cranked else None
     size = next(iter(table.values.values())).size
-    every = slice(None, None, -(-size // ROWS))
+    every = slice(None, None, -(-size // TABLE_ROWS))
     if table.time.size:
         columns = {"time [s]": table.time[every]}
     elif encoder is not None:
@@ -215,10 +225,7 @@ def of_results(mechanism: Mechanism, table: Table) -> StoredRun:
         sides = [table.values.get(f"reaction_{joint}_{axis}") for axis in ("x", "y")]
         if sides[0] is None or sides[1] is None:
             continue
-        force = (sides[0] + 1j * sides[1])[every]
-        known = np.abs(force) > NO_DIRECTION * np.nanmax(np.abs(force))
-        columns[f"reaction_{joint}_angle [deg]"] = np.where(known, np.degrees(np.angle(force)), np.nan)
-        columns[f"reaction_{joint}_magnitude [N]"] = np.abs(force)
+        columns |= _reaction(joint, (sides[0] + 1j * sides[1])[every])
     if len(columns) == 1 or not all(np.all(np.isfinite(v)) for n, v in columns.items() if not n.endswith("[deg]")):
         raise DataError(
             f"the results of {mechanism.name} have no reaction in every row with both components, reaction_<joint>_x"
@@ -234,9 +241,9 @@ def _averages(setup: Setup, trace: Trace) -> StoredRun:
     A rigid contact (no stiffness in its settings) has impulses, whose force is a matter of the time step: none is kept.
     """
     columns: dict[str, float] = {}
-    found = trace.contact if isinstance(trace, Counted) else None
+    contact = trace.contact if isinstance(trace, ContactTrace) else None
     for joint, share in trace.free_share.items():
-        known = found.joints[joint].statistics if found is not None else {}
+        known = contact.joints[joint].statistics if contact is not None else {}
         average = {name: each.value or 0.0 for name, each in known.items()}
         if "contact_stiffness" in trace.settings:
             columns[f"reaction_{joint}_rms [N]"] = float(np.sqrt(np.mean(np.abs(_force(trace, joint)) ** 2)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from compare.cli.typed import Line, Shown, Where, command, option_names
+from compare.cli.typed import CommandLine, Shown, Where, command, option_names
 from compare.faults import OptionError
 from compare.questions.accuracy import AccuracyQuestion, PlatformQuestion
 
@@ -11,7 +11,7 @@ OF_SEVERAL = [name for name in option_names(PlatformQuestion) if name not in opt
 
 
 @command(AccuracyQuestion, PlatformQuestion, Where, Shown)
-def accuracy(line: Line) -> None:
+def accuracy(line: CommandLine) -> None:
     """Say how accurate a linkage with clearance can be: nominal, worst case, by joint, Monte Carlo, compliance.
 
     With several drives: the errors of a platform along a motion, or over its workspace.

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from compare.cli.typed import Line, Shown, Where, command
+from compare.cli.typed import CommandLine, Shown, Where, command
 from compare.questions.analyse import AnalyseQuestion, SimulateQuestion
 
 
 @command(AnalyseQuestion, Where, Shown)
-def analyse(line: Line) -> None:
+def analyse(line: CommandLine) -> None:
     """Compute reactions, drive torque, positions and the displacement by clearance; write signals.csv.
 
     Exit status: 0 computed, 2 bad input.
@@ -20,7 +20,7 @@ def analyse(line: Line) -> None:
 
 
 @command(SimulateQuestion, Where, Shown)
-def simulate(line: Line) -> None:
+def simulate(line: CommandLine) -> None:
     """Run one engine with one joint model; write signals.csv.
 
     Exit status: 0 simulated, 2 bad input, 3 the simulator is missing or failed.

@@ -18,7 +18,7 @@ from compare.cli.imported import import_
 from compare.cli.listing import cases, effects, runs, simulators
 from compare.cli.pipe import reader_may_go
 from compare.cli.show import show
-from compare.cli.typed import Line, Shown, Where, command
+from compare.cli.typed import CommandLine, Shown, Where, command
 from compare.cli.validity import validity
 from compare.faults import Exit
 from compare.questions.crosscheck import CrosscheckQuestion
@@ -49,14 +49,14 @@ def main() -> None:
 
 
 class Version(Question):
-    """Of the package."""
+    """The version of the package."""
 
     version: Annotated[bool, Option("Print the version.", Switch())] = False
 
 
 @app.callback(invoke_without_command=True)
 @command(CrosscheckQuestion, Where, Shown, Version)
-def compare(line: Line) -> None:
+def compare(line: CommandLine) -> None:
     """Cross-check the analytic clearance model of a planar linkage against a multibody simulation.
 
     Exit status: 0 agrees, 1 disagrees beyond tolerance or cannot be judged, 2 bad input, 3 a simulator is missing or
@@ -90,17 +90,10 @@ def compare(line: Line) -> None:
         line.judge(lambda: line.ask(crosscheck, CrosscheckQuestion), caught, folder)
 
 
-app.command()(accuracy)
-app.command()(analyse)
-app.command()(cases)
-app.command()(check)
-app.command()(diagnose)
-app.command()(effects)
-app.command()(export)
+for listed in (accuracy, analyse, cases, check, diagnose, effects, export):
+    app.command()(listed)
 app.command("import")(import_)
-app.command(name="list")(runs)
-app.command()(simulate)
-app.command()(simulators)
-app.command()(validity)
-app.command()(show)
+app.command("list")(runs)
+for listed in (simulate, simulators, validity, show):
+    app.command()(listed)
 app.add_typer(baseline, name="baseline")

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from compare.cli.folders import refuse_inputs
-from compare.cli.publish import said
-from compare.cli.typed import Line, Shown, command
+from compare.cli.publish import say
+from compare.cli.typed import CommandLine, Shown, command
 from compare.faults import OptionError, printable
 from compare.files import made_folder, write_atomically
 from compare.questions.baseline import BaselinesQuestion
@@ -32,7 +32,7 @@ class Junit(Question):
 
 @baseline.command()
 @command(BaselinesQuestion, Junit, Shown)
-def check(line: Line) -> None:
+def check(line: CommandLine) -> None:
     """Run every case in every engine, and report all reaction forces that are not where the baseline has them.
 
     Exit status: 0 nothing moved, 1 something moved, 2 a baseline is missing or damaged, 3 a simulator is missing or
@@ -44,17 +44,17 @@ def check(line: Line) -> None:
         junit = line.asked(Junit).junit
         refuse_inputs(line.context, [junit] if junit is not None else [], "--junit")
         with nullcontext() if junit is None else made_folder(junit.parent, "--junit"):
-            found = _asked(line, check_baselines)
+            baselines = _asked(line, check_baselines)
             if junit is not None:
                 from compare.report.baselines import junit as junit_of
 
-                write_atomically(junit, junit_of(found))
-    _end(line, found)
+                write_atomically(junit, junit_of(baselines))
+    _end(line, baselines)
 
 
 @baseline.command()
 @command(BaselinesQuestion, Shown)
-def update(line: Line) -> None:
+def update(line: CommandLine) -> None:
     """Write the baseline of every case in every engine; numbers that have not moved, and files without any that have,
     stay as they are.
 
@@ -63,23 +63,23 @@ def update(line: Line) -> None:
     with line.complaints():
         from compare.baseline.check import update_baselines
 
-        found = _asked(line, update_baselines)
-    _end(line, found)
+        baselines = _asked(line, update_baselines)
+    _end(line, baselines)
 
 
-def _asked(line: Line, function: Callable[..., "Baselines"]) -> "Baselines":
+def _asked(line: CommandLine, function: Callable[..., "Baselines"]) -> "Baselines":
     """What comes of a command.  Raises OptionError."""
     if line.has("results") and not line.has("case"):
         raise OptionError("--results: they are of one case; name it with --case")
     return line.ask(function, BaselinesQuestion)
 
 
-def _end(line: Line, found: "Baselines") -> None:
+def _end(line: CommandLine, baselines: "Baselines") -> None:
     """Print what was found, say what was not, and leave with the gravest status."""
     from compare.baseline.check import status
 
-    line.show(found)
-    faults = [entry.why for entry in found.entries if entry.status in ("unusable", "failed")]
-    said(each for each in found.left_out if each not in faults)
-    said(f"compare: {printable(why)}" for why in faults)
-    raise typer.Exit(status(found))
+    line.show(baselines)
+    faults = [entry.why for entry in baselines.entries if entry.status in ("unusable", "failed")]
+    say(each for each in baselines.left_out if each not in faults)
+    say(f"compare: {printable(why)}" for why in faults)
+    raise typer.Exit(status(baselines))

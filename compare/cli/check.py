@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from compare.cli.typed import Line, Shown, Where, command
+from compare.cli.typed import CommandLine, Shown, Where, command
 from compare.questions.check import CheckQuestion
 
 
 @command(CheckQuestion, Where, Shown)
-def check(line: Line) -> None:
+def check(line: CommandLine) -> None:
     """Check the recorded results of any program against the analytic model, and against engines beside.
 
     Exit status: 0 agrees, 1 disagrees beyond tolerance or cannot be judged, 2 bad input, 3 a simulator is missing or

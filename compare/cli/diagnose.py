@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from compare.cli.folders import named_after, refuse_inputs
-from compare.cli.typed import Line, Shown, Where, command
+from compare.cli.typed import CommandLine, Shown, Where, command
 from compare.faults import Exit, OptionError
 from compare.files import OutputError, alone_in, made_folder, write_atomically
 from compare.questions.diagnose import DiagnoseQuestion
@@ -15,7 +15,7 @@ from compare.questions.question import Question
 
 
 class Instead(Question):
-    """What a person may want of data in place of a diagnosis."""
+    """Uses of data in place of a diagnosis."""
 
     check: Annotated[bool, Option("Show the data beside the nominal model; diagnose nothing.", Switch())] = False
     init: Annotated[
@@ -25,7 +25,7 @@ class Instead(Question):
 
 
 @command(DiagnoseQuestion, Instead, Where, Shown)
-def diagnose(line: Line) -> None:
+def diagnose(line: CommandLine) -> None:
     """Find where simulation and measurement disagree, name the missing effect, add it, and show the gap shrink.
 
     With --init a measured.toml is written for data files, with --check the data are shown and nothing is diagnosed.
@@ -48,18 +48,18 @@ def diagnose(line: Line) -> None:
 
         folder = line.folder(f"{named_after(measured[0])}-diagnosis", "diagnosis.json", "junit.xml")
         data = load_measured(measured[0])
-        found = line.answer(lambda: line.ask(diagnose, DiagnoseQuestion, measured=data), caught, folder)
-    raise typer.Exit(Exit.AGREES if found.settled else Exit.DISAGREES)
+        diagnosis = line.answer(lambda: line.ask(diagnose, DiagnoseQuestion, measured=data), caught, folder)
+    raise typer.Exit(Exit.AGREES if diagnosis.settled else Exit.DISAGREES)
 
 
-def _only(line: Line, mode: str, *allowed: str) -> None:
+def _only(line: CommandLine, mode: str, *allowed: str) -> None:
     """Raises OptionError for an option that has no part in ``mode``."""
     for name in filter(line.has, line.words):
         if name not in ("measured", *allowed):
             raise OptionError(f"--{name.replace('_', '-')}: has no part in {mode}; leave it out")
 
 
-def _check(line: Line, measured: Path, caught: list[str]) -> None:
+def _check(line: CommandLine, measured: Path, caught: list[str]) -> None:
     """The data alone, on a page."""
     from compare.diagnose.data.measured import load_measured
     from compare.diagnose.preview import preview
@@ -70,7 +70,7 @@ def _check(line: Line, measured: Path, caught: list[str]) -> None:
     line.answer(lambda: preview(data), caught, folder)
 
 
-def _init(line: Line, files: list[Path], case: str | None) -> None:
+def _init(line: CommandLine, files: list[Path], case: str | None) -> None:
     """A measured.toml to begin with."""
     from compare.diagnose.begin import begin
 

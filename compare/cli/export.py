@@ -6,13 +6,13 @@ import shlex
 from pathlib import Path
 
 from compare.cli.folders import refuse_others
-from compare.cli.publish import said
-from compare.cli.typed import Line, Overwrite, Shown, command
+from compare.cli.publish import say
+from compare.cli.typed import CommandLine, Overwrite, Shown, command
 from compare.questions.analyse import ExportQuestion
 
 
 @command(ExportQuestion, Overwrite, Shown)
-def export(line: Line) -> None:
+def export(line: CommandLine) -> None:
     """Write the engine's own model and a script that runs it without this project, to be checked by anyone.
 
     ``python DIR/run.py`` needs the bare engine and numpy; it says how far its signals are from those found here.
@@ -23,7 +23,7 @@ def export(line: Line) -> None:
         from compare.arguments import linkage, noted, one_engine
         from compare.export import exported, used_in
         from compare.files import alone_in, made_folder, write_together
-        from compare.left_out import Asked, omitted
+        from compare.omissions import Asked, omitted
         from compare.results.export import Exported
         from sim_models.common.contact_laws import assumed_of_contact
         from sim_models.engine import declared
@@ -39,8 +39,8 @@ def export(line: Line) -> None:
                 refuse_others(line.context, folder, texts, line.asked(Overwrite).overwrite)
                 paths = tuple(str(path) for path in write_together(folder, texts))
         left_out = tuple(omitted(mechanism, Asked.of_engines("export", mechanism, motion, joint_model)))
-        said(left_out)
-        found = Exported(
+        say(left_out)
+        document = Exported(
             case=mechanism.name,
             simulator=simulator,
             joint_model=joint_model,
@@ -52,4 +52,4 @@ def export(line: Line) -> None:
             assumed=(*assumed(mechanism), *assumed_of_contact(mechanism, mechanism.clearances, settings)),
             warnings=(*left_out, *warned),
         )
-        line.show(found)
+        line.show(document)

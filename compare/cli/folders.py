@@ -14,7 +14,7 @@ import typer
 
 from compare.files import OutputError, check_replaceable, file_name
 
-ASIDE = {
+NOT_ASKED = {
     "out",
     "overwrite",
     "json",
@@ -23,11 +23,11 @@ ASIDE = {
     "dask",
     "version",
 }  # where and how an answer is given, and not which
-WRITTEN = {"out", "junit"}  # files that a command writes, and does not read
-MODELS = ("mjcf:", "fmu:")  # before a file among the engines
+WRITTEN_FILES = {"out", "junit"}  # files that a command writes, and does not read
+MODEL_SCHEMES = ("mjcf:", "fmu:")  # before a file among the engines
 STEM = {"case", "measured", "results"}  # whose mechanism a name begins with
 BARE = {"simulator", "clearance"}  # options whose value says in a name what it is
-LONGEST = 150  # characters of a name; file systems take 255 bytes
+LONGEST_NAME = 150  # characters of a name; file systems take 255 bytes
 REMEDY = "choose another folder with --out, or add --overwrite"
 
 
@@ -49,7 +49,7 @@ def result_folder(
 
 
 def named_after(file: str | Path) -> str:
-    """What a default folder is named after: a shipped case, a file's stem, the folder of a measured.toml."""
+    """The name of a default folder: a shipped case, a file's stem, the folder of a measured.toml."""
     path = Path(file).absolute()
     return path.stem if path.name != "measured.toml" else path.parent.name or path.stem
 
@@ -71,10 +71,10 @@ def refuse_inputs(context: typer.Context, written: Iterable[Path], option: str =
 def _given(context: typer.Context) -> Iterator[str]:
     """What may be files that a command reads, of its options."""
     for name, value in context.params.items():
-        for one in () if name in WRITTEN else value if isinstance(value, list | tuple) else (value,):
+        for one in () if name in WRITTEN_FILES else value if isinstance(value, list | tuple) else (value,):
             for text in (str(one), *str(one).split(",")):
                 yield text
-                yield from (text.removeprefix(kind) for kind in MODELS if text.startswith(kind))
+                yield from (text.removeprefix(kind) for kind in MODEL_SCHEMES if text.startswith(kind))
 
 
 def refuse_others(context: typer.Context, folder: Path, texts: Mapping[str, str], overwrite: bool) -> None:
@@ -96,13 +96,15 @@ def _named(context: typer.Context, stem: str) -> str:
     for option in context.command.params:
         value = context.params.get(option.name or "")
         if (
-            option.name not in ASIDE | STEM
+            option.name not in NOT_ASKED | STEM
             and value not in (None, (), [])
             and str(value) != str(option.get_default(context))
         ):
             parts.append(_part(str(option.name), value))
     name = "".join(c if c.isalnum() or c in "-_=+.,@" else "_" for c in "-".join(parts))
-    return name if len(name) <= LONGEST else f"{name[: LONGEST - 9]}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
+    if len(name) <= LONGEST_NAME:
+        return name
+    return f"{name[: LONGEST_NAME - 9]}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
 
 
 def _part(option: str, value: Any) -> str:
@@ -130,9 +132,9 @@ def _asked(context: typer.Context, line: str) -> tuple[str, dict[str, str]] | No
 
 
 def _question(options: Mapping[str, Any]) -> dict[str, str]:
-    """What a command was asked, from its options."""
+    """The options of a command that say what it was asked, as text by name."""
     return {
         name: str(list(value) if isinstance(value, tuple) else value)
         for name, value in options.items()
-        if name not in ASIDE
+        if name not in NOT_ASKED
     }

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 from compare.cli.folders import refuse_others
-from compare.cli.typed import Line, Overwrite, Shown, command
+from compare.cli.typed import CommandLine, Overwrite, Shown, command
 from compare.questions.listing import ImportQuestion
 from compare.questions.option import Option, Written
 from compare.questions.question import Question
@@ -17,7 +17,7 @@ class Target(Question):
 
 
 @command(ImportQuestion, Target, Overwrite, Shown)
-def import_(line: Line) -> None:
+def import_(line: CommandLine) -> None:
     """Read a MuJoCo model (MJCF) of a planar linkage, and write it as a mechanism file.
 
     Bodies, hinges, slides, loops closed by connect or weld, inertia, and what drives it are read; what MJCF has no word
@@ -30,10 +30,10 @@ def import_(line: Line) -> None:
         from compare.imported import import_mjcf
 
         out = line.asked(Target).out
-        found = line.ask(import_mjcf, ImportQuestion)
+        imported = line.ask(import_mjcf, ImportQuestion)
         if out.is_dir():
             raise OutputError(f"--out {out}: it is a folder; name the file to write, such as {out / 'linkage.toml'}")
         with made_folder(out.parent) as folder, alone_in(folder):
-            refuse_others(line.context, folder, {out.name: found.text}, line.asked(Overwrite).overwrite)
-            write_atomically(out, found.text)
-        line.show(found.model_copy(update={"path": str(out)}))
+            refuse_others(line.context, folder, {out.name: imported.text}, line.asked(Overwrite).overwrite)
+            write_atomically(out, imported.text)
+        line.show(imported.model_copy(update={"path": str(out)}))

@@ -4,12 +4,12 @@ list``: what was found before.
 
 from __future__ import annotations
 
-from compare.cli.typed import Line, Shown, command
+from compare.cli.typed import CommandLine, Shown, command
 from compare.questions.listing import RunsQuestion
 
 
 @command(Shown)
-def cases(line: Line) -> None:
+def cases(line: CommandLine) -> None:
     """List the mechanisms that ship with the package."""
     with line.complaints():
         from compare.catalogue import cases
@@ -18,7 +18,7 @@ def cases(line: Line) -> None:
 
 
 @command(Shown)
-def simulators(line: Line) -> None:
+def simulators(line: CommandLine) -> None:
     """List the engines: installed or not, and the joint models, motions and effects that each supports."""
     with line.complaints():
         from compare.catalogue import simulators
@@ -27,7 +27,7 @@ def simulators(line: Line) -> None:
 
 
 @command(Shown)
-def effects(line: Line) -> None:
+def effects(line: CommandLine) -> None:
     """List the effects that a diagnosis can name: meaning, parameters, units, and which engines simulate each."""
     with line.complaints():
         from compare.catalogue import effects
@@ -36,7 +36,7 @@ def effects(line: Line) -> None:
 
 
 @command(RunsQuestion, Shown)
-def runs(line: Line) -> None:
+def runs(line: CommandLine) -> None:
     """List earlier results, newest first: cross-checks, diagnoses, accuracy and validity, with the command of each.
 
     Exit status: 0 listed, 2 there is no such folder.

@@ -6,12 +6,12 @@ import math
 from pathlib import Path
 from typing import cast
 
-from compare.cli.typed import Line, Shown, command
+from compare.cli.typed import CommandLine, Shown, command
 from compare.questions.show import ShowQuestion
 
 
 @command(ShowQuestion, Shown)
-def show(line: Line) -> None:
+def show(line: CommandLine) -> None:
     """Print one number of a result: both sides, the equation and the module, the engine and its settings, and the
     verdict.  Of a diagnosis print what it says, or a signal's residual before and after by run.
 

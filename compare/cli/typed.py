@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar, cast
 import typer
 
 from compare.cli.folders import named_after, result_folder
-from compare.cli.publish import finished, publish, show
+from compare.cli.publish import finished, put, show
 from compare.faults import Exit, complaints
-from compare.files import made_folder
+from compare.files import alone_in, made_folder
 from compare.questions.option import LeftOut, Option, Switch, Whole, Written
 from compare.questions.question import Question, arguments, option_of
 
@@ -53,7 +53,7 @@ class Where(Overwrite):
 
 
 @dataclass(frozen=True)
-class Line:
+class CommandLine:
     """A command line of some questions: the word of each option, typed or what stands in its place."""
 
     context: typer.Context
@@ -90,10 +90,11 @@ class Line:
 
     def answer(self, ask: Callable[[], D], caught: Sequence[str], folder: Path) -> D:
         """Ask, write what comes of it into a folder, and print it."""
-        shown, overwrite = self.asked(Shown), self.asked(Overwrite).overwrite
         with made_folder(folder) as place:
             document = finished(ask(), caught)
-            publish(document, place, json=shown.json, quiet=shown.quiet, overwrite=overwrite, context=self.context)
+            with alone_in(place):
+                put(document, place, self.asked(Overwrite).overwrite, self.context)
+            self.show(document, place)
         return document
 
     def show(self, document: "Document", place: Path | None = None) -> None:
@@ -121,16 +122,16 @@ class Line:
 
     @property
     def stem(self) -> str:
-        """What a folder is named after: the case."""
+        """The name of the case, after which folders are named."""
         return named_after(self.case)
 
 
-def command(*questions: type[Question]) -> Callable[[Callable[[Line], None]], Callable[..., None]]:
+def command(*questions: type[Question]) -> Callable[[Callable[[CommandLine], None]], Callable[..., None]]:
     """Make of a function of a line a command that has the options of these questions."""
 
-    def of(run: Callable[[Line], None]) -> Callable[..., None]:
+    def of(run: Callable[[CommandLine], None]) -> Callable[..., None]:
         def called(context: typer.Context, **words: Any) -> None:
-            run(Line(context, questions, words))
+            run(CommandLine(context, questions, words))
 
         context = inspect.Parameter("context", inspect.Parameter.KEYWORD_ONLY, annotation=typer.Context)
         parameters: dict[str, inspect.Parameter] = {}
@@ -166,9 +167,9 @@ def _parameter(field: Field[Any], name: str, option: Option) -> inspect.Paramete
     if kind.repeated:
         word = list[word]
     bounds = {"min": kind.least, "max": kind.most} if isinstance(kind, Whole) else {}
-    told: dict[str, Any] = {"help": option.typed_help, "metavar": kind.metavar, **bounds}
+    shown: dict[str, Any] = {"help": option.typed_help, "metavar": kind.metavar, **bounds}
     flags = [f"--{name.replace('_', '-')}", *filter(None, [option.short])]
-    info = typer.Argument(**told) if option.positional else typer.Option(*flags, **told)
+    info = typer.Argument(**shown) if option.positional else typer.Option(*flags, **shown)
     return inspect.Parameter(
         name,
         inspect.Parameter.KEYWORD_ONLY,

@@ -21,10 +21,9 @@ from compare.diagnose.data.quality import noise
 from compare.faults import ArgumentError
 from compare.quantities import amount
 from compare.recorded.errors import DataError
-from compare.recorded.guess import EVEN, Guessed, guess
+from compare.recorded.guess import OFF_SPEED, Guessed, guess
 from compare.recorded.likeness import Guess
-from compare.recorded.motion import encoder_of
-from compare.recorded.text import ROWS
+from compare.recorded.text import MIN_ROWS
 
 
 @dataclass(frozen=True)
@@ -123,7 +122,7 @@ def _run(name: str, one: Guessed, mechanism: Mechanism, folder: Path) -> str:
     sigmas = [
         f"{signal} = {noise(time, values):.2g}"
         for signal, values in one.values.items()
-        if signal != "time" and np.isfinite(values).sum() >= ROWS
+        if signal != "time" and np.isfinite(values).sum() >= MIN_ROWS
     ]
     if sigmas:
         lines.append(f"# noise = {{ {', '.join(sigmas)} }}    # one sigma; estimated, as it is if left out")
@@ -141,20 +140,20 @@ def _drive(one: Guessed, mechanism: Mechanism) -> list[str]:
     if not mechanism.cranked:
         what = "a slide" if mechanism.sliding else "several drives" if len(mechanism.drives) > 1 else "such a drive"
         return [f'drive = "measured"    # the only kind of run of {what}']
-    encoder, time = encoder_of(mechanism), one.values["time"]
+    encoder, time = mechanism.encoder.name, one.values["time"]
     angle = one.values.get(encoder, np.zeros(0))
     here = np.isfinite(angle)
     if mechanism.drive is None or mechanism.drive.speed == "free":
         first = [f"start = {{ {encoder} = {angle[here][0]:.6g} }}    # rad, its first reading"] if here.any() else []
         return ['drive = "free"    # as in the mechanism file', *first]
-    if here.sum() < ROWS:
+    if here.sum() < MIN_ROWS:
         speed = mechanism.speed
         said = "# drive_speed = ...    # rad/s, as commanded"
         return [f"drive_speed = {speed!r}    # rad/s, guessed: the mechanism file's own" if speed else said]
     continued = unwound(angle[here])
     slope, zero = np.polyfit(time[here], continued, 1)
     off = float(np.abs(continued - zero - slope * time[here]).max())
-    if off > EVEN or abs(slope) * np.ptp(time[here]) < 10 * EVEN:
+    if off > OFF_SPEED or abs(slope) * np.ptp(time[here]) < 10 * OFF_SPEED:
         return [f'drive = "measured"    # guessed: its crank is up to {amount(off, "rad")} off an even turning']
     way = "" if slope > 0 else ", in reverse"
     rpm = f"{slope * 30 / math.pi:.5g} rpm by the encoder{way}"

@@ -18,6 +18,7 @@ from analytic.beyond_paper.drive import Motor
 from analytic.beyond_paper.freedom import Freedom, swing
 from analytic.kinematics.assembly import Assembly, AssemblyError, Walk
 from analytic.kinematics.motion import kinematics
+from analytic.kinematics.reach import turns_fully
 from analytic.kinematics.schedule import Steady, Turning
 from analytic.kinematics.structure import StructureError
 from analytic.mechanism import Mechanism
@@ -28,7 +29,6 @@ from analytic.paper.kinetostatics import Reactions, kinetostatics
 from analytic.paper.superposition import superposed
 from compare.diagnose.data.recording import Measured, MeasuredRun
 from compare.diagnose.effects.effect import LANDING, Effect, Parameter, Readings, Rig, Values
-from compare.judge.grid import turns_fully
 from compare.judge.signals import with_derived
 
 TABLES = 500  # linkages whose freedom is kept

@@ -30,7 +30,7 @@ from compare.diagnose.fit import Bounds
 from compare.diagnose.predict import Model, Motors, StartOfRun, Term
 from compare.diagnose.residuals import Data
 from compare.recorded.smooth import Smoother
-from compare.recorded.text import ROWS
+from compare.recorded.text import MIN_ROWS
 
 SAMPLES = 60_000  # of all sensors together; of more, evenly spaced ones are used
 NUMBERS = 20_000_000  # of the matrix of errors that sensors share, at most
@@ -97,7 +97,7 @@ def _while_sliding(measured: Measured, courses: Mapping[str, Motor | Motors]) ->
             lost = still & np.isfinite(channel.values)
             if channel.signal.kind not in ("reaction", "drive") or not lost.any():
                 continue
-            if np.sum(np.isfinite(channel.values) & ~still) < ROWS:
+            if np.sum(np.isfinite(channel.values) & ~still) < MIN_ROWS:
                 raise MeasuredError(
                     f"{run.file}: the slide of run {run.name!r} rests or turns back in {int(still.sum())} of"
                     f" {run.time.size} samples, as far as its encoder tells; give a run in which it moves"

@@ -9,6 +9,7 @@ import numpy as np
 
 from analytic.beyond_paper.drive import Motor
 from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.kinematics.reach import turns_fully
 from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from compare.diagnose.data.recording import MeasuredRun
@@ -27,7 +28,6 @@ from compare.diagnose.predict import (
     sensed,
     turned_by,
 )
-from compare.judge.grid import turns_fully
 from compare.judge.signals import with_derived
 from compare.recorded.motion import released_from
 from sim_models.common.backlash import SETTLED

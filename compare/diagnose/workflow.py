@@ -24,7 +24,7 @@ from compare.diagnose.rattle.explained import note_unjudged, rattling
 from compare.diagnose.result import as_document
 from compare.diagnose.validation import parted, validated
 from compare.faults import ArgumentError
-from compare.left_out import Asked, omitted
+from compare.omissions import Asked, omitted
 from compare.progress import progress_bar
 from compare.questions.diagnose import DiagnoseQuestion
 from compare.questions.question import answers

@@ -19,7 +19,7 @@ from analytic.mechanism import MechanismWarning
 from compare.crosscheck import STRIKING, Job, crosscheck_job
 from compare.domain_map.leaving import leaving
 from compare.judge.assumptions import Examined, excess
-from compare.judge.discrepancy import Discrepancy
+from compare.judge.discrepancy import Comparison
 from compare.judge.tolerances import Tolerances
 from compare.results.contact import Contact
 from compare.results.crosscheck import Run
@@ -29,7 +29,7 @@ from compare.results.validity import Cell, Failed, Pin, Place, Watched, Worst
 from sim_models.engine import JointModel
 
 
-class Task(Place):
+class CellTask(Place):
     """All that a cell's result depends on; the first ``skip`` crank angles (rad) are simulated and not judged.
 
     Contact is watched over so many ``revolutions``; 0: it is not.
@@ -45,8 +45,7 @@ class Task(Place):
 
     def plain(self) -> dict[str, object]:
         """The task as plain data, which says nothing of what it does not ask for: so a map that was begun goes on."""
-        unasked = {"restitution", "revolutions"} - self.model_fields_set
-        return self.model_dump(exclude=unasked)
+        return self.model_dump(exclude={name for name in ("restitution", "revolutions") if not getattr(self, name)})
 
     @property
     def _place(self) -> dict[str, Any]:
@@ -60,14 +59,14 @@ class Task(Place):
 
 
 def examine(content: Mapping[str, object]) -> dict[str, object]:
-    """A cell of validity.json from the plain data of a :class:`Task`, for :func:`compare.sweep.sweep`."""
+    """A cell of validity.json from the plain data of a :class:`CellTask`, for :func:`compare.sweep.sweep`."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", MechanismWarning)  # said once, where the file was read
-        task = Task.model_validate(content)
+        task = CellTask.model_validate(content)
     return examined(task).model_dump(exclude_unset=True)
 
 
-def examined(task: Task) -> Cell | Failed:
+def examined(task: CellTask) -> Cell | Failed:
     """Simulate and judge one cell.
 
     Where the simulation fails, or the linkage cannot be assembled with these clearances, there is only why.
@@ -90,17 +89,17 @@ def examined(task: Task) -> Cell | Failed:
     if result.failures:
         return task.failed(result.failures[0].why)
     later = Schedule.at_angles(task.mechanism, theta[skip:])
-    held = Examined(task.mechanism, later, _later(result.runs[0], skip), job.tolerances)
-    return judged(task, held).model_copy(update=_told(task, held.run.contact))
+    examination = Examined(task.mechanism, later, _later(result.runs[0], skip), job.tolerances)
+    return judged(task, examination).model_copy(update=_contact_fields(task, examination.run.contact))
 
 
-def _told(task: Task, contact: Contact | None) -> dict[str, object]:
+def _contact_fields(task: CellTask, contact: Contact | None) -> dict[str, object]:
     """What contact did, where it was watched, and what the analytic model says of when it is lost."""
-    found: dict[str, object] = {}
+    fields: dict[str, object] = {}
     if contact is not None:
-        found["watched"] = watched(contact)
+        fields["watched"] = watched(contact)
     left = leaving(task.mechanism, task.crank_angle) if task.revolutions and task.joint_model in STRIKING else None
-    return found if left is None else found | {"leaving": left}
+    return fields if left is None else fields | {"leaving": left}
 
 
 def watched(contact: Contact) -> Watched:
@@ -113,28 +112,28 @@ def watched(contact: Contact) -> Watched:
     return Watched(revolutions=contact.revolutions, pins=pins)
 
 
-def judged(task: Task, held: Examined) -> Cell:
-    """What a cell of the map says of a run: whether model and simulation agree, where most they do not, and why."""
-    found, agrees = [d for d, _ in held.verdicts], bool(held.agreeing.all())
-    unsteady = held.flagged & ~held.unloaded
+def judged(task: CellTask, examination: Examined) -> Cell:
+    """The cell of a run: whether model and simulation agree, where they differ most, and why."""
+    comparisons, agrees = [d for d, _ in examination.verdicts], bool(examination.agreeing.all())
+    unsteady = examination.flagged & ~examination.unloaded
     return Cell(
         **task._place,
         verdict="agrees" if agrees else "disagrees",
-        cause=None if agrees else held.cause,
-        agreeing_share=float(held.agreeing.mean()),
-        free_share=dict(held.run.free_share),
-        worst=_worst(max(found, key=excess), held.theta) if found else None,
-        fails=tuple(held.fails),
-        cost=dict(held.costs),
-        swings=held.swings,
+        cause=None if agrees else examination.cause,
+        agreeing_share=float(examination.agreeing.mean()),
+        free_share=dict(examination.run.free_share),
+        worst=_worst(max(comparisons, key=excess), examination.theta) if comparisons else None,
+        fails=tuple(examination.fails),
+        cost=dict(examination.costs),
+        swings=examination.swings,
         flagged_share={
-            "unloaded": float(np.mean(held.flagged & held.unloaded)),
+            "unloaded": float(np.mean(examination.flagged & examination.unloaded)),
             "unsteady": float(np.mean(unsteady)),
         },
-        give=held.give,
+        give=examination.give,
         settings={
             name: value
-            for name, value in held.run.settings.items()
+            for name, value in examination.run.settings.items()
             if name in ("contact_law", "contact_stiffness", "contact_damping", "step")
             and not isinstance(value, Mapping)
         },
@@ -151,12 +150,12 @@ def _later(run: Run, skip: int) -> Run:
     return run.model_copy(update={**sides, "flags": flags, "crank_angle": run.crank_angle[skip:]})
 
 
-def _worst(found: Discrepancy, theta: np.ndarray) -> Worst:
+def _worst(comparison: Comparison, theta: np.ndarray) -> Worst:
     return Worst(
-        signal=found.signal.name,
-        unit=found.unit,
-        max=found.max,
-        tolerance=found.tolerance,
-        over_tolerance=excess(found),
-        at_crank_angle=float(theta[found.at]),
+        signal=comparison.signal.name,
+        unit=comparison.unit,
+        max=comparison.max,
+        tolerance=comparison.tolerance,
+        over_tolerance=excess(comparison),
+        at_crank_angle=float(theta[comparison.at]),
     )

@@ -30,30 +30,30 @@ import numpy as np
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import Gap, kinematics
+from analytic.kinematics.reach import turns_fully
 from analytic.mechanism import Mechanism
 from analytic.paper.kinetostatics import kinetostatics
-from compare.domain_map.rim import Wall, Way, on_a_rim, on_a_wall
-from compare.judge.grid import turns_fully
+from compare.domain_map.pin_motion import CrankWay, Wall, on_a_rim, on_a_wall
 from compare.results.validity import Leaving
 from sim_models.common.contact_laws import NamedLaw, contact_parameters, named_law
 
-ANGLES = 1440  # of the crank's way, between which the coefficients are linear
-NUDGE = 1e-6  # of the longest body: the gap by which the coefficients are found
-TURNS = 2  # of a crank that turns fully: a run is judged in its second
-HALVINGS = 6
+WAY_POINTS = 1440  # of the crank's way, between which the coefficients are linear
+GAP_NUDGE = 1e-6  # of the longest body: the gap by which the coefficients are found
+RUN_TURNS = 2  # of a crank that turns fully: a run is judged in its second
+BOUND_HALVINGS = 6
 
 
 @dataclass(frozen=True)
 class Reaction:
     """A joint's reaction over the crank's way, to first order in its gap."""
 
-    way: Way
+    way: CrankWay
 
     @cached_property
     def start(self) -> tuple[complex, complex]:
         """F0 (N) where the crank begins, and its rate (N/s)."""
         way = self.way
-        at = round((way.begin - way.origin) / way.spacing) % ANGLES
+        at = round((way.begin - way.origin) / way.spacing) % WAY_POINTS
         rates = np.gradient(way.terms[0], way.spacing, edge_order=2) * way.speed
         return complex(way.terms[0, at]), complex(rates[at])
 
@@ -65,13 +65,13 @@ class Reaction:
         force, rate = self.start
         outwards, turning = force / abs(force), (rate / force).imag
         if law is None:
-            found = on_a_rim(self.way, clearance, math.atan2(force.imag, force.real), turning)
+            angle = on_a_rim(self.way, clearance, math.atan2(force.imag, force.real), turning)
         else:
             gap = (clearance + abs(force) / law.stiffness) * outwards
             growing = (rate * outwards.conjugate()).real / law.stiffness
             wall = Wall(law.stiffness, law.damping, law.stiffness * law.hysteresis / law.slowest)
-            found = on_a_wall(self.way, wall, clearance, gap, 1j * turning * gap + growing * outwards)
-        return None if math.isnan(found) else float(found)
+            angle = on_a_wall(self.way, wall, clearance, gap, 1j * turning * gap + growing * outwards)
+        return None if math.isnan(angle) else float(angle)
 
 
 def reaction(mechanism: Mechanism, joint: str, theta: np.ndarray) -> Reaction:
@@ -84,17 +84,17 @@ def reaction(mechanism: Mechanism, joint: str, theta: np.ndarray) -> Reaction:
     assert speed is not None
     around = turns_fully(ideal)
     low, high = (float(theta[0]), float(theta[0]) + 2 * math.pi) if around else (float(theta.min()), float(theta.max()))
-    at = np.linspace(low, high, ANGLES + 1)
-    size = NUDGE * (max(body.length for body in mechanism.bodies) or 1.0)
+    at = np.linspace(low, high, WAY_POINTS + 1)
+    size = GAP_NUDGE * (max(body.length for body in mechanism.bodies) or 1.0)
     rate = 1e3 * abs(speed)  # of a gap that changes by itself in 1e-3 rad: its inertia tells
     nudges = [way * size * rate**order * np.eye(3)[order] for order in range(3) for way in (1, -1, 1j, -1j)]
     gap = Gap(*np.repeat(np.array([np.zeros(3), *nudges]).T, at.size, axis=1))
-    found = kinetostatics(kinematics(ideal, np.tile(at, 13), speed, 0.0, {joint: gap}))
-    forces = found.forces[joint].reshape(13, at.size)
+    reactions = kinetostatics(kinematics(ideal, np.tile(at, 13), speed, 0.0, {joint: gap}))
+    forces = reactions.forces[joint].reshape(13, at.size)
     slopes = [(forces[k] - forces[k + 1]) / (2 * size * rate ** (k // 4)) for k in range(1, 13, 2)]
-    turn = math.copysign(TURNS * 2 * math.pi if around else high - low, speed)
+    turn = math.copysign(RUN_TURNS * 2 * math.pi if around else high - low, speed)
     begin = low - math.copysign(2 * math.pi, speed) if around else low if speed > 0 else high
-    return Reaction(Way(np.array([forces[0], *slopes]), low, float(at[1] - at[0]), begin, turn, speed))
+    return Reaction(CrankWay(np.array([forces[0], *slopes]), low, float(at[1] - at[0]), begin, turn, speed))
 
 
 def reactions(mechanism: Mechanism, theta: np.ndarray) -> dict[str, Reaction]:
@@ -104,20 +104,20 @@ def reactions(mechanism: Mechanism, theta: np.ndarray) -> dict[str, Reaction]:
     if mechanism.loose_guides:
         return {}
     try:
-        found = {name: reaction(mechanism, name, theta) for name in mechanism.clearances}
+        by_joint = {name: reaction(mechanism, name, theta) for name in mechanism.clearances}
     except AssemblyError:
         return {}
-    return found if all(np.all(np.isfinite(one.way.terms)) for one in found.values()) else {}
+    return by_joint if all(np.all(np.isfinite(one.way.terms)) for one in by_joint.values()) else {}
 
 
 def leaving(mechanism: Mechanism, theta: np.ndarray) -> Leaving | None:
     """Where the first of a linkage's pins leaves, each taken by itself; None where that is not known."""
-    found = reactions(mechanism, theta)
-    if not found:
+    by_joint = reactions(mechanism, theta)
+    if not by_joint:
         return None
     sizes = mechanism.clearances
-    rigid = [one.leaves(sizes[name]) for name, one in found.items()]
-    yielding = [one.leaves(sizes[name], contact_law(mechanism, name)) for name, one in found.items()]
+    rigid = [one.leaves(sizes[name]) for name, one in by_joint.items()]
+    yielding = [one.leaves(sizes[name], contact_law(mechanism, name)) for name, one in by_joint.items()]
     way = -1.0 if (mechanism.speed or 0.0) < 0 else 1.0
 
     def first(angles: list[float | None]) -> float | None:
@@ -127,7 +127,7 @@ def leaving(mechanism: Mechanism, theta: np.ndarray) -> Leaving | None:
 
 
 def contact_law(mechanism: Mechanism, joint: str) -> NamedLaw:
-    """What a joint's contact is made of; that of Kelvin and Voigt where it is called nothing."""
+    """The law of a joint's contact; that of Kelvin and Voigt where the joint names none."""
     one = mechanism.joint(joint)
     made = contact_parameters(mechanism, one, "driven")
     voigt = NamedLaw("kelvin-voigt", made.stiffness, made.damping, 0.0, math.inf, math.nan)
@@ -149,11 +149,11 @@ def boundary(
     if k == 0:
         return clearances[0]
     kept, lost = clearances[k - 1], clearances[k]
-    found = reactions(mechanism, theta)
-    laws = {name: None if rigid else contact_law(mechanism, name) for name in found}
-    for _ in range(HALVINGS):
+    by_joint = reactions(mechanism, theta)
+    laws = {name: None if rigid else contact_law(mechanism, name) for name in by_joint}
+    for _ in range(BOUND_HALVINGS):
         middle = math.sqrt(kept * lost)
-        if any(one.leaves(middle, laws[name]) is not None for name, one in found.items()):
+        if any(one.leaves(middle, laws[name]) is not None for name, one in by_joint.items()):
             lost = middle
         else:
             kept = middle

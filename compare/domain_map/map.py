@@ -1,9 +1,8 @@
-"""The cells of a validity map, and what their results come to."""
+"""The cells of a validity map, and the map that their results make."""
 
 from __future__ import annotations
 
 import math
-import platform
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -12,27 +11,27 @@ from typing import Any, Literal
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.reach import turns_fully, usual_angles
 from analytic.mechanism import GROUND, Mechanism
 from analytic.mechanism.assumed import Assumed, assumed
-from compare.domain_map.cell import Task
+from compare.domain_map.cell import CellTask
 from compare.domain_map.leaving import boundary
 from compare.faults import ArgumentError, no_pin
 from compare.judge.assumptions import ASSUMPTIONS
-from compare.judge.closer import SOFT
-from compare.judge.grid import default_angles, turns_fully
+from compare.judge.reruns import SOFT_CONTACT
 from compare.judge.tolerances import Tolerances
 from compare.report.words import validity as words
 from compare.results.validity import Between, Boundary, Cell, Failed, Law, Limits, Meaning, Validity
+from compare.versions import installed, versions
 from sim_models.common.contact_laws import assumed_of_contact, contact_parameters
 from sim_models.common.failed_starts import STIFF
-from sim_models.engine import declared, installed_version
 
 RealJoint = Literal["massless-link", "spring-damper", "contact"]
 
 
 @dataclass(frozen=True)
-class Grid:
-    """What a map is over.  Every joint in ``joints`` has the cell's clearance, the others have none."""
+class MapPlan:
+    """The axes of a map.  Every joint in ``joints`` has the cell's clearance, the others have none."""
 
     mechanism: Mechanism
     joints: tuple[str, ...]
@@ -57,24 +56,24 @@ class Grid:
 
         With a ``restitution`` the damping follows from it, or the law that a joint names is asked for it.
         """
-        found = self.asked(speed, clearance, restitution)
+        linkage = self.asked(speed, clearance, restitution)
         for name in self.joints if self.joint_model != "massless-link" else ():
-            joint = found.joint(name)
-            law, named = contact_parameters(found, joint, "driven"), joint.contact_law not in (None, "kelvin-voigt")
+            joint = linkage.joint(name)
+            law, named = contact_parameters(linkage, joint, "driven"), joint.contact_law not in (None, "kelvin-voigt")
             damping = None if named else law.damping
-            found = found.with_joint(name, contact_stiffness=law.stiffness, contact_damping=damping)
-        return found
+            linkage = linkage.with_joint(name, contact_stiffness=law.stiffness, contact_damping=damping)
+        return linkage
 
     def asked(self, speed: float, clearance: float, restitution: float | None = None) -> Mechanism:
-        """The same with the contact that the mechanism gives, and this ``restitution``."""
+        """The mechanism of a cell with the contact that it gives itself, and this ``restitution``."""
         assert self.mechanism.drive is not None
         assert self.mechanism.speed is not None
         turning = {"speed": math.copysign(speed, self.mechanism.speed)}
-        found = self.mechanism.replace(drive=self.mechanism.drive.model_copy(update=turning))
-        found = found.with_clearances(dict.fromkeys(self.joints, clearance))
+        linkage = self.mechanism.replace(drive=self.mechanism.drive.model_copy(update=turning))
+        linkage = linkage.with_clearances(dict.fromkeys(self.joints, clearance))
         for name in self.joints if self.joint_model != "massless-link" and restitution is not None else ():
-            found = found.with_joint(name, restitution=restitution, contact_damping=None)
-        return found
+            linkage = linkage.with_joint(name, restitution=restitution, contact_damping=None)
+        return linkage
 
 
 def clearance_joints(mechanism: Mechanism, at: Sequence[str] | None) -> tuple[tuple[str, ...], str]:
@@ -118,35 +117,29 @@ def _distances(mechanism: Mechanism) -> dict[str, int]:
     return away
 
 
-def cells(grid: Grid) -> list[Task]:
+def cells(plan: MapPlan) -> list[CellTask]:
     """The runs of a map, engine by engine."""
-    theta, skip = _angles(Assembly(grid.mechanism))
-    tolerances = grid.tolerances.only("driven", grid.joint_model)
-    places = list(product(grid.layers, grid.speeds, grid.clearances))
-    linkages = {(e, w, c): grid.linkage(w, c, e) for e, w, c in places}
-    optional: dict[str, Any] = {"revolutions": grid.revolutions} if grid.revolutions else {}
+    theta, skip = _angles(Assembly(plan.mechanism))
+    tolerances = plan.tolerances.only("driven", plan.joint_model)
+    places = list(product(plan.layers, plan.speeds, plan.clearances))
+    linkages = {(e, w, c): plan.linkage(w, c, e) for e, w, c in places}
     return [
-        Task(
+        CellTask(
             simulator=simulator,
-            joint_model=grid.joint_model,
+            joint_model=plan.joint_model,
             speed=speed,
             clearance=clearance,
             mechanism=linkages[restitution, speed, clearance],
             crank_angle=theta,
             skip=skip,
             tolerances=tolerances,
-            versions=versions(simulator),
-            **optional,
-            **_layer(restitution),
+            versions=versions(installed(simulator)),
+            restitution=restitution,
+            revolutions=plan.revolutions,
         )
-        for simulator in grid.simulators
+        for simulator in plan.simulators
         for restitution, speed, clearance in places
     ]
-
-
-def _layer(restitution: float | None) -> dict[str, Any]:
-    """The field of a restitution; none where the contact is the mechanism's own."""
-    return {} if restitution is None else {"restitution": restitution}
 
 
 def _angles(assembly: Assembly) -> tuple[np.ndarray, int]:
@@ -155,61 +148,53 @@ def _angles(assembly: Assembly) -> tuple[np.ndarray, int]:
     A crank that turns fully has made a revolution before its first angle.  For another the first angle is the start
     itself, at which the engine was told where to be.
     """
-    theta = default_angles(assembly)
+    theta = usual_angles(assembly)
     return theta, 0 if turns_fully(assembly) or theta.size == 1 else 1
-
-
-def versions(*simulators: str) -> dict[str, str]:
-    """Versions of what a result comes from."""
-    packages = {name: name for name in ("linkage-crosscheck", "numpy")} | {
-        name: declared(name).package for name in simulators
-    }
-    return {name: installed_version(package) or "not installed" for name, package in packages.items()}
 
 
 # ---------------------------------------------------------------- what they come to
 
 
-def summarised(grid: Grid, tasks: Sequence[Task], found: Sequence[Cell | Failed]) -> Validity:
-    """The map, but for the command and warnings; ``found`` are the cells of ``tasks``, in their order."""
-    between, edge = _between(grid, found), _boundary(grid, tasks, found)
-    blocks = [name for name in grid.joints if grid.mechanism.joint(name).prismatic]
+def summarised(plan: MapPlan, tasks: Sequence[CellTask], results: Sequence[Cell | Failed]) -> Validity:
+    """The map, but for the command and warnings; ``results`` are the cells of ``tasks``, in their order."""
+    between, edge = _between(plan, results), _boundary(plan, tasks, results)
+    blocks = [name for name in plan.joints if plan.mechanism.joint(name).prismatic]
     means = words.MEANS_OF_BLOCKS if blocks else words.MEANS
-    told = words.come_to(grid.simulators, found, between, _inertia_only(grid.mechanism))
-    result = Validity(
-        case=grid.mechanism.name,
-        mechanism=grid.mechanism,
-        versions={"python": platform.python_version(), **versions(*grid.simulators)},
-        simulators=grid.simulators,
-        joint_model=grid.joint_model,
+    sentences = words.come_to(plan.simulators, results, between, _inertia_only(plan.mechanism))
+    optional: dict[str, Any] = {"between_simulators": between, "restitutions": plan.restitutions, "boundary": edge}
+    return Validity(
+        case=plan.mechanism.name,
+        mechanism=plan.mechanism,
+        versions=versions(installed(*plan.simulators)),
+        simulators=plan.simulators,
+        joint_model=plan.joint_model,
         motion="driven",
         analytic_model="equilibrium",
-        joints=grid.joints,
-        joints_are=grid.joints_are,
-        speeds=grid.speeds,
-        clearances=grid.clearances,
+        joints=plan.joints,
+        joints_are=plan.joints_are,
+        speeds=plan.speeds,
+        clearances=plan.clearances,
         crank_angle=tasks[0].crank_angle[tasks[0].skip :],
-        contact=_contact(grid),
+        contact=_contact(plan),
         assumptions={name: Meaning(means=each, examined=name in ASSUMPTIONS) for name, each in means.items()},
-        cells=tuple(found),
-        holds_up_to={name: _holds(grid, [c for c in found if c.simulator == name]) for name in grid.simulators},
-        words=(*told, *words.contact_lost(found, blocks)),
+        cells=tuple(results),
+        holds_up_to={name: _holds(plan, [c for c in results if c.simulator == name]) for name in plan.simulators},
+        words=(*sentences, *words.contact_lost(results, blocks)),
         command="",
-        warnings=tuple(too_soft(found)),
-        assumed=(*assumed(grid.mechanism), *_assumed(grid, found)),
+        warnings=tuple(too_soft(results)),
+        assumed=(*assumed(plan.mechanism), *_assumed(plan, results)),
+        **{name: value for name, value in optional.items() if value},
     )
-    optional = {"between_simulators": between, "restitutions": grid.restitutions, "boundary": edge}
-    return result.model_copy(update={name: value for name, value in optional.items() if value})
 
 
-def _boundary(grid: Grid, tasks: Sequence[Task], found: Sequence[Cell | Failed]) -> tuple[Boundary, ...]:
+def _boundary(plan: MapPlan, tasks: Sequence[CellTask], results: Sequence[Cell | Failed]) -> tuple[Boundary, ...]:
     """Where contact is first lost by the analytic model, by restitution and speed, where its cells were asked."""
     linkages = {task.at: task for task in tasks}
-    said = {cell.at: cell.leaving for cell in found if isinstance(cell, Cell) and cell.leaving is not None}
-    out = []
-    for restitution, speed in product(grid.layers, grid.speeds):
-        column = [said.get((speed, clearance, restitution)) for clearance in grid.clearances]
-        known = [(gap, one) for gap, one in zip(grid.clearances, column, strict=True) if one is not None]
+    leavings = {cell.at: cell.leaving for cell in results if isinstance(cell, Cell) and cell.leaving is not None}
+    boundaries = []
+    for restitution, speed in product(plan.layers, plan.speeds):
+        column = [leavings.get((speed, clearance, restitution)) for clearance in plan.clearances]
+        known = [(gap, one) for gap, one in zip(plan.clearances, column, strict=True) if one is not None]
         if not known:
             continue
         task = linkages[speed, known[0][0], restitution]
@@ -218,21 +203,22 @@ def _boundary(grid: Grid, tasks: Sequence[Task], found: Sequence[Cell | Failed])
         edges = {
             kind: boundary(task.mechanism, task.crank_angle, gaps, left[kind], rigid=kind == "rigid") for kind in left
         }
-        out.append(Boundary(speed=speed, **_layer(restitution), **edges))
-    return tuple(out)
+        layer: dict[str, Any] = {} if restitution is None else {"restitution": restitution}
+        boundaries.append(Boundary(speed=speed, **layer, **edges))
+    return tuple(boundaries)
 
 
-def _assumed(grid: Grid, found: Sequence[Cell | Failed]) -> Iterator[Assumed]:
+def _assumed(plan: MapPlan, results: Sequence[Cell | Failed]) -> Iterator[Assumed]:
     """What contact is made of in the cells that the mechanism does not say."""
-    asked = grid.asked(grid.speeds[0], grid.clearances[0], grid.layers[0])
-    cells = [cell for cell in found if isinstance(cell, Cell)]
-    contact = [assumed_of_contact(asked, grid.joints, cell.settings) for cell in cells]
+    asked = plan.asked(plan.speeds[0], plan.clearances[0], plan.layers[0])
+    cells = [cell for cell in results if isinstance(cell, Cell)]
+    contact = [assumed_of_contact(asked, plan.joints, cell.settings) for cell in cells]
     yield from dict.fromkeys(each for one in contact for each in one)
 
 
-def too_soft(found: Sequence[Cell | Failed]) -> Iterator[str]:
+def too_soft(results: Sequence[Cell | Failed]) -> Iterator[str]:
     """A warning for each engine in whose cells the contact gives so much that the clearance is hidden."""
-    soft = [cell for cell in found if isinstance(cell, Cell) and cell.give > SOFT * cell.clearance]
+    soft = [cell for cell in results if isinstance(cell, Cell) and cell.give > SOFT_CONTACT * cell.clearance]
     for name in dict.fromkeys(cell.simulator for cell in soft):
         mine = [cell for cell in soft if cell.simulator == name]
         cell = max(mine, key=lambda cell: cell.give / cell.clearance)
@@ -240,45 +226,45 @@ def too_soft(found: Sequence[Cell | Failed]) -> Iterator[str]:
         yield words.too_soft(name, mine, stiffness * times / STIFF if isinstance(stiffness, float) else None)
 
 
-def _contact(grid: Grid) -> dict[str, Law]:
+def _contact(plan: MapPlan) -> dict[str, Law]:
     """Each joint's law; its damping, where that is the same in all cells."""
-    linkage = grid.linkage(grid.speeds[0], grid.clearances[0], grid.layers[0])
-    found = {}
-    for name in grid.joints:
+    linkage = plan.linkage(plan.speeds[0], plan.clearances[0], plan.layers[0])
+    laws = {}
+    for name in plan.joints:
         joint = linkage.joint(name)
         if joint.contact_stiffness:
             law = {} if joint.contact_law is None else {"law": joint.contact_law}
-            damping = None if grid.restitutions else joint.contact_damping
-            found[name] = Law(stiffness=joint.contact_stiffness, damping=damping, **law)
-    return found
+            damping = None if plan.restitutions else joint.contact_damping
+            laws[name] = Law(stiffness=joint.contact_stiffness, damping=damping, **law)
+    return laws
 
 
-def _holds(grid: Grid, each: Sequence[Cell | Failed]) -> Limits:
+def _holds(plan: MapPlan, each: Sequence[Cell | Failed]) -> Limits:
     """By clearance the highest speed (rad/s) up to which the equilibrium, and Eq. 8, hold at every speed and
     restitution of the map; None if at none.
     """
 
     def highest(test: Callable[[Cell], bool]) -> tuple[float | None, ...]:
-        out: list[float | None] = []
-        for clearance in grid.clearances:
+        limits: list[float | None] = []
+        for clearance in plan.clearances:
             holding: float | None = None
             for cell in sorted((c for c in each if c.clearance == clearance), key=lambda c: c.speed):
                 if isinstance(cell, Failed) or not test(cell):
-                    holding = max((w for w in grid.speeds if w < cell.speed), default=None)
+                    holding = max((w for w in plan.speeds if w < cell.speed), default=None)
                     break
                 holding = cell.speed
-            out.append(holding)
-        return tuple(out)
+            limits.append(holding)
+        return tuple(limits)
 
     return Limits(
         equilibrium=highest(lambda cell: cell.agrees), first_order=highest(lambda cell: cell.first_order_is_enough)
     )
 
 
-def _between(grid: Grid, each: Sequence[Cell | Failed]) -> Between | None:
+def _between(plan: MapPlan, each: Sequence[Cell | Failed]) -> Between | None:
     """How far the engines are from one another; None for one engine."""
     judged = [cell for cell in each if isinstance(cell, Cell)]
-    places = product(grid.speeds, grid.clearances, grid.layers)
+    places = product(plan.speeds, plan.clearances, plan.layers)
     groups = [[c for c in judged if c.at == place] for place in places]
     groups = [group for group in groups if len(group) > 1]
     if not groups:

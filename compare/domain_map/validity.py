@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.reach import turns_fully
 from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from analytic.mechanism.checks import LEAST_RESTITUTION
@@ -25,26 +26,24 @@ from compare.arguments import (
     linkage,
     noted,
     numbers,
-    one_of,
     refuse_large,
     rigidly_and_evenly_driven,
     warn_of_friction,
     with_clearance,
 )
 from compare.crosscheck import OF_TURNS, STRIKING
-from compare.domain_map.cell import Task, examine
-from compare.domain_map.map import Grid, RealJoint, cells, clearance_joints, summarised
+from compare.domain_map.cell import CellTask, examine
+from compare.domain_map.map import MapPlan, RealJoint, cells, clearance_joints, summarised
 from compare.faults import ArgumentError
 from compare.files import made_folder
-from compare.judge.grid import turns_fully
-from compare.left_out import Asked, omitted
+from compare.omissions import Asked, omitted
 from compare.progress import Progress, progress_bar
 from compare.questions.question import answers
 from compare.questions.validity import ValidityQuestion
 from compare.results.validity import Cell, Failed, Validity
 from compare.sweep import sweep
 from sim_models.common.requests import check_request
-from sim_models.engine import JOINT_MODELS, JointModel, Request, SimulatorMissing, Unsupported, check_supported, engine
+from sim_models.engine import JointModel, Request, SimulatorMissing, Unsupported, check_supported, engine
 
 CELL: TypeAdapter[Cell | Failed] = TypeAdapter(Cell | Failed)
 
@@ -61,13 +60,13 @@ def validity(question: ValidityQuestion) -> Validity:
 
     Raises MechanismError, ArgumentError, ToleranceError, Unsupported, SimulatorMissing, ClusterError or OutputError.
     """
-    grid = gridded(question)
-    with progress_bar(question.progress) as told:
-        return mapped(grid, question, told)
+    plan = plan_of(question)
+    with progress_bar(question.progress) as progress:
+        return mapped(plan, question, progress)
 
 
-def gridded(question: ValidityQuestion) -> Grid:
-    """What a map is over.  Warns, and raises, as :func:`validity` does."""
+def plan_of(question: ValidityQuestion) -> MapPlan:
+    """The axes of the map that a question asks for.  Warns, and raises, as :func:`validity` does."""
     speeds, clearances = numbers(question.speeds, "speeds", "rad/s"), numbers(question.clearances, "clearances", "m")
     joint_model, tolerances = real(question.joint_model), laid_over(question.tolerances)
     watched = question.revolutions
@@ -91,7 +90,7 @@ def gridded(question: ValidityQuestion) -> Grid:
         able, left_out = capable(question.simulators, joint_model, widest if blocks else m)
         warn_of_friction(widest, joint_model, "driven")
         left_out += omitted(m, replace(Asked.of_engines("validity", m, "driven", joint_model), mapped=at))
-    return Grid(
+    return MapPlan(
         m,
         at,
         tuple(speeds.tolist()),
@@ -106,32 +105,31 @@ def gridded(question: ValidityQuestion) -> Grid:
     )
 
 
-def mapped(grid: Grid, question: ValidityQuestion, progress: Progress) -> Validity:
+def mapped(plan: MapPlan, question: ValidityQuestion, progress: Progress) -> Validity:
     """The map over a grid.  Raises AssemblyError, ClusterError or OutputError."""
-    tasks = cells(grid)
+    tasks = cells(plan)
     with tempfile.TemporaryDirectory() as scratch:
         records = Path(scratch) / "runs" if question.records is None else Path(question.records)
-        found = _swept(tasks, records, question.workers or cores(), question.dask, progress)
-    result = summarised(grid, tasks, found)
-    return result.model_copy(update={"warnings": (*grid.warnings, *result.warnings)})
+        results = _swept(tasks, records, question.workers or cores(), question.dask, progress)
+    result = summarised(plan, tasks, results)
+    return result.model_copy(update={"warnings": (*plan.warnings, *result.warnings)})
 
 
 def _restitutions(given: Numbers, joint_model: RealJoint) -> tuple[float, ...]:
     """Restitutions that contact can have.  Raises ArgumentError."""
     if joint_model not in STRIKING:
         raise ArgumentError("restitutions", f"the pins of {joint_model} joints never strike; leave restitutions out")
-    found = tuple(numbers(given, "restitutions", "").tolist())
-    for value in found:
+    values = tuple(numbers(given, "restitutions", "").tolist())
+    for value in values:
         if not LEAST_RESTITUTION <= value <= 1:
             endless = ", as it takes endless damping to give back nothing" * (0 <= value < LEAST_RESTITUTION)
             give = f"give restitutions from {LEAST_RESTITUTION:g} to 1{endless}"
             raise ArgumentError("restitutions", f"{value:g} cannot be used; {give}")
-    return found
+    return values
 
 
 def real(joint_model: JointModel) -> RealJoint:
     """A joint model that has clearance.  Raises ArgumentError."""
-    joint_model = one_of(joint_model, JOINT_MODELS, "joint_model")
     if joint_model == "ideal":
         raise ArgumentError(
             "joint_model", "ideal joints have no clearance; give massless-link, spring-damper or contact"
@@ -139,14 +137,13 @@ def real(joint_model: JointModel) -> RealJoint:
     return joint_model
 
 
-def capable(simulators: Simulators, joint_model: JointModel, mechanism: Mechanism) -> tuple[tuple[str, ...], list[str]]:
+def capable(simulators: Simulators, joint_model: RealJoint, mechanism: Mechanism) -> tuple[tuple[str, ...], list[str]]:
     """The engines of these names, or for ``all`` every one that is installed and can; and which are left out, and why.
 
     Raises Unsupported, SimulatorMissing or ArgumentError.
     """
-    real(joint_model)
     asked, left_out = engines(simulators)
-    found = []
+    able = []
     for name in asked:
         try:
             check_supported(engine(name), Request(mechanism, joint_model, Schedule.at_angles(mechanism, np.zeros(1))))
@@ -155,30 +152,30 @@ def capable(simulators: Simulators, joint_model: JointModel, mechanism: Mechanis
                 raise
             left_out.append(f"left out: {why}")
         else:
-            found.append(name)
-    if not found:
+            able.append(name)
+    if not able:
         raise SimulatorMissing(
             f"none of the simulators that are installed has {joint_model} joints; see: compare simulators"
         )
-    return tuple(found), left_out
+    return tuple(able), left_out
 
 
 def _swept(
-    tasks: Sequence[Task], records: Path, workers: int, dask: str | None, progress: Progress
+    tasks: Sequence[CellTask], records: Path, workers: int, dask: str | None, progress: Progress
 ) -> list[Cell | Failed]:
     """The cells, in order; what an interrupted map has left in the folder is not done again."""
-    found: list[Cell | Failed | None] = [None] * len(tasks)
+    results: list[Cell | Failed | None] = [None] * len(tasks)
     lost = False
     runs = [task.plain() for task in tasks]
 
-    def told(done: int, total: int | None) -> None:
+    def tell(done: int, total: int | None) -> None:
         progress("cells", done, total)
 
     with made_folder(records, "records"):
-        for end in sweep(examine, runs, records, workers=workers, dask=dask, progress=told):
+        for end in sweep(examine, runs, records, workers=workers, dask=dask, progress=tell):
             task = tasks[end.index]
-            found[end.index] = task.failed(end.failure) if end.failure else CELL.validate_python(end.result)
+            results[end.index] = task.failed(end.failure) if end.failure else CELL.validate_python(end.result)
             lost |= bool(end.failure)
         if not lost:  # else the same command tries again what was lost, and only that
             shutil.rmtree(records)
-    return [cell for cell in found if cell is not None]
+    return [cell for cell in results if cell is not None]

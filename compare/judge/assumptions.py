@@ -36,7 +36,7 @@ from analytic.mechanism.signals import Signal
 from analytic.paper.clearance import GAP_STENCIL, ON_ITS_WAY, Displaced, Model, displaced, loose_friction
 from analytic.paper.kinetostatics import Reactions, kinetostatics
 from compare.judge.discrepancy import (
-    Discrepancy,
+    Comparison,
     Rule,
     Scales,
     contact_give,
@@ -48,13 +48,12 @@ from compare.judge.reference import TURNS_BACK
 from compare.judge.rocking import rocking, undamped
 from compare.judge.signals import with_derived, with_rotations
 from compare.judge.tolerances import Tolerances
-from compare.results.crosscheck import Discrepancy as Judged
-from compare.results.crosscheck import Run
+from compare.results.crosscheck import Discrepancy, Run
 from compare.results.validity import Assumption, Costing
 from sim_models.common.guide import Guide
 
-Signals = Mapping[str, np.ndarray]
-ROCKS = 1.5  # times what a linear wall lets a block rock, as much as one that stiffens may
+SignalArrays = Mapping[str, np.ndarray]
+ROCKING_SPREAD = 1.5  # times what a linear wall lets a block rock, as much as one that stiffens may
 EITHER_SIDE = 0.3  # of its rms, below which the mean of a difference says that it is to neither side
 ASSUMPTIONS: tuple[Assumption, ...] = get_args(Assumption)
 
@@ -74,7 +73,7 @@ class Examined:
         return self.run.crank_angle
 
     @cached_property
-    def verdicts(self) -> list[tuple[Discrepancy, np.ndarray]]:
+    def verdicts(self) -> list[tuple[Comparison, np.ndarray]]:
         """Every compared signal of the run, and the angles (N,) at which it is within tolerance."""
         return list(self.judged(self.run.comparable, self.run.analytic))
 
@@ -98,7 +97,8 @@ class Examined:
             return not self.contact_lost
         if self.rocks:
             return True
-        turned = any(self._about(d) for d in off)
+        directions = [Signal.of("reaction", joint, "angle").name for joint in self.run.clearance]
+        turned = any(d.signal.name in directions and self._to_both_sides(d) for d in off)
         return turned and max(self.costs["quasi-static-corrected"], self.costs["rigid"]) <= 1
 
     @cached_property
@@ -121,23 +121,20 @@ class Examined:
         if signals > 1 or not joint.rough or self.run.joint_model != "contact":
             return False
         across = self.run.analytic[Signal.of("reaction", joint.name, "magnitude").name]
-        least = ROCKS * rocking(self.assembly, joint, self.theta, self.mechanism.speed or 0.0, across)
+        least = ROCKING_SPREAD * rocking(self.assembly, joint, self.theta, self.mechanism.speed or 0.0, across)
         off = np.abs(self.run.comparable[moment] - self.run.analytic[moment])
         return bool(np.all(within | (off <= least)))
 
-    def _ringing(self, joint: Joint, off: Sequence[tuple[Discrepancy, np.ndarray]]) -> bool:
+    def _ringing(self, joint: Joint, off: Sequence[tuple[Comparison, np.ndarray]]) -> bool:
         """Whether a block whose contact nothing damps swings about where it should be, in all that is off of it."""
-        own = [d for d, _ in off if d.signal.place == joint.name and d.signal.component != "angle"]
-        return undamped(self.mechanism, joint) and all(self._to_both_sides(d) for d in own)
+        of_block = [d for d, _ in off if d.signal.place == joint.name and d.signal.component != "angle"]
+        return undamped(self.mechanism, joint) and all(self._to_both_sides(d) for d in of_block)
 
-    def _about(self, found: Discrepancy) -> bool:
-        """Whether a difference is of the direction of a reaction that a pin with clearance carries, and of no sign."""
-        directions = [Signal.of("reaction", joint, "angle").name for joint in self.run.clearance]
-        return found.signal.name in directions and self._to_both_sides(found)
-
-    def _to_both_sides(self, found: Discrepancy) -> bool:
+    def _to_both_sides(self, comparison: Comparison) -> bool:
         """Whether a difference is of no sign."""
-        apart = found.signal.apart(*(side[found.signal.name] for side in (self.run.comparable, self.run.analytic)))
+        apart = comparison.signal.apart(
+            *(side[comparison.signal.name] for side in (self.run.comparable, self.run.analytic))
+        )
         apart = apart[np.isfinite(apart) & ~self.flagged]
         return bool(abs(apart.mean()) < EITHER_SIDE * math.sqrt(float(np.mean(apart**2))))
 
@@ -243,8 +240,8 @@ class Examined:
             "rigid": self.cost(self.signals(self.with_gaps(self.moving(contact_stiffness(self.run.settings)))), moving),
         }
 
-    def _costs_of_blocks(self, right: Signals) -> dict[Costing, float]:
-        """The same where blocks have the clearance: at rest on their corners they have no motion of their own."""
+    def _costs_of_blocks(self, right: SignalArrays) -> dict[Costing, float]:
+        """The costs where blocks have the clearance: at rest on their corners they have no motion of their own."""
         first, wider = self.displaced("first_order"), self.displaced("equilibrium", wider=self._sunk)
         return {
             "first-order": self.cost(self.signals(first), right),
@@ -282,13 +279,13 @@ class Examined:
 
     def moving(self, stiffness: float) -> dict[str, Gap]:
         """The equilibrium's gaps, larger by force over stiffness (N/m), and their rates by differences."""
-        out = {}
+        gaps = {}
         for name, gap in self.beside.gaps.items():
             before, here, after = (gap + self.beside.reactions.forces[name] / stiffness).reshape(-1, 3).T
-            out[name] = Gap(here, (after - before) / (2 * self.step), (after - 2 * here + before) / self.step**2)
-        return out
+            gaps[name] = Gap(here, (after - before) / (2 * self.step), (after - 2 * here + before) / self.step**2)
+        return gaps
 
-    def signals(self, side: Displaced | Reactions) -> Signals:
+    def signals(self, side: Displaced | Reactions) -> SignalArrays:
         """Every signal (N,) of an analytic answer."""
         motion = self.equilibrium.ideal.motion
         return with_rotations(
@@ -298,7 +295,7 @@ class Examined:
 
     # ---------------------------------------------------------------- judging
 
-    def judged(self, one: Signals, other: Signals) -> Iterator[tuple[Discrepancy, np.ndarray]]:
+    def judged(self, one: SignalArrays, other: SignalArrays) -> Iterator[tuple[Comparison, np.ndarray]]:
         """Every compared signal of one side held against the other's, and at which angles (N,) it is within
         tolerance.
         """
@@ -307,17 +304,17 @@ class Examined:
             self.tolerances, self.mechanism, run.motion, run.joint_model, run.clearance, scales, self.give
         )
         for rule in rules.values():
-            found = judge(rule, one, other, self.theta)
-            if found is not None:
-                yield found, self.within(rule, one, other)
+            comparison = judge(rule, one, other, self.theta)
+            if comparison is not None:
+                yield comparison, self.within(rule, one, other)
 
-    def within(self, rule: Rule, one: Signals, other: Signals) -> np.ndarray:
+    def within(self, rule: Rule, one: SignalArrays, other: SignalArrays) -> np.ndarray:
         """Angles (N,) at which a signal is within its rule, or means nothing."""
         apart = rule.signal.apart(one[rule.signal.name], other[rule.signal.name])
         tolerance, tube = rule.allowed(other, self.theta)
         return ~(np.abs(apart) > tolerance + np.where(apart > 0, tube.above, tube.below))
 
-    def cost(self, one: Signals, other: Signals) -> float:
+    def cost(self, one: SignalArrays, other: SignalArrays) -> float:
         """The largest difference of one side from the other over what is allowed, at angles where both have an
         answer.
         """
@@ -325,12 +322,12 @@ class Examined:
         known = np.isfinite(one[reaction]) & np.isfinite(other[reaction])
         known[list(self._flags)] = False
         sides = [{name: np.where(known, values, np.nan) for name, values in side.items()} for side in (one, other)]
-        return max((excess(found) for found, _ in self.judged(*sides)), default=0.0) if known.any() else 0.0
+        return max((excess(comparison) for comparison, _ in self.judged(*sides)), default=0.0) if known.any() else 0.0
 
 
-def excess(found: Discrepancy) -> float:
+def excess(comparison: Comparison) -> float:
     """A difference over its tolerance."""
-    return abs(found.max) / max(found.tolerance, np.finfo(float).tiny)
+    return abs(comparison.max) / max(comparison.tolerance, np.finfo(float).tiny)
 
 
 # ---------------------------------------------------------------- why a cross-check disagrees
@@ -388,7 +385,7 @@ def _rocking(examined: Examined) -> Failing | None:
     return Failing("quasi-static", name, rocks="for ever" if forever else "for a while")
 
 
-def _of_first_order(run: Run, d: Judged) -> bool:
+def _of_first_order(run: Run, d: Discrepancy) -> bool:
     """Whether a signal that disagrees is off by about what the paper's first order is from the equilibrium."""
     apart = run.order_difference.get(d.signal)
     if d.verdict != "disagrees" or apart is None or apart.max is None or d.tolerance is None:

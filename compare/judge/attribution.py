@@ -13,20 +13,10 @@ from itertools import combinations, permutations
 import numpy as np
 
 from analytic.mechanism.signals import Signal
-from compare.judge.discrepancy import Rule, difference
-from compare.results.crosscheck import Run
-from compare.results.crosscheck import Spread as Widest
+from compare.judge.discrepancy import Difference, Rule, difference
+from compare.results.crosscheck import Run, Spread
 
 ANALYTIC = "analytic"
-
-
-@dataclass(frozen=True)
-class Spread:
-    """Largest difference between any two engines on a signal (its unit), where, and which two."""
-
-    max: float
-    at: int
-    between: tuple[str, str]
 
 
 @dataclass(frozen=True)
@@ -36,7 +26,7 @@ class Apart:
     party: str
     signal: Signal
     by: float  # in the signal's unit, signed
-    share: float  # the same, over the tolerance
+    share: float  # of the tolerance, unsigned
     others_spread: float
 
 
@@ -47,24 +37,25 @@ class Attribution:
     ``differ`` says whether any of them disagrees with the analytic model, ``struck`` whether pins struck in any.
     """
 
-    spread: Mapping[str, Widest]
+    spread: Mapping[str, Spread]
     odd_one_out: str | None
     clearest: Apart | None
     differ: bool
     struck: bool
 
 
-def spread(signal: Signal, engines: Mapping[str, np.ndarray], tolerance: np.ndarray) -> Spread | None:
-    """Spread of a signal between engines; None with fewer than two, or no common sample."""
+def spread(
+    signal: Signal, engines: Mapping[str, np.ndarray], tolerance: np.ndarray
+) -> tuple[Difference, tuple[str, str]] | None:
+    """The largest difference between any two engines on a signal, and which two; None with fewer than two, or no common
+    sample.
+    """
     pairs = [
-        (a, b, found)
+        (apart, (a, b))
         for a, b in combinations(engines, 2)
-        if (found := difference(signal.apart(engines[a], engines[b]), tolerance))
+        if (apart := difference(signal.apart(engines[a], engines[b]), tolerance))
     ]
-    if not pairs:
-        return None
-    a, b, widest = max(pairs, key=lambda pair: pair[2].share)
-    return Spread(abs(widest.max), widest.at, (a, b))
+    return max(pairs, key=lambda pair: pair[0].share, default=None)
 
 
 def stands_apart(signal: Signal, parties: Mapping[str, np.ndarray], tolerance: np.ndarray) -> Apart | None:
@@ -73,10 +64,10 @@ def stands_apart(signal: Signal, parties: Mapping[str, np.ndarray], tolerance: n
         return None
     distance = {}
     for a, b in permutations(parties, 2):
-        found = difference(signal.apart(parties[a], parties[b]), tolerance)
-        if found is None:
+        apart = difference(signal.apart(parties[a], parties[b]), tolerance)
+        if apart is None:
             return None
-        distance[a, b] = found
+        distance[a, b] = apart
     for party in parties:
         others = [p for p in parties if p != party]
         widest = max((distance[pair] for pair in combinations(others, 2)), key=lambda d: d.share)
@@ -86,12 +77,12 @@ def stands_apart(signal: Signal, parties: Mapping[str, np.ndarray], tolerance: n
     return None
 
 
-def odd_one_out(found: Sequence[Apart]) -> str | None:
+def odd_one_out(standing_apart: Sequence[Apart]) -> str | None:
     """The party that stands apart on the most signals, if no other party stands apart on any as clearly."""
-    parties = {apart.party for apart in found}
+    parties = {apart.party for apart in standing_apart}
     if len(parties) == 1:
         return parties.pop()
-    counts = sorted(((sum(a.party == p for a in found), p) for p in parties), reverse=True)
+    counts = sorted(((sum(a.party == p for a in standing_apart), p) for p in parties), reverse=True)
     return counts[0][1] if counts and counts[0][0] >= 3 * counts[1][0] else None
 
 
@@ -102,7 +93,7 @@ def attribute(judged: Sequence[tuple[Run, Mapping[str, Rule]]]) -> Attribution:
     within each joint model, by the widest rule among them, each by what it is off its own analytic side.
     """
     runs = [run for run, _ in judged]
-    widest: dict[str, Widest] = {}
+    widest: dict[str, Spread] = {}
     apart: list[Apart] = []
     for joint_model in dict.fromkeys(run.joint_model for run in runs):
         group = [run for run in runs if run.joint_model == joint_model]
@@ -121,12 +112,13 @@ def attribute(judged: Sequence[tuple[Run, Mapping[str, Rule]]]) -> Attribution:
             wide = spread(signal, engines, tolerance)
             if wide is None:
                 continue
-            if name not in widest or wide.max > widest[name].max:
-                at = float(theta[wide.at])
-                widest[name] = Widest(max=wide.max, at_crank_angle=at, between=wide.between, joint_model=joint_model)
-            found = stands_apart(signal, {ANALYTIC: analytic[name], **engines}, tolerance)
-            if found is not None:
-                apart.append(found)
+            largest, between = wide
+            size, at = abs(largest.max), float(theta[largest.at])
+            if name not in widest or size > widest[name].max:
+                widest[name] = Spread(max=size, at_crank_angle=at, between=between, joint_model=joint_model)
+            alone = stands_apart(signal, {ANALYTIC: analytic[name], **engines}, tolerance)
+            if alone is not None:
+                apart.append(alone)
     odd = odd_one_out(apart)
     differ = any(run.verdict == "disagrees" for run in runs)
     struck = any(run.contact is not None and run.contact.struck for run in runs)

@@ -14,8 +14,8 @@ from analytic.kinematics.motion import kinematics
 from analytic.kinematics.reach import usual_angles
 from analytic.mechanism import Mechanism
 from analytic.paper.kinetostatics import kinetostatics
+from compare.judge.contact_motion import ContactHistory, JointPlay, WatchedRun, dot, integral, taken
 from compare.judge.statistics import needed, statistic
-from compare.judge.watched import Course, Run, Touch, dot, integral, taken
 from compare.report.words.contact import Steadiness, steadiness
 from compare.results.contact import (
     Balance,
@@ -33,14 +33,13 @@ from sim_models.common.guide import Guide
 from sim_models.common.journal import free_share
 from sim_models.engine import Trace, Watched
 
-TURN = 2 * math.pi
-BINS = 72  # of a turn
+TURN_BINS = 72  # of a turn
 HIGH = 0.9  # quantile of the revolutions' peaks
-KNOWN = 0.1  # of a figure: half the width of its interval, where it has converged
-LEAST = 0.005  # the same of shares of the time, at least
+KNOWN_TO = 0.1  # of a figure: half the width of its interval, where it has converged
+LEAST_SHARE = 0.005  # of the time: half the width of a share's interval, at least
 WANTED: tuple[StatisticName, ...] = ("free_share", "rms_force", "peak_force", "restitution_loss")
-REPEATS = 1e-2  # of the clearance, and of the pin's largest speed: how near it comes back to where it was
-FAINT = 0.1  # of the energy that impacts bring along: a smaller loss need not be known any better
+REPEATS_TO = 1e-2  # of the clearance, and of the pin's largest speed: how near it comes back to where it was
+FAINT_LOSS = 0.1  # of the energy that impacts bring along: a smaller loss need not be known any better
 LONGEST_PERIOD = 8  # revolutions
 ORBIT_POINTS = 1500
 
@@ -59,9 +58,9 @@ def contact_in(trace: Trace, mechanism: Mechanism, ideal: Mapping[str, float]) -
     if trace.watched is None or not trace.clearance:
         return None
     margins = trace.settings.get("contact_margin")
-    own = {name: float(m) for name, m in margins.items()} if isinstance(margins, Mapping) else {}
+    by_joint = {name: float(m) for name, m in margins.items()} if isinstance(margins, Mapping) else {}
     yields = "contact_stiffness" in trace.settings
-    return contact(mechanism.with_clearances(dict(trace.clearance)), trace.watched, ideal, own, yields)
+    return contact(mechanism.with_clearances(dict(trace.clearance)), trace.watched, ideal, by_joint, yields)
 
 
 def contact(
@@ -76,7 +75,7 @@ def contact(
     ``ideal`` (N) are the ideal linkage's largest reactions by joint, ``margins`` (m) how far before its wall a pin or
     corner begins to be pushed; ``yields`` says whether walls are springs, which give back what they have stored.
     """
-    run = Run(m, watched)
+    run = WatchedRun(m, watched)
     courses = {
         name: run.course(
             m.joint(name),
@@ -90,7 +89,7 @@ def contact(
     whole = marks.size - 1
     periods = [_period(joint.section, courses[name]) for name, joint in joints.items()]
     parts = {"block" if m.joint(name).prismatic else "pin" for name in joints}
-    steady = _steadiness(joints, whole, float(run.turned[-1]) / TURN)
+    steady = _steadiness(joints, whole, float(run.turned[-1]) / math.tau)
     return Contact(
         revolutions=steady.turns,
         converged=steady.converged,
@@ -107,13 +106,13 @@ def ideal_peaks(mechanism: Mechanism) -> dict[str, float]:
     """
     assembly = Assembly(mechanism.ideal())
     motion = kinematics(assembly, usual_angles(assembly), mechanism.speed or 1.0)
-    found = kinetostatics(motion, rubs=False)
-    forces = {name: np.abs(force) for name, force in found.forces.items()}
+    reactions = kinetostatics(motion, rubs=False)
+    forces = {name: np.abs(force) for name, force in reactions.forces.items()}
     for joint in (mechanism.joint(name) for name in mechanism.loose_guides):
         guide = Guide.of(joint)
         assert guide is not None  # of all that have clearance
-        across = dot(1j * joint.direction * np.exp(1j * motion.angle(joint.bodies[0])), found.forces[joint.name])
-        forces[joint.name] = guide.hardest(across, found.moments[joint.name])
+        across = dot(1j * joint.direction * np.exp(1j * motion.angle(joint.bodies[0])), reactions.forces[joint.name])
+        forces[joint.name] = guide.hardest(across, reactions.moments[joint.name])
     return {name: float(force.max()) for name, force in forces.items()}
 
 
@@ -121,13 +120,13 @@ def revolutions(turned: np.ndarray) -> np.ndarray:
     """The instants at which whole revolutions begin and end, of a crank that has turned (M,) rad; of a run without one,
     its first and last.
     """
-    whole = int(turned[-1] / TURN + 1e-6)
+    whole = int(turned[-1] / math.tau + 1e-6)
     if not whole:
         return np.array([0, turned.size - 1])
-    return np.minimum(np.searchsorted(turned, TURN * np.arange(whole + 1) - 1e-9), turned.size - 1)
+    return np.minimum(np.searchsorted(turned, math.tau * np.arange(whole + 1) - 1e-9), turned.size - 1)
 
 
-def blows(touch: Touch) -> Iterator[Blow]:
+def blows(touch: ContactHistory) -> Iterator[Blow]:
     """The impacts of a pin or corner: it was off its wall, and is at it.  One ends when it is no longer pushed, or
     begins to press anew.
     """
@@ -159,7 +158,7 @@ class Done:
     impacts: tuple[tuple[Blow, float, float], ...]
 
     @classmethod
-    def by(cls, touch: Touch, time: np.ndarray) -> Done:
+    def by(cls, touch: ContactHistory, time: np.ndarray) -> Done:
         """By a contact at these times (M,) s."""
         normal = np.maximum(touch.push, 0.0)
         impulse, absorbed = integral(normal, time), integral(touch.push * touch.rate, time) - touch.stored
@@ -172,7 +171,7 @@ class Done:
         )
 
 
-def joint_contact(run: Run, course: Course, marks: np.ndarray, ideal: float) -> JointContact:
+def joint_contact(run: WatchedRun, course: JointPlay, marks: np.ndarray, ideal: float) -> JointContact:
     """Contact of one joint: its figures by revolution between the ``marks``, and all its impacts."""
     time, spans = run.time, list(pairwise(marks.tolist()))
     done = [Done.by(touch, time) for touch in course.contacts]
@@ -214,7 +213,7 @@ def joint_contact(run: Run, course: Course, marks: np.ndarray, ideal: float) -> 
         peak_ratio=float(size.max()) / ideal if ideal > 0 else None,
         first_impact=float(angle[begins[0]]) if begins.size else None,
         impacts=Impacts(crank_angle=angle[begins], approach_speed=speeds, impulse=impulses, energy=energies),
-        profile=_profile(angle, time, size, course.free, begins, float(run.turned[-1]) / TURN),
+        profile=_profile(angle, time, size, course.free, begins, float(run.turned[-1]) / math.tau),
         orbit=_orbit(course, size, angle, slice(spans[-1][0], spans[-1][1] + 1)),
         section=Section(
             x=course.gap.real[at],
@@ -225,7 +224,7 @@ def joint_contact(run: Run, course: Course, marks: np.ndarray, ideal: float) -> 
     )
 
 
-def balance(run: Run, courses: Mapping[str, Course], marks: np.ndarray) -> Balance | None:
+def balance(run: WatchedRun, courses: Mapping[str, JointPlay], marks: np.ndarray) -> Balance | None:
     """The energy of a run's whole revolutions; None where what its joints take is not known."""
     if run.joints is None:
         return None
@@ -247,22 +246,22 @@ def balance(run: Run, courses: Mapping[str, Course], marks: np.ndarray) -> Balan
     )
 
 
-def more_revolutions(found: Contact) -> float:
+def more_revolutions(contact: Contact) -> float:
     """How many revolutions a run should have for its statistics to converge; no more than it has where they have."""
-    if found.converged:
-        return found.revolutions
-    times = max(needed(*pair) for joint in found.joints.values() for pair in _wanted(joint))
-    return found.revolutions * min(max(times, 2.0), 8.0)
+    if contact.converged:
+        return contact.revolutions
+    times = max(needed(*pair) for joint in contact.joints.values() for pair in _wanted(joint))
+    return contact.revolutions * min(max(times, 2.0), 8.0)
 
 
 def _wanted(joint: JointContact) -> Iterator[tuple[Statistic, float]]:
     """Each figure that has to converge, and how narrow half of its interval is to be."""
     for name in WANTED:
-        found = joint.statistics[name]
-        size = abs(found.value or 0.0)
+        figure = joint.statistics[name]
+        size = abs(figure.value or 0.0)
         if name == "restitution_loss":  # small beside what the impacts bring along, it says nothing
-            size = max(size, FAINT * _brought(joint))
-        yield found, max(KNOWN * size, LEAST if name == "free_share" else 0.0)
+            size = max(size, FAINT_LOSS * _brought(joint))
+        yield figure, max(KNOWN_TO * size, LEAST_SHARE if name == "free_share" else 0.0)
 
 
 def _brought(joint: JointContact) -> float:
@@ -279,22 +278,22 @@ def _steadiness(joints: Mapping[str, JointContact], whole: int, turns: float) ->
     if turns < 1 - 1e-6:
         return Steadiness(False, turns)
     wide = [
-        (name, key, found)
+        (name, key, figure)
         for name, joint in joints.items()
-        for key, (found, wanted) in zip(WANTED, _wanted(joint), strict=True)
-        if found.half_width is None or found.half_width > wanted
+        for key, (figure, wanted) in zip(WANTED, _wanted(joint), strict=True)
+        if figure.half_width is None or figure.half_width > wanted
     ]
     if not wide:
-        return Steadiness(True, turns, whole, within=KNOWN)
-    name, key, found = max(wide, key=lambda one: (one[2].half_width or math.inf) / (abs(one[2].value or 0.0) or 1.0))
-    if found.half_width is None:
+        return Steadiness(True, turns, whole, within=KNOWN_TO)
+    name, key, figure = max(wide, key=lambda one: (one[2].half_width or math.inf) / (abs(one[2].value or 0.0) or 1.0))
+    if figure.half_width is None:
         return Steadiness(False, turns, whole)
     return Steadiness(
-        False, turns, whole, (name, key), found.half_width / abs(found.value) if found.value else math.inf
+        False, turns, whole, (name, key), figure.half_width / abs(figure.value) if figure.value else math.inf
     )
 
 
-def _orbit(course: Course, size: np.ndarray, angle: np.ndarray, here: slice) -> Orbit:
+def _orbit(course: JointPlay, size: np.ndarray, angle: np.ndarray, here: slice) -> Orbit:
     """The path of a pin or block in some instants, thinned; where it is pushed hardest is kept."""
     x, force = course.gap[here], size[here]
     pieces = np.array_split(np.arange(x.size), min(ORBIT_POINTS // 2, x.size))
@@ -306,29 +305,29 @@ def _profile(
     angle: np.ndarray, time: np.ndarray, size: np.ndarray, free: np.ndarray, begins: np.ndarray, turns: float
 ) -> Profile:
     """Contact over the crank angle, all revolutions together; every instant counts by the time around it."""
-    which = np.minimum((np.mod(angle, TURN) / TURN * BINS).astype(int), BINS - 1)
+    which = np.minimum((np.mod(angle, math.tau) / math.tau * TURN_BINS).astype(int), TURN_BINS - 1)
     lasts = np.gradient(time) if time.size > 1 else np.ones(1)
-    total = np.bincount(which, lasts, BINS)
-    seen = np.where(total > 0, total, np.nan)
-    low, high = np.full(BINS, np.nan), np.full(BINS, np.nan)
+    total = np.bincount(which, lasts, TURN_BINS)
+    lasted = np.where(total > 0, total, np.nan)
+    low, high = np.full(TURN_BINS, np.nan), np.full(TURN_BINS, np.nan)
     order = np.lexsort((size, which))
-    edges = np.searchsorted(which[order], np.arange(BINS + 1))
+    edges = np.searchsorted(which[order], np.arange(TURN_BINS + 1))
     for k, (first, last) in enumerate(pairwise(edges.tolist())):
         if last > first:
             here = order[first:last]
             share = np.cumsum(lasts[here]) / lasts[here].sum()
             low[k], high[k] = size[here][np.searchsorted(share, (0.05, 0.95)).clip(max=here.size - 1)]
     return Profile(
-        crank_angle=(np.arange(BINS) + 0.5) * TURN / BINS,
-        free_share=np.bincount(which, lasts * free, BINS) / seen,
-        impacts=np.bincount(which[begins], minlength=BINS) / max(turns, 1.0),
-        mean_force=np.bincount(which, lasts * size, BINS) / seen,
+        crank_angle=(np.arange(TURN_BINS) + 0.5) * math.tau / TURN_BINS,
+        free_share=np.bincount(which, lasts * free, TURN_BINS) / lasted,
+        impacts=np.bincount(which[begins], minlength=TURN_BINS) / max(turns, 1.0),
+        mean_force=np.bincount(which, lasts * size, TURN_BINS) / lasted,
         low_force=low,
         high_force=high,
     )
 
 
-def _period(section: Section, course: Course) -> int | None:
+def _period(section: Section, course: JointPlay) -> int | None:
     """After how many revolutions a pin or block is back where it was, as fast, throughout the second half of a run;
     None: not in a few, or too little of the run is left to tell.
     """
@@ -338,6 +337,6 @@ def _period(section: Section, course: Course) -> int | None:
     for period in range(1, LONGEST_PERIOD + 1):
         if halves[0].size < 2 * period + 1:
             return None
-        if all(np.all(np.abs(half[period:] - half[:-period]) < REPEATS) for half in halves):
+        if all(np.all(np.abs(half[period:] - half[:-period]) < REPEATS_TO) for half in halves):
             return period
     return None

@@ -10,25 +10,13 @@ import numpy as np
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism.signals import AXES, Signal
-from compare.judge.signals import UNITS, Kind, Unit, compared, kind_of
-from compare.judge.tolerances import (
-    Known,
-    ToleranceError,
-    Tolerances,
-    check_known,
-    known_differences,
-    load_tolerances,
-)
+from compare.judge.signals import RuleKind, compared, kind_of, unit_of
+from compare.judge.tolerances import Known, Tolerances
+from compare.results.crosscheck import Unit
 from sim_models.engine import JointModel, Motion, SettingValue
 
-__all__ = [
-    "Difference", "Discrepancy", "Rule", "Scales", "ToleranceError", "Tube",
-    "check_known", "contact_give", "contact_stiffness", "difference", "judge", "known_differences", "load_tolerances",
-    "run_rules",
-]  # fmt: skip
-
-Verdict = Literal["agrees", "disagrees", "known", "unjudged"]
-HIDDEN = "not told apart: the allowance is larger than the signal"
+SignalVerdict = Literal["agrees", "disagrees", "known", "unjudged"]
+NOT_TOLD_APART = "not told apart: the allowance is larger than the signal"
 UNCOMPARED = "at no angle of the run has the signal a number, or its force a direction, to compare"
 
 
@@ -75,11 +63,11 @@ class Difference:
     allowed: float = float("nan")
 
 
-NOTHING = Difference(float("nan"), float("nan"), -1, 0.0)  # there is no such sample
+NO_DIFFERENCE = Difference(float("nan"), float("nan"), -1, 0.0)  # there is no such sample
 
 
 @dataclass(frozen=True)
-class Discrepancy:
+class Comparison:
     """A signal's difference with its tolerance and verdict, all in ``unit``; ``reason`` is empty or why the verdict is
     not the tolerance's.
     """
@@ -91,7 +79,7 @@ class Discrepancy:
     rms: float
     at: int
     tolerance: float
-    verdict: Verdict
+    verdict: SignalVerdict
     reason: str = ""
 
 
@@ -216,7 +204,7 @@ class Rule:
         )
 
     @property
-    def kind(self) -> Kind:
+    def kind(self) -> RuleKind:
         """The kind of its signal in the tolerance file."""
         return kind_of(self.signal)
 
@@ -273,11 +261,11 @@ class Rule:
         """The linkage's own peak of a signal, or a sample's (N,) where that is larger; the run's where the linkage's is
         not known.
         """
-        own = self.scales.peaks.get(signal)
+        usual = self.scales.peaks.get(signal)
         return (
             np.full(values.shape, np.nanmax(np.abs(values), initial=0.0))
-            if own is None
-            else np.fmax(own, np.abs(values))
+            if usual is None
+            else np.fmax(usual, np.abs(values))
         )
 
     @property
@@ -334,8 +322,8 @@ def _loose(signal: Signal, clearances: Mapping[str, float], smallest: float) -> 
 
 def contact_stiffness(settings: Mapping[str, SettingValue]) -> float:
     """Stiffness (N/m) of a run's contact; infinite where its settings give no single number."""
-    found = settings.get("contact_stiffness")
-    return float(found) if isinstance(found, int | float) else np.inf
+    stiffness = settings.get("contact_stiffness")
+    return float(stiffness) if isinstance(stiffness, int | float) else np.inf
 
 
 def contact_give(
@@ -354,7 +342,7 @@ def judge(
     analytic: Mapping[str, np.ndarray],
     theta: np.ndarray | None = None,
     known: Known | None = None,
-) -> Discrepancy | None:
+) -> Comparison | None:
     """Compare a rule's signal of two sides; None where it has no comparable sample.
 
     ``theta`` (N,) rad is the crank angle, for the rule's window; without it there is no window.  A sample that only one
@@ -364,26 +352,26 @@ def judge(
     one, other = simulated[rule.signal.name], analytic[rule.signal.name]
     presence = [np.isfinite(side[rule.presence]) for side in (simulated, analytic)]
     apart, (tolerance, tube) = rule.signal.apart(one, other), rule.allowed(analytic, theta)
-    found = difference(apart, tolerance, tube)
+    widest = difference(apart, tolerance, tube)
     one_sided = np.flatnonzero(presence[0] != presence[1])
     if one_sided.size and (presence[0].any() or rule.presence == rule.signal.name):
-        rms = found.rms if found else float("nan")
+        rms = widest.rms if widest else float("nan")
         why = f"{one_sided.size} of {tolerance.size} samples have a number on one side only"
         return _discrepancy(rule, Difference(float("nan"), rms, int(one_sided[0]), np.inf), "disagrees", why)
-    if found is None and known is not None:
+    if widest is None and known is not None:
         why = f"known difference cannot be judged: {UNCOMPARED} ({known.reason})"
-        return _discrepancy(rule, NOTHING, "disagrees", why)
-    if found is None:
+        return _discrepancy(rule, NO_DIFFERENCE, "disagrees", why)
+    if widest is None:
         return None
     if known is None:
-        if found.share > 1 or _told_apart(rule, analytic, apart, (tolerance, tube)):
-            return _discrepancy(rule, found, "agrees" if found.share <= 1 else "disagrees")
-        peak = f"{np.nanmax(np.abs(other)):.3g} {UNITS[rule.kind]}"
-        why = f"{HIDDEN} (at most {peak}); a column that says nothing would agree as well"
-        return _discrepancy(rule, found, "unjudged", why)
+        if widest.share > 1 or _told_apart(rule, analytic, apart, (tolerance, tube)):
+            return _discrepancy(rule, widest, "agrees" if widest.share <= 1 else "disagrees")
+        peak = f"{np.nanmax(np.abs(other)):.3g} {rule.signal.unit}"
+        why = f"{NOT_TOLD_APART} (at most {peak}); a column that says nothing would agree as well"
+        return _discrepancy(rule, widest, "unjudged", why)
     bound = difference(apart, np.where(np.isnan(tolerance), np.nan, known.bound))
-    verdict, why = _judge_known(known, found, bound or found, UNITS[rule.kind])
-    return _discrepancy(rule, found, verdict, why)
+    verdict, why = _judge_known(known, widest, bound or widest, rule.signal.unit)
+    return _discrepancy(rule, widest, verdict, why)
 
 
 def _told_apart(
@@ -399,9 +387,9 @@ def _told_apart(
     return alone is None or nothing is None or alone.share <= 1 or nothing.share > 1
 
 
-def _judge_known(known: Known, found: Difference, widest: Difference, unit: str) -> tuple[Verdict, str]:
-    """The verdict on a difference that is declared known, and why; ``widest`` is its share of the bound."""
-    if found.share <= 1:
+def _judge_known(known: Known, difference: Difference, of_bound: Difference, unit: str) -> tuple[SignalVerdict, str]:
+    """The verdict on a difference that is declared known, and why; ``of_bound`` is its share of the bound."""
+    if difference.share <= 1:
         return (
             "disagrees",
             (
@@ -409,18 +397,18 @@ def _judge_known(known: Known, found: Difference, widest: Difference, unit: str)
                 f" ({known.reason})"
             ),
         )
-    if widest.share > 1:
+    if of_bound.share > 1:
         return (
             "disagrees",
             (
-                f"known difference has left its bound of {known.bound:g} {unit}: it reaches {widest.max:.4g} {unit}"
+                f"known difference has left its bound of {known.bound:g} {unit}: it reaches {of_bound.max:.4g} {unit}"
                 f" ({known.reason})"
             ),
         )
     return "known", f"{known.reason} (bound {known.bound:g} {unit})"
 
 
-def _discrepancy(rule: Rule, found: Difference, verdict: Verdict, reason: str = "") -> Discrepancy:
-    kind, unit = rule.kind, UNITS[rule.kind]
+def _discrepancy(rule: Rule, widest: Difference, verdict: SignalVerdict, reason: str = "") -> Comparison:
+    kind, unit = rule.kind, unit_of(rule.signal)
     public: Literal["angle", "magnitude", "value"] = kind if kind in ("angle", "magnitude") else "value"
-    return Discrepancy(rule.signal, public, unit, found.max, found.rms, found.at, found.allowed, verdict, reason)
+    return Comparison(rule.signal, public, unit, widest.max, widest.rms, widest.at, widest.allowed, verdict, reason)

@@ -73,25 +73,25 @@ def softened(
     shortest = min(length for body in mechanism.bodies if (length := body.length) > 0)
     moved = side.elastic + sum(clearances.values())
     force, place = 2 * side.elastic / shortest, 2 * moved / shortest  # rad
-    found = {}
+    widened = {}
     for name, rule in rules.items():
         if rule.kind == "angle":
-            found[name] = replace(rule, absolute=rule.absolute + force)
+            widened[name] = replace(rule, absolute=rule.absolute + force)
         elif rule.kind == "position":
-            found[name] = replace(rule, absolute=rule.absolute + place**2)
+            widened[name] = replace(rule, absolute=rule.absolute + place**2)
         elif rule.kind in ("torque", "force"):
             lever = shortest if rule.kind == "torque" else 1.0
             least = force * _carried(side, rule.signal.place or mechanism.drive_joint.name) * lever
-            found[name] = replace(rule, absolute=max(rule.absolute, least), relative=rule.relative + force)
+            widened[name] = replace(rule, absolute=max(rule.absolute, least), relative=rule.relative + force)
         elif rule.kind == "rotation":
-            found[name] = replace(rule, absolute=rule.absolute + place**2, relative=rule.relative + place)
+            widened[name] = replace(rule, absolute=rule.absolute + place**2, relative=rule.relative + place)
         else:
-            found[name] = replace(rule, relative=rule.relative + force)
+            widened[name] = replace(rule, relative=rule.relative + force)
     rounding = OF_LENGTH * max(body.length for body in mechanism.bodies)
     of_drive = rules[driving(mechanism.motors)[0].name]
     of_place = replace(of_drive, absolute=rounding, relative=OF_DISPLACEMENT + place, clearance=moved, window=0.0)
     places = [Signal("pose", body.name, axis) for body in mechanism.bodies for axis in AXES]
-    return found | {signal.name: replace(of_place, signal=signal) for signal in places}
+    return widened | {signal.name: replace(of_place, signal=signal) for signal in places}
 
 
 def _carried(side: Reference, joint: str) -> float:

@@ -24,10 +24,10 @@ from analytic.paper.envelope import condition
 from analytic.paper.kinetostatics import friction_turns
 from analytic.paper.superposition import ILL_CONDITIONED, superposed
 from compare.judge.discrepancy import difference, largest
-from compare.judge.signals import UNITS, compared, kind_of, with_derived
+from compare.judge.signals import compared, unit_of, with_derived
 from compare.results.crosscheck import OrderDifference
 
-SURE = 4.0  # rms errors of a motion that is known no better, by which a signal may be off
+SIGMAS = 4.0  # rms errors of a motion that is known no better, by which a signal may be off
 NEAR_SINGULAR = (
     "what links that bend change of forces is left out, which is much near a singular posture: the condition number of"
     " the loops is up to"
@@ -62,7 +62,7 @@ class Reference:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What a reader has to know of it, in sentences."""
+        """Remarks for the reader, in sentences."""
         quiet = tuple(
             f"{name} has no number at {int(here.sum())} of {count(here.size, 'sample')}: its joint stands or turns back"
             " there, and its friction takes any part of it"
@@ -155,8 +155,8 @@ def _unsure(
         error = np.broadcast_to(getattr(errors, part), moving.theta.shape)
         if not error.any():
             continue
-        for own in np.eye(len(np.atleast_2d(error)), dtype=bool):
-            off = np.where(own[:, None], error, 0.0).reshape(error.shape)
+        for alone in np.eye(len(np.atleast_2d(error)), dtype=bool):
+            off = np.where(alone[:, None], error, 0.0).reshape(error.shape)
             other = replace(moving, **{part: getattr(moving, part) + off})
             changed = displaced(
                 assembly, other.theta, other.omega, alpha=other.alpha, model=model, inertia=not schedule.at_rest,
@@ -180,11 +180,11 @@ def _side(
     inertia: bool,
     model: Model,
     clearances: Mapping[str, float],
-    held: Collection[str] = (),
+    still: Collection[str] = (),
     near: Walk | None = None,
 ) -> Reference:
     """The analytic model along a motion of the crank, or of several inputs, flagged where friction has no direction;
-    joints that are ``held`` have none.  ``near`` are the samples' coordinates, where they are known already.
+    joints that are ``still`` have none.  ``near`` are the samples' coordinates, where they are known already.
     """
     mechanism = assembly.mechanism
 
@@ -202,32 +202,32 @@ def _side(
 
     models: tuple[Model, ...] = ("equilibrium", "first_order") if clearances else (model,)
     sides = {each: at(each) for each in models}
-    found = sides[model]
+    answer = sides[model]
     signals = {each: with_derived(side.signals(), mechanism) for each, side in sides.items()}
     order: dict[str, OrderDifference] = {}
     for signal in compared(mechanism, clearances) if clearances else ():
         apart = signal.apart(*(signals[each][signal.name] for each in ("first_order", "equilibrium")))
         if (most := difference(apart)) is not None:
-            unit, where = UNITS[kind_of(signal)], float(_told(found.ideal.motion)[most.at])
+            unit, where = unit_of(signal), float(_axis(answer.ideal.motion)[most.at])
             order[signal.name] = OrderDifference(unit=unit, max=most.max, rms=most.rms, at_crank_angle=where)
-    ideal = _angles(found.ideal.motion)
+    ideal = _angles(answer.ideal.motion)
     rough = [name for name in clearances if mechanism.joint(name).friction]
-    turning = friction_turns(found.ideal.motion, REVERSAL if inertia else 0.0, rough)
-    turning = {name: here for name, here in turning.items() if name not in held}
-    own = _own_friction(mechanism, turning)
-    turning = {name: here for name, here in turning.items() if name not in own}
-    loose, peaks = found.reactions.undetermined, largest(signals[model])
-    side = Reference(signals[model], ideal, order, found.flags, peaks=peaks, undetermined=loose)
-    side = _without({i: why for i, why in _reversals(turning).items() if i not in found.flags}, side)
-    return silenced(side, {signal.name: turned for signal, turned in own.values()})
+    turning = friction_turns(answer.ideal.motion, REVERSAL if inertia else 0.0, rough)
+    turning = {name: here for name, here in turning.items() if name not in still}
+    by_motor = _own_friction(mechanism, turning)
+    turning = {name: here for name, here in turning.items() if name not in by_motor}
+    loose, peaks = answer.reactions.undetermined, largest(signals[model])
+    side = Reference(signals[model], ideal, order, answer.flags, peaks=peaks, undetermined=loose)
+    side = _without({i: why for i, why in _reversals(turning).items() if i not in answer.flags}, side)
+    return silenced(side, {signal.name: turned for signal, turned in by_motor.values()})
 
 
 def _free(assembly: Assembly, schedule: Schedule) -> Reference:
     """The analytic motion of a linkage of several freedoms, some of which no drive moves."""
     drives = {name: motor.positions for name, motor in schedule.drives.items()}
-    found = free_motion(assembly, schedule.time, drives, schedule.rates)
-    signals = with_derived(found.signals(), assembly.mechanism)
-    return Reference(signals, _angles(found.motion), {}, {}, peaks=largest(signals), undetermined=found.undetermined)
+    motion = free_motion(assembly, schedule.time, drives, schedule.rates)
+    signals = with_derived(motion.signals(), assembly.mechanism)
+    return Reference(signals, _angles(motion.motion), {}, {}, peaks=largest(signals), undetermined=motion.undetermined)
 
 
 def _still(assembly: Assembly, schedule: Schedule) -> frozenset[str]:
@@ -243,7 +243,7 @@ def _at_rest(side: Reference) -> Reference:
     return replace(side, signals={**side.signals, **{name: np.zeros(side.signals[name].shape) for name in rates}})
 
 
-def _told(motion: Moving) -> np.ndarray:
+def _axis(motion: Moving) -> np.ndarray:
     """What the samples (N,) of a motion are told along: the crank's angle, or the first input's joint's position."""
     s = motion.structure
     return motion.theta if s.mechanism.cranked else s.signs[s.inputs[0]] * motion.theta
@@ -259,14 +259,14 @@ def with_flexible_links(side: Reference, assembly: Assembly, schedule: Schedule)
     peaks.
     """
     ideal = along(assembly, schedule)
-    m, found, worst = ideal.structure.mechanism, compliance(ideal), float(condition(ideal).max())
+    m, elastic, worst = ideal.structure.mechanism, compliance(ideal), float(condition(ideal).max())
     known = named(m.bodies, m.joints, m.drives)
     peaks = {name: peak for name, peak in side.peaks.items() if known[name].kind in ("reaction", "drive")}
     return replace(
         side,
-        signals=with_derived(superposed(side.signals, found), m),
+        signals=with_derived(superposed(side.signals, elastic), m),
         peaks=peaks,
-        elastic=max(float(np.abs(found.displacement(*place)).max()) for place in found.motions),
+        elastic=max(float(np.abs(elastic.displacement(*place)).max()) for place in elastic.motions),
         cautions=(*side.cautions, f"{NEAR_SINGULAR} {worst:.3g}") if worst > ILL_CONDITIONED else side.cautions,
     )
 
@@ -288,22 +288,22 @@ def _let_go(assembly: Assembly, time: np.ndarray, start: Turning, errors: Turnin
 
 
 def _released(assembly: Assembly, time: np.ndarray, angle: float, rate: float) -> Reference:
-    found = released(assembly, time, angle, rate)
-    mechanism, reactions = assembly.mechanism, found.reactions
+    motion = released(assembly, time, angle, rate)
+    mechanism, reactions = assembly.mechanism, motion.reactions
     ideal = _angles(reactions.motion)
     signals = with_derived(reactions.signals(), mechanism)
     rubbing = [joint.name for joint in mechanism.joints if joint.rubs]
     why = f"at rest, where nothing says how friction in {' and '.join(rubbing)} share what they hold"
-    flags = {int(i): why for i in np.flatnonzero(found.held)} if len(rubbing) > 1 else {}
+    flags = {int(i): why for i in np.flatnonzero(motion.held)} if len(rubbing) > 1 else {}
     flags |= {
-        int(i): "the linkage turns back here, and its friction has no direction" for i in np.flatnonzero(found.turning)
+        int(i): "the linkage turns back here, and its friction has no direction" for i in np.flatnonzero(motion.turning)
     }
     return _without(flags, Reference(signals, ideal, {}, {}))
 
 
 def _own_friction(mechanism: Mechanism, turning: Mapping[str, np.ndarray]) -> dict[str, tuple[Signal, np.ndarray]]:
-    """Of what turns back, by joint, what a motor drives: what it gives, and where (N,).  A motor and its joint's
-    friction act between the same two bodies, so that the rest of the linkage does not feel which of them does what.
+    """The motors of joints that turn back, by joint: the signal of what a motor gives, and where (N,).  A motor and its
+    joint's friction act between the same two bodies, so that the rest of the linkage does not feel which does what.
     """
     if mechanism.cranked:  # whose samples at a dead centre say nothing, as ever
         return {}

@@ -20,11 +20,10 @@ import numpy as np
 
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import kinematics
+from analytic.kinematics.reach import turns_fully
 from analytic.mechanism import GROUND, Joint, Mechanism
-from compare.judge.grid import turns_fully
 from sim_models.common.contact_laws import contact_parameters, named_law
 
-TURN = 2 * math.pi
 WAY = 720  # places along a turn between which the rate of sliding is linear
 
 
@@ -43,9 +42,9 @@ def rocking(assembly: Assembly, joint: Joint, theta: np.ndarray, speed: float, a
     since, step = _since_reversal(assembly, joint, theta, speed), joint.friction * np.abs(across) * height
     with np.errstate(all="ignore"):
         terms = [one**2 * other / (slow - fast) * np.exp(one * since) for one, other in ((slow, fast), (fast, slow))]
-        kept = np.exp(slow.real * TURN / abs(speed) / 2)  # of it, until the next reversal
-        found = step * inertia / spring * (abs(terms[0]) + abs(terms[1])) / (1 - kept)
-    return np.asarray(np.where(step > 0, found, 0.0))
+        kept = np.exp(slow.real * math.tau / abs(speed) / 2)  # of it, until the next reversal
+        moment = step * inertia / spring * (abs(terms[0]) + abs(terms[1])) / (1 - kept)
+    return np.asarray(np.where(step > 0, moment, 0.0))
 
 
 def undamped(mechanism: Mechanism, joint: Joint) -> bool:
@@ -64,8 +63,8 @@ def _walls(mechanism: Mechanism, joint: Joint, across: np.ndarray) -> tuple[floa
 def _since_reversal(assembly: Assembly, joint: Joint, theta: np.ndarray, speed: float) -> np.ndarray:
     """Time (N,) s since a joint's sliding last reversed; infinite where it has not on the way to a sample."""
     way = math.copysign(1.0, speed)
-    low, high = (way * theta).min() - (TURN if turns_fully(assembly) else 0.0), (way * theta).max()
-    places = np.linspace(low, high, max(2, math.ceil((high - low) / TURN * WAY)))
+    low, high = (way * theta).min() - (math.tau if turns_fully(assembly) else 0.0), (way * theta).max()
+    places = np.linspace(low, high, max(2, math.ceil((high - low) / math.tau * WAY)))
     rate = kinematics(assembly, way * places, speed).slip(joint)
     at = np.flatnonzero(rate[1:] * rate[:-1] < 0)
     reversals = places[at] + (places[at + 1] - places[at]) * rate[at] / (rate[at] - rate[at + 1])

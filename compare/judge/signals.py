@@ -3,28 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism.signals import AXES, Component, Signal, continued, driving, play
 from analytic.mechanism.signals import SignalKind as Quantity
+from compare.results.crosscheck import Unit
 
-Unit = Literal["rad", "N", "m", "N.m", "rad/s"]
-Kind = Literal["angle", "magnitude", "displacement", "rotation", "torque", "force", "position", "place", "velocity"]
-UNITS: dict[Kind, Unit] = {
-    "angle": "rad",
-    "magnitude": "N",
-    "displacement": "m",
-    "rotation": "rad",
-    "torque": "N.m",
-    "force": "N",
-    "position": "rad",
-    "place": "m",
-    "velocity": "rad/s",
-}
-_KINDS: dict[tuple[Quantity, Component], Kind] = {
+RuleKind = Literal["angle", "magnitude", "displacement", "rotation", "torque", "force", "position", "place", "velocity"]
+_KINDS: dict[tuple[Quantity, Component], RuleKind] = {
     ("reaction", "angle"): "angle",
     ("reaction", "magnitude"): "magnitude",
     ("reaction", "x"): "magnitude",
@@ -43,15 +32,19 @@ _KINDS: dict[tuple[Quantity, Component], Kind] = {
     ("drive", "torque"): "torque",
     ("drive", "force"): "force",
 }
-DRIVE_TORQUE = Signal("drive", "", "torque")
 
 
-def kind_of(signal: Signal) -> Kind:
+def kind_of(signal: Signal) -> RuleKind:
     """The kind under which a tolerance file has a signal.  Raises KeyError for one that is never judged."""
     return _KINDS[signal.kind, signal.component]
 
 
-NOTHING = 1e-12  # of a reaction's peak: no force, and no direction
+def unit_of(signal: Signal) -> Unit:
+    """The unit of a signal that is judged: time is none."""
+    return cast(Unit, signal.unit)
+
+
+NO_REACTION = 1e-12  # of a reaction's peak: no force, and no direction
 
 
 def with_derived(signals: Mapping[str, np.ndarray], mechanism: Mechanism) -> dict[str, np.ndarray]:
@@ -60,29 +53,29 @@ def with_derived(signals: Mapping[str, np.ndarray], mechanism: Mechanism) -> dic
     Where there is no force, as where a pin flies, there is no direction: NaN.  A reaction that has not both components
     is left as it is.
     """
-    out = {name: np.array(values, float) for name, values in signals.items()}
+    derived = {name: np.array(values, float) for name, values in signals.items()}
     for joint in mechanism.joints:
         x = Signal.of("reaction", joint.name, "x")
-        if x.name not in out or x.sibling("y").name not in out:
+        if x.name not in derived or x.sibling("y").name not in derived:
             continue
-        force = out[x.name] + 1j * out[x.sibling("y").name]
+        force = derived[x.name] + 1j * derived[x.sibling("y").name]
         size = np.abs(force)
-        acts = size > NOTHING * np.nanmax(size, initial=0.0)
-        out[x.sibling("angle").name] = continued(np.where(acts, np.angle(force), np.nan))
-        out[x.sibling("magnitude").name] = size
-    return out
+        acts = size > NO_REACTION * np.nanmax(size, initial=0.0)
+        derived[x.sibling("angle").name] = continued(np.where(acts, np.angle(force), np.nan))
+        derived[x.sibling("magnitude").name] = size
+    return derived
 
 
 def with_rotations(signals: Mapping[str, np.ndarray], ideal_angles: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Signals (N,) with each body's rotation by clearance: its angle minus the ideal linkage's (rad).  Where there is
     no angle, a rotation stays as it is.
     """
-    out = dict(signals)
+    rotated = dict(signals)
     for body, ideal in ideal_angles.items():
-        if Signal.of("pose", body, "angle").name not in out:
+        if Signal.of("pose", body, "angle").name not in rotated:
             continue
-        out[Signal.of("rotation", body, "angle").name] = signals[Signal.of("pose", body, "angle").name] - ideal
-    return out
+        rotated[Signal.of("rotation", body, "angle").name] = signals[Signal.of("pose", body, "angle").name] - ideal
+    return rotated
 
 
 def compared(mechanism: Mechanism, clearances: Iterable[str]) -> tuple[Signal, ...]:
@@ -127,13 +120,13 @@ def recorded(mechanism: Mechanism, clearances: Iterable[str], given: Iterable[st
     names = set(given)
     if mechanism.cranked and mechanism.motors:
         names -= {f"{mechanism.driven}_{part}" for part in ("angle", "angular_velocity")}
-    found = [signal for signal in compared(mechanism, clearances) if signal.name in names]
+    judged = [signal for signal in compared(mechanism, clearances) if signal.name in names]
     for joint in mechanism.joints:
         sides = [Signal("reaction", joint.name, axis) for axis in AXES]
         here = [side for side in sides if side.name in names]
-        found += here if len(here) == 1 else []
+        judged += here if len(here) == 1 else []
     for body in mechanism.bodies:
-        found += [Signal("pose", body.name, axis) for axis in AXES if f"{body.name}_{axis}" in names]
+        judged += [Signal("pose", body.name, axis) for axis in AXES if f"{body.name}_{axis}" in names]
         rate = Signal("rate", body.name, "angular_velocity")
-        found += [rate] if rate.name in names else []
-    return tuple(dict.fromkeys(found))
+        judged += [rate] if rate.name in names else []
+    return tuple(dict.fromkeys(judged))

@@ -17,11 +17,11 @@ from compare.judge.tolerances import Tolerances
 from compare.results.contact import STATISTICS, UNITS, Compared, Contact, Statistic, StatisticName
 from compare.results.crosscheck import Run
 
-FEWEST = 3  # revolutions for an interval
+FEWEST_REVOLUTIONS = 3  # revolutions for an interval
 RESAMPLES = 1000
 CONFIDENCE = 0.95
-SEED = 20
-ROUNDING = 1e-6  # of what a contact takes: friction of a frictionless one is an engine's rounding
+RESAMPLE_SEED = 20
+ENGINE_ROUNDING = 1e-6  # of what a contact takes: friction of a frictionless one is an engine's rounding
 
 
 def statistic(by_revolution: np.ndarray, quantile: float | None = None) -> Statistic:
@@ -36,12 +36,12 @@ def statistic(by_revolution: np.ndarray, quantile: float | None = None) -> Stati
 
     n = by_revolution.size
     value = float(figure(by_revolution)) if n else math.nan
-    if n < FEWEST:
+    if n < FEWEST_REVOLUTIONS:
         return Statistic(value=value, low=None, high=None, by_revolution=by_revolution)
     from scipy.special import stdtrit  # here: importing it takes a tenth of a second
 
     length = max(1, round(n ** (1 / 3)))
-    starts = np.random.default_rng(SEED).integers(0, n, (RESAMPLES, math.ceil(n / length)))
+    starts = np.random.default_rng(RESAMPLE_SEED).integers(0, n, (RESAMPLES, math.ceil(n / length)))
     index = (starts[..., None] + np.arange(length)).reshape(RESAMPLES, -1)[:, :n] % n
     tail = (1 - CONFIDENCE) / 2
     ends = np.quantile(figure(by_revolution[index]), [tail, 1 - tail])
@@ -50,38 +50,40 @@ def statistic(by_revolution: np.ndarray, quantile: float | None = None) -> Stati
     return Statistic(value=value, low=float(low), high=float(high), by_revolution=by_revolution)
 
 
-def needed(found: Statistic, wanted: float) -> float:
+def needed(figure: Statistic, wanted: float) -> float:
     """By how many times as many revolutions the interval would be as narrow as ``wanted`` (half its width)."""
-    half = found.half_width
+    half = figure.half_width
     return math.inf if half is None else (half / wanted) ** 2 if wanted > 0 else math.inf if half > 0 else 0.0
 
 
 # ---------------------------------------------------------------- two runs
 
 
-def held_together(runs: Sequence[Run], tolerances: Tolerances) -> tuple[Compared, ...]:
+def compared_statistics(runs: Sequence[Run], tolerances: Tolerances) -> tuple[Compared, ...]:
     """Every statistic of each two runs of one joint model in which pins strike, held against each other."""
     striking = [run for run in runs if run.contact is not None and run.contact.struck]
     pairs = [(one, other) for one, other in combinations(striking, 2) if one.joint_model == other.joint_model]
-    return tuple(found for one, other in pairs for found in _held(one, other, tolerances))
+    return tuple(pair_verdict for one, other in pairs for pair_verdict in _compared(one, other, tolerances))
 
 
-def _held(one: Run, other: Run, tolerances: Tolerances) -> Iterator[Compared]:
-    assert one.contact is not None
-    assert other.contact is not None
-    why = _incomparable(one, other)
-    for joint in (name for name in one.contact.joints if name in other.contact.joints):
+def _compared(first: Run, second: Run, tolerances: Tolerances) -> Iterator[Compared]:
+    assert first.contact is not None
+    assert second.contact is not None
+    why = _incomparable(first, second)
+    for joint in (name for name in first.contact.joints if name in second.contact.joints):
         for name in STATISTICS:
-            a, b = (_of(contact, joint, name) for contact in (one.contact, other.contact))
-            nothing = ROUNDING * _lost(one.contact, other.contact, joint) if UNITS[name] == "J" else 0.0
+            a, b = (_statistic(contact, joint, name) for contact in (first.contact, second.contact))
+            nothing = (
+                ENGINE_ROUNDING * _largest_loss(first.contact, second.contact, joint) if UNITS[name] == "J" else 0.0
+            )
             allowed = _allowed(a, b, name, tolerances, nothing)
             within = allowed is not None and abs((a.value or 0.0) - (b.value or 0.0)) <= allowed
             yield Compared(
                 joint=joint,
                 statistic=name,
                 unit=UNITS[name],
-                joint_model=one.joint_model,
-                between=(one.simulator.name, other.simulator.name),
+                joint_model=first.joint_model,
+                between=(first.simulator.name, second.simulator.name),
                 values=(a.value, b.value),
                 allowed=allowed,
                 verdict="unjudged" if why or allowed is None else "agrees" if within else "disagrees",
@@ -89,14 +91,14 @@ def _held(one: Run, other: Run, tolerances: Tolerances) -> Iterator[Compared]:
             )
 
 
-def _of(contact: Contact, joint: str, name: StatisticName) -> Statistic:
+def _statistic(contact: Contact, joint: str, name: StatisticName) -> Statistic:
     return contact.joints[joint].statistics[name]
 
 
-def _lost(one: Contact, other: Contact, joint: str) -> float:
+def _largest_loss(first: Contact, second: Contact, joint: str) -> float:
     """The largest loss (J) of a joint in two runs."""
     names = [name for name in STATISTICS if UNITS[name] == "J"]
-    return max(abs(_of(contact, joint, name).value or 0.0) for contact in (one, other) for name in names)
+    return max(abs(_statistic(contact, joint, name).value or 0.0) for contact in (first, second) for name in names)
 
 
 def _allowed(
@@ -112,10 +114,10 @@ def _allowed(
     return max(line.absolute, line.relative * size, nothing) + math.hypot(halves[0], halves[1])
 
 
-def _incomparable(one: Run, other: Run) -> str:
+def _incomparable(first: Run, second: Run) -> str:
     """Why the statistics of two runs say nothing of each other; empty where they do."""
     for name, what in (("contact_law", "laws"), ("contact_stiffness", "stiffnesses")):
-        a, b = (run.settings.get(name) for run in (one, other))
+        a, b = (run.settings.get(name) for run in (first, second))
         if a != b:
             remedy = "; name one for all: contact_law of the joint" if name == "contact_law" else ""
             return f"different {what} of contact ({a} and {b}){remedy}"

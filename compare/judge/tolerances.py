@@ -6,29 +6,28 @@ remedy.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, get_args
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, create_model, model_validator
 
 from analytic.errors import Error
 from analytic.mechanism import Mechanism
 from analytic.mechanism.errors import describe
 from analytic.mechanism.reading import ReadingError, read_toml
 from analytic.paper.clearance import Model
-from compare.judge.signals import Kind, compared
-from compare.results.contact import StatisticName
-from sim_models.engine import ENGINES, JointModel, Motion, scheme_of
+from compare.judge.signals import RuleKind, compared
+from compare.results.contact import STATISTICS, StatisticName
+from sim_models.engine import ENGINES, JOINT_MODELS, MOTIONS, JointModel, Motion, scheme_of
 
-NotNegative = Annotated[float, Field(ge=0)]
-Share = Annotated[float, Field(ge=0, lt=1)]
-Text = Annotated[str, Field(min_length=1)]
+Allowance = Annotated[float, Field(ge=0)]
+Fraction = Annotated[float, Field(ge=0, lt=1)]
+NonEmptyText = Annotated[str, Field(min_length=1)]
 Several = BeforeValidator(
     lambda value: (value,) if isinstance(value, str) else tuple(value) if isinstance(value, list) else value
 )
-MOTIONS = ("static", "driven")
 SCALARS = ("floor", "noise", "rest")
 
 
@@ -36,17 +35,17 @@ class ToleranceError(Error, ValueError):
     """A tolerance file cannot be used; the message says why."""
 
 
-class _Part(BaseModel):
+class _TolerancePart(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
 
-class Line(_Part):
+class Line(_TolerancePart):
     """What one kind of signal may differ by: ``absolute`` in its SI unit, ``relative`` to its peak, ``window`` in rad
     of crank angle.
     """
 
-    absolute: NotNegative = 0.0
-    relative: NotNegative = 0.0
+    absolute: Allowance = 0.0
+    relative: Allowance = 0.0
     window: Annotated[float, Field(ge=0, le=0.0175)] = 0.0  # a degree is no longer a matter of timing
 
     @model_validator(mode="after")
@@ -56,35 +55,30 @@ class Line(_Part):
         return self
 
 
-class _Lines(_Part):
-    angle: Line | None = None
-    magnitude: Line | None = None
-    displacement: Line | None = None
-    rotation: Line | None = None
-    torque: Line | None = None
-    position: Line | None = None
-    place: Line | None = None
-    velocity: Line | None = None
+def _table(name: str, fields: Iterable[str], value: type[BaseModel]) -> type[_TolerancePart]:
+    """The model of a file's table with these fields, each of which may be left out."""
+    optional: dict[str, Any] = {
+        field.replace("-", "_"): (value | None, Field(default=None, alias=field)) for field in fields
+    }
+    return create_model(name, __base__=_TolerancePart, **optional)
 
 
-class _Models(_Part):
-    ideal: _Lines | None = None
-    massless_link: _Lines | None = Field(default=None, alias="massless-link")
-    spring_damper: _Lines | None = Field(default=None, alias="spring-damper")
-    contact: _Lines | None = None
+_Lines = _table("_Lines", (kind for kind in get_args(RuleKind) if kind != "force"), Line)
+_Models = _table("_Models", JOINT_MODELS, _Lines)
+_Statistics = _table("_Statistics", STATISTICS, Line)
 
 
-class Known(_Part):
+class Known(_TolerancePart):
     """A difference that is there for a stated reason: it must exceed the ordinary tolerance and stay within ``bound``.
 
     ``bound`` is in the signal's SI unit.  The selectors take one name or several; one that is left out holds for all.
     """
 
-    case: Text
-    signal: Text
-    reason: Text
+    case: NonEmptyText
+    signal: NonEmptyText
+    reason: NonEmptyText
     bound: Annotated[float, Field(gt=0)]
-    simulator: Annotated[tuple[Text, ...], Several] = ()
+    simulator: Annotated[tuple[NonEmptyText, ...], Several] = ()
     joint_model: Annotated[tuple[JointModel, ...], Several] = ()
     motion: Annotated[tuple[Motion, ...], Several] = ()
     analytic_model: Annotated[tuple[Model, ...], Several] = ()
@@ -96,42 +90,28 @@ class Known(_Part):
         )
 
 
-class _Statistics(_Part):
-    free_share: Line | None = None
-    impacts: Line | None = None
-    impulse: Line | None = None
-    approach_speed: Line | None = None
-    rms_force: Line | None = None
-    peak_force: Line | None = None
-    high_peak: Line | None = None
-    restitution_loss: Line | None = None
-    friction_loss: Line | None = None
-    wear: Line | None = None
-    penetration: Line | None = None
-
-
-class _File(_Part):
-    floor: Share | None = None
-    noise: Share | None = None
-    rest: NotNegative | None = None
-    static: _Models | None = None
-    driven: _Models | None = None
-    statistics: _Statistics | None = None
+class _ToleranceFile(_TolerancePart):
+    floor: Fraction | None = None
+    noise: Fraction | None = None
+    rest: Allowance | None = None
+    static: _Models | None = None  # type: ignore[valid-type]
+    driven: _Models | None = None  # type: ignore[valid-type]
+    statistics: _Statistics | None = None  # type: ignore[valid-type]
     known: list[Known] = []
 
 
-class Tolerances(_Part):
+class Tolerances(_TolerancePart):
     """What every kind of signal of every run may differ by; ``known`` are differences that are declared."""
 
-    floor: Share
-    noise: Share
-    rest: NotNegative
-    static: Mapping[JointModel, Mapping[Kind, Line]]
-    driven: Mapping[JointModel, Mapping[Kind, Line]]
+    floor: Fraction
+    noise: Fraction
+    rest: Allowance
+    static: Mapping[JointModel, Mapping[RuleKind, Line]]
+    driven: Mapping[JointModel, Mapping[RuleKind, Line]]
     statistics: Mapping[StatisticName, Line] = {}
     known: Annotated[tuple[Known, ...], Several] = ()
 
-    def line(self, motion: Motion, joint_model: JointModel, kind: Kind) -> Line:
+    def line(self, motion: Motion, joint_model: JointModel, kind: RuleKind) -> Line:
         """The line of a kind of signal in a run.  Raises ToleranceError where there is none."""
         lines = self.static if motion == "static" else self.driven
         try:
@@ -147,10 +127,6 @@ class Tolerances(_Part):
         sides = {"static": here if motion == "static" else {}, "driven": here if motion == "driven" else {}}
         return self.model_copy(update=sides | {"known": ()})
 
-    def with_known(self, *known: Known) -> Tolerances:
-        """These with other known differences in place of their own."""
-        return self.model_copy(update={"known": known})
-
 
 def load_tolerances(path: Path | None = None, called: str = "--tolerance") -> Tolerances:
     """The shipped tolerances, with a file's laid over them.  Raises ToleranceError, which calls the file's option or
@@ -158,20 +134,20 @@ def load_tolerances(path: Path | None = None, called: str = "--tolerance") -> To
 
     A line that the file gives replaces the shipped line whole, and its known differences come after the shipped ones.
     """
-    with resources.as_file(resources.files("compare.judge").joinpath("tolerances.toml")) as own:
-        shipped = _read(own, "compare/judge/tolerances.toml")
-    return _joined(shipped, _read(path, f"{called} {path}") if path else _File())
+    with resources.as_file(resources.files("compare.judge").joinpath("tolerances.toml")) as file:
+        shipped = _read(file, "compare/judge/tolerances.toml")
+    return _joined(shipped, _read(path, f"{called} {path}") if path else _ToleranceFile())
 
 
-def _read(path: Path, name: str) -> _File:
+def _read(path: Path, name: str) -> _ToleranceFile:
     try:
         fields = read_toml(path)
     except ReadingError as error:
         raise ToleranceError(f"{name}: {error}; give a TOML file like compare/judge/tolerances.toml") from None
     try:
-        checked = _File.model_validate(fields)
+        checked = _ToleranceFile.model_validate(fields)
     except ValidationError as error:
-        raise ToleranceError(f"{name}: {'; '.join(describe(error, fields, _File))}") from None
+        raise ToleranceError(f"{name}: {'; '.join(describe(error, fields, _ToleranceFile))}") from None
     for i, known in enumerate(checked.known):
         for simulator in known.simulator:
             if simulator not in ENGINES and not scheme_of(simulator)[0]:
@@ -182,7 +158,7 @@ def _read(path: Path, name: str) -> _File:
     return checked
 
 
-def _joined(shipped: _File, over: _File) -> Tolerances:
+def _joined(shipped: _ToleranceFile, over: _ToleranceFile) -> Tolerances:
     numbers = {
         name: value if (value := getattr(over, name)) is not None else getattr(shipped, name) for name in SCALARS
     }
@@ -190,17 +166,13 @@ def _joined(shipped: _File, over: _File) -> Tolerances:
     for motion in MOTIONS:
         for model, given in _lines(getattr(over, motion)).items():
             lines[motion][model] = {**lines[motion].get(model, {}), **given}
-    statistics = {
-        name: getattr(file.statistics, name)
-        for file in (shipped, over)
-        if file.statistics is not None
-        for name in file.statistics.model_fields_set
-    }
+    tables: list[BaseModel | None] = [shipped.statistics, over.statistics]
+    statistics = {name: getattr(table, name) for table in tables if table for name in table.model_fields_set}
     known = (*shipped.known, *over.known)
     return Tolerances.model_validate({**numbers, **lines, "statistics": statistics, "known": known})
 
 
-def _lines(models: _Models | None) -> dict[str, dict[str, Line]]:
+def _lines(models: BaseModel | None) -> dict[str, dict[str, Line]]:
     """The lines of a motion that a file gives, by joint model and kind."""
     return {
         name.replace("_", "-"): {kind: getattr(lines, kind) for kind in lines.model_fields_set}

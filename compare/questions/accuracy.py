@@ -6,15 +6,24 @@ from typing import TYPE_CHECKING, Annotated
 
 from compare.questions.option import Angle, ByJoint, Choice, Option, Places, RepeatedNames, Switch, Whole
 from compare.questions.question import Question
-from compare.questions.shared import MOTIONS, Case, Clearance, Course, CrankAngles, Followed, GivenTimes, Large
+from compare.questions.shared import (
+    MOTIONS,
+    CaseOption,
+    Clearance,
+    CourseFile,
+    CrankAngles,
+    GivenTimes,
+    Large,
+    PathFile,
+)
 
 if TYPE_CHECKING:
     from compare.arguments import Metres, Names
     from sim_models.engine import Motion
 
-SAMPLES = 20_000  # of a Monte Carlo
+DRAWS = 20_000  # of a Monte Carlo
 MOST_SAMPLES = 1_000_000  # what a memory holds
-Grid = tuple[tuple[float, float, int], tuple[float, float, int]]
+WorkspaceGrid = tuple[tuple[float, float, int], tuple[float, float, int]]
 """Lowest, highest and number of the x and of the y (m) of a workspace."""
 
 Outputs = Annotated[
@@ -28,9 +37,9 @@ Outputs = Annotated[
 
 
 class AccuracyQuestion(Question):
-    """Of a linkage that one crank moves."""
+    """How accurate a linkage is that one crank moves."""
 
-    mechanism: Case = "paper"
+    mechanism: CaseOption = "paper"
     _: KW_ONLY
     clearance: Clearance = None
     large: Large = False
@@ -44,15 +53,15 @@ class AccuracyQuestion(Question):
         Option("Reactions with inertia forces or without [driven, if the drive has a speed].", Choice(choices=MOTIONS)),
     ] = None
     angles: CrankAngles = None
-    samples: Annotated[int, Option("Linkages in the Monte Carlo.", Whole(least=2, most=MOST_SAMPLES))] = SAMPLES
+    samples: Annotated[int, Option("Linkages in the Monte Carlo.", Whole(least=2, most=MOST_SAMPLES))] = DRAWS
     seed: Annotated[int, Option("Of the Monte Carlo's random numbers.", Whole())] = 0
     nonlinear: Annotated[bool, Option("Close the linkage again for every sample.", Switch())] = False
 
 
 class PlatformQuestion(Question):
-    """Of a linkage with several drives."""
+    """How accurate a linkage with several drives is."""
 
-    mechanism: Case
+    mechanism: CaseOption
     _: KW_ONLY
     clearance: Clearance = None
     large: Large = False
@@ -65,12 +74,12 @@ class PlatformQuestion(Question):
     ] = None
     outputs: Outputs = None
     workspace: Annotated[
-        Grid | None,
+        WorkspaceGrid | None,
         Option("Map of several drives: places (m) of the first output, and how many.", Places("X0:X1:NX,Y0:Y1:NY")),
     ] = None
     angle: Annotated[
         float | None, Option("Angle ({unit}) of that body over the workspace [as assembled].", Angle("DEG"))
     ] = None
     times: GivenTimes = None
-    course: Course = None
-    path: Followed = None
+    course: CourseFile = None
+    path: PathFile = None

@@ -6,42 +6,42 @@ from typing import Annotated
 from compare.questions.option import LeftOut, Option, Switch, Written
 from compare.questions.question import Question
 from compare.questions.shared import (
-    Analytic,
     AnyPath,
-    Case,
+    CaseOption,
     Clearance,
-    Course,
+    CourseFile,
     CrankAngles,
     Drives,
-    Engine,
-    Followed,
+    EngineOption,
     GivenTimes,
     Large,
+    ModelOption,
     OneModel,
+    PathFile,
 )
 
 
 class AnalyseQuestion(Question):
-    """What the analytic model is to say."""
+    """The motion and the model of an analysis."""
 
-    mechanism: Case = "paper"
+    mechanism: CaseOption = "paper"
     _: KW_ONLY
     clearance: Clearance = None
     large: Large = False
-    model: Analytic = "equilibrium"
+    model: ModelOption = "equilibrium"
     motion: Drives = "driven"
     compliance: Annotated[bool, Option("Let links and joints yield as well.", Switch())] = False
     angles: CrankAngles = None
     times: GivenTimes = None
-    course: Course = None
-    path: Followed = None
+    course: CourseFile = None
+    path: PathFile = None
 
 
 class SimulateQuestion(Question):
-    """What an engine is to do."""
+    """The run that an engine is to make."""
 
-    mechanism: Case = "paper"
-    simulator: Engine = "mujoco"
+    mechanism: CaseOption = "paper"
+    simulator: EngineOption = "mujoco"
     _: KW_ONLY
     joint_model: OneModel = "ideal"
     motion: Drives = "driven"
@@ -49,24 +49,15 @@ class SimulateQuestion(Question):
     large: Large = False
     angles: CrankAngles = None
     times: GivenTimes = None
-    course: Course = None
-    path: Followed = None
+    course: CourseFile = None
+    path: PathFile = None
 
 
-class ExportQuestion(Question):
-    """What an engine is to do without this project."""
+class ExportQuestion(SimulateQuestion):
+    """The run that an engine is to make without this project."""
 
-    mechanism: Case = "paper"
     simulator: Annotated[
         str, Option("Engine whose model is wanted (see: compare simulators).", left_out=LeftOut.REFUSED)
     ] = "mujoco"
     _: KW_ONLY
     folder: Annotated[AnyPath, Option("Folder for the files.", Written("DIR"), name="out")]
-    joint_model: OneModel = "ideal"
-    motion: Drives = "driven"
-    clearance: Clearance = None
-    large: Large = False
-    angles: CrankAngles = None
-    times: GivenTimes = None
-    course: Course = None
-    path: Followed = None

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from compare.questions.check import Results
-from compare.questions.option import File, Files, Kind, Option, Written
+from compare.questions.option import ArgumentKind, File, Files, Option, Written
 from compare.questions.question import Question
-from compare.questions.shared import AnyPath, Told
+from compare.questions.shared import AnyPath, ProgressOption
 
 if TYPE_CHECKING:
     from compare.arguments import Linkage, Simulators
@@ -17,14 +17,14 @@ BASELINES = Path("reports") / "baselines"
 
 
 class BaselinesQuestion(Question):
-    """Of which linkages, in which engines or by which results."""
+    """The linkages of baselines, and the engines or results that they are held to."""
 
     cases: Annotated[
         "Linkage | Sequence[Linkage] | None",
         Option("Shipped case or a mechanism file; left out, every shipped case.", name="case"),
     ] = None
     simulators: Annotated[
-        "Simulators", Option("Engines; all is every one that is installed.", Kind("NAME,..."), name="simulator")
+        "Simulators", Option("Engines; all is every one that is installed.", ArgumentKind("NAME,..."), name="simulator")
     ] = "all"
     folder: Annotated[AnyPath, Option("Folder of the baseline files.", Written("DIR"), name="baselines")] = BASELINES
     _: KW_ONLY
@@ -32,4 +32,4 @@ class BaselinesQuestion(Question):
         Results | None, Option("Another program's results of the case in place of an engine's.", Files("FILE"))
     ] = None
     map: Annotated[AnyPath | None, Option("What the columns of those results are.", File("FILE"))] = None
-    progress: Told = None
+    progress: ProgressOption = None

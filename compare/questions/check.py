@@ -4,19 +4,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING, Annotated
 
-from compare.questions.option import Choice, Files, Kind, Option, Source
+from compare.questions.option import ArgumentKind, Choice, Files, Option, Source
 from compare.questions.question import Question
 from compare.questions.shared import (
     JOINT_MODELS,
     MOTIONS,
-    Analytic,
     AnyPath,
-    Case,
+    CaseOption,
     Clearance,
     Large,
+    ModelOption,
+    ProgressOption,
     PythonWorkers,
-    Told,
-    Tolerance,
+    ToleranceOption,
 )
 
 if TYPE_CHECKING:
@@ -35,14 +35,14 @@ class CheckQuestion(Question):
         Results,
         Option("Files of results (CSV, Parquet, Feather or MAT), one for each program.", Files(), positional=True),
     ]
-    mechanism: Case = "paper"
+    mechanism: CaseOption = "paper"
     _: KW_ONLY
     map: Annotated["AnyPath | Layout | None", Option("TOML file that says what the columns are.", Source("FILE"))] = (
         None
     )
     simulators: Annotated[
         "Simulators | None",
-        Option("Engines that simulate the same motion beside, or all.", Kind("NAME,..."), name="simulator"),
+        Option("Engines that simulate the same motion beside, or all.", ArgumentKind("NAME,..."), name="simulator"),
     ] = None
     joint_model: Annotated[
         "JointModel | None",
@@ -57,7 +57,7 @@ class CheckQuestion(Question):
     ] = "driven"
     clearance: Clearance = None
     large: Large = False
-    analytic: Analytic = "equilibrium"
-    tolerances: Tolerance = None
+    analytic: ModelOption = "equilibrium"
+    tolerances: ToleranceOption = None
     workers: PythonWorkers = None
-    progress: Told = None
+    progress: ProgressOption = None

@@ -3,42 +3,42 @@
 from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING, Annotated
 
-from compare.questions.option import Choice, File, Kind, Option, Switch, Whole
+from compare.questions.option import ArgumentKind, Choice, File, Option, Switch, Whole
 from compare.questions.question import Question
 from compare.questions.shared import (
     JOINT_MODELS,
-    Analytic,
     AnyPath,
-    Case,
+    CaseOption,
     Clearance,
-    Course,
+    CourseFile,
     CrankAngles,
     Drives,
-    Followed,
     GivenTimes,
     Large,
+    ModelOption,
+    PathFile,
+    ProgressOption,
     PythonWorkers,
-    Told,
-    Tolerance,
+    ToleranceOption,
 )
 
 if TYPE_CHECKING:
     from compare.arguments import Simulators
     from sim_models.engine import JointModel
 
-REVOLUTIONS = 32  # at the utmost, of a run whose pins strike
+MOST_REVOLUTIONS = 32  # at the utmost, of a run whose pins strike
 
 
 class CrosscheckQuestion(Question):
     """What to cross-check."""
 
-    mechanism: Case = "paper"
+    mechanism: CaseOption = "paper"
     simulators: Annotated[
         "Simulators",
         Option(
             "Engines to compare with, or all that are installed (see: compare simulators); mjcf:FILE and fmu:FILE are"
             " your own models.",
-            Kind("NAME,..."),
+            ArgumentKind("NAME,..."),
             name="simulator",
             left_out=None,
         ),
@@ -53,17 +53,17 @@ class CrosscheckQuestion(Question):
     large: Large = False
     angles: CrankAngles = None
     times: GivenTimes = None
-    course: Course = None
-    path: Followed = None
-    analytic: Analytic = "equilibrium"
+    course: CourseFile = None
+    path: PathFile = None
+    analytic: ModelOption = "equilibrium"
     flexible: Annotated[bool, Option("Let bodies with youngs_modulus bend, in static motion.", Switch())] = False
-    tolerances: Tolerance = None
+    tolerances: ToleranceOption = None
     map: Annotated[AnyPath | None, Option("Map of fmu:FILE [FILE's name with .map.toml].", File("FILE"))] = None
     revolutions: Annotated[
         int,
         Option(
             "Most revolutions of a run whose pins strike their walls; it ends once its averages are known.", Whole()
         ),
-    ] = REVOLUTIONS
+    ] = MOST_REVOLUTIONS
     workers: PythonWorkers = None
-    progress: Told = None
+    progress: ProgressOption = None

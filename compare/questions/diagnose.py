@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from compare.questions.option import AllOrNone, Files, Option, RepeatedNames, Seconds, Switch, Whole
 from compare.questions.question import Question
-from compare.questions.shared import Told
+from compare.questions.shared import ProgressOption
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -48,4 +48,4 @@ class DiagnoseQuestion(Question):
     budget: Annotated[
         float | None, Option("End the search then, with the best so far [when it is done].", Seconds("SECONDS"))
     ] = None
-    progress: Told = None
+    progress: ProgressOption = None

@@ -1,4 +1,4 @@
-"""What there is: earlier results, and what a model file of somebody's is as a mechanism."""
+"""Earlier results, and the import of a model file as a mechanism."""
 
 from pathlib import Path
 from typing import Annotated

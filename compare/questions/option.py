@@ -2,8 +2,8 @@
 
     clearance: Annotated["Metres | None", Option("Radial clearances (m) in place of the case's own.", ByJoint())] = None
 
-A :class:`Kind` reads the word of a command line (``parse``) and proves what a function was given (``check``); both
-raise ArgumentError, which names the argument.  What computes is imported only when one of them is called.
+An :class:`ArgumentKind` reads the word of a command line (``parse``) and proves what a function was given (``check``);
+both raise ArgumentError, which names the argument.  What computes is imported only when one of them is called.
 """
 
 from __future__ import annotations
@@ -12,28 +12,34 @@ import functools
 import math
 from dataclasses import dataclass
 from enum import Enum, StrEnum
+from itertools import pairwise
+from numbers import Integral, Real
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Generic, TypeVar, cast
 
-from compare.faults import ArgumentError
+from analytic.errors import Error
+from compare.faults import ArgumentError, unusable
 
 if TYPE_CHECKING:
     import numpy as np
 
     from compare.judge.tolerances import Tolerances
 
+FARTHEST_ANGLE = 1e6  # deg: the crank is followed there from where it is assembled
+MOST_TIMES = 100_000  # of a command line's grid
+
 W = TypeVar("W")  # what typer makes of what is typed
 
 
 class LeftOut(Enum):
-    """What a command takes for an option that is left out."""
+    """The value that a command takes for an option that is left out."""
 
     AS_ARGUMENT = "what the function takes for its argument"
     REFUSED = "nothing: the option must be typed"
 
 
 @dataclass(frozen=True)
-class Kind(Generic[W]):
+class ArgumentKind(Generic[W]):
     """Any text, as it is.
 
     A command's help calls it ``metavar``.  ``units`` are that of a word and that of the argument.
@@ -66,7 +72,7 @@ class Option:
     """
 
     help: str
-    kind: Kind = Kind()
+    kind: ArgumentKind = ArgumentKind()
     name: str = ""
     short: str = ""
     positional: bool = False
@@ -84,20 +90,21 @@ class Option:
         return self.help.replace("{unit}", self.kind.units[1])
 
 
-class Switch(Kind[bool]):
+class Switch(ArgumentKind[bool]):
     """True or False."""
 
     word: ClassVar[type] = bool
 
     def check(self, given: object, called: str) -> bool:
-        """True or False."""
-        from compare.arguments import flag
+        import numpy as np
 
-        return flag(given, called)
+        if isinstance(given, bool | np.bool_):
+            return bool(given)
+        raise unusable(called, given, "True or False")
 
 
 @dataclass(frozen=True)
-class Choice(Kind[StrEnum]):
+class Choice(ArgumentKind[StrEnum]):
     """One of some words."""
 
     choices: tuple[str, ...] = ()
@@ -108,17 +115,14 @@ class Choice(Kind[StrEnum]):
         return _enumeration(self.choices)
 
     def parse(self, word: StrEnum, called: str) -> object:
-        """The word itself."""
         return str(word)
 
     def check(self, given: object, called: str) -> object:
-        """One of the words."""
-        from compare.arguments import one_of
-
-        return one_of(given, self.choices, called)
+        if isinstance(given, str) and given in self.choices:
+            return str(given)
+        raise unusable(called, given, " or ".join(map(repr, self.choices)))
 
     def stands_for(self, argument: object) -> object:
-        """The member of the enumeration."""
         return None if argument is None else self.word(str(argument))
 
 
@@ -126,30 +130,27 @@ class AllOrNone(Choice):
     """True or False, typed as one of two words."""
 
     def parse(self, word: StrEnum, called: str) -> bool:
-        """Whether it is the first."""
+        """Whether the first word was typed."""
         return str(word) == self.choices[0]
 
     def check(self, given: object, called: str) -> bool:
-        """True or False."""
         return Switch().check(given, called)
 
     def stands_for(self, argument: object) -> object:
-        """The member of the enumeration."""
         return super().stands_for(self.choices[0 if argument else 1])
 
 
-class Address(Kind[str]):
+class Address(ArgumentKind[str]):
     """Where a program listens."""
 
     def check(self, given: object, called: str) -> str:
-        """A text."""
-        from compare.arguments import address
-
-        return address(given, called)
+        if isinstance(given, str):
+            return given
+        raise unusable(called, given, "its address, such as tcp://localhost:8786")
 
 
 @dataclass(frozen=True)
-class Whole(Kind[int]):
+class Whole(ArgumentKind[int]):
     """A whole number within bounds."""
 
     least: int = 0
@@ -157,77 +158,74 @@ class Whole(Kind[int]):
     word: ClassVar[type] = int
 
     def check(self, given: object, called: str) -> int:
-        """The number."""
-        from compare.arguments import whole
+        if isinstance(given, Integral) and not isinstance(given, bool):
+            number = int(given)
+            if self.least <= number and (self.most is None or number <= self.most):
+                return number
+        accepted = f"of {self.least} or more" if self.most is None else f"from {self.least} to {self.most}"
+        raise unusable(called, given, f"a whole number {accepted}")
 
-        return whole(given, called, self.least, self.most)
 
-
-class Number(Kind[float]):
+class RealNumber(ArgumentKind[float]):
     """A number, which the function proves."""
 
     word: ClassVar[type] = float
 
 
-class Moment(Number):
+class Moment(RealNumber):
     """A crank angle, typed in degrees, or a time (s): the command knows which, as it has the result."""
 
     units: ClassVar[tuple[str, str]] = ("deg", "rad")
 
 
-class Angle(Number):
+class Angle(RealNumber):
     """An angle, typed in degrees."""
 
     units: ClassVar[tuple[str, str]] = ("deg", "rad")
 
     def parse(self, word: float, called: str) -> float:
-        """The angle in rad."""
         return math.radians(word)
 
 
-class Seconds(Number):
+class Seconds(RealNumber):
     """A stretch of time (s)."""
 
     def check(self, given: object, called: str) -> float:
         """More than nothing."""
-        from compare.arguments import seconds
+        if isinstance(given, Real) and not isinstance(given, bool) and 0 < float(given) < math.inf:
+            return float(given)
+        raise unusable(called, given, "a number of seconds above 0")
 
-        return seconds(given, called)
 
-
-class Listed(Kind[str]):
+class Listed(ArgumentKind[str]):
     """Words with commas between them, which the function proves."""
 
     def parse(self, word: str, called: str) -> list[str]:
-        """The words, each once."""
         return listed_once(word, called)
 
 
 @dataclass(frozen=True)
-class Names(Listed):
+class NameList(Listed):
     """Names, with commas between them, at least so many."""
 
     least: int = 0
 
     def check(self, given: object, called: str) -> tuple[str, ...]:
-        """The names; a single text is one."""
         from compare.arguments import names
 
         return names(given, called, self.least)
 
 
-class RepeatedNames(Kind[list[str]]):
+class RepeatedNames(ArgumentKind[list[str]]):
     """Names, with commas between them, in an option that may be repeated."""
 
     repeated: ClassVar[bool] = True
 
     def parse(self, word: list[str], called: str) -> list[str]:
-        """The names, each once."""
-        return Names().parse(",".join(word), called)
+        return NameList().parse(",".join(word), called)
 
     def check(self, given: object, called: str) -> tuple[str, ...]:
-        """The names; a single text is one."""
-        return Names().check(given, called)
+        return NameList().check(given, called)
 
     def stands_for(self, argument: object) -> object:
         """None of no names, which typer cannot show."""
@@ -235,7 +233,7 @@ class RepeatedNames(Kind[list[str]]):
 
 
 @dataclass(frozen=True)
-class ByJoint(Kind[str]):
+class ByJoint(ArgumentKind[str]):
     """Numbers by joint, ``B=1e-4,E=2e-4``; that the linkage has these joints is for the function to prove."""
 
     each: str = "JOINT=metres, such as B=1e-4"
@@ -251,7 +249,7 @@ class ByJoint(Kind[str]):
         return sizes
 
 
-class Increasing(Kind[str]):
+class IncreasingNumbers(ArgumentKind[str]):
     """Numbers with commas between them, each once."""
 
     accepted: ClassVar[str] = "finite numbers"
@@ -267,39 +265,43 @@ class Increasing(Kind[str]):
         return [self.converted(value) for value in self.increasing(typed, called, unit)]
 
     def check(self, given: object, called: str) -> tuple[float, ...]:
-        """The numbers, increasing."""
         return self.increasing(given, called, self.units[1])
 
     def increasing(self, given: object, called: str, unit: str) -> tuple[float, ...]:
-        """The numbers, increasing."""
-        from compare.arguments import increasing
+        """The numbers, each once, increasing."""
+        from compare.arguments import numbers
 
-        return increasing(given, called, unit)
+        ordered = sorted(numbers(given, called, unit).tolist())
+        twice = next((value for value, after in pairwise(ordered) if value == after), None)
+        if twice is not None:
+            raise ArgumentError(called, f"{twice:g} is there twice; give each once")
+        return tuple(ordered)
 
     def converted(self, typed: float) -> float:
         """A typed number in the unit of the argument."""
         return typed
 
 
-class Positive(Increasing):
+class PositiveNumbers(IncreasingNumbers):
     """Numbers above zero."""
 
     accepted: ClassVar[str] = "{} above 0"
 
     def increasing(self, given: object, called: str, unit: str) -> tuple[float, ...]:
         """The numbers, increasing, above zero."""
-        from compare.arguments import positive
+        ordered = super().increasing(given, called, unit)
+        if ordered[0] <= 0:
+            raise ArgumentError(called, f"{ordered[0]:g} cannot be used; give {unit} above 0")
+        return ordered
 
-        return positive(given, called, unit)
 
-
-class Clearances(Positive):
+class Clearances(PositiveNumbers):
     """Clearances (m)."""
 
     units: ClassVar[tuple[str, str]] = ("m", "m")
 
 
-class Speeds(Positive):
+class Speeds(PositiveNumbers):
     """Speeds of a crank, typed in rpm."""
 
     units: ClassVar[tuple[str, str]] = ("rpm", "rad/s")
@@ -309,39 +311,65 @@ class Speeds(Positive):
         return typed * math.pi / 30
 
 
-class Angles(Kind[str]):
+class GridError(Error, ValueError):
+    """``--angles``, ``--times`` or ``--workspace`` cannot be used; the message says what is accepted."""
+
+
+class Angles(ArgumentKind[str]):
     """Crank angles, typed as a range of degrees; that they can be reached is for the function to prove."""
 
     units: ClassVar[tuple[str, str]] = ("deg", "rad")
 
     def parse(self, word: str, called: str) -> np.ndarray:
-        """The angles (N,) rad, stop included."""
-        from compare.judge.grid import parse_angles
+        """The angles (N,) rad, stop included.  Raises GridError."""
+        import numpy as np
 
-        return parse_angles(word)
+        start, stop, step = _range(f"--angles {word}", word, "degrees, such as 20:160:5")
+        if not (all(map(math.isfinite, (start, stop, step))) and step > 0 and stop >= start):
+            raise GridError(f"--angles {word}: stop must not be below start, and step must be positive (degrees)")
+        if max(abs(start), abs(stop)) > FARTHEST_ANGLE:
+            raise GridError(f"--angles {word}: a crank angle (degrees) must not be beyond {FARTHEST_ANGLE:g}")
+        if (stop - start) / step > 1e6:
+            raise GridError(f"--angles {word}: that is more than a million angles; use a larger step")
+        return np.radians(start + step * np.arange(int((stop - start) / step + 1e-9) + 1))
 
 
-class Times(Kind[str]):
+class Times(ArgumentKind[str]):
     """Times (s), typed as a range."""
 
     def parse(self, word: str, called: str) -> np.ndarray:
-        """The times (N,) s, stop included."""
-        from compare.judge.grid import parse_times
+        """The times (N,) s, stop included.  Raises GridError."""
+        import numpy as np
 
-        return parse_times(word)
+        start, stop, step = _range(f"--times {word}", word, "seconds, such as 0:1:0.02")
+        if not (all(map(math.isfinite, (start, stop, step))) and step > 0 and 0 <= start < stop):
+            raise GridError(f"--times {word}: give a start of 0 or more, a later stop and a positive step (seconds)")
+        if (stop - start) / step > MOST_TIMES:
+            raise GridError(f"--times {word}: that is more than {MOST_TIMES} times; use a larger step")
+        return np.asarray(start + step * np.arange(int((stop - start) / step + 1e-9) + 1))
 
 
-class Places(Kind[str]):
+class Places(ArgumentKind[str]):
     """A grid of places (m)."""
 
-    def parse(self, word: str, called: str) -> object:
-        """Lowest, highest and number of the x and of the y."""
-        from compare.judge.grid import parse_workspace
+    def parse(self, word: str, called: str) -> tuple[tuple[float, float, int], tuple[float, float, int]]:
+        """Lowest, highest and number of the x and of the y.  Raises GridError."""
+        remedy = "give x0:x1:nx,y0:y1:ny in metres, such as -0.1:0.1:41,0:0.2:41"
+        axes = [part.split(":") for part in word.split(",")]
+        if [len(axis) for axis in axes] != [3, 3]:
+            raise GridError(f"--workspace {word}: {remedy}")
+        try:
+            (x0, x1, nx), (y0, y1, ny) = ((float(a), float(b), int(n)) for a, b, n in axes)
+        except ValueError:
+            raise GridError(f"--workspace {word}: {remedy}") from None
+        if not (all(map(math.isfinite, (x0, x1, y0, y1))) and x1 > x0 and y1 > y0 and nx >= 2 and ny >= 2):
+            raise GridError(
+                f"--workspace {word}: each axis needs a higher end above its lower one, and two places or more"
+            )
+        return (x0, x1, nx), (y0, y1, ny)
 
-        return parse_workspace(word)
 
-
-class Source(Kind[Path]):
+class Source(ArgumentKind[Path]):
     """A file that is read; what the function takes in its place is for it to prove."""
 
     word: ClassVar[type] = Path
@@ -351,7 +379,6 @@ class File(Source):
     """A file that is read, or a folder."""
 
     def check(self, given: object, called: str) -> Path:
-        """Its path."""
         from compare.arguments import path
 
         return path(given, called)
@@ -361,30 +388,27 @@ class TomlTolerances(Source):
     """A file of tolerances, which is read where it is typed, so that a fault in it names the option."""
 
     def parse(self, word: Path, called: str) -> Tolerances:
-        """The tolerances."""
         from compare.judge.tolerances import load_tolerances
 
         return load_tolerances(word)
 
 
-class Files(Kind[list[Path]]):
+class Files(ArgumentKind[list[Path]]):
     """Files that are read, one or several."""
 
     word: ClassVar[type] = Path
     repeated: ClassVar[bool] = True
 
 
-class Written(Kind[str]):
+class Written(ArgumentKind[str]):
     """A file or a folder that is written; an empty text, which would be the current folder, is none."""
 
     def parse(self, word: str, called: str) -> Path:
-        """Its path."""
         if not word.strip():
             raise ArgumentError(called, "it is empty; name a folder, or give . for the current one")
         return Path(word)
 
     def check(self, given: object, called: str) -> Path:
-        """Its path."""
         return File().check(given, called)
 
     def stands_for(self, argument: object) -> str | None:
@@ -404,6 +428,15 @@ def listed_once(text: str, called: str) -> list[str]:
     if twice is not None:
         raise ArgumentError(called, f"{twice} is there twice; give each once")
     return parts
+
+
+def _range(typed: str, word: str, example: str) -> tuple[float, float, float]:
+    """Start, stop and step of a range.  Raises GridError."""
+    try:
+        start, stop, step = (float(part) for part in word.split(":"))
+    except ValueError:
+        raise GridError(f"{typed}: give start:stop:step in {example}") from None
+    return start, stop, step
 
 
 def _number(text: str, called: str, remedy: str) -> float:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 P = ParamSpec("P")
 Q = TypeVar("Q", bound="Question")
 R = TypeVar("R")
-WIDTH = 116  # characters of a line of help, which Python indents by four
+HELP_WIDTH = 116  # characters of a line of help, which Python indents by four
 
 
 @dataclass_transform(eq_default=False, frozen_default=True)
@@ -65,12 +65,12 @@ def answers(question: Callable[P, Q]) -> Callable[[Callable[[Q], R]], Callable[P
 
         assert isinstance(question, type)
         returns = inspect.signature(answer).return_annotation
-        told = inspect.signature(question).replace(return_annotation=returns)
-        asked.__signature__ = told.replace(  # type: ignore[attr-defined]
-            parameters=[each.replace(annotation=_type(each.annotation)) for each in told.parameters.values()]
+        signature = inspect.signature(question).replace(return_annotation=returns)
+        asked.__signature__ = signature.replace(  # type: ignore[attr-defined]
+            parameters=[each.replace(annotation=_type(each.annotation)) for each in signature.parameters.values()]
         )
         helps = [
-            fill(f"``{name}``   {option.python_help}", WIDTH, subsequent_indent="  ")
+            fill(f"``{name}``   {option.python_help}", HELP_WIDTH, subsequent_indent="  ")
             for name, option in options(question).items()
         ]
         asked.__doc__ = "\n".join([inspect.cleandoc(answer.__doc__ or ""), "", *helps])

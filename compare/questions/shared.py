@@ -16,7 +16,7 @@ MOTIONS = ("driven", "static")
 MODELS = ("first_order", "equilibrium")
 
 AnyPath = str | PathLike[str]
-Case = Annotated["Linkage", Option("Shipped case (see: compare cases) or a mechanism file.", name="case")]
+CaseOption = Annotated["Linkage", Option("Shipped case (see: compare cases) or a mechanism file.", name="case")]
 Large = Annotated[bool, Option("Take clearances of more than a tenth of the shortest body at their joint.", Switch())]
 Clearance = Annotated[
     "Metres | None", Option("Radial clearances (m) in place of the case's own.", ByJoint("JOINT=M,..."))
@@ -27,19 +27,19 @@ OneModel = Annotated[
 Drives = Annotated[
     "Motion", Option("Drives at work, or an equilibrium at each angle or time.", Choice(choices=MOTIONS))
 ]
-Analytic = Annotated["Model", Option("Analytic model: first order (Eq. 8) or equilibrium.", Choice(choices=MODELS))]
-Engines = Annotated[
+ModelOption = Annotated["Model", Option("Analytic model: first order (Eq. 8) or equilibrium.", Choice(choices=MODELS))]
+EnginesOption = Annotated[
     "Simulators", Option("Engines to compare with, or all that are installed.", Listed("NAME,..."), name="simulator")
 ]
-Engine = Annotated[str, Option("Engine (see: compare simulators).")]
-Tolerance = Annotated[
+EngineOption = Annotated[str, Option("Engine (see: compare simulators).")]
+ToleranceOption = Annotated[
     "ToleranceFile | None", Option("Tolerance file laid over the shipped one.", TomlTolerances(), name="tolerance")
 ]
 Workers = Annotated[int | None, Option("Processes [one a core].", Whole(least=1))]
 PythonWorkers = Annotated[
     int | None, Option("Processes [one a core where there are several engines].", Whole(least=1), typed=False)
 ]
-Told = Annotated[
+ProgressOption = Annotated[
     "Progress | None",
     Option(
         "Told what is being done, how many are done and how many there are [a bar on standard error, on a terminal"
@@ -53,7 +53,7 @@ CrankAngles = Annotated[
 GivenTimes = Annotated[
     "Numbers | None", Option("Times (s), of several drives or of one that turns no crank.", Times("START:STOP:STEP"))
 ]
-Course = Annotated[AnyPath | None, Option("Course of the drives: time and position_<joint> columns.", File("FILE"))]
-Followed = Annotated[
+CourseFile = Annotated[AnyPath | None, Option("Course of the drives: time and position_<joint> columns.", File("FILE"))]
+PathFile = Annotated[
     AnyPath | None, Option("Path of a platform: time and its <body>_x, _y, _angle columns.", File("FILE"))
 ]

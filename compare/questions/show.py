@@ -1,4 +1,4 @@
-"""What of a result is to be shown: one number of a cross-check, or what a diagnosis leaves of a signal."""
+"""The part of a result that is shown: one number of a cross-check, or a signal's residuals of a diagnosis."""
 
 from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING, Annotated

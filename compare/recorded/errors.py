@@ -1,4 +1,4 @@
-"""What is wrong with a data file: every fault that was found, a sentence each."""
+"""Faults of a data file, a sentence each."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from analytic.errors import Error
 
-SAID = 8  # faults of a message
+MOST_FAULTS = 8  # faults of a message
 
 
 class DataError(Error, ValueError):
@@ -19,12 +19,12 @@ class DataError(Error, ValueError):
     def __str__(self) -> str:
         if len(self.faults) == 1:
             return self.faults[0]
-        head, *faults = said(self.faults)
+        head, *faults = first_faults(self.faults)
         return f"{head} {'; '.join(faults)}"
 
 
-def said(faults: Sequence[str]) -> list[str]:
+def first_faults(faults: Sequence[str]) -> list[str]:
     """The first faults, and how many more there are."""
-    more = len(faults) - SAID
-    head = f"{len(faults)} faults" + (f", the first {SAID} of them:" if more > 0 else ":")
-    return [head, *faults[:SAID]]
+    more = len(faults) - MOST_FAULTS
+    head = f"{len(faults)} faults" + (f", the first {MOST_FAULTS} of them:" if more > 0 else ":")
+    return [head, *faults[:MOST_FAULTS]]

@@ -12,16 +12,19 @@ from analytic.mechanism.one_line import shown
 from compare.recorded.errors import DataError
 from compare.recorded.text import CELLS, too_long
 
-Columns = Mapping[str, np.ndarray | str]
+ColumnsByHeading = Mapping[str, np.ndarray | str]
 """Numbers (N,) by heading, or why a column has none."""
 
 
-def reader(path: Path) -> Callable[[Path], Columns] | None:
-    """What reads a file of that name; None for text."""
+def reader(path: Path) -> Callable[[Path], ColumnsByHeading] | None:
+    """What reads a file of that name; None for text.  Raises DataError where there is no such file."""
+    if not path.is_file():
+        what = "is a folder; give the path of a file in it" if path.is_dir() else "no such file; give its path"
+        raise DataError(f"{path}: {what}")
     return {".parquet": _parquet, ".feather": _feather, ".arrow": _feather, ".mat": _mat}.get(path.suffix.lower())
 
 
-def _parquet(path: Path) -> Columns:
+def _parquet(path: Path) -> ColumnsByHeading:
     pyarrow = _pyarrow(path)
     try:
         with pyarrow.parquet.ParquetFile(path) as file:
@@ -31,7 +34,7 @@ def _parquet(path: Path) -> Columns:
         raise _unreadable(path, "Parquet", error) from None
 
 
-def _feather(path: Path) -> Columns:
+def _feather(path: Path) -> ColumnsByHeading:
     pyarrow = _pyarrow(path)
     try:
         table = pyarrow.feather.read_table(path, memory_map=True)
@@ -54,26 +57,26 @@ def _pyarrow(path: Path) -> Any:
     return pyarrow
 
 
-def _arrow(table: Any) -> Columns:
+def _arrow(table: Any) -> ColumnsByHeading:
     """Columns of an Arrow table; moments in time are seconds after the first."""
     import pyarrow.types as kinds
 
-    found: dict[str, np.ndarray | str] = {}
+    columns: dict[str, np.ndarray | str] = {}
     for name, column in zip(table.column_names, table.columns, strict=True):
         if kinds.is_timestamp(column.type) or kinds.is_duration(column.type):
             ticks = column.to_numpy().astype(
                 f"{'datetime64' if kinds.is_timestamp(column.type) else 'timedelta64'}[ns]"
             )
             seconds = (ticks - ticks[0]) / np.timedelta64(1, "s") if ticks.size else np.zeros(0)
-            found[f"{name} [s]"] = np.asarray(seconds, float)
+            columns[f"{name} [s]"] = np.asarray(seconds, float)
         elif kinds.is_integer(column.type) or kinds.is_floating(column.type) or kinds.is_decimal(column.type):
-            found[name] = column.cast("float64").to_numpy()
+            columns[name] = column.cast("float64").to_numpy()
         else:
-            found[name] = f"holds {column.type} and no numbers"
-    return found
+            columns[name] = f"holds {column.type} and no numbers"
+    return columns
 
 
-def _mat(path: Path) -> Columns:
+def _mat(path: Path) -> ColumnsByHeading:
     from scipy.io import loadmat, whosmat
     from scipy.io.matlab import MatReadError
 
@@ -85,26 +88,26 @@ def _mat(path: Path) -> Columns:
         raise DataError(f"{path.name}: is a MAT file of version 7.3; save it with '-v7', or as CSV") from None
     except (MatReadError, OSError, ValueError, TypeError, KeyError, IndexError, EOFError) as error:
         raise _unreadable(path, "MAT (version 5)", error) from None
-    found: dict[str, np.ndarray | str] = {}
+    columns: dict[str, np.ndarray | str] = {}
     for name, value in _vectors({name: value for name, value in read.items() if not name.startswith("__")}):
         real = isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype.kind in "iuf"
-        found[name] = value.astype(float) if real else "is no vector of real numbers"
-    lengths = {values.size for values in found.values() if isinstance(values, np.ndarray)}
+        columns[name] = value.astype(float) if real else "is no vector of real numbers"
+    lengths = {values.size for values in columns.values() if isinstance(values, np.ndarray)}
     if len(lengths) > 1:
-        sizes = ", ".join(f"{name} {values.size}" for name, values in found.items() if isinstance(values, np.ndarray))
+        sizes = ", ".join(f"{name} {values.size}" for name, values in columns.items() if isinstance(values, np.ndarray))
         raise DataError(
             f"{path.name}: its vectors have several lengths ({sizes[:300]}); keep those of one run in a file"
         )
-    return found
+    return columns
 
 
 def _vectors(fields: Mapping[str, Any]) -> list[tuple[str, Any]]:
-    """What a MAT file holds by name; of a struct its fields."""
-    found: list[tuple[str, Any]] = []
+    """The variables of a MAT file by name; of a struct its fields."""
+    vectors: list[tuple[str, Any]] = []
     for name, value in fields.items():
         inside = getattr(value, "_fieldnames", None)
-        found += [(field, getattr(value, field)) for field in inside] if inside else [(name, value)]
-    return found
+        vectors += [(field, getattr(value, field)) for field in inside] if inside else [(name, value)]
+    return vectors
 
 
 def _check_size(path: Path, rows: int, columns: int) -> None:

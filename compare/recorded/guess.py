@@ -18,18 +18,18 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.columns import ANY_LAYOUT
 from analytic.mechanism.one_line import shown
 from analytic.mechanism.signals import Signal
-from analytic.mechanism.units import SI, UnitError, dimension, factor
+from analytic.mechanism.units import SI, dimension
 from compare.recorded.errors import DataError
 from compare.recorded.every_column import every_column
-from compare.recorded.headings import TIME, Names, clocklike, fold, told_unit, unit_of
-from compare.recorded.likeness import NEAR, UNKNOWN, Guess, by_model, zeroed
+from compare.recorded.headings import TIME, Naming, clocklike, fold, is_unit, unit_of, written_unit
+from compare.recorded.likeness import NEAR_UNIT, UNKNOWN, Guess, by_model, zeroed
 
 HINTS = ("crank", "enc", "geber", "motor", "drive", "phi", "theta", "winkel", "angle", "pos")  # of an encoder's heading
 LINES = (360, 400, 500, 512, 720, 1000, 1024, 1800, 2000, 2048, 2500, 3600, 4096, 5000, 8192, 9000, 10000)
-COUNTS = tuple(n * edges for n in LINES for edges in (1, 4))  # of encoders' turns
+ENCODER_COUNTS = tuple(n * edges for n in LINES for edges in (1, 4))  # of encoders' turns
 BETTER = 0.3  # columns less that a less likely encoder must leave
 EITHER = 0.1  # columns less that an encoder must leave that counts backward
-EVEN = 0.05  # rad, by which a crank that turns at a speed may be off it
+OFF_SPEED = 0.05  # rad, by which a crank that turns at a speed may be off it
 
 
 @dataclass(frozen=True)
@@ -46,53 +46,51 @@ def guess(file: Path, mechanism: Mechanism) -> Guessed:
     """What the columns of a file are.  Raises DataError."""
     everything = every_column(file, mechanism)
     columns = everything.columns
-    names = Names(mechanism, ANY_LAYOUT)
-    found: dict[str, Guess] = {}
+    names = Naming(mechanism, ANY_LAYOUT)
+    guesses: dict[str, Guess] = {}
     for heading, values in columns.items():
-        found[heading] = _by_heading(heading, everything.units.get(heading), values, names)
-    clock = next((g for g in found.values() if g.signal == TIME), None) or _clock(columns, found)
+        guesses[heading] = _by_heading(heading, everything.units.get(heading), values, names)
+    clock = next((g for g in guesses.values() if g.signal == TIME), None) or _clock(columns, guesses)
     if clock is None:
         raise DataError(f"{file.name}: has no column of time: none rises steadily; add one, such as 'time [s]'")
-    found[clock.heading] = clock
+    guesses[clock.heading] = clock
     time = clock.si(columns[clock.heading])
-    likely = _moving(columns, found, mechanism)
-    crank = likely[0] if likely and likely[0] in found.values() else None
-    tried = [by_model(columns, found, mechanism, time, each) for each in likely]
+    likely = _moving(columns, guesses, mechanism)
+    crank = likely[0] if likely and likely[0] in guesses.values() else None
+    tried = [by_model(columns, guesses, mechanism, time, each) for each in likely]
     if tried and crank is None and mechanism.cranked and min(each.left for each in tried) > BETTER:
-        others = [zeroed(columns, found, mechanism, each) for each in likely]
-        likely, tried = likely + others, tried + [by_model(columns, found, mechanism, time, each) for each in others]
+        others = [zeroed(columns, guesses, mechanism, each) for each in likely]
+        likely, tried = likely + others, tried + [by_model(columns, guesses, mechanism, time, each) for each in others]
     if tried:
         k = min(range(len(tried)), key=lambda i: tried[i].left + (i > 0) * BETTER + (likely[i].sign < 0) * EITHER)
         why = f"{likely[k].why}; so the other columns are nearest to the nominal model" if k else likely[k].why
-        found[likely[k].heading] = replace(likely[k], why=why)
-        found |= tried[k].guesses
-    read = {g.signal.name: g.si(columns[heading]) for heading, g in found.items() if g.signal is not None}
+        guesses[likely[k].heading] = replace(likely[k], why=why)
+        guesses |= tried[k].guesses
+    read = {g.signal.name: g.si(columns[heading]) for heading, g in guesses.items() if g.signal is not None}
     unread = tuple(Guess(heading, None, why="not numbers") for heading in everything.words)
-    return Guessed(file, (*found.values(), *unread), read, everything.notes)
+    return Guessed(file, (*guesses.values(), *unread), read, everything.notes)
 
 
-def _moving(columns: Mapping[str, np.ndarray], found: Mapping[str, Guess], mechanism: Mechanism) -> list[Guess]:
+def _moving(columns: Mapping[str, np.ndarray], guesses: Mapping[str, Guess], mechanism: Mechanism) -> list[Guess]:
     """What the column of the motor may be: what its heading says, or several that are called like one.  Those of
     several motors have to say it.
     """
     encoder, *others = mechanism.encoders
     if others:
         return []
-    said = next((g for g in found.values() if g.signal == encoder), None)
-    return [said] if said else _encoders(columns, found, encoder)
+    named = next((g for g in guesses.values() if g.signal == encoder), None)
+    return [named] if named else _encoders(columns, guesses, encoder)
 
 
-def _by_heading(heading: str, below: str | None, values: np.ndarray, names: Names) -> Guess:
-    """What a heading says, and the unit ``below`` it, as far as they say it."""
+def _by_heading(heading: str, below: str | None, values: np.ndarray, names: Naming) -> Guess:
+    """The guess that a heading, and the unit ``below`` it, make by themselves."""
     signal, _, unit = names.parted(heading)
     unit = below if unit is None else unit
     if signal is None:
         return Guess(heading, None, why=UNKNOWN)
+    if unit and not is_unit(unit, dimension(signal)):
+        return Guess(heading, None, why=f"its unit {shown(unit)} is none of {dimension(signal)}")
     if unit:
-        try:
-            factor(unit, dimension(signal))
-        except UnitError:
-            return Guess(heading, None, why=f"its unit {shown(unit)} is none of {dimension(signal)}")
         return Guess(heading, signal, unit, sure=True)
     return Guess(
         heading, signal, _likely(dimension(signal), values), why="its heading has no unit; guessed by its size"
@@ -112,28 +110,28 @@ def _likely(kind: str, values: np.ndarray) -> str:
     return SI[kind]  # type: ignore[index]
 
 
-def _clock(columns: Mapping[str, np.ndarray], found: Mapping[str, Guess]) -> Guess | None:
+def _clock(columns: Mapping[str, np.ndarray], guesses: Mapping[str, Guess]) -> Guess | None:
     """The column that rises steadily: time.  What is called like it goes first, and what has another unit never."""
     for heading in sorted(columns, key=lambda heading: not clocklike(heading)):
         values = columns[heading]
         step = np.diff(values)
-        if found[heading].signal is not None or (unit_of(heading) and not told_unit(heading, "time")):
+        if guesses[heading].signal is not None or (unit_of(heading) and not written_unit(heading, "time")):
             continue
         if not clocklike(heading) and any(hint in fold(heading) for hint in HINTS):
             continue
         if np.all(step > 0) and np.std(step) < 0.2 * np.mean(step):
-            unit = told_unit(heading, "time") or _likely("time", values)
+            unit = written_unit(heading, "time") or _likely("time", values)
             return Guess(heading, TIME, unit, why="it rises steadily")
     return None
 
 
-def _encoders(columns: Mapping[str, np.ndarray], found: Mapping[str, Guess], signal: Signal) -> list[Guess]:
+def _encoders(columns: Mapping[str, np.ndarray], guesses: Mapping[str, Guess], signal: Signal) -> list[Guess]:
     """What the column that is called like an encoder may be, the likeliest first: its unit and direction."""
-    free = {h: v for h, v in columns.items() if found[h].signal is None and np.ptp(v[np.isfinite(v)]) > 0}
+    free = {h: v for h, v in columns.items() if guesses[h].signal is None and np.ptp(v[np.isfinite(v)]) > 0}
     hinted = [h for h in free if any(hint in fold(h) for hint in HINTS)]
     for heading in hinted:
         values = free[heading]
-        unit = told_unit(heading, dimension(signal))
+        unit = written_unit(heading, dimension(signal))
         if unit:
             what = "crank" if signal.wraps else "slide"
             return _either_way([Guess(heading, signal, unit, why=f"called like an encoder of the {what}")])
@@ -168,8 +166,5 @@ def _wraps(values: np.ndarray) -> int | None:
     if not back.any() or back.all() or np.nanmax(steps) < 0.5 * np.nanmax(np.abs(values)):
         return None
     about = float(np.median(steps[back]) + np.median(steps[~back]))
-    nearest = min(COUNTS, key=lambda n: abs(n - about))
-    return nearest if abs(nearest - about) / nearest < NEAR else None
-
-
-__all__ = ["EVEN", "Guessed", "guess"]
+    nearest = min(ENCODER_COUNTS, key=lambda n: abs(n - about))
+    return nearest if abs(nearest - about) / nearest < NEAR_UNIT else None

@@ -17,15 +17,15 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.columns import ColumnMeaning, Layout
 from analytic.mechanism.one_line import shown
 from analytic.mechanism.signals import Signal
-from analytic.mechanism.units import UnitError, dimension, factor, readable
+from analytic.mechanism.units import QuantityKind, UnitError, dimension, factor, readable
 
 TIME = Signal("time", "", "time")
 CLOCK = ("time", "t")  # what a column of time is called
-# and in other words, of which none is enough
+# words in a heading of time, none of which is enough by itself
 CLOCKS = (*CLOCK, "zeit", "timestamp", "stamp", "clock", "uhrzeit", "zeitstempel", "temps", "tempo", "tiempo")
 AMBIGUOUS = "T"  # time if it has a unit of time, else as likely a temperature
 ALIASES = ("crank_angle", "crank_angular_velocity")  # of the driven body's signals, whatever it is called
-NEAR = 0.8  # of a signal's name: what is as near may be meant
+SIMILAR_NAME = 0.8  # of a signal's name: what is as near may be meant
 WORD = 3  # letters of a word that tells a signal from another
 SUFFIXES = {  # of headings such as time_ms and phi_deg
     "s": "s", "sec": "s", "ms": "ms", "us": "us", "min": "min", "h": "h", "rad": "rad", "mrad": "mrad", "deg": "deg",
@@ -62,7 +62,7 @@ class Column:
         return (self.meaning.of(readings) if self.meaning else readings) * self.factor
 
     def readings(self, si: np.ndarray) -> np.ndarray:
-        """What a file has where a signal (N,) is this in SI."""
+        """The readings (N,) of a file for a signal in SI."""
         return self.meaning.read(si / self.factor) if self.meaning else si / self.factor
 
 
@@ -77,8 +77,13 @@ class Headings:
     cells: tuple[str, ...]
     used: frozenset[str]
 
+    @property
+    def all(self) -> list[Column]:
+        """The columns that are read, time first."""
+        return [self.time, *self.columns] if self.time else list(self.columns)
 
-class Names:
+
+class Naming:
     """The signals that a file of a mechanism may have, by whatever it may call them."""
 
     def __init__(self, mechanism: Mechanism, layout: Layout, mappable: bool = True, derived: bool = False) -> None:
@@ -106,17 +111,17 @@ class Names:
 
     def parted(self, cell: str) -> tuple[Signal | None, str, str | None]:
         """The signal of a heading, its name and its unit; None for what there is not."""
-        found = BRACKETED.fullmatch(cell)
-        if found:
-            unit = found[2] if found[2] is not None else found[3]
-            signal, unit = self.signal(found[1]), (unit or "").strip()
-            return (None if found[1] == AMBIGUOUS and not _of_time(unit) else signal), found[1], unit
+        brackets = BRACKETED.fullmatch(cell)
+        if brackets:
+            unit = brackets[2] if brackets[2] is not None else brackets[3]
+            signal, unit = self.signal(brackets[1]), (unit or "").strip()
+            return (None if brackets[1] == AMBIGUOUS and not is_unit(unit, "time") else signal), brackets[1], unit
         name = cell.strip()
         plain, _, suffix = name.replace(" ", "_").rpartition("_")
-        own = self.signal(name) if name != AMBIGUOUS else None
-        if own is None and suffix.lower() in SUFFIXES and (signal := self.signal(plain)):
+        whole = self.signal(name) if name != AMBIGUOUS else None
+        if whole is None and suffix.lower() in SUFFIXES and (signal := self.signal(plain)):
             return signal, plain, SUFFIXES[suffix.lower()]
-        return own, name, None
+        return whole, name, None
 
     def recognised(self, cell: str) -> bool:
         """Whether a heading is a signal's, or in the map."""
@@ -127,16 +132,17 @@ class Names:
         called = fold(name)
         meant = {fold(known): known for known in self.known}
         meant |= {each: canonical(each, self.mechanism) for each in ALIASES}
-        close = difflib.get_close_matches(called, list(meant), n=1, cutoff=NEAR)
+        close = difflib.get_close_matches(called, list(meant), n=1, cutoff=SIMILAR_NAME)
         if close:
             return meant[close[0]] if meant[close[0]] in self.known else None
         words = {word for word in called.split("_") if len(word) >= WORD}
         return next((known for key, known in meant.items() if words and words <= set(key.split("_"))), None)
 
 
-def _of_time(unit: str) -> bool:
+def is_unit(text: str, kind: QuantityKind) -> bool:
+    """Whether a text is a unit of this kind."""
     try:
-        factor(unit, "time")
+        factor(text, kind)
     except UnitError:
         return False
     return True
@@ -149,19 +155,15 @@ def fold(name: str) -> str:
 
 def unit_of(heading: str) -> str:
     """The unit in a heading's brackets."""
-    found = BRACKETED.fullmatch(heading)
-    return ((found[2] or found[3] or "") if found else "").strip()
+    brackets = BRACKETED.fullmatch(heading)
+    return ((brackets[2] or brackets[3] or "") if brackets else "").strip()
 
 
-def told_unit(heading: str, kind: str) -> str:
+def written_unit(heading: str, kind: QuantityKind) -> str:
     """The unit in a heading's brackets or at its end, if it is of this kind."""
     suffix = re.search(r"[_\s]([A-Za-z]+)$", heading.strip())
     unit = unit_of(heading) or (SUFFIXES.get(suffix[1].lower(), "") if suffix else "")
-    try:
-        factor(unit, kind)  # type: ignore[arg-type]
-    except UnitError:
-        return ""
-    return unit
+    return unit if is_unit(unit, kind) else ""
 
 
 def clocklike(heading: str) -> bool:
@@ -180,7 +182,7 @@ def canonical(signal: str, mechanism: Mechanism) -> str:
     return f"{mechanism.driven}{signal.removeprefix('crank')}" if signal in ALIASES else signal
 
 
-def read_headings(cells: Sequence[str], units: Mapping[int, str], names: Names, where: str, timed: bool) -> Headings:
+def read_headings(cells: Sequence[str], units: Mapping[int, str], names: Naming, where: str, timed: bool) -> Headings:
     """What the columns with these headings are; ``units`` are those of a row of units, by column, and ``where`` is the
     header's line.  With ``timed`` a file without time is at fault.
     """
@@ -195,17 +197,17 @@ def read_headings(cells: Sequence[str], units: Mapping[int, str], names: Names, 
         if entry is not None:
             used.add(entry)
             meaning = names.layout.columns[entry]
-            found = None if isinstance(meaning, str) else _mapped(at, place, cell, units, names, entry, meaning)
+            column = None if isinstance(meaning, str) else _mapped(at, place, cell, units, names, entry, meaning)
         else:
-            found = _named(at, place, cell, units, names)
-            if found is None:
+            column = _named(at, place, cell, units, names)
+            if column is None:
                 ignored.append(cell)
-        if isinstance(found, Column):
-            columns.append(found)
-        elif found is not None:
-            faults.append(found)
+        if isinstance(column, Column):
+            columns.append(column)
+        elif column is not None:
+            faults.append(column)
     if ignored:
-        notes.append(left_alone(ignored, "no signal of the linkage"))
+        notes.append(ignored_columns(ignored, "no signal of the linkage"))
     faults += _twice(where, columns, cells, names)
     time = next((c for c in columns if c.signal == TIME), None)
     others = tuple(c for c in columns if c.signal != TIME)
@@ -220,7 +222,7 @@ def read_headings(cells: Sequence[str], units: Mapping[int, str], names: Names, 
 
 
 def _mapped(
-    at: str, place: int, cell: str, units: Mapping[int, str], names: Names, entry: str, meaning: ColumnMeaning
+    at: str, place: int, cell: str, units: Mapping[int, str], names: Naming, entry: str, meaning: ColumnMeaning
 ) -> Column | str:
     """A column that the map has, or what is wrong with it."""
     signal = names.signal(meaning.signal)
@@ -235,7 +237,7 @@ def _mapped(
     return _column(at, place, signal, unit, meaning)
 
 
-def _named(at: str, place: int, cell: str, units: Mapping[int, str], names: Names) -> Column | str | None:
+def _named(at: str, place: int, cell: str, units: Mapping[int, str], names: Naming) -> Column | str | None:
     """A column by its own heading, what is wrong with it, or None if it is none of the linkage's."""
     if not cell.strip() or (BRACKETED.fullmatch(cell) is None and re.search(r"[\[\]]", cell)):
         return f"{at} is {shown(cell)}; write 'signal [unit]', such as 'crank_angle [deg]'"
@@ -264,14 +266,14 @@ def _column(at: str, place: int, signal: Signal, unit: str, meaning: ColumnMeani
         return f"{at}, {signal.name!r}, has {error}"
 
 
-def _examples(names: Names) -> str:
+def _examples(names: Naming) -> str:
     """A few signals that a file may have."""
     kinds = ("pose", "reaction")
-    found = [next((name for name, signal in names.known.items() if signal.kind == kind), "") for kind in kinds]
-    return ", ".join(name for name in (*found, "drive_torque") if name in names.known)
+    examples = [next((name for name, signal in names.known.items() if signal.kind == kind), "") for kind in kinds]
+    return ", ".join(name for name in (*examples, "drive_torque") if name in names.known)
 
 
-def _twice(where: str, columns: Sequence[Column], cells: Sequence[str], names: Names) -> list[str]:
+def _twice(where: str, columns: Sequence[Column], cells: Sequence[str], names: Naming) -> list[str]:
     """A fault for each signal that is there twice under one name.  ``crank_angle`` beside the driven body's own angle,
     as our own results have it, is looked at where its numbers are known.
     """
@@ -287,12 +289,12 @@ def _twice(where: str, columns: Sequence[Column], cells: Sequence[str], names: N
 
 
 def _own_and_alias(signal: str, mechanism: Mechanism) -> list[str]:
-    """What a signal is called, by itself and by its alias."""
+    """The names of a signal: its own and its alias."""
     return sorted(fold(name) for name in {signal, *ALIASES} if canonical(name, mechanism) == signal)
 
 
-def left_alone(cells: Sequence[str], what: str) -> str:
-    """That columns with these headings are not used, and what they are."""
+def ignored_columns(cells: Sequence[str], what: str) -> str:
+    """A sentence on columns with these headings that are not used."""
     return f"{_listed(cells)} {'is' if len(cells) == 1 else 'are'} {what}, and ignored"
 
 

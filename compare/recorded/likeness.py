@@ -15,13 +15,14 @@ from analytic.kinematics.motion import kinematics
 from analytic.mechanism import Mechanism
 from analytic.mechanism.columns import ANY_LAYOUT
 from analytic.mechanism.signals import Signal, turned_near, unwound
-from analytic.mechanism.units import SI, dimension, factor
+from analytic.mechanism.units import SI, QuantityKind, dimension, factor
 from analytic.paper.kinetostatics import kinetostatics
 from compare.judge.signals import with_derived
-from compare.recorded.headings import TIME, Names, told_unit, unit_of
+from compare.recorded.every_column import LEAST_READINGS
+from compare.recorded.headings import TIME, Naming, unit_of, written_unit
 from compare.recorded.smooth import Smoother
 
-UNITS = {
+GUESSED_UNITS: dict[QuantityKind, tuple[str, ...]] = {
     "time": ("s", "ms", "us"),
     "angle": ("rad", "deg", "mrad", "rev"),
     "angular velocity": ("rad/s", "deg/s", "rpm"),
@@ -29,18 +30,17 @@ UNITS = {
     "force": ("N", "kN", "mN"),
     "torque": ("N.m", "N.mm", "kN.m"),
 }
-STRAIGHT = 0.02  # of a column's own scatter, that may be left of it beside a signal's
-FAR = 0.05  # of a half turn, or of a place, by which a sensor's zero must be off to be told
-NEAR = 0.05  # relative, by which its slope may be off a unit's
+STRAIGHT_LINE = 0.02  # of a column's own scatter, that may be left of it beside a signal's
+FAR_ZERO = 0.05  # of a half turn, or of a place, by which a sensor's zero must be off to be told
+NEAR_UNIT = 0.05  # relative, by which its slope may be off a unit's
 ONLY = 3.0  # times as much that the next best signal must leave
-SAMPLES = 400  # of a file, by which its columns are told
+COMPARED_SAMPLES = 400  # of a file, by which its columns are told
 FOLLOWED = 10_000  # of a file, by which the crank's motion is
-ZEROS = 72  # of an encoder, that are tried around a turn
+TRIED_ZEROS = 72  # of an encoder, that are tried around a turn
 LIKE = 0.8  # how unlike a column may be that tells an encoder's zero
-ALIKE = 0.5  # of a column's scatter: a signal that leaves less may be what it is
+LIKELY_SHARE = 0.5  # of a column's scatter: a signal that leaves less may be what it is
 UNKNOWN = "not recognised: ignored until you say here what it is"
 PASSING = 1e6  # largest ratio of a count's scale
-LEAST = 16  # rows
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class Guess:
 
 
 @dataclass(frozen=True)
-class Told:
+class Matching:
     """What columns are along one motion of the crank, and how many of them that leaves, counting in part those that
     are nearly like a signal.
     """
@@ -78,12 +78,16 @@ class Told:
 
 
 def by_model(
-    columns: Mapping[str, np.ndarray], found: Mapping[str, Guess], mechanism: Mechanism, time: np.ndarray, crank: Guess
-) -> Told:
+    columns: Mapping[str, np.ndarray],
+    guesses: Mapping[str, Guess],
+    mechanism: Mechanism,
+    time: np.ndarray,
+    crank: Guess,
+) -> Matching:
     """Columns that are a straight line in a signal of the nominal model along the crank's motion."""
     angle = crank.si(columns[crank.heading])
     good = np.flatnonzero(np.isfinite(angle) & np.isfinite(time))
-    at, some = (good[:: max(1, -(-good.size // most))] for most in (SAMPLES, FOLLOWED))
+    at, some = (good[:: max(1, -(-good.size // most))] for most in (COMPARED_SAMPLES, FOLLOWED))
     continued = np.full(angle.shape, np.nan)
     continued[good] = unwound(angle[good])
     try:
@@ -91,49 +95,55 @@ def by_model(
         moved = kinematics(Assembly(mechanism), course(time[at]), course(time[at], 1), course(time[at], 2))
         signals = with_derived(kinetostatics(moved).signals(), mechanism)
     except (Error, ValueError, np.linalg.LinAlgError):
-        return Told({}, float(len(columns)))
-    names = Names(mechanism, ANY_LAYOUT)
-    taken = {g.signal for g in found.values() if g.signal is not None}
+        return Matching({}, float(len(columns)))
+    names = Naming(mechanism, ANY_LAYOUT)
+    taken = {g.signal for g in guesses.values() if g.signal is not None}
     free = {
         name: values
         for name, values in signals.items()
         if (signal := names.signal(name)) is not None and signal not in taken and signal.kind != "position"
     }  # where a joint is, is told by the poses of its bodies
-    out: dict[str, Guess] = {}
+    matched: dict[str, Guess] = {}
     left = 0.0
     for heading, values in columns.items():
-        own = found[heading].signal
-        if heading == crank.heading or own == TIME:
+        known = guesses[heading].signal
+        if heading == crank.heading or known == TIME:
             continue
-        if own is not None:
-            left += _unlike(_lines(found[heading].si(values[at]), {own.name: signals[own.name]}, names), known=True)
+        if known is not None:
+            left += _unlike(
+                _lines(guesses[heading].si(values[at]), {known.name: signals[known.name]}, names), known=True
+            )
             continue
         lines = _lines(values[at], {name: each for name, each in free.items() if _may(heading, name, names)}, names)
         left += _unlike(lines)
-        told = _matched(heading, lines, names)
-        if told.signal is not None and told.signal in {g.signal for g in out.values()}:
-            told = Guess(heading, None, why=f"{UNKNOWN}; {told.signal.name} has a column already")
-        out[heading] = told
-    return Told(out, left)
+        match = _matched(heading, lines, names)
+        if match.signal is not None and match.signal in {g.signal for g in matched.values()}:
+            match = Guess(heading, None, why=f"{UNKNOWN}; {match.signal.name} has a column already")
+        matched[heading] = match
+    return Matching(matched, left)
 
 
-def zeroed(columns: Mapping[str, np.ndarray], found: Mapping[str, Guess], mechanism: Mechanism, crank: Guess) -> Guess:
-    """The same encoder with the zero at which most columns are straight lines in where the bodies of the nominal model
+def zeroed(
+    columns: Mapping[str, np.ndarray], guesses: Mapping[str, Guess], mechanism: Mechanism, crank: Guess
+) -> Guess:
+    """An encoder with the zero at which most columns are straight lines in where the bodies of the nominal model
     are; as it is where it does not turn fully.
     """
-    grid = np.linspace(0, 2 * math.pi, ZEROS, endpoint=False)
+    grid = np.linspace(0, 2 * math.pi, TRIED_ZEROS, endpoint=False)
     try:
         signals = kinetostatics(kinematics(Assembly(mechanism), grid, 0.0, 0.0)).signals()
     except (Error, ValueError, np.linalg.LinAlgError):
         return crank
-    names = Names(mechanism, ANY_LAYOUT)
+    names = Naming(mechanism, ANY_LAYOUT)
     poses = {name: values for name, values in signals.items() if names.known[name].kind == "pose"}
-    own = mechanism.encoder.name
+    encoder = mechanism.encoder.name
     angle = crank.si(columns[crank.heading])
-    every = max(1, angle.size // SAMPLES)
+    every = max(1, angle.size // COMPARED_SAMPLES)
     candidates = {
-        heading: [g.signal.name] if g.signal is not None else [n for n in poses if n != own and _may(heading, n, names)]
-        for heading, g in found.items()
+        heading: [g.signal.name]
+        if g.signal is not None
+        else [n for n in poses if n != encoder and _may(heading, n, names)]
+        for heading, g in guesses.items()
         if heading != crank.heading and (g.signal is None or g.signal.name in poses)
     }
 
@@ -143,9 +153,9 @@ def zeroed(columns: Mapping[str, np.ndarray], found: Mapping[str, Guess], mechan
         left = {}
         for heading in headings:
             lines = _lines(
-                found[heading].si(columns[heading][::every]), {name: at[name] for name in candidates[heading]}, names
+                guesses[heading].si(columns[heading][::every]), {name: at[name] for name in candidates[heading]}, names
             )
-            left[heading] = _unlike(lines, known=found[heading].signal is not None)
+            left[heading] = _unlike(lines, known=guesses[heading].signal is not None)
         return left
 
     rough = min(grid.tolist(), key=lambda zero: sum(off(zero).values()))
@@ -163,14 +173,18 @@ def zeroed(columns: Mapping[str, np.ndarray], found: Mapping[str, Guess], mechan
 def _around(place: np.ndarray, grid: np.ndarray, values: np.ndarray, wraps: bool) -> np.ndarray:
     """A signal (K,) around a turn at places (N,) rad in it."""
     closed = np.append(np.exp(1j * values) if wraps else values, np.exp(1j * values[:1]) if wraps else values[:1])
-    found = np.interp(place, np.append(grid, 2 * math.pi), closed)
-    return np.angle(found) if wraps else found
+    interpolated = np.interp(place, np.append(grid, 2 * math.pi), closed)
+    return np.angle(interpolated) if wraps else interpolated
 
 
-def _may(heading: str, signal: str, names: Names) -> bool:
+def _may(heading: str, signal: str, names: Naming) -> bool:
     """Whether a column may be a signal, by the unit that its heading has."""
     kind = dimension(names.known[signal])
-    return not unit_of(heading) or bool(told_unit(heading, kind)) or not any(told_unit(heading, each) for each in UNITS)
+    return (
+        not unit_of(heading)
+        or bool(written_unit(heading, kind))
+        or not any(written_unit(heading, each) for each in GUESSED_UNITS)
+    )
 
 
 @dataclass(frozen=True, order=True)
@@ -186,14 +200,14 @@ class _Line:
     value: float
 
 
-def _lines(values: np.ndarray, signals: Mapping[str, np.ndarray], names: Names) -> list[_Line]:
+def _lines(values: np.ndarray, signals: Mapping[str, np.ndarray], names: Naming) -> list[_Line]:
     """A column (N,) as a straight line in each of these signals; the best first."""
     here = np.isfinite(values)
     y = values[here] - values[here].mean() if here.any() else values[here]
     scatter = float(np.sqrt(np.mean(y**2))) if y.size else 0.0
-    if y.size < LEAST or scatter == 0:
+    if y.size < LEAST_READINGS or scatter == 0:
         return []
-    found = []
+    lines = []
     for name, series in signals.items():
         x = unwound(series[here]) if names.known[name].wraps else series[here]
         if not np.all(np.isfinite(x)) or np.ptp(x) < 1e-9 * (np.abs(x).max() or 1.0):
@@ -202,8 +216,8 @@ def _lines(values: np.ndarray, signals: Mapping[str, np.ndarray], names: Names) 
         x = x - value
         slope = float(x @ y) / float(x @ x)
         miss = float(np.sqrt(np.mean((y - slope * x) ** 2))) / scatter
-        found.append(_Line(miss, name, slope, float(values[here].mean()), value))
-    return sorted(found)
+        lines.append(_Line(miss, name, slope, float(values[here].mean()), value))
+    return sorted(lines)
 
 
 def _unlike(lines: Sequence[_Line], known: bool = False) -> float:
@@ -214,23 +228,27 @@ def _unlike(lines: Sequence[_Line], known: bool = False) -> float:
         return 1.0
     line = lines[0]
     miss = math.hypot(line.miss, 1 / line.slope - 1) if known and line.slope else line.miss
-    return miss / (miss + STRAIGHT)
+    return miss / (miss + STRAIGHT_LINE)
 
 
-def _matched(heading: str, lines: Sequence[_Line], names: Names) -> Guess:
+def _matched(heading: str, lines: Sequence[_Line], names: Naming) -> Guess:
     """The signal that a column is a straight line in, with a unit's slope; none if there is none, or two."""
     if not lines:
         return Guess(heading, None, why=UNKNOWN)
     line = lines[0]
     name, miss = line.name, line.miss
-    if miss > STRAIGHT or (len(lines) > 1 and lines[1].miss < ONLY * miss):
-        near = f"; {100 * (1 - miss):.3g} % of it is a straight line in {name}" if miss < ALIKE else ""
+    if miss > STRAIGHT_LINE or (len(lines) > 1 and lines[1].miss < ONLY * miss):
+        near = f"; {100 * (1 - miss):.3g} % of it is a straight line in {name}" if miss < LIKELY_SHARE else ""
         return Guess(heading, None, why=f"{UNKNOWN}{near}")
     signal = names.known[name]
     kind = dimension(signal)
-    told = told_unit(heading, kind)
-    units = [u for u in ([told] if told else UNITS[kind]) if abs(abs(line.slope) * factor(u, kind) - 1) < NEAR]
-    if not units and (told or not 1 / PASSING < abs(line.slope) < PASSING):
+    written = written_unit(heading, kind)
+    units = [
+        u
+        for u in ([written] if written else GUESSED_UNITS[kind])
+        if abs(abs(line.slope) * factor(u, kind) - 1) < NEAR_UNIT
+    ]
+    if not units and (written or not 1 / PASSING < abs(line.slope) < PASSING):
         why = f"{UNKNOWN}; {100 * (1 - miss):.3g} % of it is a straight line in {name}, but for its size"
         return Guess(heading, None, why=why)
     unit = units[0] if units else SI[kind]
@@ -241,12 +259,9 @@ def _matched(heading: str, lines: Sequence[_Line], names: Names) -> Guess:
     offset = line.value / size - sign * scale * line.reading
     if signal.wraps:
         offset = float(turned_near(np.array(offset * size), 0.0)) / size
-    if signal.kind != "pose" or abs(offset) * size < FAR * (math.pi if signal.wraps else abs(line.value)):
+    if signal.kind != "pose" or abs(offset) * size < FAR_ZERO * (math.pi if signal.wraps else abs(line.value)):
         offset = 0.0
     else:
         whose.append("zero")
     why += f"; its {' and '.join(whose)} {'are' if whose[1:] else 'is'} the model's" if whose else ""
     return Guess(heading, signal, unit, scale, sign, float(f"{offset:.5g}"), why)
-
-
-__all__ = ["NEAR", "UNKNOWN", "Guess", "Told", "by_model", "zeroed"]

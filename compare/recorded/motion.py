@@ -15,24 +15,24 @@ from analytic.beyond_paper.drive import Motor
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.schedule import Schedule, Turning
 from analytic.mechanism import Mechanism
-from compare.judge.reference import SURE
+from compare.judge.reference import SIGMAS
 from compare.recorded.smooth import Smoother
 
-PARTS = ("theta", "omega", "alpha")  # of a turning
-STRAIGHT = 1e-6  # rad: a crank that is off an even turning by no more turns evenly
+TURNING_PARTS = ("theta", "omega", "alpha")  # of a turning
+EVEN_TURNING = 1e-6  # rad: a crank that is off an even turning by no more turns evenly
 COARSEST = 0.02  # rad, half of the step of an encoder: of rows at uneven times angles farther apart are chosen
-SPEED = 1e-5  # relative: so near is a speed the drive's own
+SPEED_ACCURACY = 1e-5  # relative: so near is a speed the drive's own
 FINER = 4  # knots of a course that an engine follows, to a sample
-KNOTS = 500  # at least
-MARGIN = 1e-6  # of a course's length, beyond its ends
-LEAST = 5  # angles by which a course is known
-LEFT = 2.0  # times what positions are rounded to, that a smooth course through them may be off
+COURSE_KNOTS = 500  # at least
+COURSE_MARGIN = 1e-6  # of a course's length, beyond its ends
+LEAST_SAMPLES = 5  # angles by which a course is known
+LEFT_BY_COURSE = 2.0  # times what positions are rounded to, that a smooth course through them may be off
 GAINS = 1.18, 6.0  # rms error of a cubic spline's derivatives at its knots, a step apart, for one of 1 in those
 NEIGHBOURS = 7  # samples around one, whose errors may be its own
 
 
 @dataclass(frozen=True)
-class Followed:
+class RecordedMotion:
     """A motion of the crank over time: at each sample as it was recorded, how exactly it is known (rms), and its course
     in between.
     """
@@ -42,33 +42,33 @@ class Followed:
     errors: Turning
     course: Motor
 
-    def smooth(self) -> Followed:
-        """The same motion as an engine follows it: at each sample on its course."""
+    def smooth(self) -> RecordedMotion:
+        """The motion that an engine follows: at each sample on its course."""
         return replace(self, moving=self.course.at(self.time))
 
     @property
     def knots(self) -> tuple[np.ndarray, np.ndarray]:
         """The course as times (M,) s and angles (M,)."""
-        margin = MARGIN * float(self.time[-1] - self.time[0])
-        count = max(FINER * self.time.size, KNOTS)
+        margin = COURSE_MARGIN * float(self.time[-1] - self.time[0])
+        count = max(FINER * self.time.size, COURSE_KNOTS)
         knots = np.linspace(self.time[0] - margin, self.time[-1] + margin, count)
         return knots, self.course.at(knots).theta
 
     def schedule(self, mechanism: Mechanism) -> Schedule:
-        """The same motion as its course has it."""
+        """The schedule of its course."""
         return Schedule.of_crank(mechanism, self.knots, self.time)
 
 
 @dataclass(frozen=True)
-class FollowedDrives:
-    """The same of several drives, by joint: positions (rad, m) as they were recorded, and courses in between."""
+class RecordedDrives:
+    """A motion of several drives over time, by joint: positions (rad, m) as recorded, and courses in between."""
 
     time: np.ndarray
-    drives: Mapping[str, Followed]
+    drives: Mapping[str, RecordedMotion]
 
-    def smooth(self) -> FollowedDrives:
-        """The same motion as an engine follows it."""
-        return FollowedDrives(self.time, {name: one.smooth() for name, one in self.drives.items()})
+    def smooth(self) -> RecordedDrives:
+        """The motion that an engine follows: each drive on its course."""
+        return RecordedDrives(self.time, {name: one.smooth() for name, one in self.drives.items()})
 
     @property
     def knots(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
@@ -77,17 +77,17 @@ class FollowedDrives:
 
     def inputs(self, assembly: Assembly, of: Literal["moving", "errors"]) -> Turning:
         """The inputs as they were recorded, (n_inputs, N), or how exactly they are known."""
-        parts = ({name: getattr(getattr(one, of), part) for name, one in self.drives.items()} for part in PARTS)
+        parts = ({name: getattr(getattr(one, of), part) for name, one in self.drives.items()} for part in TURNING_PARTS)
         return Turning(*(assembly.inputs_at(part) for part in parts))
 
     def schedule(self, at_rest: bool) -> Schedule:
-        """The same motion as its courses have it, or rest in the poses that were recorded."""
+        """The schedule of its courses, or of rest in the poses that were recorded."""
         poses = {name: (self.time, one.moving.theta) for name, one in self.drives.items()}
         return Schedule.along(poses if at_rest else self.knots, self.time, at_rest=at_rest)
 
 
 @dataclass(frozen=True)
-class Start:
+class ReleaseState:
     """A state (rad, rad/s) from which a linkage is let go, and how exactly it is known."""
 
     angle: float
@@ -102,16 +102,11 @@ def off_by(time: np.ndarray, rounded: np.ndarray, late: np.ndarray, rate: np.nda
     Rows at even times are a clock's: their angles are rounded however far apart they are.
     """
     off, steps = rounded + np.abs(rate) * late, np.diff(time)
-    clocked = np.allclose(steps, steps.mean(), rtol=STRAIGHT, atol=2 * float(late.max()))
+    clocked = np.allclose(steps, steps.mean(), rtol=EVEN_TURNING, atol=2 * float(late.max()))
     return off if clocked else np.minimum(off, COARSEST)
 
 
-def encoder_of(mechanism: Mechanism) -> str:
-    """The signal that says where the crank is, or the slide."""
-    return mechanism.encoder.name
-
-
-def followed(time: np.ndarray, angle: np.ndarray, rounded: np.ndarray) -> Followed:
+def followed(time: np.ndarray, angle: np.ndarray, rounded: np.ndarray) -> RecordedMotion:
     """The motion through a crank's angles (N,) rad at times (N,) s: the angles themselves, rate and acceleration of a
     smooth course through them, and how far what they are ``rounded`` to (N,) and how far apart they are leave these
     open.
@@ -121,34 +116,34 @@ def followed(time: np.ndarray, angle: np.ndarray, rounded: np.ndarray) -> Follow
     """
     smoother = Smoother(time, angle)
     course, half = smoother.course, np.unique(np.append(np.arange(0, time.size, 2), time.size - 1))
-    coarser = Smoother(time[half], angle[half]).course if half.size >= LEAST else course
+    coarser = Smoother(time[half], angle[half]).course if half.size >= LEAST_SAMPLES else course
     errors = []
     for order, answers in enumerate(smoother.answers(time)):
         noise = smoother.uncertainty(answers, smoother.sigma)
         apart = np.abs(coarser(time, order) - course(time, order))
-        errors.append(maximum_filter1d(noise, NEIGHBOURS) + maximum_filter1d(apart, NEIGHBOURS) / SURE)
-    errors[0] = rounded / SURE
+        errors.append(maximum_filter1d(noise, NEIGHBOURS) + maximum_filter1d(apart, NEIGHBOURS) / SIGMAS)
+    errors[0] = rounded / SIGMAS
     motor = Motor(course)
-    return Followed(time, replace(motor.at(time), theta=angle), Turning(*errors), motor)
+    return RecordedMotion(time, replace(motor.at(time), theta=angle), Turning(*errors), motor)
 
 
-def followed_as_given(time: np.ndarray, position: np.ndarray, rounded: np.ndarray) -> Followed:
-    """The same of a program's drive: its positions (N,) are as exact as they are written.
+def followed_as_given(time: np.ndarray, position: np.ndarray, rounded: np.ndarray) -> RecordedMotion:
+    """The motion of a program's drive, whose positions (N,) are as exact as they are written.
 
     A smooth course is taken where it leaves no more than they are ``rounded`` to; where it leaves more, they have
     corners, or a motion of their own from sample to sample, and the course is the cubic spline through them.
     """
     smooth = followed(time, position, rounded)
-    if np.abs(position - smooth.course.at(time).theta).max() <= LEFT * float(rounded.max()):
+    if np.abs(position - smooth.course.at(time).theta).max() <= LEFT_BY_COURSE * float(rounded.max()):
         return smooth
     course, half = CubicSpline(time, position), np.unique(np.append(np.arange(0, time.size, 2), time.size - 1))
     coarser = CubicSpline(time[half], position[half])
-    step, errors = np.gradient(time), [rounded / SURE]
+    step, errors = np.gradient(time), [rounded / SIGMAS]
     for order, gain in enumerate(GAINS, 1):
         apart = np.abs(coarser(time, order) - course(time, order))
-        errors.append(gain * rounded / math.sqrt(3.0) / step**order + maximum_filter1d(apart, NEIGHBOURS) / SURE)
+        errors.append(gain * rounded / math.sqrt(3.0) / step**order + maximum_filter1d(apart, NEIGHBOURS) / SIGMAS)
     motor = Motor(course)
-    return Followed(time, motor.at(time), Turning(*errors), motor)
+    return RecordedMotion(time, motor.at(time), Turning(*errors), motor)
 
 
 def evenly(
@@ -165,13 +160,13 @@ def evenly(
     line = zero + slope * since
     off = float(np.abs(angle - line).max())
     known = float(rounded.max()), abs(slope) * float(late.max())
-    if off > STRAIGHT + 2 * float(off_by(time, rounded, late, slope).max()):
+    if off > EVEN_TURNING + 2 * float(off_by(time, rounded, late, slope).max()):
         return None
-    if abs(slope - speed) * float(since[-1]) > SPEED * abs(speed) * float(since[-1]) + 2 * off:
+    if abs(slope - speed) * float(since[-1]) > SPEED_ACCURACY * abs(speed) * float(since[-1]) + 2 * off:
         return None
-    if off <= STRAIGHT:
+    if off <= EVEN_TURNING:
         return angle, 0.0
-    return (angle, min(known[0], off) / SURE) if known[0] <= known[1] else (line, off / SURE)
+    return (angle, min(known[0], off) / SIGMAS) if known[0] <= known[1] else (line, off / SIGMAS)
 
 
 def released_from(mechanism: Mechanism, angle: float) -> Mechanism:

@@ -6,9 +6,9 @@ import numpy as np
 
 # parts of the smallest difference between two values that may be the step of a converter: no value need be one step
 # from another
-SHARES = 12
-EXACT = 1e-6  # relative, by which the steps of a converter may miss being multiples of the smallest
-MOST = 5000.0  # steps, from one sample of a ramp to the next, that are still told
+STEP_SHARES = 12
+STEP_ACCURACY = 1e-6  # relative, by which the steps of a converter may miss being multiples of the smallest
+MOST_RAMP_STEPS = 5000.0  # steps, from one sample of a ramp to the next, that are still told
 CLIMBS = 4  # stairs, at least, by which their height is known
 ESTIMATED_FROM = 50_000  # samples that noise is estimated from
 
@@ -25,9 +25,9 @@ def quantum(values: np.ndarray) -> float:
     if gaps.size == 0:
         return 0.0
     step = 0.0
-    for share in range(1, SHARES + 1):
+    for share in range(1, STEP_SHARES + 1):
         multiples = gaps * share / gaps.min()
-        if np.mean(np.abs(multiples - np.round(multiples)) < EXACT * multiples) > 0.9:
+        if np.mean(np.abs(multiples - np.round(multiples)) < STEP_ACCURACY * multiples) > 0.9:
             step = float(gaps.min()) / share
             break
     ramp = gaps.max() < 1.5 * step and np.unique(present).size == present.size
@@ -47,7 +47,7 @@ def _shared(gaps: np.ndarray, exact: float) -> float:
             step, rest = rest, abs(step - rest * round(step / rest))
         if times := round(size / step):
             step = size / times  # what the numbers are off by would grow from gap to gap
-        if step < least / MOST:
+        if step < least / MOST_RAMP_STEPS:
             return 0.0
     return step if step < least / 1.5 else 0.0
 

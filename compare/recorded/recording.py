@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -14,14 +13,13 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import position, turned_near, unwound
 from compare.faults import ArgumentError
-from compare.judge.reference import SURE
+from compare.judge.reference import SIGMAS
 from compare.recorded.errors import DataError
 from compare.recorded.motion import (
-    LEAST,
-    Followed,
-    FollowedDrives,
-    Start,
-    encoder_of,
+    LEAST_SAMPLES,
+    RecordedDrives,
+    RecordedMotion,
+    ReleaseState,
     evenly,
     followed,
     followed_as_given,
@@ -31,9 +29,7 @@ from compare.recorded.rounding import rounding
 from compare.recorded.table import Table
 from sim_models.engine import JointModel, Motion
 
-Kind = Literal["angles", "course", "courses", "released"]
-
-SAMPLES = 20_000  # of a file that are kept: more would tell little, and make a page that no browser opens
+KEPT_SAMPLES = 20_000  # of a file that are kept: more would tell little, and make a page that no browser opens
 
 
 @dataclass(frozen=True)
@@ -43,9 +39,8 @@ class Recording:
     name: str
     file: str
     table: Table
-    kind: Kind
     theta: np.ndarray
-    moved: Followed | FollowedDrives | Start | None = None
+    moved: RecordedMotion | RecordedDrives | ReleaseState | None = None
     error: float = 0.0  # rad, rms, of angles of a crank that turns evenly
 
     @property
@@ -55,21 +50,21 @@ class Recording:
 
     def schedule(self, mechanism: Mechanism, at_rest: bool) -> Schedule:
         """Its motion, or rest in its poses."""
-        if isinstance(self.moved, Followed):
+        if isinstance(self.moved, RecordedMotion):
             return self.moved.schedule(mechanism)
-        if isinstance(self.moved, FollowedDrives):
+        if isinstance(self.moved, RecordedDrives):
             return self.moved.schedule(at_rest)
-        if isinstance(self.moved, Start):
+        if isinstance(self.moved, ReleaseState):
             return Schedule.released(mechanism, self.table.time - self.table.time[0], self.moved.rate)
         return Schedule.at_angles(mechanism, self.theta, at_rest=at_rest)
 
     def moving(self, assembly: Assembly, at_rest: bool) -> tuple[Turning | None, Turning | None]:
         """Its inputs as they were recorded, where the schedule has others, and how exactly they are known (rms)."""
-        if isinstance(self.moved, Followed):
+        if isinstance(self.moved, RecordedMotion):
             return self.moved.moving, self.moved.errors
-        if isinstance(self.moved, FollowedDrives):
+        if isinstance(self.moved, RecordedDrives):
             return None if at_rest else self.moved.inputs(assembly, "moving"), self.moved.inputs(assembly, "errors")
-        if isinstance(self.moved, Start):
+        if isinstance(self.moved, ReleaseState):
             start, error = (
                 np.array([[*each, 0.0]]).T for each in ((self.moved.angle, self.moved.rate), self.moved.errors)
             )
@@ -83,7 +78,7 @@ def recording(
     """A table with the motion of the linkage in it.  Raises DataError or ArgumentError."""
     if not Assembly(mechanism).structure.by_crank:
         return _of_drives(name, file, table, mechanism)
-    encoder, where = encoder_of(mechanism), Path(file).name
+    encoder, where = mechanism.encoder.name, Path(file).name
     table = _kept(table)
     angle = table.values.get(encoder)
     released = mechanism.drive is None or mechanism.drive.speed == "free"
@@ -97,22 +92,22 @@ def recording(
                 ' clearance in a free motion; give `clearance` 0, or drive.speed = "measured" in the mechanism file',
             )
         start = _start(table, mechanism)
-        return Recording(name, file, table, "released", np.zeros(table.time.size), start)
+        return Recording(name, file, table, table.values.get(encoder, np.zeros(table.time.size)), start)
     if angle is None:
         return _at_its_speed(name, file, table, mechanism, motion)
     if np.any(np.isnan(angle)):
         raise DataError(f"{where}: {encoder!r} has empty cells; give the crank's angle in every row, or leave rows out")
     angle = unwound(angle) if mechanism.encoder.wraps else angle
     if motion == "static" or not table.time.size:
-        return Recording(name, file, table, "angles", angle)
-    if table.time.size < LEAST:
-        raise DataError(f"{where}: has {count(table.time.size, 'row')}; a course is known from {LEAST} on")
+        return Recording(name, file, table, angle)
+    if table.time.size < LEAST_SAMPLES:
+        raise DataError(f"{where}: has {count(table.time.size, 'row')}; a course is known from {LEAST_SAMPLES} on")
     rounded, late = table.rounding(encoder), rounding(table.time)
     if mechanism.speed is not None and (turned := evenly(table.time, angle, mechanism.speed, rounded, late)):
-        return Recording(name, file, table, "angles", turned[0], error=turned[1])
+        return Recording(name, file, table, turned[0], error=turned[1])
     angle = table.course(encoder, where)
-    found = followed(table.time, angle, off_by(table.time, rounded, late, np.gradient(angle, table.time)))
-    return Recording(name, file, table, "course", found.moving.theta, found)
+    course = followed(table.time, angle, off_by(table.time, rounded, late, np.gradient(angle, table.time)))
+    return Recording(name, file, table, course.moving.theta, course)
 
 
 def _at_its_speed(name: str, file: str, table: Table, mechanism: Mechanism, motion: Motion) -> Recording:
@@ -120,20 +115,20 @@ def _at_its_speed(name: str, file: str, table: Table, mechanism: Mechanism, moti
     if mechanism.speed is None or motion == "static" or not table.time.size:
         heading = "crank_angle [deg]"
         raise DataError(
-            f"{Path(file).name}: has no column {encoder_of(mechanism)!r}, and nothing else says where the crank is; add"
-            f" {heading!r}, or say in a map which column it is"
+            f"{Path(file).name}: has no column {mechanism.encoder.name!r}, and nothing else says where the crank is;"
+            f" add {heading!r}, or say in a map which column it is"
         )
-    return Recording(name, file, table, "angles", mechanism.assembly[mechanism.driven] + mechanism.speed * table.time)
+    return Recording(name, file, table, mechanism.assembly[mechanism.driven] + mechanism.speed * table.time)
 
 
-def _start(table: Table, mechanism: Mechanism) -> Start:
+def _start(table: Table, mechanism: Mechanism) -> ReleaseState:
     """The state that a released linkage begins in: as recorded, else at rest where it is assembled."""
     angles, rates = (table.values.get(f"{mechanism.driven}_{part}") for part in ("angle", "angular_velocity"))
     assembled = Assembly(mechanism).start
     angle = assembled if angles is None or np.isnan(angles[0]) else float(turned_near(float(angles[0]), assembled))
     rate = 0.0 if rates is None or np.isnan(rates[0]) else float(rates[0])
     rounded = [float(table.rounding(f"{mechanism.driven}_{part}")[0]) for part in ("angle", "angular_velocity")]
-    return Start(angle, rate, (rounded[0] / SURE, rounded[1] / SURE))
+    return ReleaseState(angle, rate, (rounded[0] / SIGMAS, rounded[1] / SIGMAS))
 
 
 def _of_drives(name: str, file: str, table: Table, mechanism: Mechanism) -> Recording:
@@ -157,34 +152,31 @@ def _of_drives(name: str, file: str, table: Table, mechanism: Mechanism) -> Reco
     ]
     if not faults and not set(table.values) - set(wanted.values()):
         faults.append(f"{where}: has no signal beside {', '.join(wanted.values())}; add what is to be compared")
-    if not faults and table.time.size < LEAST:
-        faults.append(f"{where}: has {count(table.time.size, 'row')}; a course is known from {LEAST} on")
+    if not faults and table.time.size < LEAST_SAMPLES:
+        faults.append(f"{where}: has {count(table.time.size, 'row')}; a course is known from {LEAST_SAMPLES} on")
     if faults:
         raise DataError(*faults)
     late, speeds, drives = rounding(table.time), mechanism.drive_speeds, {}
     for joint, signal in wanted.items():
         values = assembly.on_its_turn(joint, table.course(signal, where))
         rounded = table.rounding(signal)
-        found = followed_as_given(table.time, values, rounded + np.abs(np.gradient(values, table.time)) * late)
+        motion = followed_as_given(table.time, values, rounded + np.abs(np.gradient(values, table.time)) * late)
         if joint in speeds:
             even = assembly.positions[joint] + speeds[joint] * table.time
             rounded = np.maximum(rounded, table.off(signal, even))
         # a row's positions are those of its other signals, however late its time is
-        errors = replace(found.errors, theta=rounded / SURE)
-        drives[joint] = replace(found, moving=replace(found.moving, theta=values), errors=errors)
+        errors = replace(motion.errors, theta=rounded / SIGMAS)
+        drives[joint] = replace(motion, moving=replace(motion.moving, theta=values), errors=errors)
     first = next(iter(drives.values()))
-    return Recording(name, file, table, "courses", first.moving.theta, FollowedDrives(table.time, drives))
+    return Recording(name, file, table, first.moving.theta, RecordedDrives(table.time, drives))
 
 
 def _kept(table: Table) -> Table:
     """A table with no more rows than can be looked at: every second, third ..."""
     rows = next(iter(table.values.values())).size
-    every = -(-rows // SAMPLES)
+    every = -(-rows // KEPT_SAMPLES)
     if every == 1:
         return table
     note = f"of {rows} rows one in {every} is compared"
     values = {name: each[::every] for name, each in table.values.items()}
     return replace(table, time=table.time[::every], values=values, notes=(*table.notes, note))
-
-
-__all__ = ["Kind", "Recording", "recording"]

@@ -6,10 +6,10 @@ import numpy as np
 
 from compare.recorded.quantum import quantum
 
-FEWEST, MOST = 2, 9  # significant digits that are looked for
+FEWEST_DIGITS, MOST_DIGITS = 2, 9  # significant digits that are looked for
 DECIMALS = 12  # at most, that are told
-LEAST = 16  # numbers, by which they are told
-EXACT = 1e-9  # of the last digit
+LEAST_NUMBERS = 16  # numbers, by which they are told
+DIGIT_ACCURACY = 1e-9  # of the last digit
 
 
 def rounding(readings: np.ndarray) -> np.ndarray:
@@ -35,20 +35,20 @@ def _last_digit(readings: np.ndarray) -> np.ndarray:
     if decimals explain them as well.
     """
     nothing = np.zeros(readings.shape)
-    told = np.isfinite(readings) & (readings != 0)
-    sizes = np.abs(readings[told])
-    if sizes.size < LEAST:
+    present = np.isfinite(readings) & (readings != 0)
+    sizes = np.abs(readings[present])
+    if sizes.size < LEAST_NUMBERS:
         return nothing
     decade = np.floor(np.log10(sizes) + 1e-12)
-    for digits in range(FEWEST, MOST + 1):
+    for digits in range(FEWEST_DIGITS, MOST_DIGITS + 1):
         last = 10.0 ** (decade - digits + 1)
-        if np.all(np.abs(sizes / last - np.round(sizes / last)) < EXACT * sizes / last + 1e-6):
+        if np.all(np.abs(sizes / last - np.round(sizes / last)) < DIGIT_ACCURACY * sizes / last + 1e-6):
             break
     else:
         return nothing
     coarse, small = last.max(), sizes[last < last.max()]
     finer = np.abs(small / coarse - np.round(small / coarse)) > 1e-6
-    if small.size < LEAST / 2 or np.mean(finer) < 0.5:
+    if small.size < LEAST_NUMBERS / 2 or np.mean(finer) < 0.5:
         return nothing
-    nothing[told] = last
+    nothing[present] = last
     return nothing

@@ -24,38 +24,49 @@ from scipy.sparse import csr_array, hstack
 
 from compare.recorded.quantum import quantum
 
-DEGREE = 7
+SPLINE_DEGREE = 7
 CHARGED = 5  # order of the derivative that is charged
-FIRST = 0.25  # samples: the shortest reach of a spline that is tried; twice as long each time, up to the whole run
-CLOSE = 1e-6  # samples: so near to a knot is on it
-KNOTS = 2  # to a reach, of one to a sample at most
+SHORTEST_REACH = (
+    0.25  # samples: the shortest reach of a spline that is tried; twice as long each time, up to the whole run
+)
+ON_KNOT = 1e-6  # samples: so near to a knot is on it
+KNOTS_A_REACH = 2  # to a reach, of one to a sample at most
 CHARGE = 0.4  # of a degree of freedom, more than cross-validation's own, which follows the noise of some runs
-NODES = [np.polynomial.legendre.leggauss(degree + 1) for degree in range(DEGREE)]  # by degree, exact for its square
-LEFT = 0.1  # of the readings' freedom: where less is left, cross-validation knows little
-HARMONICS = (1, 2, 3, 4, 6, 8)  # how many are tried
-TURNS = 2.0  # of a run, at least, before harmonics are
-STEADY = 0.3  # of its mean rate that a crank keeps, at least, before harmonics are
-SHORTEST = 2.9  # samples of a harmonic's period
-ROUNDS = 4  # at most, in which harmonics are of the angle that the last round found
-AGAIN = (0.5, 1.0, 2.0, 4.0, 8.0, 32.0)  # squares of reaches, over the best so far, that are tried with another angle
-ASTRAY = 1.0  # rad, that an even turning may be off over a run: what slow waves of the speed do to its mean
-EVEN = 0.01  # rad, to which it is found
+GAUSS_NODES = [
+    np.polynomial.legendre.leggauss(degree + 1) for degree in range(SPLINE_DEGREE)
+]  # by degree, exact for its square
+LEFT_FREEDOM = 0.1  # of the readings' freedom: where less is left, cross-validation knows little
+HARMONIC_COUNTS = (1, 2, 3, 4, 6, 8)  # how many are tried
+HARMONIC_TURNS = 2.0  # of a run, at least, before harmonics are
+STEADY_RATE = 0.3  # of its mean rate that a crank keeps, at least, before harmonics are
+SHORTEST_PERIOD = 2.9  # samples of a harmonic's period
+HARMONIC_ROUNDS = 4  # at most, in which harmonics are of the angle that the last round found
+NEAR_REACHES = (
+    0.5,
+    1.0,
+    2.0,
+    4.0,
+    8.0,
+    32.0,
+)  # squares of reaches, over the best so far, that are tried with another angle
+EVEN_ERROR = 1.0  # rad, that an even turning may be off over a run: what slow waves of the speed do to its mean
+SLOPE_ACCURACY = 0.01  # rad, to which it is found
 EASED = 5  # knots from an end over which the charge grows to its full size, as a spline that is charged there misses
 FIRM = 0.01  # of the way, from which it does
 STAIRS = 0.5  # of the rms of rounding: a course that misses its readings by less follows the stairs of the counts
 BLURRED = 1.1  # of what a course through the middle of the stairs misses them by, as their height is known
-SETTLED = 0.1  # a round that gains less of the score is one too many
+SCORE_GAIN = 0.1  # a round that gains less of the score is one too many
 RIDGE = 1e-9  # of a harmonic's own square: keeps those apart that the spline can follow too
-UNSEEN = 0.05  # sigmas of all numbers together
-MOST = 400  # directions of a course's errors
+UNSEEN_ERROR = 0.05  # sigmas of all numbers together
+MOST_DIRECTIONS = 400  # directions of a course's errors
 POWERS = 3  # rounds of the search for those that matter most (Halko, Martinsson and Tropp, SIAM Rev. 53, 2011)
 REDRAWN = 16  # times
-TINY = 1e-300
-ROUNDING = 1e-13  # of the range of readings
+NO_VARIANCE = 1e-300
+READING_ROUNDING = 1e-13  # of the range of readings
 
 
 @dataclass(frozen=True)
-class Course:
+class SmoothCourse:
     """An angle (rad) over time (s), called as a spline is; beyond its ends its acceleration stays what it is there.
 
     ``turn`` is the angle whose harmonics are added, cosine and sine one after the other in ``waves``.
@@ -77,10 +88,10 @@ class Course:
 def _beyond(spline: BSpline, at: np.ndarray, order: int) -> np.ndarray:
     """A spline or its derivative (up to the second), continued as a parabola."""
     near = np.clip(at, spline.t[0], spline.t[-1])
-    off, out = at - near, spline(near, order)
+    off, values = at - near, spline(near, order)
     for n in range(order + 1, 3) if np.any(off) else ():
-        out = out + spline(near, n) * off ** (n - order) / (n - order)
-    return np.asarray(out)
+        values = values + spline(near, n) * off ** (n - order) / (n - order)
+    return np.asarray(values)
 
 
 def _waves(turn: BSpline, at: np.ndarray, count: int, order: int) -> np.ndarray:
@@ -108,12 +119,12 @@ class Basis:
     def __init__(self, at: np.ndarray, apart: float) -> None:
         self._charged = charged = min(CHARGED, at.size - 2)
         edges = np.linspace(at[0], at[-1], 1 + max(1, round((at[-1] - at[0]) / apart)))
-        full = np.diff(np.searchsorted(at, edges[:-1] - CLOSE)) > 0
+        full = np.diff(np.searchsorted(at, edges[:-1] - ON_KNOT)) > 0
         edges = edges[np.concatenate([[True], full, [True]])]  # no knots in a gap
-        self.knots = np.concatenate([np.full(DEGREE, edges[0]), edges, np.full(DEGREE, edges[-1])])
-        self.size = self.knots.size - DEGREE - 1
+        self.knots = np.concatenate([np.full(SPLINE_DEGREE, edges[0]), edges, np.full(SPLINE_DEGREE, edges[-1])])
+        self.size = self.knots.size - SPLINE_DEGREE - 1
         self.here = self.matrix(at, 0)
-        nodes, weights = NODES[DEGREE - charged]
+        nodes, weights = GAUSS_NODES[SPLINE_DEGREE - charged]
         half = np.diff(edges)[:, None] / 2
         inside = ((edges[1:] + edges[:-1])[:, None] / 2 + half * nodes).ravel()
         ease = np.minimum(inside - at[0], at[-1] - inside) / (EASED * apart)
@@ -122,28 +133,28 @@ class Basis:
 
     def matrix(self, at: np.ndarray, order: int) -> csr_array:
         """(M, K) values, or derivatives of that order, of every spline at M times: DEGREE + 1 beside each other."""
-        lower = BSpline.design_matrix(at, self.knots[order : self.knots.size - order], DEGREE - order)
-        few = DEGREE - order + 1
+        lower = BSpline.design_matrix(at, self.knots[order : self.knots.size - order], SPLINE_DEGREE - order)
+        few = SPLINE_DEGREE - order + 1
         values, first = lower.data.reshape(-1, few), lower.indices[::few]
         rises = np.ones((self.size, 1))
-        for degree in range(DEGREE, DEGREE - order, -1):
-            t = self.knots[DEGREE - degree : self.knots.size - (DEGREE - degree)]
+        for degree in range(SPLINE_DEGREE, SPLINE_DEGREE - order, -1):
+            t = self.knots[SPLINE_DEGREE - degree : self.knots.size - (SPLINE_DEGREE - degree)]
             rise = (degree / (t[degree + 1 : -1] - t[1 : -degree - 1]))[:, None]
             rises = rise * (np.pad(rises[1:], ((0, 0), (1, 0))) - np.pad(rises[:-1], ((0, 0), (0, 1))))
-        full = np.zeros((at.size, DEGREE + 1))
+        full = np.zeros((at.size, SPLINE_DEGREE + 1))
         for k in range(few):
             full[:, k : k + order + 1] += values[:, k : k + 1] * rises[first + k]
-        columns = first[:, None] + np.arange(DEGREE + 1)
-        rows = (DEGREE + 1) * np.arange(at.size + 1)
+        columns = first[:, None] + np.arange(SPLINE_DEGREE + 1)
+        rows = (SPLINE_DEGREE + 1) * np.arange(at.size + 1)
         return csr_array((full.ravel(), columns.ravel(), rows), shape=(at.size, self.size))
 
     def squared(self, coefficients: np.ndarray) -> np.ndarray:
         """The readings' normal matrix times coefficients (K, k)."""
-        out = self._gram[0][:, None] * coefficients
+        product = self._gram[0][:, None] * coefficients
         for d, band in enumerate(self._gram[1:, :], 1):
-            out[d:] += band[:-d, None] * coefficients[:-d]
-            out[:-d] += band[:-d, None] * coefficients[d:]
-        return np.asarray(out)
+            product[d:] += band[:-d, None] * coefficients[:-d]
+            product[:-d] += band[:-d, None] * coefficients[d:]
+        return np.asarray(product)
 
     def factor(self, reach: float) -> np.ndarray:
         """Banded Cholesky factor of the equations of a spline of this reach, in samples.  Raises LinAlgError."""
@@ -158,17 +169,17 @@ class Basis:
 
 def _bands(matrix: csr_array, weights: np.ndarray) -> np.ndarray:
     """Lower bands (DEGREE + 1, K) of a matrix (M, K), from the left times its own weighted transpose."""
-    values, size = matrix.data.reshape(-1, DEGREE + 1), matrix.shape[1]
-    first, values = matrix.indices[:: DEGREE + 1], np.ascontiguousarray(values.T)
+    values, size = matrix.data.reshape(-1, SPLINE_DEGREE + 1), matrix.shape[1]
+    first, values = matrix.indices[:: SPLINE_DEGREE + 1], np.ascontiguousarray(values.T)
     weighted = values * weights
-    out = np.zeros((DEGREE + 1, size))
-    for d in range(DEGREE + 1):
-        for k in range(DEGREE + 1 - d):
-            out[d] += np.bincount(first + k, weighted[k] * values[k + d], size)
-    return out
+    bands = np.zeros((SPLINE_DEGREE + 1, size))
+    for d in range(SPLINE_DEGREE + 1):
+        for k in range(SPLINE_DEGREE + 1 - d):
+            bands[d] += np.bincount(first + k, weighted[k] * values[k + d], size)
+    return bands
 
 
-class Fit:
+class SplineFit:
     """A spline of one reach through readings (N,) together with harmonics (N, 2 h): linear in the readings."""
 
     def __init__(self, basis: Basis, reach: float, values: np.ndarray, waves: np.ndarray) -> None:
@@ -224,7 +235,7 @@ class Fit:
 
 
 @dataclass(frozen=True)
-class Choice:
+class TriedSpline:
     """A spline of one reach with so many harmonics, its score (least is best), and how it misses (rms, worst)."""
 
     reach: float
@@ -232,7 +243,7 @@ class Choice:
     score: float
     miss: float
     worst: float
-    fit: Fit = field(repr=False)
+    fit: SplineFit = field(repr=False)
 
 
 class Smoother:
@@ -255,28 +266,28 @@ class Smoother:
         return np.asarray(self._zero + self._slope * at)
 
     def _chosen(self) -> None:
-        reaches = FIRST * 2.0 ** np.arange(max(1, math.ceil(math.log2(self.at[-1] / FIRST))))
+        reaches = SHORTEST_REACH * 2.0 ** np.arange(max(1, math.ceil(math.log2(self.at[-1] / SHORTEST_REACH))))
         turn = self._evenly()
         tried = self._tried(reaches, turn)
         best = self._best([*tried, *self._tried(self._best(tried).reach * np.sqrt([0.5, 2.0]), turn)])
-        for _ in range(ROUNDS):
+        for _ in range(HARMONIC_ROUNDS):
             if turn is None or not best.count:
                 break
             again = self._curve(best.fit.basis, best.fit.spline(best.count))
-            found = self._best(self._tried(best.reach * np.sqrt(AGAIN), again))
-            if not found.score < best.score - SETTLED:
+            better = self._best(self._tried(best.reach * np.sqrt(NEAR_REACHES), again))
+            if not better.score < best.score - SCORE_GAIN:
                 break
-            turn, best = again, found
+            turn, best = again, better
         if turn is not None and best.count:
             clock = self._clock(best)
-            found = self._best(self._tried(best.reach * np.sqrt(AGAIN), clock))
-            if found.score < best.score - SETTLED:
-                turn, best = clock, found
+            better = self._best(self._tried(best.reach * np.sqrt(NEAR_REACHES), clock))
+            if better.score < best.score - SCORE_GAIN:
+                turn, best = clock, better
         self.fit, self.count = best.fit, best.count
         self.freedom = best.fit.freedom(best.count)
         self.reach = best.reach
         spline = self._curve(best.fit.basis, best.fit.spline(best.count))
-        self.course = Course(self.start, self.step, spline, turn or spline, best.fit.amplitudes(best.count))
+        self.course = SmoothCourse(self.start, self.step, spline, turn or spline, best.fit.amplitudes(best.count))
         left = max(1.0, self.at.size - self.freedom)
         off = best.fit.missed(best.count)
         self.sigma = max(math.sqrt(float(off @ off) / left), self._step / math.sqrt(12)) * math.sqrt(_alike(off))
@@ -312,13 +323,13 @@ class Smoother:
         def back(numbers: np.ndarray) -> np.ndarray:
             return np.asarray(here @ self.fit.solve(answers.T @ numbers, self.count)) * sigma
 
-        rank = min(here.shape[1], MOST, answers.shape[0])
+        rank = min(here.shape[1], MOST_DIRECTIONS, answers.shape[0])
         probes = np.random.default_rng(0).standard_normal((self.at.size, rank))
         for _ in range(1 if rank == here.shape[1] else POWERS):
             basis = np.linalg.qr(out(probes))[0]
             probes = back(basis)
         square, turned = np.linalg.eigh(probes.T @ probes)
-        kept = square > UNSEEN**2
+        kept = square > UNSEEN_ERROR**2
         lost = out(self.fit.missed(self.count)) / sigma
         return np.column_stack([basis @ turned[:, kept] * np.sqrt(square[kept]), lost])
 
@@ -337,17 +348,17 @@ class Smoother:
     def _evenly(self) -> BSpline | None:
         """The angle of a crank that turns fully, smoothed over a turn; None of any other."""
         length = 2 * math.pi / max(abs(self._slope), 1e-12)
-        if self.at[-1] < TURNS * length or length < SHORTEST:
+        if self.at[-1] < HARMONIC_TURNS * length or length < SHORTEST_PERIOD:
             return None
         basis, waves = self._basis(length), np.zeros((self.at.size, 0))
-        for _ in range(ROUNDS):
-            turn = self._curve(basis, Fit(basis, length, self._values, waves).spline(waves.shape[1] // 2))
-            if float(np.min(turn(self.at, 1) / self._slope)) < STEADY:
+        for _ in range(HARMONIC_ROUNDS):
+            turn = self._curve(basis, SplineFit(basis, length, self._values, waves).spline(waves.shape[1] // 2))
+            if float(np.min(turn(self.at, 1) / self._slope)) < STEADY_RATE:
                 return None
             waves = self._waves(turn)
         return turn
 
-    def _clock(self, best: Choice) -> BSpline:
+    def _clock(self, best: TriedSpline) -> BSpline:
         """The angle of something that turns evenly, whatever the crank does, so that its harmonics tell these readings
         best: unevenness may come from a motor behind a belt as from the crank's own load.
         """
@@ -355,71 +366,71 @@ class Smoother:
         middle = _greville(knots)
 
         def evenly(slope: float) -> BSpline:
-            return BSpline(knots, slope * middle, DEGREE)
+            return BSpline(knots, slope * middle, SPLINE_DEGREE)
 
         def score(slope: float) -> float:
-            fit = Fit(best.fit.basis, best.reach, self._values, self._waves(evenly(slope)))
+            fit = SplineFit(best.fit.basis, best.reach, self._values, self._waves(evenly(slope)))
             return min(choice.score for choice in self._choices(best.reach, fit))
 
-        reach = ASTRAY / float(self.at[-1])
+        reach = EVEN_ERROR / float(self.at[-1])
         around = (self._slope - reach, self._slope + reach)
-        found = minimize_scalar(score, bounds=around, method="bounded", options={"xatol": EVEN * reach})
-        return evenly(float(found.x))
+        fitted = minimize_scalar(score, bounds=around, method="bounded", options={"xatol": SLOPE_ACCURACY * reach})
+        return evenly(float(fitted.x))
 
     def _waves(self, turn: BSpline) -> np.ndarray:
         """(N, 2 h) all harmonics of an angle that these readings can tell."""
-        most = int(2 * math.pi / abs(self._slope) / SHORTEST)
-        return _waves(turn, self.at, max([0, *(n for n in HARMONICS if n <= most)]), 0)
+        most = int(2 * math.pi / abs(self._slope) / SHORTEST_PERIOD)
+        return _waves(turn, self.at, max([0, *(n for n in HARMONIC_COUNTS if n <= most)]), 0)
 
     def _curve(self, basis: Basis, coefficients: np.ndarray) -> BSpline:
         """The spline of these coefficients and the line, over sample times."""
-        return BSpline(basis.knots, coefficients + self._line(_greville(basis.knots)), DEGREE)
+        return BSpline(basis.knots, coefficients + self._line(_greville(basis.knots)), SPLINE_DEGREE)
 
     def _basis(self, reach: float) -> Basis:
-        apart = max(reach / KNOTS, 1.0)
+        apart = max(reach / KNOTS_A_REACH, 1.0)
         if apart not in self._bases:
             self._bases[apart] = Basis(self.at, apart)
         return self._bases[apart]
 
-    def _tried(self, reaches: np.ndarray, turn: BSpline | None) -> list[Choice]:
+    def _tried(self, reaches: np.ndarray, turn: BSpline | None) -> list[TriedSpline]:
         """Splines of these reaches, alone and with harmonics of an angle."""
         waves = np.zeros((self.at.size, 0)) if turn is None else self._waves(turn)
-        found: list[Choice] = []
+        tried: list[TriedSpline] = []
         for reach in reaches[reaches <= max(reaches[0], self.at[-1])].tolist():
             try:
-                fit = Fit(self._basis(reach), reach, self._values, waves)
+                fit = SplineFit(self._basis(reach), reach, self._values, waves)
             except LinAlgError:  # as stiff as numbers can have it on this clock
                 break
-            found += self._choices(reach, fit)
-        return found
+            tried += self._choices(reach, fit)
+        return tried
 
-    def _best(self, found: Sequence[Choice]) -> Choice:
+    def _best(self, tried: Sequence[TriedSpline]) -> TriedSpline:
         """The choice that predicts best; where that follows the stairs of coarse counts, the stiffest that they
         allow.
         """
         best, rounding = (
-            min(found, key=lambda choice: (np.round(choice.score, 2), -choice.reach)),
+            min(tried, key=lambda choice: (np.round(choice.score, 2), -choice.reach)),
             self._step / math.sqrt(12),
         )
         if best.miss < STAIRS * rounding:
-            smooth = [c for c in found if c.miss <= BLURRED * rounding and c.worst <= BLURRED * self._step / 2]
+            smooth = [c for c in tried if c.miss <= BLURRED * rounding and c.worst <= BLURRED * self._step / 2]
             best = max([best, *smooth], key=lambda choice: choice.reach)
         return best
 
-    def _choices(self, reach: float, fit: Fit) -> Iterator[Choice]:
-        n, least = self.at.size, ROUNDING * float(np.ptp(self._values) + abs(self._slope) * self.at[-1])
-        for count in (0, *(h for h in HARMONICS if 2 * h <= fit.waves.shape[1])):
+    def _choices(self, reach: float, fit: SplineFit) -> Iterator[TriedSpline]:
+        n, least = self.at.size, READING_ROUNDING * float(np.ptp(self._values) + abs(self._slope) * self.at[-1])
+        for count in (0, *(h for h in HARMONIC_COUNTS if 2 * h <= fit.waves.shape[1])):
             off, free = fit.missed(count), fit.freedom(count)
             left = 1 - free / n
             score = math.inf
-            if left > LEFT:
-                score = n * math.log(float(off @ off) / n / left**2 + least**2 + TINY) + 2 * CHARGE * free
-            yield Choice(reach, count, score, math.sqrt(float(off @ off) / n), float(np.max(np.abs(off))), fit)
+            if left > LEFT_FREEDOM:
+                score = n * math.log(float(off @ off) / n / left**2 + least**2 + NO_VARIANCE) + 2 * CHARGE * free
+            yield TriedSpline(reach, count, score, math.sqrt(float(off @ off) / n), float(np.max(np.abs(off))), fit)
 
 
 def _greville(knots: np.ndarray) -> np.ndarray:
     """Coefficients (K,) with which B-splines on these knots add up to time itself."""
-    return np.lib.stride_tricks.sliding_window_view(knots[1:-1], DEGREE).mean(axis=1)
+    return np.lib.stride_tricks.sliding_window_view(knots[1:-1], SPLINE_DEGREE).mean(axis=1)
 
 
 def _alike(off: np.ndarray) -> float:

@@ -14,14 +14,14 @@ from analytic.mechanism.columns import ANY_LAYOUT, Layout
 from analytic.mechanism.one_line import count, shown
 from analytic.mechanism.signals import starts_again, undirected, unwound
 from compare.recorded.errors import DataError
-from compare.recorded.formats import Columns, reader
-from compare.recorded.headings import TIME, Column, Headings, Names, read_headings
+from compare.recorded.formats import ColumnsByHeading, reader
+from compare.recorded.headings import TIME, Column, Headings, Naming, read_headings
 from compare.recorded.rounding import decimal, rounding
-from compare.recorded.text import ROWS, coding, header, rows
+from compare.recorded.text import MIN_ROWS, Rows, coding, header, rows
 
-LARGEST = 1e30  # SI, of any number that is read; nothing on a bench is as large, and its square is still a number
-LAST = 1e-12  # of the largest number: what a change of unit rounds away
-SHORTEST = 1e-12  # s, between two rows
+LARGEST_READING = 1e30  # SI; nothing on a bench is as large, and its square is still a number
+UNIT_ROUNDING = 1e-12  # of the largest number: what a change of unit rounds away
+SHORTEST_STEP = 1e-12  # s, between two rows
 
 
 @dataclass(frozen=True)
@@ -65,23 +65,13 @@ class Table:
         column = next(c for c in self.columns if c.signal.name == signal)
         if not (column.signal.wraps and starts_again(values)):
             return values
-        if step := undirected(found := unwound(values)):
+        if step := undirected(continued := unwound(values)):
             raise DataError(
                 f"{file}: {signal!r} stays within one turn and steps by {np.degrees(step):.4g} deg the shorter way,"
                 " which does not say which way it turned; let it go on beyond a turn, or give it rows a quarter of a"
                 " turn apart or less"
             )
-        return found
-
-
-@dataclass(frozen=True)
-class _Read:
-    """Readings (rows, columns), NaN where there are none, the place of each row as messages call it, and faults."""
-
-    numbers: np.ndarray
-    lines: np.ndarray
-    faults: tuple[str, ...]
-    row: str = "line"
+        return continued
 
 
 def read_table(
@@ -98,10 +88,7 @@ def read_table(
     reads.  Raises DataError with every fault that was found.
     """
     try:
-        if not path.is_file():
-            what = "is a folder; give the path of a file in it" if path.is_dir() else "no such file; give its path"
-            raise DataError(f"{path}: {what}")
-        names = Names(mechanism, layout, mappable, derived)
+        names = Naming(mechanism, layout, mappable, derived)
         binary = reader(path)
         return _of_columns(path, binary(path), names, timed) if binary else _of_text(path, names, timed)
     except (UnicodeError, OSError) as error:
@@ -111,30 +98,28 @@ def read_table(
         ) from None
 
 
-def _of_text(path: Path, names: Names, timed: bool) -> Table:
+def _of_text(path: Path, names: Naming, timed: bool) -> Table:
     import csv
 
     try:
         coded = coding(path)
         top = header(path, coded, names)
-        found = read_headings(top.cells, top.units, names, f"{path.name}: line {top.line}", timed)
-        wanted = [found.time, *found.columns] if found.time else list(found.columns)
-        read = rows(path, coded, top, wanted) if wanted else None
+        headings = read_headings(top.cells, top.units, names, f"{path.name}: line {top.line}", timed)
+        read = rows(path, coded, top, headings.all) if headings.all else None
     except csv.Error as error:
         raise DataError(f"{path.name}: is not a CSV file ({error}); give rows of numbers separated by commas") from None
     if read is None:
-        raise DataError(*found.faults)
+        raise DataError(*headings.faults)
     notes = [note for note in (coded.note, *top.notes) if note]
-    return _table(path, found, notes, _Read(read.numbers, read.lines, read.faults), timed)
+    return _table(path, headings, notes, read, timed)
 
 
-def _of_columns(path: Path, columns: Columns, names: Names, timed: bool) -> Table:
+def _of_columns(path: Path, columns: ColumnsByHeading, names: Naming, timed: bool) -> Table:
     """The table of a file that is read by columns."""
-    found = read_headings(list(columns), {}, names, path.name, timed)
-    wanted = [found.time, *found.columns] if found.time else list(found.columns)
+    headings = read_headings(list(columns), {}, names, path.name, timed)
     cells = list(columns.values())
     faults, numbers = [], []
-    for column in wanted:
+    for column in headings.all:
         values = cells[column.place]
         if isinstance(values, str):
             faults.append(f"{path.name}: column {column.place + 1}, {column.signal.name!r}, {values}; give numbers")
@@ -143,20 +128,19 @@ def _of_columns(path: Path, columns: Columns, names: Names, timed: bool) -> Tabl
             faults.append(f"{path.name}: row {row}, column {column.title!r}: {values[row - 1]} is not a finite number")
         else:
             numbers.append(values)
-    if found.faults or faults:
-        raise DataError(*found.faults, *faults)
-    if found.time is not None and np.any(np.isnan(numbers[0])):
+    if headings.faults or faults:
+        raise DataError(*headings.faults, *faults)
+    if headings.time is not None and np.any(np.isnan(numbers[0])):
         row = int(np.argmax(np.isnan(numbers[0]))) + 1
         raise DataError(f"{path.name}: row {row} has no time; give every row its time or delete the row")
     size = numbers[0].size
-    return _table(path, found, [], _Read(np.column_stack(numbers), np.arange(1, size + 1), (), "row"), timed)
+    return _table(path, headings, [], Rows(np.column_stack(numbers), np.arange(1, size + 1), (), "row"), timed)
 
 
-def _table(path: Path, found: Headings, notes: Sequence[str], read: _Read, timed: bool) -> Table:
+def _table(path: Path, headings: Headings, notes: Sequence[str], read: Rows, timed: bool) -> Table:
     """What was read as a table.  Raises DataError."""
-    wanted = [found.time, *found.columns] if found.time else list(found.columns)
-    faults = [*found.faults, *read.faults]
-    fewest = ROWS if timed or found.time else 1
+    wanted, faults = headings.all, [*headings.faults, *read.faults]
+    fewest = MIN_ROWS if timed or headings.time else 1
     if len(read.numbers) < fewest and not read.faults:
         faults.append(f"{path.name}: has {count(len(read.numbers), 'row')} of numbers; at least {fewest} are needed")
     with np.errstate(over="ignore"):
@@ -165,39 +149,39 @@ def _table(path: Path, found: Headings, notes: Sequence[str], read: _Read, timed
     faults += _differing(path.name, read, wanted, series)
     faults += _out_of_range(path.name, read, wanted, values)
     time = values.pop(TIME.name, np.zeros(0))
-    if found.time is not None and not faults:
-        faults += _disorder(path.name, read, time, found.time)
+    if headings.time is not None and not faults:
+        faults += _disorder(path.name, read, time, headings.time)
     if faults:
         raise DataError(*faults)
-    said = [f"{path.name}: {note}" for note in found.notes]
-    columns = tuple({c.signal.name: c for c in found.columns}.values())
-    return Table(columns, time, values, (*notes, *said), found.cells, found.used, found.time)
+    remarks = [f"{path.name}: {note}" for note in headings.notes]
+    columns = tuple({c.signal.name: c for c in headings.columns}.values())
+    return Table(columns, time, values, (*notes, *remarks), headings.cells, headings.used, headings.time)
 
 
 def unused(where: str, entry: str, headings: Sequence[str]) -> str:
-    """What is wrong with an entry of [columns] that no file has."""
+    """The fault of an entry of [columns] that no file has."""
     close = difflib.get_close_matches(entry, headings, n=1)
     remedy = f"did you mean {shown(close[0])}" if close else f"the headings are {', '.join(map(shown, headings[:12]))}"
     return f"{where}columns.{shown(entry)} is no heading of a data file; {remedy}"
 
 
-def _differing(name: str, read: _Read, columns: Sequence[Column], series: Sequence[np.ndarray]) -> Iterator[str]:
+def _differing(name: str, read: Rows, columns: Sequence[Column], series: Sequence[np.ndarray]) -> Iterator[str]:
     """A fault for each signal of two columns that are not alike, but for what their numbers are rounded to."""
     first: dict[str, int] = {}
     for k, column in enumerate(columns):
         other = first.setdefault(column.signal.name, k)
         open_by = sum(columns[i].step * rounding(read.numbers[:, i]) for i in (other, k))
-        apart = np.abs(series[k] - series[other]) - LAST * np.nanmax(np.abs(series[k]), initial=0.0)
+        apart = np.abs(series[k] - series[other]) - UNIT_ROUNDING * np.nanmax(np.abs(series[k]), initial=0.0)
         if np.any(np.isnan(series[k]) != np.isnan(series[other])) or np.any(apart > open_by):
             at = f"columns {columns[other].place + 1} and {column.place + 1}"
             yield f"{name}: {at} are both {column.signal.name!r}, and differ; leave one of them out"
 
 
-def _out_of_range(name: str, read: _Read, columns: Sequence[Column], values: Mapping[str, np.ndarray]) -> list[str]:
+def _out_of_range(name: str, read: Rows, columns: Sequence[Column], values: Mapping[str, np.ndarray]) -> list[str]:
     """Readings that nothing on a bench has, the first of each column."""
     faults = []
     for k, column in enumerate(columns):
-        wrong = np.flatnonzero(np.abs(values[column.signal.name]) > LARGEST)
+        wrong = np.flatnonzero(np.abs(values[column.signal.name]) > LARGEST_READING)
         if wrong.size:
             at = f"{name}: {read.row} {read.lines[wrong[0]]}, column {column.title!r}"
             faults.append(
@@ -206,10 +190,10 @@ def _out_of_range(name: str, read: _Read, columns: Sequence[Column], values: Map
     return faults
 
 
-def _disorder(name: str, read: _Read, time: np.ndarray, column: Column) -> list[str]:
-    """What is wrong with the order of time: where it runs back, stays, or hardly moves, the first of them."""
+def _disorder(name: str, read: Rows, time: np.ndarray, column: Column) -> list[str]:
+    """The first fault in the order of time: where it runs back, stays, or hardly moves."""
     stamps, steps = read.numbers[:, 0], np.diff(time)
-    wrong = np.flatnonzero(steps < SHORTEST)
+    wrong = np.flatnonzero(steps < SHORTEST_STEP)
     if not wrong.size:
         return []
     k = int(wrong[0])
@@ -224,6 +208,3 @@ def _disorder(name: str, read: _Read, time: np.ndarray, column: Column) -> list[
         f"{at}: time runs back from {before} to {after}{more}; put the rows in order of time, one run in a"
         " file, and let a clock run on that starts again"
     ]
-
-
-__all__ = ["LARGEST", "Table", "read_table", "unused"]

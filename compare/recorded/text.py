@@ -18,19 +18,19 @@ from pathlib import Path
 import numpy as np
 
 from analytic.mechanism.one_line import count, shown
-from analytic.mechanism.units import OFFERED, UnitError, factor
+from analytic.mechanism.units import OFFERED
 from compare.recorded.errors import DataError
-from compare.recorded.headings import BRACKETS, Column, Names
+from compare.recorded.headings import BRACKETS, Column, Naming, is_unit
 
 CELLS = 10_000_000  # read at most; 80 MB of numbers
-ROWS = 8  # at least
-BLOCK = 1 << 20  # characters read at a time
+MIN_ROWS = 8  # at least
+BLOCK_SIZE = 1 << 20  # characters read at a time
 HEADER = 100_000  # characters; what has no line end in so many is no table
 PREAMBLE = 200  # lines, at most, before a header that is to be found
 DELIMITERS = (",", ";", "\t")
 SAMPLED = 20  # rows by which the decimal mark is known
-MANY = 100  # faults of a file, after which no more are looked for
-POINTS = "save it with decimal points"
+ENOUGH_FAULTS = 100  # faults of a file, after which no more are looked for
+SAVE_WITH_POINTS = "save it with decimal points"
 THOUSANDS = re.compile(r"[-+]?\d{1,3}(\.\d{3})+,\d+")
 ABSENT = {"NAN", "NA", "N/A", "#N/A", "NULL", "NONE", "-", "--"}  # what programs write where there is nothing
 COMMA = re.compile(r"[-+]?\d*,\d+(e[-+]?\d+)?", re.IGNORECASE)
@@ -56,11 +56,14 @@ class Header:
 
 @dataclass(frozen=True)
 class Rows:
-    """Readings (rows, columns) in the units of the file, NaN in an empty cell, and each row's line number (rows,)."""
+    """Readings (rows, columns) in the units of the file, NaN in an empty cell, and each row's number (rows,), of a line
+    or whatever messages call a ``row``.
+    """
 
     numbers: np.ndarray
     lines: np.ndarray
     faults: tuple[str, ...]
+    row: str = "line"
 
 
 @dataclass(frozen=True)
@@ -76,16 +79,18 @@ def coding(path: Path) -> Coding:
     """How a file is coded.  Raises DataError for what is no text, or has lines without end."""
     name, coded = path.name, "utf-8-sig"
     with path.open("rb") as file:
-        head = file.read(BLOCK)
+        head = file.read(BLOCK_SIZE)
         if not head.strip():
-            raise DataError(f"{name}: is empty; it needs a header of 'signal [unit]' columns and at least {ROWS} rows")
+            raise DataError(
+                f"{name}: is empty; it needs a header of 'signal [unit]' columns and at least {MIN_ROWS} rows"
+            )
         if head[:2] in UTF16:
             coded = "utf-16"
         elif b"\0" in head or CONTROL.search(head):
             raise DataError(f"{name}: is not text but binary (or UTF-16 unmarked); save it as a CSV file in UTF-8")
 
         end = b"\n" if b"\n" in head else b"\r"
-        ends = head.count(end) + sum(block.count(end) for block in iter(lambda: file.read(BLOCK), b""))
+        ends = head.count(end) + sum(block.count(end) for block in iter(lambda: file.read(BLOCK_SIZE), b""))
     if path.stat().st_size > HEADER * (ends + 2):
         raise DataError(
             f"{name}: has lines longer than {HEADER} characters; give a CSV file with a header of 'signal [unit]'"
@@ -101,7 +106,7 @@ def coding(path: Path) -> Coding:
 def _decodes(path: Path, coded: str) -> bool:
     try:
         with path.open(encoding=coded, newline="") as file:
-            for _ in iter(lambda: file.read(BLOCK), ""):
+            for _ in iter(lambda: file.read(BLOCK_SIZE), ""):
                 pass
     except UnicodeDecodeError:
         return False
@@ -109,7 +114,7 @@ def _decodes(path: Path, coded: str) -> bool:
 
 
 def too_long(name: str, rows: int, columns: int) -> DataError:
-    """What is said of a file that has more numbers than are read."""
+    """The error of a file that has more numbers than are read."""
     keep = math.ceil(rows * columns / CELLS)
     return DataError(
         f"{name}: has {count(rows, 'row')} of {count(columns, 'column')}, and at most {CELLS // columns} such rows are"
@@ -120,7 +125,7 @@ def too_long(name: str, rows: int, columns: int) -> DataError:
 # ---------------------------------------------------------------- the header
 
 
-def header(path: Path, coded: Coding, names: Names) -> Header:
+def header(path: Path, coded: Coding, names: Naming) -> Header:
     """The header of a file: the line that has most headings of signals, or the one that the map says.  Raises
     DataError.
     """
@@ -148,8 +153,8 @@ def header(path: Path, coded: Coding, names: Names) -> Header:
         )
     notes = []
     if at and layout.skip_rows is None:
-        said = "line of it is" if at == 1 else f"{at} lines of it are"
-        notes.append(f"{name}: the first {said} skipped, as no header is there")
+        skipped = "line of it is" if at == 1 else f"{at} lines of it are"
+        notes.append(f"{name}: the first {skipped} skipped, as no header is there")
     below = at + 1 + next((k for k, line in enumerate(lines[at + 1 :]) if line.strip()), 0)
     units = _units(_cells(lines[below], delimiter) if below < len(lines) else [], len(cells))
     rows = [_cells(line, delimiter) for line in rest[bool(units) :][:SAMPLED]]
@@ -168,7 +173,7 @@ def header(path: Path, coded: Coding, names: Names) -> Header:
     return Header(at + 1, first, tuple(cells), units, delimiter, decimal, tuple(notes))
 
 
-def _header_line(name: str, lines: Sequence[str], names: Names) -> int:
+def _header_line(name: str, lines: Sequence[str], names: Naming) -> int:
     """The index of the header among the first lines."""
     skip = names.layout.skip_rows
     if skip is not None:
@@ -225,19 +230,10 @@ def _cells(line: str, delimiter: str | None) -> list[str]:
 def _units(cells: Sequence[str], columns: int) -> dict[int, str]:
     """The units of a row of units below the header, by column; empty where that is none."""
     bare = [cell.strip("[]() ") for cell in cells]
-    if len(bare) < columns or any(_number(cell) is not None for cell in bare) or not any(map(_is_unit, bare)):
+    numeric = any(_number(cell) is not None for cell in bare)
+    if numeric or len(bare) < columns or not any(is_unit(cell, kind) for cell in bare for kind in OFFERED):
         return {}
     return {place: unit for place, unit in enumerate(bare) if unit not in ("", "-")}
-
-
-def _is_unit(text: str) -> bool:
-    for kind in OFFERED:
-        try:
-            factor(text, kind)
-        except UnitError:
-            continue
-        return True
-    return False
 
 
 def _decimal(rows: Sequence[Sequence[str]], delimiter: str | None) -> str:
@@ -251,16 +247,16 @@ def _decimal(rows: Sequence[Sequence[str]], delimiter: str | None) -> str:
 # ---------------------------------------------------------------- the rows
 
 
-def rows(path: Path, coded: Coding, found: Header, columns: Sequence[Column]) -> Rows:
+def rows(path: Path, coded: Coding, top: Header, columns: Sequence[Column]) -> Rows:
     """The numbers of these columns, in their order.  Raises DataError where there are too many."""
     if coded.lines * len(columns) > CELLS:
-        raise too_long(path.name, coded.lines - found.line, len(columns))
-    reader = _Reader(path.name, found, columns)
+        raise too_long(path.name, coded.lines - top.line, len(columns))
+    reader = _RowReader(path.name, top, columns)
     parts: list[tuple[np.ndarray, np.ndarray]] = []
     with path.open(encoding=coded.name) as file:
-        for _ in islice(iter(file.readline, ""), found.first - 1):
+        for _ in islice(iter(file.readline, ""), top.first - 1):
             pass
-        for first, lines in _blocks(file, found.first):
+        for first, lines in _blocks(file, top.first):
             parts.append(reader.block(lines, first))
             if reader.enough:
                 break
@@ -270,16 +266,16 @@ def rows(path: Path, coded: Coding, found: Header, columns: Sequence[Column]) ->
 
 def _blocks(file: io.TextIOBase, first: int) -> Iterator[tuple[int, list[str]]]:
     """Blocks of whole lines, each with the number of its first line."""
-    while lines := file.readlines(BLOCK):
+    while lines := file.readlines(BLOCK_SIZE):
         yield first, lines
         first += len(lines)
 
 
-class _Reader:
+class _RowReader:
     """Reads blocks of lines, and keeps what is wrong with them."""
 
-    def __init__(self, name: str, found: Header, columns: Sequence[Column]) -> None:
-        self.name, self.header, self.columns = name, found, columns
+    def __init__(self, name: str, top: Header, columns: Sequence[Column]) -> None:
+        self.name, self.header, self.columns = name, top, columns
         self.places = [c.place for c in columns]
         self.faults: list[str] = []
         self.cells: dict[tuple[int, str], list[str]] = {}  # at fault, by column and remedy
@@ -287,15 +283,15 @@ class _Reader:
     @property
     def enough(self) -> bool:
         """Whether there are faults enough to stop."""
-        return len(self.faults) + sum(map(len, self.cells.values())) >= MANY
+        return len(self.faults) + sum(map(len, self.cells.values())) >= ENOUGH_FAULTS
 
     def all_faults(self) -> tuple[str, ...]:
         """A sentence for each fault, one for all cells of a column that have the same."""
-        found = []
+        sentences = []
         for (_, remedy), places in self.cells.items():
             more = "" if len(places) == 1 else f" (and so in {count(len(places) - 1, 'line')} more, at least)"
-            found.append(f"{places[0]} {remedy}{more}")
-        return (*found, *self.faults)
+            sentences.append(f"{places[0]} {remedy}{more}")
+        return (*sentences, *self.faults)
 
     def block(self, lines: list[str], first: int) -> tuple[np.ndarray, np.ndarray]:
         """Numbers (rows, columns) of a block, in the units of the file, and the line number (rows,) of each row."""
@@ -335,7 +331,7 @@ class _Reader:
         return self.columns[0].signal.kind == "time"
 
     def _cell_by_cell(self, lines: list[str], first: int) -> tuple[np.ndarray, np.ndarray]:
-        found, numbers, width = [], [], len(self.header.cells)
+        readings, numbers, width = [], [], len(self.header.cells)
         for number, line in enumerate(lines, first):
             cells = _cells(line, self.header.delimiter)
             if not any(cells):
@@ -345,18 +341,22 @@ class _Reader:
             if len(cells) != width:
                 self.faults.append(self._miscounted(number, len(cells)))
                 continue
-            found.append([self._value(number, column, cells[column.place]) for column in self.columns])
+            readings.append([self._value(number, column, cells[column.place]) for column in self.columns])
             numbers.append(number)
-            if self._timed and math.isnan(found[-1][0]) and _number(cells[self.columns[0].place] or "nan") is not None:
+            if (
+                self._timed
+                and math.isnan(readings[-1][0])
+                and _number(cells[self.columns[0].place] or "nan") is not None
+            ):
                 self.faults.append(f"{self.name}: line {number} has no time; give every row its time or delete the row")
             if self.enough:
                 break
-        return np.array(found, float).reshape(-1, len(self.columns)), np.array(numbers, int)
+        return np.array(readings, float).reshape(-1, len(self.columns)), np.array(numbers, int)
 
     def _miscounted(self, number: int, cells: int) -> str:
         width = len(self.header.cells)
         commas = self.header.delimiter == "," and cells > width
-        hint = f"; if the file has decimal commas, {POINTS}, or with semicolons between its cells" * commas
+        hint = f"; if the file has decimal commas, {SAVE_WITH_POINTS}, or with semicolons between its cells" * commas
         return (
             f"{self.name}: line {number} has {count(cells, 'cell')} and the header {width}; leave an absent cell empty"
             f" between its separators{hint}"
@@ -371,7 +371,7 @@ class _Reader:
             return value
         where = f"{self.name}: line {number}, column {column.title!r}: {shown(cell)}"
         if self.header.decimal == "." and COMMA.fullmatch(cell):
-            remedy = f'has a decimal comma; {POINTS}, or say decimal = ","'
+            remedy = f'has a decimal comma; {SAVE_WITH_POINTS}, or say decimal = ","'
         elif THOUSANDS.fullmatch(cell):
             remedy = "has a point between thousands; write numbers without"
         elif value is not None and self.header.decimal == "," and "." in cell:

@@ -366,7 +366,7 @@ def mechanism_file() -> str:
 
 def left_out() -> str:
     """What each command leaves out of a mechanism file, a row for each reason."""
-    from compare.left_out import OMISSIONS
+    from compare.omissions import OMISSIONS
 
     rows = [[", ".join(f"`{field}`" for field in one.fields), one.where, escaped(one.why)] for one in OMISSIONS]
     return table(["field", "left out by", "because"], rows)

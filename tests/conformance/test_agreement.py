@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.reach import usual_angles
 from analytic.mechanism import Mechanism, PeriodicTorque
 from analytic.mechanism.file import load
 from analytic.paper.clearance import displaced
 from asked import job_of
 from compare.crosscheck import crosscheck_job
-from compare.judge.discrepancy import load_tolerances
-from compare.judge.grid import default_angles
+from compare.judge.tolerances import load_tolerances
 from engine_checks import at_speed
 from marks import slow_but
 from sim_models.engine import ENGINES, JOINT_MODELS, MOTIONS, JointModel, Motion, declared
@@ -135,5 +135,5 @@ def test_every_case_keeps_contact_by_its_analytic_model() -> None:
 
 def test_the_shipped_default_grid_is_the_papers() -> None:
     np.testing.assert_allclose(
-        np.degrees(default_angles(Assembly(load("paper")))), np.arange(20.0, 161.0, 5.0), atol=1e-9
+        np.degrees(usual_angles(Assembly(load("paper")))), np.arange(20.0, 161.0, 5.0), atol=1e-9
     )

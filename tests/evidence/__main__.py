@@ -17,7 +17,7 @@ from typing import Annotated
 import typer
 
 from compare.cli.pipe import reader_may_go
-from compare.cli.publish import resumed, said, show
+from compare.cli.publish import resumed, say, show
 from compare.faults import OptionError, complaints
 from compare.files import made_folder
 from compare.progress import progress_bar
@@ -75,7 +75,7 @@ def update_validation(folder: Folder = REPORTS, data: Data = None, json: Json = 
         from tests.evidence.stored import asked
         from tests.evidence.validation import check
 
-        said(asked("all")[1])
+        say(asked("all")[1])
         show(check.update_validation(folder, _there(data)), json=json, quiet=quiet, place=folder)
 
 
@@ -99,10 +99,10 @@ def check_validation(
         from tests.evidence.validation import check
 
         names = simulator or "all"
-        said(asked(names)[1])
+        say(asked(names)[1])
         found = check.check_validation(names, folder, _there(data))
         show(found, json=json, quiet=quiet)
-        said(f"not looked at: {'; '.join(found.left_out)}" for _ in found.left_out[:1])
+        say(f"not looked at: {'; '.join(found.left_out)}" for _ in found.left_out[:1])
     raise typer.Exit(status(found, names))
 
 

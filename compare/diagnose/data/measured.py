@@ -33,8 +33,8 @@ from compare.diagnose.data.thin import frozen, held, missed, picked
 from compare.recorded.errors import DataError
 from compare.recorded.headings import TIME, Column, canonical
 from compare.recorded.smooth import Smoother
-from compare.recorded.table import LARGEST, Table, read_table, unused
-from compare.recorded.text import ROWS
+from compare.recorded.table import LARGEST_READING, Table, read_table, unused
+from compare.recorded.text import MIN_ROWS
 
 ASTRAY = math.radians(20.0)  # an encoder that far from its command throughout is no offset but a wrong drive_angle
 MULTIPLE = 2.0  # of the command, or its inverse: an encoder that turns beyond is not of this run
@@ -314,10 +314,10 @@ def _check_fields(where: str, entry: Entry, mechanism: Mechanism, drive: Drive) 
     if entry.from_rest and drive == "free":
         raise MeasuredError(f"{where}: from_rest belongs to a driven run, and the drive is free; give start instead")
     for applied in entry.loads or ():
-        if not all(abs(value) < LARGEST for value in (*applied.force, applied.torque)):
+        if not all(abs(value) < LARGEST_READING for value in (*applied.force, applied.torque)):
             raise MeasuredError(
                 f"{where}: load on {shown(applied.body)} has {applied.force} N and {applied.torque} N.m; give what is"
-                f" below {LARGEST:g}"
+                f" below {LARGEST_READING:g}"
             )
     states = [f"{body}_{part}" for body in mechanism.moving for part in ("angle", "angular_velocity")]
     for name in entry.start or {}:
@@ -396,9 +396,11 @@ def _channel(
     if column.signal.wraps and jumps and command is None and (step := undirected(values)):
         fault("wrapped", jumps, f"steps by {np.degrees(step):.4g} deg and may have turned the longer way round")
     present = values[np.isfinite(values)]
-    if present.size < ROWS:
+    if present.size < MIN_ROWS:
         fault(
-            "absent", values.size, f"has {present.size} usable samples, and at least {ROWS} are needed; it is left out"
+            "absent",
+            values.size,
+            f"has {present.size} usable samples, and at least {MIN_ROWS} are needed; it is left out",
         )
         return None, faults
     if np.ptp(present) == 0:

@@ -15,7 +15,7 @@ from analytic.mechanism.errors import describe
 from analytic.mechanism.reading import ReadingError, read_toml
 from compare.diagnose.data.recording import MeasuredError
 from compare.diagnose.effects.vocabulary import VOCABULARY
-from compare.recorded.table import LARGEST
+from compare.recorded.table import LARGEST_READING
 
 LINE = 500  # characters of a message
 DIGITS = "has a whole number of too many digits, which cannot be read; write it as a decimal"
@@ -41,7 +41,7 @@ def _as_tuple(value: Any) -> Any:
 
 
 NotNegative = Annotated[float, Field(ge=0)]
-Number = Annotated[float, Field(gt=-LARGEST, lt=LARGEST)]
+Number = Annotated[float, Field(gt=-LARGEST_READING, lt=LARGEST_READING)]
 Name = Annotated[str, Field(min_length=1, max_length=1000, pattern=r"^\P{Cc}*$")]
 RunName = Annotated[
     str, Field(max_length=200, pattern=r"^[^@\s\p{Cc}]([^@\p{Cc}]*[^@\s\p{Cc}])?$")
@@ -62,7 +62,7 @@ class Entry(_Part):
     drive: Literal["measured", "free"] | None = None
     start: Mapping[str, Number] | None = None
     loads: Annotated[tuple[Load, ...] | None, BeforeValidator(_as_tuple), Field(alias="load")] = None
-    noise: Mapping[str, Annotated[float, Field(gt=0, lt=LARGEST)]] = Field(default_factory=dict)
+    noise: Mapping[str, Annotated[float, Field(gt=0, lt=LARGEST_READING)]] = Field(default_factory=dict)
     from_rest: bool = False
     role: Literal["fit", "validation"] = "fit"
 

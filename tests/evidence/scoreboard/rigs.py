@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.reach import turns_fully
 from analytic.kinematics.schedule import Turning
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import load
@@ -17,7 +18,6 @@ from analytic.mechanism.signals import AXES, Signal, SiUnit, named
 from compare.diagnose.data.recording import Channel, Drive, Measured, MeasuredRun
 from compare.diagnose.effects.effect import STOPS, Rig
 from compare.diagnose.predict import as_inputs, derived
-from compare.judge.grid import turns_fully
 
 CASES = {"crank-rocker": 0.45, "slider-crank": 0.3, "six-bar": 0.25}  # and how often each is drawn
 SPEEDS = {"crank-rocker": (4.0, 30.0), "slider-crank": (10.0, 90.0), "six-bar": (4.0, 16.0)}  # rad/s

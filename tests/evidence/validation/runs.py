@@ -14,7 +14,7 @@ from analytic.paper.superposition import total_displacement
 from compare.arguments import cores
 from compare.baseline.runs import not_run, setups
 from compare.crosscheck import Job, crosscheck_job
-from compare.judge.discrepancy import load_tolerances
+from compare.judge.tolerances import load_tolerances
 from compare.results.crosscheck import CrossCheck
 from compare.results.crosscheck import Run as Compared
 from sim_models.engine import declared, installed_version

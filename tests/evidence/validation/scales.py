@@ -100,7 +100,7 @@ def _runs(scale: Scale, simulator: str, motion: Motion) -> Iterator[AtScale]:
     import numpy as np
 
     from compare.crosscheck import Job, crosscheck_job
-    from compare.judge.discrepancy import load_tolerances
+    from compare.judge.tolerances import load_tolerances
     from sim_models.engine import Unsupported
 
     theta = 2 * np.pi * np.arange(ANGLES) / ANGLES

@@ -12,16 +12,16 @@ from typing import get_args
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.reach import usual_angles
 from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
 from analytic.mechanism.parts import ContactLaw
 from compare.arguments import cores
-from compare.judge.contact import TURN, contact, ideal_peaks
-from compare.judge.grid import default_angles
+from compare.judge.contact import contact, ideal_peaks
 from compare.results.contact import Contact, StatisticName
 from compare.results.crosscheck import Failure
-from compare.runs import Counted, simulate_all
+from compare.runs import ContactTrace, simulate_all
 from sim_models.common.contact_laws import named_law
 from sim_models.engine import JointModel, Request, SimulationError, Unsupported, check_supported, declared
 from tests.evidence.contact_ode import centred, loop_of, simulate
@@ -93,7 +93,7 @@ def striking(
         rattling, law, _ = cells[i]
         if isinstance(outcome, Failure):
             raise SimulationError(f"{rattling.case}, {law}, in {name}: {outcome.why}")
-        assert isinstance(outcome, Counted)
+        assert isinstance(outcome, ContactTrace)
         assert outcome.contact is not None
         found[i, name] = _row(rattling, law, name, outcome.joint_model, outcome.contact, ideal[i])
     equations = [
@@ -111,8 +111,8 @@ def by_equation(m: Mechanism, revolutions: int = OF_ODE) -> Contact:
     """What contact does by the equation, after a revolution that does not count."""
     (joint,) = m.clearances
     loop = loop_of(m, 0.0, named_law(m, m.joint(joint), "driven"))
-    watched = simulate(m, loop, centred(m, loop), (revolutions + 1) * TURN).watched
-    late = watched.time >= TURN / abs(m.speed or 1.0)
+    watched = simulate(m, loop, centred(m, loop), (revolutions + 1) * math.tau).watched
+    late = watched.time >= math.tau / abs(m.speed or 1.0)
 
     def kept(values: np.ndarray) -> np.ndarray:
         return values[late]
@@ -126,13 +126,13 @@ def by_equation(m: Mechanism, revolutions: int = OF_ODE) -> Contact:
 
 def _request(m: Mechanism, name: str, revolutions: int = REVOLUTIONS) -> Request | None:
     """A run of an engine that has the law in contact, or else between pin centres; None where it has it in neither."""
-    theta = default_angles(Assembly(m))
-    beyond = revolutions * TURN - float(theta[-1] - theta[0])
+    theta = usual_angles(Assembly(m))
+    beyond = revolutions * math.tau - float(theta[-1] - theta[0])
     rough = any(joint.friction for joint in m.joints if joint.clearance)
     models: tuple[JointModel, ...] = ("contact",) if rough else ("contact", "spring-damper")
     for model in models:
         asked = Request(
-            m, model, Schedule.at_angles(m, theta), start="centred", lead_in=TURN, beyond=beyond, watched=True
+            m, model, Schedule.at_angles(m, theta), start="centred", lead_in=math.tau, beyond=beyond, watched=True
         )
         try:
             check_supported(declared(name), asked)

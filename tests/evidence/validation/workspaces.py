@@ -19,7 +19,7 @@ from analytic.mechanism.file import load
 from analytic.paper.clearance import Model, displaced
 from compare.arguments import cores
 from compare.platform import platform_accuracy
-from compare.questions.accuracy import Grid
+from compare.questions.accuracy import WorkspaceGrid
 from compare.results.crosscheck import Failure
 from compare.results.platform import PlatformAccuracy
 from compare.runs import simulate_all
@@ -28,8 +28,8 @@ from sim_models.engine import Motion as MotionName
 from tests.evidence.results.validation import InEngine, OverWorkspace
 
 CLEARANCE = 1e-4  # m, in every pin
-SQUARE: Grid = ((-0.2, 0.2, 41), (-0.2, 0.2, 41))
-WORKSPACES: dict[str, tuple[str, Grid]] = {
+SQUARE: WorkspaceGrid = ((-0.2, 0.2, 41), (-0.2, 0.2, 41))
+WORKSPACES: dict[str, tuple[str, WorkspaceGrid]] = {
     "five-bar": ("left-arm.P", ((-0.1, 0.25, 41), (0.0, 0.3, 41))),
     "3-rrr": ("platform", SQUARE),
     "3-rpr": ("platform", SQUARE),

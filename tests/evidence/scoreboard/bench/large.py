@@ -19,11 +19,11 @@ from dataclasses import replace
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.reach import turns_fully
 from analytic.mechanism import Body, Mechanism
 from analytic.mechanism.file import load
 from analytic.mechanism.signals import wrapped
 from compare.diagnose.effects.vocabulary import VOCABULARY
-from compare.judge.grid import turns_fully
 from tests.evidence.scoreboard.bench.pendulum import Pendulum, rival_left, turned
 from tests.evidence.scoreboard.bench.rig import (
     DIAGNOSING,

@@ -13,8 +13,8 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
 from asked import job_of, request_of
 from compare.crosscheck import crosscheck_job
-from compare.judge.closer import HARDER
-from compare.judge.discrepancy import load_tolerances
+from compare.judge.reruns import HARDER
+from compare.judge.tolerances import load_tolerances
 from sim_models.common.contact_laws import STATIC_STIFFNESS
 from sim_models.engine import Engine, Request, Trace, engine
 
@@ -90,7 +90,7 @@ def light_contact() -> Mechanism:
 
 
 def test_a_contact_of_our_own_stiffness_is_made_harder_and_the_mechanisms_is_not() -> None:
-    from compare.judge.closer import finer
+    from compare.judge.reruns import finer
 
     request = request_of(light_contact(), "contact", "static", TURN[1:4])
     trace = engine("mujoco").simulate(request)

@@ -1,4 +1,4 @@
-"""A disagreement near its tolerance is looked at more closely before it counts.
+"""Runs that are made again: finer where they disagree near a tolerance, longer where their averages have not converged.
 
 An engine's own error falls with its step, and with the give of a contact whose stiffness this project chose; the error
 of a model does not.  So a run that disagrees by little is made again, finer.  If the disagreement vanishes, it was the
@@ -6,6 +6,8 @@ engine's.  If it stays, it counts.  If it falls and does not vanish, the engine 
 
 A contact that lets its pin far beyond the rim hides the clearance.  It is made harder where this project chose its
 stiffness; the run has failed where the mechanism gives the stiffness, or the contact is still too soft.
+
+A run in which pins strike goes on until its averages over revolutions have converged, as far as it is let.
 """
 
 from __future__ import annotations
@@ -18,7 +20,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analytic.mechanism.signals import AXES, Signal
+from compare.judge.contact import more_revolutions
 from compare.judge.discrepancy import Rule
+from compare.report.words.contact import no_longer_run
 from compare.results.crosscheck import Discrepancy, Failure, Run
 from sim_models.common.contact_laws import default_stiffness
 from sim_models.common.failed_starts import STIFF
@@ -27,17 +31,19 @@ from sim_models.engine import Cause, Request, Trace
 if TYPE_CHECKING:
     from compare.results.analysis import Simulation  # a model that takes its time to be made
 
-NEAR = 1e3  # tolerances: a run that is off by more is not off by its step
-NEAR_LOOSE = 10.0  # the same with clearance, where pins that fly do so differently in every step
-ROUNDS = 2
+NEAR_TOLERANCE = 1e3  # tolerances: a run that is off by more is not off by its step
+NEAR_LOOSE = 10.0  # tolerances, with clearance: pins that fly do so differently in every step
+FINER_ROUNDS = 2
 FALLS = 0.6  # of a disagreement that is an engine's, at most, is left in a finer run
 HARDER = 16.0  # times as stiff
-SOFT = 0.5  # of a clearance: a pin that is seen farther beyond its rim hardly shows it
-HIDDEN = 1.0  # the same: it does not show it at all
+SOFT_CONTACT = 0.5  # of a clearance: a pin that is seen farther beyond its rim hardly shows it
+HIDDEN_CLEARANCE = 1.0  # of a clearance: a pin that is seen farther beyond its rim does not show it at all
+LONGER_ROUNDS = 3  # of runs that are made longer
+SHORT_TURN = 1e-6  # of a revolution, by which an engine's steps may end before it
 
 
 @dataclass(frozen=True)
-class Judged:
+class JudgedRun:
     """A run that was judged: its trace, its entry in the result, and the rules that it was judged by."""
 
     trace: Trace
@@ -69,47 +75,51 @@ class Judged:
 
 
 def settle(
-    judged: Mapping[int, Judged],
+    judged: Mapping[int, JudgedRun],
     requests: Mapping[int, Request],
     simulate: Callable[[Mapping[int, Request]], Mapping[int, Trace | Failure]],
-    judge: Callable[[Trace], Judged],
-) -> tuple[dict[int, Judged | Failure], dict[int, Request]]:
+    judge: Callable[[Trace], JudgedRun],
+) -> tuple[dict[int, JudgedRun | Failure], dict[int, Request]]:
     """The runs, and what each of them was asked in the end; those that disagree by little are made again until they
     agree, no longer change, or have failed.
 
     ``requests`` are those of the runs that may be made again.
     """
-    settled: dict[int, Judged | Failure] = dict(judged)
+    settled: dict[int, JudgedRun | Failure] = dict(judged)
     looking = {
-        i: one
-        for i, one in judged.items()
-        if 0 < one.share <= (NEAR_LOOSE if one.trace.clearance else NEAR) or one.soft > SOFT
+        i: judgement
+        for i, judgement in judged.items()
+        if 0 < judgement.share <= (NEAR_LOOSE if judgement.trace.clearance else NEAR_TOLERANCE)
+        or judgement.soft > SOFT_CONTACT
     }
     asked = dict(requests)
-    for round_ in range(1, ROUNDS + 1):
+    for round_ in range(1, FINER_ROUNDS + 1):
         again = {
             i: request
-            for i, one in looking.items()
-            if i in asked and (request := finer(asked[i], one.trace)) is not None
+            for i, judgement in looking.items()
+            if i in asked and (request := finer(asked[i], judgement.trace)) is not None
         }
         asked |= again
-        found = simulate(again) if again else {}
+        outcomes = simulate(again) if again else {}
         before, looking = looking, {}
-        for i, outcome in found.items():
+        for i, outcome in outcomes.items():
             if isinstance(outcome, Failure):
                 settled[i] = _undecided(before[i], f"a finer run of it failed ({outcome.why})")
                 continue
-            one = judge(replace(outcome, settings={**outcome.settings, "refinements": round_}))
-            settled[i] = one
-            if one.soft > SOFT:
-                looking[i] = one
-            elif 0 < one.share <= FALLS * before[i].share:
-                looking[i] = one
+            judgement = judge(replace(outcome, settings={**outcome.settings, "refinements": round_}))
+            settled[i] = judgement
+            if judgement.soft > SOFT_CONTACT:
+                looking[i] = judgement
+            elif 0 < judgement.share <= FALLS * before[i].share:
+                looking[i] = judgement
                 settled[i] = _undecided(
-                    one, f"it was {before[i].share / one.share:.1f} times that in a coarser run, and still falls"
+                    judgement,
+                    f"it was {before[i].share / judgement.share:.1f} times that in a coarser run, and still falls",
                 )
-    ended = {i: _too_soft(one) if isinstance(one, Judged) and one.soft > HIDDEN else one for i, one in settled.items()}
-    return ended, asked
+    for i, run in settled.items():
+        if isinstance(run, JudgedRun) and run.soft > HIDDEN_CLEARANCE:
+            settled[i] = _too_soft(run)
+    return settled, asked
 
 
 def too_soft(run: Run | Simulation) -> Iterator[str]:
@@ -118,7 +128,7 @@ def too_soft(run: Run | Simulation) -> Iterator[str]:
     """
     for joint, depth in beyond_rim(run).items():
         clearance = run.clearance[joint]
-        if depth > SOFT * clearance:
+        if depth > SOFT_CONTACT * clearance:
             yield (
                 f"{run.title}: the pin of joint {joint} is seen"
                 f" {1e3 * depth:.2g} mm beyond its rim, {depth / clearance:.1f} times its clearance: too soft to"
@@ -130,15 +140,15 @@ def beyond_rim(run: Run | Simulation) -> dict[str, float]:
     """How far (m) each pin of a run is seen beyond the rim of its bearing, at its samples and on the way
     between them.
     """
-    found = {}
+    depths = {}
     for joint, clearance in run.clearance.items():
         if Signal("clearance", joint, "angle").name in run.simulated:  # a block's corners are not its point
             continue
         sides = [Signal("clearance", joint, axis).name for axis in AXES]
         path = [np.hypot(*(run.simulated[side] for side in sides))]
-        path += [np.hypot(seen.x, seen.y) for name, seen in run.journal.items() if name == joint]
-        found[joint] = float(np.nanmax(np.concatenate(path), initial=0.0)) - clearance
-    return found
+        path += [np.hypot(orbit.x, orbit.y) for name, orbit in run.journal.items() if name == joint]
+        depths[joint] = float(np.nanmax(np.concatenate(path), initial=0.0)) - clearance
+    return depths
 
 
 def stiff_enough(run: Run | Simulation, joint: str) -> str:
@@ -152,20 +162,20 @@ def stiff_enough(run: Run | Simulation, joint: str) -> str:
     return f"give joint {joint} contact_stiffness = {wanted:.1e} (N/m) or more"
 
 
-def _too_soft(one: Judged) -> Failure:
-    t, depths = one.trace, beyond_rim(one.run)
-    joint = max(depths, key=lambda name: depths[name] / one.run.clearance[name])
+def _too_soft(judgement: JudgedRun) -> Failure:
+    t, depths = judgement.trace, beyond_rim(judgement.run)
+    joint = max(depths, key=lambda name: depths[name] / judgement.run.clearance[name])
     what = (
         f"{t.simulator} {t.joint_model} {t.motion}: contact too soft for this load: the pin of joint {joint} is seen"
         f" {depths[joint]:.2g} m"
     )
-    times = f"{depths[joint] / one.run.clearance[joint]:.2g} times its clearance"
-    why = f"{what} beyond its rim, {times}; {stiff_enough(one.run, joint)}, or a smaller load"
+    times = f"{depths[joint] / judgement.run.clearance[joint]:.2g} times its clearance"
+    why = f"{what} beyond its rim, {times}; {stiff_enough(judgement.run, joint)}, or a smaller load"
     return Failure(simulator=t.simulator, joint_model=t.joint_model, why=why, cause=Cause.TOO_SOFT)
 
 
 def finer(request: Request, trace: Trace) -> Request | None:
-    """The same run with a harder contact where this project chose its stiffness, else with half the step; None where
+    """A run with a harder contact where this project chose its stiffness, else with half the step; None where
     neither can be done.
     """
     m = request.mechanism
@@ -179,8 +189,58 @@ def finer(request: Request, trace: Trace) -> Request | None:
     return replace(request, step=step / 2) if step and request.motion == "driven" else None
 
 
-def _undecided(one: Judged, why: str) -> Failure:
-    t = one.trace
-    said = f"{t.simulator} {t.joint_model} {t.motion}: {one.words} is its own error: {why}"
+def _undecided(judgement: JudgedRun, why: str) -> Failure:
+    t = judgement.trace
+    error = f"{t.simulator} {t.joint_model} {t.motion}: {judgement.words} is its own error: {why}"
     cause = Cause.NOT_CONVERGED
-    return Failure(simulator=t.simulator, joint_model=t.joint_model, why=f"{said}; {cause.remedy}", cause=cause)
+    return Failure(simulator=t.simulator, joint_model=t.joint_model, why=f"{error}; {cause.remedy}", cause=cause)
+
+
+# ---------------------------------------------------------------- longer
+
+
+def prolong(
+    judged: Mapping[int, JudgedRun | Failure],
+    requests: Mapping[int, Request],
+    simulate: Callable[[Mapping[int, Request]], Mapping[int, Trace | Failure]],
+    judge: Callable[[Trace], JudgedRun],
+    most: float,
+) -> dict[int, JudgedRun | Failure]:
+    """The runs, those whose statistics have not converged made again from their start, over more revolutions, ``most``
+    at the utmost.  Where a longer run fails, the shorter one stays and says so.
+    """
+    ended, asked = dict(judged), dict(requests)
+    for _ in range(LONGER_ROUNDS):
+        again = {i: longer for i, one in ended.items() if i in asked and (longer := _longer(asked[i], one, most))}
+        for i, outcome in (simulate(again) if again else {}).items():
+            if isinstance(outcome, Trace):
+                ended[i] = judge(outcome)
+            else:
+                ended[i] = _as_far(ended[i], outcome)
+                del asked[i]
+    return ended
+
+
+def _as_far(shorter: JudgedRun | Failure, longer: Failure) -> JudgedRun | Failure:
+    """A run that could not be prolonged, with the reason in its words."""
+    if isinstance(shorter, Failure) or shorter.run.contact is None:
+        return shorter
+    contact = shorter.run.contact.model_copy(update={"words": no_longer_run(shorter.run.contact.words, longer.why)})
+    return replace(shorter, run=shorter.run.model_copy(update={"contact": contact}))
+
+
+def _longer(request: Request, shorter: JudgedRun | Failure, most: float) -> Request | None:
+    """The request of a longer run; None where that is no use, or not allowed."""
+    if isinstance(shorter, Failure) or shorter.run.contact is None or shorter.run.contact.revolutions < 1 - SHORT_TURN:
+        return None
+    contact = shorter.run.contact
+    turns = min(math.ceil(more_revolutions(contact)), most)
+    if turns < contact.revolutions + 0.5:
+        return None
+    return replace(request, beyond=math.tau * turns - span(request))
+
+
+def span(request: Request) -> float:
+    """How far (rad) the crank turns from the first report to the last one."""
+    angles = request.schedule.crank_angle
+    return 0.0 if angles is None else float(np.ptp(angles))

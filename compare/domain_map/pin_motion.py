@@ -13,13 +13,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-SWING = 6.0  # steps in a radian of a pin's swing along a rigid rim
-BOUNCE = 3.0  # and of its bounce on a wall that yields
-COARSE = 0.005  # rad of crank in a step, at most
-TINY = 1e-300  # m^2
+SWING_STEPS = 6.0  # steps in a radian of a pin's swing along a rigid rim
+BOUNCE_STEPS = 3.0  # steps in a radian of a pin's bounce on a wall that yields
+LARGEST_TURN = 0.005  # rad of crank in a step, at most
+NO_MOTION = 1e-300  # m^2
 
 
-class Way(NamedTuple):
+class CrankWay(NamedTuple):
     """The crank's way, from ``begin`` (rad) by ``turn`` (rad, signed) at ``speed`` (rad/s), and a joint's reaction.
 
     ``terms`` (7, n) complex are, at crank angles ``spacing`` (rad) apart from ``origin`` on, the ideal linkage's
@@ -56,7 +56,7 @@ def _dot(a: Any, b: Any) -> Any:
 
 
 @_compiled
-def _at(way: Way, theta: float) -> Any:
+def _at(way: CrankWay, theta: float) -> Any:
     """The terms (7,) at a crank angle (rad); beyond the last they go on as from the first."""
     n = way.terms.shape[1] - 1
     x = (theta - way.origin) / way.spacing
@@ -74,27 +74,29 @@ def _by(terms: Any, order: int, gap: complex) -> Any:
 @_compiled
 def _swung(terms: Any, clearance: float, angle: float, rate: float) -> Any:
     """Acceleration (rad/s^2) of a pin along its rim, the force (N) that holds it there, and its pace (1/s)."""
-    out = complex(math.cos(angle), math.sin(angle))
-    along = 1j * out
-    rest = terms[0] + clearance * (_by(terms, 0, out) + rate * _by(terms, 1, along) - rate**2 * _by(terms, 2, out))
+    outwards = complex(math.cos(angle), math.sin(angle))
+    along = 1j * outwards
+    rest = terms[0] + clearance * (
+        _by(terms, 0, outwards) + rate * _by(terms, 1, along) - rate**2 * _by(terms, 2, outwards)
+    )
     heavy = clearance * _by(terms, 2, along)
     push = -_dot(along, rest) / _dot(along, heavy)
     pace = math.sqrt(abs(terms[0]) / abs(_dot(along, heavy))) + abs(rate)
-    return push, _dot(out, rest + push * heavy), pace
+    return push, _dot(outwards, rest + push * heavy), pace
 
 
 @_compiled
-def on_a_rim(way: Way, clearance: float, angle: float, rate: float) -> float:
+def on_a_rim(way: CrankWay, clearance: float, angle: float, rate: float) -> float:
     """Crank angle (rad) at which a pin leaves its rim, from an ``angle`` (rad) on, at a ``rate`` (rad/s); NaN: it
     stays.
     """
     time, end, speed = 0.0, way.turn / way.speed, way.speed
     while time < end:
         theta = way.begin + speed * time
-        a, held, pace = _swung(_at(way, theta), clearance, angle, rate)
-        if held < 0:
+        a, push, pace = _swung(_at(way, theta), clearance, angle, rate)
+        if push < 0:
             return theta
-        h = min(1 / (SWING * pace), COARSE / abs(speed))
+        h = min(1 / (SWING_STEPS * pace), LARGEST_TURN / abs(speed))
         middle = _at(way, theta + speed * h / 2)
         b = _swung(middle, clearance, angle + rate * h / 2, rate + a * h / 2)[0]
         c = _swung(middle, clearance, angle + rate * h / 2 + a * h**2 / 4, rate + b * h / 2)[0]
@@ -111,10 +113,10 @@ def _bounced(terms: Any, wall: Wall, clearance: float, gap: complex, drift: comp
     """Acceleration (m/s^2) of a gap on a wall that yields, and its pace (1/s)."""
     far = abs(gap)
     depth = far - clearance
-    out = gap / far
+    outwards = gap / far
     resisting = wall.damping + wall.hysteresis * max(depth, 0.0)
-    force = max(0.0, wall.stiffness * depth + resisting * _dot(out, drift)) if depth > 0 else 0.0
-    left = force * out - terms[0] - _by(terms, 0, gap) - _by(terms, 1, drift)
+    force = max(0.0, wall.stiffness * depth + resisting * _dot(outwards, drift)) if depth > 0 else 0.0
+    left = force * outwards - terms[0] - _by(terms, 0, gap) - _by(terms, 1, drift)
     x, y = terms[5], terms[6]  # M by columns
     area = x.real * y.imag - y.real * x.imag
     light = area / (x.real + y.imag)  # nearly the smaller mass
@@ -123,7 +125,7 @@ def _bounced(terms: Any, wall: Wall, clearance: float, gap: complex, drift: comp
 
 
 @_compiled
-def on_a_wall(way: Way, wall: Wall, clearance: float, gap: complex, drift: complex) -> float:
+def on_a_wall(way: CrankWay, wall: Wall, clearance: float, gap: complex, drift: complex) -> float:
     """Crank angle (rad) at which a pin leaves a wall that yields, from a ``gap`` (m) on, at a rate (m/s); NaN: it
     stays.
     """
@@ -131,14 +133,14 @@ def on_a_wall(way: Way, wall: Wall, clearance: float, gap: complex, drift: compl
     while time < end:
         theta = way.begin + speed * time
         a, pace = _bounced(_at(way, theta), wall, clearance, gap, drift)
-        h = min(1 / (BOUNCE * pace), COARSE / abs(speed))
+        h = min(1 / (BOUNCE_STEPS * pace), LARGEST_TURN / abs(speed))
         middle = _at(way, theta + speed * h / 2)
         b = _bounced(middle, wall, clearance, gap + drift * h / 2, drift + a * h / 2)[0]
         c = _bounced(middle, wall, clearance, gap + drift * h / 2 + a * h**2 / 4, drift + b * h / 2)[0]
         last = _at(way, theta + speed * h)
         d = _bounced(last, wall, clearance, gap + drift * h + b * h**2 / 2, drift + c * h)[0]
         moved = drift * h + (a + b + c) * h**2 / 6
-        near = min(max(-_dot(gap, moved) / (abs(moved) ** 2 + TINY), 0.0), 1.0)  # a fast pin crosses its gap in a step
+        near = min(max(-_dot(gap, moved) / (abs(moved) ** 2 + NO_MOTION), 0.0), 1.0)  # a fast pin crosses in a step
         if abs(gap + near * moved) < clearance:
             return theta + speed * h * near
         gap += moved

@@ -1,4 +1,4 @@
-"""What of a mechanism file each command leaves out, and why: one table, told in every result and in the documentation.
+"""Fields of a mechanism file that commands leave out, and why: one table, told in every result and in the docs.
 
 A field that does nothing where it stands is told wherever it is; so is one that this question has no use for.
 Drives are told of where they are looked at (:func:`compare.arguments.rigidly_and_evenly_driven`).
@@ -18,7 +18,7 @@ from sim_models.engine import JOINT_MODELS, TOUCHING, JointModel, Motion, Settin
 Command = Literal["analyse", "accuracy", "compare", "simulate", "check", "validity", "export", "diagnose"]
 AT_SPEED = ("contact_damping", "restitution", "contact_law")
 AT_STATIC = "dry friction at rest is static_torque"
-CONTACT = tuple(f"joint.{field}" for field in ("contact_stiffness", *AT_SPEED))
+CONTACT_FIELDS = tuple(f"joint.{field}" for field in ("contact_stiffness", *AT_SPEED))
 
 
 @dataclass(frozen=True)
@@ -51,14 +51,12 @@ class Asked:
 
 @dataclass(frozen=True)
 class Omission:
-    """Fields that are left out ``where`` (in words) something holds, and ``why``; ``told`` says of a part whether it is
-    so.
-    """
+    """Fields that are left out ``where`` (in words) something holds, and ``why``; ``applies`` tests a part for it."""
 
     fields: tuple[str, ...]
     where: str
     why: str
-    told: Callable[[Asked, MechanismPart], bool]
+    applies: Callable[[Asked, MechanismPart], bool]
 
 
 def _loose(asked: Asked, part: MechanismPart) -> bool:
@@ -83,10 +81,6 @@ def _sticks(part: MechanismPart) -> bool:
     return isinstance(part, Joint) and part.static_torque is not None
 
 
-def _force_of_friction(part: MechanismPart) -> bool:
-    return isinstance(part, Joint) and part.prismatic and part.guide is None
-
-
 def _guides_nothing(asked: Asked, part: MechanismPart) -> bool:
     """The block neither leans in its guide nor is rubbed by it."""
     return asked.joint_models == ("ideal",) if _loose(asked, part) else _frictionless(asked, part)
@@ -102,11 +96,13 @@ def _no_use_for_section(asked: Asked, part: MechanismPart) -> bool:
 def _sliding(mechanism: Mechanism, asked: Asked) -> tuple[str, ...]:
     """The bodies that never turn: on blocks, one on another, that do not lean in their guides in any engine."""
     ideal = set(asked.joint_models) <= {"ideal"}
-    held = [set(joint.bodies) for joint in mechanism.joints if joint.prismatic and (ideal or not _loose(asked, joint))]
-    found = {"ground"}
-    while more := [pair - found for pair in held if len(pair & found) == 1]:
-        found.update(*more)
-    return tuple(sorted(found - {"ground"}))
+    guided = [
+        set(joint.bodies) for joint in mechanism.joints if joint.prismatic and (ideal or not _loose(asked, joint))
+    ]
+    unturned = {"ground"}
+    while more := [pair - unturned for pair in guided if len(pair & unturned) == 1]:
+        unturned.update(*more)
+    return tuple(sorted(unturned - {"ground"}))
 
 
 OMISSIONS: tuple[Omission, ...] = (
@@ -154,7 +150,13 @@ OMISSIONS: tuple[Omission, ...] = (
         ("joint.friction",),
         "the same, a prismatic joint without `guide`, whose friction is in N",
         AT_STATIC,
-        lambda asked, part: asked.motion == "static" and _sticks(part) and _force_of_friction(part),
+        lambda asked, part: (
+            asked.motion == "static"
+            and isinstance(part, Joint)
+            and _sticks(part)
+            and part.prismatic
+            and part.guide is None
+        ),
     ),
     Omission(
         ("drive.ripple", "drive.half_gap"),
@@ -163,19 +165,19 @@ OMISSIONS: tuple[Omission, ...] = (
         lambda asked, part: asked.bends and asked.command in ("analyse", "accuracy"),
     ),
     Omission(
-        CONTACT,
+        CONTACT_FIELDS,
         "a joint without `clearance`",
         "nothing touches without clearance",
         lambda asked, part: not _loose(asked, part),
     ),
     Omission(
-        CONTACT,
+        CONTACT_FIELDS,
         "`analyse`, `accuracy`, `check`",
         "the analytic model's contact is rigid",
         lambda asked, part: asked.command in ("analyse", "accuracy", "check"),
     ),
     Omission(
-        CONTACT,
+        CONTACT_FIELDS,
         "`ideal` and `massless-link` joints",
         "no pin touches its bearing by a law of contact in these joint models",
         lambda asked, part: not asked.touches,
@@ -193,7 +195,7 @@ OMISSIONS: tuple[Omission, ...] = (
         lambda asked, part: isinstance(part, Joint) and part.contact_damping is not None,
     ),
     Omission(
-        CONTACT,
+        CONTACT_FIELDS,
         "the analytic side of `compare` and `validity`",
         "contact is rigid on the analytic side; the simulation has them",
         lambda asked, part: asked.command in ("compare", "validity"),
@@ -280,16 +282,16 @@ OMISSIONS: tuple[Omission, ...] = (
 
 
 def omitted(mechanism: Mechanism, asked: Asked) -> list[str]:
-    """What a question leaves out of a mechanism, a sentence for each reason; of a field the first one that holds."""
-    asked, told = replace(asked, sliding=_sliding(mechanism, asked)), set[tuple[str, str]]()
+    """The fields that a question leaves out, a sentence for each reason; of a field the first that holds."""
+    asked, mentioned = replace(asked, sliding=_sliding(mechanism, asked)), set[tuple[str, str]]()
     sentences = []
     for omission in OMISSIONS:
         by_parts: dict[str, list[str]] = {}  # fields by whose they are
         for field in omission.fields:
             kind, _, name = field.partition(".")
-            found = dict.fromkeys(w for w, part in _given(mechanism, kind, name) if omission.told(asked, part))
-            names = [whose for whose in found if (field, whose) not in told]
-            told |= {(field, whose) for whose in names}
+            owners = dict.fromkeys(w for w, part in _given(mechanism, kind, name) if omission.applies(asked, part))
+            names = [whose for whose in owners if (field, whose) not in mentioned]
+            mentioned |= {(field, whose) for whose in names}
             if names:
                 by_parts.setdefault(_called(kind, names), []).append(name)
         if by_parts:

@@ -9,11 +9,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from compare.baseline.file import NO_DIRECTION, PLACES, StoredRun, Tolerance, inline
+from compare.baseline.file import PLACE_COLUMNS, UNDIRECTED, MovedLimits, StoredRun, inline
 from compare.results.baselines import Moved
 
-SAME_PLACE = 1e-6  # deg, s
-WEAK = 1e-3  # of the run's largest force: the size of a weaker joint's is held to that
+SAME_ROW = 1e-6  # deg, s
+WEAK_JOINT = 1e-3  # of the run's largest force: the size of a weaker joint's is held to that
 
 
 def fits(stored: Sequence[StoredRun], fresh: Sequence[StoredRun]) -> str:
@@ -32,7 +32,7 @@ def fits(stored: Sequence[StoredRun], fresh: Sequence[StoredRun]) -> str:
         if (
             old.places is not None
             and new.places is not None
-            and not np.allclose(old.places, new.places, rtol=0, atol=0.5e-4 + SAME_PLACE)
+            and not np.allclose(old.places, new.places, rtol=0, atol=0.5e-4 + SAME_ROW)
         ):
             return f"run {old.name!r} is at other crank angles"
     return ""
@@ -42,15 +42,15 @@ def _listed(runs: Sequence[StoredRun]) -> str:
     return ", ".join(repr(run.name) for run in runs) or "none"
 
 
-def moved(old: StoredRun, new: StoredRun, tolerance: Tolerance) -> list[Moved]:
+def moved(old: StoredRun, new: StoredRun, tolerance: MovedLimits) -> list[Moved]:
     """Every column of a run that moved; the runs must fit."""
     largest = max(
         (float(np.nanmax(old.rows[:, j])) for j, name in enumerate(old.columns) if name.endswith("_magnitude [N]")),
         default=0.0,
     )
-    found = []
+    moves = []
     for j, column in enumerate(old.columns):
-        if column in PLACES:
+        if column in PLACE_COLUMNS:
             continue
         signal, _, unit = column.removesuffix("]").partition(" [")
         by = new.rows[:, j] - old.rows[:, j]
@@ -61,7 +61,7 @@ def moved(old: StoredRun, new: StoredRun, tolerance: Tolerance) -> list[Moved]:
         gone = np.flatnonzero(np.abs(by) > allowed)
         if gone.size:
             k = int(gone[np.argmax(np.abs(by[gone]))])
-            found.append(
+            moves.append(
                 Moved(
                     run=old.name,
                     signal=signal,
@@ -74,24 +74,24 @@ def moved(old: StoredRun, new: StoredRun, tolerance: Tolerance) -> list[Moved]:
                     of=by.size,
                 )
             )
-    return found
+    return moves
 
 
 def _turned_up_or_lost(old: np.ndarray, new: np.ndarray, size: np.ndarray) -> np.ndarray:
     """Where (N,) only one side has a direction, though the stored force is not just at the limit of having one."""
-    limit = NO_DIRECTION * size.max()
+    limit = UNDIRECTED * size.max()
     return (np.isnan(old) != np.isnan(new)) & (np.abs(size - limit) > 0.01 * limit)
 
 
-def _allowed(signal: str, unit: str, values: np.ndarray, largest: float, tolerance: Tolerance) -> float:
+def _allowed(signal: str, unit: str, values: np.ndarray, largest: float, tolerance: MovedLimits) -> float:
     if unit == "deg":
         return tolerance.angle
     if signal.endswith("_magnitude"):
-        return tolerance.magnitude * max(float(values.max()), WEAK * largest)
+        return tolerance.magnitude * max(float(values.max()), WEAK_JOINT * largest)
     return tolerance.free_share if signal.startswith("free_share_") else tolerance.rms * float(values.max())
 
 
 def _place(run: StoredRun, k: int) -> str:
     if run.places is None:
         return ""
-    return f"{run.places[k]:.6g} {'deg' if run.columns[0] == PLACES[0] else 's'}"
+    return f"{run.places[k]:.6g} {'deg' if run.columns[0] == PLACE_COLUMNS[0] else 's'}"

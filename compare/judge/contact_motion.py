@@ -15,8 +15,8 @@ from sim_models.common.guide import Guide
 from sim_models.common.journal import OFF_WALL
 from sim_models.engine import Watched
 
-TINY = 1e-300  # m, in place of a gap of nothing
-SLOW = 1e-2  # of a joint's fastest turning: friction is not reckoned with below, where engines let it fade
+NO_GAP = 1e-300  # m, in place of a gap of nothing
+SLOW_TURNING = 1e-2  # of a joint's fastest turning: friction is not reckoned with below, where engines let it fade
 
 
 def dot(a: np.ndarray, b: np.ndarray | complex) -> np.ndarray:
@@ -30,7 +30,7 @@ def integral(values: np.ndarray, time: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Touch:
+class ContactHistory:
     """A pin in its bearing, or a block's corner before its wall, over a run, (M,) instants.
 
     ``reach`` (m) is how far out it is, and at the wall the ``clearance``; ``rate`` (m/s) how fast that grows, ``push``
@@ -50,12 +50,12 @@ class Touch:
 
     @property
     def free(self) -> np.ndarray:
-        """Whether it is off its wall, (M,), as :func:`sim_models.common.journal.free_share` has it."""
+        """Where (M,) it is off its wall, as :func:`sim_models.common.journal.free_share` has it."""
         return self.reach < self.wall * (1 - OFF_WALL)
 
     @property
     def touching(self) -> np.ndarray:
-        """Whether it is at its wall or pushed, (M,)."""
+        """Where (M,) it is at its wall or pushed."""
         return (self.reach >= self.wall) | (self.push > 0)
 
     @property
@@ -75,7 +75,7 @@ class Touch:
 
 
 @dataclass(frozen=True)
-class Course:
+class JointPlay:
     """What has clearance in one joint, over a run: a pin, which is one contact, or a block, each corner of which is.
 
     ``gap`` (m) is (M,) complex: of a pin the first pin centre minus the second; of a block its height across the guide,
@@ -85,7 +85,7 @@ class Course:
 
     gap: np.ndarray
     drift: np.ndarray  # m/s, complex: rate of the gap
-    contacts: tuple[Touch, ...]
+    contacts: tuple[ContactHistory, ...]
 
     @property
     def clearance(self) -> float:
@@ -104,7 +104,7 @@ class Course:
 
     @property
     def free(self) -> np.ndarray:
-        """Whether nothing of it is at its wall, (M,)."""
+        """Where (M,) nothing of it is at its wall."""
         return np.all([touch.free for touch in self.contacts], axis=0)
 
     @property
@@ -113,7 +113,7 @@ class Course:
         return np.asarray(np.max([touch.size for touch in self.contacts], axis=0))
 
 
-class Run:
+class WatchedRun:
     """A watched run of a linkage with a crank, at its M instants.  Complex numbers are x + iy in the ground frame."""
 
     def __init__(self, mechanism: Mechanism, watched: Watched) -> None:
@@ -145,23 +145,23 @@ class Run:
         """Angle (M,) rad of a body."""
         return np.zeros(self.time.size) if body == GROUND else self.watched.angle[body]
 
-    def course(self, joint: Joint, margin: float = 0.0, stiffness: float = 0.0) -> Course:
+    def course(self, joint: Joint, margin: float = 0.0, stiffness: float = 0.0) -> JointPlay:
         """What has clearance in a joint; it begins to be pushed a ``margin`` (m) before its wall of this ``stiffness``
         (N/m).
         """
         guide = Guide.of(joint)
         return self._pin(joint, margin, stiffness) if guide is None else self._block(joint, guide, margin, stiffness)
 
-    def _pin(self, joint: Joint, margin: float, stiffness: float) -> Course:
+    def _pin(self, joint: Joint, margin: float, stiffness: float) -> JointPlay:
         first, second = joint.bodies
         arms = [self.arm(body, joint.name) for body in joint.bodies]
         gap = self.place(first, joint.name) - self.place(second, joint.name)
         drift = self.velocity(first, arms[0]) - self.velocity(second, arms[1])
-        outwards = gap / np.maximum(np.abs(gap), TINY)
+        outwards = gap / np.maximum(np.abs(gap), NO_GAP)
         rim = outwards * (joint.rim + joint.clearance)
         slip = self.velocity(second, arms[1] + rim) - self.velocity(first, arms[0] - gap + rim)
         force = self.watched.force[joint.name]
-        touch = Touch(
+        touch = ContactHistory(
             reach=np.abs(gap),
             rate=dot(outwards, drift),
             push=dot(outwards, force),
@@ -171,9 +171,9 @@ class Run:
             wall=joint.clearance - margin,
             stiffness=stiffness,
         )
-        return Course(gap, drift, (touch,))
+        return JointPlay(gap, drift, (touch,))
 
-    def _block(self, joint: Joint, guide: Guide, margin: float, stiffness: float) -> Course:
+    def _block(self, joint: Joint, guide: Guide, margin: float, stiffness: float) -> JointPlay:
         first, second = joint.bodies
         along, arm = joint.direction * np.exp(1j * self.angle(first)), self.arm(second, joint.name)
         apart = self.place(second, joint.name) - self.place(first, joint.name)
@@ -188,7 +188,7 @@ class Run:
         corners = self.watched.corners[joint.name]
         rubbing = self.watched.rubbing.get(joint.name, np.zeros_like(corners))
         touches = [
-            Touch(
+            ContactHistory(
                 reach=depth + joint.clearance,
                 rate=dot(np.sign(corner.imag) * 1j * along, moving(corner)),
                 push=push,
@@ -203,7 +203,8 @@ class Run:
             )
         ]
         turning = guide.length / 2 * (self.spin(second) - self.spin(first))
-        return Course(height + 1j * guide.length / 2 * tilt, dot(1j * along, moving(0j)) + 1j * turning, tuple(touches))
+        drift = dot(1j * along, moving(0j)) + 1j * turning
+        return JointPlay(height + 1j * guide.length / 2 * tilt, drift, tuple(touches))
 
     # ---------------------------------------------------------------- energy
 
@@ -253,7 +254,7 @@ class Run:
             if joint.load_coefficient:
                 return None
             position, rate = self._moved(joint)
-            dry = joint.dry(rate) * np.clip(rate / (SLOW * float(np.abs(rate).max()) or 1.0), -1, 1)
+            dry = joint.dry(rate) * np.clip(rate / (SLOW_TURNING * float(np.abs(rate).max()) or 1.0), -1, 1)
             power = power - (joint.spring(position) + joint.damper(rate) - dry) * rate
         return power
 
@@ -269,7 +270,7 @@ class Run:
         return dot(along, apart), dot(along, slip)
 
 
-def taken(courses: Mapping[str, Course]) -> np.ndarray:
+def taken(courses: Mapping[str, JointPlay]) -> np.ndarray:
     """Power (M,) W that the contacts take, by normal forces and by friction; what walls store is among it."""
     touches = [touch for course in courses.values() for touch in course.contacts]
     return np.sum([touch.push * touch.rate - touch.rub * touch.slip for touch in touches], axis=0)

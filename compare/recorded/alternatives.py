@@ -14,52 +14,52 @@ from analytic.mechanism.units import OFFERED, dimension, factor
 from compare.recorded.headings import Column
 from compare.recorded.table import Table
 
-ROWS = 200  # of a file, by which it is told
+FIRST_ROWS = 200  # of a file, by which it is told
 Change = tuple[Column, Column]  # a column as it is read, and as it may be meant
 
 
 @dataclass(frozen=True)
-class Reading:
+class TableReading:
     """The first rows of a table, with some columns as they may be meant; with none, as they are read."""
 
     table: Table
     changes: tuple[Change, ...] = ()
 
     @classmethod
-    def of(cls, table: Table) -> Reading:
+    def of(cls, table: Table) -> TableReading:
         """A table as it is read."""
-        values = {name: each[:ROWS] for name, each in table.values.items()}
-        return cls(replace(table, time=table.time[:ROWS], values=values))
+        values = {name: each[:FIRST_ROWS] for name, each in table.values.items()}
+        return cls(replace(table, time=table.time[:FIRST_ROWS], values=values))
 
     @property
     def words(self) -> str:
-        """What is meant: ``crank_angle in deg and time in ms``."""
+        """The meaning in words: ``crank_angle in deg and time in ms``."""
         return " and ".join(_words(*change) for change in self.changes)
 
     @property
     def lines(self) -> str:
-        """The same as a map has it."""
+        """The meaning as lines of a map."""
         return " and ".join(line(self.table, meant) for _, meant in self.changes)
 
-    def encoders(self, mechanism: Mechanism) -> Iterator[Reading]:
-        """The same with an encoder in each other unit, and turning either way; of several one of them, all alike, or
+    def encoders(self, mechanism: Mechanism) -> Iterator[TableReading]:
+        """This table with an encoder in each other unit, and turning either way; of several one of them, all alike, or
         two in each other's place.
         """
         columns = [c for c in self.table.columns if c.signal in mechanism.encoders]
-        found = [list(_meanings(c, (1, -1))) for c in columns]
-        yield from (self._with(change) for changes in found for change in changes)
-        if len(found) > 1:
-            yield from (self._with(*changes) for changes in zip(*found, strict=True))
+        meanings = [list(_meanings(c, (1, -1))) for c in columns]
+        yield from (self._with(change) for changes in meanings for change in changes)
+        if len(meanings) > 1:
+            yield from (self._with(*changes) for changes in zip(*meanings, strict=True))
         for one, other in combinations(columns, 2):
             if one.signal.unit == other.signal.unit:
                 yield self._with((one, _as(one, other.signal)), (other, _as(other, one.signal)))
 
-    def clocks(self) -> Iterator[Reading]:
-        """The same with the clock in each other unit."""
+    def clocks(self) -> Iterator[TableReading]:
+        """This table with the clock in each other unit."""
         if self.table.clock is not None:
             yield from (self._with(change) for change in _meanings(self.table.clock, (1,)))
 
-    def _with(self, *changes: Change) -> Reading:
+    def _with(self, *changes: Change) -> TableReading:
         time, values, columns = self.table.time, dict(self.table.values), list(self.table.columns)
         for read, meant in changes:
             if read is self.table.clock:
@@ -68,7 +68,7 @@ class Reading:
                 values[meant.signal.name] = meant.si(read.readings(self.table.values[read.signal.name]))
                 columns[columns.index(read)] = meant
         table = replace(self.table, time=time, values=values, columns=tuple(columns))
-        return Reading(table, (*self.changes, *changes))
+        return TableReading(table, (*self.changes, *changes))
 
 
 def _meanings(column: Column, signs: Sequence[int]) -> Iterator[Change]:
@@ -95,7 +95,7 @@ def _as(column: Column, signal: Signal) -> Column:
 
 
 def line(table: Table, meant: Column) -> str:
-    """What a map says of a column that is meant so."""
+    """The line of a map for a column that is meant so."""
     return f"{json.dumps(table.headings[meant.place].strip(), ensure_ascii=False)} = {_entry(meant)}"
 
 
@@ -104,8 +104,8 @@ def _words(read: Column, meant: Column) -> str:
     if read.signal != meant.signal:
         return f"{meant.signal.name} in the place of {read.signal.name}"
     signs = [column.meaning.sign if column.meaning else 1 for column in (read, meant)]
-    said = [f"in {meant.unit}"] * (meant.factor != read.factor) + ["of the other sign"] * (signs[0] != signs[1])
-    return f"{meant.signal.name} {', '.join(said)}"
+    words = [f"in {meant.unit}"] * (meant.factor != read.factor) + ["of the other sign"] * (signs[0] != signs[1])
+    return f"{meant.signal.name} {', '.join(words)}"
 
 
 def _entry(meant: Column) -> str:
@@ -115,6 +115,3 @@ def _entry(meant: Column) -> str:
         others = meant.meaning.model_dump(exclude_defaults=True, exclude=set(fields))
         fields |= {name: f"{value:.12g}" for name, value in others.items()}
     return f"{{ {', '.join(f'{name} = {value}' for name, value in fields.items())} }}"
-
-
-__all__ = ["Reading", "line", "otherwise"]
