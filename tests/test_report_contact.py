@@ -309,12 +309,12 @@ def test_figures_of_contact_are_files_that_the_markdown_links(agreeing: CrossChe
 
 def test_a_flagged_angle_shows_its_simulated_value_and_no_difference(agreeing: CrossCheck) -> None:
     summary, k = summarise(agreeing), flagged(agreeing)[3]
-    for run in (run for run in explorer(agreeing, summary)["runs"] if run["flags"]):
+    for run in (run for run in explorer(summary)["runs"] if run["flags"]):
         assert run["simulated"]["coupler"]["x"][k] is not None
         for reading in run["readout"]:
             assert reading["simulated"][k] is not None
             assert reading["analytic"][k] is reading["difference"][k] is None
-    shown = {f.name: f for f in figures(agreeing, summary)}
+    shown = {f.name: f for f in figures(summary)}
     marks = [s for s in shown["gamma_B"].series if s.mark == "marker"]
     assert all(s.y[k] is not None for s in marks)
     loose = [s for s in shown["difference_reaction_B_angle"].series if s.name and s.role != "ideal"]
@@ -331,7 +331,7 @@ def test_the_direction_of_a_flagged_angle_lies_in_the_turn_of_its_neighbours(agr
         gamma[flagged(agreeing)[2] :] += 2 * math.tau  # it went around while the pin flew
         runs.append(run.model_copy(update={"simulated": {**run.simulated, "reaction_B_angle": gamma}}))
     result = agreeing.model_copy(update={"runs": tuple(runs)})
-    gamma_of = next(f for f in figures(result, summarise(result)) if f.name == "gamma_B")
+    gamma_of = next(f for f in figures(summarise(result)) if f.name == "gamma_B")
     for series in (s for s in gamma_of.series if s.mark == "marker"):
         assert max(abs(np.diff(np.array(series.y, float)))) < 180
 

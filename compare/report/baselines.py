@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rich.console import Console
 
-from compare.report.junit import Case, junit_xml
+from compare.report.junit import Case, Suite, junit_xml
 from compare.report.tables import html_table, say
 from compare.results.baselines import Baselines, Entry
 
@@ -41,7 +41,7 @@ def junit(result: Baselines) -> str:
         place = f"{entry.case}.baseline"
         case = Case(place, entry.simulator, said=entry.words, failure=failure, error=error, kind=entry.status)
         suites.setdefault(entry.case, []).append(case)
-    return junit_xml("baselines of the reaction forces", suites)
+    return junit_xml("baselines of the reaction forces", [Suite(*suite) for suite in suites.items()])
 
 
 def summary_html(result: Baselines) -> str:

@@ -18,7 +18,7 @@ from analytic.kinematics.motion import kinematics
 from analytic.mechanism import Mechanism
 from compare.quantities import Quantity, number
 from compare.report.figures import Axis, Figure, Mark, Numbers, Series, beside, difference, same_turn, scaled
-from compare.report.summary import Summary, abscissa, released
+from compare.report.summary import ShownRun, Summary, abscissa
 from compare.results.crosscheck import CrossCheck, Run
 from compare.results.document import listed
 
@@ -90,11 +90,11 @@ class Explorer(TypedDict):
     runs: list[Explored]
 
 
-def explorer(result: CrossCheck, summary: Summary) -> Explorer:
+def explorer(summary: Summary) -> Explorer:
     """Everything that ``explorer.js`` moves through: parts, and for each run the poses and the values to read."""
     return {
-        "parts": parts(result.mechanism),
-        "runs": [_explored(result, summary, i) for i in range(len(result.runs))],
+        "parts": parts(summary.result.mechanism),
+        "runs": [_explored(summary, shown) for shown in summary.runs],
     }
 
 
@@ -125,7 +125,7 @@ def typical_length(mechanism: Mechanism) -> float:
 def exaggeration(mechanism: Mechanism, run: Run) -> int:
     """The roundest factor at which the run's largest gap is seen, 1 without gaps and in a free drive."""
     largest = max(run.clearance.values(), default=0.0)
-    if not largest or released(run, mechanism):
+    if not largest or abscissa(run, mechanism).of_time:
         return 1
     return max(f for f in FACTORS if f == 1 or f * largest <= VISIBLE * typical_length(mechanism))
 
@@ -134,7 +134,7 @@ def ideal_poses(result: CrossCheck, run: Run) -> Poses | None:
     """Poses of the linkage without clearance at a run's samples: from the ideal run, else assembled; None if neither
     can.
     """
-    swings = released(run, result.mechanism)
+    swings = abscissa(run, result.mechanism).of_time
     for other in result.runs:
         ours, theirs = (one.time if swings else one.crank_angle for one in (run, other))
         if other.joint_model == "ideal" and ours is not None and theirs is not None and np.array_equal(ours, theirs):
@@ -159,40 +159,40 @@ def _poses(mechanism: Mechanism, signals: Mapping[str, np.ndarray]) -> Poses | N
     return {name: {part: scaled(signals[f"{name}_{part}"]) for part in ("x", "y", "angle")} for name in names}
 
 
-def _explored(result: CrossCheck, summary: Summary, index: int) -> Explored:
-    run, told = result.runs[index], summary.runs[index]
-    label, unit, factor, x = abscissa(run, result.mechanism)
-    shown = [q for q in summary.keys(False, result.mechanism) if q.signal in run.analytic and q.signal in run.simulated]
+def _explored(summary: Summary, shown: ShownRun) -> Explored:
+    run, result = shown.run, summary.result
     ideal = ideal_poses(result, run)
     return {
-        "title": told.title,
-        "role": told.joint_model,
-        "label": label,
-        "unit": unit,
-        "x": scaled(x, factor),
+        "title": run.title,
+        "role": run.joint_model,
+        "label": shown.over.label,
+        "unit": shown.over.unit,
+        "x": scaled(shown.over.values),
         "flags": dict(run.flags),
-        "opens": _opens(result, summary, index, x),
-        "clearance": {joint: size for joint, size in run.clearance.items() if size},
+        "opens": _opens(shown),
+        "clearance": dict(run.clearance),
         "factor": exaggeration(result.mechanism, run),
         "ideal": ideal,
         "analytic": _beside(_poses(result.mechanism, run.analytic), ideal),
-        "analytic_model": told.analytic_model.replace("_", " "),
+        "analytic_model": run.analytic_model.replace("_", " "),
         "simulated": _beside(_poses(result.mechanism, run.simulated), ideal),
-        "gaps": {joint: _gap(run, joint) for joint, size in run.clearance.items() if size},
+        "gaps": {joint: _gap(run, joint) for joint in run.clearance},
         "readout": [
-            _read(quantity, run, result.runs[0].analytic.get(quantity.signal, np.zeros(0))) for quantity in shown
+            _read(quantity, run, result.runs[0].analytic.get(quantity.signal, np.zeros(0)))
+            for quantity in summary.keys()
+            if quantity.signal in run.analytic and quantity.signal in run.simulated
         ],
     }
 
 
-def _opens(result: CrossCheck, summary: Summary, index: int, x: Sequence[float]) -> int:
+def _opens(shown: ShownRun) -> int:
     """Index of the sample at which the page opens: where a run disagrees most, else the paper's crank angle."""
-    run, told = result.runs[index], summary.runs[index]
-    if told.verdict == "disagrees":
+    run = shown.run
+    if run.verdict == "disagrees":
         worst = max((d for d in run.discrepancies if d.verdict == "disagrees"), key=lambda d: d.share or 0.0)
         if worst.at_crank_angle is not None:
             return int(np.argmin(np.abs(run.crank_angle - worst.at_crank_angle)))
-    return 0 if released(run, result.mechanism) else int(np.argmin(np.abs(np.array(x) - PREFERRED)))
+    return 0 if shown.over.of_time else int(np.argmin(np.abs(run.crank_angle - PREFERRED)))
 
 
 def _read(quantity: Quantity, run: Run, first: np.ndarray) -> Reading:
@@ -235,34 +235,32 @@ def _gap(run: Run, joint: str) -> dict[str, list[Numbers]]:
     }
 
 
-def linkage_figure(result: CrossCheck, summary: Summary) -> Figure | None:
+def linkage_figure(result: CrossCheck) -> Figure | None:
     """The ideal and the displaced linkage of the first run with clearance (else the first), at one crank angle."""
     if not result.runs:
         return None
-    run = next((run for run in result.runs if any(run.clearance.values())), result.runs[0])
-    label, unit, factor, x = abscissa(run, result.mechanism)
-    ideal = ideal_poses(result, run)
+    run = next((run for run in result.runs if run.clearance), result.runs[0])
+    over, ideal = abscissa(run, result.mechanism), ideal_poses(result, run)
     displaced = _beside(_poses(result.mechanism, run.analytic), ideal)
     if displaced is None:
         return None
-    usable = [k for k in range(len(x)) if _pose(displaced, k) and (ideal is None or _pose(ideal, k))]
+    usable = [k for k in range(run.crank_angle.size) if _pose(displaced, k) and (ideal is None or _pose(ideal, k))]
     if not usable:
         return None
-    k = min(usable, key=lambda i: abs(x[i] - PREFERRED)) if unit == "deg" else usable[len(usable) // 2]
+    nearest = min(usable, key=lambda i: abs(run.crank_angle[i] - PREFERRED))
+    k = usable[len(usable) // 2] if over.of_time else nearest
     times = exaggeration(result.mechanism, run) if ideal else 1
     what = parts(result.mechanism)
-    at = f"{label} {number(factor * x[k], 4)} {unit}"
-    gaps = {joint: times * size for joint, size in run.clearance.items() if size}
+    gaps = {joint: times * size for joint, size in run.clearance.items()}
     series = _drawn(what, _pose(ideal, k), "ideal linkage", "ideal-line") if ideal and gaps else []
     model = run.analytic_model.replace("_", " ")
     pose = _between(_pose(ideal, k), _pose(displaced, k), times)
     series += _drawn(what, pose, f"displaced ({model})" if gaps else "analytic", "analytic", gaps)
-    title = f"The linkage at {at}" + (f", gaps drawn {times} times as large" if gaps and times > 1 else "")
-    sizes = ", ".join(f"{joint} {number(1e3 * size)} mm" for joint, size in run.clearance.items() if size) or "none"
-    text = f"{title}. Radial clearance: {sizes}."
-    return Figure(
-        "linkage", title, text, Axis("x", "mm"), Axis("y", "mm"), tuple(series), "plane", f"clearance: {sizes}"
-    )
+    title = f"The linkage at {over.label} {number(over.values[k], 4)} {over.unit}"
+    title += f", gaps drawn {times} times as large" if gaps and times > 1 else ""
+    sizes = ", ".join(f"{joint} {number(1e3 * size)} mm" for joint, size in run.clearance.items()) or "none"
+    text, note = f"{title}. Radial clearance: {sizes}.", f"clearance: {sizes}"
+    return Figure("linkage", title, text, Axis("x", "mm"), Axis("y", "mm"), tuple(series), "plane", note)
 
 
 Pose = dict[str, tuple[complex, float]]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,7 +13,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from analytic.mechanism.one_line import capital
-from compare.quantities import number, plainly, setting
+from compare.quantities import number, plain, plainly, setting
 
 
 def escape_markdown(text: str) -> str:
@@ -41,6 +42,7 @@ ENVIRONMENT = Environment(
 ENVIRONMENT.globals["table"] = markdown_table
 ENVIRONMENT.filters |= {
     "capital": capital,
+    "degrees": lambda angle: f"{plain(math.degrees(angle), 4)} deg",
     "md": escape_markdown,
     "md_code": code_block,
     "number": number,

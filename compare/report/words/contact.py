@@ -10,12 +10,11 @@ from compare.quantities import number, plain
 from compare.results.contact import (
     STATISTICS,
     UNITS,
-    Balance,
     Compared,
+    Contact,
     JointContact,
     StatisticName,
 )
-from compare.results.contact import Contact as Found
 from compare.results.crosscheck import CrossCheck
 
 RUBS = "at the rim of a pin of pin_radius, 10 mm where the mechanism gives none"
@@ -75,7 +74,7 @@ class Measure:
     meaning: str
 
     def fitting(self, *values: float | None) -> Measure:
-        """The same in the unit in which the largest of some values (SI) is below a thousand, where there is one."""
+        """The measure in the unit in which the largest of some values (SI) is below a thousand, where there is one."""
         largest = max((abs(self.factor * v) for v in values if v is not None), default=0.0)
         if largest < 1e3 or self.unit not in LARGER:
             return self
@@ -127,24 +126,46 @@ class Value:
 
 
 @dataclass(frozen=True)
-class Told:
-    """Contact in one run, in words: how far it was watched, whether it repeats itself, what its energy misses."""
+class RunContact:
+    """What contact did in a run, in words."""
 
     run: str
-    converged: bool
-    averages: str
-    repeats: str
-    energy: str
-    struck: bool
+    contact: Contact
+
+    @property
+    def repeats(self) -> str:
+        """Whether the motion repeats itself; empty where nothing strikes."""
+        period = self.contact.period
+        if not self.contact.struck:
+            return ""
+        if period is not None:
+            return f"the motion repeats itself every {count(period, 'revolution') if period > 1 else 'revolution'}"
+        if self.contact.revolutions < LEAST_TO_REPEAT:
+            return "too few revolutions to tell whether the motion repeats itself"
+        return "the motion does not repeat itself"
+
+    @property
+    def energy(self) -> str:
+        """How well the energy of the run is balanced; empty where nothing strikes."""
+        balance = self.contact.energy
+        if not self.contact.struck:
+            return ""
+        if balance is None:
+            return "energy is not balanced, as friction of a joint grows with its load"
+        if balance.share is None:
+            return ""
+        percent = 100 * balance.share
+        known = f"to {plain(percent, 2)}" if percent >= BALANCED else f"within {BALANCED}"
+        return f"energy is balanced {known} % of what the motor turns over"
 
     @property
     def sentence(self) -> str:
-        """All of it."""
-        return "; ".join(part for part in (self.averages, self.repeats, self.energy) if part)
+        """How well its averages are known, whether it repeats itself, and what its energy misses."""
+        return "; ".join(filter(None, (self.contact.words, self.repeats, self.energy)))
 
 
 @dataclass(frozen=True)
-class Table:
+class StatisticsTable:
     """Every statistic of one joint, a column of values for each run in which it was watched."""
 
     joint: str
@@ -157,7 +178,7 @@ class Table:
 
 
 @dataclass(frozen=True)
-class Held:
+class ShownComparison:
     """A statistic of two runs, held against each other, in its measure's unit."""
 
     measure: Measure
@@ -176,12 +197,12 @@ class Held:
 
 
 @dataclass(frozen=True)
-class Pair:
+class EnginePair:
     """Two engines with one joint model: their statistics that were judged, and once why others were not."""
 
     between: tuple[str, str]
     joint_model: str
-    rows: tuple[Held, ...]  # every one of them
+    rows: tuple[ShownComparison, ...]  # every one of them
     unjudged: tuple[str, ...]  # reasons
 
     @property
@@ -190,12 +211,12 @@ class Pair:
         return f"{' and '.join(self.between)}, {self.joint_model}"
 
     @property
-    def judged(self) -> list[Held]:
+    def judged(self) -> list[ShownComparison]:
         """Rows with a verdict."""
         return [row for row in self.rows if row.verdict != "unjudged"]
 
     @property
-    def wrong(self) -> list[Held]:
+    def wrong(self) -> list[ShownComparison]:
         """Rows that disagree."""
         return [row for row in self.rows if row.verdict == "disagrees"]
 
@@ -213,20 +234,20 @@ class Pair:
 
 
 @dataclass(frozen=True)
-class Contact:
+class ContactShown:
     """What contact did in all runs of a result."""
 
-    runs: tuple[Told, ...] = ()
-    tables: tuple[Table, ...] = ()
-    pairs: tuple[Pair, ...] = ()
+    runs: tuple[RunContact, ...] = ()
+    tables: tuple[StatisticsTable, ...] = ()
+    pairs: tuple[EnginePair, ...] = ()
 
     @property
     def measures(self) -> list[Measure]:
         """What the tables tell, in order; twice what means another thing of pins than of blocks."""
-        found: dict[str, Measure] = {}
+        by_meaning: dict[str, Measure] = {}
         for measure, _ in (row for table in self.tables for row in table.rows):
-            found.setdefault(measure.meaning, measure)
-        return list(found.values())
+            by_meaning.setdefault(measure.meaning, measure)
+        return list(by_meaning.values())
 
     def headline(self, say: Callable[..., str] = number) -> str:
         """What two engines' statistics say of each other, in a sentence; empty where nothing was held together."""
@@ -258,84 +279,44 @@ class Steadiness:
     touching: bool = False
 
 
-def steadiness(found: Steadiness, loose: Sequence[str]) -> str:
+def steadiness(steady: Steadiness, loose: Sequence[str]) -> str:
     """How well the averages of a run are known; what is ``loose`` in it: pins, blocks."""
-    revolutions = count(found.whole, "revolution")
-    if found.touching:
-        return f"no {' and no '.join(loose)} leaves its wall in {count(f'{found.turns:.3g}', 'revolution')}"
-    if not found.whole:
+    revolutions = count(steady.whole, "revolution")
+    if steady.touching:
+        return f"no {' and no '.join(loose)} leaves its wall in {count(f'{steady.turns:.3g}', 'revolution')}"
+    if not steady.whole:
         return "the crank makes no whole revolution, so that there are no averages"
-    if found.converged:
-        return f"averages over {revolutions} are known to {100 * found.within:g} %"
-    if found.worst is None:
-        return f"{revolutions} {'is' if found.whole == 1 else 'are'} too few for averages"
-    joint, statistic = found.worst
+    if steady.converged:
+        return f"averages over {revolutions} are known to {100 * steady.within:g} %"
+    if steady.worst is None:
+        return f"{revolutions} {'is' if steady.whole == 1 else 'are'} too few for averages"
+    joint, statistic = steady.worst
     return (
-        f"after {revolutions} the {statistic.replace('_', ' ')} of {joint} is known to {100 * found.within:.2g} % only"
+        f"after {revolutions} the {statistic.replace('_', ' ')} of {joint} is known to {100 * steady.within:.2g} % only"
     )
 
 
 def no_longer_run(words: str, why: str) -> str:
-    """The same of a run that could not be made longer."""
+    """How well the averages are known of a run that could not be made longer."""
     return f"{words}; a longer run failed ({why})"
 
 
-def told(result: CrossCheck) -> Contact:
+def contact_shown(result: CrossCheck) -> ContactShown:
     """What contact did in all runs of a result."""
-    watched = [(run.title, run.contact) for run in result.runs if run.contact is not None]
-    joints = dict.fromkeys(joint for _, found in watched for joint in found.joints)
+    watched = [RunContact(run.title, run.contact) for run in result.runs if run.contact is not None]
+    joints = dict.fromkeys(joint for run in watched for joint in run.contact.joints)
     blocks = {joint.name for joint in result.mechanism.joints if joint.prismatic}
-    return Contact(
-        tuple(_run(title, found) for title, found in watched),
-        tuple(
-            _table(
-                joint,
-                [(title, found.joints[joint]) for title, found in watched if joint in found.joints],
-                joint in blocks,
-            )
-            for joint in joints
-        ),
-        tuple(_pairs(result.statistics, blocks)),
-    )
+    tables = tuple(_table(joint, watched, joint in blocks) for joint in joints)
+    return ContactShown(tuple(watched), tables, tuple(_pairs(result.statistics, blocks)))
 
 
-def _run(title: str, found: Found) -> Told:
-    struck = found.struck
-    return Told(
-        run=title,
-        converged=found.converged,
-        averages=found.words,
-        repeats=_repeats(found) if struck else "",
-        energy=_energy(found.energy) if struck else "",
-        struck=struck,
-    )
-
-
-def _repeats(found: Found) -> str:
-    if found.period is not None:
-        return (
-            f"the motion repeats itself every {count(found.period, 'revolution') if found.period > 1 else 'revolution'}"
-        )
-    if found.revolutions < LEAST_TO_REPEAT:
-        return "too few revolutions to tell whether the motion repeats itself"
-    return "the motion does not repeat itself"
-
-
-def _energy(energy: Balance | None) -> str:
-    if energy is None:
-        return "energy is not balanced, as friction of a joint grows with its load"
-    if energy.share is None:
-        return ""
-    percent = 100 * energy.share
-    known = f"to {plain(percent, 2)}" if percent >= BALANCED else f"within {BALANCED}"
-    return f"energy is balanced {known} % of what the motor turns over"
-
-
-def _table(joint: str, runs: Sequence[tuple[str, JointContact]], block: bool) -> Table:
-    rows = [_row(name, [one for _, one in runs], block) for name in STATISTICS]
+def _table(joint: str, runs: Sequence[RunContact], block: bool) -> StatisticsTable:
+    watched = [run for run in runs if joint in run.contact.joints]
+    contacts = [run.contact.joints[joint] for run in watched]
+    rows = [_row(name, contacts, block) for name in STATISTICS]
     ratio = PEAK_RATIO_OF_BLOCKS if block else PEAK_RATIO
-    rows.append((ratio, tuple(Value(one.peak_ratio) for _, one in runs)))
-    return Table(joint, tuple(title for title, _ in runs), tuple(rows))
+    rows.append((ratio, tuple(Value(contact.peak_ratio) for contact in contacts)))
+    return StatisticsTable(joint, tuple(run.run for run in watched), tuple(rows))
 
 
 def _measure(name: StatisticName, block: bool) -> Measure:
@@ -351,32 +332,32 @@ def _row(name: StatisticName, joints: Sequence[JointContact], block: bool) -> tu
 
 def _ends(joint: JointContact, name: StatisticName) -> tuple[float | None, ...]:
     """Value and interval, SI."""
-    found, loss = joint.statistics[name], joint.statistics["restitution_loss"].value
-    if name == "friction_loss" and abs(found.value or 0.0) < ROUNDING * abs(loss or 0.0):
+    statistic, loss = joint.statistics[name], joint.statistics["restitution_loss"].value
+    if name == "friction_loss" and abs(statistic.value or 0.0) < ROUNDING * abs(loss or 0.0):
         return (0.0,)
-    if name in LOSSES and (found.value or 0.0) < 0 and (found.high is None or found.high < 0):
-        missed = max(abs(end) for end in (found.value, found.low) if end is not None)
+    if name in LOSSES and (statistic.value or 0.0) < 0 and (statistic.high is None or statistic.high < 0):
+        missed = max(abs(end) for end in (statistic.value, statistic.low) if end is not None)
         return 0.0, -missed, missed
-    return found.value, found.low, found.high
+    return statistic.value, statistic.low, statistic.high
 
 
-def _pairs(statistics: Sequence[Compared], blocks: Set[str]) -> Iterator[Pair]:
-    together: dict[tuple[tuple[str, str], str], list[Compared]] = {}
-    for one in statistics:
-        together.setdefault((one.between, one.joint_model), []).append(one)
-    for (between, joint_model), mine in together.items():
-        reasons = dict.fromkeys(one.reason for one in mine if one.verdict == "unjudged")
-        lost = {joint: _lost(one for one in mine if one.joint == joint) for joint in {one.joint for one in mine}}
-        rows = tuple(_held(one, lost[one.joint], one.joint in blocks) for one in mine)
-        yield Pair(between, joint_model, rows, tuple(reasons))
+def _pairs(statistics: Sequence[Compared], blocks: Set[str]) -> Iterator[EnginePair]:
+    by_pair: dict[tuple[tuple[str, str], str], list[Compared]] = {}
+    for statistic in statistics:
+        by_pair.setdefault((statistic.between, statistic.joint_model), []).append(statistic)
+    for (between, joint_model), of_pair in by_pair.items():
+        reasons = dict.fromkeys(one.reason for one in of_pair if one.verdict == "unjudged")
+        rows = (_compared(one, _lost(of_pair, one.joint), one.joint in blocks) for one in of_pair)
+        yield EnginePair(between, joint_model, tuple(rows), tuple(reasons))
 
 
-def _lost(rows: Iterable[Compared]) -> float:
-    """The largest loss (J) of two runs."""
-    return max((abs(v or 0.0) for one in rows if one.unit == "J" for v in one.values), default=0.0)
+def _lost(statistics: Iterable[Compared], joint: str) -> float:
+    """The largest loss (J) of two runs in a joint."""
+    losses = (one.values for one in statistics if one.joint == joint and one.unit == "J")
+    return max((abs(loss or 0.0) for values in losses for loss in values), default=0.0)
 
 
-def _held(one: Compared, lost: float, block: bool) -> Held:
+def _compared(one: Compared, lost: float, block: bool) -> ShownComparison:
     values: Sequence[float | None] = one.values
     measure = _measure(one.statistic, block).fitting(*one.values, one.allowed)
     if one.statistic == "friction_loss" and all(abs(v or 0.0) < ROUNDING * lost for v in values):
@@ -385,4 +366,4 @@ def _held(one: Compared, lost: float, block: bool) -> Held:
         values = [None if value is None else max(value, 0.0) for value in values]
     a, b, allowed = map(measure.read, (*values, one.allowed))
     difference = None if a is None or b is None else a - b
-    return Held(measure, one.joint, (a, b), difference, allowed, one.verdict, one.reason)
+    return ShownComparison(measure, one.joint, (a, b), difference, allowed, one.verdict, one.reason)

@@ -52,9 +52,9 @@ def files(result: Validation) -> dict[str, str]:
 def drawn(result: CrossCheck) -> dict[str, str]:
     """SVG drawings of a result: the linkage, and the reaction directions at its first joint with clearance."""
     summary = summarise(result)
-    linkage = linkage_figure(result, summary)
-    found = {"gamma": draw(reaction_directions(result, summary, summary.joints[0]))}
-    return found | ({"linkage": draw(linkage)} if linkage else {})
+    linkage = linkage_figure(result)
+    gamma = {"gamma": draw(reaction_directions(summary, summary.joints[0]))}
+    return gamma | ({"linkage": draw(linkage)} if linkage else {})
 
 
 def print_table(result: Validation, console: Console) -> None:
