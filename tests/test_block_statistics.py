@@ -18,7 +18,7 @@ from compare.crosscheck import crosscheck
 from compare.judge.contact import contact, contact_in, ideal_peaks
 from compare.judge.watched import Run
 from compare.report.contact_figures import contact_figures
-from compare.report.words.contact import told
+from compare.report.words.contact import contact_shown
 from compare.results.contact import Contact
 from marks import slow
 from sim_models.common.contact_laws import hysteresis

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.console import Console
 
+from compare.presentation import Presentation
 from compare.quantities import plain, shown
 from compare.report.tables import html_table, say, terminal_table
 from compare.report.words.accuracy import notes
@@ -96,3 +97,6 @@ def _largest(values: np.ndarray) -> int | None:
 def _at(values: np.ndarray, theta: np.ndarray) -> str:
     k = _largest(values)
     return "-" if k is None else f"{math.degrees(theta[k]):.4g} deg"
+
+
+PRESENTATION = Presentation(summary_html, print_table, files, plot)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from rich.console import Console
 
+from compare.presentation import LIST_HAS_NO_PICTURE, Presentation
 from compare.report.junit import Case, Suite, junit_xml
 from compare.report.tables import html_table, say
 from compare.results.baselines import Baselines, Entry
@@ -52,3 +53,6 @@ def summary_html(result: Baselines) -> str:
         moved = "; ".join(each.sentence for each in entry.moved)
         rows.append((entry.case, entry.simulator, entry.status, said, moved))
     return html_table(rows, ("case", "engine", "status", "compared", "moved"), repr(result))
+
+
+PRESENTATION = Presentation(summary_html, print_table, files, no_picture=LIST_HAS_NO_PICTURE)

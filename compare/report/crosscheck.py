@@ -6,6 +6,7 @@ import html
 import re
 from typing import TYPE_CHECKING
 
+from compare.presentation import Presentation
 from compare.quantities import plain
 from compare.report.contact_figures import contact_figures
 from compare.report.crosscheck_page import render
@@ -21,8 +22,6 @@ from compare.results.crosscheck import CrossCheck
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-__all__ = ["files", "plot", "print_table", "summary_html"]
 
 
 def files(result: CrossCheck) -> dict[str, str]:
@@ -68,3 +67,6 @@ def plot(result: CrossCheck, figure: Figure) -> None:
         axes[-1, column].set_xlabel("time (s)" if result.swings else "crank angle (deg)")
     axes[0, 0].legend(fontsize="small")
     figure.suptitle(f"{result.case}: {WORDS[summary.verdict]}")
+
+
+PRESENTATION = Presentation(summary_html, print_table, files, plot)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.console import Console
 
+from compare.presentation import Presentation
 from compare.quantities import fitting, plainly
 from compare.report.diagnosis_figures import SIDES
 from compare.report.diagnosis_page import diagnosis_html, diagnosis_md
@@ -90,3 +91,6 @@ def plot(result: Diagnosis, figure: Figure) -> None:
         axis.set_ylabel(f"{spoken(result, name)} ({unit})")
         axis.set_xlabel(f"{'time (s)' if run.over_time else 'crank angle (deg)'}, run {run.name}")
     figure.suptitle(f"{result.case}: {result.verdict}; measured minus simulated, noise within two sigmas shaded")
+
+
+PRESENTATION = Presentation(summary_html, print_table, files, plot)

@@ -8,6 +8,7 @@ from rich.console import Console
 from rich.text import Text
 
 from analytic.mechanism.one_line import count
+from compare.presentation import LIST_HAS_NO_PICTURE, Presentation
 from compare.report.tables import html_table, say, terminal_table
 from compare.results.catalogue import Cases, Effects, Listing, Simulators
 from compare.results.export import Exported
@@ -110,3 +111,16 @@ def imported_html(result: Imported) -> str:
     """The mechanism in a line, and the notes as a list."""
     notes = "".join(f"<li>{html.escape(note)}</li>" for note in result.notes)
     return f"<p>{html.escape(repr(result.mechanism))}</p><ul>{notes}</ul>"
+
+
+CASES = Presentation(list_html, print_cases, list_files, no_picture=LIST_HAS_NO_PICTURE)
+EFFECTS = Presentation(list_html, print_effects, list_files, no_picture=LIST_HAS_NO_PICTURE)
+EXPORTED = Presentation(exported_html, print_exported, no_picture="is a list of files and has no picture; print it")
+IMPORTED = Presentation(
+    imported_html,
+    print_imported,
+    imported_files,
+    no_picture="is a mechanism and has no picture; cross-check it, and plot that",
+)
+RUNS = Presentation(list_html, print_runs, list_files, no_picture=LIST_HAS_NO_PICTURE)
+SIMULATORS = Presentation(list_html, print_simulators, list_files, no_picture=LIST_HAS_NO_PICTURE)

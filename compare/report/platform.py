@@ -9,6 +9,7 @@ import numpy as np
 from rich.console import Console
 
 from analytic.mechanism.one_line import count
+from compare.presentation import Presentation
 from compare.quantities import plain, shown
 from compare.report.linkage import parts
 from compare.report.pages import Script, Section, page
@@ -150,3 +151,6 @@ def plot(result: PlatformAccuracy, figure: Figure) -> None:
         axes[0].legend(fontsize="small")
         axes[-1].set_xlabel("time (s)")
     figure.suptitle(result.case)
+
+
+PRESENTATION = Presentation(summary_html, print_table, files, plot)

@@ -10,6 +10,7 @@ import numpy as np
 from markupsafe import Markup
 from rich.console import Console
 
+from compare.presentation import Presentation
 from compare.quantities import amount, number, quantities, shown
 from compare.report.figures import Axis, Figure, Series, scaled
 from compare.report.pages import Section, page
@@ -130,3 +131,6 @@ def plot(result: Preview, figure: Picture) -> None:
         axis.plot(run.time, factor * seen.measured, ".", markersize=3, label="measured")
         axis.set_ylabel(f"{spoken(result, name)} ({unit})")
     figure.suptitle(f"{result.case}, run {run.name}")
+
+
+PRESENTATION = Presentation(summary_html, print_table, files, plot)

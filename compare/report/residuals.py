@@ -10,6 +10,7 @@ import numpy as np
 from rich.console import Console
 
 from analytic.mechanism.one_line import count
+from compare.presentation import Presentation
 from compare.quantities import amount, fitting, number
 from compare.report.diagnosis_text import in_ascii
 from compare.report.tables import html_table, say
@@ -90,3 +91,6 @@ def draw(axis: Axes, x: np.ndarray, before: np.ndarray, after: np.ndarray, noise
         axis.plot(x, values, ".", markersize=3, label=side)
     axis.axhspan(-2 * noise, 2 * noise, color="0.9", zorder=0)
     axis.legend(fontsize="small")
+
+
+PRESENTATION = Presentation(summary_html, print_table, files, plot)

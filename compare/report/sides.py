@@ -10,6 +10,7 @@ import numpy as np
 from rich.console import Console
 
 from analytic.mechanism.one_line import count
+from compare.presentation import Presentation
 from compare.quantities import assumptions, drive_signals, plain, quantities
 from compare.report.tables import html_table, say, terminal_table
 from compare.results.analysis import Analysis, Simulation
@@ -84,3 +85,6 @@ def plot(result: Side, figure: Figure) -> None:
     torque.set_xlabel("crank angle (deg)" if time is None else "time (s)")
     force.legend(fontsize="small")
     force.set_title(repr(result))
+
+
+PRESENTATION = Presentation(summary_html, print_table, files, plot)

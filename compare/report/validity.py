@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from compare.presentation import Presentation
 from compare.report.tables import html_table
 from compare.report.validity_figure import draw
 from compare.report.validity_text import markdown, print_table
@@ -15,8 +16,6 @@ from compare.results.validity import Cell, Validity
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-__all__ = ["files", "plot", "print_table", "summary_html"]
 
 
 def files(result: Validity) -> dict[str, str]:
@@ -57,3 +56,6 @@ def plot(result: Validity, figure: Figure) -> None:
     axis.set_ylabel("agreeing (% of the crank angles)")
     axis.set_title(result.case)
     axis.legend(fontsize="small")
+
+
+PRESENTATION = Presentation(summary_html, print_table, files, plot)

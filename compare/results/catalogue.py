@@ -15,13 +15,8 @@ class Listing(Document):
 
     opens: ClassVar[str] = ""
 
-    @property
-    def entries(self) -> tuple[Part, ...]:
-        """What is listed."""
-        raise NotImplementedError(f"{type(self).__name__} has to say what it lists")
-
     def __len__(self) -> int:
-        return len(self.entries)
+        return len(self.rows())
 
 
 class Case(Part):
@@ -41,11 +36,6 @@ class Cases(Listing):
     remedy: ClassVar[str] = "give what compare cases --json prints"
 
     cases: tuple[Case, ...]
-
-    @property
-    def entries(self) -> tuple[Case, ...]:
-        """The cases."""
-        return self.cases
 
     def rows(self) -> list[Row]:
         """A row for each case."""
@@ -87,11 +77,6 @@ class Simulators(Listing):
 
     simulators: tuple[Engine, ...]
 
-    @property
-    def entries(self) -> tuple[Engine, ...]:
-        """The engines."""
-        return self.simulators
-
     def rows(self) -> list[Row]:
         """A row for each engine."""
         return [
@@ -129,11 +114,6 @@ class Effects(Listing):
     remedy: ClassVar[str] = "give what compare effects --json prints"
 
     effects: tuple[Effect, ...]
-
-    @property
-    def entries(self) -> tuple[Effect, ...]:
-        """The effects."""
-        return self.effects
 
     def rows(self) -> list[Row]:
         """A row for each effect."""

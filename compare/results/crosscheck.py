@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Annotated, ClassVar, Literal
 
@@ -13,7 +13,7 @@ from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal, named
 from analytic.paper.clearance import Model
 from compare.results.contact import Compared, Contact
-from compare.results.document import Document, Filled, Grid, Mechanism, Number, Part, Row, Series, Share, Text, listed
+from compare.results.document import Document, Filled, Grid, Mechanism, Number, Part, Row, Series, Share, Text, rows_of
 from sim_models.engine import Cause, JointModel, Motion, SettingValue
 
 Verdict = Literal["agrees", "disagrees", "unjudged"]
@@ -315,21 +315,14 @@ class CrossCheck(Document):
 
     def rows(self) -> list[Row]:
         """A row for each sample of each run: ``analytic_<signal>`` and ``simulated_<signal>``, side by side."""
-        return list(self._rows())
-
-    def _rows(self) -> Iterator[Row]:
+        rows: list[Row] = []
         for run in self.runs:
             columns = {"crank_angle": run.crank_angle} | ({} if run.time is None else {"time": run.time})
             for name in self.signals:
                 if name in run.analytic and name in run.simulated:
                     columns |= {f"analytic_{name}": run.analytic[name], f"simulated_{name}": run.simulated[name]}
-            head: dict[str, float | str | None] = {
-                "simulator": run.simulator.name,
-                "joint_model": run.joint_model,
-                "motion": run.motion,
-            }
-            for values in zip(*map(listed, columns.values()), strict=True):
-                yield head | dict(zip(columns, values, strict=True))
+            rows += rows_of(columns, simulator=run.simulator.name, joint_model=run.joint_model, motion=run.motion)
+        return rows
 
     def units(self) -> Mapping[str, str]:
         """SI unit of each column."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from functools import cached_property
+from itertools import product
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -12,7 +13,7 @@ from pydantic import BeforeValidator, Field, FiniteFloat, model_validator
 from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal, named, wrapped
 from compare.results.crosscheck import Simulator
-from compare.results.document import Amount, Document, Filled, Grid, Mechanism, Number, Part, Row, Series, Text, listed
+from compare.results.document import Amount, Document, Filled, Grid, Mechanism, Number, Part, Row, Series, Text, rows_of
 from sim_models.engine import SettingValue
 
 Verdict = Literal["no gap", "explained", "partly explained", "unexplained", "ambiguous"]
@@ -421,19 +422,14 @@ class Diagnosis(Document):
 
     def rows(self) -> list[Row]:
         """A row for each sample of each run: every sensor as measured and as simulated, before and after."""
-        return list(self._rows())
-
-    def _rows(self) -> Iterator[Row]:
+        rows: list[Row] = []
         names = dict.fromkeys(name for run in self.runs for name in run.signals)
         for run in self.runs:
-            columns = {"time": run.time, self._told_by: run.crank_angle}
-            for name in names:
-                channel = run.signals.get(name)
-                for side in ("measured", "before", "after"):
-                    absent = np.full(run.time.size, np.nan)
-                    columns[f"{name}_{side}"] = absent if channel is None else getattr(channel, side)
-            for values in zip(*map(listed, columns.values()), strict=True):
-                yield {"run": run.name, **dict(zip(columns, values, strict=True))}
+            absent, columns = np.full(run.time.size, np.nan), {"time": run.time, self._position_column: run.crank_angle}
+            for name, side in product(names, ("measured", "before", "after")):
+                columns[f"{name}_{side}"] = getattr(run.signals[name], side) if name in run.signals else absent
+            rows += rows_of(columns, run=run.name)
+        return rows
 
     def units(self) -> Mapping[str, str]:
         """SI unit of each column."""
@@ -443,10 +439,10 @@ class Diagnosis(Document):
             for name, channel in run.signals.items()
             for side in ("measured", "before", "after")
         }
-        return {"time": "s", self._told_by: self.mechanism.encoders[0].unit} | sides
+        return {"time": "s", self._position_column: self.mechanism.encoders[0].unit} | sides
 
     @property
-    def _told_by(self) -> str:
+    def _position_column(self) -> str:
         """What says where the linkage is: the crank's angle; of several drives the position of the first."""
         return self.mechanism.encoders[0].name if self.mechanism.several else "crank_angle"
 

@@ -54,6 +54,11 @@ def listed(values: np.ndarray) -> list[float | None]:
     return [value if math.isfinite(value) else None for value in np.asarray(values, float).tolist()]
 
 
+def rows_of(columns: Mapping[str, np.ndarray], **head: str) -> list[Row]:
+    """A row for each sample of some columns (N,), None where there is no number; each begins with the ``head``."""
+    return [head | dict(zip(columns, row, strict=True)) for row in zip(*map(listed, columns.values()), strict=True)]
+
+
 def _array(values: np.ndarray | list[float | None]) -> np.ndarray:
     found = np.array(values, float)
     if found.ndim != 1:

@@ -36,11 +36,6 @@ class Runs(Listing):
     runs: tuple[EarlierRun, ...]
     unreadable: Annotated[tuple[str, ...], Field(description="Files that are no result, a sentence each.")] = ()
 
-    @property
-    def entries(self) -> tuple[EarlierRun, ...]:
-        """The results."""
-        return self.runs
-
     def rows(self) -> list[Row]:
         """A row for each result."""
         return [

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from analytic.mechanism.one_line import count
 from compare.results.diagnosis import Fault, Place
-from compare.results.document import Amount, Document, Grid, Mechanism, Number, Part, Row, Series, Text, listed
+from compare.results.document import Amount, Document, Grid, Mechanism, Number, Part, Row, Series, Text, rows_of
 
 
 class Seen(Part):
@@ -75,15 +75,13 @@ class Preview(Document):
 
     def rows(self) -> list[Row]:
         """A row for each sample of each run: every sensor beside what the nominal model says."""
-        found: list[Row] = []
+        rows: list[Row] = []
         for run in self.runs:
-            columns = {"time": listed(run.time), "crank_angle": listed(run.crank_angle)}
-            for name, seen in run.signals.items():
-                columns |= {f"measured_{name}": listed(seen.measured), f"nominal_{name}": listed(seen.nominal)}
-            found += [
-                {"run": run.name, **dict(zip(columns, row, strict=True))} for row in zip(*columns.values(), strict=True)
-            ]
-        return found
+            columns = {"time": run.time, "crank_angle": run.crank_angle}
+            for name, sensor in run.signals.items():
+                columns |= {f"measured_{name}": sensor.measured, f"nominal_{name}": sensor.nominal}
+            rows += rows_of(columns, run=run.name)
+        return rows
 
     def units(self) -> Mapping[str, str]:
         """SI unit of each column."""

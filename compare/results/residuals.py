@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Annotated, ClassVar
 
 from pydantic import Field, FiniteFloat
@@ -10,7 +10,7 @@ from pydantic import Field, FiniteFloat
 from analytic.mechanism.one_line import count
 from compare.results.crosscheck import Simulator
 from compare.results.diagnosis import Unit, Verdict
-from compare.results.document import Amount, Document, Grid, Number, Part, Row, Series, Text, listed
+from compare.results.document import Amount, Document, Grid, Number, Part, Row, Series, Text, rows_of
 
 
 class Residual(Part):
@@ -60,13 +60,11 @@ class SignalResiduals(Document):
 
     def rows(self) -> list[Row]:
         """A row for each sample of each run."""
-        return list(self._rows())
-
-    def _rows(self) -> Iterator[Row]:
+        rows: list[Row] = []
         for run in self.runs:
-            columns = (run.time, run.crank_angle, run.before.values, run.after.values)
-            for values in zip(*map(listed, columns), strict=True):
-                yield {"run": run.name} | dict(zip(("time", "crank_angle", "before", "after"), values, strict=True))
+            sides = {"before": run.before.values, "after": run.after.values}
+            rows += rows_of({"time": run.time, "crank_angle": run.crank_angle} | sides, run=run.name)
+        return rows
 
     def units(self) -> Mapping[str, str]:
         """SI unit of each column."""
