@@ -24,7 +24,7 @@ from compare.report.provenance import lines
 from compare.report.summary import summarise
 from compare.report.svg import COLOURS, draw
 from compare.report.terminal import print_table
-from compare.report.words.contact import MEASURES, contact_shown
+from compare.report.words.contact import MEASURES, describe
 from compare.report.words.crosscheck import headline
 from compare.results.contact import STATISTICS, Statistic
 from compare.results.crosscheck import CrossCheck, Failure, Run
@@ -94,21 +94,25 @@ def test_large_forces_are_read_in_kilonewtons(force: float, unit: str, factor: f
 
 
 def test_it_says_whether_averages_have_converged_and_the_motion_repeats_itself(agreeing: CrossCheck) -> None:
-    one = contact_shown(agreeing).runs[0]
+    one = describe(agreeing).runs[0]
     run = in_contact(agreeing)[0]
     assert run.contact is not None
     assert one.averages == run.contact.words == "averages over 24 revolutions are known to 10 %"
     assert one.repeats == "the motion repeats itself every 2 revolutions"
     wild = run.model_copy(update={"contact": run.contact.model_copy(update={"period": None})})
-    assert contact_shown(agreeing.model_copy(update={"runs": (wild,)})).runs[0].repeats == "the motion does not repeat itself"
+    assert (
+        describe(agreeing.model_copy(update={"runs": (wild,)})).runs[0].repeats == "the motion does not repeat itself"
+    )
     brief = run.model_copy(update={"contact": run.contact.model_copy(update={"period": None, "revolutions": 2.0})})
     assert (
-        contact_shown(agreeing.model_copy(update={"runs": (brief,)})).runs[0].repeats.startswith("too few revolutions to tell")
+        describe(agreeing.model_copy(update={"runs": (brief,)}))
+        .runs[0]
+        .repeats.startswith("too few revolutions to tell")
     )
     assert run.contact.energy is not None
     energy = run.contact.energy.model_copy(update={"missing": -2.0, "turned_over": 400.0})
     known = run.model_copy(update={"contact": run.contact.model_copy(update={"energy": energy})})
-    said = contact_shown(agreeing.model_copy(update={"runs": (known,)})).runs[0].energy
+    said = describe(agreeing.model_copy(update={"runs": (known,)})).runs[0].energy
     assert said == "energy is balanced to 0.5 % of what the motor turns over"
 
 
@@ -211,13 +215,13 @@ def test_a_loss_below_nothing_is_read_as_nothing_known_that_well(agreeing: Cross
         joints = {"B": joint.model_copy(update={"statistics": {**joint.statistics, "restitution_loss": below}})}
         contact = run.contact.model_copy(update={"joints": joints})
         quiet = agreeing.model_copy(update={"runs": (run.model_copy(update={"contact": contact}),), "statistics": ()})
-        _, (value,) = contact_shown(quiet).tables[0].of("restitution_loss")
+        _, (value,) = describe(quiet).tables[0].of("restitution_loss")
         assert value.value == 0.0
         assert (value.low, value.high) == pytest.approx((-1e3 * missed, 1e3 * missed), rel=1e-12)  # mJ
         assert f"{1e3 * missed:g}" in printed(quiet)
         assert "-0.001" not in printed(quiet).replace("+-0.001", "")
     compared = next(each for each in agreeing.statistics if each.statistic == "restitution_loss")
-    row = contact_shown(agreeing.model_copy(update={"statistics": (compared.model_copy(update={"values": (-1e-6, 2e-6)}),)}))
+    row = describe(agreeing.model_copy(update={"statistics": (compared.model_copy(update={"values": (-1e-6, 2e-6)}),)}))
     assert row.pairs[0].rows[0].values == pytest.approx((0.0, 2e-3))
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import count
 from compare.quantities import Quantity, key_signals, plain, quantities, shown
-from compare.report.words.contact import ContactShown, contact_shown
+from compare.report.words.contact import ContactShown, describe
 from compare.results.crosscheck import CrossCheck, Discrepancy, OrderDifference, Run
 
 REAL = ("contact", "spring-damper", "massless-link", "ideal")  # joint models, the most real first
@@ -162,7 +162,7 @@ def summarise(result: CrossCheck) -> Summary:
     """Summary of a result."""
     signals = quantities(result.mechanism)
     runs = tuple(_shown(i, run, result.mechanism, signals) for i, run in enumerate(result.runs))
-    contact = contact_shown(result)
+    contact = describe(result)
     speaks_against = any(pair.wrong for pair in contact.pairs) or any(run.verdict != "agrees" for run in result.runs)
     verdict = "failed" if result.failures and not speaks_against else result.verdict
     return Summary(result, verdict, runs, signals, contact)

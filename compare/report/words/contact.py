@@ -301,7 +301,7 @@ def no_longer_run(words: str, why: str) -> str:
     return f"{words}; a longer run failed ({why})"
 
 
-def contact_shown(result: CrossCheck) -> ContactShown:
+def describe(result: CrossCheck) -> ContactShown:
     """What contact did in all runs of a result."""
     watched = [RunContact(run.title, run.contact) for run in result.runs if run.contact is not None]
     joints = dict.fromkeys(joint for run in watched for joint in run.contact.joints)
