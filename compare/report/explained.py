@@ -39,7 +39,7 @@ def differences(nominal: Mechanism, explained: Mechanism) -> list[tuple[str, str
 
     What a mechanism leaves out is zero or nothing, so that a field written out as that is no difference.
     """
-    one, other = (dict(_fields(without_null(as_written(m)), "")) for m in (nominal, explained))
+    one, other = (dict(_fields(as_written(m), "")) for m in (nominal, explained))
     fields = [name for name in other | one if _set(one.get(name)) != _set(other.get(name))]
 
     def said(side: Mapping[str, object], name: str) -> str:
@@ -66,17 +66,6 @@ def commented(text: str, notes: Mapping[str, str]) -> str:
             lines += [f"# {printable(note)}"] if note else []
         lines.append(line)
     return "\n".join(lines) + "\n"
-
-
-def without_null(fields: Mapping[str, object]) -> dict[str, object]:
-    """Fields of a mechanism without those that are None, however deep they are."""
-    return {name: _whole(value) for name, value in fields.items() if value is not None}
-
-
-def _whole(value: object) -> object:
-    if isinstance(value, Mapping):
-        return without_null(value)
-    return [_whole(item) for item in value if item is not None] if isinstance(value, list) else value
 
 
 def _head(result: Diagnosis) -> Iterator[str]:

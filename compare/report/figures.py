@@ -85,9 +85,9 @@ def figures(summary: Summary) -> list[Figure]:
     return [figure for figure in drawn if any(series.name for series in figure.series)]
 
 
-def scaled(values: Iterable[float | None] | np.ndarray, factor: float = 1.0) -> Numbers:
-    """Values in a reader's unit, to the seven digits that a figure can show; None stays None."""
-    return tuple(None if v is None or not math.isfinite(v) else float(f"{factor * v:.7g}") for v in values)
+def scaled(values: Iterable[float | None] | np.ndarray, factor: float = 1.0, digits: int = 7) -> Numbers:
+    """Values in a reader's unit, to the digits that a figure can show; None where there is no number."""
+    return tuple(None if v is None or not math.isfinite(v) else float(f"{factor * v:.{digits}g}") for v in values)
 
 
 def extreme(values: Numbers) -> str:

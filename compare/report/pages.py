@@ -27,10 +27,15 @@ def code_block(text: str, language: str = "sh") -> str:
     return f"{fence}{language}\n{text}\n{fence}"
 
 
-def markdown_table(heads: Sequence[str], rows: Iterable[Sequence[str]], right: Collection[int] = ()) -> str:
-    """A table in Markdown, its columns of these numbers aligned to the right; a line break at its end."""
+def markdown_table(
+    heads: Sequence[str], rows: Iterable[Sequence[str]], right: Collection[int] = (), *, numbered: bool = False
+) -> str:
+    """A table in Markdown with a line break at its end: columns of these numbers are aligned to the ``right``, and rows
+    are ``numbered`` from 1 on request.
+    """
     rule = ["--:" if i in right else "---" for i in range(len(heads))]
-    return "".join("| " + " | ".join(cells) + " |\n" for cells in (heads, rule, *rows))
+    cells = ([*[str(i)] * numbered, *map(escape_markdown, row)] for i, row in enumerate(rows, 1))
+    return "".join("| " + " | ".join(line) + " |\n" for line in (heads, rule, *cells))
 
 
 ENVIRONMENT = Environment(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +10,7 @@ from rich.console import Console
 from analytic.mechanism.one_line import count
 from compare.presentation import Presentation
 from compare.quantities import plain, shown
+from compare.report.figures import Numbers, scaled
 from compare.report.linkage import parts
 from compare.report.pages import Script, Section, page
 from compare.report.tables import html_table, say, terminal_table
@@ -64,7 +64,7 @@ def _unit(result: PlatformAccuracy, joint: str) -> str:
     return "m" if result.mechanism.joint(joint).prismatic else "rad"
 
 
-def _places(result: PlatformAccuracy, point: str | None) -> list[list[float | None]]:
+def _places(result: PlatformAccuracy, point: str | None) -> list[Numbers]:
     """Where (m) the first point among the outputs is, else the first body."""
     if point is not None:
         return [_short(result.outputs[f"{point}_{axis}"].value) for axis in "xy"]
@@ -96,8 +96,8 @@ def _maps(result: PlatformAccuracy) -> list[dict[str, object]]:
     return found
 
 
-def _short(values: np.ndarray) -> list[float | None]:
-    return [float(f"{v:.{DIGITS}g}") if math.isfinite(v) else None for v in np.asarray(values, float).tolist()]
+def _short(values: np.ndarray) -> Numbers:
+    return scaled(values, digits=DIGITS)
 
 
 HEADS = ("output", "unit", "equilibrium", "worst case", "resolution", "compliance", "together", "first order off by")

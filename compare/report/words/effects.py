@@ -22,7 +22,6 @@ ZEROS = {  # what each run has of its own where an effect has a value for each; 
 }
 Row = tuple[str, str, str]  # a parameter's name, its value and its 95 % interval
 LESS, FAINT = 0.2, 0.01  # odds below which a tie does nearly as well, or can only not be ruled out
-LESS, FAINT = 0.2, 0.01  # odds below which a tie does nearly as well, or can only not be ruled out
 
 
 def quantity(result: Diagnosis, signal: str) -> Quantity:

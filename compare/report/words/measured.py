@@ -122,6 +122,12 @@ def off_by(result: Diagnosis, signal: str, value: float | None) -> str:
     return DASH if value is None else f"{plainly(value * factor)} {unit}"
 
 
+def off_on_both_sides(result: Diagnosis, run: DiagnosedRun, signal: str) -> tuple[str, str]:
+    """How far a sensor is off in a run (rms) before and after, in the one unit of that sensor."""
+    before, after = (off_by(result, signal, off(result, run, signal, side)) for side in ("before", "after"))
+    return before, after
+
+
 def in_units(result: Diagnosis) -> list[InUnits]:
     """Every sensor of the fitted runs."""
     found = []

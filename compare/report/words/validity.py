@@ -249,31 +249,19 @@ def edge_rows(result: Validity) -> list[list[str]]:
     """At which clearance (mm) contact is first lost, by restitution and speed: head, then a row each; none where
     nothing is known of it, and without prediction where there is none, as of a block.
     """
-    layer = ["restitution"] * bool(result.restitutions)
-    if result.boundary is None and result.of_blocks and measures(result):
-        return [[*layer, "rpm", *result.simulators], *_measured_rows(result)]
-    out = [[*layer, "rpm", *result.simulators, "predicted", "predicted, rigid walls"]]
-    for edge in result.boundary or ():
-        found = [
-            measured_edge(result.of(name, edge.restitution), edge.speed, result.clearances)
-            for name in result.simulators
-        ]
-        predicted = [predicted_edge(one, result.clearances) for one in (edge.yielding, edge.rigid)]
-        layer = [] if edge.restitution is None else [f"{edge.restitution:g}"]
-        out.append([*layer, rpm(edge.speed), *found, *predicted])
-    return out
-
-
-def _measured_rows(result: Validity) -> list[list[str]]:
-    """At which clearance (mm) contact is first lost in the simulations, by restitution and speed."""
-    return [
-        [
-            *([] if restitution is None else [f"{restitution:g}"]),
-            rpm(speed),
-            *(measured_edge(result.of(name, restitution), speed, result.clearances) for name in result.simulators),
-        ]
-        for restitution, speed in product(result.layers, result.speeds)
-    ]
+    measured_only = result.boundary is None and result.of_blocks and bool(measures(result))
+    predicted = {(edge.restitution, edge.speed): edge for edge in result.boundary or ()}
+    head = [*["restitution"] * bool(result.restitutions), "rpm", *result.simulators]
+    rows = [head if measured_only else [*head, "predicted", "predicted, rigid walls"]]
+    for restitution, speed in product(result.layers, result.speeds):
+        edge = predicted.get((restitution, speed))
+        if edge is None and not measured_only:
+            continue
+        layer = [] if restitution is None else [f"{restitution:g}"]
+        lost_at = (measured_edge(result.of(name, restitution), speed, result.clearances) for name in result.simulators)
+        limits = [predicted_edge(limit, result.clearances) for limit in (edge.yielding, edge.rigid)] if edge else []
+        rows.append([*layer, rpm(speed), *lost_at, *limits])
+    return rows
 
 
 def measured_edge(cells: Cells, speed: float, clearances: Sequence[float]) -> str:
