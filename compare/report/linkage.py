@@ -9,13 +9,12 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Mapping, Sequence
-from typing import TypedDict
 
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import kinematics
-from analytic.mechanism import Mechanism
+from analytic.mechanism import GROUND, Mechanism
 from compare.quantities import Quantity, number
 from compare.report.figures import Axis, Figure, Mark, Numbers, Series, beside, difference, same_turn, scaled
 from compare.report.summary import ShownRun, Summary, abscissa
@@ -29,68 +28,7 @@ PREFERRED = math.radians(30.0)  # crank angle of the printed figure, the paper's
 Poses = dict[str, dict[str, Numbers]]  # body -> x, y (m, marker) and angle (rad) of every sample
 
 
-class BodyPart(TypedDict):
-    """A body: its points (x, y in m) from where its position is measured."""
-
-    name: str
-    points: dict[str, list[float]]
-
-
-class JointPart(TypedDict):
-    """A joint: its two bodies, and the axis of a prismatic one in the first of them."""
-
-    name: str
-    bodies: list[str]
-    axis: list[float] | None
-
-
-class Parts(TypedDict):
-    """What a linkage is drawn from; ``ground`` are points (x, y in m), ``size`` a typical length (m)."""
-
-    bodies: list[BodyPart]
-    ground: dict[str, list[float]]
-    joints: list[JointPart]
-    size: float
-
-
-class Reading(TypedDict):
-    """Both sides of a signal, and their difference, in the page's unit."""
-
-    label: str
-    unit: str
-    analytic: Numbers
-    simulated: Numbers
-    difference: Numbers
-
-
-class Explored(TypedDict):
-    """A run as ``explorer.js`` moves through it; ``gaps`` (mm) by joint and side, x and y."""
-
-    title: str
-    role: str
-    label: str
-    unit: str
-    x: Numbers
-    flags: dict[str, str]
-    opens: int
-    clearance: dict[str, float]
-    factor: int
-    ideal: Poses | None
-    analytic: Poses | None
-    analytic_model: str
-    simulated: Poses | None
-    gaps: dict[str, dict[str, list[Numbers]]]
-    readout: list[Reading]
-
-
-class Explorer(TypedDict):
-    """Everything that ``explorer.js`` moves through."""
-
-    parts: Parts
-    runs: list[Explored]
-
-
-def explorer(summary: Summary) -> Explorer:
+def explorer(summary: Summary) -> dict[str, object]:
     """Everything that ``explorer.js`` moves through: parts, and for each run the poses and the values to read."""
     return {
         "parts": parts(summary.result.mechanism),
@@ -98,16 +36,15 @@ def explorer(summary: Summary) -> Explorer:
     }
 
 
-def parts(mechanism: Mechanism) -> Parts:
-    """Bodies' points relative to where their position is measured (marker, else com), ground points and joints, as
-    plain data (m).
+def parts(mechanism: Mechanism) -> dict[str, object]:
+    """What a page's script draws a linkage from: bodies' points from where its position is measured (marker,
+    else com), ground points and joints (m).
     """
-    bodies: list[BodyPart] = []
+    bodies: list[dict[str, object]] = []
     for body in mechanism.bodies:
-        at = body.point("com")
-        points = {name: complex(*p) - at for name, p in body.points.items()}
+        points = {name: complex(*p) - body.point("com") for name, p in body.points.items()}
         bodies.append({"name": body.name, "points": {name: [p.real, p.imag] for name, p in points.items()}})
-    joints: list[JointPart] = [
+    joints = [
         {"name": j.name, "bodies": list(j.bodies), "axis": list(j.axis) if j.axis else None} for j in mechanism.joints
     ]
     ground = {name: list(map(float, p)) for name, p in mechanism.ground.points.items()}
@@ -159,7 +96,8 @@ def _poses(mechanism: Mechanism, signals: Mapping[str, np.ndarray]) -> Poses | N
     return {name: {part: scaled(signals[f"{name}_{part}"]) for part in ("x", "y", "angle")} for name in names}
 
 
-def _explored(summary: Summary, shown: ShownRun) -> Explored:
+def _explored(summary: Summary, shown: ShownRun) -> dict[str, object]:
+    """A run as ``explorer.js`` moves through it; ``gaps`` (mm) by joint and side, x and y."""
     run, result = shown.run, summary.result
     ideal = ideal_poses(result, run)
     return {
@@ -195,7 +133,7 @@ def _opens(shown: ShownRun) -> int:
     return 0 if shown.over.of_time else int(np.argmin(np.abs(run.crank_angle - PREFERRED)))
 
 
-def _read(quantity: Quantity, run: Run, first: np.ndarray) -> Reading:
+def _read(quantity: Quantity, run: Run, first: np.ndarray) -> dict[str, object]:
     """Both sides of a signal as the page lists them; angles in the turn that the figures have them in, which is that of
     the first run.
     """
@@ -250,12 +188,11 @@ def linkage_figure(result: CrossCheck) -> Figure | None:
     nearest = min(usable, key=lambda i: abs(run.crank_angle[i] - PREFERRED))
     k = usable[len(usable) // 2] if over.of_time else nearest
     times = exaggeration(result.mechanism, run) if ideal else 1
-    what = parts(result.mechanism)
     gaps = {joint: times * size for joint, size in run.clearance.items()}
-    series = _drawn(what, _pose(ideal, k), "ideal linkage", "ideal-line") if ideal and gaps else []
+    series = _drawn(result.mechanism, _pose(ideal, k), "ideal linkage", "ideal-line") if ideal and gaps else []
     model = run.analytic_model.replace("_", " ")
     pose = _between(_pose(ideal, k), _pose(displaced, k), times)
-    series += _drawn(what, pose, f"displaced ({model})" if gaps else "analytic", "analytic", gaps)
+    series += _drawn(result.mechanism, pose, f"displaced ({model})" if gaps else "analytic", "analytic", gaps)
     title = f"The linkage at {over.label} {number(over.values[k], 4)} {over.unit}"
     title += f", gaps drawn {times} times as large" if gaps and times > 1 else ""
     sizes = ", ".join(f"{joint} {number(1e3 * size)} mm" for joint, size in run.clearance.items()) or "none"
@@ -286,45 +223,45 @@ def _between(ideal: Pose, displaced: Pose, factor: float) -> Pose:
     }
 
 
-def _drawn(what: Parts, pose: Pose, name: str, role: str, gaps: Mapping[str, float] | None = None) -> list[Series]:
+def _drawn(
+    mechanism: Mechanism, pose: Pose, name: str, role: str, gaps: Mapping[str, float] | None = None
+) -> list[Series]:
     """Links, slides, clearance circles, pivots and labelled joints of one configuration (mm)."""
+    ideal = role == "ideal-line"
 
     def place(body: str, point: str) -> complex:
-        if body == "ground":
-            return complex(*what["ground"][point])
-        com, angle = pose[body]
-        point_in_body = next(b["points"][point] for b in what["bodies"] if b["name"] == body)
-        return com + complex(*point_in_body) * cmath.exp(1j * angle)
+        if body == GROUND:
+            return mechanism.ground.point(point)
+        (com, angle), frame = pose[body], mechanism.body(body)
+        return com + (frame.point(point) - frame.point("com")) * cmath.exp(1j * angle)
 
     links: list[complex | None] = []
-    for body in what["bodies"]:
-        corners = [place(body["name"], point) for point in body["points"]]
-        corners += [pose[body["name"]][0]] if len(corners) == 1 else []
+    for body in mechanism.bodies:
+        corners = [place(body.name, point) for point in body.points]
+        corners += [pose[body.name][0]] if len(corners) == 1 else []
         links += [*corners, *(corners[:1] if len(corners) > 2 else []), None]
-    series = [_series(name, links, role, "dashed" if role == "ideal-line" else "link")]
-    for joint in what["joints"]:
-        if joint["axis"] is None:
+    series = [_series(name, links, role, "dashed" if ideal else "link")]
+    for joint in mechanism.joints:
+        if joint.axis is None:
             continue
-        first, second = joint["bodies"]
-        along = complex(*joint["axis"]) * cmath.exp(1j * (pose[first][1] if first != "ground" else 0.0))
-        along *= 0.2 * what["size"] / abs(along)
-        centre = place(second, joint["name"])
+        first, second = joint.bodies
+        along = complex(*joint.axis) * cmath.exp(1j * (pose[first][1] if first != GROUND else 0.0))
+        along *= 0.2 * typical_length(mechanism) / abs(along)
+        centre = place(second, joint.name)
         block = [centre + along * corner for corner in (1 + 0.6j, -1 + 0.6j, -1 - 0.6j, 1 - 0.6j, 1 + 0.6j)]
-        named = (joint["name"],) if role != "ideal-line" else ()
         series += [
             _series("", [centre - 4 * along, centre + 4 * along], "frame", "dashed"),
-            _series("", block, role, labels=named),
+            _series("", block, role, labels=() if ideal else (joint.name,)),
         ]
     for joint_name, gap in (gaps or {}).items():
-        bearing = next(j["bodies"][1] for j in what["joints"] if j["name"] == joint_name)
-        rim = [place(bearing, joint_name) + cmath.rect(gap, 2 * math.pi * i / 60) for i in range(61)]
+        centre = place(mechanism.joint(joint_name).bodies[1], joint_name)
+        rim = [centre + cmath.rect(gap, 2 * math.pi * i / 60) for i in range(61)]
         series.append(_series("", rim, role))
-    pins = [j for j in what["joints"] if j["axis"] is None]
-    fixed = [j["name"] for j in pins if "ground" in j["bodies"]]
-    if role != "ideal-line":
-        series.append(_series("", [complex(*what["ground"][n]) for n in fixed], "frame", "pivot"))
-    labels = tuple(j["name"] for j in pins) if role != "ideal-line" else ()
-    series.append(_series("", [place(j["bodies"][0], j["name"]) for j in pins], role, "joint", labels))
+    pins = [joint for joint in mechanism.joints if joint.axis is None]
+    pivots = [mechanism.ground.point(pin.name) for pin in pins if GROUND in pin.bodies]
+    series += [] if ideal else [_series("", pivots, "frame", "pivot")]
+    labels = () if ideal else tuple(pin.name for pin in pins)
+    series.append(_series("", [place(pin.bodies[0], pin.name) for pin in pins], role, "joint", labels))
     return series
 
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
+from collections.abc import Callable, Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass, replace
 
 from analytic.mechanism.one_line import count
 from compare.quantities import number, plain
 from compare.results.contact import (
     STATISTICS,
-    UNITS,
     Compared,
     Contact,
     JointContact,
@@ -17,44 +16,11 @@ from compare.results.contact import (
 )
 from compare.results.crosscheck import CrossCheck
 
+WEAR = "integral of normal force times sliding over a revolution (Archard)"
 RUBS = "at the rim of a pin of pin_radius, 10 mm where the mechanism gives none"
-MEANING: Mapping[StatisticName, str] = {
-    "free_share": "share of the time that the pin is off its wall, by distance",
-    "impacts": "times that a free pin strikes its wall in a revolution",
-    "impulse": "normal impulse of these impacts in a revolution",
-    "approach_speed": "fastest approach of an impact in a revolution",
-    "rms_force": "root mean square of the contact force",
-    "peak_force": "largest contact force in a revolution",
-    "high_peak": "what nine in ten of these peaks stay below",
-    "restitution_loss": "energy that the normal force takes in a revolution, less what the wall gives back",
-    "friction_loss": f"energy that friction in the contact takes in a revolution, {RUBS}",
-    "wear": f"integral of normal force times sliding over a revolution (Archard), {RUBS}",
-    "penetration": "deepest penetration in a revolution",
-}
-MEANING_OF_BLOCKS: Mapping[StatisticName, str] = {  # where it is another
-    "free_share": "share of the time that no corner of the block is at its wall, by distance",
-    "impacts": "times that a free corner of the block strikes its wall in a revolution",
-    "rms_force": "root mean square of the force on the corner that is pressed most",
-    "peak_force": "largest force on a corner in a revolution",
-    "friction_loss": "energy that friction at the corners takes in a revolution",
-    "wear": "integral of normal force times sliding over a revolution (Archard), all corners together",
-}
-NAMES: Mapping[StatisticName, str] = {
-    "impacts": "impacts per revolution",
-    "rms_force": "RMS force",
-    "impulse": "impulse of impacts",
-    "high_peak": "peak force, 9 of 10 below",
-}
-READ: Mapping[StatisticName, tuple[str, float]] = {  # unit that a person reads, factor from SI
-    "free_share": ("%", 1e2),
-    "impacts": ("", 1.0),
-    "impulse": ("mN·s", 1e3),
-    "approach_speed": ("mm/s", 1e3),
-    "restitution_loss": ("mJ", 1e3),
-    "friction_loss": ("mJ", 1e3),
-    "wear": ("N·mm", 1e3),
-    "penetration": ("µm", 1e6),
-}
+FRICTION = f"energy that friction in the contact takes in a revolution, {RUBS}"
+RESTITUTION = "energy that the normal force takes in a revolution, less what the wall gives back"
+PEAK_RATIO = "largest force of the run over the ideal linkage's largest"
 LARGER = {"N": "kN", "mN·s": "N·s", "mm/s": "m/s", "mJ": "J", "N·mm": "N·m", "µm": "mm"}  # units of a thousand each
 LEAST_TO_REPEAT = 5  # revolutions, below which nothing tells whether a motion repeats itself
 ASCII = str.maketrans({"·": ".", "µ": "u"})  # of units
@@ -90,21 +56,34 @@ class Measure:
         return f"{self.name[:1].upper()}{self.name[1:]}" + (f" ({self.unit})" if self.unit else "")
 
 
-MEASURES: Mapping[StatisticName, Measure] = {
-    name: Measure(name, NAMES.get(name, name.replace("_", " ")), *READ.get(name, (UNITS[name], 1.0)), MEANING[name])
-    for name in STATISTICS
+MEASURES = {
+    measure.key: measure
+    for measure in (
+        Measure("free_share", "free share", "%", 1e2, "share of the time that the pin is off its wall, by distance"),
+        Measure("impacts", "impacts per revolution", "", 1.0, "times that a free pin strikes its wall in a revolution"),
+        Measure("impulse", "impulse of impacts", "mN·s", 1e3, "normal impulse of these impacts in a revolution"),
+        Measure("approach_speed", "approach speed", "mm/s", 1e3, "fastest approach of an impact in a revolution"),
+        Measure("rms_force", "RMS force", "N", 1.0, "root mean square of the contact force"),
+        Measure("peak_force", "peak force", "N", 1.0, "largest contact force in a revolution"),
+        Measure("high_peak", "peak force, 9 of 10 below", "N", 1.0, "what nine in ten of these peaks stay below"),
+        Measure("restitution_loss", "restitution loss", "mJ", 1e3, RESTITUTION),
+        Measure("friction_loss", "friction loss", "mJ", 1e3, FRICTION),
+        Measure("wear", "wear", "N·mm", 1e3, f"{WEAR}, {RUBS}"),
+        Measure("penetration", "penetration", "µm", 1e6, "deepest penetration in a revolution"),
+        Measure("peak_ratio", "peak over ideal reaction", "", 1.0, PEAK_RATIO),
+    )
 }
-OF_BLOCKS: Mapping[StatisticName, Measure] = {
-    name: replace(measure, meaning=MEANING_OF_BLOCKS.get(name, measure.meaning)) for name, measure in MEASURES.items()
+MEANING_OF_BLOCKS = {  # where it is another
+    "free_share": "share of the time that no corner of the block is at its wall, by distance",
+    "impacts": "times that a free corner of the block strikes its wall in a revolution",
+    "rms_force": "root mean square of the force on the corner that is pressed most",
+    "peak_force": "largest force on a corner in a revolution",
+    "friction_loss": "energy that friction at the corners takes in a revolution",
+    "wear": f"{WEAR}, all corners together",
+    "peak_ratio": "largest force on a corner over the largest that the ideal linkage's reaction and moment put on one",
 }
-PEAK_RATIO = Measure(
-    "peak_ratio", "peak over ideal reaction", "", 1.0, "largest force of the run over the ideal linkage's largest"
-)
-PEAK_RATIO_OF_BLOCKS = replace(
-    PEAK_RATIO,
-    name="peak over ideal corner force",
-    meaning="largest force on a corner over the largest that the ideal linkage's reaction and moment put on one",
-)
+OF_BLOCKS = MEASURES | {key: replace(MEASURES[key], meaning=meaning) for key, meaning in MEANING_OF_BLOCKS.items()}
+OF_BLOCKS["peak_ratio"] = replace(OF_BLOCKS["peak_ratio"], name="peak over ideal corner force")
 
 
 @dataclass(frozen=True)
@@ -314,12 +293,11 @@ def _table(joint: str, runs: Sequence[RunContact], block: bool) -> StatisticsTab
     watched = [run for run in runs if joint in run.contact.joints]
     contacts = [run.contact.joints[joint] for run in watched]
     rows = [_row(name, contacts, block) for name in STATISTICS]
-    ratio = PEAK_RATIO_OF_BLOCKS if block else PEAK_RATIO
-    rows.append((ratio, tuple(Value(contact.peak_ratio) for contact in contacts)))
+    rows.append((_measure("peak_ratio", block), tuple(Value(contact.peak_ratio) for contact in contacts)))
     return StatisticsTable(joint, tuple(run.run for run in watched), tuple(rows))
 
 
-def _measure(name: StatisticName, block: bool) -> Measure:
+def _measure(name: str, block: bool) -> Measure:
     return OF_BLOCKS[name] if block else MEASURES[name]
 
 
