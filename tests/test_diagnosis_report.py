@@ -31,7 +31,7 @@ from compare.report.words.diagnosis import attempts, next_steps, separation, tie
 from compare.report.words.effects import amounts, odds, own_values, parameter, phrase, spoken
 from compare.report.words.located import located, span, wrapped
 from compare.report.words.measured import data_sentences, explained_to, off, off_by
-from compare.results.diagnosis import Diagnosis, Effect, Located, Parameter
+from compare.results.diagnosis import Diagnosis, Effect, Located, Parameter, SmallError
 from marks import slow
 from sample_diagnosis import (
     CLEARANCE,
@@ -409,15 +409,20 @@ def test_values_of_each_run_are_a_range_and_have_one_unit(explained: dict[str, A
         "offset@b": Parameter(value=0.0628, unit="rad", low=0.0623, high=0.0633),
     }
     result = as_document(explained)
-    own = own_values(result, "encoder_offset", "crank_angle", given)
+    own = own_values(result, SmallError(name="encoder_offset", where="crank_angle", parameters=given))
     assert own is not None
     assert own.sentence(2) == "each run has its own encoder zero, 1.7 deg too little to 3.6 deg too much"
     assert own.sentence(6).startswith("two of six runs have their own encoder zero")
     assert own.runs[0] == ("a", f"{MINUS}1.702 deg", f"{MINUS}1.730 to {MINUS}1.673 deg")
     assert [value.split()[-1] for _, value, _ in own.runs] == ["deg", "deg"]  # the first alone would be in mrad
-    assert own_values(result, "joint_clearance", "B", {"radial_clearance": given["offset@a"]}) is None
+    assert (
+        own_values(
+            result, SmallError(name="joint_clearance", where="B", parameters={"radial_clearance": given["offset@a"]})
+        )
+        is None
+    )
     jitter = {f"jitter@{run}": Parameter(value=s, unit="s", low=s, high=s) for run, s in (("a", 4e-4), ("b", 1.3e-3))}
-    own = own_values(result, "stamp_jitter", "crank_angle", jitter)
+    own = own_values(result, SmallError(name="stamp_jitter", where="crank_angle", parameters=jitter))
     assert own is not None
     unsigned = "each run has its own jitter of the time stamps, 0.4 to 1.3 ms"  # no plus sign where none is negative
     assert own.sentence(2) == unsigned

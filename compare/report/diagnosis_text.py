@@ -18,7 +18,7 @@ from compare.report.words.diagnosis import (
 from compare.report.words.effects import (
     errors_in_words,
     headline,
-    of_runs,
+    own_values,
     phrase,
     rival_odds,
     spoken,
@@ -69,7 +69,7 @@ def _effect_lines(result: Diagnosis, group: Sequence[Place]) -> list[str]:
     out = []
     for i, effect in enumerate(group):
         lead = "missing" if len(group) == 1 else "either" if i == 0 else "or"
-        own = of_runs(result, effect)
+        own = own_values(result, effect)
         values = ", ".join(values_of(result, effect, intervals=True))
         said = headline(result, effect) if own else phrase(result, effect.name, effect.where)
         odds = rival_odds(result, group, effect)

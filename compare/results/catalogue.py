@@ -13,8 +13,6 @@ from sim_models.engine import JointModel, Motion
 class Listing(Document):
     """A list of things, each with a row."""
 
-    opens: ClassVar[str] = ""
-
     def __len__(self) -> int:
         return len(self.rows())
 

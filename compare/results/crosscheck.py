@@ -13,7 +13,7 @@ from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal, named
 from analytic.paper.clearance import Model
 from compare.results.contact import Compared, Contact
-from compare.results.document import Document, Filled, Grid, Mechanism, Number, Part, Row, Series, Share, Text, rows_of
+from compare.results.document import Document, Filled, Grid, Mechanism, Number, Part, Row, Series, Share, Text
 from sim_models.engine import Cause, JointModel, Motion, SettingValue
 
 Verdict = Literal["agrees", "disagrees", "unjudged"]
@@ -171,13 +171,10 @@ class Run(Part):
     @model_validator(mode="after")
     def _whole(self) -> Run:
         """Each series has a value for each sample."""
-        series: dict[str, np.ndarray | None] = {"time": self.time}
-        series |= {f"drive_position.{name}": values for name, values in self.drive_position.items()}
-        series |= {f"analytic.{name}": values for name, values in self.analytic.items()}
-        series |= {f"simulated.{name}": values for name, values in self.simulated.items()}
-        for name, values in series.items():
-            if values is not None and values.size != self.crank_angle.size:
-                raise ValueError(f"{name} has {values.size} values for {count(self.crank_angle.size, 'sample')}")
+        series = {} if self.time is None else {"time": self.time}
+        for part in ("drive_position", "analytic", "simulated"):
+            series |= {f"{part}.{name}": values for name, values in getattr(self, part).items()}
+        self._check_sizes(series, self.crank_angle.size)
         return self
 
     @property
@@ -321,7 +318,7 @@ class CrossCheck(Document):
             for name in self.signals:
                 if name in run.analytic and name in run.simulated:
                     columns |= {f"analytic_{name}": run.analytic[name], f"simulated_{name}": run.simulated[name]}
-            rows += rows_of(columns, simulator=run.simulator.name, joint_model=run.joint_model, motion=run.motion)
+            rows += self._rows_of(columns, simulator=run.simulator.name, joint_model=run.joint_model, motion=run.motion)
         return rows
 
     def units(self) -> Mapping[str, str]:

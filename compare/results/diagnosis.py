@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sized
 from functools import cached_property
 from itertools import product
 from typing import Annotated, ClassVar, Literal
@@ -13,7 +13,7 @@ from pydantic import BeforeValidator, Field, FiniteFloat, model_validator
 from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal, named, wrapped
 from compare.results.crosscheck import Simulator
-from compare.results.document import Amount, Document, Filled, Grid, Mechanism, Number, Part, Row, Series, Text, rows_of
+from compare.results.document import Amount, Document, Filled, Grid, Mechanism, Number, Part, Row, Series, Text
 from sim_models.engine import SettingValue
 
 Verdict = Literal["no gap", "explained", "partly explained", "unexplained", "ambiguous"]
@@ -315,13 +315,10 @@ class DiagnosedRun(Part):
     @model_validator(mode="after")
     def _whole(self) -> DiagnosedRun:
         """Each series has a value for each sample."""
-        sizes = {"crank_angle": self.crank_angle.size, "held_out": len(self.held_out or self.time)}
-        for name, channel in self.signals.items():
-            for side in ("measured", "before", "after"):
-                sizes[f"signals.{name}.{side}"] = getattr(channel, side).size
-        for name, size in sizes.items():
-            if size != self.time.size:
-                raise ValueError(f"{name} has {size} values for {count(self.time.size, 'sample')}")
+        series: dict[str, Sized] = {"crank_angle": self.crank_angle, "held_out": self.held_out or self.time}
+        for (name, channel), side in product(self.signals.items(), ("measured", "before", "after")):
+            series[f"signals.{name}.{side}"] = getattr(channel, side)
+        self._check_sizes(series, self.time.size)
         return self
 
     @property
@@ -428,7 +425,7 @@ class Diagnosis(Document):
             absent, columns = np.full(run.time.size, np.nan), {"time": run.time, self._position_column: run.crank_angle}
             for name, side in product(names, ("measured", "before", "after")):
                 columns[f"{name}_{side}"] = getattr(run.signals[name], side) if name in run.signals else absent
-            rows += rows_of(columns, run=run.name)
+            rows += self._rows_of(columns, run=run.name)
         return rows
 
     def units(self) -> Mapping[str, str]:

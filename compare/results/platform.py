@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from analytic.mechanism.one_line import count
 from compare.results.accuracy import MetresByJoint, PointError, Reasons
-from compare.results.document import Document, Filled, Grid, Mechanism, Part, Row, Series, rows_of
+from compare.results.document import Document, Filled, Grid, Mechanism, Part, Row, Series
 
 
 class PoseError(Part):
@@ -110,11 +110,8 @@ class PlatformAccuracy(Document):
     @model_validator(mode="after")
     def _whole(self) -> PlatformAccuracy:
         """Each series has a value for each pose."""
-        for name, output in self.outputs.items():
-            if output.value.size != self.holding.size:
-                raise ValueError(
-                    f"outputs.{name} has {output.value.size} values for {count(self.holding.size, 'pose')}"
-                )
+        values = {f"outputs.{name}": output.value for name, output in self.outputs.items()}
+        self._check_sizes(values, self.holding.size, "pose")
         return self
 
     @property
@@ -132,7 +129,7 @@ class PlatformAccuracy(Document):
             columns = at | {each: getattr(output, each) for each in errors}
             columns |= {f"sensitivity_{joint}": values for joint, values in output.sensitivity.items()}
             reached = {column: values[self.reached] for column, values in columns.items()}
-            rows += rows_of(reached, output=name, unit=output.unit)
+            rows += self._rows_of(reached, output=name, unit=output.unit)
         return rows
 
     def __repr__(self) -> str:

@@ -10,7 +10,7 @@ from pydantic import Field, FiniteFloat
 from analytic.mechanism.one_line import count
 from compare.results.crosscheck import Simulator
 from compare.results.diagnosis import Unit, Verdict
-from compare.results.document import Amount, Document, Grid, Number, Part, Row, Series, Text, rows_of
+from compare.results.document import Amount, Document, Grid, Number, Part, Row, Series, Text
 
 
 class Residual(Part):
@@ -48,7 +48,6 @@ class SignalResiduals(Document):
 
     file: ClassVar[str] = "residuals.json"
     remedy: ClassVar[str] = "give what compare show --json --signal prints of a diagnosis.json"
-    opens: ClassVar[str] = ""
 
     case: Annotated[str, Field(description="Name of the nominal mechanism.")]
     verdict: Annotated[Verdict, Field(description="Of the diagnosis.")]
@@ -63,7 +62,7 @@ class SignalResiduals(Document):
         rows: list[Row] = []
         for run in self.runs:
             sides = {"before": run.before.values, "after": run.after.values}
-            rows += rows_of({"time": run.time, "crank_angle": run.crank_angle} | sides, run=run.name)
+            rows += self._rows_of({"time": run.time, "crank_angle": run.crank_angle} | sides, run=run.name)
         return rows
 
     def units(self) -> Mapping[str, str]:

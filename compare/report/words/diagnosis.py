@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from analytic.mechanism.one_line import enumerated
 from compare.quantities import plainly, setting
-from compare.report.words.effects import called, headline, of_runs, phrase, spoken, unknown, values_of
+from compare.report.words.effects import called, headline, own_values, phrase, spoken, unknown, values_of
 from compare.report.words.measured import remaining
 from compare.results.diagnosis import Attempt, Diagnosis, Effect, Engine, Place, Verdict
 
@@ -120,7 +120,7 @@ def attempts(result: Diagnosis) -> list[tuple[str, str, str, str, str]]:
 
 
 def _attempt(result: Diagnosis, attempt: Attempt) -> tuple[str, str, str, str, str]:
-    own = of_runs(result, attempt)
+    own = own_values(result, attempt)
     values = own.reach if own else ", ".join(values_of(result, attempt))
     share = "" if attempt.share is None else percent(attempt.share)
     return phrase(result, attempt.name, attempt.where), values, share, " → ".join(_gaps(attempt)), attempt.failed
@@ -195,7 +195,7 @@ def next_steps(result: Diagnosis) -> list[str]:
 
 
 def _values(result: Diagnosis, effect: Effect) -> str:
-    own = of_runs(result, effect)
+    own = own_values(result, effect)
     return own.reach if own else ", ".join(values_of(result, effect))
 
 

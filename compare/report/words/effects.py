@@ -11,7 +11,17 @@ from compare.diagnose.effects.effect import Effect as Kind
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.propose.laws import UNKNOWNS
 from compare.quantities import MINUS, Quantity, fitting, number, plainly, quantities, shown
-from compare.results.diagnosis import Attempt, Diagnosis, Effect, Parameter, Place, Proposed, Rival, SamePlace
+from compare.results.diagnosis import (
+    Attempt,
+    Diagnosis,
+    Effect,
+    Parameter,
+    Place,
+    Proposed,
+    Rival,
+    SamePlace,
+    SmallError,
+)
 
 PERCENT = {p.name for effect in VOCABULARY.values() for p in effect.parameters if p.percent}  # parameters read in %
 ZEROS = {  # what each run has of its own where an effect has a value for each; {} is the sensor
@@ -159,37 +169,35 @@ class OwnValues:
         return f"{whose} {'its' if len(self.runs) >= runs else 'their'} own {self.called}, {self.reach}"
 
 
-def own_values(result: Diagnosis, name: str, where: str, parameters: Mapping[str, Parameter]) -> OwnValues | None:
+def own_values(result: Diagnosis, effect: Place) -> OwnValues | None:
     """The values for each run of an effect that has such; None of any other."""
-    found = {key.partition("@")[2]: p for key, p in parameters.items() if "@" in key}
-    if len(found) < len(parameters):
+    parameters = _parameters(effect)
+    by_run = {key.partition("@")[2]: p for key, p in parameters.items() if "@" in key}
+    if not by_run or len(by_run) < len(parameters):
         return None
-    what = _base(next(iter(parameters)))
-    unit, factor = _unit(what, tuple(found.values()))
-    low, high = (factor * end(p.value for p in found.values()) for end in (min, max))
-    less, more = (_direction_word(result, VOCABULARY.get(name), where, what, end) for end in (low, high))
-    sensor = spoken(result, where) if name in VOCABULARY and VOCABULARY[name].place == "signal" else where
-    called = ZEROS.get(name, name.replace("_", " ") + " of {}")
-    called = called.format(sensor) + f" for {sensor}" * (result.mechanism.several and "{}" not in called)
-    own = tuple((run, value, interval) for run, (_, value, interval) in zip(found, rows(parameters), strict=True))
+    kind, what = VOCABULARY.get(effect.name), _base(next(iter(parameters)))
+    unit, factor = _unit(what, tuple(by_run.values()))
+    low, high = (factor * end(p.value for p in by_run.values()) for end in (min, max))
+    less, more = (_direction_word(result, kind, effect.where, what, end) for end in (low, high))
+    sensor = spoken(result, effect.where) if kind is not None and kind.place == "signal" else effect.where
+    name = ZEROS.get(effect.name, effect.name.replace("_", " ") + " of {}")
+    name = name.format(sensor) + f" for {sensor}" * (result.mechanism.several and "{}" not in name)
+    runs = tuple((run, value, interval) for run, (_, value, interval) in zip(by_run, rows(parameters), strict=True))
     suffix = "" if unit == "1" else f" {unit}"
     if less == more:
         low, high = sorted((abs(low), abs(high))) if more else (low, high)
-        return OwnValues(called, f"{plainly(low, 2)} to {plainly(high, 2)}{suffix} {more}".strip(), own)
-    return OwnValues(called, f"{plainly(-low, 2)}{suffix} {less} to {plainly(high, 2)}{suffix} {more}", own)
+        return OwnValues(name, f"{plainly(low, 2)} to {plainly(high, 2)}{suffix} {more}".strip(), runs)
+    return OwnValues(name, f"{plainly(-low, 2)}{suffix} {less} to {plainly(high, 2)}{suffix} {more}", runs)
 
 
 def errors_in_words(result: Diagnosis, effect: Effect) -> str:
     """The small errors of the rig that together would do as well in place of an effect, with their values."""
-    said = []
-    for error in effect.small_errors:
-        values = ", ".join(amounts(result, VOCABULARY.get(error.name), error.where, error.parameters))
-        said.append(f"{phrase(result, error.name, error.where)} ({values})")
-    return enumerated(said)
+    errors = effect.small_errors
+    return enumerated([f"{phrase(result, e.name, e.where)} ({', '.join(values_of(result, e))})" for e in errors])
 
 
 def small_errors(result: Diagnosis, effect: Effect) -> str:
-    """The same in a sentence; empty where there are none."""
+    """The small errors that would do as well as an effect, in a sentence; empty where there are none."""
     if not effect.small_errors:
         return ""
     errors, instead = errors_in_words(result, effect), phrase(result, effect.name, effect.where)
@@ -198,14 +206,8 @@ def small_errors(result: Diagnosis, effect: Effect) -> str:
 
 def headline(result: Diagnosis, effect: Place) -> str:
     """What is said of an effect in one line: the phrase, or of one with values for each run that and their range."""
-    own = of_runs(result, effect)
+    own = own_values(result, effect)
     return own.sentence(len(result.fitted)) if own else phrase(result, effect.name, effect.where)
-
-
-def of_runs(result: Diagnosis, effect: Place) -> OwnValues | None:
-    """The values for each run of an effect that has such."""
-    found = _parameters(effect)
-    return own_values(result, effect.name, effect.where, found) if found else None
 
 
 def of_effect(effect: Place) -> list[Row]:
@@ -219,7 +221,7 @@ def values_of(result: Diagnosis, effect: Place, intervals: bool = False) -> list
 
 
 def _parameters(effect: Place) -> Mapping[str, Parameter]:
-    return effect.parameters if isinstance(effect, Effect | Attempt) else {}
+    return effect.parameters if isinstance(effect, Effect | Attempt | SmallError) else {}
 
 
 def rival_odds(result: Diagnosis, group: Sequence[Place], place: Place) -> str:

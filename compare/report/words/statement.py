@@ -64,13 +64,13 @@ def statement(result: Diagnosis, e: Explanation, failure: str = "") -> str:
 
 def named(result: Diagnosis, n: Named) -> str:
     """A named effect in a sentence, its parameters with their 95 % intervals; values of each run by their range."""
-    parameters = next(each.parameters for each in result.effects if (each.name, each.where) == n.term.key)
-    own = own_values(result, n.term.effect.name, n.term.where, parameters)
+    effect = next(effect for effect in result.effects if (effect.name, effect.where) == n.term.key)
+    own = own_values(result, effect)
     if own is not None:
         text = capital(f"{own.sentence(len(result.fitted))}.")
         kept = enumerated([run.name for run in result.validation])
         return f"{text} It was not applied to {kept}, for which it has no value." if kept else text
-    values = amounts(result, n.term.effect, n.term.where, parameters, intervals=True)
+    values = amounts(result, n.term.effect, n.term.where, effect.parameters, intervals=True)
     return capital(f"{n.term.effect.tells(_place(result, n.term), values)}.")
 
 
