@@ -5,7 +5,7 @@ from __future__ import annotations
 from rich.console import Console
 
 from compare.presentation import LIST_HAS_NO_PICTURE, Presentation
-from compare.report.junit import Case, Suite, junit_xml
+from compare.report.junit import JUnitCase, JUnitSuite, junit_xml
 from compare.report.tables import html_table, say
 from compare.results.baselines import Baselines, Entry
 
@@ -35,14 +35,14 @@ def print_table(result: Baselines, console: Console) -> None:
 
 def junit(result: Baselines) -> str:
     """A suite for each case, a case for each engine: what moved is a failure, what has no answer an error."""
-    suites: dict[str, list[Case]] = {}
+    suites: dict[str, list[JUnitCase]] = {}
     for entry in result.entries:
         error = entry.why if entry.status in ("unusable", "failed") else ""
         failure = "; ".join(each.sentence for each in entry.moved) if entry.status == "moved" else ""
         place = f"{entry.case}.baseline"
-        case = Case(place, entry.simulator, said=entry.words, failure=failure, error=error, kind=entry.status)
+        case = JUnitCase(place, entry.simulator, said=entry.words, failure=failure, error=error, kind=entry.status)
         suites.setdefault(entry.case, []).append(case)
-    return junit_xml("baselines of the reaction forces", [Suite(*suite) for suite in suites.items()])
+    return junit_xml("baselines of the reaction forces", [JUnitSuite(*suite) for suite in suites.items()])
 
 
 def summary_html(result: Baselines) -> str:

@@ -11,7 +11,7 @@ from markupsafe import Markup
 from compare.quantities import DASH, assumptions
 from compare.report.figures import Figure
 from compare.report.linkage import explorer
-from compare.report.pages import Script, Section, markdown, page
+from compare.report.pages import PageSection, Script, markdown, page
 from compare.report.summary import REAL, ShownRun, Summary
 from compare.report.words import crosscheck as words
 from compare.results.document import as_written
@@ -37,16 +37,17 @@ def render(
         "mechanism": json.dumps(as_written(result.mechanism), indent=2, ensure_ascii=False),
     }
     of_runs = ["differences", *["contact"] * bool(summary.contact.runs), "linkage", "figures", "limits"]
+    sections = [*(of_runs if summary.runs else []), "provenance"]
     moved = {"figures": [asdict(figure) for figure in figures], "explorer": explorer(summary)}
     html = page(
         f"{result.case}: {words.WORDS[summary.verdict]} {DASH} cross-check",
-        Section("crosscheck/header.html.j2", context),
-        [Section(f"crosscheck/{name}.html.j2", context) for name in (*(of_runs if summary.runs else ()), "provenance")],
+        PageSection("crosscheck/header.html.j2", context),
+        [PageSection(f"crosscheck/{name}.html.j2", context) for name in sections],
         script=Script(("chart.js", "explorer.js"), moved),
         skip_to="the differences" if summary.runs else "its provenance",
         footer="All values come from result.json beside this page, which needs no network.",
     )
-    return html, markdown(Section("crosscheck/report.md.j2", shared | {"keys": summary.keys(all_joints=True)}))
+    return html, markdown(PageSection("crosscheck/report.md.j2", shared | {"keys": summary.keys(all_joints=True)}))
 
 
 def _shared(summary: Summary) -> dict[str, object]:

@@ -14,7 +14,7 @@ from compare.report.diagnosis_figures import SIDES
 from compare.report.diagnosis_page import diagnosis_html, diagnosis_md
 from compare.report.diagnosis_text import terminal_lines
 from compare.report.explained import explained_toml
-from compare.report.junit import Case, Suite, junit_xml
+from compare.report.junit import JUnitCase, JUnitSuite, junit_xml
 from compare.report.residuals import draw as draw_residuals
 from compare.report.tables import html_table, say
 from compare.report.words.effects import of_effect, phrase, spoken
@@ -40,21 +40,21 @@ def files(result: Diagnosis) -> dict[str, str]:
 def junit(result: Diagnosis) -> str:
     """The verdict as a JUnit file: it fails if it is not settled, and so does each signal that is left unexplained."""
     left = {} if result.settled else remaining(result)
-    verdict = Case(
+    verdict = JUnitCase(
         f"{result.case}.diagnosis",
         "verdict",
         said=result.statement,
         failure="" if result.settled else f"{result.verdict}: {result.statement}",
         kind=result.verdict,
     )
-    suites = [Suite("verdict", [verdict])]
+    suites = [JUnitSuite("verdict", [verdict])]
     for run in result.runs:
         cases = []
         for name, channel in run.signals.items():
             gaps = f"gap {plainly(channel.gap_before)} before, {plainly(channel.gap_after)} after"
             failure = left.get((run.name, name), "")
-            cases.append(Case(f"{result.case}.{run.name}", name, said=gaps, failure=failure, kind="gap"))
-        suites.append(Suite(f"{'validation ' * (run.role == 'validation')}run {run.name}", cases))
+            cases.append(JUnitCase(f"{result.case}.{run.name}", name, said=gaps, failure=failure, kind="gap"))
+        suites.append(JUnitSuite(f"{'validation ' * (run.role == 'validation')}run {run.name}", cases))
     return junit_xml(f"diagnosis of {result.case}", suites)
 
 

@@ -12,7 +12,7 @@ from analytic.mechanism.one_line import capital
 from compare.quantities import DASH, MINUS, assumptions, plainly
 from compare.report import diagnosis_figures as figures
 from compare.report.explained import changes
-from compare.report.pages import Script, Section, markdown, page
+from compare.report.pages import PageSection, Script, markdown, page
 from compare.report.proposed import figure as law_figure
 from compare.report.svg import NOT_XML, draw
 from compare.report.words import diagnosis as words
@@ -30,7 +30,7 @@ from compare.report.words.effects import (
 )
 from compare.report.words.located import located, worst_first
 from compare.report.words.measured import InUnits, in_units, off_by, off_on_both_sides, run_title, validation_sentences
-from compare.results.diagnosis import DiagnosedRun, Diagnosis, Effect, Place
+from compare.results.diagnosis import DiagnosedRun, Diagnosis, Effect, EffectPlace
 
 LOOKS = {
     "no gap": "agrees",
@@ -64,8 +64,8 @@ def diagnosis_html(result: Diagnosis) -> str:
     shared = _shared(result)
     return page(
         f"{result.case}: {result.verdict} {DASH} diagnosis",
-        Section("diagnosis/header.html.j2", shared | {"look": LOOKS[result.verdict]}),
-        [Section(f"diagnosis/{name}.html.j2", shared | part) for name, part in parts.items()],
+        PageSection("diagnosis/header.html.j2", shared | {"look": LOOKS[result.verdict]}),
+        [PageSection(f"diagnosis/{name}.html.j2", shared | part) for name, part in parts.items()],
         styles=("diagnosis.css",),
         script=Script(("chart.js", "diagnosis.js"), _data(result, panels, maps)),
         skip_to="where they disagree",
@@ -82,7 +82,7 @@ def diagnosis_md(result: Diagnosis) -> str:
         "gaps": [_gap_row(result, run, name) for run in result.runs for name in run.signals],
         "faults": [(f.run, spoken(result, f.signal), f.kind, str(f.samples), f.text) for f in result.faults],
     }
-    return markdown(Section("diagnosis/report.md.j2", _shared(result) | tables | {"listed": PLACES_IN_TEXT}))
+    return markdown(PageSection("diagnosis/report.md.j2", _shared(result) | tables | {"listed": PLACES_IN_TEXT}))
 
 
 def _shared(result: Diagnosis) -> dict[str, object]:
@@ -120,7 +120,7 @@ def _shared(result: Diagnosis) -> dict[str, object]:
     }
 
 
-def _effect_rows(result: Diagnosis, group: Sequence[Place]) -> Iterator[tuple[str, ...]]:
+def _effect_rows(result: Diagnosis, group: Sequence[EffectPlace]) -> Iterator[tuple[str, ...]]:
     """What is missing and what is tied with it, a row for each parameter."""
     for i, effect in enumerate(group):
         rivals = ", ".join(phrase(result, other.name, other.where) for other in group[1:]) or DASH

@@ -26,7 +26,7 @@ from compare.report.words.effects import (
 )
 from compare.report.words.located import located, worst_first
 from compare.report.words.measured import NOISE, validation_sentences
-from compare.results.diagnosis import Diagnosis, Effect, Place
+from compare.results.diagnosis import Diagnosis, Effect, EffectPlace
 
 PLACES_SHOWN = 3  # in a terminal
 ATTEMPTS_SHOWN = 3  # in a terminal
@@ -65,7 +65,7 @@ def terminal_lines(result: Diagnosis) -> list[str]:
     return [in_ascii(line) for line in out]
 
 
-def _effect_lines(result: Diagnosis, group: Sequence[Place]) -> list[str]:
+def _effect_lines(result: Diagnosis, group: Sequence[EffectPlace]) -> list[str]:
     out = []
     for i, effect in enumerate(group):
         lead = "missing" if len(group) == 1 else "either" if i == 0 else "or"

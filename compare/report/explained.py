@@ -16,7 +16,7 @@ from analytic.mechanism.file import dumps
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.faults import printable
 from compare.quantities import DASH
-from compare.results.diagnosis import Diagnosis, Effect, Parameter
+from compare.results.diagnosis import Diagnosis, Effect, Estimate
 from compare.results.document import as_written
 
 KEY = re.compile(r'("(?:[^"\\]|\\.)*"|[\w-]+) = ')
@@ -120,7 +120,7 @@ def _values(effect: Effect) -> str:
     return ", ".join(f"{name} {_value(parameter)}" for name, parameter in effect.parameters.items())
 
 
-def _value(p: Parameter) -> str:
+def _value(p: Estimate) -> str:
     """An SI value with its interval: ``0.00015 [0.000148, 0.000152] m``; an open end is not known."""
     low, high = ("?" if end is None else f"{end:.6g}" for end in (p.low, p.high))
     return f"{p.value:.6g} [{low}, {high}]" + ("" if p.unit == "1" else f" {p.unit}")

@@ -14,7 +14,7 @@ from compare.report.words.crosscheck import row_sentence
 
 
 @dataclass(frozen=True)
-class Case:
+class JUnitCase:
     """One case of a JUnit file: what is ``said`` of it, or the ``failure`` or ``error`` (a sentence each) that it has,
     of some ``kind``.
     """
@@ -28,11 +28,11 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Suite:
+class JUnitSuite:
     """A suite of a JUnit file, and what is ``said`` of it as a whole."""
 
     title: str
-    cases: Sequence[Case]
+    cases: Sequence[JUnitCase]
     said: str = ""
 
 
@@ -42,21 +42,23 @@ def junit(summary: Summary) -> str:
     """
     case = summary.result.case
     suites = [
-        Suite(f"{shown.run.title}, {shown.run.motion}", _cases(case, shown), _contact(summary.contact, shown.run.title))
+        JUnitSuite(
+            f"{shown.run.title}, {shown.run.motion}", _cases(case, shown), _contact(summary.contact, shown.run.title)
+        )
         for shown in summary.runs
     ]
     if summary.contact.pairs:
         compared = [_compared(case, pair, row) for pair in summary.contact.pairs for row in pair.rows]
-        suites.append(Suite("contact statistics", compared))
+        suites.append(JUnitSuite("contact statistics", compared))
     failed = [
-        Case(f"{case}.simulation", f"failure {i}", error=why, kind="simulation")
+        JUnitCase(f"{case}.simulation", f"failure {i}", error=why, kind="simulation")
         for i, why in enumerate(summary.failures, 1)
     ]
-    suites += [Suite("simulations that failed", failed)] * bool(failed)
+    suites += [JUnitSuite("simulations that failed", failed)] * bool(failed)
     return junit_xml(f"cross-check of {case}", suites)
 
 
-def junit_xml(name: str, suites: Sequence[Suite]) -> str:
+def junit_xml(name: str, suites: Sequence[JUnitSuite]) -> str:
     """JUnit XML of suites."""
     root = ElementTree.Element("testsuites", _clean({"name": name} | _counts([c for s in suites for c in s.cases])))
     for suite in suites:
@@ -69,7 +71,7 @@ def junit_xml(name: str, suites: Sequence[Suite]) -> str:
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
-def _add(suite: ElementTree.Element, case: Case) -> None:
+def _add(suite: ElementTree.Element, case: JUnitCase) -> None:
     element = ElementTree.SubElement(suite, "testcase", _clean({"classname": case.place, "name": case.name}))
     for tag, words in (("failure", case.failure), ("error", case.error)):
         if words:
@@ -79,35 +81,35 @@ def _add(suite: ElementTree.Element, case: Case) -> None:
         ElementTree.SubElement(element, "system-out").text = NOT_XML.sub("", case.said)
 
 
-def _counts(cases: Sequence[Case]) -> dict[str, str]:
+def _counts(cases: Sequence[JUnitCase]) -> dict[str, str]:
     counts = (len(cases), sum(bool(case.failure) for case in cases), sum(bool(case.error) for case in cases))
     return dict(zip(("tests", "failures", "errors"), map(str, counts), strict=True))
 
 
-def _cases(case: str, shown: ShownRun) -> list[Case]:
+def _cases(case: str, shown: ShownRun) -> list[JUnitCase]:
     """A case for each signal of a run; one where nothing could be compared."""
     run = shown.run
     place = f"{case}.{run.simulator.name}.{run.joint_model}.{run.motion}"
     if not shown.rows:
-        return [Case(place, "anything to compare", failure=run.reason, kind="not judged")]
+        return [JUnitCase(place, "anything to compare", failure=run.reason, kind="not judged")]
     return [_case(place, row) for row in shown.rows]
 
 
-def _case(place: str, row: ShownDiscrepancy) -> Case:
+def _case(place: str, row: ShownDiscrepancy) -> JUnitCase:
     if row.verdict in ("disagrees", "unjudged"):
         kind = "disagreement" if row.verdict == "disagrees" else "not judged"
-        return Case(place, row.quantity.signal, failure=row_sentence(row), kind=kind)
+        return JUnitCase(place, row.quantity.signal, failure=row_sentence(row), kind=kind)
     known = "known difference: " if row.verdict == "known" else ""
-    return Case(place, row.quantity.signal, said=known + row_sentence(row))
+    return JUnitCase(place, row.quantity.signal, said=known + row_sentence(row))
 
 
-def _compared(case: str, pair: EnginePair, row: ShownComparison) -> Case:
+def _compared(case: str, pair: EnginePair, row: ShownComparison) -> JUnitCase:
     """A statistic of contact of two engines; what is not judged passes, and says why."""
     place = f"{case}.{'-'.join(pair.between)}.{pair.joint_model}.{row.joint}"
     said = row.sentence().translate(ASCII)
     if row.verdict == "disagrees":
-        return Case(place, row.measure.key, failure=said, kind="disagreement")
-    return Case(place, row.measure.key, said=f"{said}; not judged: {row.reason}" if row.reason else said)
+        return JUnitCase(place, row.measure.key, failure=said, kind="disagreement")
+    return JUnitCase(place, row.measure.key, said=f"{said}; not judged: {row.reason}" if row.reason else said)
 
 
 def _contact(contact: ContactShown, title: str) -> str:

@@ -58,7 +58,7 @@ ENVIRONMENT.filters |= {
 
 
 @dataclass(frozen=True)
-class Section:
+class PageSection:
     """A part of a page: its template, and what that is filled with."""
 
     template: str
@@ -74,7 +74,7 @@ class Section:
         return ENVIRONMENT.get_template(self.template).render(self.context)
 
 
-def markdown(section: Section) -> str:
+def markdown(section: PageSection) -> str:
     """A whole text in Markdown, without the empty lines that a template leaves."""
     return re.sub(r"\n{3,}", "\n\n", section.text()).rstrip("\n") + "\n"
 
@@ -89,8 +89,8 @@ class Script:
 
 def page(
     title: str,
-    header: Section,
-    sections: Sequence[Section],
+    header: PageSection,
+    sections: Sequence[PageSection],
     *,
     styles: Sequence[str] = (),
     script: Script | None = None,
@@ -100,7 +100,7 @@ def page(
     """A whole page.  ``styles`` are style sheets beside the common one; ``skip_to`` says what its first section is, for
     who goes there by keyboard.
     """
-    return Section(
+    return PageSection(
         "page.html.j2",
         {
             "title": title,

@@ -12,7 +12,7 @@ from compare.presentation import Presentation
 from compare.quantities import plain, shown
 from compare.report.figures import Numbers, scaled
 from compare.report.linkage import parts
-from compare.report.pages import Script, Section, page
+from compare.report.pages import PageSection, Script, page
 from compare.report.tables import html_table, say, terminal_table
 from compare.report.words.accuracy import FIELDS, NOTES, facts
 from compare.results.platform import PlatformAccuracy, PoseError
@@ -29,8 +29,8 @@ def files(result: PlatformAccuracy) -> dict[str, str]:
     sections = ["map", "largest", *["warnings"] * bool(result.warnings)]
     html = page(
         f"{result.case}: accuracy of the platform",
-        Section("platform/header.html.j2", context),
-        [Section(f"platform/{name}.html.j2", context) for name in sections],
+        PageSection("platform/header.html.j2", context),
+        [PageSection(f"platform/{name}.html.j2", context) for name in sections],
         styles=("platform.css",),
         script=Script(("platform.js",), _data(result)),
     )

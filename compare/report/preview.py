@@ -13,11 +13,11 @@ from rich.console import Console
 from compare.presentation import Presentation
 from compare.quantities import amount, number, quantities, shown
 from compare.report.figures import Axis, Figure, Series, scaled
-from compare.report.pages import Section, page
+from compare.report.pages import PageSection, page
 from compare.report.svg import draw
 from compare.report.tables import html_table, say, terminal_table
 from compare.report.words.preview import DRIVES, called, encoders, facts, reach, spoken, tally, visible
-from compare.results.preview import Preview, Seen, SeenRun
+from compare.results.preview import Preview, RunPreview, SensorPreview
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Picture
@@ -49,8 +49,8 @@ def files(result: Preview) -> dict[str, str]:
     sections = ("sensors", *["faults"] * bool(result.faults), "runs", "visible")
     html = page(
         f"{result.case}: the data",
-        Section("preview/header.html.j2", context),
-        [Section(f"preview/{name}.html.j2", context) for name in sections],
+        PageSection("preview/header.html.j2", context),
+        [PageSection(f"preview/{name}.html.j2", context) for name in sections],
         styles=("preview.css",),
     )
     return {"data.html": html}
@@ -79,7 +79,7 @@ def _sensors(result: Preview) -> list[tuple[str, ...]]:
     return rows
 
 
-def _figures(result: Preview, run: SeenRun, name: str, seen: Seen) -> list[Figure]:
+def _figures(result: Preview, run: RunPreview, name: str, seen: SensorPreview) -> list[Figure]:
     """A sensor over time, and over the crank angle within a turn (of a slide, its travel), with the nominal model
     behind it; of the crank how far it is off, over the latter.
     """
@@ -110,7 +110,7 @@ def _figures(result: Preview, run: SeenRun, name: str, seen: Seen) -> list[Figur
     return found
 
 
-def _posture(result: Preview, run: SeenRun) -> list[tuple[Axis, np.ndarray]]:
+def _posture(result: Preview, run: RunPreview) -> list[tuple[Axis, np.ndarray]]:
     """Where the linkage is at each sample (N,): the crank angle within a turn, or the travel of a slide; nothing of
     several drives, which no one number tells.
     """

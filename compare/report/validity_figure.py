@@ -10,7 +10,7 @@ from itertools import product
 
 from compare.report.svg import INK, PAPER, Marked, axis_labels, box, label, picture
 from compare.report.words.validity import (
-    Measure,
+    CellMeasure,
     about,
     edges,
     failing,
@@ -167,7 +167,7 @@ def _curves(
 def _small(
     result: Validity,
     found: Mapping[tuple[float, float], Cell | Failed],
-    measure: Measure,
+    measure: CellMeasure,
     place: tuple[float, float],
     width: float,
     last: bool,

@@ -52,7 +52,7 @@ class Capability(Part):
     motions: tuple[Motion, ...]
 
 
-class Engine(Part):
+class KnownEngine(Part):
     """An engine: whether it is installed, and what it does."""
 
     name: str
@@ -64,7 +64,7 @@ class Engine(Part):
     effects: Annotated[tuple[str, ...], Field(description="Effects of the vocabulary that it simulates.")]
 
     def __repr__(self) -> str:
-        return f"Engine({self.name} {self.version or self.status})"
+        return f"KnownEngine({self.name} {self.version or self.status})"
 
 
 class Simulators(Listing):
@@ -73,7 +73,7 @@ class Simulators(Listing):
     file: ClassVar[str] = "simulators.json"
     remedy: ClassVar[str] = "give what compare simulators --json prints"
 
-    simulators: tuple[Engine, ...]
+    simulators: tuple[KnownEngine, ...]
 
     def rows(self) -> list[Row]:
         """A row for each engine."""
@@ -94,7 +94,7 @@ class Parameter(Part):
     unit: str
 
 
-class Effect(Part):
+class KnownEffect(Part):
     """An effect that a diagnosis can name."""
 
     name: str
@@ -111,7 +111,7 @@ class Effects(Listing):
     file: ClassVar[str] = "effects.json"
     remedy: ClassVar[str] = "give what compare effects --json prints"
 
-    effects: tuple[Effect, ...]
+    effects: tuple[KnownEffect, ...]
 
     def rows(self) -> list[Row]:
         """A row for each effect."""

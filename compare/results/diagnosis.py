@@ -47,7 +47,7 @@ class Located(Part):
     every_turn: Annotated[bool, Field(description="Whether it is there in every turn of the run.")] = False
 
 
-class Parameter(Part):
+class Estimate(Part):
     """A parameter of an effect with its 95 % interval; an end that is open is null."""
 
     value: FiniteFloat
@@ -56,7 +56,7 @@ class Parameter(Part):
     high: Annotated[Number, Field(description="of the 95 % interval")]
 
 
-class Place(Part):
+class EffectPlace(Part):
     """An effect at a place."""
 
     name: Text
@@ -68,7 +68,7 @@ class Place(Part):
         return f"{self.name}@{self.where}"
 
 
-class Rival(Place):
+class Rival(EffectPlace):
     """An effect that explains the data as well as a named one in its place."""
 
     odds: Annotated[
@@ -80,18 +80,18 @@ class Rival(Place):
 
 
 Parameters = Annotated[
-    Mapping[str, Parameter], Field(min_length=1, description="By name; a value of one run is called name@run.")
+    Mapping[str, Estimate], Field(min_length=1, description="By name; a value of one run is called name@run.")
 ]
 EffectKind = Annotated[Kind, Field(description="rig: the linkage, its loads or its drive; sensor: what measures them.")]
 
 
-class SmallError(Place):
+class SmallError(EffectPlace):
     """A small error of the rig, of the kind that every rig has."""
 
     parameters: Parameters
 
 
-class Effect(Place):
+class Effect(EffectPlace):
     """What is missing from the model."""
 
     parameters: Parameters
@@ -124,7 +124,7 @@ class Effect(Place):
         return f"Effect({self.key}: {values})"
 
 
-class Attempt(Place):
+class TriedEffect(EffectPlace):
     """An effect that takes a part of the gap away and is not named."""
 
     kind: EffectKind
@@ -171,7 +171,7 @@ class Proposed(SamePlace):
     """
 
     unit: Annotated[Unit, Field(description="Of the unknown.")]
-    coefficients: Annotated[Mapping[str, Parameter], Field(description="By letter.")]
+    coefficients: Annotated[Mapping[str, Estimate], Field(description="By letter.")]
     share: Annotated[
         Number,
         Field(
@@ -228,7 +228,7 @@ class Elsewhere(Part):
     after: Amount
 
 
-class Fault(Part):
+class RecordingFault(Part):
     """What is wrong with the data themselves."""
 
     run: str
@@ -238,7 +238,7 @@ class Fault(Part):
     text: Text
 
 
-class Candidate(Place):
+class ConsideredEffect(EffectPlace):
     """An effect that was considered, and what became of it."""
 
     sigmas: Annotated[Amount, Field(description="How strongly the data want it alone.")]
@@ -250,7 +250,7 @@ class Candidate(Place):
     why: str
 
 
-class Engine(Part):
+class EngineGaps(Part):
     """An engine that was asked to simulate the nominal and the explained mechanism."""
 
     name: str
@@ -269,7 +269,7 @@ class Engine(Part):
     ]
 
 
-class Channel(Part):
+class SensorRecord(Part):
     """One sensor in one run: measured, and simulated without and with the effects (N)."""
 
     unit: Unit
@@ -309,7 +309,7 @@ class DiagnosedRun(Part):
             " five. Null where the run has none."
         ),
     ]
-    signals: Annotated[Mapping[str, Channel], Field(min_length=1)]
+    signals: Annotated[Mapping[str, SensorRecord], Field(min_length=1)]
     role: Annotated[Role, Field(description="validation: never fitted, and no part of the gap or the verdict")] = "fit"
 
     @model_validator(mode="after")
@@ -361,9 +361,13 @@ class Diagnosis(Document):
     other_simulators: Annotated[
         Mapping[str, Elsewhere], Field(description="The gap with the same effects in other engines.")
     ]
-    faults: Annotated[tuple[Fault, ...], Field(description="What is wrong with the data themselves.")]
-    candidates: Annotated[tuple[Candidate, ...], Field(description="What was considered, and what became of it.")]
-    attempts: Annotated[tuple[Attempt, ...], Field(description="What was tried and is not named, the best first.")] = ()
+    faults: Annotated[tuple[RecordingFault, ...], Field(description="What is wrong with the data themselves.")]
+    candidates: Annotated[
+        tuple[ConsideredEffect, ...], Field(description="What was considered, and what became of it.")
+    ]
+    attempts: Annotated[
+        tuple[TriedEffect, ...], Field(description="What was tried and is not named, the best first.")
+    ] = ()
     proposed: Annotated[
         tuple[Proposed, ...], Field(description="What has a place and a law, but no name: never part of the verdict.")
     ] = ()
@@ -372,7 +376,7 @@ class Diagnosis(Document):
         Field(description="Pairs of candidates that look alike in these data, and how their changes correlate."),
     ]
     engines: Annotated[
-        tuple[Engine, ...],
+        tuple[EngineGaps, ...],
         Field(description="Every engine that was asked to simulate nominal and explained mechanism."),
     ]
     runs: Annotated[tuple[DiagnosedRun, ...], Field(min_length=1)]

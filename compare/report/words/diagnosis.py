@@ -9,7 +9,7 @@ from analytic.mechanism.one_line import enumerated
 from compare.quantities import plainly, setting
 from compare.report.words.effects import called, headline, own_values, phrase, spoken, unknown, values_of
 from compare.report.words.measured import remaining
-from compare.results.diagnosis import Attempt, Diagnosis, Effect, Engine, Place, Verdict
+from compare.results.diagnosis import Diagnosis, Effect, EffectPlace, EngineGaps, TriedEffect, Verdict
 
 TOML_STARTS = ("[", "#")
 SHOWN = 0.001  # of the squared gap: a smaller share of everything is no bar
@@ -55,13 +55,13 @@ INTERVAL = "95 %: in 95 of 100 repetitions of the measurement the interval would
 NOTHING_TRIED = "Nothing else that was tried takes away a part of the gap that would be worth listing."
 
 
-def ties(result: Diagnosis) -> list[list[Place]]:
+def ties(result: Diagnosis) -> list[list[EffectPlace]]:
     """The named effects, each with those that explain the data as well as it does; nobody is listed twice.
 
     The first of each group is an effect with its numbers.
     """
     full = {effect.key: effect for effect in result.effects}
-    groups: list[list[Place]] = []
+    groups: list[list[EffectPlace]] = []
     listed: set[str] = set()
     for key, effect in full.items():
         if key in listed:
@@ -119,19 +119,19 @@ def attempts(result: Diagnosis) -> list[tuple[str, str, str, str, str]]:
     return [_attempt(result, attempt) for k, attempt in enumerate(rivals) if k == 0 or len(set(_gaps(attempt))) > 1]
 
 
-def _attempt(result: Diagnosis, attempt: Attempt) -> tuple[str, str, str, str, str]:
+def _attempt(result: Diagnosis, attempt: TriedEffect) -> tuple[str, str, str, str, str]:
     own = own_values(result, attempt)
     values = own.reach if own else ", ".join(values_of(result, attempt))
     share = "" if attempt.share is None else percent(attempt.share)
     return phrase(result, attempt.name, attempt.where), values, share, " → ".join(_gaps(attempt)), attempt.failed
 
 
-def _gaps(attempt: Attempt) -> tuple[str, str]:
+def _gaps(attempt: TriedEffect) -> tuple[str, str]:
     """The gap without and with it, as it is printed."""
     return plainly(attempt.gap_before), plainly(attempt.gap_after)
 
 
-def advice(group: Sequence[Place]) -> tuple[str, str]:
+def advice(group: Sequence[EffectPlace]) -> tuple[str, str]:
     """What would tell a group's effects apart: in words, and as the ``[[run]]`` to copy; each may be empty."""
     return separation(group[0].would_separate if isinstance(group[0], Effect) else "")
 
@@ -206,7 +206,7 @@ def simulated_by(result: Diagnosis) -> str:
     return f"{name}, after: the analytic model, as {result.simulator.name} failed" if failed else name
 
 
-def remark(engine: Engine) -> str:
+def remark(engine: EngineGaps) -> str:
     """What has to be known of an engine's numbers: that it has none, or what it lacks."""
     if engine.skipped:
         return f"skipped: {engine.skipped}"

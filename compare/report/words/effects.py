@@ -12,15 +12,15 @@ from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.propose.laws import UNKNOWNS
 from compare.quantities import MINUS, Quantity, fitting, number, plainly, quantities, shown
 from compare.results.diagnosis import (
-    Attempt,
     Diagnosis,
     Effect,
-    Parameter,
-    Place,
+    EffectPlace,
+    Estimate,
     Proposed,
     Rival,
     SamePlace,
     SmallError,
+    TriedEffect,
 )
 
 PERCENT = {p.name for effect in VOCABULARY.values() for p in effect.parameters if p.percent}  # parameters read in %
@@ -72,7 +72,7 @@ def unknown(result: Diagnosis, p: Proposed | SamePlace) -> str:
     return UNKNOWNS[p.unknown].format(spoken(result, p.place) if p.unknown == "error" else p.place)
 
 
-def parameter(name: str, found: Parameter, like: Sequence[Parameter] = ()) -> Row:
+def parameter(name: str, found: Estimate, like: Sequence[Estimate] = ()) -> Row:
     """A parameter's name, its value, and its 95 % interval, in one unit and to as many digits as the interval allows.
 
     The unit fits the values that it is ``like`` too.  A value of one run is called ``offset@run``.
@@ -96,14 +96,14 @@ def parameter(name: str, found: Parameter, like: Sequence[Parameter] = ()) -> Ro
     return words + (f" in run {run}" if run else ""), say(value) + suffix, interval
 
 
-def _unit(what: str, found: Sequence[Parameter]) -> tuple[str, float]:
+def _unit(what: str, found: Sequence[Estimate]) -> tuple[str, float]:
     """The unit in which some parameters of one name are read, and the factor to it."""
     if what in PERCENT:
         return "%", 100.0
     return fitting(found[0].unit, *(v for p in found for v in (p.value, p.low, p.high)))
 
 
-def rows(parameters: Mapping[str, Parameter]) -> list[Row]:
+def rows(parameters: Mapping[str, Estimate]) -> list[Row]:
     """Every parameter of an effect; the values of one parameter in several runs in one unit."""
     return [
         parameter(name, found, [p for other, p in parameters.items() if _base(other) == _base(name)])
@@ -119,7 +119,7 @@ def amounts(
     result: Diagnosis,
     effect: Kind | None,
     where: str,
-    parameters: Mapping[str, Parameter],
+    parameters: Mapping[str, Estimate],
     intervals: bool = False,
 ) -> list[str]:
     """Each value of an effect (None: one that is not known here) as one says it: ``0.298 mm longer than drawn``, or by
@@ -145,7 +145,7 @@ def _direction_word(result: Diagnosis, effect: Kind | None, where: str, key: str
     return known.less if effect.sense(result.mechanism, where) * value < 0 else known.more
 
 
-def _minus(p: Parameter) -> Parameter:
+def _minus(p: Estimate) -> Estimate:
     """A parameter of the other sign."""
     low, high = (None if end is None else -end for end in (p.high, p.low))
     return p.model_copy(update={"value": -p.value, "low": low, "high": high})
@@ -169,7 +169,7 @@ class OwnValues:
         return f"{whose} {'its' if len(self.runs) >= runs else 'their'} own {self.called}, {self.reach}"
 
 
-def own_values(result: Diagnosis, effect: Place) -> OwnValues | None:
+def own_values(result: Diagnosis, effect: EffectPlace) -> OwnValues | None:
     """The values for each run of an effect that has such; None of any other."""
     parameters = _parameters(effect)
     by_run = {key.partition("@")[2]: p for key, p in parameters.items() if "@" in key}
@@ -204,33 +204,33 @@ def small_errors(result: Diagnosis, effect: Effect) -> str:
     return f"Small errors of the rig together would explain these data as well as {instead}: {errors}."
 
 
-def headline(result: Diagnosis, effect: Place) -> str:
+def headline(result: Diagnosis, effect: EffectPlace) -> str:
     """What is said of an effect in one line: the phrase, or of one with values for each run that and their range."""
     own = own_values(result, effect)
     return own.sentence(len(result.fitted)) if own else phrase(result, effect.name, effect.where)
 
 
-def of_effect(effect: Place) -> list[Row]:
+def of_effect(effect: EffectPlace) -> list[Row]:
     """Name, value and interval of each parameter; nothing for an effect that is only tied."""
     return rows(_parameters(effect))
 
 
-def values_of(result: Diagnosis, effect: Place, intervals: bool = False) -> list[str]:
+def values_of(result: Diagnosis, effect: EffectPlace, intervals: bool = False) -> list[str]:
     """The values of an effect as one says them, with their 95 % ``intervals`` on request."""
     return amounts(result, VOCABULARY.get(effect.name), effect.where, _parameters(effect), intervals)
 
 
-def _parameters(effect: Place) -> Mapping[str, Parameter]:
-    return effect.parameters if isinstance(effect, Effect | Attempt | SmallError) else {}
+def _parameters(effect: EffectPlace) -> Mapping[str, Estimate]:
+    return effect.parameters if isinstance(effect, Effect | TriedEffect | SmallError) else {}
 
 
-def rival_odds(result: Diagnosis, group: Sequence[Place], place: Place) -> str:
+def rival_odds(result: Diagnosis, group: Sequence[EffectPlace], place: EffectPlace) -> str:
     """The odds between the first of a tie and another of it, in words; empty where they are not known."""
     likely = place.odds if isinstance(place, Rival) else None
     return odds(likely, phrase(result, group[0].name, group[0].where))
 
 
-def rival_words(result: Diagnosis, group: Sequence[Place], place: Place) -> str:
+def rival_words(result: Diagnosis, group: Sequence[EffectPlace], place: EffectPlace) -> str:
     """How an effect that is only tied stands against the first of its group, with the odds where they are known."""
     found = rival_odds(result, group, place)
     likely = place.odds if isinstance(place, Rival) else None

@@ -9,7 +9,7 @@ import numpy as np
 from analytic.mechanism.one_line import count
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.quantities import amount, number, quantities, shown
-from compare.results.preview import Preview, SeenRun, Visible
+from compare.results.preview import Preview, RunPreview, Visible
 
 LISTED = 4  # effects that look alike, by name; the others are counted
 DRIVES = {"speed": "at a commanded speed", "measured": "follows its encoder", "free": "let go"}
@@ -27,7 +27,7 @@ def called(result: Preview, name: str, where: str) -> str:
     return effect.called(spoken(result, where) if effect.place == "signal" else where)
 
 
-def facts(result: Preview, run: SeenRun) -> str:
+def facts(result: Preview, run: RunPreview) -> str:
     """A run in a sentence: samples, rate, span, gaps."""
     if result.mechanism.sliding:
         unit, factor = shown("m")

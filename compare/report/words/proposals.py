@@ -10,7 +10,7 @@ from analytic.mechanism.one_line import capital, enumerated
 from compare.quantities import amount
 from compare.report.words.diagnosis import percent
 from compare.report.words.effects import Row, parameter, unknown
-from compare.results.diagnosis import Diagnosis, Parameter, Proposed
+from compare.results.diagnosis import Diagnosis, Estimate, Proposed
 
 if TYPE_CHECKING:
     from compare.diagnose.propose.proposal import Proposal
@@ -46,7 +46,7 @@ SAID = {
 }
 
 
-def says(p: Proposal, law: str | None, coefficients: Mapping[str, Parameter], related: bool) -> str:
+def says(p: Proposal, law: str | None, coefficients: Mapping[str, Estimate], related: bool) -> str:
     """``A torque acts in joint E, and it looks like this: ...``; ``related`` says whether what it replaces is of the
     same place and kind.
     """

@@ -12,7 +12,7 @@ from compare.report.words.diagnosis import SIGMA, separation
 from compare.report.words.effects import amounts, called, own_values, small_errors, spoken
 from compare.report.words.located import located
 from compare.report.words.measured import data_sentences, explained_to, validation_sentences
-from compare.results.diagnosis import Diagnosis, Engine, Step
+from compare.results.diagnosis import Diagnosis, EngineGaps, Step
 
 if TYPE_CHECKING:
     from compare.diagnose.explain import Explanation, Named
@@ -149,7 +149,7 @@ def _named(e: Explanation, result: Diagnosis) -> tuple[str, ...]:
     return tuple(told)
 
 
-def _added(engine: Engine) -> str:
+def _added(engine: EngineGaps) -> str:
     """What the explanation does to the gap of one engine."""
     if engine.before is None or engine.after is None:
         return f"{engine.name}: {engine.skipped}."

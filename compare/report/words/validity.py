@@ -178,7 +178,7 @@ JOULES = ((1.0, "J"), (1e-3, "mJ"), (1e-6, "uJ"), (1e-9, "nJ"))
 
 
 @dataclass(frozen=True)
-class Measure:
+class CellMeasure:
     """One figure of a cell's contact: what it is, how it is told, and the values from which each shade is darker."""
 
     name: str
@@ -197,7 +197,7 @@ class Measure:
         return "-" if value is None else self.text(value)
 
 
-def measures(result: Validity) -> tuple[Measure, ...]:
+def measures(result: Validity) -> tuple[CellMeasure, ...]:
     """The figures of contact that a map has; none where it was not watched."""
     watched = [cell.watched for cell in result.cells if isinstance(cell, Cell) and cell.watched is not None]
     if not watched:
@@ -205,21 +205,21 @@ def measures(result: Validity) -> tuple[Measure, ...]:
     most = max(abs(one.lost) for one in watched)
     factor, unit = next((pair for pair in JOULES if most >= pair[0]), JOULES[-1])
     return (
-        Measure(
+        CellMeasure(
             "peak",
             "peak force over the ideal peak",
             lambda cell: cell.watched.peak_ratio if cell.watched else None,
             _figure,
             (1.1, 1.5, 3.0, 10.0),
         ),
-        Measure(
+        CellMeasure(
             "free",
             "share of the time without contact (%)",
             lambda cell: cell.watched.free if cell.watched else None,
             lambda value: percent(value) if value else "-",
             (1e-9, 0.02, 0.1, 0.3),
         ),
-        Measure(
+        CellMeasure(
             "lost",
             f"energy lost in contact in a turn ({unit})",
             lambda cell: cell.watched.lost if cell.watched else None,
