@@ -35,13 +35,13 @@ def contact_figures(result: CrossCheck) -> list[Figure]:
 
 
 def _of(result: CrossCheck, striking: list[Run], joint: str) -> Iterator[Figure]:
-    runs = [(run, found) for run in striking if run.contact and (found := run.contact.joints.get(joint))]
-    runs = [(run, found) for run, found in runs if found.first_impact is not None]
+    runs = [(run, contact) for run in striking if run.contact and (contact := run.contact.joints.get(joint))]
+    runs = [(run, contact) for run, contact in runs if contact.first_impact is not None]
     if not runs:
         return
-    first, found = min(runs, key=lambda one: REAL.index(one[0].joint_model))
+    first, contact = min(runs, key=lambda one: REAL.index(one[0].joint_model))
     runs = [(run, one) for run, one in runs if run.joint_model == first.joint_model]
-    yield orbit(first, result.mechanism, joint, found.orbit)
+    yield orbit(first, result.mechanism, joint, contact.orbit)
     yield force(result, runs, joint)
     yield regimes(result, runs, joint)
     yield section(result, runs, joint)
@@ -113,11 +113,11 @@ def force(result: CrossCheck, runs: list[tuple[Run, JointContact]], joint: str) 
     """Contact force over the crank angle: each run's mean, the band of 5 to 95 % of the time of the first, and the
     analytic reaction; of a block, the force on the corner that is pressed most.
     """
-    first, found = runs[0][0], runs[0][1].profile
-    there = np.isfinite(found.low_force) & np.isfinite(found.high_force)
-    x = np.degrees(found.crank_angle[there])
+    first, profile = runs[0][0], runs[0][1].profile
+    known = np.isfinite(profile.low_force) & np.isfinite(profile.high_force)
+    x = np.degrees(profile.crank_angle[known])
     edge = np.concatenate([x, x[::-1]])
-    high_low = np.concatenate([found.high_force[there], found.low_force[there][::-1]])
+    high_low = np.concatenate([profile.high_force[known], profile.low_force[known][::-1]])
     name = f"5 to 95 % of the time, {first.title}"
     band = Series(name, scaled(edge), scaled(high_low), role(result, first), "band")
     means = [

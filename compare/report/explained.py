@@ -75,10 +75,10 @@ def _head(result: Diagnosis) -> Iterator[str]:
     yield f"Diagnosed by {packages}; the gap is {before:.4g} times the noise before, {after:.4g} after."
     yield f"Data: {', '.join(f'{run.name} ({run.file})' if run.file else run.name for run in result.runs)}."
     for sensors, title in ((False, "Added"), (True, "Found too, but not of the mechanism and so not in this file")):
-        found = [effect for effect in result.effects if _of_sensor(effect) == sensors]
-        if found:
+        effects = [effect for effect in result.effects if _of_sensor(effect) == sensors]
+        if effects:
             yield f"{title} (95 % intervals in brackets):"
-            yield from (f"    {effect.key}: {_values(effect)}" for effect in found)
+            yield from (f"    {effect.key}: {_values(effect)}" for effect in effects)
     changed = changes(result)
     if changed:
         yield "Changed:"

@@ -71,12 +71,11 @@ def ideal_poses(result: CrossCheck, run: Run) -> Poses | None:
     """Poses of the linkage without clearance at a run's samples: from the ideal run, else assembled; None if neither
     can.
     """
-    swings = abscissa(run, result.mechanism).of_time
+    over = abscissa(run, result.mechanism)
     for other in result.runs:
-        ours, theirs = (one.time if swings else one.crank_angle for one in (run, other))
-        if other.joint_model == "ideal" and ours is not None and theirs is not None and np.array_equal(ours, theirs):
+        if other.joint_model == "ideal" and abscissa(other, result.mechanism) == over:
             return _poses(result.mechanism, other.analytic)
-    if swings:
+    if over.of_time:
         return None
     try:
         motion = kinematics(Assembly(result.mechanism.with_clearances({})), run.crank_angle)
@@ -205,13 +204,13 @@ Pose = dict[str, tuple[complex, float]]
 
 def _pose(poses: Poses | None, k: int) -> Pose:
     """Every body's com (m) and angle (rad) at sample k; empty if any is unknown."""
-    found: Pose = {}
+    pose: Pose = {}
     for body, values in (poses or {}).items():
         x, y, angle = (values[part][k] for part in ("x", "y", "angle"))
         if x is None or y is None or angle is None:
             return {}
-        found[body] = (complex(x, y), angle)
-    return found
+        pose[body] = (complex(x, y), angle)
+    return pose
 
 
 def _between(ideal: Pose, displaced: Pose, factor: float) -> Pose:

@@ -74,26 +74,26 @@ def _places(result: PlatformAccuracy, point: str | None) -> list[Numbers]:
 
 def _maps(result: PlatformAccuracy) -> list[dict[str, object]]:
     """Every quantity that may be drawn: title, unit, values at the poses, and whether over decades."""
-    found: list[dict[str, object]] = []
+    maps: list[dict[str, object]] = []
     for place, error in result.points.items():
         title = f"{place}: farthest by clearance, in any direction"
-        found.append({"title": title, "unit": "mm", "values": _short(1e3 * error.farthest), "decades": False})
+        maps.append({"title": title, "unit": "mm", "values": _short(1e3 * error.farthest), "decades": False})
     for name, output in result.outputs.items():
         unit, factor = shown(output.unit)
         for field, what in FIELDS.items():
             values = factor * np.abs(getattr(output, field))
             if np.nanmax(values, initial=0.0) > 0:
-                found.append({"title": f"{name}: {what}", "unit": unit, "values": _short(values), "decades": False})
+                maps.append({"title": f"{name}: {what}", "unit": unit, "values": _short(values), "decades": False})
         apart = factor * np.abs(output.nominal - output.equilibrium)
         if np.nanmax(apart, initial=0.0) > 0:
             title = f"{name}: error of first order"
-            found.append({"title": title, "unit": unit, "values": _short(apart), "decades": False})
-    found += [
+            maps.append({"title": title, "unit": unit, "values": _short(apart), "decades": False})
+    maps += [
         {"title": f"condition number: {what}", "unit": "1", "values": _short(values), "decades": True}
         for what, values in (("dexterity", result.dexterity), ("holding", result.holding))
         if np.isfinite(values).any()
     ]
-    return found
+    return maps
 
 
 def _short(values: np.ndarray) -> Numbers:
@@ -118,15 +118,15 @@ def _row(output: PoseError, off: float | None) -> tuple[str, ...]:
 def print_table(result: PlatformAccuracy, console: Console) -> None:
     """Print the largest errors of each output over the poses, then what to beware of; ASCII."""
     console.print(terminal_table(HEADS, _rows(result), left=("output", "unit")))
-    told = [f"{what} {value}" for what, value in facts(result).items()]
-    say(console, "largest over the poses, to either side; " + "; ".join(told))
+    conditions = [f"{what} {value}" for what, value in facts(result).items()]
+    say(console, "largest over the poses, to either side; " + "; ".join(conditions))
     for first, why in list(result.flags.items())[:1]:
         say(console, f"{count(len(result.flags), 'pose')} without an equilibrium, first number {first}: {why}")
     say(console, repr(result))
 
 
 def summary_html(result: PlatformAccuracy) -> str:
-    """The same for a notebook."""
+    """The largest errors of each output over the poses."""
     return html_table(_rows(result), HEADS, repr(result))
 
 

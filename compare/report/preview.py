@@ -33,7 +33,7 @@ def files(result: Preview) -> dict[str, str]:
             "title": f"Run {run.name}: {DRIVES[run.drive]}",
             "facts": facts(result, run),
             "figures": [
-                Markup(draw(one)) for name, seen in run.signals.items() for one in _figures(result, run, name, seen)
+                Markup(draw(one)) for name, sensor in run.signals.items() for one in _figures(result, run, name, sensor)
             ],
         }
         for run in result.runs
@@ -72,42 +72,42 @@ def _sensors(result: Preview) -> list[tuple[str, ...]]:
     """A row for each sensor of each run."""
     rows: list[tuple[str, ...]] = []
     for run in result.runs:
-        for name, seen in run.signals.items():
-            noise = amount(seen.noise, seen.unit) + ("" if seen.noise_given else ", estimated")
-            gap = "followed" if seen.gap is None else f"{number(seen.gap, 3)} times the noise"
-            rows.append((run.name, spoken(result, name), str(seen.samples), noise, gap))
+        for name, sensor in run.signals.items():
+            noise = amount(sensor.noise, sensor.unit) + ("" if sensor.noise_given else ", estimated")
+            gap = "followed" if sensor.gap is None else f"{number(sensor.gap, 3)} times the noise"
+            rows.append((run.name, spoken(result, name), str(sensor.samples), noise, gap))
     return rows
 
 
-def _figures(result: Preview, run: RunPreview, name: str, seen: SensorPreview) -> list[Figure]:
+def _figures(result: Preview, run: RunPreview, name: str, sensor: SensorPreview) -> list[Figure]:
     """A sensor over time, and over the crank angle within a turn (of a slide, its travel), with the nominal model
     behind it; of the crank how far it is off, over the latter.
     """
     what = quantities(result.mechanism)[name]
-    unit, factor = shown(seen.unit)
+    unit, factor = shown(sensor.unit)
     every = max(1, -(-run.time.size // DRAWN))
     title = f"{what.label}, run {run.name}"
-    found = []
+    drawn = []
     for axis, values in ((Axis("time", "s"), run.time), *_posture(result, run)):
         order = np.argsort(values, kind="stable")
         x = scaled(values[order])
         both = (
-            Series("nominal model", x, scaled(seen.nominal[order], factor), "analytic", "dashed"),
-            Series("measured", x[::every], scaled(seen.measured[order][::every], factor), "massless-link", "marker"),
+            Series("nominal model", x, scaled(sensor.nominal[order], factor), "analytic", "dashed"),
+            Series("measured", x[::every], scaled(sensor.measured[order][::every], factor), "massless-link", "marker"),
         )
         if axis.unit != "s" and np.any(np.diff(run.crank_angle) * np.sign(np.ptp(run.crank_angle)) < 0):
             both = (Series("nominal model", x[::every], both[0].y[::every], "analytic", "marker"), both[1])
         if axis.unit != "s" and name in encoders(result):
-            apart = scaled((seen.measured - seen.nominal)[order][::every], factor)
+            apart = scaled((sensor.measured - sensor.nominal)[order][::every], factor)
             off = (Series("measured minus nominal", x[::every], apart, "massless-link", "marker"),)
             text = f"{title}, measured minus nominal over {axis.label}."
-            found.append(Figure(f"{run.name}-{name}-off", f"{title}, off", text, axis, Axis(what.name, unit), off))
+            drawn.append(Figure(f"{run.name}-{name}-off", f"{title}, off", text, axis, Axis(what.name, unit), off))
             continue
-        text = f"{title} over {axis.label}: measured {reach(seen.measured, factor)} {unit}"
-        text += f", nominal {reach(seen.nominal, factor)} {unit}."
+        text = f"{title} over {axis.label}: measured {reach(sensor.measured, factor)} {unit}"
+        text += f", nominal {reach(sensor.nominal, factor)} {unit}."
         stem = f"{run.name}-{name}-{axis.label.split()[0]}"
-        found.append(Figure(stem, f"{title}, over {axis.label}", text, axis, Axis(what.name, unit), both))
-    return found
+        drawn.append(Figure(stem, f"{title}, over {axis.label}", text, axis, Axis(what.name, unit), both))
+    return drawn
 
 
 def _posture(result: Preview, run: RunPreview) -> list[tuple[Axis, np.ndarray]]:
@@ -123,12 +123,12 @@ def _posture(result: Preview, run: RunPreview) -> list[tuple[Axis, np.ndarray]]:
 def plot(result: Preview, figure: Picture) -> None:
     """Every sensor of the first run over time, with the nominal model behind it."""
     run = result.runs[0]
-    for axis, (name, seen) in zip(
+    for axis, (name, sensor) in zip(
         figure.subplots(len(run.signals), 1, sharex=True, squeeze=False)[:, 0], run.signals.items(), strict=True
     ):
-        unit, factor = shown(seen.unit)
-        axis.plot(run.time, factor * seen.nominal, "--", color="0.6", label="nominal")
-        axis.plot(run.time, factor * seen.measured, ".", markersize=3, label="measured")
+        unit, factor = shown(sensor.unit)
+        axis.plot(run.time, factor * sensor.nominal, "--", color="0.6", label="nominal")
+        axis.plot(run.time, factor * sensor.measured, ".", markersize=3, label="measured")
         axis.set_ylabel(f"{spoken(result, name)} ({unit})")
     figure.suptitle(f"{result.case}, run {run.name}")
 

@@ -56,7 +56,7 @@ def _where(run: Residuals, residual: Residual) -> str:
 
 
 def summary_html(result: SignalResiduals) -> str:
-    """The same numbers as a table."""
+    """Root mean square, largest and gap of each run and side, as a table."""
     rows = [
         (
             run.name,

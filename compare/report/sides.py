@@ -62,7 +62,7 @@ def print_table(result: Side, console: Console) -> None:
 
 
 def summary_html(result: Side) -> str:
-    """The same for a notebook."""
+    """The range of each signal, what was filled in, and why there is no answer."""
     said = "".join(f"<li>{html.escape(line)}</li>" for line in _said(result))
     return f"{html_table(_ranges(result), HEADS, repr(result))}<ul>{said}</ul>"
 

@@ -41,10 +41,10 @@ def plot(result: Validity, figure: Figure) -> None:
     """The share of the crank angles at which model and simulation agree, a line for each clearance and engine."""
     axis = figure.subplots()
     for panel in result.panels():
-        found = result.of(*panel)
+        of_panel = result.of(*panel)
         name = panel[0] if panel[1] is None else f"{panel[0]}, restitution {panel[1]:g}"
         for gap in result.clearances:
-            cells = [found[speed, gap] for speed in result.speeds]
+            cells = [of_panel[speed, gap] for speed in result.speeds]
             share = [100 * cell.agreeing_share if isinstance(cell, Cell) else np.nan for cell in cells]
             axis.plot(
                 [speed * 30 / np.pi for speed in result.speeds],

@@ -31,10 +31,10 @@ Index = Annotated[str, Field(pattern="^(0|[1-9][0-9]*)$")]
 
 def without(signals: Mapping[str, np.ndarray], samples: Sequence[int]) -> dict[str, np.ndarray]:
     """Signals (N,) without a number at some samples."""
-    found = {name: np.array(values) for name, values in signals.items()}
-    for values in found.values():
+    kept = {name: np.array(values) for name, values in signals.items()}
+    for values in kept.values():
         values[list(samples)] = np.nan
-    return found
+    return kept
 
 
 class Simulator(Part):
@@ -114,7 +114,7 @@ class Because(Part):
         Field(description="As in a map of validity; unknown if none that was examined explains the disagreement."),
     ]
     joint: Annotated[str | None, Field(description="Where it fails, if it fails in one joint.")]
-    words: Annotated[str, Field(min_length=1, description="The same in a sentence.")]
+    words: Annotated[str, Field(min_length=1, description="Why the run disagrees, in a sentence.")]
 
 
 class Run(Part):
@@ -277,7 +277,7 @@ class CrossCheck(Document):
     odd_one_out: Annotated[
         str | None, Field(description="With several engines: analytic or the engine that stands apart.")
     ] = None
-    words: Annotated[str, Field(description="The same in a sentence.")] = ""
+    words: Annotated[str, Field(description="Which engine stands apart, or that none does, in a sentence.")] = ""
     statistics: Annotated[
         tuple[Compared, ...],
         Field(description="Of runs in which pins strike: each average over revolutions of one held against another's."),

@@ -56,11 +56,11 @@ def listed(values: np.ndarray) -> list[float | None]:
 
 
 def _array(values: np.ndarray | list[float | None]) -> np.ndarray:
-    found = np.array(values, float)
-    if found.ndim != 1:
+    array = np.array(values, float)
+    if array.ndim != 1:
         raise ValueError("give a list of numbers")
-    found.flags.writeable = False
-    return found
+    array.flags.writeable = False
+    return array
 
 
 def _series(values: object, read: ValidatorFunctionWrapHandler) -> np.ndarray:
@@ -68,10 +68,10 @@ def _series(values: object, read: ValidatorFunctionWrapHandler) -> np.ndarray:
 
 
 def _grid(values: object, read: ValidatorFunctionWrapHandler) -> np.ndarray:
-    found = _series(values, read)
-    if not np.all(np.isfinite(found)):
+    array = _series(values, read)
+    if not np.all(np.isfinite(array)):
         raise ValueError("each value is a number")
-    return found
+    return array
 
 
 def _numbers(check: Any, number: CoreSchema) -> GetPydanticSchema:

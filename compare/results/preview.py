@@ -85,7 +85,7 @@ class Preview(Document):
 
     def units(self) -> Mapping[str, str]:
         """SI unit of each column."""
-        units = {name: seen.unit for run in self.runs for name, seen in run.signals.items()}
+        units = {name: sensor.unit for run in self.runs for name, sensor in run.signals.items()}
         sides = {f"{side}_{name}": unit for name, unit in units.items() for side in ("measured", "nominal")}
         return {"time": "s", "crank_angle": self.mechanism.encoders[0].unit} | sides
 

@@ -186,7 +186,7 @@ class EnginePair:
 
     @property
     def title(self) -> str:
-        """Who they are."""
+        """Names of the two engines, and their joint model."""
         return f"{' and '.join(self.between)}, {self.joint_model}"
 
     @property
@@ -201,7 +201,7 @@ class EnginePair:
 
     @property
     def verdict(self) -> str:
-        """Of all its rows."""
+        """The verdict on all its rows together."""
         return "disagrees" if self.wrong else "agrees" if self.judged else "unjudged"
 
     @property

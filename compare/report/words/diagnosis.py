@@ -114,8 +114,8 @@ def attempts(result: Diagnosis) -> list[tuple[str, str, str, str, str]]:
     """What was tried and is neither named nor tied, best first: the effect, its values, its share, the gap without and
     with it, and what it failed.  Beyond the best one only those that change the gap.
     """
-    told = {other.key for effect in result.effects for other in effect.ambiguous_with}
-    rivals = [attempt for attempt in result.attempts if attempt.key not in told]
+    tied = {other.key for effect in result.effects for other in effect.ambiguous_with}
+    rivals = [attempt for attempt in result.attempts if attempt.key not in tied]
     return [_attempt(result, attempt) for k, attempt in enumerate(rivals) if k == 0 or len(set(_gaps(attempt))) > 1]
 
 
@@ -221,8 +221,8 @@ def settings(result: Diagnosis) -> list[tuple[str, str, str]]:
     """
     rows = []
     for engine in result.engines:
-        for name in dict.fromkeys(name for found in engine.settings.values() for name in found):
-            values = {run: setting(found.get(name)) for run, found in engine.settings.items()}
+        for name in dict.fromkeys(name for numbers in engine.settings.values() for name in numbers):
+            values = {run: setting(numbers.get(name)) for run, numbers in engine.settings.items()}
             said = ", ".join(f"{value} in {run}" for run, value in values.items())
             alike = len(set(values.values())) == 1
             rows.append((engine.name, name.replace("_", " "), next(iter(values.values())) if alike else said))

@@ -47,8 +47,8 @@ def spoken(result: Diagnosis, signal: str) -> str:
     """A signal as one says it: ``follower angle``, ``reaction x at B``; several joined by + one after the other."""
     if "+" in signal and signal not in result.signals:
         return enumerated([spoken(result, each) for each in signal.split("+")])
-    found = quantity(result, signal)
-    return f"{found.place[3:]} {found.name}" if found.place.startswith("of ") else found.label
+    what = quantity(result, signal)
+    return f"{what.place[3:]} {what.name}" if what.place.startswith("of ") else what.label
 
 
 def phrase(result: Diagnosis, name: str, where: str) -> str:
@@ -72,14 +72,14 @@ def unknown(result: Diagnosis, p: Proposed | SamePlace) -> str:
     return UNKNOWNS[p.unknown].format(spoken(result, p.place) if p.unknown == "error" else p.place)
 
 
-def parameter(name: str, found: Estimate, like: Sequence[Estimate] = ()) -> Row:
+def parameter(name: str, estimate: Estimate, like: Sequence[Estimate] = ()) -> Row:
     """A parameter's name, its value, and its 95 % interval, in one unit and to as many digits as the interval allows.
 
     The unit fits the values that it is ``like`` too.  A value of one run is called ``offset@run``.
     """
-    value, low, high = found.value, found.low, found.high
+    value, low, high = estimate.value, estimate.low, estimate.high
     what, _, run = name.partition("@")
-    unit, factor = _unit(what, (found, *like))
+    unit, factor = _unit(what, (estimate, *like))
     half = 0.5 * abs(high - low) * factor if low is not None and high is not None else 0.0
     decimals = min(1 - math.floor(math.log10(half * (1 + 1e-9))), 9) if half > 0 else None
 
@@ -92,22 +92,22 @@ def parameter(name: str, found: Estimate, like: Sequence[Estimate] = ()) -> Row:
     suffix = "" if unit == "1" else f" {unit}"
     interval = f"{say(low)} to {say(high)}{suffix}" if low is not None and high is not None else "not known"
     words = what.replace("_", " ")
-    words = words.replace("torque", "force") if found.unit == "N" else words  # of a slide
+    words = words.replace("torque", "force") if estimate.unit == "N" else words  # of a slide
     return words + (f" in run {run}" if run else ""), say(value) + suffix, interval
 
 
-def _unit(what: str, found: Sequence[Estimate]) -> tuple[str, float]:
+def _unit(what: str, estimates: Sequence[Estimate]) -> tuple[str, float]:
     """The unit in which some parameters of one name are read, and the factor to it."""
     if what in PERCENT:
         return "%", 100.0
-    return fitting(found[0].unit, *(v for p in found for v in (p.value, p.low, p.high)))
+    return fitting(estimates[0].unit, *(v for p in estimates for v in (p.value, p.low, p.high)))
 
 
 def rows(parameters: Mapping[str, Estimate]) -> list[Row]:
     """Every parameter of an effect; the values of one parameter in several runs in one unit."""
     return [
-        parameter(name, found, [p for other, p in parameters.items() if _base(other) == _base(name)])
-        for name, found in parameters.items()
+        parameter(name, estimate, [p for other, p in parameters.items() if _base(other) == _base(name)])
+        for name, estimate in parameters.items()
     ]
 
 
@@ -126,13 +126,13 @@ def amounts(
     its name where no direction has a word: ``radial clearance 0.15 mm``; with its 95 % ``intervals`` on request.
     """
     out = []
-    for key, found in parameters.items():
-        way = _direction_word(result, effect, where, key, found.value)
+    for key, estimate in parameters.items():
+        way = _direction_word(result, effect, where, key, estimate.value)
         like = [p for other, p in parameters.items() if _base(other) == _base(key)]
-        called, value, interval = parameter(key, _minus(found) if way and found.value < 0 else found, like)
+        called, value, interval = parameter(key, _minus(estimate) if way and estimate.value < 0 else estimate, like)
         run = called.partition(" in run ")[1:] if "@" in key else ("", "")
-        open_ended = found.low is None or found.high is None
-        known = f" (95 %: {interval})" if intervals and (open_ended or found.low != found.high) else ""
+        open_ended = estimate.low is None or estimate.high is None
+        known = f" (95 %: {interval})" if intervals and (open_ended or estimate.low != estimate.high) else ""
         out.append((f"{value} {way}{''.join(run)}" if way else f"{called} {value}") + known)
     return out
 
@@ -232,12 +232,12 @@ def rival_odds(result: Diagnosis, group: Sequence[EffectPlace], place: EffectPla
 
 def rival_words(result: Diagnosis, group: Sequence[EffectPlace], place: EffectPlace) -> str:
     """How an effect that is only tied stands against the first of its group, with the odds where they are known."""
-    found = rival_odds(result, group, place)
+    chances = rival_odds(result, group, place)
     likely = place.odds if isinstance(place, Rival) else None
     if likely is not None and likely < FAINT:
-        return f"Cannot be ruled out: odds {found}."
+        return f"Cannot be ruled out: odds {chances}."
     nearly = "nearly " * (likely is not None and likely < LESS)
-    return f"Explains these data {nearly}as well{f': odds {found}' if found else ''}."
+    return f"Explains these data {nearly}as well{f': odds {chances}' if chances else ''}."
 
 
 def odds(likely: float | None, named: str) -> str:

@@ -17,8 +17,8 @@ DRIVES = {"speed": "at a commanded speed", "measured": "follows its encoder", "f
 
 def spoken(result: Preview, signal: str) -> str:
     """A signal as one says it."""
-    found = quantities(result.mechanism).get(signal)
-    return signal if found is None else found.label
+    what = quantities(result.mechanism).get(signal)
+    return signal if what is None else what.label
 
 
 def called(result: Preview, name: str, where: str) -> str:

@@ -110,4 +110,4 @@ def sentences(result: Diagnosis, p: Proposed) -> list[str]:
 
 def numbers(p: Proposed) -> list[Row]:
     """Letter, value and 95 % interval of each number of the law."""
-    return [parameter(letter, found) for letter, found in p.coefficients.items()]
+    return [parameter(letter, estimate) for letter, estimate in p.coefficients.items()]

@@ -47,15 +47,15 @@ def statement(result: Diagnosis, e: Explanation, failure: str = "") -> str:
         disagree = f"Simulation and measurement disagree: they differ by {plainly(before)} times the noise."
         nothing = "No effect that is known here explains that; the best attempts are listed with what they failed."
         return " ".join(part for part in (disagree, explained_to(result, "before"), nothing) if part)
-    told, slight = parted(e.named)
-    what = " ".join([*(named(result, n) for n in told), *([_slight(result, slight)] if slight else [])])
+    main, slight = parted(e.named)
+    what = " ".join([*(named(result, n) for n in main), *([_slight(result, slight)] if slight else [])])
     if e.verdict in ("explained", "ambiguous"):
         ties = " ".join(
             f"These data would be explained as well if {tied(result, n)} (instead of {called(result, n.term.label)})."
-            for n in told
+            for n in main
             if n.ties
         )
-        of = {n.term.key for n in told}
+        of = {n.term.key for n in main}
         small = [small_errors(result, effect) for effect in result.effects if (effect.name, effect.where) in of]
         return " ".join(part for part in (what, ties, *small, measure) if part)
     rest = failure or "Something remains that these effects do not explain."
@@ -81,8 +81,8 @@ def meaning(result: Diagnosis, term: Term) -> str:
 
 def _place(result: Diagnosis, term: Term) -> str:
     """Where an effect is, as its sentences say it."""
-    ours = term.effect.name in VOCABULARY and term.effect.place == "signal"
-    return spoken(result, term.where) if ours else term.where
+    of_signal = term.effect.name in VOCABULARY and term.effect.place == "signal"
+    return spoken(result, term.where) if of_signal else term.where
 
 
 def tied(result: Diagnosis, n: Named) -> str:
@@ -90,12 +90,12 @@ def tied(result: Diagnosis, n: Named) -> str:
     return "; or ".join(meaning(result, t) for t, _ in n.ties)
 
 
-def parted(found: Sequence[Named]) -> tuple[list[Named], list[Named]]:
+def parted(effects: Sequence[Named]) -> tuple[list[Named], list[Named]]:
     """The effects that a paragraph tells with their values, and where there are many those that hardly take part in the
     gap.
     """
-    slight = [n for n in found[1:] if n.share < SLIGHT] if len(found) > MANY else []
-    return [n for n in found if n not in slight], slight
+    slight = [n for n in effects[1:] if n.share < SLIGHT] if len(effects) > MANY else []
+    return [n for n in effects if n not in slight], slight
 
 
 def _slight(result: Diagnosis, slight: Sequence[Named]) -> str:
@@ -136,17 +136,17 @@ def _isolated(result: Diagnosis, agreement: float, notes: Sequence[str]) -> tupl
 
 
 def _named(e: Explanation, result: Diagnosis) -> tuple[str, ...]:
-    told = []
+    sentences = []
     for n, effect in zip(e.named, result.effects, strict=True):
-        told.append(
+        sentences.append(
             f"{named(result, n)} It takes the gap from {plainly(n.gap[0])} to {plainly(n.gap[1])} times the noise, and"
             f" on held-out data, which its values were not fitted to, from {plainly(n.held_out[0])} to"
             f" {plainly(n.held_out[1])}."
         )
         if n.ties:
             words = separation(effect.would_separate)[0].rstrip(":.") or "no run of these sensors can"
-            told.append(f"As good: {tied(result, n)}. To tell them apart: {words}.")
-    return tuple(told)
+            sentences.append(f"As good: {tied(result, n)}. To tell them apart: {words}.")
+    return tuple(sentences)
 
 
 def _added(engine: EngineGaps) -> str:

@@ -56,11 +56,11 @@ def contact_lost(cells: Sequence[Cell | Failed], blocks: Sequence[str]) -> Itera
             " corner before it leaves: the boundary is that of the simulations"
         )
         return
-    told = foretold(cells)
-    if told.cells:
+    prediction = foretold(cells)
+    if prediction.cells:
         yield (
-            f"contact is kept or lost as the reaction's turning predicts in {told.yielding} of"
-            f" {count(told.cells, 'cell')} with the walls' give, and in {told.rigid} with rigid walls"
+            f"contact is kept or lost as the reaction's turning predicts in {prediction.yielding} of"
+            f" {count(prediction.cells, 'cell')} with the walls' give, and in {prediction.rigid} with rigid walls"
         )
 
 
@@ -77,10 +77,10 @@ def too_soft(simulator: str, cells: Sequence[Cell], stiff_enough: float | None) 
     )
 
 
-def _tally(simulator: str, mine: Sequence[Cell | Failed]) -> str:
-    judged = [cell for cell in mine if isinstance(cell, Cell)]
+def _tally(simulator: str, of_engine: Sequence[Cell | Failed]) -> str:
+    judged = [cell for cell in of_engine if isinstance(cell, Cell)]
     agreeing, enough = sum(c.agrees for c in judged), sum(c.first_order_is_enough for c in judged)
-    cells = count(len(mine), "cell")
+    cells = count(len(of_engine), "cell")
     text = f"{simulator}: the equilibrium agrees in {agreeing} of {cells}, and Eq. 8 is enough in {enough}"
     if judged and not agreeing:
         best = max(judged, key=lambda c: c.agreeing_share)
@@ -92,7 +92,7 @@ def _tally(simulator: str, mine: Sequence[Cell | Failed]) -> str:
             "; where it does not agree, the cause is"
             f" {', '.join(f'{cause} ({n})' for cause, n in causes.most_common())}"
         )
-    failed = len(mine) - len(judged)
+    failed = len(of_engine) - len(judged)
     return text + (f"; {failed} could not be simulated" if failed else "")
 
 
@@ -126,8 +126,8 @@ def brief(cell: Cell | Failed) -> str:
     """A cell in a table: ``agrees``, or the share of the cycle at which it does, and which assumptions fail."""
     if isinstance(cell, Failed):
         return "failed"
-    found = "agrees" if cell.agrees else f"{percent(cell.agreeing_share)} %"
-    return ", ".join([found, *failing(cell)])
+    agreement = "agrees" if cell.agrees else f"{percent(cell.agreeing_share)} %"
+    return ", ".join([agreement, *failing(cell)])
 
 
 def sentence(cell: Cell | Failed, mechanism: Mechanism) -> str:
@@ -191,8 +191,8 @@ class CellMeasure:
         """The figure of a cell; None where there is none."""
         return None if isinstance(cell, Failed) else self.value(cell)
 
-    def told(self, cell: Cell | Failed) -> str:
-        """The same in words."""
+    def words(self, cell: Cell | Failed) -> str:
+        """The figure of a cell in words, a dash where there is none."""
         value = self.of(cell)
         return "-" if value is None else self.text(value)
 
@@ -236,8 +236,8 @@ def _figure(value: float) -> str:
 
 def panel_title(result: Validity, simulator: str, restitution: float | None) -> str:
     """Engine, its version and the restitution."""
-    found = f"{simulator} {result.versions.get(simulator, '')}".strip()
-    return found if restitution is None else f"{found}, restitution {restitution:g}"
+    engine = f"{simulator} {result.versions.get(simulator, '')}".strip()
+    return engine if restitution is None else f"{engine}, restitution {restitution:g}"
 
 
 def edges(result: Validity, restitution: float | None) -> tuple[Boundary, ...]:
@@ -284,8 +284,7 @@ def predicted_edge(edge: float | None, clearances: Sequence[float]) -> str:
 
 def legend(result: Validity) -> list[str]:
     """What the assumptions say."""
-    found = result.assumptions
-    return [f"{name}: {about.means}" for name, about in found.items()]
+    return [f"{name}: {assumption.means}" for name, assumption in result.assumptions.items()]
 
 
 def about(result: Validity) -> str:
