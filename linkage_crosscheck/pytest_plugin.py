@@ -190,10 +190,10 @@ def _differences(result: CrossCheck) -> Iterator[str]:
     if result.verdict == "agrees":
         return
     from compare.report.summary import summarise
-    from compare.report.words.crosscheck import WORDS, row_sentence, why
+    from compare.report.words.crosscheck import VERDICT_WORDS, row_sentence, why
 
     summary = summarise(result)
-    yield f"{result.case}: {WORDS[summary.verdict]}"
+    yield f"{result.case}: {VERDICT_WORDS[summary.verdict]}"
     for shown in summary.runs:
         title, rows = shown.run.title, shown.rows
         yield from (f"{title}: {row_sentence(row)}" for row in rows if row.verdict in ("disagrees", "unjudged"))

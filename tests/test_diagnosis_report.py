@@ -24,7 +24,7 @@ from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.files import to_json
 from compare.quantities import DASH, MINUS, TIMES, amount, fitting, plainly
 from compare.report.diagnosis import junit
-from compare.report.diagnosis_figures import COLUMNS, LEVELS, broken, figure, level, maps, overlay, panels
+from compare.report.diagnosis_figures import LEVELS, MAP_COLUMNS, broken, figure, level, maps, overlay, panels
 from compare.report.diagnosis_page import changes, diagnosis_html, diagnosis_md
 from compare.report.diagnosis_text import terminal_lines
 from compare.report.words.diagnosis import attempts, next_steps, separation, ties, waterfall
@@ -605,8 +605,8 @@ def test_a_free_run_is_shown_over_time_and_a_column_without_samples_stays_empty(
     signal = mixed["runs"][0]["signals"]["pendulum_angle"]
     signal["measured"] = [None if i < 100 else v for i, v in enumerate(signal["measured"])]
     cells = maps(as_document(mixed))[0].strips[0].before
-    assert cells[: COLUMNS // 4 - 1] == (None,) * (COLUMNS // 4 - 1)
-    assert None not in cells[COLUMNS // 4 + 1 :]
+    assert cells[: MAP_COLUMNS // 4 - 1] == (None,) * (MAP_COLUMNS // 4 - 1)
+    assert None not in cells[MAP_COLUMNS // 4 + 1 :]
 
 
 def test_residuals_are_measured_minus_simulated_in_a_unit_that_fits(explained: dict[str, Any]) -> None:

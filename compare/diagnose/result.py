@@ -24,6 +24,7 @@ from compare.diagnose.residuals import FOLDS, SEGMENTS
 from compare.report.words import statement as words
 from compare.results.crosscheck import Simulator
 from compare.results.diagnosis import (
+    SIDES,
     Closing,
     ConsideredEffect,
     DiagnosedRun,
@@ -57,7 +58,6 @@ if TYPE_CHECKING:
 
 INSEPARABLE = 0.999  # cosine between two sensitivities
 LISTED = 40  # pairs
-SIDES: tuple[Side, ...] = ("before", "after")
 
 
 def as_document(
@@ -102,7 +102,7 @@ def as_document(
         mechanism=problem.measured.mechanism,
         explained=found.explained,
         steps=(),
-        notes=(*problem.notes, *([words.LANDED.format(count(landed, "sample"))] if landed else [])),
+        notes=(*problem.notes, *([words.LANDING.format(count(landed, "sample"))] if landed else [])),
         assumed=(*assumed(problem.measured.mechanism), *problem.measured.assumed),
         complete=problem.complete,
     )
@@ -261,7 +261,7 @@ def _separating(problem: Problem, e: Explanation, n: Named, noise: dict[tuple[st
     """What would tell an effect from the first of its rivals."""
     if not n.ties:
         return ""
-    return words.TOUCHING if e.statistics is not None else would_separate(problem.model, noise, e.fit, n.ties[0][1])
+    return words.TOUCH if e.statistics is not None else would_separate(problem.model, noise, e.fit, n.ties[0][1])
 
 
 def _candidates(problem: Problem, found: Verified, result: Diagnosis) -> tuple[ConsideredEffect, ...]:
@@ -316,7 +316,7 @@ def _unseen(result: Diagnosis, n: Named | None) -> tuple[Status, str]:
     """What is said of an effect that no sample shows: one that is asked for may be named by statistics."""
     if n is not None and n.term.effect.asked_for:
         return "named", words.named(result, n)
-    return "invisible", words.UNSEEN
+    return "invisible", words.NOT_SHOWN
 
 
 def _not_needed(search: Search, e: Explanation, term: Term, sigmas: float) -> str:

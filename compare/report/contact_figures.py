@@ -17,12 +17,12 @@ from compare.results.contact import JointContact, Orbit
 from compare.results.crosscheck import CrossCheck, Run
 from sim_models.common.guide import Guide
 
-ENGINES = ("contact", "massless-link", "spring-damper", "ideal")  # colours of engines, which share a joint model here
-QUANTILES = (0.5, 0.8, 0.95)  # of the forces of a path, at which its colours change
-NOTHING = 1e-6  # of the largest force: less is none
+ENGINE_COLOURS = ("contact", "massless-link", "spring-damper", "ideal")  # the engines share a joint model here
+COLOUR_QUANTILES = (0.5, 0.8, 0.95)  # of the forces of a path, at which its colours change
+LEAST_FORCE = 1e-6  # of the largest force: less is none
 CRANK = Axis("crank angle θ₂", "deg")
-ACROSS = (Axis("displacement x", "mm"), Axis("displacement y", "mm"))
-SEAT = (Axis("height across the guide", "mm"), Axis("tilt times half length", "mm"))
+PIN_AXES = (Axis("displacement x", "mm"), Axis("displacement y", "mm"))
+GUIDE_AXES = (Axis("height across the guide", "mm"), Axis("tilt times half length", "mm"))
 
 
 def contact_figures(result: CrossCheck) -> list[Figure]:
@@ -55,15 +55,15 @@ def part(mechanism: Mechanism, joint: str) -> str:
 def wall(mechanism: Mechanism, joint: str, clearance: float) -> tuple[tuple[Axis, Axis], Series]:
     """The plane in which a pin or block moves, and where it comes to its wall with a ``clearance`` (mm)."""
     if part(mechanism, joint) == "pin":
-        return ACROSS, clearance_circle(clearance)
+        return PIN_AXES, clearance_circle(clearance)
     heights, tilts = ([clearance * way for way in ways] for ways in ((1, 0, -1, 0, 1), (0, 1, 0, -1, 0)))
-    return SEAT, Series("a corner at its wall", scaled(heights), scaled(tilts), "frame")
+    return GUIDE_AXES, Series("a corner at its wall", scaled(heights), scaled(tilts), "frame")
 
 
 def orbit(run: Run, mechanism: Mechanism, joint: str, path: Orbit) -> Figure:
     """The last revolution of a pin in its bearing, or a block in its guide, in colours by the force there."""
     edges, largest = bands(path.force), float(np.max(path.force, initial=0.0))
-    pressed = path.force > NOTHING * largest
+    pressed = path.force > LEAST_FORCE * largest
     level = np.where(pressed, 1 + np.digitize(path.force, edges), 0)
     level = np.maximum(level[:-1], level[1:])  # of each piece of the path
     read = MEASURES["peak_force"].fitting(largest)
@@ -83,10 +83,10 @@ def orbit(run: Run, mechanism: Mechanism, joint: str, path: Orbit) -> Figure:
 
 def bands(force: np.ndarray) -> list[float]:
     """Forces (N), to two digits and growing, at which the colours of a path change."""
-    pressed = force[force > NOTHING * np.max(force, initial=0.0)]
+    pressed = force[force > LEAST_FORCE * np.max(force, initial=0.0)]
     if not pressed.size:
         return []
-    return sorted({float(f"{value:.2g}") for value in np.quantile(pressed, QUANTILES)} - {0.0})
+    return sorted({float(f"{value:.2g}") for value in np.quantile(pressed, COLOUR_QUANTILES)} - {0.0})
 
 
 def _pieces(path: Orbit, chosen: np.ndarray) -> tuple[Numbers, Numbers]:
@@ -106,7 +106,7 @@ def _pieces(path: Orbit, chosen: np.ndarray) -> tuple[Numbers, Numbers]:
 
 def role(result: CrossCheck, run: Run) -> str:
     """The colour of an engine."""
-    return ENGINES[simulators(result).index(run.simulator.name) % len(ENGINES)]
+    return ENGINE_COLOURS[simulators(result).index(run.simulator.name) % len(ENGINE_COLOURS)]
 
 
 def force(result: CrossCheck, runs: list[tuple[Run, JointContact]], joint: str) -> Figure:

@@ -17,7 +17,7 @@ from compare.report.summary import summarise
 from compare.report.svg import draw
 from compare.report.tables import html_table
 from compare.report.terminal import print_table
-from compare.report.words.crosscheck import WORDS, headline
+from compare.report.words.crosscheck import VERDICT_WORDS, headline
 from compare.results.crosscheck import CrossCheck
 
 if TYPE_CHECKING:
@@ -43,8 +43,8 @@ def summary_html(result: CrossCheck) -> str:
     for shown in summary.runs:
         worst = max(shown.rows, key=lambda row: row.share or 0.0, default=None)
         said = f"{worst.quantity.label} {plain(worst.maximum, 3, True)} {worst.quantity.unit}" if worst else "-"
-        rows.append((shown.run.title, WORDS[shown.run.verdict], said, plain(worst.tolerance) if worst else "-"))
-    verdict = f"<b>{html.escape(result.case)}: {WORDS[summary.verdict]}.</b> {html.escape(headline(summary))}"
+        rows.append((shown.run.title, VERDICT_WORDS[shown.run.verdict], said, plain(worst.tolerance) if worst else "-"))
+    verdict = f"<b>{html.escape(result.case)}: {VERDICT_WORDS[summary.verdict]}.</b> {html.escape(headline(summary))}"
     return f"<p>{verdict}</p>" + html_table(rows, ("run", "verdict", "closest to its tolerance", "tolerance"))
 
 
@@ -66,7 +66,7 @@ def plot(result: CrossCheck, figure: Figure) -> None:
             axis.set_ylabel(f"{quantity.label} ({quantity.unit})")
         axes[-1, column].set_xlabel("time (s)" if result.swings else "crank angle (deg)")
     axes[0, 0].legend(fontsize="small")
-    figure.suptitle(f"{result.case}: {WORDS[summary.verdict]}")
+    figure.suptitle(f"{result.case}: {VERDICT_WORDS[summary.verdict]}")
 
 
 PRESENTATION = Presentation(summary_html, print_table, files, plot)

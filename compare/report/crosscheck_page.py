@@ -40,7 +40,7 @@ def render(
     sections = [*(of_runs if summary.runs else []), "provenance"]
     moved = {"figures": [asdict(figure) for figure in figures], "explorer": explorer(summary)}
     html = page(
-        f"{result.case}: {words.WORDS[summary.verdict]} {DASH} cross-check",
+        f"{result.case}: {words.VERDICT_WORDS[summary.verdict]} {DASH} cross-check",
         PageSection("crosscheck/header.html.j2", context),
         [PageSection(f"crosscheck/{name}.html.j2", context) for name in sections],
         script=Script(("chart.js", "explorer.js"), moved),
@@ -54,7 +54,7 @@ def _shared(summary: Summary) -> dict[str, object]:
     """What page and Markdown are both filled with."""
     result, runs = summary.result, summary.runs
     loose = [shown for shown in runs if shown.run.clearance]
-    models = [words.MODELS[name] for name in _once(shown.run.analytic_model for shown in loose)] or ["ideal linkage"]
+    models = _once(words.MODEL_WORDS[shown.run.analytic_model] for shown in loose) or ["ideal linkage"]
     bends = any(run.bends for run in result.runs)
     return {
         "result": result,

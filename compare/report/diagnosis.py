@@ -10,7 +10,6 @@ from rich.console import Console
 
 from compare.presentation import Presentation
 from compare.quantities import fitting, plainly
-from compare.report.diagnosis_figures import SIDES
 from compare.report.diagnosis_page import diagnosis_html, diagnosis_md
 from compare.report.diagnosis_text import terminal_lines
 from compare.report.explained import explained_toml
@@ -19,7 +18,7 @@ from compare.report.residuals import draw as draw_residuals
 from compare.report.tables import html_table, say
 from compare.report.words.effects import of_effect, phrase, spoken
 from compare.report.words.measured import remaining
-from compare.results.diagnosis import Diagnosis
+from compare.results.diagnosis import SIDES, Diagnosis
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

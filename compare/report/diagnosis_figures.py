@@ -19,15 +19,14 @@ from compare.report.words.diagnosis import SIGMA
 from compare.report.words.effects import quantity, spoken
 from compare.report.words.located import wrapped
 from compare.report.words.measured import off_by, off_on_both_sides, reading, run_title
-from compare.results.diagnosis import DiagnosedRun, Diagnosis, Side
+from compare.results.diagnosis import SIDES, DiagnosedRun, Diagnosis, Side
 
-COLUMNS = 72  # of the map: 5 degrees where the crank turns fully
+MAP_COLUMNS = 72  # of the map: 5 degrees where the crank turns fully
 LEVELS = (2.0, 4.0, 10.0, 30.0)  # sigmas at which the map's colour changes
 BAND = 2.0  # sigmas
-DIGITS = 4  # that a residual is worth
+RESIDUAL_DIGITS = 4  # that a residual is worth
 BEFORE, AFTER = "spring-damper", "massless-link"  # whose colours they have: orange and blue, apart for every eye
-SIDES: tuple[Side, ...] = ("before", "after")
-DRAWN = 250  # columns of a drawing on paper; a line has two points in each
+PAPER_COLUMNS = 250  # columns of a drawing on paper; a line has two points in each
 
 
 @dataclass(frozen=True)
@@ -107,7 +106,7 @@ def _panel(result: Diagnosis, i: int, run: DiagnosedRun, name: str) -> Panel:
     channel, what, words = run.signals[name], quantity(result, name), spoken(result, name)
     x, over = _abscissa(run)
     unit, factor = reading(result, name)
-    before, after = (scaled(result.residual(run, name, side), factor, DIGITS) for side in SIDES)
+    before, after = (scaled(result.residual(run, name, side), factor, RESIDUAL_DIGITS) for side in SIDES)
     return Panel(
         run=i,
         signal=name,
@@ -165,7 +164,7 @@ def _map(result: Diagnosis, group: Sequence[tuple[int, DiagnosedRun]]) -> Residu
     wide = (high - low) or 1.0
     strips = []
     for (offset, run), x in zip(group, over, strict=True):
-        columns = np.clip(np.floor((x - low) / wide * COLUMNS), 0, COLUMNS - 1).astype(int)
+        columns = np.clip(np.floor((x - low) / wide * MAP_COLUMNS), 0, MAP_COLUMNS - 1).astype(int)
         for k, (name, channel) in enumerate(run.signals.items()):
             before, after = (_cells(result.residual(run, name, side) / channel.noise, columns) for side in SIDES)
             gaps = (channel.gap_before, channel.gap_after)
@@ -176,8 +175,8 @@ def _map(result: Diagnosis, group: Sequence[tuple[int, DiagnosedRun]]) -> Residu
 def _cells(values: np.ndarray, columns: np.ndarray) -> Numbers:
     """Root mean square of residuals (N,) sigma in each column, with the sign of their mean."""
     known = np.isfinite(values)
-    count = np.bincount(columns[known], minlength=COLUMNS)
-    total, squares = (np.bincount(columns[known], values[known] ** power, COLUMNS) for power in (1, 2))
+    count = np.bincount(columns[known], minlength=MAP_COLUMNS)
+    total, squares = (np.bincount(columns[known], values[known] ** power, MAP_COLUMNS) for power in (1, 2))
     sizes = np.copysign(np.sqrt(squares / np.maximum(count, 1)), total)
     return tuple(float(f"{size:.3g}") if n else None for size, n in zip(sizes, count, strict=True))
 
@@ -257,7 +256,7 @@ def broken(values: Numbers, most: float) -> Numbers:
 
 def _thinned(x: Numbers, y: Numbers) -> tuple[Numbers, Numbers]:
     """Of each column of a drawing the lowest and the highest sample, in order; a column with a gap keeps it."""
-    step = math.ceil(len(x) / DRAWN)
+    step = math.ceil(len(x) / PAPER_COLUMNS)
     if step <= 2:
         return x, y
     kept: list[int] = []

@@ -32,16 +32,16 @@ from compare.report.words.located import located, worst_first
 from compare.report.words.measured import InUnits, in_units, off_by, off_on_both_sides, run_title, validation_sentences
 from compare.results.diagnosis import DiagnosedRun, Diagnosis, Effect, EffectPlace
 
-LOOKS = {
+VERDICT_LOOKS = {
     "no gap": "agrees",
     "explained": "agrees",
     "partly explained": "known",
     "ambiguous": "known",
     "unexplained": "disagrees",
 }
-PLACES = 10  # located deviations that are listed before one has to ask for the rest
+PLACES_ON_PAGE = 10  # located deviations that are listed before one has to ask for the rest
 PLACES_IN_TEXT = 12
-CANDIDATES = 12
+CANDIDATES_ON_PAGE = 12
 
 
 def diagnosis_html(result: Diagnosis) -> str:
@@ -49,11 +49,11 @@ def diagnosis_html(result: Diagnosis) -> str:
     panels, maps = figures.panels(result), figures.maps(result)
     candidates = sorted(result.candidates, key=lambda c: (c.status not in ("named", "tied"), -(c.sigmas or 0.0)))
     parts: dict[str, dict[str, object]] = {
-        "where": {"maps": maps, "cells": _strip, "legend": _legend(), "listed": PLACES},
+        "where": {"maps": maps, "cells": _strip, "legend": _legend(), "listed": PLACES_ON_PAGE},
         "story": {"steps": [step for step in result.steps if step.title != "Result"]},
         "residuals": _residuals(result, panels),
         "engines": {},
-        "candidates": {"candidates": candidates, "listed": CANDIDATES},
+        "candidates": {"candidates": candidates, "listed": CANDIDATES_ON_PAGE},
         "faults": {},
         "provenance": {
             "changes": changes(result),
@@ -64,7 +64,7 @@ def diagnosis_html(result: Diagnosis) -> str:
     shared = _shared(result)
     return page(
         f"{result.case}: {result.verdict} {DASH} diagnosis",
-        PageSection("diagnosis/header.html.j2", shared | {"look": LOOKS[result.verdict]}),
+        PageSection("diagnosis/header.html.j2", shared | {"look": VERDICT_LOOKS[result.verdict]}),
         [PageSection(f"diagnosis/{name}.html.j2", shared | part) for name, part in parts.items()],
         styles=("diagnosis.css",),
         script=Script(("chart.js", "diagnosis.js"), _data(result, panels, maps)),

@@ -30,7 +30,7 @@ from compare.results.diagnosis import Diagnosis, Effect, EffectPlace
 
 PLACES_SHOWN = 3  # in a terminal
 ATTEMPTS_SHOWN = 3  # in a terminal
-ASCII = {MINUS: "-", DASH: "-", "·": ".", "µ": "u", SIGMA: "sigma"} | {
+ASCII_SIGNS = {MINUS: "-", DASH: "-", "·": ".", "µ": "u", SIGMA: "sigma"} | {
     chr(small): chr(plain) for plain, small in SUPERSCRIPT.items()
 }
 
@@ -102,4 +102,4 @@ def _line(words: str) -> str:
 
 def in_ascii(words: str) -> str:
     """Words for a terminal: the signs of :data:`ASCII` written out."""
-    return "".join(ASCII.get(character, character) for character in words.replace(f"{TIMES}10", "e"))
+    return "".join(ASCII_SIGNS.get(character, character) for character in words.replace(f"{TIMES}10", "e"))

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 from compare.quantities import plain
 from compare.report.summary import ShownDiscrepancy, ShownRun, Summary
 from compare.report.svg import NOT_XML
-from compare.report.words.contact import ASCII, ContactShown, EnginePair, ShownComparison
+from compare.report.words.contact import ASCII_UNITS, ContactShown, EnginePair, ShownComparison
 from compare.report.words.crosscheck import row_sentence
 
 
@@ -106,18 +106,19 @@ def _case(place: str, row: ShownDiscrepancy) -> JUnitCase:
 def _compared(case: str, pair: EnginePair, row: ShownComparison) -> JUnitCase:
     """A statistic of contact of two engines; what is not judged passes, and says why."""
     place = f"{case}.{'-'.join(pair.between)}.{pair.joint_model}.{row.joint}"
-    said = row.sentence().translate(ASCII)
+    said = row.sentence().translate(ASCII_UNITS)
     if row.verdict == "disagrees":
         return JUnitCase(place, row.measure.key, failure=said, kind="disagreement")
     return JUnitCase(place, row.measure.key, said=f"{said}; not judged: {row.reason}" if row.reason else said)
 
 
-def _contact(contact: ContactShown, title: str) -> str:
+def _contact(contact: ContactShown, run_title: str) -> str:
     """What contact did in a run, in words and numbers; empty where it was not watched."""
-    lines = [run.sentence for run in contact.runs if run.run == title]
-    for table in (table for table in contact.tables if title in table.runs):
-        k = table.runs.index(title)
-        lines += [f"{table.joint}: {m.title.translate(ASCII)} {values[k].said(plain)}" for m, values in table.rows]
+    lines = [run.sentence for run in contact.runs if run.run == run_title]
+    for table in (table for table in contact.tables if run_title in table.runs):
+        k = table.runs.index(run_title)
+        rows = ((measure.title.translate(ASCII_UNITS), values[k].said(plain)) for measure, values in table.rows)
+        lines += [f"{table.joint}: {title} {value}" for title, value in rows]
     return "\n".join(lines)
 
 

@@ -22,9 +22,9 @@ from compare.results.crosscheck import CrossCheck, Run
 from compare.results.document import listed
 
 FACTORS = [m * 10**e for e in range(6) for m in (1, 2, 5)]
-VISIBLE = 0.12  # of a typical link's length: how large an exaggerated gap is drawn
-ROUNDING = 1e-9  # of a signal's peak: smaller is read as 0
-PREFERRED = math.radians(30.0)  # crank angle of the printed figure, the paper's own
+DRAWN_GAP = 0.12  # of a typical link's length: how large an exaggerated gap is drawn
+READ_AS_ZERO = 1e-9  # of a signal's peak: smaller is read as 0
+PRINTED_ANGLE = math.radians(30.0)  # crank angle of the printed figure, the paper's own
 Poses = dict[str, dict[str, Numbers]]  # body -> x, y (m, marker) and angle (rad) of every sample
 
 
@@ -64,7 +64,7 @@ def exaggeration(mechanism: Mechanism, run: Run) -> int:
     largest = max(run.clearance.values(), default=0.0)
     if not largest or abscissa(run, mechanism).of_time:
         return 1
-    return max(f for f in FACTORS if f == 1 or f * largest <= VISIBLE * typical_length(mechanism))
+    return max(f for f in FACTORS if f == 1 or f * largest <= DRAWN_GAP * typical_length(mechanism))
 
 
 def ideal_poses(result: CrossCheck, run: Run) -> Poses | None:
@@ -129,7 +129,7 @@ def _opens(shown: ShownRun) -> int:
         worst = max((d for d in run.discrepancies if d.verdict == "disagrees"), key=lambda d: d.share or 0.0)
         if worst.at_crank_angle is not None:
             return int(np.argmin(np.abs(run.crank_angle - worst.at_crank_angle)))
-    return 0 if shown.over.of_time else int(np.argmin(np.abs(run.crank_angle - PREFERRED)))
+    return 0 if shown.over.of_time else int(np.argmin(np.abs(run.crank_angle - PRINTED_ANGLE)))
 
 
 def _read(quantity: Quantity, run: Run, first: np.ndarray) -> dict[str, object]:
@@ -140,7 +140,7 @@ def _read(quantity: Quantity, run: Run, first: np.ndarray) -> dict[str, object]:
     if quantity.angular:
         analytic = beside(analytic, tuple(listed(first)), math.tau)
         simulated = same_turn(simulated, analytic, math.tau)
-    nothing = ROUNDING * max((abs(v) for v in (*analytic, *simulated) if v is not None), default=0.0)
+    nothing = READ_AS_ZERO * max((abs(v) for v in (*analytic, *simulated) if v is not None), default=0.0)
 
     def rounded(values: Numbers) -> Numbers:
         return scaled((0.0 if v is not None and abs(v) < nothing else v for v in values), quantity.factor)
@@ -184,7 +184,7 @@ def linkage_figure(result: CrossCheck) -> Figure | None:
     usable = [k for k in range(run.crank_angle.size) if _pose(displaced, k) and (ideal is None or _pose(ideal, k))]
     if not usable:
         return None
-    nearest = min(usable, key=lambda i: abs(run.crank_angle[i] - PREFERRED))
+    nearest = min(usable, key=lambda i: abs(run.crank_angle[i] - PRINTED_ANGLE))
     k = usable[len(usable) // 2] if over.of_time else nearest
     times = exaggeration(result.mechanism, run) if ideal else 1
     gaps = {joint: times * size for joint, size in run.clearance.items()}

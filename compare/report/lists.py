@@ -16,7 +16,7 @@ from compare.results.history import Runs
 from compare.results.imported import Imported
 from sim_models.engine import JOINT_MODELS, SCHEMES
 
-WIDEST = 130  # columns of a terminal that the table of engines takes
+TABLE_WIDTH = 130  # columns of a terminal that the table of engines takes
 
 
 def list_files(result: Listing) -> dict[str, str]:
@@ -58,7 +58,7 @@ def print_simulators(result: Simulators, console: Console) -> None:
         version = engine.version if engine.status == "installed" else engine.status
         rows.append((engine.name, version or "", *(motions.get(model, "-") for model in JOINT_MODELS), effects))
     heads = ("simulator", "version", *JOINT_MODELS, "effects")
-    console.width = max(console.width, WIDEST)
+    console.width = max(console.width, TABLE_WIDTH)
     console.print(terminal_table(heads, rows, folded=heads, header_style=""))
     faults = [f"{e.name} is installed but cannot be imported: {e.fault}" for e in result.simulators if e.fault]
     say(console, *faults, f"effects: {', '.join(known)}; see compare effects")

@@ -20,12 +20,12 @@ from compare.results.platform import PlatformAccuracy, PoseError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-DIGITS = 5  # of numbers in the page
+PAGE_DIGITS = 5  # of numbers in the page
 
 
 def files(result: PlatformAccuracy) -> dict[str, str]:
     """The page, and the numbers as a table for other programs."""
-    context = {"result": result, "facts": facts(result), "notes": NOTES, "heads": HEADS, "rows": _rows(result)}
+    context = {"result": result, "facts": facts(result), "notes": NOTES, "heads": ERRORS, "rows": _rows(result)}
     sections = ["map", "largest", *["warnings"] * bool(result.warnings)]
     html = page(
         f"{result.case}: accuracy of the platform",
@@ -97,10 +97,10 @@ def _maps(result: PlatformAccuracy) -> list[dict[str, object]]:
 
 
 def _short(values: np.ndarray) -> Numbers:
-    return scaled(values, digits=DIGITS)
+    return scaled(values, digits=PAGE_DIGITS)
 
 
-HEADS = ("output", "unit", "equilibrium", "worst case", "resolution", "compliance", "together", "first order off by")
+ERRORS = ("output", "unit", "equilibrium", "worst case", "resolution", "compliance", "together", "first order off by")
 
 
 def _rows(result: PlatformAccuracy) -> list[tuple[str, ...]]:
@@ -117,7 +117,7 @@ def _row(output: PoseError, off: float | None) -> tuple[str, ...]:
 
 def print_table(result: PlatformAccuracy, console: Console) -> None:
     """Print the largest errors of each output over the poses, then what to beware of; ASCII."""
-    console.print(terminal_table(HEADS, _rows(result), left=("output", "unit")))
+    console.print(terminal_table(ERRORS, _rows(result), left=("output", "unit")))
     conditions = [f"{what} {value}" for what, value in facts(result).items()]
     say(console, "largest over the poses, to either side; " + "; ".join(conditions))
     for first, why in list(result.flags.items())[:1]:
@@ -127,7 +127,7 @@ def print_table(result: PlatformAccuracy, console: Console) -> None:
 
 def summary_html(result: PlatformAccuracy) -> str:
     """The largest errors of each output over the poses."""
-    return html_table(_rows(result), HEADS, repr(result))
+    return html_table(_rows(result), ERRORS, repr(result))
 
 
 def plot(result: PlatformAccuracy, figure: Figure) -> None:

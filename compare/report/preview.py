@@ -22,8 +22,8 @@ from compare.results.preview import Preview, RunPreview, SensorPreview
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Picture
 
-DRAWN = 400  # samples of a drawing
-HEADS = ("run", "signal", "samples", "noise (1 sigma)", "from nominal")
+DRAWN_SAMPLES = 400  # samples of a drawing
+SENSOR_HEADS = ("run", "signal", "samples", "noise (1 sigma)", "from nominal")
 
 
 def files(result: Preview) -> dict[str, str]:
@@ -41,7 +41,7 @@ def files(result: Preview) -> dict[str, str]:
     context: dict[str, object] = {
         "result": result,
         "runs": runs,
-        "heads": HEADS,
+        "heads": SENSOR_HEADS,
         "sensors": _sensors(result),
         "visible": [visible(result, one) for one in result.visible],
         "hidden": ", ".join(called(result, one.name, one.where) for one in result.invisible),
@@ -58,14 +58,14 @@ def files(result: Preview) -> dict[str, str]:
 
 def print_table(result: Preview, console: Console) -> None:
     """Print each sensor with its noise and how far it is from the nominal model, the faults, and what would show."""
-    console.print(terminal_table(HEADS, _sensors(result), folded=HEADS))
+    console.print(terminal_table(SENSOR_HEADS, _sensors(result), folded=SENSOR_HEADS))
     faults = [f"data: run {f.run}, {spoken(result, f.signal)}: {f.text}" for f in result.faults]
     say(console, *faults, *(facts(result, run) for run in result.runs), tally(result))
 
 
 def summary_html(result: Preview) -> str:
     """Each sensor with its noise and how far it is from the nominal model."""
-    return html_table(_sensors(result), HEADS, repr(result))
+    return html_table(_sensors(result), SENSOR_HEADS, repr(result))
 
 
 def _sensors(result: Preview) -> list[tuple[str, ...]]:
@@ -85,7 +85,7 @@ def _figures(result: Preview, run: RunPreview, name: str, sensor: SensorPreview)
     """
     what = quantities(result.mechanism)[name]
     unit, factor = shown(sensor.unit)
-    every = max(1, -(-run.time.size // DRAWN))
+    every = max(1, -(-run.time.size // DRAWN_SAMPLES))
     title = f"{what.label}, run {run.name}"
     drawn = []
     for axis, values in ((Axis("time", "s"), run.time), *_posture(result, run)):

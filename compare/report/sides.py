@@ -52,19 +52,19 @@ def _said(result: Side) -> Iterator[str]:
             yield f"no answer at {count(len(at), 'sample')}, first {where}: {why}"
 
 
-HEADS = ("signal", "unit", "smallest", "largest")
+RANGE_HEADS = ("signal", "unit", "smallest", "largest")
 
 
 def print_table(result: Side, console: Console) -> None:
     """Print the range of each signal, in degrees and millimetres."""
-    console.print(terminal_table(HEADS, _ranges(result), left=("signal", "unit")))
+    console.print(terminal_table(RANGE_HEADS, _ranges(result), left=("signal", "unit")))
     say(console, *_said(result), repr(result))
 
 
 def summary_html(result: Side) -> str:
     """The range of each signal, what was filled in, and why there is no answer."""
     said = "".join(f"<li>{html.escape(line)}</li>" for line in _said(result))
-    return f"{html_table(_ranges(result), HEADS, repr(result))}<ul>{said}</ul>"
+    return f"{html_table(_ranges(result), RANGE_HEADS, repr(result))}<ul>{said}</ul>"
 
 
 def plot(result: Side, figure: Figure) -> None:

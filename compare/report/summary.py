@@ -20,7 +20,7 @@ from compare.report.words.contact import ContactShown, describe
 from compare.results.crosscheck import CrossCheck, Discrepancy, OrderDifference, Run
 
 REAL = ("contact", "spring-damper", "massless-link", "ideal")  # joint models, the most real first
-STEADY = 1e-6  # of a step between samples: steps that differ by less are equal
+EQUAL_STEPS = 1e-6  # of a step between samples: steps that differ by less are equal
 
 
 @dataclass(frozen=True)
@@ -193,7 +193,7 @@ def _ranges(samples: list[int], over: Abscissa) -> Iterator[str]:
         step = x[samples[1]] - x[samples[0]] if len(samples) > 1 else 0.0
         size = 1
         while size < len(samples) and samples[size] == samples[size - 1] + 1:
-            if abs(x[samples[size]] - x[samples[size - 1]] - step) > STEADY * abs(step):
+            if abs(x[samples[size]] - x[samples[size - 1]] - step) > EQUAL_STEPS * abs(step):
                 break
             size += 1
         size = size if size > 2 else 1

@@ -12,8 +12,8 @@ from rich.text import Text
 from analytic.mechanism.one_line import count
 from compare.quantities import plain
 from compare.report.summary import ShownRun, summarise
-from compare.report.words.contact import ASCII, ContactShown, Value
-from compare.report.words.crosscheck import WORDS, headline, why
+from compare.report.words.contact import ASCII_UNITS, ContactShown, Value
+from compare.report.words.crosscheck import VERDICT_WORDS, headline, why
 from compare.results.contact import StatisticName
 from compare.results.crosscheck import CrossCheck
 
@@ -56,7 +56,7 @@ def print_table(result: CrossCheck, console: Console) -> None:
         console.print(f"between engines: {result.words}")
     for failure in summary.failures:
         console.print(f"failed: {failure}")
-    said = " ".join(filter(None, (why(summary), headline(summary, plain).translate(ASCII))))
+    said = " ".join(filter(None, (why(summary), headline(summary, plain).translate(ASCII_UNITS))))
     console.print(Text.assemble((f"{result.case}: ", "bold"), _word(summary.verdict), f". {said}"))
 
 
@@ -71,7 +71,7 @@ def _print_contact(contact: ContactShown, console: Console) -> None:
         shown.add_column(f"contact in {table.joint}")
         columns = [(head, *table.of(name)) for name, head in MAIN.items()]
         for head, measure, _ in columns:
-            shown.add_column(f"{head} {measure.unit}".strip().translate(ASCII), justify="right", no_wrap=True)
+            shown.add_column(f"{head} {measure.unit}".strip().translate(ASCII_UNITS), justify="right", no_wrap=True)
         for k in rows:
             shown.add_row(Text(table.runs[k]), *(_within(values[k]) for *_, values in columns))
         if rows:
@@ -79,7 +79,7 @@ def _print_contact(contact: ContactShown, console: Console) -> None:
     for pair in contact.pairs:
         console.print(f"statistics of {pair.title}: {pair.sentence}")
         for row in pair.wrong:
-            console.print(f"  {row.sentence().translate(ASCII)}: ", _word(row.verdict), sep="")
+            console.print(f"  {row.sentence().translate(ASCII_UNITS)}: ", _word(row.verdict), sep="")
 
 
 def _within(value: Value) -> str:
@@ -96,7 +96,7 @@ def _short(value: float | None, digits: int) -> str:
 
 
 def _word(verdict: str) -> Text:
-    return Text(WORDS[verdict].upper() if verdict in LOUD else WORDS[verdict], style=COLOUR[verdict])
+    return Text(VERDICT_WORDS[verdict].upper() if verdict in LOUD else VERDICT_WORDS[verdict], style=COLOUR[verdict])
 
 
 def _notes(runs: Sequence[ShownRun]) -> list[str]:

@@ -35,7 +35,7 @@ SHADES = (
 )
 FAILED = "#d0d4da"
 SMALL_WIDTH, SMALL_HEIGHT, SMALL_BETWEEN, BESIDE = 52.0, 24.0, 30.0, 96.0  # of the maps of what contact does
-WIDEST = 900.0  # px, up to which these stand beside their panel; else below it, in its columns
+WIDEST_BESIDE = 900.0  # px, up to which these stand beside their panel; else below it, in its columns
 HEAT = (("#fff8f0", INK), ("#fde0c4", INK), ("#f6b37f", INK), ("#dd7633", INK), ("#9a3a06", PAPER))
 PURPLE = "#a86cc1"
 PREDICTED = (
@@ -82,7 +82,7 @@ def draw(result: Validity) -> str:
     shown = measures(result)
     small = rows * SMALL_HEIGHT + SMALL_BETWEEN
     aside = LEFT + columns * CELL_WIDTH + BESIDE
-    beside = aside + columns * SMALL_WIDTH + RIGHT <= WIDEST
+    beside = aside + columns * SMALL_WIDTH + RIGHT <= WIDEST_BESIDE
     width = max(NARROWEST, LEFT + RIGHT + columns * CELL_WIDTH, aside + columns * SMALL_WIDTH + RIGHT if beside else 0)
     wrapped = [line for note in notes for line in _wrapped(note, int((width - 28) / 5.6))]
     main, maps = rows * CELL_HEIGHT + BETWEEN, len(shown) * small + (40 if shown else 0)

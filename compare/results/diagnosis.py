@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sized
 from functools import cached_property
 from itertools import product
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, get_args
 
 import numpy as np
 from pydantic import BeforeValidator, Field, FiniteFloat, model_validator
@@ -19,10 +19,11 @@ from sim_models.engine import SettingValue
 Verdict = Literal["no gap", "explained", "partly explained", "unexplained", "ambiguous"]
 Status = Literal["named", "tied", "not needed", "not physical", "invisible", "excluded"]
 Side = Literal["before", "after"]
+SIDES: tuple[Side, ...] = get_args(Side)
 Kind = Literal["rig", "sensor"]
 Role = Literal["fit", "validation"]
 Unknown = Literal["torque", "give", "length", "bend", "lag", "error"]
-SETTLED: tuple[Verdict, ...] = ("no gap", "explained")
+SETTLED_VERDICTS: tuple[Verdict, ...] = ("no gap", "explained")
 Size = Annotated[FiniteFloat, Field(ge=0)]
 Unit = Annotated[str, Field(min_length=1, description="SI; 1 for a number without a unit")]
 Key = Annotated[str, Field(pattern="^.+@.+$", description="name@where")]
@@ -392,7 +393,7 @@ class Diagnosis(Document):
     @property
     def settled(self) -> bool:
         """Whether there is no gap, or it is explained."""
-        return self.verdict in SETTLED
+        return self.verdict in SETTLED_VERDICTS
 
     @property
     def fitted(self) -> tuple[DiagnosedRun, ...]:

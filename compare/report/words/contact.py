@@ -23,10 +23,10 @@ RESTITUTION = "energy that the normal force takes in a revolution, less what the
 PEAK_RATIO = "largest force of the run over the ideal linkage's largest"
 LARGER = {"N": "kN", "mN·s": "N·s", "mm/s": "m/s", "mJ": "J", "N·mm": "N·m", "µm": "mm"}  # units of a thousand each
 LEAST_TO_REPEAT = 5  # revolutions, below which nothing tells whether a motion repeats itself
-ASCII = str.maketrans({"·": ".", "µ": "u"})  # of units
+ASCII_UNITS = str.maketrans({"·": ".", "µ": "u"})  # of units
 BALANCED = 0.001  # per cent of an energy: what is missing below is nothing
 LOSSES = ("restitution_loss", "friction_loss")  # contact gives no energy: what is below 0 is 0, known that well
-ROUNDING = 1e-6  # of the energy lost in contact: a smaller loss is an engine's rounding, and read as 0
+ENGINE_ROUNDING = 1e-6  # of the energy lost in contact: a smaller loss is an engine's rounding, and read as 0
 
 
 @dataclass(frozen=True)
@@ -311,7 +311,7 @@ def _row(name: StatisticName, joints: Sequence[JointContact], block: bool) -> tu
 def _ends(joint: JointContact, name: StatisticName) -> tuple[float | None, ...]:
     """Value and interval, SI."""
     statistic, loss = joint.statistics[name], joint.statistics["restitution_loss"].value
-    if name == "friction_loss" and abs(statistic.value or 0.0) < ROUNDING * abs(loss or 0.0):
+    if name == "friction_loss" and abs(statistic.value or 0.0) < ENGINE_ROUNDING * abs(loss or 0.0):
         return (0.0,)
     if name in LOSSES and (statistic.value or 0.0) < 0 and (statistic.high is None or statistic.high < 0):
         missed = max(abs(end) for end in (statistic.value, statistic.low) if end is not None)
@@ -338,7 +338,7 @@ def _lost(statistics: Iterable[Compared], joint: str) -> float:
 def _compared(one: Compared, lost: float, block: bool) -> ShownComparison:
     values: Sequence[float | None] = one.values
     measure = _measure(one.statistic, block).fitting(*one.values, one.allowed)
-    if one.statistic == "friction_loss" and all(abs(v or 0.0) < ROUNDING * lost for v in values):
+    if one.statistic == "friction_loss" and all(abs(v or 0.0) < ENGINE_ROUNDING * lost for v in values):
         values = 0.0, 0.0
     if one.statistic in LOSSES:
         values = [None if value is None else max(value, 0.0) for value in values]

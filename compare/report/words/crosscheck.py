@@ -10,15 +10,15 @@ from compare.quantities import number, plain
 from compare.report.summary import REAL, ShownDiscrepancy, ShownRun, Summary, abscissa
 from compare.results.crosscheck import Run
 
-WORDS = {
+VERDICT_WORDS = {
     "agrees": "agrees",
     "disagrees": "disagrees",
     "known": "known difference",
     "unjudged": "not judged",
     "failed": "failed",
 }
-SIGNS = {"agrees": "✓", "disagrees": "✗", "known": "≈", "unjudged": "?", "failed": "✗"}
-MODELS = {
+VERDICT_SIGNS = {"agrees": "✓", "disagrees": "✗", "known": "≈", "unjudged": "?", "failed": "✗"}
+MODEL_WORDS = {
     "first_order": "first order (Eq. 8: ideal reaction directions)",
     "equilibrium": "equilibrium (displaced linkage, self-consistent)",
 }

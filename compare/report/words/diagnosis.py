@@ -12,9 +12,9 @@ from compare.report.words.measured import remaining
 from compare.results.diagnosis import Diagnosis, Effect, EffectPlace, EngineGaps, TriedEffect, Verdict
 
 TOML_STARTS = ("[", "#")
-SHOWN = 0.001  # of the squared gap: a smaller share of everything is no bar
+LEAST_SHARE = 0.001  # of the squared gap: a smaller share of everything is no bar
 SIGMA = "\N{GREEK SMALL LETTER SIGMA}"
-SIGNS: dict[Verdict, str] = {
+DIAGNOSIS_SIGNS: dict[Verdict, str] = {
     "no gap": "✓",
     "explained": "✓",
     "partly explained": "≈",
@@ -30,7 +30,7 @@ STATUS = {
     "excluded": "ruled out",
 }
 # what a word means, for who does not know it; each stands where the word is first used
-GAP = (
+GAP_MEANS = (
     "The gap is how far measured and simulated are apart in multiples of the sensors' noise (root mean square over all"
     " samples and signals). 1 means that nothing but noise is left."
 )
@@ -38,20 +38,20 @@ SIGMA_MEANS = (
     f"{SIGMA} (sigma) is the noise of a sensor, one standard deviation: about two readings in three of a still signal"
     f" lie within ±1 {SIGMA}, nearly all within ±3 {SIGMA}."
 )
-SURE = (
+SURE_MEANS = (
     "How sure: how many times larger the deviation is than chance makes it in a stretch of that length."
     f" Below 3 {SIGMA} it may be luck, beyond 5 {SIGMA} it is not."
 )
-HELD_OUT = (
+HELD_OUT_MEANS = (
     "Held-out data are a part of the samples that is left out while the values are fitted, and used to check them;"
     " every part is left out once."
 )
-TIE = "A tie: each of these explains the data about as well as the others, and the data cannot say which it is."
-PARTS = (
+TIE_MEANS = "A tie: each of these explains the data about as well as the others, and the data cannot say which it is."
+PARTS_MEANS = (
     "By how many sigma a run would part them: how many times larger their difference is there than the noise; 5 or more"
     " decides. To copy into measured.toml:"
 )
-INTERVAL = "95 %: in 95 of 100 repetitions of the measurement the interval would hold the true value."
+INTERVAL_MEANS = "95 %: in 95 of 100 repetitions of the measurement the interval would hold the true value."
 NOTHING_TRIED = "Nothing else that was tried takes away a part of the gap that would be worth listing."
 
 
@@ -107,7 +107,7 @@ def _floor(result: Diagnosis) -> str:
 
 def percent(share: float) -> str:
     """A share of the squared gap: ``4 %``, ``below 0.1 %``."""
-    return f"{plainly(100 * share, 2)} %" if abs(share) >= SHOWN else f"below {100 * SHOWN:g} %"
+    return f"{plainly(100 * share, 2)} %" if abs(share) >= LEAST_SHARE else f"below {100 * LEAST_SHARE:g} %"
 
 
 def attempts(result: Diagnosis) -> list[tuple[str, str, str, str, str]]:

@@ -24,14 +24,14 @@ from compare.results.diagnosis import (
 )
 
 PERCENT = {p.name for effect in VOCABULARY.values() for p in effect.parameters if p.percent}  # parameters read in %
-ZEROS = {  # what each run has of its own where an effect has a value for each; {} is the sensor
+OWN_OF_RUNS = {  # what each run has of its own where an effect has a value for each; {} is the sensor
     "encoder_offset": "encoder zero",
     "sensor_bias": "zero of the sensor for {}",
     "sensor_drift": "drift of the sensor for {}",
     "stamp_jitter": "jitter of the time stamps",
 }
 Row = tuple[str, str, str]  # a parameter's name, its value and its 95 % interval
-LESS, FAINT = 0.2, 0.01  # odds below which a tie does nearly as well, or can only not be ruled out
+NEARLY_ODDS, FAINT_ODDS = 0.2, 0.01  # odds below which a tie does nearly as well, or can only not be ruled out
 
 
 def quantity(result: Diagnosis, signal: str) -> Quantity:
@@ -180,7 +180,7 @@ def own_values(result: Diagnosis, effect: EffectPlace) -> OwnValues | None:
     low, high = (factor * end(p.value for p in by_run.values()) for end in (min, max))
     less, more = (_direction_word(result, kind, effect.where, what, end) for end in (low, high))
     sensor = spoken(result, effect.where) if kind is not None and kind.place == "signal" else effect.where
-    name = ZEROS.get(effect.name, effect.name.replace("_", " ") + " of {}")
+    name = OWN_OF_RUNS.get(effect.name, effect.name.replace("_", " ") + " of {}")
     name = name.format(sensor) + f" for {sensor}" * (result.mechanism.several and "{}" not in name)
     runs = tuple((run, value, interval) for run, (_, value, interval) in zip(by_run, rows(parameters), strict=True))
     suffix = "" if unit == "1" else f" {unit}"
@@ -234,9 +234,9 @@ def rival_words(result: Diagnosis, group: Sequence[EffectPlace], place: EffectPl
     """How an effect that is only tied stands against the first of its group, with the odds where they are known."""
     chances = rival_odds(result, group, place)
     likely = place.odds if isinstance(place, Rival) else None
-    if likely is not None and likely < FAINT:
+    if likely is not None and likely < FAINT_ODDS:
         return f"Cannot be ruled out: odds {chances}."
-    nearly = "nearly " * (likely is not None and likely < LESS)
+    nearly = "nearly " * (likely is not None and likely < NEARLY_ODDS)
     return f"Explains these data {nearly}as well{f': odds {chances}' if chances else ''}."
 
 

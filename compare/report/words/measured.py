@@ -5,16 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from analytic.mechanism.one_line import capital, count, enumerated, in_words
 from compare.quantities import DASH, fitting, plainly, shown
 from compare.report.words.effects import spoken
-from compare.results.diagnosis import DiagnosedRun, Diagnosis
+from compare.results.diagnosis import SIDES, DiagnosedRun, Diagnosis, Side
 
-TURN = math.tau
 NOISE = "The noise of"  # begins a note of noise that is not white, which a terminal shows too
 
 
@@ -61,7 +59,7 @@ def validation_sentences(result: Diagnosis) -> tuple[str, ...]:
     """How near the nominal and the explained mechanism come to each validation run, by its sensors together."""
     sentences = []
     for run in result.validation:
-        before, after = (pooled(run, side) for side in ("before", "after"))
+        before, after = (pooled(run, side) for side in SIDES)
         what = f"Validation run {run.name}, which nothing was fitted to"
         if before is None or after is None:
             sentences.append(f"{what}: the engine could not simulate it {'before' if before is None else 'after'}.")
@@ -70,7 +68,7 @@ def validation_sentences(result: Diagnosis) -> tuple[str, ...]:
     return tuple(sentences)
 
 
-def pooled(run: DiagnosedRun, side: Literal["before", "after"]) -> float | None:
+def pooled(run: DiagnosedRun, side: Side) -> float | None:
     """Gap of a run: root mean square of residual over noise, over the samples of all its sensors; None where a sensor
     has none.
     """
@@ -102,7 +100,7 @@ class InUnits:
         return None if rest is None or not self.reach else rest / self.reach
 
 
-def off(result: Diagnosis, run: DiagnosedRun, signal: str, side: Literal["before", "after"]) -> float | None:
+def off(result: Diagnosis, run: DiagnosedRun, signal: str, side: Side) -> float | None:
     """How far a sensor is off in a run: root mean square, SI."""
     residual = result.residual(run, signal, side)
     known = residual[np.isfinite(residual)]
@@ -112,7 +110,7 @@ def off(result: Diagnosis, run: DiagnosedRun, signal: str, side: Literal["before
 def reading(result: Diagnosis, signal: str) -> tuple[str, float]:
     """The one unit in which all that is said of how far a sensor is off is read, and the factor to it."""
     runs = [run for run in result.runs if signal in run.signals]
-    errors = [off(result, run, signal, side) for run in runs for side in ("before", "after")]
+    errors = [off(result, run, signal, side) for run in runs for side in SIDES]
     return fitting(runs[0].signals[signal].unit if runs else "1", *errors)
 
 
@@ -124,7 +122,7 @@ def off_by(result: Diagnosis, signal: str, value: float | None) -> str:
 
 def off_on_both_sides(result: Diagnosis, run: DiagnosedRun, signal: str) -> tuple[str, str]:
     """How far a sensor is off in a run (rms) before and after, in the one unit of that sensor."""
-    before, after = (off_by(result, signal, off(result, run, signal, side)) for side in ("before", "after"))
+    before, after = (off_by(result, signal, off(result, run, signal, side)) for side in SIDES)
     return before, after
 
 
@@ -136,7 +134,7 @@ def in_units(result: Diagnosis) -> list[InUnits]:
         known = np.concatenate(values) if values else np.zeros(0)
         known = known[np.isfinite(known)]
         reach = float(np.ptp(known)) if known.size else 0.0
-        reach = min(reach, TURN) if result.wraps(signal) else reach
+        reach = min(reach, math.tau) if result.wraps(signal) else reach
         sensors.append(InUnits(signal, gap.unit, gap.before, gap.after, reach))
     return sensors
 

@@ -18,17 +18,17 @@ if TYPE_CHECKING:
     from compare.diagnose.explain import Explanation, Named
     from compare.diagnose.predict import Term
 
-UNSEEN = "these sensors and runs do not show it"
+NOT_SHOWN = "these sensors and runs do not show it"
 WRONG_SIGN = "it would have to have the wrong sign"
-MANY = 4  # effects in a paragraph
-SLIGHT = 0.01  # of the squared gap: with a smaller share, an effect among many is told without its values
-PLACES = 3  # told in the story; the page lists all
+MOST_IN_PARAGRAPH = 4  # effects in a paragraph
+SLIGHT_SHARE = 0.01  # of the squared gap: with a smaller share, an effect among many is told without its values
+PLACES_IN_STORY = 3  # told in the story; the page lists all
 BUDGET = "The budget of {:g} s ended the search: this is the best so far, and what ties with it was not looked for."
-LANDED = (
+LANDING = (
     "The crank lands in the gap of its drive at {}. How forces and rates jump there nobody foretells: there they count"
     " for little in the gap, and not at all in how far each sensor is off."
 )
-TOUCHING = "more revolutions, or a run so slow or so loaded that pins keep touching: its samples can be foretold"
+TOUCH = "more revolutions, or a run so slow or so loaded that pins keep touching: its samples can be foretold"
 
 
 def statement(result: Diagnosis, e: Explanation, failure: str = "") -> str:
@@ -94,21 +94,21 @@ def parted(effects: Sequence[Named]) -> tuple[list[Named], list[Named]]:
     """The effects that a paragraph tells with their values, and where there are many those that hardly take part in the
     gap.
     """
-    slight = [n for n in effects[1:] if n.share < SLIGHT] if len(effects) > MANY else []
+    slight = [n for n in effects[1:] if n.share < SLIGHT_SHARE] if len(effects) > MOST_IN_PARAGRAPH else []
     return [n for n in effects if n not in slight], slight
 
 
 def _slight(result: Diagnosis, slight: Sequence[Named]) -> str:
     which = enumerated([called(result, n.term.label) for n in slight])
     many = f"{in_words(len(slight))} smaller ones are" if len(slight) > 1 else "one smaller is"
-    return f"{capital(many)} listed too, with less than {100 * SLIGHT:.0f} % of the squared gap each: {which}."
+    return f"{capital(many)} listed too, with less than {100 * SLIGHT_SHARE:.0f} % of the squared gap each: {which}."
 
 
 def steps(result: Diagnosis, e: Explanation, agreement: float, notes: Sequence[str]) -> tuple[Step, ...]:
     """The story, step by step; the engine agrees with the analytic model within so much of the noise."""
     data = (*data_sentences(result.runs), *(capital(f"{fault.text}.") for fault in result.faults))
-    places = [capital(f"{located(result, place)}.") for place in result.located[:PLACES]]
-    more = len(result.located) - PLACES
+    places = [capital(f"{located(result, place)}.") for place in result.located[:PLACES_IN_STORY]]
+    more = len(result.located) - PLACES_IN_STORY
     places += [f"And in {count(more, 'other place')}."] if more > 0 else []
     add = tuple(_added(engine) for engine in result.engines)
     return (
