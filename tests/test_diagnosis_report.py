@@ -26,7 +26,7 @@ from compare.quantities import DASH, MINUS, TIMES, amount, fitting, plainly
 from compare.report.diagnosis import junit
 from compare.report.diagnosis_figures import LEVELS, MAP_COLUMNS, broken, figure, level, maps, overlay, panels
 from compare.report.diagnosis_page import changes, diagnosis_html, diagnosis_md
-from compare.report.diagnosis_text import terminal_lines
+from compare.report.diagnosis_terminal import terminal_lines
 from compare.report.words.diagnosis import attempts, next_steps, separation, ties, waterfall
 from compare.report.words.effects import amounts, odds, own_values, parameter, phrase, spoken
 from compare.report.words.located import located, span, wrapped

@@ -22,12 +22,12 @@ from analytic.mechanism.file import dumps, load, loads
 from compare.crosscheck import crosscheck
 from compare.files import OutputError
 from compare.quantities import number, quantities
+from compare.report.crosscheck_terminal import print_table
 from compare.report.figures import Axis, Figure, Series, beside, figures, same_turn, thinned
 from compare.report.linkage import exaggeration, linkage_figure, parts
 from compare.report.pages import escape_markdown, script_json
 from compare.report.summary import summarise
 from compare.report.svg import draw, exponent, ticks
-from compare.report.terminal import print_table
 from compare.report.words.crosscheck import headline
 from compare.results.crosscheck import CrossCheck
 from compare.results.document import DocumentError

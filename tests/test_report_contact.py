@@ -17,13 +17,13 @@ from compare.judge.statistics import held_together
 from compare.judge.tolerances import load_tolerances
 from compare.quantities import number
 from compare.report.contact_figures import bands, contact_figures
+from compare.report.crosscheck_terminal import print_table
 from compare.report.figures import Figure, figures
 from compare.report.junit import junit
 from compare.report.linkage import explorer
 from compare.report.provenance import lines
 from compare.report.summary import summarise
 from compare.report.svg import COLOURS, draw
-from compare.report.terminal import print_table
 from compare.report.words.contact import MEASURES, describe
 from compare.report.words.crosscheck import headline
 from compare.results.contact import STATISTICS, Statistic

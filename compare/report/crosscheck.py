@@ -10,13 +10,13 @@ from compare.presentation import Presentation
 from compare.quantities import plain
 from compare.report.contact_figures import contact_figures
 from compare.report.crosscheck_page import render
+from compare.report.crosscheck_terminal import print_table
 from compare.report.figures import figures
 from compare.report.junit import junit
 from compare.report.linkage import linkage_figure
 from compare.report.summary import summarise
 from compare.report.svg import draw
 from compare.report.tables import html_table
-from compare.report.terminal import print_table
 from compare.report.words.crosscheck import VERDICT_WORDS, headline
 from compare.results.crosscheck import CrossCheck
 

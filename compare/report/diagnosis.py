@@ -11,7 +11,7 @@ from rich.console import Console
 from compare.presentation import Presentation
 from compare.quantities import fitting, plainly
 from compare.report.diagnosis_page import diagnosis_html, diagnosis_md
-from compare.report.diagnosis_text import terminal_lines
+from compare.report.diagnosis_terminal import terminal_lines
 from compare.report.explained import explained_toml
 from compare.report.junit import JUnitCase, JUnitSuite, junit_xml
 from compare.report.residuals import draw as draw_residuals

@@ -13,7 +13,7 @@ from compare.quantities import DASH, MINUS, assumptions, plainly
 from compare.report import diagnosis_figures as figures
 from compare.report.explained import changes
 from compare.report.pages import PageSection, Script, markdown, page
-from compare.report.proposed import figure as law_figure
+from compare.report.proposal_figure import figure as law_figure
 from compare.report.svg import NOT_XML, draw
 from compare.report.words import diagnosis as words
 from compare.report.words import proposals

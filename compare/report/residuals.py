@@ -12,7 +12,7 @@ from rich.console import Console
 from analytic.mechanism.one_line import count
 from compare.presentation import Presentation
 from compare.quantities import amount, fitting, number
-from compare.report.diagnosis_text import in_ascii
+from compare.report.diagnosis_terminal import in_ascii
 from compare.report.tables import html_table, say
 from compare.results.residuals import Residual, Residuals, SignalResiduals
 
