@@ -83,12 +83,10 @@ def plot(result: Diagnosis, figure: Figure) -> None:
     for axis, name in zip(figure.subplots(len(names), 1, squeeze=False)[:, 0], names, strict=True):
         run = result.runs[widest[name][1]]
         channel = run.signals[name]
-        x = run.time if run.over_time else np.degrees(run.crank_angle)
         unit, factor = fitting(channel.unit, float(np.nanmax(np.abs(result.residual(run, name, "before")))))
         before, after = (factor * result.residual(run, name, side) for side in SIDES)
-        draw_residuals(axis, x, before, after, factor * channel.noise)
+        draw_residuals(axis, run, before, after, factor * channel.noise)
         axis.set_ylabel(f"{spoken(result, name)} ({unit})")
-        axis.set_xlabel(f"{'time (s)' if run.over_time else 'crank angle (deg)'}, run {run.name}")
     figure.suptitle(f"{result.case}: {result.verdict}; measured minus simulated, noise within two sigmas shaded")
 
 

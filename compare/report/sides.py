@@ -12,6 +12,7 @@ from rich.console import Console
 from analytic.mechanism.one_line import count
 from compare.presentation import Presentation
 from compare.quantities import assumptions, drive_signals, plain, quantities
+from compare.report.summary import by_reason
 from compare.report.tables import html_table, say, terminal_table
 from compare.results.analysis import Analysis, Simulation
 
@@ -42,13 +43,9 @@ def _said(result: Side) -> Iterator[str]:
     """What was filled in, and each reason why there is no answer."""
     yield from (f"assumed: {line}" for line in assumptions(result.assumed))
     if isinstance(result, Analysis):
-        by_reason: dict[str, list[int]] = {}
-        for i, why in result.flags.items():
-            by_reason.setdefault(why, []).append(int(i))
-        for why, at in by_reason.items():
-            first = min(at)
-            angle = f"{np.degrees(result.crank_angle[first]):.4g} deg"
-            where = angle if result.time is None else f"{result.time[first]:.4g} s"
+        for why, at in by_reason(result.flags).items():
+            angle = f"{np.degrees(result.crank_angle[at[0]]):.4g} deg"
+            where = angle if result.time is None else f"{result.time[at[0]]:.4g} s"
             yield f"no answer at {count(len(at), 'sample')}, first {where}: {why}"
 
 

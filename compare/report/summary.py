@@ -98,10 +98,7 @@ class ShownRun:
     @property
     def flagged(self) -> tuple[tuple[str, str], ...]:
         """Each reason of its flags once, after the ranges in which it holds: ``30 to 85 deg, every 5 deg``."""
-        by_reason: dict[str, list[int]] = {}
-        for i, reason in self.run.flags.items():
-            by_reason.setdefault(reason, []).append(int(i))
-        ranges = {reason: list(_ranges(sorted(at), self.over)) for reason, at in by_reason.items()}
+        ranges = {reason: list(_ranges(at, self.over)) for reason, at in by_reason(self.run.flags).items()}
         return tuple((("; " if "," in "".join(at) else ", ").join(at), reason) for reason, at in ranges.items())
 
 
@@ -177,6 +174,13 @@ def _shown(index: int, run: Run, mechanism: Mechanism, signals: Mapping[str, Qua
     rows = sorted((_row(signals[d.signal], d, run, over) for d in run.discrepancies), key=place)
     order = (_difference(signals[s], d, run, over) for s, d in run.order_difference.items() if s in signals)
     return ShownRun(index, run, over, tuple(rows), tuple(sorted(order, key=place)))
+
+
+def by_reason(flags: Mapping[str, str]) -> dict[str, list[int]]:
+    """Each reason of some flags with the samples that it is of, in order."""
+    return {
+        why: sorted(int(i) for i, reason in flags.items() if reason == why) for why in dict.fromkeys(flags.values())
+    }
 
 
 def abscissa(run: Run, mechanism: Mechanism) -> Abscissa:
