@@ -22,8 +22,9 @@ from analytic.mechanism.file import dumps, load, loads
 from compare.crosscheck import crosscheck
 from compare.files import OutputError
 from compare.quantities import number, quantities
+from compare.report.crosscheck_figures import beside, figures, same_turn, thinned
 from compare.report.crosscheck_terminal import print_table
-from compare.report.figures import Axis, Figure, Series, beside, figures, same_turn, thinned
+from compare.report.figure import Axis, Figure, Series
 from compare.report.linkage import exaggeration, linkage_figure, parts
 from compare.report.pages import escape_markdown, script_json
 from compare.report.summary import summarise

@@ -17,8 +17,9 @@ from compare.judge.statistics import held_together
 from compare.judge.tolerances import load_tolerances
 from compare.quantities import number
 from compare.report.contact_figures import bands, contact_figures
+from compare.report.crosscheck_figures import figures
 from compare.report.crosscheck_terminal import print_table
-from compare.report.figures import Figure, figures
+from compare.report.figure import Figure
 from compare.report.junit import junit
 from compare.report.linkage import explorer
 from compare.report.provenance import lines

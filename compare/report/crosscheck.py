@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 from compare.presentation import Presentation
 from compare.quantities import plain
 from compare.report.contact_figures import contact_figures
+from compare.report.crosscheck_figures import figures
 from compare.report.crosscheck_page import render
 from compare.report.crosscheck_terminal import print_table
-from compare.report.figures import figures
 from compare.report.junit import junit
 from compare.report.linkage import linkage_figure
 from compare.report.summary import summarise

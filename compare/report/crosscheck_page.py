@@ -9,7 +9,7 @@ from dataclasses import asdict
 from markupsafe import Markup
 
 from compare.quantities import DASH, assumptions
-from compare.report.figures import Figure
+from compare.report.figure import Figure
 from compare.report.linkage import explorer
 from compare.report.pages import PageSection, Script, markdown, page
 from compare.report.summary import REAL, ShownRun, Summary

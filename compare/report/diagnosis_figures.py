@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from compare.quantities import MINUS, Quantity, number
-from compare.report.figures import Axis, Figure, Numbers, Series, extreme, scaled
+from compare.report.figure import Axis, Figure, Numbers, Series, extreme, scaled
 from compare.report.svg import ticks
 from compare.report.words.diagnosis import SIGMA
 from compare.report.words.effects import quantity, spoken

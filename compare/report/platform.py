@@ -10,7 +10,7 @@ from rich.console import Console
 from analytic.mechanism.one_line import count
 from compare.presentation import Presentation
 from compare.quantities import plain, shown
-from compare.report.figures import Numbers, scaled
+from compare.report.figure import Numbers, scaled
 from compare.report.linkage import parts
 from compare.report.pages import PageSection, Script, page
 from compare.report.tables import html_table, say, terminal_table

@@ -12,7 +12,7 @@ from rich.console import Console
 
 from compare.presentation import Presentation
 from compare.quantities import amount, number, quantities, shown
-from compare.report.figures import Axis, Figure, Series, scaled
+from compare.report.figure import Axis, Figure, Series, scaled
 from compare.report.pages import PageSection, page
 from compare.report.svg import draw
 from compare.report.tables import html_table, say, terminal_table

@@ -6,7 +6,7 @@ import numpy as np
 
 from analytic.mechanism.one_line import capital
 from compare.quantities import fitting
-from compare.report.figures import Axis, Figure, Mark, Series
+from compare.report.figure import Axis, Figure, Mark, Series
 from compare.report.words.effects import unknown
 from compare.results.diagnosis import Diagnosis, Proposed
 from compare.results.document import listed

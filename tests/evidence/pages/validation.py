@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from analytic.mechanism.one_line import count
-from compare.report.figures import reaction_directions
+from compare.report.crosscheck_figures import reaction_directions
 from compare.report.linkage import linkage_figure
 from compare.report.summary import summarise
 from compare.report.svg import draw

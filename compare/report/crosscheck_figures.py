@@ -1,73 +1,20 @@
-"""The figures of a report as data, made once; :mod:`compare.report.svg` draws them for a file, ``chart.js`` for the
-page.
-"""
+"""The figures of a cross-check: directions of the reactions, paths of the journals, both sides and differences."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 
 from compare.quantities import GAMMA, MINUS, Quantity, apart, drive_signals, number
+from compare.report.figure import Axis, Figure, Mark, Numbers, Series, extreme, scaled
 from compare.report.summary import Summary
 from compare.results.crosscheck import CrossCheck, Run
 from compare.results.document import listed
 
 JOURNAL_POINTS = 3000  # about as many points as a drawn journal path keeps
-Numbers = tuple[float | None, ...]
-Mark = Literal["line", "dashed", "marker", "band", "link", "joint", "pivot"]
-
-
-@dataclass(frozen=True)
-class Axis:
-    """What is along an axis, in which unit."""
-
-    label: str
-    unit: str
-
-    @property
-    def title(self) -> str:
-        """Label and unit as an axis prints them."""
-        return f"{self.label} ({self.unit})" if self.unit else self.label
-
-
-@dataclass(frozen=True)
-class Series:
-    """Points in the axes' units, None where there is none.  ``role`` picks the colour, ``mark`` how it is drawn: a
-    ``band`` goes along its upper edge and back along its lower one.
-
-    ``level`` tells several simulators of one joint model apart.  A series that does not ``scale`` has no say in the
-    range of the axes; one without a ``name`` is not in the legend.
-    """
-
-    name: str
-    x: Numbers
-    y: Numbers
-    role: str
-    mark: Mark = "line"
-    level: int = 0
-    labels: tuple[str, ...] = ()
-    scale: bool = True
-
-
-@dataclass(frozen=True)
-class Figure:
-    """One figure: ``name`` is its file's stem, ``summary`` its text alternative, a ``plane`` has equal scales in x and
-    y.
-    """
-
-    name: str
-    title: str
-    summary: str
-    x: Axis
-    y: Axis
-    series: tuple[Series, ...]
-    kind: Literal["curves", "plane"] = "curves"
-    note: str = ""
 
 
 def figures(summary: Summary) -> list[Figure]:
@@ -83,16 +30,6 @@ def figures(summary: Summary) -> list[Figure]:
         drawn = [figure for figure in drawn if any(series.mark == "marker" for series in figure.series)]
     drawn += [differences(summary, quantity) for quantity in summary.keys()]
     return [figure for figure in drawn if any(series.name for series in figure.series)]
-
-
-def scaled(values: Iterable[float | None] | np.ndarray, factor: float = 1.0, digits: int = 7) -> Numbers:
-    """Values in a reader's unit, to the digits that a figure can show; None where there is no number."""
-    return tuple(None if v is None or not math.isfinite(v) else float(f"{factor * v:.{digits}g}") for v in values)
-
-
-def extreme(values: Numbers) -> str:
-    """The largest size of some values, as a summary says it."""
-    return number(max((abs(v) for v in values if v is not None), default=None))
 
 
 def simulators(result: CrossCheck) -> list[str]:
@@ -139,8 +76,8 @@ def _sides(summary: Summary, signal: str, name: str, title: str, up: Axis) -> Fi
             values = same_turn(beside(values, first()), first()) if quantity.angular else values
             marks.append(_simulated(summary, run, x, values, "marker"))
     spans = [f"{s.name} {_span(s.y, quantity)}" for s in [*lines.values(), *marks]]
-    text = f"{title} over {over.label}. {'; '.join(spans)}."
-    return Figure(name, title, text, Axis(over.label, over.unit), up, (*lines.values(), *marks))
+    text = f"{title} over {over.axis.label}. {'; '.join(spans)}."
+    return Figure(name, title, text, over.axis, up, (*lines.values(), *marks))
 
 
 def _shows(run: Run, signal: str) -> bool:
@@ -274,6 +211,6 @@ def differences(summary: Summary, quantity: Quantity) -> Figure:
     bounds = [
         Series("", ends, (t, t), "frame", "dashed", scale=False) for limit in sorted(limits) for t in (limit, -limit)
     ]
-    text = f"{quantity.title}, simulated minus analytic, over {over.label}: {'; '.join(worst)}. {note}".strip()
-    axes = (Axis(over.label, over.unit), Axis(f"simulated {MINUS} analytic", quantity.unit))
+    text = f"{quantity.title}, simulated minus analytic, over {over.axis.label}: {'; '.join(worst)}. {note}".strip()
+    axes = (over.axis, Axis(f"simulated {MINUS} analytic", quantity.unit))
     return Figure(f"difference_{quantity.signal}", quantity.title, text, *axes, (*lines, *bounds), note=note)
