@@ -76,8 +76,8 @@ def _sides(summary: Summary, signal: str, name: str, title: str, up: Axis) -> Fi
             values = same_turn(beside(values, first()), first()) if quantity.angular else values
             marks.append(_simulated(summary, run, x, values, "marker"))
     spans = [f"{s.name} {_span(s.y, quantity)}" for s in [*lines.values(), *marks]]
-    text = f"{title} over {over.axis.label}. {'; '.join(spans)}."
-    return Figure(name, title, text, over.axis, up, (*lines.values(), *marks))
+    text = f"{title} over {over.label}. {'; '.join(spans)}."
+    return Figure(name, title, text, Axis(over.label, over.unit), up, (*lines.values(), *marks))
 
 
 def _shows(run: Run, signal: str) -> bool:
@@ -211,6 +211,6 @@ def differences(summary: Summary, quantity: Quantity) -> Figure:
     bounds = [
         Series("", ends, (t, t), "frame", "dashed", scale=False) for limit in sorted(limits) for t in (limit, -limit)
     ]
-    text = f"{quantity.title}, simulated minus analytic, over {over.axis.label}: {'; '.join(worst)}. {note}".strip()
-    axes = (over.axis, Axis(f"simulated {MINUS} analytic", quantity.unit))
+    text = f"{quantity.title}, simulated minus analytic, over {over.label}: {'; '.join(worst)}. {note}".strip()
+    axes = (Axis(over.label, over.unit), Axis(f"simulated {MINUS} analytic", quantity.unit))
     return Figure(f"difference_{quantity.signal}", quantity.title, text, *axes, (*lines, *bounds), note=note)

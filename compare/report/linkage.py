@@ -103,8 +103,8 @@ def _explored(summary: Summary, shown: ShownRun) -> dict[str, object]:
     return {
         "title": run.title,
         "role": run.joint_model,
-        "label": shown.over.axis.label,
-        "unit": shown.over.axis.unit,
+        "label": shown.over.label,
+        "unit": shown.over.unit,
         "x": scaled(shown.over.values),
         "flags": dict(run.flags),
         "opens": _opens(shown),
@@ -193,7 +193,7 @@ def linkage_figure(result: CrossCheck) -> Figure | None:
     model = run.analytic_model.replace("_", " ")
     pose = _between(_pose(ideal, k), _pose(displaced, k), times)
     series += _drawn(result.mechanism, pose, f"displaced ({model})" if gaps else "analytic", "analytic", gaps)
-    title = f"The linkage at {over.axis.label} {number(over.values[k], 4)} {over.axis.unit}"
+    title = f"The linkage at {over.label} {number(over.values[k], 4)} {over.unit}"
     title += f", gaps drawn {times} times as large" if gaps and times > 1 else ""
     sizes = ", ".join(f"{joint} {number(1e3 * size)} mm" for joint, size in run.clearance.items()) or "none"
     text, note = f"{title}. Radial clearance: {sizes}.", f"clearance: {sizes}"

@@ -16,12 +16,10 @@ import numpy as np
 from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import count
 from compare.quantities import Quantity, key_signals, plain, quantities, shown
-from compare.report.figure import Axis
 from compare.report.words.contact import ContactShown, describe
 from compare.results.crosscheck import CrossCheck, Discrepancy, OrderDifference, Run
 
 REAL = ("contact", "spring-damper", "massless-link", "ideal")  # joint models, the most real first
-CRANK = Axis("crank angle θ₂", "deg")
 EQUAL_STEPS = 1e-6  # of a step between samples: steps that differ by less are equal
 
 
@@ -31,17 +29,18 @@ class Abscissa:
     course, so that its crank angle may come back to where it was.
     """
 
-    axis: Axis
+    label: str
+    unit: str
     values: Sequence[float]
 
     @property
     def of_time(self) -> bool:
         """Whether samples belong to times."""
-        return self.axis.unit == "s"
+        return self.unit == "s"
 
     def at(self, sample: int) -> str:
         """Where a sample is: ``30 deg``."""
-        return f"{plain(self.values[sample], 4)} {self.axis.unit}"
+        return f"{plain(self.values[sample], 4)} {self.unit}"
 
 
 @dataclass(frozen=True)
@@ -94,7 +93,7 @@ class ShownRun:
         """How many samples are compared, and over what: ``29 crank angles, 20 to 160 deg``."""
         samples = count(len(self.over.values), "instant" if self.over.of_time else "crank angle")
         first, last = (plain(end(self.over.values), 5) for end in (min, max))
-        return f"{samples}, {first} to {last} {self.over.axis.unit}"
+        return f"{samples}, {first} to {last} {self.over.unit}"
 
     @property
     def flagged(self) -> tuple[tuple[str, str], ...]:
@@ -187,13 +186,13 @@ def by_reason(flags: Mapping[str, str]) -> dict[str, list[int]]:
 def abscissa(run: Run, mechanism: Mechanism) -> Abscissa:
     """What a run's samples are plotted over."""
     if run.time is not None and mechanism.speed is None:
-        return Abscissa(Axis("time", "s"), run.time.tolist())
-    return Abscissa(CRANK, [math.degrees(1.0) * angle for angle in run.crank_angle.tolist()])
+        return Abscissa("time", "s", run.time.tolist())
+    return Abscissa("crank angle θ₂", "deg", [math.degrees(1.0) * angle for angle in run.crank_angle.tolist()])
 
 
 def _ranges(samples: list[int], over: Abscissa) -> Iterator[str]:
     """Samples, by increasing index, as ranges of three or more neighbours at equal steps, and as single places."""
-    x, unit = over.values, over.axis.unit
+    x, unit = over.values, over.unit
     while samples:
         step = x[samples[1]] - x[samples[0]] if len(samples) > 1 else 0.0
         size = 1
