@@ -28,7 +28,7 @@ from compare.report.diagnosis_figures import LEVELS, MAP_COLUMNS, broken, figure
 from compare.report.diagnosis_page import changes, diagnosis_html, diagnosis_md
 from compare.report.diagnosis_terminal import terminal_lines
 from compare.report.words.diagnosis import attempts, next_steps, separation, ties, waterfall
-from compare.report.words.effects import amounts, odds, own_values, parameter, phrase, spoken
+from compare.report.words.effects import odds, own_values, parameter, phrase, spoken, values_of
 from compare.report.words.located import located, span, wrapped
 from compare.report.words.measured import data_sentences, explained_to, off, off_by
 from compare.results.diagnosis import Diagnosis, Effect, Estimate, Located, SmallError
@@ -377,7 +377,7 @@ def test_a_sentence_of_an_effect_says_which_way(
     positive, negative = SENTENCES[f"{effect.name}.{p.name}"]
     for value, said in ((0.02, positive), (-0.02, negative)):
         given = {p.name: Estimate(value=value, unit=unit, low=value, high=value)}
-        told = effect.tells(place, amounts(result, effect, where, given))
+        told = effect.tells(place, values_of(result, SmallError(name=effect.name, where=where, parameters=given)))
         assert told.endswith(said)
         assert (told == said) is (value > 0)
         assert MINUS not in told
@@ -387,8 +387,10 @@ def test_a_direction_has_its_interval_counted_its_way(explained: dict[str, Any])
     result = as_document(explained)
     shorter = {"length_error": Estimate(value=-2.98e-4, unit="m", low=-3.01e-4, high=-2.95e-4)}
     unsure = {"length_error": Estimate(value=-2.98e-4, unit="m", low=-7e-4, high=1e-4)}
-    (sure_words,) = amounts(result, VOCABULARY["link_length"], "follower", shorter, intervals=True)
-    (unsure_words,) = amounts(result, VOCABULARY["link_length"], "follower", unsure, intervals=True)
+    sure_words, unsure_words = (
+        *values_of(result, SmallError(name="link_length", where="follower", parameters=shorter), intervals=True),
+        *values_of(result, SmallError(name="link_length", where="follower", parameters=unsure), intervals=True),
+    )
     assert sure_words == "0.2980 mm shorter than drawn (95 %: 0.2950 to 0.3010 mm)"
     assert unsure_words == f"0.30 mm shorter than drawn (95 %: {MINUS}0.10 to 0.70 mm)"
 
@@ -400,7 +402,7 @@ def test_a_link_that_is_drawn_backwards_is_longer_where_its_last_point_moves_bac
         moved = VOCABULARY["link_length"].on_mechanism(m, "follower", {"length_error": error})
         assert np.sign(moved.moving["follower"].length - 0.1) == -np.sign(error)
         given = {"length_error": Estimate(value=error, unit="m", low=error - 1e-5, high=error + 1e-5)}
-        assert amounts(result, VOCABULARY["link_length"], "follower", given) == [said]
+        assert values_of(result, SmallError(name="link_length", where="follower", parameters=given)) == [said]
 
 
 def test_values_of_each_run_are_a_range_and_have_one_unit(explained: dict[str, Any]) -> None:

@@ -99,6 +99,7 @@ def test_it_says_whether_averages_have_converged_and_the_motion_repeats_itself(a
     run = in_contact(agreeing)[0]
     assert run.contact is not None
     assert run.contact.words == "averages over 24 revolutions are known to 10 %"
+    assert one.sentence.startswith(f"{run.contact.words}; {one.repeats}; ")
     assert one.repeats == "the motion repeats itself every 2 revolutions"
     wild = run.model_copy(update={"contact": run.contact.model_copy(update={"period": None})})
     assert (

@@ -115,26 +115,20 @@ def _base(name: str) -> str:
     return name.partition("@")[0]
 
 
-def amounts(
-    result: Diagnosis,
-    effect: Kind | None,
-    where: str,
-    parameters: Mapping[str, Estimate],
-    intervals: bool = False,
-) -> list[str]:
-    """Each value of an effect (None: one that is not known here) as one says it: ``0.298 mm longer than drawn``, or by
-    its name where no direction has a word: ``radial clearance 0.15 mm``; with its 95 % ``intervals`` on request.
+def values_of(result: Diagnosis, effect: EffectPlace, intervals: bool = False) -> list[str]:
+    """Each value of an effect as one says it: ``0.298 mm longer than drawn``, or by its name where no direction has a
+    word: ``radial clearance 0.15 mm``; with its 95 % ``intervals`` on request.
     """
-    out = []
+    kind, parameters, words = VOCABULARY.get(effect.name), _parameters(effect), []
     for key, estimate in parameters.items():
-        way = _direction_word(result, effect, where, key, estimate.value)
+        way = _direction_word(result, kind, effect.where, key, estimate.value)
         like = [p for other, p in parameters.items() if _base(other) == _base(key)]
         called, value, interval = parameter(key, _minus(estimate) if way and estimate.value < 0 else estimate, like)
         run = called.partition(" in run ")[1:] if "@" in key else ("", "")
         open_ended = estimate.low is None or estimate.high is None
         known = f" (95 %: {interval})" if intervals and (open_ended or estimate.low != estimate.high) else ""
-        out.append((f"{value} {way}{''.join(run)}" if way else f"{called} {value}") + known)
-    return out
+        words.append((f"{value} {way}{''.join(run)}" if way else f"{called} {value}") + known)
+    return words
 
 
 def _direction_word(result: Diagnosis, effect: Kind | None, where: str, key: str, value: float) -> str:
@@ -213,11 +207,6 @@ def headline(result: Diagnosis, effect: EffectPlace) -> str:
 def of_effect(effect: EffectPlace) -> list[Row]:
     """Name, value and interval of each parameter; nothing for an effect that is only tied."""
     return rows(_parameters(effect))
-
-
-def values_of(result: Diagnosis, effect: EffectPlace, intervals: bool = False) -> list[str]:
-    """The values of an effect as one says them, with their 95 % ``intervals`` on request."""
-    return amounts(result, VOCABULARY.get(effect.name), effect.where, _parameters(effect), intervals)
 
 
 def _parameters(effect: EffectPlace) -> Mapping[str, Estimate]:

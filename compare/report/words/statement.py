@@ -9,7 +9,7 @@ from analytic.mechanism.one_line import capital, count, enumerated, in_words
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.quantities import plainly
 from compare.report.words.diagnosis import SIGMA, separation
-from compare.report.words.effects import amounts, called, own_values, small_errors, spoken
+from compare.report.words.effects import called, own_values, small_errors, spoken, values_of
 from compare.report.words.located import located
 from compare.report.words.measured import data_sentences, explained_to, validation_sentences
 from compare.results.diagnosis import Diagnosis, EngineGaps, Step
@@ -70,7 +70,7 @@ def named(result: Diagnosis, n: Named) -> str:
         text = capital(f"{own.sentence(len(result.fitted))}.")
         kept = enumerated([run.name for run in result.validation])
         return f"{text} It was not applied to {kept}, for which it has no value." if kept else text
-    values = amounts(result, n.term.effect, n.term.where, effect.parameters, intervals=True)
+    values = values_of(result, effect, intervals=True)
     return capital(f"{n.term.effect.tells(_place(result, n.term), values)}.")
 
 
