@@ -25,6 +25,7 @@ from compare.report.words import statement as words
 from compare.results.crosscheck import Simulator
 from compare.results.diagnosis import (
     SIDES,
+    CandidateStatus,
     Closing,
     ConsideredEffect,
     DiagnosedRun,
@@ -42,7 +43,6 @@ from compare.results.diagnosis import (
     SensorRecord,
     Side,
     SmallError,
-    Status,
     TriedEffect,
 )
 from sim_models.engine import SettingValue, installed_version
@@ -282,7 +282,7 @@ def _candidates(problem: Problem, found: Verified, result: Diagnosis) -> tuple[C
     for term in problem.terms:
         if term.key in rows:
             continue
-        status: Status
+        status: CandidateStatus
         remaining, rival, sigmas = None, None, 0.0
         if term.key in problem.ruled_out:
             status, why = "excluded", problem.ruled_out[term.key]
@@ -312,7 +312,7 @@ def _candidates(problem: Problem, found: Verified, result: Diagnosis) -> tuple[C
     return tuple(rows.values())
 
 
-def _unseen(result: Diagnosis, n: Named | None) -> tuple[Status, str]:
+def _unseen(result: Diagnosis, n: Named | None) -> tuple[CandidateStatus, str]:
     """What is said of an effect that no sample shows: one that is asked for may be named by statistics."""
     if n is not None and n.term.effect.asked_for:
         return "named", words.named(result, n)

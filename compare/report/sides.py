@@ -19,15 +19,15 @@ from compare.results.analysis import Analysis, Simulation
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Side = Analysis | Simulation
+OneSide = Analysis | Simulation
 
 
-def files(result: Side) -> dict[str, str]:
+def files(result: OneSide) -> dict[str, str]:
     """Every signal, a row for each crank angle (or time)."""
     return {"signals.csv": result.to_csv()}
 
 
-def _ranges(result: Side) -> list[tuple[str, str, str, str]]:
+def _ranges(result: OneSide) -> list[tuple[str, str, str, str]]:
     """Each signal's name, unit, smallest and largest value."""
     known, rows = quantities(result.mechanism), []
     for name, values in result.signals.items():
@@ -39,7 +39,7 @@ def _ranges(result: Side) -> list[tuple[str, str, str, str]]:
     return rows
 
 
-def _said(result: Side) -> Iterator[str]:
+def _said(result: OneSide) -> Iterator[str]:
     """What was filled in, and each reason why there is no answer."""
     yield from (f"assumed: {line}" for line in assumptions(result.assumed))
     if isinstance(result, Analysis):
@@ -52,19 +52,19 @@ def _said(result: Side) -> Iterator[str]:
 RANGE_HEADS = ("signal", "unit", "smallest", "largest")
 
 
-def print_table(result: Side, console: Console) -> None:
+def print_table(result: OneSide, console: Console) -> None:
     """Print the range of each signal, in degrees and millimetres."""
     console.print(terminal_table(RANGE_HEADS, _ranges(result), left=("signal", "unit")))
     say(console, *_said(result), repr(result))
 
 
-def summary_html(result: Side) -> str:
+def summary_html(result: OneSide) -> str:
     """The range of each signal, what was filled in, and why there is no answer."""
     said = "".join(f"<li>{html.escape(line)}</li>" for line in _said(result))
     return f"{html_table(_ranges(result), RANGE_HEADS, repr(result))}<ul>{said}</ul>"
 
 
-def plot(result: Side, figure: Figure) -> None:
+def plot(result: OneSide, figure: Figure) -> None:
     """Size of each reaction, and the drive torque, over the crank angle (over time where the linkage swings)."""
     known = quantities(result.mechanism)
     time = result.time if result.mechanism.speed is None else None

@@ -16,14 +16,14 @@ from compare.results.crosscheck import Simulator
 from compare.results.document import Amount, Document, Filled, Grid, Mechanism, Number, Part, Row, Series, Text
 from sim_models.engine import SettingValue
 
-Verdict = Literal["no gap", "explained", "partly explained", "unexplained", "ambiguous"]
-Status = Literal["named", "tied", "not needed", "not physical", "invisible", "excluded"]
+DiagnosisVerdict = Literal["no gap", "explained", "partly explained", "unexplained", "ambiguous"]
+CandidateStatus = Literal["named", "tied", "not needed", "not physical", "invisible", "excluded"]
 Side = Literal["before", "after"]
 SIDES: tuple[Side, ...] = get_args(Side)
 Kind = Literal["rig", "sensor"]
 Role = Literal["fit", "validation"]
 Unknown = Literal["torque", "give", "length", "bend", "lag", "error"]
-SETTLED_VERDICTS: tuple[Verdict, ...] = ("no gap", "explained")
+SETTLED_VERDICTS: tuple[DiagnosisVerdict, ...] = ("no gap", "explained")
 Size = Annotated[FiniteFloat, Field(ge=0)]
 Unit = Annotated[str, Field(min_length=1, description="SI; 1 for a number without a unit")]
 Key = Annotated[str, Field(pattern="^.+@.+$", description="name@where")]
@@ -247,7 +247,7 @@ class ConsideredEffect(EffectPlace):
         Amount, Field(description="Sigmas left of its own signature once its best rival is projected out.")
     ]
     rival: Key | None
-    status: Status
+    status: CandidateStatus
     why: str
 
 
@@ -348,7 +348,7 @@ class Diagnosis(Document):
     opens: ClassVar[str] = "diagnosis.html"
 
     case: Annotated[str, Field(description="Name of the nominal mechanism.")]
-    verdict: Verdict
+    verdict: DiagnosisVerdict
     statement: Annotated[str, Field(min_length=1, description="The verdict in words.")]
     simulator: Annotated[Simulator, Field(description="The engine that diagnosed.")]
     command: Annotated[str, Field(description="The command that made this file.")]

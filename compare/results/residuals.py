@@ -9,7 +9,7 @@ from pydantic import Field, FiniteFloat
 
 from analytic.mechanism.one_line import count
 from compare.results.crosscheck import Simulator
-from compare.results.diagnosis import Unit, Verdict
+from compare.results.diagnosis import DiagnosisVerdict, Unit
 from compare.results.document import Amount, Document, Grid, Number, Part, Row, Series, Text
 
 
@@ -50,7 +50,7 @@ class SignalResiduals(Document):
     remedy: ClassVar[str] = "give what compare show --json --signal prints of a diagnosis.json"
 
     case: Annotated[str, Field(description="Name of the nominal mechanism.")]
-    verdict: Annotated[Verdict, Field(description="Of the diagnosis.")]
+    verdict: Annotated[DiagnosisVerdict, Field(description="Of the diagnosis.")]
     simulator: Annotated[Simulator, Field(description="The engine that diagnosed.")]
     signal: Annotated[str, Field(description="Its name in files.")]
     label: Annotated[Text, Field(description="What it is, in words.")]

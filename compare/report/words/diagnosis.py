@@ -9,12 +9,12 @@ from analytic.mechanism.one_line import enumerated
 from compare.quantities import plainly, setting
 from compare.report.words.effects import called, headline, own_values, phrase, spoken, unknown, values_of
 from compare.report.words.measured import remaining
-from compare.results.diagnosis import Diagnosis, Effect, EffectPlace, EngineGaps, TriedEffect, Verdict
+from compare.results.diagnosis import Diagnosis, DiagnosisVerdict, Effect, EffectPlace, EngineGaps, TriedEffect
 
 TOML_STARTS = ("[", "#")
 LEAST_SHARE = 0.001  # of the squared gap: a smaller share of everything is no bar
 SIGMA = "\N{GREEK SMALL LETTER SIGMA}"
-DIAGNOSIS_SIGNS: dict[Verdict, str] = {
+DIAGNOSIS_SIGNS: dict[DiagnosisVerdict, str] = {
     "no gap": "✓",
     "explained": "✓",
     "partly explained": "≈",

@@ -30,7 +30,7 @@ OWN_OF_RUNS = {  # what each run has of its own where an effect has a value for 
     "sensor_drift": "drift of the sensor for {}",
     "stamp_jitter": "jitter of the time stamps",
 }
-Row = tuple[str, str, str]  # a parameter's name, its value and its 95 % interval
+ParameterRow = tuple[str, str, str]  # a parameter's name, its value and its 95 % interval
 NEARLY_ODDS, FAINT_ODDS = 0.2, 0.01  # odds below which a tie does nearly as well, or can only not be ruled out
 
 
@@ -72,7 +72,7 @@ def unknown(result: Diagnosis, p: Proposed | SamePlace) -> str:
     return UNKNOWNS[p.unknown].format(spoken(result, p.place) if p.unknown == "error" else p.place)
 
 
-def parameter(name: str, estimate: Estimate, like: Sequence[Estimate] = ()) -> Row:
+def parameter(name: str, estimate: Estimate, like: Sequence[Estimate] = ()) -> ParameterRow:
     """A parameter's name, its value, and its 95 % interval, in one unit and to as many digits as the interval allows.
 
     The unit fits the values that it is ``like`` too.  A value of one run is called ``offset@run``.
@@ -103,7 +103,7 @@ def _unit(what: str, estimates: Sequence[Estimate]) -> tuple[str, float]:
     return fitting(estimates[0].unit, *(v for p in estimates for v in (p.value, p.low, p.high)))
 
 
-def rows(parameters: Mapping[str, Estimate]) -> list[Row]:
+def rows(parameters: Mapping[str, Estimate]) -> list[ParameterRow]:
     """Every parameter of an effect; the values of one parameter in several runs in one unit."""
     return [
         parameter(name, estimate, [p for other, p in parameters.items() if _base(other) == _base(name)])
@@ -153,7 +153,7 @@ class OwnValues:
 
     called: str
     reach: str
-    runs: tuple[Row, ...]
+    runs: tuple[ParameterRow, ...]
 
     def sentence(self, runs: int) -> str:
         """``each run has its own encoder zero, -1.7 to +3.6 deg``, where there are so many runs."""
@@ -204,7 +204,7 @@ def headline(result: Diagnosis, effect: EffectPlace) -> str:
     return own.sentence(len(result.fitted)) if own else phrase(result, effect.name, effect.where)
 
 
-def of_effect(effect: EffectPlace) -> list[Row]:
+def of_effect(effect: EffectPlace) -> list[ParameterRow]:
     """Name, value and interval of each parameter; nothing for an effect that is only tied."""
     return rows(_parameters(effect))
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from analytic.mechanism.one_line import capital, enumerated
 from compare.quantities import amount
 from compare.report.words.diagnosis import percent
-from compare.report.words.effects import Row, parameter, unknown
+from compare.report.words.effects import ParameterRow, parameter, unknown
 from compare.results.diagnosis import Diagnosis, Estimate, Proposed
 
 if TYPE_CHECKING:
@@ -108,6 +108,6 @@ def sentences(result: Diagnosis, p: Proposed) -> list[str]:
     return out
 
 
-def numbers(p: Proposed) -> list[Row]:
+def numbers(p: Proposed) -> list[ParameterRow]:
     """Letter, value and 95 % interval of each number of the law."""
     return [parameter(letter, estimate) for letter, estimate in p.coefficients.items()]
