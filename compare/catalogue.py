@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from analytic.mechanism.file import load, shipped_cases
-from compare.results.catalogue import Capability, Case, Cases, Effect, Effects, Engine, Parameter, Simulators
+from compare.results.catalogue import Capability, Case, Cases, Effects, KnownEffect, KnownEngine, Parameter, Simulators
 from sim_models.engine import JOINT_MODELS, MOTIONS, SimulatorMissing, broken, declared, engine_names, installed_version
 
 
@@ -33,18 +33,20 @@ def _simulated(name: str) -> tuple[str, ...]:
     return tuple(effect.name for effect in VOCABULARY.values() if effect.simulated_by(chosen))
 
 
-def _engine(name: str) -> Engine:
+def _engine(name: str) -> KnownEngine:
     try:
         chosen = declared(name)
     except SimulatorMissing as why:
-        return Engine(name=name, package="", status="broken", version=None, fault=str(why), supports=(), effects=())
+        return KnownEngine(
+            name=name, package="", status="broken", version=None, fault=str(why), supports=(), effects=()
+        )
     version = installed_version(chosen.package)
     fault = broken(chosen.package) if version else ""
     supports = []
     for model in JOINT_MODELS:
         motions = tuple(motion for motion in MOTIONS if (model, motion) in chosen.capabilities.runs)
         supports.append(Capability(joint_model=model, motions=motions))
-    return Engine(
+    return KnownEngine(
         name=name,
         package=chosen.package,
         status="broken" if fault else "installed" if version else "not installed",
@@ -62,7 +64,7 @@ def effects() -> Effects:
     able = {name: _simulated(name) for name in engine_names()}
     return Effects(
         effects=tuple(
-            Effect(
+            KnownEffect(
                 name=effect.name,
                 where=effect.place,
                 says=effect.says("<where>"),

@@ -35,7 +35,8 @@ from compare.omissions import Asked, omitted
 from compare.questions.accuracy import PlatformQuestion, WorkspaceGrid
 from compare.questions.option import Places
 from compare.questions.question import answers
-from compare.results.platform import Map, Place, PlatformAccuracy, PointError, PoseError
+from compare.results.accuracy import PointError
+from compare.results.platform import BodyPoses, PlatformAccuracy, PoseError, WorkspaceMap
 from compare.schedules import over_time
 from compare.versions import versions
 
@@ -162,7 +163,7 @@ def _over_workspace(
     errors = platform(ideal, outputs, clearances, steps)
     moved, why = _equilibria(assembly, space.coordinates, errors) if clearances else (None, "")
     first = next(d for d in outputs if d.axis == "x")
-    where = Map(output=first.place, x=space.x, y=space.y, angle=space.angle)
+    where = WorkspaceMap(output=first.place, x=space.x, y=space.y, angle=space.angle)
     result = _result(assembly, errors, moved, outputs, steps, space.on_grid)
     return result.model_copy(update={"workspace": where, "warnings": (why,) if why else ()})
 
@@ -240,7 +241,7 @@ def _result(
         encoder_step=dict(steps),
         drive_position={joint.name: spread(motion.relative(joint)) for joint in m.motors},
         poses={
-            body.name: Place(
+            body.name: BodyPoses(
                 x=spread(motion.position(body.name).real),
                 y=spread(motion.position(body.name).imag),
                 angle=spread(motion.angle(body.name)),

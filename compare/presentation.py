@@ -7,7 +7,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Generic, Never, TypeVar, cast
+from pkgutil import resolve_name
+from typing import TYPE_CHECKING, Generic, TypeVar, cast
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
 
 
 D = TypeVar("D", contravariant=True)
+LIST_HAS_NO_PICTURE = "is a list and has no picture; use to_dataframe()"
 
 
 @dataclass(frozen=True)
@@ -30,8 +32,9 @@ class Presentation(Generic[D]):
     no_picture: str = "has no picture; print it"
 
 
-PRESENTATIONS: dict[str, Callable[[], Presentation[Never]]] = {}
-"""By the name of a kind of result, what loads its presentation when the first one of the kind is shown."""
+PRESENTATIONS: dict[str, str] = {}
+"""By the name of a kind of result, where its presentation is (``module:name``): it is imported when the first one of
+the kind is shown."""
 LEFT_OVER: list[Callable[[Path, set[str]], set[str]]] = []
 """What tells which other files of a folder belong to earlier results that lose one of these names."""
 
@@ -39,4 +42,4 @@ LEFT_OVER: list[Callable[[Path, set[str]], set[str]]] = []
 def presentation(result: D) -> Presentation[D]:
     """How a result of its kind is shown, or of the nearest kind that it is one of."""
     kind = next(base.__name__ for base in type(result).__mro__ if base.__name__ in PRESENTATIONS)
-    return cast(Presentation[D], PRESENTATIONS[kind]())
+    return cast(Presentation[D], resolve_name(PRESENTATIONS[kind]))

@@ -190,13 +190,14 @@ def _differences(result: CrossCheck) -> Iterator[str]:
     if result.verdict == "agrees":
         return
     from compare.report.summary import summarise
-    from compare.report.words.crosscheck import WORDS, row_sentence, why
+    from compare.report.words.crosscheck import VERDICT_WORDS, row_sentence, why
 
     summary = summarise(result)
-    yield f"{result.case}: {WORDS[summary.verdict]}"
-    for run in summary.runs:
-        yield from (f"{run.title}: {row_sentence(row)}" for row in run.rows if row.verdict in ("disagrees", "unjudged"))
-        if not run.rows:
-            yield f"{run.title}: not judged: {run.reason or 'it has no signal to compare'}"
+    yield f"{result.case}: {VERDICT_WORDS[summary.verdict]}"
+    for shown in summary.runs:
+        title, rows = shown.run.title, shown.rows
+        yield from (f"{title}: {row_sentence(row)}" for row in rows if row.verdict in ("disagrees", "unjudged"))
+        if not rows:
+            yield f"{title}: not judged: {shown.run.reason or 'it has no signal to compare'}"
     yield from (f"failed: {failure}" for failure in summary.failures)
-    yield from (text for text in (why(summary), summary.between) if text)
+    yield from (text for text in (why(summary), result.words) if text)

@@ -18,7 +18,7 @@ from compare.crosscheck import crosscheck
 from compare.judge.contact import contact, contact_in, ideal_peaks
 from compare.judge.contact_motion import WatchedRun
 from compare.report.contact_figures import contact_figures
-from compare.report.words.contact import told
+from compare.report.words.contact import describe
 from compare.results.contact import Contact
 from marks import slow
 from sim_models.common.contact_laws import hysteresis
@@ -323,7 +323,7 @@ def test_a_report_of_a_block_that_bounces_speaks_of_a_block() -> None:
     (run,) = found.runs
     assert run.contact is not None
     assert run.contact.struck
-    (table,) = told(found).tables
+    (table,) = describe(found).tables
     assert not [measure.meaning for measure, _ in table.rows if "pin" in measure.meaning]
     shown = {figure.name: figure for figure in contact_figures(found)}
     assert list(shown) == ["orbit_S", "contact_force_S", "regimes_S", "section_S"]

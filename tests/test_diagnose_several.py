@@ -33,7 +33,7 @@ from compare.diagnose.preview import preview
 from compare.diagnose.workflow import diagnose
 from compare.report.diagnosis_page import diagnosis_html, diagnosis_md
 from compare.report.words.effects import own_values
-from compare.results.diagnosis import Diagnosis, Parameter
+from compare.results.diagnosis import Diagnosis, Estimate, SmallError
 from measured_files import RunTable, write_measured
 from several_linkages import third_bar
 from sim_models.engine import engine
@@ -254,9 +254,9 @@ def test_a_drive_that_is_left_free_is_named(tmp_path: Path) -> None:
 
 
 def test_zeros_of_each_run_say_of_which_encoder_they_are() -> None:
-    values = {f"offset@run{k}": Parameter(value=x, low=x, high=x, unit="rad") for k, x in enumerate((-0.006, 0.003))}
+    values = {f"offset@run{k}": Estimate(value=x, low=x, high=x, unit="rad") for k, x in enumerate((-0.006, 0.003))}
     result = SimpleNamespace(mechanism=load("five-bar"), runs=())
-    own = own_values(result, "encoder_offset", "position_E", values)  # type: ignore[arg-type]
+    own = own_values(result, SmallError(name="encoder_offset", where="position_E", parameters=values))  # type: ignore[arg-type]
     assert own is not None
     assert own.called == "encoder zero for E position"
 

@@ -25,7 +25,7 @@ from compare.diagnose.prepare import followed, nominal
 from compare.diagnose.preview import preview
 from compare.diagnose.workflow import diagnose
 from compare.report.diagnosis_page import diagnosis_html, diagnosis_md
-from compare.report.diagnosis_text import terminal_lines
+from compare.report.diagnosis_terminal import terminal_lines
 from compare.report.preview import files
 from compare.report.words.located import located
 from compare.results.diagnosis import Diagnosis

@@ -24,14 +24,14 @@ from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.files import to_json
 from compare.quantities import DASH, MINUS, TIMES, amount, fitting, plainly
 from compare.report.diagnosis import junit
-from compare.report.diagnosis_figures import COLUMNS, LEVELS, broken, figure, level, maps, overlay, panels
-from compare.report.diagnosis_page import changes, diagnosis_html, diagnosis_md, toml
-from compare.report.diagnosis_text import terminal_lines
+from compare.report.diagnosis_figures import LEVELS, MAP_COLUMNS, broken, figure, level, maps, overlay, panels
+from compare.report.diagnosis_page import changes, diagnosis_html, diagnosis_md
+from compare.report.diagnosis_terminal import terminal_lines
 from compare.report.words.diagnosis import attempts, next_steps, separation, ties, waterfall
-from compare.report.words.effects import amounts, odds, own_values, parameter, phrase, spoken
+from compare.report.words.effects import odds, own_values, parameter, phrase, spoken, values_of
 from compare.report.words.located import located, span, wrapped
 from compare.report.words.measured import data_sentences, explained_to, off, off_by
-from compare.results.diagnosis import Diagnosis, Effect, Located, Parameter
+from compare.results.diagnosis import Diagnosis, Effect, Estimate, Located, SmallError
 from marks import slow
 from sample_diagnosis import (
     CLEARANCE,
@@ -172,21 +172,21 @@ def test_the_largest_of_several_numbers_picks_their_unit() -> None:
 
 
 def test_a_parameter_has_the_digits_that_its_interval_allows() -> None:
-    assert parameter("radial_clearance", Parameter(value=1.99988e-4, unit="m", low=1.9e-4, high=2.1e-4)) == (
+    assert parameter("radial_clearance", Estimate(value=1.99988e-4, unit="m", low=1.9e-4, high=2.1e-4)) == (
         "radial clearance",
         "0.200 mm",
         "0.190 to 0.210 mm",
     )
-    assert parameter("offset@run-2", Parameter(value=-6e-4, unit="rad", low=-7e-4, high=-5e-4)) == (
+    assert parameter("offset@run-2", Estimate(value=-6e-4, unit="rad", low=-7e-4, high=-5e-4)) == (
         "offset in run run-2",
         f"{MINUS}0.60 mrad",
         f"{MINUS}0.70 to {MINUS}0.50 mrad",
     )
-    assert parameter("gain_error", Parameter(value=0.02, unit="1", low=0.01, high=0.03))[1:] == (
+    assert parameter("gain_error", Estimate(value=0.02, unit="1", low=0.01, high=0.03))[1:] == (
         "2.0 %",
         "1.0 to 3.0 %",
     )
-    assert parameter("harmonic", Parameter(value=3, unit="1", low=None, high=None)) == (
+    assert parameter("harmonic", Estimate(value=3, unit="1", low=None, high=None)) == (
         "harmonic",
         "3",
         "not known",
@@ -376,8 +376,8 @@ def test_a_sentence_of_an_effect_says_which_way(
     place = spoken(result, where) if effect.place == "signal" else where
     positive, negative = SENTENCES[f"{effect.name}.{p.name}"]
     for value, said in ((0.02, positive), (-0.02, negative)):
-        given = {p.name: Parameter(value=value, unit=unit, low=value, high=value)}
-        told = effect.tells(place, amounts(result, effect, where, given))
+        given = {p.name: Estimate(value=value, unit=unit, low=value, high=value)}
+        told = effect.tells(place, values_of(result, SmallError(name=effect.name, where=where, parameters=given)))
         assert told.endswith(said)
         assert (told == said) is (value > 0)
         assert MINUS not in told
@@ -385,10 +385,12 @@ def test_a_sentence_of_an_effect_says_which_way(
 
 def test_a_direction_has_its_interval_counted_its_way(explained: dict[str, Any]) -> None:
     result = as_document(explained)
-    shorter = {"length_error": Parameter(value=-2.98e-4, unit="m", low=-3.01e-4, high=-2.95e-4)}
-    unsure = {"length_error": Parameter(value=-2.98e-4, unit="m", low=-7e-4, high=1e-4)}
-    (sure_words,) = amounts(result, VOCABULARY["link_length"], "follower", shorter, intervals=True)
-    (unsure_words,) = amounts(result, VOCABULARY["link_length"], "follower", unsure, intervals=True)
+    shorter = {"length_error": Estimate(value=-2.98e-4, unit="m", low=-3.01e-4, high=-2.95e-4)}
+    unsure = {"length_error": Estimate(value=-2.98e-4, unit="m", low=-7e-4, high=1e-4)}
+    sure_words, unsure_words = (
+        *values_of(result, SmallError(name="link_length", where="follower", parameters=shorter), intervals=True),
+        *values_of(result, SmallError(name="link_length", where="follower", parameters=unsure), intervals=True),
+    )
     assert sure_words == "0.2980 mm shorter than drawn (95 %: 0.2950 to 0.3010 mm)"
     assert unsure_words == f"0.30 mm shorter than drawn (95 %: {MINUS}0.10 to 0.70 mm)"
 
@@ -399,25 +401,30 @@ def test_a_link_that_is_drawn_backwards_is_longer_where_its_last_point_moves_bac
     for error, said in ((-3e-4, "0.300 mm longer than drawn"), (3e-4, "0.300 mm shorter than drawn")):
         moved = VOCABULARY["link_length"].on_mechanism(m, "follower", {"length_error": error})
         assert np.sign(moved.moving["follower"].length - 0.1) == -np.sign(error)
-        given = {"length_error": Parameter(value=error, unit="m", low=error - 1e-5, high=error + 1e-5)}
-        assert amounts(result, VOCABULARY["link_length"], "follower", given) == [said]
+        given = {"length_error": Estimate(value=error, unit="m", low=error - 1e-5, high=error + 1e-5)}
+        assert values_of(result, SmallError(name="link_length", where="follower", parameters=given)) == [said]
 
 
 def test_values_of_each_run_are_a_range_and_have_one_unit(explained: dict[str, Any]) -> None:
     given = {
-        "offset@a": Parameter(value=-0.0297, unit="rad", low=-0.0302, high=-0.0292),
-        "offset@b": Parameter(value=0.0628, unit="rad", low=0.0623, high=0.0633),
+        "offset@a": Estimate(value=-0.0297, unit="rad", low=-0.0302, high=-0.0292),
+        "offset@b": Estimate(value=0.0628, unit="rad", low=0.0623, high=0.0633),
     }
     result = as_document(explained)
-    own = own_values(result, "encoder_offset", "crank_angle", given)
+    own = own_values(result, SmallError(name="encoder_offset", where="crank_angle", parameters=given))
     assert own is not None
     assert own.sentence(2) == "each run has its own encoder zero, 1.7 deg too little to 3.6 deg too much"
     assert own.sentence(6).startswith("two of six runs have their own encoder zero")
     assert own.runs[0] == ("a", f"{MINUS}1.702 deg", f"{MINUS}1.730 to {MINUS}1.673 deg")
     assert [value.split()[-1] for _, value, _ in own.runs] == ["deg", "deg"]  # the first alone would be in mrad
-    assert own_values(result, "joint_clearance", "B", {"radial_clearance": given["offset@a"]}) is None
-    jitter = {f"jitter@{run}": Parameter(value=s, unit="s", low=s, high=s) for run, s in (("a", 4e-4), ("b", 1.3e-3))}
-    own = own_values(result, "stamp_jitter", "crank_angle", jitter)
+    assert (
+        own_values(
+            result, SmallError(name="joint_clearance", where="B", parameters={"radial_clearance": given["offset@a"]})
+        )
+        is None
+    )
+    jitter = {f"jitter@{run}": Estimate(value=s, unit="s", low=s, high=s) for run, s in (("a", 4e-4), ("b", 1.3e-3))}
+    own = own_values(result, SmallError(name="stamp_jitter", where="crank_angle", parameters=jitter))
     assert own is not None
     unsigned = "each run has its own jitter of the time stamps, 0.4 to 1.3 ms"  # no plus sign where none is negative
     assert own.sentence(2) == unsigned
@@ -600,8 +607,8 @@ def test_a_free_run_is_shown_over_time_and_a_column_without_samples_stays_empty(
     signal = mixed["runs"][0]["signals"]["pendulum_angle"]
     signal["measured"] = [None if i < 100 else v for i, v in enumerate(signal["measured"])]
     cells = maps(as_document(mixed))[0].strips[0].before
-    assert cells[: COLUMNS // 4 - 1] == (None,) * (COLUMNS // 4 - 1)
-    assert None not in cells[COLUMNS // 4 + 1 :]
+    assert cells[: MAP_COLUMNS // 4 - 1] == (None,) * (MAP_COLUMNS // 4 - 1)
+    assert None not in cells[MAP_COLUMNS // 4 + 1 :]
 
 
 def test_residuals_are_measured_minus_simulated_in_a_unit_that_fits(explained: dict[str, Any]) -> None:
@@ -702,7 +709,6 @@ def test_what_was_added_is_told_field_by_field(explained: dict[str, Any]) -> Non
     assert (field, nominal) == ("joint[B].clearance", DASH)
     assert float(found) == explained["effects"][0]["parameters"]["radial_clearance"]["value"]
     assert changes(as_document(no_gap())) == []
-    assert tomllib.loads(toml(explained["mechanism"] | {"drive": None}))["name"] == "crank-rocker"
 
 
 def test_arrays_and_nan_are_shown_like_the_json_of_them(page: str, explained: dict[str, Any]) -> None:

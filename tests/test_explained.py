@@ -11,7 +11,7 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load, loads
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.report.explained import changes, commented, explained_toml
-from compare.results.diagnosis import Diagnosis, Effect, Parameter
+from compare.results.diagnosis import Diagnosis, Effect, Estimate
 from sample_diagnosis import as_document, sample_diagnosis
 
 FOUND = {  # effect -> where, values, and a field that it changes
@@ -39,7 +39,7 @@ def diagnosed(sample: Diagnosis, *names: str, nominal: Mechanism | None = None, 
         where, values, _ = FOUND[name]
         explained = VOCABULARY[name].on_mechanism(explained, where, values)
         parameters = {
-            p: Parameter(value=v, unit="1", low=v - 0.1 * abs(v), high=v + 0.1 * abs(v)) for p, v in values.items()
+            p: Estimate(value=v, unit="1", low=v - 0.1 * abs(v), high=v + 0.1 * abs(v)) for p, v in values.items()
         }
         effects.append(sample.effects[0].model_copy(update={"name": name, "where": where, "parameters": parameters}))
     return sample.model_copy(

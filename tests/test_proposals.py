@@ -16,8 +16,8 @@ from compare.diagnose.problem import Options, Problem
 from compare.diagnose.propose.proposal import proposal
 from compare.diagnose.workflow import diagnose
 from compare.report.diagnosis_page import diagnosis_html, diagnosis_md
-from compare.report.diagnosis_text import terminal_lines
-from compare.report.proposed import figure
+from compare.report.diagnosis_terminal import terminal_lines
+from compare.report.proposal_figure import figure
 from compare.results.diagnosis import Diagnosis, Proposed
 from diagnosis_rigs import SENSORS, experiment, four_bar, played, turn
 from marks import slow

@@ -22,12 +22,13 @@ from analytic.mechanism.file import dumps, load, loads
 from compare.crosscheck import crosscheck
 from compare.files import OutputError
 from compare.quantities import number, quantities
-from compare.report.figures import Axis, Figure, Series, beside, figures, same_turn, thinned
+from compare.report.crosscheck_figures import beside, figures, same_turn, thinned
+from compare.report.crosscheck_terminal import print_table
+from compare.report.figure import Axis, Figure, Series
 from compare.report.linkage import exaggeration, linkage_figure, parts
 from compare.report.pages import escape_markdown, script_json
 from compare.report.summary import summarise
 from compare.report.svg import draw, exponent, ticks
-from compare.report.terminal import print_table
 from compare.report.words.crosscheck import headline
 from compare.results.crosscheck import CrossCheck
 from compare.results.document import DocumentError
@@ -207,7 +208,7 @@ def test_flagged_angles_break_the_curves_and_say_why(tmp_path: Path) -> None:
             for values in run[side].values():
                 values[4] = values[5] = None
     summary = summarise(as_document(result))
-    gamma = next(f for f in figures(as_document(result), summary) if f.name == "gamma_B")
+    gamma = next(f for f in figures(summary) if f.name == "gamma_B")
     line = next(s for s in gamma.series if s.name == "analytic, equilibrium")
     assert line.y[4] is None
     path = max(
@@ -251,7 +252,7 @@ def test_a_free_drive_is_shown_over_time(tmp_path: Path) -> None:
     result = swinging()
     summary = summarise(as_document(result))
     assert all(row.at.endswith(" s") for row in summary.runs[0].rows if row.maximum)
-    assert {f.x.title for f in figures(as_document(result), summary)} == {"time (s)"}
+    assert {f.x.title for f in figures(summary)} == {"time (s)"}
     assert exaggeration(as_document(result).mechanism, as_document(result).runs[0]) == 1
     write_report(result, tmp_path)
     text = (tmp_path / "report.md").read_text(encoding="utf-8")
@@ -364,8 +365,7 @@ def test_a_signal_is_looked_up_and_not_parsed() -> None:
 
 
 def test_the_drawn_gap_is_the_clearance_times_the_factor_that_the_title_gives(disagreeing: dict[str, Any]) -> None:
-    summary = summarise(as_document(disagreeing))
-    figure = linkage_figure(as_document(disagreeing), summary)
+    figure = linkage_figure(as_document(disagreeing))
     assert figure is not None
     factor = exaggeration(as_document(disagreeing).mechanism, as_document(disagreeing).runs[1])
     assert factor > 1
@@ -411,11 +411,7 @@ def test_a_curve_is_drawn_where_its_axes_say() -> None:
 
 
 def test_the_same_difference_is_drawn_that_is_judged(disagreeing: dict[str, Any]) -> None:
-    figure = next(
-        f
-        for f in figures(as_document(disagreeing), summarise(as_document(disagreeing)))
-        if f.name == f"difference_{WRONG}"
-    )
+    figure = next(f for f in figures(summarise(as_document(disagreeing))) if f.name == f"difference_{WRONG}")
     contact = next(s for s in figure.series if s.role == "contact")
     worst = max((v for v in contact.y if v is not None), key=abs)
     judged = next(d for d in disagreeing["runs"][-1]["discrepancies"] if d["signal"] == WRONG)
@@ -433,9 +429,7 @@ def test_marks_lie_in_the_turn_of_the_line_at_every_sample() -> None:
     for run in result["runs"]:
         gamma = run["simulated"]["reaction_B_angle"]
         run["simulated"]["reaction_B_angle"] = [v - 2 * math.tau * (i > 9) for i, v in enumerate(gamma)]
-    line, *marks = next(
-        f for f in figures(as_document(result), summarise(as_document(result))) if f.name == "gamma_B"
-    ).series
+    line, *marks = next(f for f in figures(summarise(as_document(result))) if f.name == "gamma_B").series
     loose = next(s for s in (line, *marks) if s.name == "analytic, equilibrium")
     contact = next(s for s in marks if s.role == "contact")
     assert contact.y == pytest.approx(loose.y, abs=1.0)
@@ -470,7 +464,7 @@ def test_small_axes_name_their_power_of_ten() -> None:
 @pytest.mark.parametrize("case", ["slider-crank", "paper"])
 def test_every_joint_has_its_name_in_the_drawing(case: str) -> None:
     result = sample_result(case)
-    figure = linkage_figure(as_document(result), summarise(as_document(result)))
+    figure = linkage_figure(as_document(result))
     assert figure is not None
     assert sorted(name for series in figure.series for name in series.labels) == sorted(
         j["name"] for j in result["mechanism"]["joint"]

@@ -17,14 +17,15 @@ from compare.judge.statistics import compared_statistics
 from compare.judge.tolerances import load_tolerances
 from compare.quantities import number
 from compare.report.contact_figures import bands, contact_figures
-from compare.report.figures import Figure, figures
+from compare.report.crosscheck_figures import figures
+from compare.report.crosscheck_terminal import print_table
+from compare.report.figure import Figure
 from compare.report.junit import junit
 from compare.report.linkage import explorer
 from compare.report.provenance import lines
 from compare.report.summary import summarise
 from compare.report.svg import COLOURS, draw
-from compare.report.terminal import print_table
-from compare.report.words.contact import MEASURES, told
+from compare.report.words.contact import MEASURES, describe
 from compare.report.words.crosscheck import headline
 from compare.results.contact import STATISTICS, Statistic
 from compare.results.crosscheck import CrossCheck, Failure, Run
@@ -94,21 +95,26 @@ def test_large_forces_are_read_in_kilonewtons(force: float, unit: str, factor: f
 
 
 def test_it_says_whether_averages_have_converged_and_the_motion_repeats_itself(agreeing: CrossCheck) -> None:
-    one = told(agreeing).runs[0]
+    one = describe(agreeing).runs[0]
     run = in_contact(agreeing)[0]
     assert run.contact is not None
-    assert one.averages == run.contact.words == "averages over 24 revolutions are known to 10 %"
+    assert run.contact.words == "averages over 24 revolutions are known to 10 %"
+    assert one.sentence.startswith(f"{run.contact.words}; {one.repeats}; ")
     assert one.repeats == "the motion repeats itself every 2 revolutions"
     wild = run.model_copy(update={"contact": run.contact.model_copy(update={"period": None})})
-    assert told(agreeing.model_copy(update={"runs": (wild,)})).runs[0].repeats == "the motion does not repeat itself"
+    assert (
+        describe(agreeing.model_copy(update={"runs": (wild,)})).runs[0].repeats == "the motion does not repeat itself"
+    )
     brief = run.model_copy(update={"contact": run.contact.model_copy(update={"period": None, "revolutions": 2.0})})
     assert (
-        told(agreeing.model_copy(update={"runs": (brief,)})).runs[0].repeats.startswith("too few revolutions to tell")
+        describe(agreeing.model_copy(update={"runs": (brief,)}))
+        .runs[0]
+        .repeats.startswith("too few revolutions to tell")
     )
     assert run.contact.energy is not None
     energy = run.contact.energy.model_copy(update={"missing": -2.0, "turned_over": 400.0})
     known = run.model_copy(update={"contact": run.contact.model_copy(update={"energy": energy})})
-    said = told(agreeing.model_copy(update={"runs": (known,)})).runs[0].energy
+    said = describe(agreeing.model_copy(update={"runs": (known,)})).runs[0].energy
     assert said == "energy is balanced to 0.5 % of what the motor turns over"
 
 
@@ -211,13 +217,13 @@ def test_a_loss_below_nothing_is_read_as_nothing_known_that_well(agreeing: Cross
         joints = {"B": joint.model_copy(update={"statistics": {**joint.statistics, "restitution_loss": below}})}
         contact = run.contact.model_copy(update={"joints": joints})
         quiet = agreeing.model_copy(update={"runs": (run.model_copy(update={"contact": contact}),), "statistics": ()})
-        _, (value,) = told(quiet).tables[0].of("restitution_loss")
+        _, (value,) = describe(quiet).tables[0].of("restitution_loss")
         assert value.value == 0.0
         assert (value.low, value.high) == pytest.approx((-1e3 * missed, 1e3 * missed), rel=1e-12)  # mJ
         assert f"{1e3 * missed:g}" in printed(quiet)
         assert "-0.001" not in printed(quiet).replace("+-0.001", "")
     compared = next(each for each in agreeing.statistics if each.statistic == "restitution_loss")
-    row = told(agreeing.model_copy(update={"statistics": (compared.model_copy(update={"values": (-1e-6, 2e-6)}),)}))
+    row = describe(agreeing.model_copy(update={"statistics": (compared.model_copy(update={"values": (-1e-6, 2e-6)}),)}))
     assert row.pairs[0].rows[0].values == pytest.approx((0.0, 2e-3))
 
 
@@ -309,12 +315,12 @@ def test_figures_of_contact_are_files_that_the_markdown_links(agreeing: CrossChe
 
 def test_a_flagged_angle_shows_its_simulated_value_and_no_difference(agreeing: CrossCheck) -> None:
     summary, k = summarise(agreeing), flagged(agreeing)[3]
-    for run in (run for run in explorer(agreeing, summary)["runs"] if run["flags"]):
+    for run in (run for run in explorer(summary)["runs"] if run["flags"]):
         assert run["simulated"]["coupler"]["x"][k] is not None
         for reading in run["readout"]:
             assert reading["simulated"][k] is not None
             assert reading["analytic"][k] is reading["difference"][k] is None
-    shown = {f.name: f for f in figures(agreeing, summary)}
+    shown = {f.name: f for f in figures(summary)}
     marks = [s for s in shown["gamma_B"].series if s.mark == "marker"]
     assert all(s.y[k] is not None for s in marks)
     loose = [s for s in shown["difference_reaction_B_angle"].series if s.name and s.role != "ideal"]
@@ -331,7 +337,7 @@ def test_the_direction_of_a_flagged_angle_lies_in_the_turn_of_its_neighbours(agr
         gamma[flagged(agreeing)[2] :] += 2 * math.tau  # it went around while the pin flew
         runs.append(run.model_copy(update={"simulated": {**run.simulated, "reaction_B_angle": gamma}}))
     result = agreeing.model_copy(update={"runs": tuple(runs)})
-    gamma_of = next(f for f in figures(result, summarise(result)) if f.name == "gamma_B")
+    gamma_of = next(f for f in figures(summarise(result)) if f.name == "gamma_B")
     for series in (s for s in gamma_of.series if s.mark == "marker"):
         assert max(abs(np.diff(np.array(series.y, float)))) < 180
 

@@ -30,7 +30,7 @@ from compare.diagnose.fit import Fitter
 from compare.diagnose.predict import Term
 from compare.diagnose.problem import Options, Problem
 from compare.faults import Exit, OptionError
-from compare.results.diagnosis import Closing, Diagnosis, Effect, Parameter, Proposed, SamePlace, SmallError, Unknown
+from compare.results.diagnosis import Closing, Diagnosis, Effect, Estimate, Proposed, SamePlace, SmallError, Unknown
 from compare.results.document import DocumentError
 from document_faults import faults
 from marks import slow
@@ -1277,7 +1277,7 @@ def test_small_errors_that_are_truly_there_make_a_name_right_and_others_do_not()
     known = bench_truth(BIAS)
     for errors, outcome in (((SLIGHT,), "exact"), ((SLIGHT, LENGTH), "wrong"), ((), "wrong")):
         small = tuple(
-            SmallError(name=n, where=w, parameters={"x": Parameter(value=1e-4, unit="m", low=0.0, high=1.0)})
+            SmallError(name=n, where=w, parameters={"x": Estimate(value=1e-4, unit="m", low=0.0, high=1.0)})
             for n, w in errors
         )
         told = on_bench(BIAS, GAIN)

@@ -20,7 +20,7 @@ from commands import compare
 from compare.cli.app import app
 from compare.faults import ArgumentError, OptionError
 from compare.files import to_json
-from compare.report.diagnosis_text import terminal_lines
+from compare.report.diagnosis_terminal import terminal_lines
 from compare.report.provenance import lines
 from compare.results.crosscheck import CrossCheck
 from compare.results.diagnosis import Diagnosis

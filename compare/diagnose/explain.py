@@ -27,7 +27,7 @@ from compare.diagnose.rattle.statistics import Statistics
 from compare.diagnose.residuals import Data
 from compare.diagnose.search import Search, a_parameter, without
 from compare.diagnose.sensitivities import Screen
-from compare.results.diagnosis import Verdict
+from compare.results.diagnosis import DiagnosisVerdict
 
 TIE = 16.0  # of chi^2: two explanations closer than four sigmas are not told apart
 RICHER = 0.01  # chance that a richer explanation does better by luck
@@ -90,7 +90,7 @@ class Explanation:
     base: Fit
     fit: Fit
     named: tuple[Named, ...]
-    verdict: Verdict
+    verdict: DiagnosisVerdict
     weights: np.ndarray = field(repr=False)  # (size,) of each sample
     structured: bool  # whether what is left is more than noise
     attempts: tuple[Attempt, ...] = ()  # what was tried and not named, best first
@@ -219,7 +219,7 @@ def beside(search: Search, fit: Fit, weights: np.ndarray, known: Collection[tupl
     return found
 
 
-def verdict(fit: Fit, named: Sequence[Named], structured: bool) -> Verdict:
+def verdict(fit: Fit, named: Sequence[Named], structured: bool) -> DiagnosisVerdict:
     """One of the five verdicts."""
     closed = rms(fit.residual) <= CLOSED and not structured
     if not named:

@@ -30,8 +30,8 @@ from compare.diagnose.predict import Model, Motors, Term
 from compare.diagnose.problem import begun
 from compare.diagnose.residuals import Data
 from compare.diagnose.sensitivities import Sensitivity, candidates, sensitivities
-from compare.results.diagnosis import Fault, Place
-from compare.results.preview import Preview, Seen, SeenRun, Visible
+from compare.results.diagnosis import EffectPlace, RecordingFault
+from compare.results.preview import Preview, RunPreview, SensorPreview, Visible
 
 SIGMAS = 4.0  # of all samples together, by which an effect shows
 ALIKE = 0.1  # of an effect's signature, no more of which is left beside another's that looks the same
@@ -65,7 +65,7 @@ def _shown(data: Measured) -> Preview:
     base = begun(model, fitter)
     nominal = model([base.values(rig)])[0]
     assert nominal is not None  # the fit has been there
-    slips: list[Fault | SensorFault] = [
+    slips: list[RecordingFault | SensorFault] = [
         replace(slip, text=f"{slip.text}; a diagnosis refuses it")
         for run, said in zip(data.runs, nominal, strict=True)
         for slip in (*suspicious_swaps(run, said), *suspicious_units(run, said))
@@ -77,7 +77,7 @@ def _shown(data: Measured) -> Preview:
         mechanism=data.mechanism,
         runs=tuple(_run(run, model, base, said) for run, said in zip(data.runs, nominal, strict=True)),
         faults=tuple(
-            Fault(run=f.run, signal=f.signal, kind=f.kind, samples=f.samples, text=f.text)
+            RecordingFault(run=f.run, signal=f.signal, kind=f.kind, samples=f.samples, text=f.text)
             for f in (*slips, *data.faults)
         ),
         visible=shown,
@@ -85,7 +85,7 @@ def _shown(data: Measured) -> Preview:
     )
 
 
-def _upside_down(run: MeasuredRun, nominal: Mapping[str, np.ndarray]) -> Iterator[Fault]:
+def _upside_down(run: MeasuredRun, nominal: Mapping[str, np.ndarray]) -> Iterator[RecordingFault]:
     """Load cells that read the nominal model's force with the other sign, but for what a fault may make of it."""
     for name, channel in run.channels.items():
         here = np.isfinite(channel.values) & np.isfinite(nominal[name])
@@ -98,10 +98,10 @@ def _upside_down(run: MeasuredRun, nominal: Mapping[str, np.ndarray]) -> Iterato
                 f"{name} of run {run.name!r} is about {slope:.2g} times its prediction: is the load cell mounted upside"
                 " down, or does it read the force on the other body? Then say sign = -1 for it in [columns]"
             )
-            yield Fault(run=run.name, signal=name, kind="sign", samples=int(np.sum(here)), text=text)
+            yield RecordingFault(run=run.name, signal=name, kind="sign", samples=int(np.sum(here)), text=text)
 
 
-def _run(run: MeasuredRun, model: Model, base: Fit, nominal: Mapping[str, np.ndarray]) -> SeenRun:
+def _run(run: MeasuredRun, model: Model, base: Fit, nominal: Mapping[str, np.ndarray]) -> RunPreview:
     """One run beside the nominal model."""
     if run.drive == "free":
         moved = model.released(run, [base.values(model.rig)])[0]
@@ -114,7 +114,7 @@ def _run(run: MeasuredRun, model: Model, base: Fit, nominal: Mapping[str, np.nda
         apart = channel.signal.apart(channel.values, nominal[name]) / channel.noise
         here = np.isfinite(apart)
         followed = run.drive == "measured" and name in model.rig.encoders
-        signals[name] = Seen(
+        signals[name] = SensorPreview(
             unit=channel.signal.unit,
             noise=channel.noise,
             noise_given=channel.noise_given,
@@ -123,7 +123,7 @@ def _run(run: MeasuredRun, model: Model, base: Fit, nominal: Mapping[str, np.nda
             measured=channel.values,
             nominal=nominal[name],
         )
-    return SeenRun(
+    return RunPreview(
         name=run.name,
         file=run.file,
         drive=run.drive,
@@ -144,7 +144,7 @@ def _run(run: MeasuredRun, model: Model, base: Fit, nominal: Mapping[str, np.nda
 
 def _visible(
     measured: Measured, model: Model, courses: Mapping[str, Motor | Motors], base: Fit
-) -> tuple[tuple[Visible, ...], tuple[Place, ...]]:
+) -> tuple[tuple[Visible, ...], tuple[EffectPlace, ...]]:
     """Effects that these runs would show, the clearest first, and those that they would not."""
     total = sum(run.time.size * len(run.channels) for run in measured.runs)
     every = max(1, math.ceil(total / SAMPLES))
@@ -170,7 +170,7 @@ def _visible(
         _told(fitter, start, one, _like(one, ordered, bases)) for one in ordered if start is not None and _size(one) > 0
     )
     hidden = [key for key in dict.fromkeys(t.key for t in terms) if key not in clearest]
-    return shown, tuple(Place(name=name, where=where) for name, where in hidden)
+    return shown, tuple(EffectPlace(name=name, where=where) for name, where in hidden)
 
 
 def _size(one: Sensitivity) -> float:
@@ -203,7 +203,7 @@ def _told(fitter: Fitter, start: Fit, one: Sensitivity, like: Sequence[Term]) ->
         unit=t.effect.unit(rig, t.where, parameter.name),
         size=sizes[0],
         at_most=sizes[1] < sizes[0],
-        like=tuple(Place(name=other.effect.name, where=other.where) for other in like),
+        like=tuple(EffectPlace(name=other.effect.name, where=other.where) for other in like),
     )
 
 

@@ -23,27 +23,28 @@ from compare.diagnose.predict import Term
 from compare.diagnose.residuals import FOLDS, SEGMENTS
 from compare.report.words import statement as words
 from compare.results.crosscheck import Simulator
-from compare.results.diagnosis import Attempt as DocumentAttempt
 from compare.results.diagnosis import (
-    Candidate,
-    Channel,
+    SIDES,
+    CandidateStatus,
     Closing,
+    ConsideredEffect,
     DiagnosedRun,
     Diagnosis,
     Effect,
     Elsewhere,
-    Engine,
+    EngineGaps,
+    Estimate,
     Kind,
     Located,
-    Parameter,
     Proposed,
+    RecordingFault,
     Rival,
     SensorGap,
+    SensorRecord,
     Side,
     SmallError,
-    Status,
+    TriedEffect,
 )
-from compare.results.diagnosis import Fault as DataFault
 from sim_models.engine import SettingValue, installed_version
 
 if TYPE_CHECKING:
@@ -57,7 +58,6 @@ if TYPE_CHECKING:
 
 INSEPARABLE = 0.999  # cosine between two sensitivities
 LISTED = 40  # pairs
-SIDES: tuple[Side, ...] = ("before", "after")
 
 
 def as_document(
@@ -90,7 +90,7 @@ def as_document(
             if name != problem.simulator and said.readings is not None
         },
         faults=tuple(
-            DataFault(run=f.run, signal=f.signal, kind=f.kind, samples=f.samples, text=f.text)
+            RecordingFault(run=f.run, signal=f.signal, kind=f.kind, samples=f.samples, text=f.text)
             for f in (*_still_faults(problem, e), *validation.faults)
         ),
         candidates=(),
@@ -102,7 +102,7 @@ def as_document(
         mechanism=problem.measured.mechanism,
         explained=found.explained,
         steps=(),
-        notes=(*problem.notes, *([words.LANDED.format(count(landed, "sample"))] if landed else [])),
+        notes=(*problem.notes, *([words.LANDING.format(count(landed, "sample"))] if landed else [])),
         assumed=(*assumed(problem.measured.mechanism), *problem.measured.assumed),
         complete=problem.complete,
     )
@@ -192,7 +192,7 @@ def _closing_by(problem: Problem, found: Verified, gap: tuple[float, float]) -> 
     )
 
 
-def _by_signal(channels: Sequence[tuple[Channel, np.ndarray]], wraps: bool) -> SensorGap:
+def _by_signal(channels: Sequence[tuple[SensorRecord, np.ndarray]], wraps: bool) -> SensorGap:
     """How far a sensor is off at the samples (N,) bool of each record that count."""
     off: dict[Side, float | None] = {}
     for side in SIDES:
@@ -206,8 +206,8 @@ def _kind(term: Term) -> Kind:
     return "sensor" if term.effect.sensor else "rig"
 
 
-def _attempt(a: Attempt) -> DocumentAttempt:
-    return DocumentAttempt(
+def _attempt(a: Attempt) -> TriedEffect:
+    return TriedEffect(
         name=a.term.effect.name,
         where=a.term.where,
         kind=_kind(a.term),
@@ -219,9 +219,9 @@ def _attempt(a: Attempt) -> DocumentAttempt:
     )
 
 
-def as_parameter(interval: Interval) -> Parameter:
+def as_parameter(interval: Interval) -> Estimate:
     """A parameter as the document has it; an open end of its interval is no number."""
-    return Parameter(value=interval.value, unit=interval.unit, low=interval.low, high=interval.high)
+    return Estimate(value=interval.value, unit=interval.unit, low=interval.low, high=interval.high)
 
 
 def _effects(problem: Problem, e: Explanation) -> tuple[Effect, ...]:
@@ -261,10 +261,10 @@ def _separating(problem: Problem, e: Explanation, n: Named, noise: dict[tuple[st
     """What would tell an effect from the first of its rivals."""
     if not n.ties:
         return ""
-    return words.TOUCHING if e.statistics is not None else would_separate(problem.model, noise, e.fit, n.ties[0][1])
+    return words.TOUCH if e.statistics is not None else would_separate(problem.model, noise, e.fit, n.ties[0][1])
 
 
-def _candidates(problem: Problem, found: Verified, result: Diagnosis) -> tuple[Candidate, ...]:
+def _candidates(problem: Problem, found: Verified, result: Diagnosis) -> tuple[ConsideredEffect, ...]:
     """Every effect that was considered, what the data thought of it, and why it was not named."""
     search, e = problem.search, found.explanation
     assert search is not None
@@ -278,11 +278,11 @@ def _candidates(problem: Problem, found: Verified, result: Diagnosis) -> tuple[C
         gain = screen.gain([i])[0]
         if term.key not in best or gain > best[term.key][0]:
             best[term.key] = gain, term
-    rows: dict[tuple[str, str], Candidate] = {}
+    rows: dict[tuple[str, str], ConsideredEffect] = {}
     for term in problem.terms:
         if term.key in rows:
             continue
-        status: Status
+        status: CandidateStatus
         remaining, rival, sigmas = None, None, 0.0
         if term.key in problem.ruled_out:
             status, why = "excluded", problem.ruled_out[term.key]
@@ -300,7 +300,7 @@ def _candidates(problem: Problem, found: Verified, result: Diagnosis) -> tuple[C
                 status, why = "not physical", words.WRONG_SIGN
             else:
                 status, why = "not needed", failed.get(term.key) or _not_needed(search, e, shown, sigmas)
-        rows[term.key] = Candidate(
+        rows[term.key] = ConsideredEffect(
             name=term.effect.name,
             where=term.where,
             sigmas=sigmas,
@@ -312,11 +312,11 @@ def _candidates(problem: Problem, found: Verified, result: Diagnosis) -> tuple[C
     return tuple(rows.values())
 
 
-def _unseen(result: Diagnosis, n: Named | None) -> tuple[Status, str]:
+def _unseen(result: Diagnosis, n: Named | None) -> tuple[CandidateStatus, str]:
     """What is said of an effect that no sample shows: one that is asked for may be named by statistics."""
     if n is not None and n.term.effect.asked_for:
         return "named", words.named(result, n)
-    return "invisible", words.UNSEEN
+    return "invisible", words.NOT_SHOWN
 
 
 def _not_needed(search: Search, e: Explanation, term: Term, sigmas: float) -> str:
@@ -398,9 +398,9 @@ def _inseparable(problem: Problem) -> tuple[tuple[str, str, float], ...]:
     )
 
 
-def _engines(problem: Problem, found: Verified) -> tuple[Engine, ...]:
+def _engines(problem: Problem, found: Verified) -> tuple[EngineGaps, ...]:
     asked = tuple(
-        Engine(
+        EngineGaps(
             name=name,
             version=said.version or found.before[name].version,
             agreement=found.agreement[name],
@@ -413,7 +413,7 @@ def _engines(problem: Problem, found: Verified) -> tuple[Engine, ...]:
         for name, said in found.after.items()
     )
     absent = tuple(
-        Engine(
+        EngineGaps(
             name=name,
             version="",
             before=None,
@@ -449,12 +449,12 @@ def _run(problem: Problem, found: Verified, r: int, run: MeasuredRun) -> Diagnos
     def gap(side: Side, part: Part) -> float | None:
         return rms(residual[side][part.place]) if by is None else spread[side].get((run.name, part.signal))
 
-    signals: dict[str, Channel] = {}
+    signals: dict[str, SensorRecord] = {}
     for part in problem.data.parts:
         if part.run != r:
             continue
         channel = run.channels[part.signal]
-        signals[part.signal] = Channel(
+        signals[part.signal] = SensorRecord(
             unit=channel.signal.unit,
             noise=_noise(problem, part) if part.used.size else channel.noise,
             noise_given=channel.noise_given,
@@ -487,14 +487,14 @@ def _validation_run(validated: Validated) -> DiagnosedRun:
     run = validated.run
     absent = np.full(run.time.size, np.nan)
     sides = (("before", validated.before), ("after", validated.after))
-    signals: dict[str, Channel] = {}
+    signals: dict[str, SensorRecord] = {}
     for name, channel in run.channels.items():
         if run.drive == "measured" and name in validated.encoders:
             continue
         said = {side: absent if found.readings is None else found.readings[0][name] for side, found in sides}
         off = {side: channel.signal.apart(channel.values, values) / channel.noise for side, values in said.items()}
         gaps = {side: rms(known) if (known := each[np.isfinite(each)]).size else None for side, each in off.items()}
-        signals[name] = Channel(
+        signals[name] = SensorRecord(
             unit=channel.signal.unit,
             noise=channel.noise,
             noise_given=channel.noise_given,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.console import Console
 
+from compare.presentation import Presentation
 from compare.quantities import plain, shown
 from compare.report.tables import html_table, say, terminal_table
 from compare.report.words.accuracy import notes
@@ -16,7 +17,7 @@ from compare.results.accuracy import Accuracy, Output
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-ROUNDING = 1e-12  # m or rad, below which the table shows nothing
+LEAST_SHOWN = 1e-12  # m or rad, below which the table shows nothing
 
 
 def files(result: Accuracy) -> dict[str, str]:
@@ -53,7 +54,7 @@ def plot(result: Accuracy, figure: Figure) -> None:
     axes[-1].set_xlabel("crank angle (deg)")
 
 
-HEADS = ("output", "unit", "equilibrium", "at", "worst case", "at", "sigma", "compliance", "total", "sensitive to")
+OUTPUTS = ("output", "unit", "equilibrium", "at", "worst case", "at", "sigma", "compliance", "total", "sensitive to")
 
 
 def print_table(result: Accuracy, console: Console) -> None:
@@ -61,7 +62,7 @@ def print_table(result: Accuracy, console: Console) -> None:
     ASCII.
     """
     rows = [_row(name, output, result.crank_angle) for name, output in result.outputs.items()]
-    console.print(terminal_table(HEADS, rows, left=("output", "unit", "sensitive to")))
+    console.print(terminal_table(OUTPUTS, rows, left=("output", "unit", "sensitive to")))
     say(console, *notes(result))
 
 
@@ -90,9 +91,12 @@ def _row(name: str, output: Output, theta: np.ndarray) -> tuple[str, ...]:
 def _largest(values: np.ndarray) -> int | None:
     """Index of the number largest in size; None where there is none but rounding."""
     size = np.nan_to_num(np.abs(values))
-    return int(size.argmax()) if size.max() > ROUNDING else None
+    return int(size.argmax()) if size.max() > LEAST_SHOWN else None
 
 
 def _at(values: np.ndarray, theta: np.ndarray) -> str:
     k = _largest(values)
     return "-" if k is None else f"{math.degrees(theta[k]):.4g} deg"
+
+
+PRESENTATION = Presentation(summary_html, print_table, files, plot)

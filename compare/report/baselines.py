@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from rich.console import Console
 
-from compare.report.junit import Case, junit_xml
+from compare.presentation import LIST_HAS_NO_PICTURE, Presentation
+from compare.report.junit import JUnitCase, JUnitSuite, junit_xml
 from compare.report.tables import html_table, say
 from compare.results.baselines import Baselines, Entry
 
@@ -34,14 +35,14 @@ def print_table(result: Baselines, console: Console) -> None:
 
 def junit(result: Baselines) -> str:
     """A suite for each case, a case for each engine: what moved is a failure, what has no answer an error."""
-    suites: dict[str, list[Case]] = {}
+    suites: dict[str, list[JUnitCase]] = {}
     for entry in result.entries:
         error = entry.why if entry.status in ("unusable", "failed") else ""
         failure = "; ".join(each.sentence for each in entry.moved) if entry.status == "moved" else ""
         place = f"{entry.case}.baseline"
-        case = Case(place, entry.simulator, said=entry.words, failure=failure, error=error, kind=entry.status)
+        case = JUnitCase(place, entry.simulator, said=entry.words, failure=failure, error=error, kind=entry.status)
         suites.setdefault(entry.case, []).append(case)
-    return junit_xml("baselines of the reaction forces", suites)
+    return junit_xml("baselines of the reaction forces", [JUnitSuite(*suite) for suite in suites.items()])
 
 
 def summary_html(result: Baselines) -> str:
@@ -52,3 +53,6 @@ def summary_html(result: Baselines) -> str:
         moved = "; ".join(each.sentence for each in entry.moved)
         rows.append((entry.case, entry.simulator, entry.status, said, moved))
     return html_table(rows, ("case", "engine", "status", "compared", "moved"), repr(result))
+
+
+PRESENTATION = Presentation(summary_html, print_table, files, no_picture=LIST_HAS_NO_PICTURE)

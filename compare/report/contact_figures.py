@@ -10,19 +10,20 @@ import numpy as np
 
 from analytic.mechanism import GROUND, Mechanism
 from compare.quantities import number
-from compare.report.figures import Axis, Figure, Numbers, Series, clearance_circle, extreme, scaled, simulators
+from compare.report.crosscheck_figures import clearance_circle, simulators
+from compare.report.figure import Axis, Figure, Numbers, Series, extreme, scaled
 from compare.report.summary import REAL
 from compare.report.words.contact import MEASURES
 from compare.results.contact import JointContact, Orbit
 from compare.results.crosscheck import CrossCheck, Run
 from sim_models.common.guide import Guide
 
-ENGINES = ("contact", "massless-link", "spring-damper", "ideal")  # colours of engines, which share a joint model here
-QUANTILES = (0.5, 0.8, 0.95)  # of the forces of a path, at which its colours change
-NOTHING = 1e-6  # of the largest force: less is none
+ENGINE_COLOURS = ("contact", "massless-link", "spring-damper", "ideal")  # the engines share a joint model here
+COLOUR_QUANTILES = (0.5, 0.8, 0.95)  # of the forces of a path, at which its colours change
+LEAST_FORCE = 1e-6  # of the largest force: less is none
 CRANK = Axis("crank angle θ₂", "deg")
-ACROSS = (Axis("displacement x", "mm"), Axis("displacement y", "mm"))
-SEAT = (Axis("height across the guide", "mm"), Axis("tilt times half length", "mm"))
+PIN_AXES = (Axis("displacement x", "mm"), Axis("displacement y", "mm"))
+GUIDE_AXES = (Axis("height across the guide", "mm"), Axis("tilt times half length", "mm"))
 
 
 def contact_figures(result: CrossCheck) -> list[Figure]:
@@ -35,13 +36,13 @@ def contact_figures(result: CrossCheck) -> list[Figure]:
 
 
 def _of(result: CrossCheck, striking: list[Run], joint: str) -> Iterator[Figure]:
-    runs = [(run, found) for run in striking if run.contact and (found := run.contact.joints.get(joint))]
-    runs = [(run, found) for run, found in runs if found.first_impact is not None]
+    runs = [(run, contact) for run in striking if run.contact and (contact := run.contact.joints.get(joint))]
+    runs = [(run, contact) for run, contact in runs if contact.first_impact is not None]
     if not runs:
         return
-    first, found = min(runs, key=lambda one: REAL.index(one[0].joint_model))
+    first, contact = min(runs, key=lambda one: REAL.index(one[0].joint_model))
     runs = [(run, one) for run, one in runs if run.joint_model == first.joint_model]
-    yield orbit(first, result.mechanism, joint, found.orbit)
+    yield orbit(first, result.mechanism, joint, contact.orbit)
     yield force(result, runs, joint)
     yield regimes(result, runs, joint)
     yield section(result, runs, joint)
@@ -55,15 +56,15 @@ def part(mechanism: Mechanism, joint: str) -> str:
 def wall(mechanism: Mechanism, joint: str, clearance: float) -> tuple[tuple[Axis, Axis], Series]:
     """The plane in which a pin or block moves, and where it comes to its wall with a ``clearance`` (mm)."""
     if part(mechanism, joint) == "pin":
-        return ACROSS, clearance_circle(clearance)
+        return PIN_AXES, clearance_circle(clearance)
     heights, tilts = ([clearance * way for way in ways] for ways in ((1, 0, -1, 0, 1), (0, 1, 0, -1, 0)))
-    return SEAT, Series("a corner at its wall", scaled(heights), scaled(tilts), "frame")
+    return GUIDE_AXES, Series("a corner at its wall", scaled(heights), scaled(tilts), "frame")
 
 
 def orbit(run: Run, mechanism: Mechanism, joint: str, path: Orbit) -> Figure:
     """The last revolution of a pin in its bearing, or a block in its guide, in colours by the force there."""
     edges, largest = bands(path.force), float(np.max(path.force, initial=0.0))
-    pressed = path.force > NOTHING * largest
+    pressed = path.force > LEAST_FORCE * largest
     level = np.where(pressed, 1 + np.digitize(path.force, edges), 0)
     level = np.maximum(level[:-1], level[1:])  # of each piece of the path
     read = MEASURES["peak_force"].fitting(largest)
@@ -83,10 +84,10 @@ def orbit(run: Run, mechanism: Mechanism, joint: str, path: Orbit) -> Figure:
 
 def bands(force: np.ndarray) -> list[float]:
     """Forces (N), to two digits and growing, at which the colours of a path change."""
-    pressed = force[force > NOTHING * np.max(force, initial=0.0)]
+    pressed = force[force > LEAST_FORCE * np.max(force, initial=0.0)]
     if not pressed.size:
         return []
-    return sorted({float(f"{value:.2g}") for value in np.quantile(pressed, QUANTILES)} - {0.0})
+    return sorted({float(f"{value:.2g}") for value in np.quantile(pressed, COLOUR_QUANTILES)} - {0.0})
 
 
 def _pieces(path: Orbit, chosen: np.ndarray) -> tuple[Numbers, Numbers]:
@@ -106,18 +107,18 @@ def _pieces(path: Orbit, chosen: np.ndarray) -> tuple[Numbers, Numbers]:
 
 def role(result: CrossCheck, run: Run) -> str:
     """The colour of an engine."""
-    return ENGINES[simulators(result).index(run.simulator.name) % len(ENGINES)]
+    return ENGINE_COLOURS[simulators(result).index(run.simulator.name) % len(ENGINE_COLOURS)]
 
 
 def force(result: CrossCheck, runs: list[tuple[Run, JointContact]], joint: str) -> Figure:
     """Contact force over the crank angle: each run's mean, the band of 5 to 95 % of the time of the first, and the
     analytic reaction; of a block, the force on the corner that is pressed most.
     """
-    first, found = runs[0][0], runs[0][1].profile
-    there = np.isfinite(found.low_force) & np.isfinite(found.high_force)
-    x = np.degrees(found.crank_angle[there])
+    first, profile = runs[0][0], runs[0][1].profile
+    known = np.isfinite(profile.low_force) & np.isfinite(profile.high_force)
+    x = np.degrees(profile.crank_angle[known])
     edge = np.concatenate([x, x[::-1]])
-    high_low = np.concatenate([found.high_force[there], found.low_force[there][::-1]])
+    high_low = np.concatenate([profile.high_force[known], profile.low_force[known][::-1]])
     name = f"5 to 95 % of the time, {first.title}"
     band = Series(name, scaled(edge), scaled(high_low), role(result, first), "band")
     means = [

@@ -6,35 +6,32 @@ import html
 import re
 from typing import TYPE_CHECKING
 
-import numpy as np
-
+from compare.presentation import Presentation
 from compare.quantities import plain
 from compare.report.contact_figures import contact_figures
+from compare.report.crosscheck_figures import figures
 from compare.report.crosscheck_page import render
-from compare.report.figures import figures
+from compare.report.crosscheck_terminal import print_table
 from compare.report.junit import junit
 from compare.report.linkage import linkage_figure
 from compare.report.summary import summarise
 from compare.report.svg import draw
 from compare.report.tables import html_table
-from compare.report.terminal import print_table
-from compare.report.words.crosscheck import WORDS, headline
+from compare.report.words.crosscheck import VERDICT_WORDS, headline
 from compare.results.crosscheck import CrossCheck
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["files", "plot", "print_table", "summary_html"]
-
 
 def files(result: CrossCheck) -> dict[str, str]:
     """The report: report.html, report.md, junit.xml, signals.csv and the figures, text by file name."""
     summary = summarise(result)
-    shown = [*figures(result, summary), *contact_figures(result)]
-    linkage = linkage_figure(result, summary)
+    shown = [*figures(summary), *contact_figures(result)]
+    linkage = linkage_figure(result)
     drawings = {figure.name: draw(figure) for figure in [*([linkage] if linkage else []), *shown]}
     names = {name: f"{re.sub(r'[^A-Za-z0-9_-]', '_', name)}.svg" for name in drawings}
-    page, markdown = render(result, summary, shown, linkage, drawings, names)
+    page, markdown = render(summary, shown, linkage, drawings, names)
     texts = {"report.html": page, "report.md": markdown, "junit.xml": junit(summary), "signals.csv": result.to_csv()}
     return texts | {names[name]: drawing for name, drawing in drawings.items()}
 
@@ -43,11 +40,11 @@ def summary_html(result: CrossCheck) -> str:
     """The verdict, and of each run the signal that takes the largest share of its tolerance."""
     summary = summarise(result)
     rows = []
-    for run in summary.runs:
-        worst = max(run.rows, key=lambda row: row.share or 0.0, default=None)
+    for shown in summary.runs:
+        worst = max(shown.rows, key=lambda row: row.share or 0.0, default=None)
         said = f"{worst.quantity.label} {plain(worst.maximum, 3, True)} {worst.quantity.unit}" if worst else "-"
-        rows.append((run.title, WORDS[run.verdict], said, plain(worst.tolerance) if worst else "-"))
-    verdict = f"<b>{html.escape(summary.case)}: {WORDS[summary.verdict]}.</b> {html.escape(headline(summary))}"
+        rows.append((shown.run.title, VERDICT_WORDS[shown.run.verdict], said, plain(worst.tolerance) if worst else "-"))
+    verdict = f"<b>{html.escape(result.case)}: {VERDICT_WORDS[summary.verdict]}.</b> {html.escape(headline(summary))}"
     return f"<p>{verdict}</p>" + html_table(rows, ("run", "verdict", "closest to its tolerance", "tolerance"))
 
 
@@ -60,14 +57,16 @@ def plot(result: CrossCheck, figure: Figure) -> None:
         for row, part in enumerate(("angle", "magnitude")):
             quantity = summary.signals[f"reaction_{joint}_{part}"]
             axis = axes[row, column]
-            for run in result.runs:
-                x = run.time if result.swings and run.time is not None else np.degrees(run.crank_angle)
-                side = quantity.factor * run.simulated[quantity.signal]
-                axis.plot(x, side, ".", markersize=4, label=run.title)
-            run = result.runs[-1]
-            x = run.time if result.swings and run.time is not None else np.degrees(run.crank_angle)
-            axis.plot(x, quantity.factor * run.analytic[quantity.signal], "k-", linewidth=0.8, label="analytic")
+            for shown in summary.runs:
+                side = quantity.factor * shown.run.simulated[quantity.signal]
+                axis.plot(shown.over.values, side, ".", markersize=4, label=shown.run.title)
+            last = summary.runs[-1]
+            side = quantity.factor * last.run.analytic[quantity.signal]
+            axis.plot(last.over.values, side, "k-", linewidth=0.8, label="analytic")
             axis.set_ylabel(f"{quantity.label} ({quantity.unit})")
         axes[-1, column].set_xlabel("time (s)" if result.swings else "crank angle (deg)")
     axes[0, 0].legend(fontsize="small")
-    figure.suptitle(f"{summary.case}: {WORDS[summary.verdict]}")
+    figure.suptitle(f"{result.case}: {VERDICT_WORDS[summary.verdict]}")
+
+
+PRESENTATION = Presentation(summary_html, print_table, files, plot)

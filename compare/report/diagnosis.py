@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.console import Console
 
+from compare.presentation import Presentation
 from compare.quantities import fitting, plainly
-from compare.report.diagnosis_figures import SIDES
 from compare.report.diagnosis_page import diagnosis_html, diagnosis_md
-from compare.report.diagnosis_text import terminal_lines
+from compare.report.diagnosis_terminal import terminal_lines
 from compare.report.explained import explained_toml
-from compare.report.junit import Case, junit_xml
+from compare.report.junit import JUnitCase, JUnitSuite, junit_xml
 from compare.report.residuals import draw as draw_residuals
 from compare.report.tables import html_table, say
 from compare.report.words.effects import of_effect, phrase, spoken
 from compare.report.words.measured import remaining
-from compare.results.diagnosis import Diagnosis
+from compare.results.diagnosis import SIDES, Diagnosis
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -39,21 +39,21 @@ def files(result: Diagnosis) -> dict[str, str]:
 def junit(result: Diagnosis) -> str:
     """The verdict as a JUnit file: it fails if it is not settled, and so does each signal that is left unexplained."""
     left = {} if result.settled else remaining(result)
-    verdict = Case(
+    verdict = JUnitCase(
         f"{result.case}.diagnosis",
         "verdict",
         said=result.statement,
         failure="" if result.settled else f"{result.verdict}: {result.statement}",
         kind=result.verdict,
     )
-    suites = {"verdict": [verdict]}
+    suites = [JUnitSuite("verdict", [verdict])]
     for run in result.runs:
         cases = []
         for name, channel in run.signals.items():
             gaps = f"gap {plainly(channel.gap_before)} before, {plainly(channel.gap_after)} after"
             failure = left.get((run.name, name), "")
-            cases.append(Case(f"{result.case}.{run.name}", name, said=gaps, failure=failure, kind="gap"))
-        suites[f"{'validation ' * (run.role == 'validation')}run {run.name}"] = cases
+            cases.append(JUnitCase(f"{result.case}.{run.name}", name, said=gaps, failure=failure, kind="gap"))
+        suites.append(JUnitSuite(f"{'validation ' * (run.role == 'validation')}run {run.name}", cases))
     return junit_xml(f"diagnosis of {result.case}", suites)
 
 
@@ -83,10 +83,11 @@ def plot(result: Diagnosis, figure: Figure) -> None:
     for axis, name in zip(figure.subplots(len(names), 1, squeeze=False)[:, 0], names, strict=True):
         run = result.runs[widest[name][1]]
         channel = run.signals[name]
-        x = run.time if run.over_time else np.degrees(run.crank_angle)
         unit, factor = fitting(channel.unit, float(np.nanmax(np.abs(result.residual(run, name, "before")))))
         before, after = (factor * result.residual(run, name, side) for side in SIDES)
-        draw_residuals(axis, x, before, after, factor * channel.noise)
+        draw_residuals(axis, run, before, after, factor * channel.noise)
         axis.set_ylabel(f"{spoken(result, name)} ({unit})")
-        axis.set_xlabel(f"{'time (s)' if run.over_time else 'crank angle (deg)'}, run {run.name}")
     figure.suptitle(f"{result.case}: {result.verdict}; measured minus simulated, noise within two sigmas shaded")
+
+
+PRESENTATION = Presentation(summary_html, print_table, files, plot)

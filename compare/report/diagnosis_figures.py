@@ -13,21 +13,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from compare.quantities import MINUS, Quantity, number
-from compare.report.figures import Axis, Figure, Numbers, Series, extreme, scaled
+from compare.report.figure import Axis, Figure, Numbers, Series, extreme, scaled
 from compare.report.svg import ticks
 from compare.report.words.diagnosis import SIGMA
 from compare.report.words.effects import quantity, spoken
 from compare.report.words.located import wrapped
-from compare.report.words.measured import off, off_by, reading, run_title
-from compare.results.diagnosis import DiagnosedRun, Diagnosis, Side
-from compare.results.document import listed
+from compare.report.words.measured import off_by, off_on_both_sides, reading, run_title
+from compare.results.diagnosis import SIDES, DiagnosedRun, Diagnosis, Side
 
-COLUMNS = 72  # of the map: 5 degrees where the crank turns fully
+MAP_COLUMNS = 72  # of the map: 5 degrees where the crank turns fully
 LEVELS = (2.0, 4.0, 10.0, 30.0)  # sigmas at which the map's colour changes
 BAND = 2.0  # sigmas
+RESIDUAL_DIGITS = 4  # that a residual is worth
 BEFORE, AFTER = "spring-damper", "massless-link"  # whose colours they have: orange and blue, apart for every eye
-SIDES: tuple[Side, ...] = ("before", "after")
-DRAWN = 250  # columns of a drawing on paper; a line has two points in each
+PAPER_COLUMNS = 250  # columns of a drawing on paper; a line has two points in each
 
 
 @dataclass(frozen=True)
@@ -44,7 +43,7 @@ class Strip:
 
 
 @dataclass(frozen=True)
-class Map:
+class ResidualMap:
     """Strips over a common axis from ``low`` to ``high``, in the axis' unit."""
 
     axis: Axis
@@ -55,8 +54,8 @@ class Map:
     @property
     def ticks(self) -> list[tuple[str, float]]:
         """Numbers along the axis, each with its place in per cent."""
-        found = ticks(self.low, self.high, 4, self.axis.unit == "deg")
-        return [(number(v + 0.0, 4), 100 * (v - self.low) / (self.high - self.low)) for v in found]
+        values = ticks(self.low, self.high, 4, self.axis.unit == "deg")
+        return [(number(v + 0.0, 4), 100 * (v - self.low) / (self.high - self.low)) for v in values]
 
 
 @dataclass(frozen=True)
@@ -106,8 +105,8 @@ def panels(result: Diagnosis) -> list[Panel]:
 def _panel(result: Diagnosis, i: int, run: DiagnosedRun, name: str) -> Panel:
     channel, what, words = run.signals[name], quantity(result, name), spoken(result, name)
     x, over = _abscissa(run)
-    before, after = (listed(result.residual(run, name, side)) for side in SIDES)
     unit, factor = reading(result, name)
+    before, after = (scaled(result.residual(run, name, side), factor, RESIDUAL_DIGITS) for side in SIDES)
     return Panel(
         run=i,
         signal=name,
@@ -117,15 +116,12 @@ def _panel(result: Diagnosis, i: int, run: DiagnosedRun, name: str) -> Panel:
         per=factor / what.factor,
         x=x,
         over=over,
-        measured=scaled(listed(channel.measured), what.factor),
-        before=_short(before, factor),
-        after=_short(after, factor),
+        measured=scaled(channel.measured, what.factor),
+        before=before,
+        after=after,
         noise=channel.noise * factor,
         noise_text=off_by(result, name, channel.noise) + ("" if channel.noise_given else ", estimated from the data"),
-        off=(
-            off_by(result, name, off(result, run, name, "before")),
-            off_by(result, name, off(result, run, name, "after")),
-        ),
+        off=off_on_both_sides(result, run, name),
         gap_before=channel.gap_before,
         gap_after=channel.gap_after,
         held_out=_blocks(run.held_out, over),
@@ -134,13 +130,8 @@ def _panel(result: Diagnosis, i: int, run: DiagnosedRun, name: str) -> Panel:
 
 def _abscissa(run: DiagnosedRun) -> tuple[Axis, Numbers]:
     if run.over_time:
-        return Axis("time", "s"), scaled(listed(run.time))
-    return Axis("crank angle", "deg"), scaled(listed(run.crank_angle), math.degrees(1.0))
-
-
-def _short(values: Sequence[float | None], factor: float) -> Numbers:
-    """To the four digits that a residual is worth."""
-    return tuple(None if v is None else float(f"{factor * v:.4g}") for v in values)
+        return Axis("time", "s"), scaled(run.time)
+    return Axis("crank angle", "deg"), scaled(run.crank_angle, math.degrees(1.0))
 
 
 def _blocks(held_out: Sequence[int] | None, over: Numbers) -> tuple[tuple[float, float], ...]:
@@ -152,7 +143,7 @@ def _blocks(held_out: Sequence[int] | None, over: Numbers) -> tuple[tuple[float,
     return tuple((known[a], known[b - 1]) for a, b in zip(edges[::2], edges[1::2], strict=True))
 
 
-def maps(result: Diagnosis) -> list[Map]:
+def maps(result: Diagnosis) -> list[ResidualMap]:
     """Residual maps: one over the crank angle for the runs at a commanded speed, one over time for the others."""
     turning: list[tuple[int, DiagnosedRun]] = []
     rest: list[tuple[int, DiagnosedRun]] = []
@@ -163,7 +154,7 @@ def maps(result: Diagnosis) -> list[Map]:
     return [_map(result, group) for group in (turning, rest) if group]
 
 
-def _map(result: Diagnosis, group: Sequence[tuple[int, DiagnosedRun]]) -> Map:
+def _map(result: Diagnosis, group: Sequence[tuple[int, DiagnosedRun]]) -> ResidualMap:
     axis = _abscissa(group[0][1])[0]
     over = [np.array(_abscissa(run)[1], float) for _, run in group]
     if axis.unit == "deg" and wrapped(result):
@@ -173,27 +164,27 @@ def _map(result: Diagnosis, group: Sequence[tuple[int, DiagnosedRun]]) -> Map:
     wide = (high - low) or 1.0
     strips = []
     for (offset, run), x in zip(group, over, strict=True):
-        columns = np.clip(np.floor((x - low) / wide * COLUMNS), 0, COLUMNS - 1).astype(int)
+        columns = np.clip(np.floor((x - low) / wide * MAP_COLUMNS), 0, MAP_COLUMNS - 1).astype(int)
         for k, (name, channel) in enumerate(run.signals.items()):
             before, after = (_cells(result.residual(run, name, side) / channel.noise, columns) for side in SIDES)
             gaps = (channel.gap_before, channel.gap_after)
             strips.append(Strip(offset + k, run_title(run), spoken(result, name), before, after, *gaps))
-    return Map(axis, low, low + wide, tuple(strips))
+    return ResidualMap(axis, low, low + wide, tuple(strips))
 
 
 def _cells(values: np.ndarray, columns: np.ndarray) -> Numbers:
     """Root mean square of residuals (N,) sigma in each column, with the sign of their mean."""
     known = np.isfinite(values)
-    count = np.bincount(columns[known], minlength=COLUMNS)
-    total, squares = (np.bincount(columns[known], values[known] ** power, COLUMNS) for power in (1, 2))
+    count = np.bincount(columns[known], minlength=MAP_COLUMNS)
+    total, squares = (np.bincount(columns[known], values[known] ** power, MAP_COLUMNS) for power in (1, 2))
     sizes = np.copysign(np.sqrt(squares / np.maximum(count, 1)), total)
     return tuple(float(f"{size:.3g}") if n else None for size, n in zip(sizes, count, strict=True))
 
 
 def level(value: float) -> int:
     """The colour of a residual (sigma): 0 within the noise, up to 4 above and -4 below."""
-    found = sum(abs(value) >= least for least in LEVELS)
-    return found if value > 0 else -found
+    shade = sum(abs(value) >= least for least in LEVELS)
+    return shade if value > 0 else -shade
 
 
 def strip_svg(cells: Numbers, label: str) -> str:
@@ -216,7 +207,7 @@ def shade_class(shade: int) -> str:
     return "none" if shade == 0 else f"{'high' if shade > 0 else 'low'}{abs(shade)}"
 
 
-def worst_cell(found: Map, cells: Numbers) -> str:
+def worst_cell(over: ResidualMap, cells: Numbers) -> str:
     """A strip in words: ``largest -12 sigma at 85 deg``, or that it is all noise."""
     known = [(abs(v), i) for i, v in enumerate(cells) if v is not None]
     if not known:
@@ -224,8 +215,8 @@ def worst_cell(found: Map, cells: Numbers) -> str:
     size, i = max(known)
     if size < LEVELS[0]:
         return "within the noise"
-    at = found.low + (i + 0.5) * (found.high - found.low) / len(cells)
-    return f"largest {number(cells[i], 2, True)} sigma at {number(at, 3)} {found.axis.unit}"
+    at = over.low + (i + 0.5) * (over.high - over.low) / len(cells)
+    return f"largest {number(cells[i], 2, True)} sigma at {number(at, 3)} {over.axis.unit}"
 
 
 def figure(panel: Panel, name: str) -> Figure:
@@ -265,7 +256,7 @@ def broken(values: Numbers, most: float) -> Numbers:
 
 def _thinned(x: Numbers, y: Numbers) -> tuple[Numbers, Numbers]:
     """Of each column of a drawing the lowest and the highest sample, in order; a column with a gap keeps it."""
-    step = math.ceil(len(x) / DRAWN)
+    step = math.ceil(len(x) / PAPER_COLUMNS)
     if step <= 2:
         return x, y
     kept: list[int] = []

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
-from typing import Any
 
 from markupsafe import Markup, escape
 
+from analytic.mechanism.file import dumps
 from analytic.mechanism.one_line import capital
 from compare.quantities import DASH, MINUS, assumptions, plainly
 from compare.report import diagnosis_figures as figures
-from compare.report.explained import changes, without_null
-from compare.report.pages import Script, Section, escape_markdown, markdown, page
-from compare.report.proposed import figure as law_figure
+from compare.report.explained import changes
+from compare.report.pages import PageSection, Script, markdown, page
+from compare.report.proposal_figure import figure as law_figure
 from compare.report.svg import NOT_XML, draw
 from compare.report.words import diagnosis as words
 from compare.report.words import proposals
@@ -21,7 +21,7 @@ from compare.report.words.effects import (
     called,
     headline,
     of_effect,
-    of_runs,
+    own_values,
     phrase,
     quantity,
     rival_words,
@@ -29,39 +29,43 @@ from compare.report.words.effects import (
     spoken,
 )
 from compare.report.words.located import located, worst_first
-from compare.report.words.measured import InUnits, in_units, off, off_by, run_title, validation_sentences
-from compare.results.diagnosis import DiagnosedRun, Diagnosis, Effect, Place
-from compare.results.document import as_written
+from compare.report.words.measured import InUnits, in_units, off_by, off_on_both_sides, run_title, validation_sentences
+from compare.results.diagnosis import DiagnosedRun, Diagnosis, Effect, EffectPlace
 
-LOOKS = {
+VERDICT_LOOKS = {
     "no gap": "agrees",
     "explained": "agrees",
     "partly explained": "known",
     "ambiguous": "known",
     "unexplained": "disagrees",
 }
-PLACES = 10  # located deviations that are listed before one has to ask for the rest
+PLACES_ON_PAGE = 10  # located deviations that are listed before one has to ask for the rest
 PLACES_IN_TEXT = 12
-CANDIDATES = 12
+CANDIDATES_ON_PAGE = 12
 
 
 def diagnosis_html(result: Diagnosis) -> str:
     """The page over a diagnosis."""
     panels, maps = figures.panels(result), figures.maps(result)
+    candidates = sorted(result.candidates, key=lambda c: (c.status not in ("named", "tied"), -(c.sigmas or 0.0)))
     parts: dict[str, dict[str, object]] = {
-        "where": _where(result, maps),
+        "where": {"maps": maps, "cells": _strip, "legend": _legend(), "listed": PLACES_ON_PAGE},
         "story": {"steps": [step for step in result.steps if step.title != "Result"]},
         "residuals": _residuals(result, panels),
         "engines": {},
-        "candidates": _candidates(result),
+        "candidates": {"candidates": candidates, "listed": CANDIDATES_ON_PAGE},
         "faults": {},
-        "provenance": _provenance(result),
+        "provenance": {
+            "changes": changes(result),
+            "mechanism": dumps(result.mechanism),
+            "explained": dumps(result.explained),
+        },
     }
-    said = _said(result)
+    shared = _shared(result)
     return page(
         f"{result.case}: {result.verdict} {DASH} diagnosis",
-        Section("diagnosis/header.html.j2", said | _header(result)),
-        [Section(f"diagnosis/{name}.html.j2", said | part) for name, part in parts.items()],
+        PageSection("diagnosis/header.html.j2", shared | {"look": VERDICT_LOOKS[result.verdict]}),
+        [PageSection(f"diagnosis/{name}.html.j2", shared | part) for name, part in parts.items()],
         styles=("diagnosis.css",),
         script=Script(("chart.js", "diagnosis.js"), _data(result, panels, maps)),
         skip_to="where they disagree",
@@ -69,8 +73,21 @@ def diagnosis_html(result: Diagnosis) -> str:
     )
 
 
-def _said(result: Diagnosis) -> dict[str, object]:
-    """How the result's signals, effects and places are called."""
+def diagnosis_md(result: Diagnosis) -> str:
+    """The text of diagnosis.md."""
+    tables: dict[str, object] = {
+        "shares": [(capital(bar.label), words.percent(bar.share / 100)) for bar in words.waterfall(result)],
+        "effects": [row for group in words.ties(result) for row in _effect_rows(result, group)],
+        "off_units": [_off_row(result, sensor) for sensor in in_units(result)],
+        "gaps": [_gap_row(result, run, name) for run in result.runs for name in run.signals],
+        "faults": [(f.run, spoken(result, f.signal), f.kind, str(f.samples), f.text) for f in result.faults],
+    }
+    return markdown(PageSection("diagnosis/report.md.j2", _shared(result) | tables | {"listed": PLACES_IN_TEXT}))
+
+
+def _shared(result: Diagnosis) -> dict[str, object]:
+    """What page and Markdown are both filled with: the result's words, and how its signals and effects are called."""
+    ties = words.ties(result)
     return {
         "result": result,
         "words": words,
@@ -78,38 +95,32 @@ def _said(result: Diagnosis) -> dict[str, object]:
         "named": partial(called, result),
         "spoken": partial(spoken, result),
         "located": partial(located, result),
+        "headline": partial(headline, result),
         "off": partial(off_by, result),
-    }
-
-
-def diagnosis_md(result: Diagnosis) -> str:
-    """The text of diagnosis.md."""
-    tables: dict[str, Sequence[Sequence[str]]] = {
-        "shares": [(capital(bar.label), words.percent(bar.share / 100)) for bar in words.waterfall(result)],
-        "effects": [row for group in words.ties(result) for row in _effect_rows(result, group)],
-        "numbered": [(str(i), *row) for i, row in enumerate(words.attempts(result), 1)],
-        "off_units": [_off_row(result, sensor) for sensor in in_units(result)],
-        "gaps": [_gap_row(result, run, name) for run in result.runs for name in run.signals],
-        "faults": [(f.run, spoken(result, f.signal), f.kind, str(f.samples), f.text) for f in result.faults],
+        "own": partial(own_values, result),
+        "parameters": of_effect,
+        "small_errors": partial(small_errors, result),
+        "rival": partial(rival_words, result),
+        "percent": _percent,
+        "ties": ties,
+        "singles": [group for group in ties if len(group) == 1],
+        "tied": [group for group in ties if len(group) > 1],
+        "bars": words.waterfall(result),
+        "sensors": in_units(result),
+        "validation": validation_sentences(result),
+        "attempts": words.attempts(result),
+        "proposed": [
+            (proposals.sentences(result, p), proposals.numbers(p), Markup(draw(law_figure(result, p, f"law-{i}"))))
+            for i, p in enumerate(result.proposed)
+        ],
+        "heading": proposals.heading(result),
+        "places": worst_first(result),
         "settings": words.settings(result),
+        "assumed": assumptions(result.assumed),
     }
-    own = [(effect, of_runs(result, effect)) for group in words.ties(result) for effect in group]
-    context = (
-        _said(result)
-        | _header(result)
-        | {
-            "places": worst_first(result),
-            "listed": PLACES_IN_TEXT,
-            "ties": words.ties(result),
-            "own_values": [f"{headline(result, effect)}." for effect, values in own if values],
-            "assumed": assumptions(result.assumed),
-        }
-    )
-    escaped = {name: [[escape_markdown(cell) for cell in row] for row in rows] for name, rows in tables.items()}
-    return markdown(Section("diagnosis/report.md.j2", context | escaped))
 
 
-def _effect_rows(result: Diagnosis, group: Sequence[Place]) -> Iterator[tuple[str, ...]]:
+def _effect_rows(result: Diagnosis, group: Sequence[EffectPlace]) -> Iterator[tuple[str, ...]]:
     """What is missing and what is tied with it, a row for each parameter."""
     for i, effect in enumerate(group):
         rivals = ", ".join(phrase(result, other.name, other.where) for other in group[1:]) or DASH
@@ -132,13 +143,11 @@ def _off_row(result: Diagnosis, sensor: InUnits) -> tuple[str, ...]:
 def _gap_row(result: Diagnosis, run: DiagnosedRun, name: str) -> tuple[str, ...]:
     """How far a sensor is off in a run, in its unit and in its noise."""
     channel = run.signals[name]
-    before, after = (off_by(result, name, off(result, run, name, side)) for side in figures.SIDES)
     return (
         run.name + " (validation)" * (run.role == "validation"),
         quantity(result, name).title,
         off_by(result, name, channel.noise) + ("" if channel.noise_given else ", estimated"),
-        before,
-        after,
+        *off_on_both_sides(result, run, name),
         plainly(channel.gap_before),
         plainly(channel.gap_after),
     )
@@ -146,43 +155,6 @@ def _gap_row(result: Diagnosis, run: DiagnosedRun, name: str) -> tuple[str, ...]
 
 def _percent(share: float | None) -> str:
     return DASH if share is None else f"{plainly(100 * share, 2)} %"
-
-
-def _header(result: Diagnosis) -> dict[str, object]:
-    """The verdict, what is missing, what was tried and is proposed, and what to do next."""
-    laws = [Markup(draw(law_figure(result, p, f"law-{i}"))) for i, p in enumerate(result.proposed)]
-    return {
-        "look": LOOKS[result.verdict],
-        "sign": words.SIGNS[result.verdict],
-        "singles": [group for group in words.ties(result) if len(group) == 1],
-        "tied": [group for group in words.ties(result) if len(group) > 1],
-        "bars": words.waterfall(result),
-        "sensors": in_units(result),
-        "validation": validation_sentences(result),
-        "attempts": words.attempts(result),
-        "proposed": [
-            (p, proposals.sentences(result, p), proposals.numbers(p), law)
-            for p, law in zip(result.proposed, laws, strict=True)
-        ],
-        "heading": proposals.heading(result),
-        "next_steps": words.next_steps(result),
-        "own": partial(of_runs, result),
-        "parameters": of_effect,
-        "small_errors": partial(small_errors, result),
-        "rival": partial(rival_words, result),
-        "percent": _percent,
-    }
-
-
-def _where(result: Diagnosis, maps: list[figures.Map]) -> dict[str, object]:
-    """Where measured and simulated are apart: the maps, and in words."""
-    return {
-        "maps": maps,
-        "cells": _strip,
-        "legend": _legend(),
-        "places": worst_first(result),
-        "listed": PLACES,
-    }
 
 
 def _residuals(result: Diagnosis, panels: list[figures.Panel]) -> dict[str, object]:
@@ -200,31 +172,9 @@ def _residuals(result: Diagnosis, panels: list[figures.Panel]) -> dict[str, obje
     }
 
 
-def _candidates(result: Diagnosis) -> dict[str, object]:
-    order = sorted(result.candidates, key=lambda c: (c.status not in ("named", "tied"), -(c.sigmas or 0.0)))
-    return {"candidates": order, "candidates_listed": CANDIDATES, "statuses": words.STATUS}
-
-
-def _provenance(result: Diagnosis) -> dict[str, object]:
-    return {
-        "mechanism": toml(as_written(result.mechanism)),
-        "explained": toml(as_written(result.explained)),
-        "changes": changes(result),
-        "settings": words.settings(result),
-        "assumed": assumptions(result.assumed),
-    }
-
-
-def toml(mechanism: Mapping[str, object]) -> str:
-    """A mechanism as its file says it; what has no value is left out."""
-    import tomli_w
-
-    return tomli_w.dumps(without_null(mechanism))
-
-
-def _strip(found: figures.Map, strip: figures.Strip, side: str) -> Markup:
+def _strip(over: figures.ResidualMap, strip: figures.Strip, side: str) -> Markup:
     cells = strip.before if side == "before" else strip.after
-    label = escape(NOT_XML.sub("", f"{strip.title}, {side}: {figures.worst_cell(found, cells)}"))
+    label = escape(NOT_XML.sub("", f"{strip.title}, {side}: {figures.worst_cell(over, cells)}"))
     return Markup(figures.strip_svg(cells, str(label)))
 
 
@@ -238,24 +188,20 @@ def _legend() -> list[tuple[str, str]]:
     return shades + [(figures.shade_class(k), text) for k, text in enumerate(high, start=1)]
 
 
-def _data(result: Diagnosis, panels: list[figures.Panel], found: list[figures.Map]) -> dict[str, Any]:
+def _data(result: Diagnosis, panels: list[figures.Panel], maps: list[figures.ResidualMap]) -> dict[str, object]:
     """What the scripts need: every sample once, and the cells of the maps."""
     over = {panel.run: panel for panel in panels}
     return {
         "colours": {"before": figures.BEFORE, "after": figures.AFTER},
         "band": figures.BAND,
         "runs": [
-            (
-                {
-                    "x": over[i].over,
-                    "label": over[i].x.label,
-                    "unit": over[i].x.unit,
-                    "held": over[i].held_out,
-                    "held_out": run.held_out,
-                }
-                if i in over
-                else None
-            )
+            {
+                "x": over[i].over,
+                "label": over[i].x.label,
+                "unit": over[i].x.unit,
+                "held": over[i].held_out,
+                "held_out": run.held_out,
+            }
             for i, run in enumerate(result.runs)
         ],
         "panels": [
@@ -283,6 +229,6 @@ def _data(result: Diagnosis, panels: list[figures.Panel], found: list[figures.Ma
                 "high": m.high,
                 "strips": [{"title": f"{s.title}, {s.run}", "before": s.before, "after": s.after} for s in m.strips],
             }
-            for m in found
+            for m in maps
         ],
     }

@@ -16,7 +16,7 @@ from analytic.mechanism.file import dumps
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.faults import printable
 from compare.quantities import DASH
-from compare.results.diagnosis import Diagnosis, Effect, Parameter
+from compare.results.diagnosis import Diagnosis, Effect, Estimate
 from compare.results.document import as_written
 
 KEY = re.compile(r'("(?:[^"\\]|\\.)*"|[\w-]+) = ')
@@ -39,7 +39,7 @@ def differences(nominal: Mechanism, explained: Mechanism) -> list[tuple[str, str
 
     What a mechanism leaves out is zero or nothing, so that a field written out as that is no difference.
     """
-    one, other = (dict(_fields(without_null(as_written(m)), "")) for m in (nominal, explained))
+    one, other = (dict(_fields(as_written(m), "")) for m in (nominal, explained))
     fields = [name for name in other | one if _set(one.get(name)) != _set(other.get(name))]
 
     def said(side: Mapping[str, object], name: str) -> str:
@@ -68,28 +68,18 @@ def commented(text: str, notes: Mapping[str, str]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def without_null(fields: Mapping[str, object]) -> dict[str, object]:
-    """Fields of a mechanism without those that are None, however deep they are."""
-    return {name: _whole(value) for name, value in fields.items() if value is not None}
-
-
-def _whole(value: object) -> object:
-    if isinstance(value, Mapping):
-        return without_null(value)
-    return [_whole(item) for item in value if item is not None] if isinstance(value, list) else value
-
-
 def _head(result: Diagnosis) -> Iterator[str]:
     yield f"{result.case} with what a diagnosis added to it ({result.verdict})."
-    packages = ", ".join(f"{name} {version}" for name, version in result.versions.items() if name in _makers(result))
+    makers = ("linkage-crosscheck", result.simulator.name)
+    packages = ", ".join(f"{name} {version}" for name, version in result.versions.items() if name in makers)
     before, after = result.gap.before, result.gap.after
     yield f"Diagnosed by {packages}; the gap is {before:.4g} times the noise before, {after:.4g} after."
     yield f"Data: {', '.join(f'{run.name} ({run.file})' if run.file else run.name for run in result.runs)}."
-    for sensors, title in ((False, "Added"), (True, "Found too, but not of the mechanism and so not in this file")):
-        found = [effect for effect in result.effects if _of_sensor(effect) == sensors]
-        if found:
+    for kind, title in (("rig", "Added"), ("sensor", "Found too, but not of the mechanism and so not in this file")):
+        effects = [effect for effect in result.effects if effect.kind == kind]
+        if effects:
             yield f"{title} (95 % intervals in brackets):"
-            yield from (f"    {effect.key}: {_values(effect)}" for effect in found)
+            yield from (f"    {effect.key}: {_values(effect)}" for effect in effects)
     changed = changes(result)
     if changed:
         yield "Changed:"
@@ -98,13 +88,9 @@ def _head(result: Diagnosis) -> Iterator[str]:
         yield f"Made by: {result.command}"
 
 
-def _makers(result: Diagnosis) -> tuple[str, str]:
-    return "linkage-crosscheck", result.simulator.name
-
-
 def _notes(result: Diagnosis) -> dict[str, str]:
     """What is said at each field that was changed: by which effects, and what it was."""
-    causes = {effect.key: _touched(result.mechanism, effect) for effect in result.effects if not _of_sensor(effect)}
+    causes = {effect.key: _touched(result.mechanism, effect) for effect in result.effects if effect.kind == "rig"}
     notes = {}
     for field, before, _ in changes(result):
         by = [effect for effect in result.effects if field in causes.get(effect.key, ())]
@@ -122,16 +108,11 @@ def _touched(nominal: Mechanism, effect: Effect) -> set[str]:
     return {field for field, *_ in differences(nominal, known.on_mechanism(nominal, effect.where, values))}
 
 
-def _of_sensor(effect: Effect) -> bool:
-    known = VOCABULARY.get(effect.name)
-    return known is not None and known.sensor
-
-
 def _values(effect: Effect) -> str:
     return ", ".join(f"{name} {_value(parameter)}" for name, parameter in effect.parameters.items())
 
 
-def _value(p: Parameter) -> str:
+def _value(p: Estimate) -> str:
     """An SI value with its interval: ``0.00015 [0.000148, 0.000152] m``; an open end is not known."""
     low, high = ("?" if end is None else f"{end:.6g}" for end in (p.low, p.high))
     return f"{p.value:.6g} [{low}, {high}]" + ("" if p.unit == "1" else f" {p.unit}")

@@ -9,105 +9,43 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Mapping, Sequence
-from typing import TypedDict
 
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import kinematics
-from analytic.mechanism import Mechanism
+from analytic.mechanism import GROUND, Mechanism
 from compare.quantities import Quantity, number
-from compare.report.figures import Axis, Figure, Mark, Numbers, Series, beside, difference, same_turn, scaled
-from compare.report.summary import Summary, abscissa, released
+from compare.report.crosscheck_figures import beside, difference, same_turn
+from compare.report.figure import Axis, Figure, Mark, Numbers, Series, scaled
+from compare.report.summary import ShownRun, Summary, abscissa
 from compare.results.crosscheck import CrossCheck, Run
 from compare.results.document import listed
 
 FACTORS = [m * 10**e for e in range(6) for m in (1, 2, 5)]
-VISIBLE = 0.12  # of a typical link's length: how large an exaggerated gap is drawn
-ROUNDING = 1e-9  # of a signal's peak: smaller is read as 0
-PREFERRED = math.radians(30.0)  # crank angle of the printed figure, the paper's own
+DRAWN_GAP = 0.12  # of a typical link's length: how large an exaggerated gap is drawn
+READ_AS_ZERO = 1e-9  # of a signal's peak: smaller is read as 0
+PRINTED_ANGLE = math.radians(30.0)  # crank angle of the printed figure, the paper's own
 Poses = dict[str, dict[str, Numbers]]  # body -> x, y (m, marker) and angle (rad) of every sample
 
 
-class BodyPart(TypedDict):
-    """A body: its points (x, y in m) from where its position is measured."""
-
-    name: str
-    points: dict[str, list[float]]
-
-
-class JointPart(TypedDict):
-    """A joint: its two bodies, and the axis of a prismatic one in the first of them."""
-
-    name: str
-    bodies: list[str]
-    axis: list[float] | None
-
-
-class Parts(TypedDict):
-    """What a linkage is drawn from; ``ground`` are points (x, y in m), ``size`` a typical length (m)."""
-
-    bodies: list[BodyPart]
-    ground: dict[str, list[float]]
-    joints: list[JointPart]
-    size: float
-
-
-class Reading(TypedDict):
-    """Both sides of a signal, and their difference, in the page's unit."""
-
-    label: str
-    unit: str
-    analytic: Numbers
-    simulated: Numbers
-    difference: Numbers
-
-
-class Explored(TypedDict):
-    """A run as ``explorer.js`` moves through it; ``gaps`` (mm) by joint and side, x and y."""
-
-    title: str
-    role: str
-    label: str
-    unit: str
-    x: Numbers
-    flags: dict[str, str]
-    opens: int
-    clearance: dict[str, float]
-    factor: int
-    ideal: Poses | None
-    analytic: Poses | None
-    analytic_model: str
-    simulated: Poses | None
-    gaps: dict[str, dict[str, list[Numbers]]]
-    readout: list[Reading]
-
-
-class Explorer(TypedDict):
-    """Everything that ``explorer.js`` moves through."""
-
-    parts: Parts
-    runs: list[Explored]
-
-
-def explorer(result: CrossCheck, summary: Summary) -> Explorer:
+def explorer(summary: Summary) -> dict[str, object]:
     """Everything that ``explorer.js`` moves through: parts, and for each run the poses and the values to read."""
     return {
-        "parts": parts(result.mechanism),
-        "runs": [_explored(result, summary, i) for i in range(len(result.runs))],
+        "parts": parts(summary.result.mechanism),
+        "runs": [_explored(summary, shown) for shown in summary.runs],
     }
 
 
-def parts(mechanism: Mechanism) -> Parts:
-    """Bodies' points relative to where their position is measured (marker, else com), ground points and joints, as
-    plain data (m).
+def parts(mechanism: Mechanism) -> dict[str, object]:
+    """What a page's script draws a linkage from: bodies' points from where its position is measured (marker,
+    else com), ground points and joints (m).
     """
-    bodies: list[BodyPart] = []
+    bodies: list[dict[str, object]] = []
     for body in mechanism.bodies:
-        at = body.point("com")
-        points = {name: complex(*p) - at for name, p in body.points.items()}
+        points = {name: complex(*p) - body.point("com") for name, p in body.points.items()}
         bodies.append({"name": body.name, "points": {name: [p.real, p.imag] for name, p in points.items()}})
-    joints: list[JointPart] = [
+    joints = [
         {"name": j.name, "bodies": list(j.bodies), "axis": list(j.axis) if j.axis else None} for j in mechanism.joints
     ]
     ground = {name: list(map(float, p)) for name, p in mechanism.ground.points.items()}
@@ -125,21 +63,20 @@ def typical_length(mechanism: Mechanism) -> float:
 def exaggeration(mechanism: Mechanism, run: Run) -> int:
     """The roundest factor at which the run's largest gap is seen, 1 without gaps and in a free drive."""
     largest = max(run.clearance.values(), default=0.0)
-    if not largest or released(run, mechanism):
+    if not largest or abscissa(run, mechanism).of_time:
         return 1
-    return max(f for f in FACTORS if f == 1 or f * largest <= VISIBLE * typical_length(mechanism))
+    return max(f for f in FACTORS if f == 1 or f * largest <= DRAWN_GAP * typical_length(mechanism))
 
 
 def ideal_poses(result: CrossCheck, run: Run) -> Poses | None:
     """Poses of the linkage without clearance at a run's samples: from the ideal run, else assembled; None if neither
     can.
     """
-    swings = released(run, result.mechanism)
+    over = abscissa(run, result.mechanism)
     for other in result.runs:
-        ours, theirs = (one.time if swings else one.crank_angle for one in (run, other))
-        if other.joint_model == "ideal" and ours is not None and theirs is not None and np.array_equal(ours, theirs):
+        if other.joint_model == "ideal" and abscissa(other, result.mechanism) == over:
             return _poses(result.mechanism, other.analytic)
-    if swings:
+    if over.of_time:
         return None
     try:
         motion = kinematics(Assembly(result.mechanism.with_clearances({})), run.crank_angle)
@@ -159,43 +96,44 @@ def _poses(mechanism: Mechanism, signals: Mapping[str, np.ndarray]) -> Poses | N
     return {name: {part: scaled(signals[f"{name}_{part}"]) for part in ("x", "y", "angle")} for name in names}
 
 
-def _explored(result: CrossCheck, summary: Summary, index: int) -> Explored:
-    run, told = result.runs[index], summary.runs[index]
-    label, unit, factor, x = abscissa(run, result.mechanism)
-    shown = [q for q in summary.keys(False, result.mechanism) if q.signal in run.analytic and q.signal in run.simulated]
+def _explored(summary: Summary, shown: ShownRun) -> dict[str, object]:
+    """A run as ``explorer.js`` moves through it; ``gaps`` (mm) by joint and side, x and y."""
+    run, result = shown.run, summary.result
     ideal = ideal_poses(result, run)
     return {
-        "title": told.title,
-        "role": told.joint_model,
-        "label": label,
-        "unit": unit,
-        "x": scaled(x, factor),
+        "title": run.title,
+        "role": run.joint_model,
+        "label": shown.over.label,
+        "unit": shown.over.unit,
+        "x": scaled(shown.over.values),
         "flags": dict(run.flags),
-        "opens": _opens(result, summary, index, x),
-        "clearance": {joint: size for joint, size in run.clearance.items() if size},
+        "opens": _opens(shown),
+        "clearance": dict(run.clearance),
         "factor": exaggeration(result.mechanism, run),
         "ideal": ideal,
         "analytic": _beside(_poses(result.mechanism, run.analytic), ideal),
-        "analytic_model": told.analytic_model.replace("_", " "),
+        "analytic_model": run.analytic_model.replace("_", " "),
         "simulated": _beside(_poses(result.mechanism, run.simulated), ideal),
-        "gaps": {joint: _gap(run, joint) for joint, size in run.clearance.items() if size},
+        "gaps": {joint: _gap(run, joint) for joint in run.clearance},
         "readout": [
-            _read(quantity, run, result.runs[0].analytic.get(quantity.signal, np.zeros(0))) for quantity in shown
+            _read(quantity, run, result.runs[0].analytic.get(quantity.signal, np.zeros(0)))
+            for quantity in summary.keys()
+            if quantity.signal in run.analytic and quantity.signal in run.simulated
         ],
     }
 
 
-def _opens(result: CrossCheck, summary: Summary, index: int, x: Sequence[float]) -> int:
+def _opens(shown: ShownRun) -> int:
     """Index of the sample at which the page opens: where a run disagrees most, else the paper's crank angle."""
-    run, told = result.runs[index], summary.runs[index]
-    if told.verdict == "disagrees":
+    run = shown.run
+    if run.verdict == "disagrees":
         worst = max((d for d in run.discrepancies if d.verdict == "disagrees"), key=lambda d: d.share or 0.0)
         if worst.at_crank_angle is not None:
             return int(np.argmin(np.abs(run.crank_angle - worst.at_crank_angle)))
-    return 0 if released(run, result.mechanism) else int(np.argmin(np.abs(np.array(x) - PREFERRED)))
+    return 0 if shown.over.of_time else int(np.argmin(np.abs(run.crank_angle - PRINTED_ANGLE)))
 
 
-def _read(quantity: Quantity, run: Run, first: np.ndarray) -> Reading:
+def _read(quantity: Quantity, run: Run, first: np.ndarray) -> dict[str, object]:
     """Both sides of a signal as the page lists them; angles in the turn that the figures have them in, which is that of
     the first run.
     """
@@ -203,7 +141,7 @@ def _read(quantity: Quantity, run: Run, first: np.ndarray) -> Reading:
     if quantity.angular:
         analytic = beside(analytic, tuple(listed(first)), math.tau)
         simulated = same_turn(simulated, analytic, math.tau)
-    nothing = ROUNDING * max((abs(v) for v in (*analytic, *simulated) if v is not None), default=0.0)
+    nothing = READ_AS_ZERO * max((abs(v) for v in (*analytic, *simulated) if v is not None), default=0.0)
 
     def rounded(values: Numbers) -> Numbers:
         return scaled((0.0 if v is not None and abs(v) < nothing else v for v in values), quantity.factor)
@@ -235,34 +173,31 @@ def _gap(run: Run, joint: str) -> dict[str, list[Numbers]]:
     }
 
 
-def linkage_figure(result: CrossCheck, summary: Summary) -> Figure | None:
+def linkage_figure(result: CrossCheck) -> Figure | None:
     """The ideal and the displaced linkage of the first run with clearance (else the first), at one crank angle."""
     if not result.runs:
         return None
-    run = next((run for run in result.runs if any(run.clearance.values())), result.runs[0])
-    label, unit, factor, x = abscissa(run, result.mechanism)
-    ideal = ideal_poses(result, run)
+    run = next((run for run in result.runs if run.clearance), result.runs[0])
+    over, ideal = abscissa(run, result.mechanism), ideal_poses(result, run)
     displaced = _beside(_poses(result.mechanism, run.analytic), ideal)
     if displaced is None:
         return None
-    usable = [k for k in range(len(x)) if _pose(displaced, k) and (ideal is None or _pose(ideal, k))]
+    usable = [k for k in range(run.crank_angle.size) if _pose(displaced, k) and (ideal is None or _pose(ideal, k))]
     if not usable:
         return None
-    k = min(usable, key=lambda i: abs(x[i] - PREFERRED)) if unit == "deg" else usable[len(usable) // 2]
+    nearest = min(usable, key=lambda i: abs(run.crank_angle[i] - PRINTED_ANGLE))
+    k = usable[len(usable) // 2] if over.of_time else nearest
     times = exaggeration(result.mechanism, run) if ideal else 1
-    what = parts(result.mechanism)
-    at = f"{label} {number(factor * x[k], 4)} {unit}"
-    gaps = {joint: times * size for joint, size in run.clearance.items() if size}
-    series = _drawn(what, _pose(ideal, k), "ideal linkage", "ideal-line") if ideal and gaps else []
+    gaps = {joint: times * size for joint, size in run.clearance.items()}
+    series = _drawn(result.mechanism, _pose(ideal, k), "ideal linkage", "ideal-line") if ideal and gaps else []
     model = run.analytic_model.replace("_", " ")
     pose = _between(_pose(ideal, k), _pose(displaced, k), times)
-    series += _drawn(what, pose, f"displaced ({model})" if gaps else "analytic", "analytic", gaps)
-    title = f"The linkage at {at}" + (f", gaps drawn {times} times as large" if gaps and times > 1 else "")
-    sizes = ", ".join(f"{joint} {number(1e3 * size)} mm" for joint, size in run.clearance.items() if size) or "none"
-    text = f"{title}. Radial clearance: {sizes}."
-    return Figure(
-        "linkage", title, text, Axis("x", "mm"), Axis("y", "mm"), tuple(series), "plane", f"clearance: {sizes}"
-    )
+    series += _drawn(result.mechanism, pose, f"displaced ({model})" if gaps else "analytic", "analytic", gaps)
+    title = f"The linkage at {over.label} {number(over.values[k], 4)} {over.unit}"
+    title += f", gaps drawn {times} times as large" if gaps and times > 1 else ""
+    sizes = ", ".join(f"{joint} {number(1e3 * size)} mm" for joint, size in run.clearance.items()) or "none"
+    text, note = f"{title}. Radial clearance: {sizes}.", f"clearance: {sizes}"
+    return Figure("linkage", title, text, Axis("x", "mm"), Axis("y", "mm"), tuple(series), "plane", note)
 
 
 Pose = dict[str, tuple[complex, float]]
@@ -270,13 +205,13 @@ Pose = dict[str, tuple[complex, float]]
 
 def _pose(poses: Poses | None, k: int) -> Pose:
     """Every body's com (m) and angle (rad) at sample k; empty if any is unknown."""
-    found: Pose = {}
+    pose: Pose = {}
     for body, values in (poses or {}).items():
         x, y, angle = (values[part][k] for part in ("x", "y", "angle"))
         if x is None or y is None or angle is None:
             return {}
-        found[body] = (complex(x, y), angle)
-    return found
+        pose[body] = (complex(x, y), angle)
+    return pose
 
 
 def _between(ideal: Pose, displaced: Pose, factor: float) -> Pose:
@@ -288,45 +223,45 @@ def _between(ideal: Pose, displaced: Pose, factor: float) -> Pose:
     }
 
 
-def _drawn(what: Parts, pose: Pose, name: str, role: str, gaps: Mapping[str, float] | None = None) -> list[Series]:
+def _drawn(
+    mechanism: Mechanism, pose: Pose, name: str, role: str, gaps: Mapping[str, float] | None = None
+) -> list[Series]:
     """Links, slides, clearance circles, pivots and labelled joints of one configuration (mm)."""
+    ideal = role == "ideal-line"
 
     def place(body: str, point: str) -> complex:
-        if body == "ground":
-            return complex(*what["ground"][point])
-        com, angle = pose[body]
-        point_in_body = next(b["points"][point] for b in what["bodies"] if b["name"] == body)
-        return com + complex(*point_in_body) * cmath.exp(1j * angle)
+        if body == GROUND:
+            return mechanism.ground.point(point)
+        (com, angle), frame = pose[body], mechanism.body(body)
+        return com + (frame.point(point) - frame.point("com")) * cmath.exp(1j * angle)
 
     links: list[complex | None] = []
-    for body in what["bodies"]:
-        corners = [place(body["name"], point) for point in body["points"]]
-        corners += [pose[body["name"]][0]] if len(corners) == 1 else []
+    for body in mechanism.bodies:
+        corners = [place(body.name, point) for point in body.points]
+        corners += [pose[body.name][0]] if len(corners) == 1 else []
         links += [*corners, *(corners[:1] if len(corners) > 2 else []), None]
-    series = [_series(name, links, role, "dashed" if role == "ideal-line" else "link")]
-    for joint in what["joints"]:
-        if joint["axis"] is None:
+    series = [_series(name, links, role, "dashed" if ideal else "link")]
+    for joint in mechanism.joints:
+        if joint.axis is None:
             continue
-        first, second = joint["bodies"]
-        along = complex(*joint["axis"]) * cmath.exp(1j * (pose[first][1] if first != "ground" else 0.0))
-        along *= 0.2 * what["size"] / abs(along)
-        centre = place(second, joint["name"])
+        first, second = joint.bodies
+        along = complex(*joint.axis) * cmath.exp(1j * (pose[first][1] if first != GROUND else 0.0))
+        along *= 0.2 * typical_length(mechanism) / abs(along)
+        centre = place(second, joint.name)
         block = [centre + along * corner for corner in (1 + 0.6j, -1 + 0.6j, -1 - 0.6j, 1 - 0.6j, 1 + 0.6j)]
-        named = (joint["name"],) if role != "ideal-line" else ()
         series += [
             _series("", [centre - 4 * along, centre + 4 * along], "frame", "dashed"),
-            _series("", block, role, labels=named),
+            _series("", block, role, labels=() if ideal else (joint.name,)),
         ]
     for joint_name, gap in (gaps or {}).items():
-        bearing = next(j["bodies"][1] for j in what["joints"] if j["name"] == joint_name)
-        rim = [place(bearing, joint_name) + cmath.rect(gap, 2 * math.pi * i / 60) for i in range(61)]
+        centre = place(mechanism.joint(joint_name).bodies[1], joint_name)
+        rim = [centre + cmath.rect(gap, 2 * math.pi * i / 60) for i in range(61)]
         series.append(_series("", rim, role))
-    pins = [j for j in what["joints"] if j["axis"] is None]
-    fixed = [j["name"] for j in pins if "ground" in j["bodies"]]
-    if role != "ideal-line":
-        series.append(_series("", [complex(*what["ground"][n]) for n in fixed], "frame", "pivot"))
-    labels = tuple(j["name"] for j in pins) if role != "ideal-line" else ()
-    series.append(_series("", [place(j["bodies"][0], j["name"]) for j in pins], role, "joint", labels))
+    pins = [joint for joint in mechanism.joints if joint.axis is None]
+    pivots = [mechanism.ground.point(pin.name) for pin in pins if GROUND in pin.bodies]
+    series += [] if ideal else [_series("", pivots, "frame", "pivot")]
+    labels = () if ideal else tuple(pin.name for pin in pins)
+    series.append(_series("", [place(pin.bodies[0], pin.name) for pin in pins], role, "joint", labels))
     return series
 
 

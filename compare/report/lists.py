@@ -8,6 +8,7 @@ from rich.console import Console
 from rich.text import Text
 
 from analytic.mechanism.one_line import count
+from compare.presentation import LIST_HAS_NO_PICTURE, Presentation
 from compare.report.tables import html_table, say, terminal_table
 from compare.results.catalogue import Cases, Effects, Listing, Simulators
 from compare.results.export import Exported
@@ -15,7 +16,7 @@ from compare.results.history import Runs
 from compare.results.imported import Imported
 from sim_models.engine import JOINT_MODELS, SCHEMES
 
-WIDEST = 130  # columns of a terminal that the table of engines takes
+TABLE_WIDTH = 130  # columns of a terminal that the table of engines takes
 
 
 def list_files(result: Listing) -> dict[str, str]:
@@ -57,7 +58,7 @@ def print_simulators(result: Simulators, console: Console) -> None:
         version = engine.version if engine.status == "installed" else engine.status
         rows.append((engine.name, version or "", *(motions.get(model, "-") for model in JOINT_MODELS), effects))
     heads = ("simulator", "version", *JOINT_MODELS, "effects")
-    console.width = max(console.width, WIDEST)
+    console.width = max(console.width, TABLE_WIDTH)
     console.print(terminal_table(heads, rows, folded=heads, header_style=""))
     faults = [f"{e.name} is installed but cannot be imported: {e.fault}" for e in result.simulators if e.fault]
     say(console, *faults, f"effects: {', '.join(known)}; see compare effects")
@@ -110,3 +111,16 @@ def imported_html(result: Imported) -> str:
     """The mechanism in a line, and the notes as a list."""
     notes = "".join(f"<li>{html.escape(note)}</li>" for note in result.notes)
     return f"<p>{html.escape(repr(result.mechanism))}</p><ul>{notes}</ul>"
+
+
+CASES = Presentation(list_html, print_cases, list_files, no_picture=LIST_HAS_NO_PICTURE)
+EFFECTS = Presentation(list_html, print_effects, list_files, no_picture=LIST_HAS_NO_PICTURE)
+EXPORTED = Presentation(exported_html, print_exported, no_picture="is a list of files and has no picture; print it")
+IMPORTED = Presentation(
+    imported_html,
+    print_imported,
+    imported_files,
+    no_picture="is a mechanism and has no picture; cross-check it, and plot that",
+)
+RUNS = Presentation(list_html, print_runs, list_files, no_picture=LIST_HAS_NO_PICTURE)
+SIMULATORS = Presentation(list_html, print_simulators, list_files, no_picture=LIST_HAS_NO_PICTURE)

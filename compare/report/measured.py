@@ -7,6 +7,7 @@ import html
 from rich.console import Console
 
 from compare.diagnose.data.recording import Measured
+from compare.presentation import Presentation
 from compare.quantities import amount
 from compare.report.tables import html_table, say
 
@@ -26,3 +27,6 @@ def summary_html(measured: Measured) -> str:
 def print_table(measured: Measured, console: Console) -> None:
     """Print the recording in a line."""
     say(console, repr(measured))
+
+
+PRESENTATION = Presentation(summary_html, print_table)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,7 +13,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from analytic.mechanism.one_line import capital
-from compare.quantities import number, plainly, setting
+from compare.quantities import number, plain, plainly, setting
 
 
 def escape_markdown(text: str) -> str:
@@ -26,10 +27,15 @@ def code_block(text: str, language: str = "sh") -> str:
     return f"{fence}{language}\n{text}\n{fence}"
 
 
-def markdown_table(heads: Sequence[str], rows: Iterable[Sequence[str]], right: Collection[int] = ()) -> str:
-    """A table in Markdown, its columns of these numbers aligned to the right; a line break at its end."""
+def markdown_table(
+    heads: Sequence[str], rows: Iterable[Sequence[str]], right: Collection[int] = (), *, numbered: bool = False
+) -> str:
+    """A table in Markdown with a line break at its end: columns of these numbers are aligned to the ``right``, and rows
+    are ``numbered`` from 1 on request.
+    """
     rule = ["--:" if i in right else "---" for i in range(len(heads))]
-    return "".join("| " + " | ".join(cells) + " |\n" for cells in (heads, rule, *rows))
+    cells = ([*[str(i)] * numbered, *map(escape_markdown, row)] for i, row in enumerate(rows, 1))
+    return "".join("| " + " | ".join(line) + " |\n" for line in (heads, rule, *cells))
 
 
 ENVIRONMENT = Environment(
@@ -41,6 +47,7 @@ ENVIRONMENT = Environment(
 ENVIRONMENT.globals["table"] = markdown_table
 ENVIRONMENT.filters |= {
     "capital": capital,
+    "degrees": lambda angle: f"{plain(math.degrees(angle), 4)} deg",
     "md": escape_markdown,
     "md_code": code_block,
     "number": number,
@@ -51,7 +58,7 @@ ENVIRONMENT.filters |= {
 
 
 @dataclass(frozen=True)
-class Section:
+class PageSection:
     """A part of a page: its template, and what that is filled with."""
 
     template: str
@@ -67,7 +74,7 @@ class Section:
         return ENVIRONMENT.get_template(self.template).render(self.context)
 
 
-def markdown(section: Section) -> str:
+def markdown(section: PageSection) -> str:
     """A whole text in Markdown, without the empty lines that a template leaves."""
     return re.sub(r"\n{3,}", "\n\n", section.text()).rstrip("\n") + "\n"
 
@@ -82,8 +89,8 @@ class Script:
 
 def page(
     title: str,
-    header: Section,
-    sections: Sequence[Section],
+    header: PageSection,
+    sections: Sequence[PageSection],
     *,
     styles: Sequence[str] = (),
     script: Script | None = None,
@@ -93,7 +100,7 @@ def page(
     """A whole page.  ``styles`` are style sheets beside the common one; ``skip_to`` says what its first section is, for
     who goes there by keyboard.
     """
-    return Section(
+    return PageSection(
         "page.html.j2",
         {
             "title": title,

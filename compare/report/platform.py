@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import Console
 
 from analytic.mechanism.one_line import count
+from compare.presentation import Presentation
 from compare.quantities import plain, shown
+from compare.report.figure import Numbers, scaled
 from compare.report.linkage import parts
-from compare.report.pages import Script, Section, page
+from compare.report.pages import PageSection, Script, page
 from compare.report.tables import html_table, say, terminal_table
 from compare.report.words.accuracy import FIELDS, NOTES, facts
 from compare.results.platform import PlatformAccuracy, PoseError
@@ -19,17 +20,17 @@ from compare.results.platform import PlatformAccuracy, PoseError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-DIGITS = 5  # of numbers in the page
+PAGE_DIGITS = 5  # of numbers in the page
 
 
 def files(result: PlatformAccuracy) -> dict[str, str]:
     """The page, and the numbers as a table for other programs."""
-    context = {"result": result, "facts": facts(result), "notes": NOTES, "heads": HEADS, "rows": _rows(result)}
+    context = {"result": result, "facts": facts(result), "notes": NOTES, "heads": ERRORS, "rows": _rows(result)}
     sections = ["map", "largest", *["warnings"] * bool(result.warnings)]
     html = page(
         f"{result.case}: accuracy of the platform",
-        Section("platform/header.html.j2", context),
-        [Section(f"platform/{name}.html.j2", context) for name in sections],
+        PageSection("platform/header.html.j2", context),
+        [PageSection(f"platform/{name}.html.j2", context) for name in sections],
         styles=("platform.css",),
         script=Script(("platform.js",), _data(result)),
     )
@@ -63,7 +64,7 @@ def _unit(result: PlatformAccuracy, joint: str) -> str:
     return "m" if result.mechanism.joint(joint).prismatic else "rad"
 
 
-def _places(result: PlatformAccuracy, point: str | None) -> list[list[float | None]]:
+def _places(result: PlatformAccuracy, point: str | None) -> list[Numbers]:
     """Where (m) the first point among the outputs is, else the first body."""
     if point is not None:
         return [_short(result.outputs[f"{point}_{axis}"].value) for axis in "xy"]
@@ -73,33 +74,33 @@ def _places(result: PlatformAccuracy, point: str | None) -> list[list[float | No
 
 def _maps(result: PlatformAccuracy) -> list[dict[str, object]]:
     """Every quantity that may be drawn: title, unit, values at the poses, and whether over decades."""
-    found: list[dict[str, object]] = []
+    maps: list[dict[str, object]] = []
     for place, error in result.points.items():
         title = f"{place}: farthest by clearance, in any direction"
-        found.append({"title": title, "unit": "mm", "values": _short(1e3 * error.farthest), "decades": False})
+        maps.append({"title": title, "unit": "mm", "values": _short(1e3 * error.farthest), "decades": False})
     for name, output in result.outputs.items():
         unit, factor = shown(output.unit)
         for field, what in FIELDS.items():
             values = factor * np.abs(getattr(output, field))
             if np.nanmax(values, initial=0.0) > 0:
-                found.append({"title": f"{name}: {what}", "unit": unit, "values": _short(values), "decades": False})
+                maps.append({"title": f"{name}: {what}", "unit": unit, "values": _short(values), "decades": False})
         apart = factor * np.abs(output.nominal - output.equilibrium)
         if np.nanmax(apart, initial=0.0) > 0:
             title = f"{name}: error of first order"
-            found.append({"title": title, "unit": unit, "values": _short(apart), "decades": False})
-    found += [
+            maps.append({"title": title, "unit": unit, "values": _short(apart), "decades": False})
+    maps += [
         {"title": f"condition number: {what}", "unit": "1", "values": _short(values), "decades": True}
         for what, values in (("dexterity", result.dexterity), ("holding", result.holding))
         if np.isfinite(values).any()
     ]
-    return found
+    return maps
 
 
-def _short(values: np.ndarray) -> list[float | None]:
-    return [float(f"{v:.{DIGITS}g}") if math.isfinite(v) else None for v in np.asarray(values, float).tolist()]
+def _short(values: np.ndarray) -> Numbers:
+    return scaled(values, digits=PAGE_DIGITS)
 
 
-HEADS = ("output", "unit", "equilibrium", "worst case", "resolution", "compliance", "together", "first order off by")
+ERRORS = ("output", "unit", "equilibrium", "worst case", "resolution", "compliance", "together", "first order off by")
 
 
 def _rows(result: PlatformAccuracy) -> list[tuple[str, ...]]:
@@ -116,17 +117,17 @@ def _row(output: PoseError, off: float | None) -> tuple[str, ...]:
 
 def print_table(result: PlatformAccuracy, console: Console) -> None:
     """Print the largest errors of each output over the poses, then what to beware of; ASCII."""
-    console.print(terminal_table(HEADS, _rows(result), left=("output", "unit")))
-    told = [f"{what} {value}" for what, value in facts(result).items()]
-    say(console, "largest over the poses, to either side; " + "; ".join(told))
+    console.print(terminal_table(ERRORS, _rows(result), left=("output", "unit")))
+    conditions = [f"{what} {value}" for what, value in facts(result).items()]
+    say(console, "largest over the poses, to either side; " + "; ".join(conditions))
     for first, why in list(result.flags.items())[:1]:
         say(console, f"{count(len(result.flags), 'pose')} without an equilibrium, first number {first}: {why}")
     say(console, repr(result))
 
 
 def summary_html(result: PlatformAccuracy) -> str:
-    """The same for a notebook."""
-    return html_table(_rows(result), HEADS, repr(result))
+    """The largest errors of each output over the poses."""
+    return html_table(_rows(result), ERRORS, repr(result))
 
 
 def plot(result: PlatformAccuracy, figure: Figure) -> None:
@@ -150,3 +151,6 @@ def plot(result: PlatformAccuracy, figure: Figure) -> None:
         axes[0].legend(fontsize="small")
         axes[-1].set_xlabel("time (s)")
     figure.suptitle(result.case)
+
+
+PRESENTATION = Presentation(summary_html, print_table, files, plot)

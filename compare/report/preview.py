@@ -10,19 +10,20 @@ import numpy as np
 from markupsafe import Markup
 from rich.console import Console
 
+from compare.presentation import Presentation
 from compare.quantities import amount, number, quantities, shown
-from compare.report.figures import Axis, Figure, Series, scaled
-from compare.report.pages import Section, page
+from compare.report.figure import Axis, Figure, Series, scaled
+from compare.report.pages import PageSection, page
 from compare.report.svg import draw
 from compare.report.tables import html_table, say, terminal_table
 from compare.report.words.preview import DRIVES, called, encoders, facts, reach, spoken, tally, visible
-from compare.results.preview import Preview, Seen, SeenRun
+from compare.results.preview import Preview, RunPreview, SensorPreview
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Picture
 
-DRAWN = 400  # samples of a drawing
-HEADS = ("run", "signal", "samples", "noise (1 sigma)", "from nominal")
+DRAWN_SAMPLES = 400  # samples of a drawing
+SENSOR_HEADS = ("run", "signal", "samples", "noise (1 sigma)", "from nominal")
 
 
 def files(result: Preview) -> dict[str, str]:
@@ -32,7 +33,7 @@ def files(result: Preview) -> dict[str, str]:
             "title": f"Run {run.name}: {DRIVES[run.drive]}",
             "facts": facts(result, run),
             "figures": [
-                Markup(draw(one)) for name, seen in run.signals.items() for one in _figures(result, run, name, seen)
+                Markup(draw(one)) for name, sensor in run.signals.items() for one in _figures(result, run, name, sensor)
             ],
         }
         for run in result.runs
@@ -40,7 +41,7 @@ def files(result: Preview) -> dict[str, str]:
     context: dict[str, object] = {
         "result": result,
         "runs": runs,
-        "heads": HEADS,
+        "heads": SENSOR_HEADS,
         "sensors": _sensors(result),
         "visible": [visible(result, one) for one in result.visible],
         "hidden": ", ".join(called(result, one.name, one.where) for one in result.invisible),
@@ -48,8 +49,8 @@ def files(result: Preview) -> dict[str, str]:
     sections = ("sensors", *["faults"] * bool(result.faults), "runs", "visible")
     html = page(
         f"{result.case}: the data",
-        Section("preview/header.html.j2", context),
-        [Section(f"preview/{name}.html.j2", context) for name in sections],
+        PageSection("preview/header.html.j2", context),
+        [PageSection(f"preview/{name}.html.j2", context) for name in sections],
         styles=("preview.css",),
     )
     return {"data.html": html}
@@ -57,59 +58,59 @@ def files(result: Preview) -> dict[str, str]:
 
 def print_table(result: Preview, console: Console) -> None:
     """Print each sensor with its noise and how far it is from the nominal model, the faults, and what would show."""
-    console.print(terminal_table(HEADS, _sensors(result), folded=HEADS))
+    console.print(terminal_table(SENSOR_HEADS, _sensors(result), folded=SENSOR_HEADS))
     faults = [f"data: run {f.run}, {spoken(result, f.signal)}: {f.text}" for f in result.faults]
     say(console, *faults, *(facts(result, run) for run in result.runs), tally(result))
 
 
 def summary_html(result: Preview) -> str:
     """Each sensor with its noise and how far it is from the nominal model."""
-    return html_table(_sensors(result), HEADS, repr(result))
+    return html_table(_sensors(result), SENSOR_HEADS, repr(result))
 
 
 def _sensors(result: Preview) -> list[tuple[str, ...]]:
     """A row for each sensor of each run."""
     rows: list[tuple[str, ...]] = []
     for run in result.runs:
-        for name, seen in run.signals.items():
-            noise = amount(seen.noise, seen.unit) + ("" if seen.noise_given else ", estimated")
-            gap = "followed" if seen.gap is None else f"{number(seen.gap, 3)} times the noise"
-            rows.append((run.name, spoken(result, name), str(seen.samples), noise, gap))
+        for name, sensor in run.signals.items():
+            noise = amount(sensor.noise, sensor.unit) + ("" if sensor.noise_given else ", estimated")
+            gap = "followed" if sensor.gap is None else f"{number(sensor.gap, 3)} times the noise"
+            rows.append((run.name, spoken(result, name), str(sensor.samples), noise, gap))
     return rows
 
 
-def _figures(result: Preview, run: SeenRun, name: str, seen: Seen) -> list[Figure]:
+def _figures(result: Preview, run: RunPreview, name: str, sensor: SensorPreview) -> list[Figure]:
     """A sensor over time, and over the crank angle within a turn (of a slide, its travel), with the nominal model
     behind it; of the crank how far it is off, over the latter.
     """
     what = quantities(result.mechanism)[name]
-    unit, factor = shown(seen.unit)
-    every = max(1, -(-run.time.size // DRAWN))
+    unit, factor = shown(sensor.unit)
+    every = max(1, -(-run.time.size // DRAWN_SAMPLES))
     title = f"{what.label}, run {run.name}"
-    found = []
+    drawn = []
     for axis, values in ((Axis("time", "s"), run.time), *_posture(result, run)):
         order = np.argsort(values, kind="stable")
         x = scaled(values[order])
         both = (
-            Series("nominal model", x, scaled(seen.nominal[order], factor), "analytic", "dashed"),
-            Series("measured", x[::every], scaled(seen.measured[order][::every], factor), "massless-link", "marker"),
+            Series("nominal model", x, scaled(sensor.nominal[order], factor), "analytic", "dashed"),
+            Series("measured", x[::every], scaled(sensor.measured[order][::every], factor), "massless-link", "marker"),
         )
         if axis.unit != "s" and np.any(np.diff(run.crank_angle) * np.sign(np.ptp(run.crank_angle)) < 0):
             both = (Series("nominal model", x[::every], both[0].y[::every], "analytic", "marker"), both[1])
         if axis.unit != "s" and name in encoders(result):
-            apart = scaled((seen.measured - seen.nominal)[order][::every], factor)
+            apart = scaled((sensor.measured - sensor.nominal)[order][::every], factor)
             off = (Series("measured minus nominal", x[::every], apart, "massless-link", "marker"),)
             text = f"{title}, measured minus nominal over {axis.label}."
-            found.append(Figure(f"{run.name}-{name}-off", f"{title}, off", text, axis, Axis(what.name, unit), off))
+            drawn.append(Figure(f"{run.name}-{name}-off", f"{title}, off", text, axis, Axis(what.name, unit), off))
             continue
-        text = f"{title} over {axis.label}: measured {reach(seen.measured, factor)} {unit}"
-        text += f", nominal {reach(seen.nominal, factor)} {unit}."
+        text = f"{title} over {axis.label}: measured {reach(sensor.measured, factor)} {unit}"
+        text += f", nominal {reach(sensor.nominal, factor)} {unit}."
         stem = f"{run.name}-{name}-{axis.label.split()[0]}"
-        found.append(Figure(stem, f"{title}, over {axis.label}", text, axis, Axis(what.name, unit), both))
-    return found
+        drawn.append(Figure(stem, f"{title}, over {axis.label}", text, axis, Axis(what.name, unit), both))
+    return drawn
 
 
-def _posture(result: Preview, run: SeenRun) -> list[tuple[Axis, np.ndarray]]:
+def _posture(result: Preview, run: RunPreview) -> list[tuple[Axis, np.ndarray]]:
     """Where the linkage is at each sample (N,): the crank angle within a turn, or the travel of a slide; nothing of
     several drives, which no one number tells.
     """
@@ -122,11 +123,14 @@ def _posture(result: Preview, run: SeenRun) -> list[tuple[Axis, np.ndarray]]:
 def plot(result: Preview, figure: Picture) -> None:
     """Every sensor of the first run over time, with the nominal model behind it."""
     run = result.runs[0]
-    for axis, (name, seen) in zip(
+    for axis, (name, sensor) in zip(
         figure.subplots(len(run.signals), 1, sharex=True, squeeze=False)[:, 0], run.signals.items(), strict=True
     ):
-        unit, factor = shown(seen.unit)
-        axis.plot(run.time, factor * seen.nominal, "--", color="0.6", label="nominal")
-        axis.plot(run.time, factor * seen.measured, ".", markersize=3, label="measured")
+        unit, factor = shown(sensor.unit)
+        axis.plot(run.time, factor * sensor.nominal, "--", color="0.6", label="nominal")
+        axis.plot(run.time, factor * sensor.measured, ".", markersize=3, label="measured")
         axis.set_ylabel(f"{spoken(result, name)} ({unit})")
     figure.suptitle(f"{result.case}, run {run.name}")
+
+
+PRESENTATION = Presentation(summary_html, print_table, files, plot)

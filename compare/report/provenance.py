@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 
 from rich.console import Console
 
+from compare.presentation import Presentation
 from compare.quantities import shown
 from compare.report.tables import html_table, say
 from compare.results.provenance import Analytic, Provenance, Sample, Simulated
@@ -158,3 +159,7 @@ def _read(value: float | None, unit: str, sign: str = "") -> str:
 
 def _plain(value: float | None, sign: str = "") -> str:
     return "no number" if value is None else f"{value:{sign}.9g}"
+
+
+NO_PICTURE = "is about one number and has no picture; plot the cross-check, or print it"
+PRESENTATION = Presentation(summary_html, print_table, no_picture=NO_PICTURE)

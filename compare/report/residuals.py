@@ -10,9 +10,11 @@ import numpy as np
 from rich.console import Console
 
 from analytic.mechanism.one_line import count
+from compare.presentation import Presentation
 from compare.quantities import amount, fitting, number
-from compare.report.diagnosis_text import in_ascii
+from compare.report.diagnosis_terminal import in_ascii
 from compare.report.tables import html_table, say
+from compare.results.diagnosis import DiagnosedRun
 from compare.results.residuals import Residual, Residuals, SignalResiduals
 
 if TYPE_CHECKING:
@@ -55,7 +57,7 @@ def _where(run: Residuals, residual: Residual) -> str:
 
 
 def summary_html(result: SignalResiduals) -> str:
-    """The same numbers as a table."""
+    """Root mean square, largest and gap of each run and side, as a table."""
     rows = [
         (
             run.name,
@@ -77,16 +79,19 @@ def plot(result: SignalResiduals, figure: Figure) -> None:
     sizes = [size for run in result.runs for r in (run.before, run.after) if (size := r.largest) is not None]
     unit, factor = fitting(result.unit, *sizes)
     for axis, run in zip(figure.subplots(len(result.runs), 1, squeeze=False)[:, 0], result.runs, strict=True):
-        x = run.time if run.over_time else np.degrees(run.crank_angle)
-        draw(axis, x, factor * run.before.values, factor * run.after.values, factor * run.noise)
+        draw(axis, run, factor * run.before.values, factor * run.after.values, factor * run.noise)
         axis.set_ylabel(f"{result.label} ({unit})")
-        axis.set_xlabel(f"{'time (s)' if run.over_time else 'crank angle (deg)'}, run {run.name}")
     figure.suptitle(f"{result.case}: measured minus simulated, noise within two sigmas shaded")
 
 
-def draw(axis: Axes, x: np.ndarray, before: np.ndarray, after: np.ndarray, noise: float) -> None:
-    """Residuals (N,) before and after over x (N,), and the noise (1 sigma) within two sigmas shaded."""
+def draw(axis: Axes, run: Residuals | DiagnosedRun, before: np.ndarray, after: np.ndarray, noise: float) -> None:
+    """Residuals (N,) of a run before and after, and the noise (1 sigma) within two sigmas shaded."""
+    x = run.time if run.over_time else np.degrees(run.crank_angle)
+    axis.set_xlabel(f"{'time (s)' if run.over_time else 'crank angle (deg)'}, run {run.name}")
     for side, values in (("before", before), ("after", after)):
         axis.plot(x, values, ".", markersize=3, label=side)
     axis.axhspan(-2 * noise, 2 * noise, color="0.9", zorder=0)
     axis.legend(fontsize="small")
+
+
+PRESENTATION = Presentation(summary_html, print_table, files, plot)

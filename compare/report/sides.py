@@ -10,22 +10,24 @@ import numpy as np
 from rich.console import Console
 
 from analytic.mechanism.one_line import count
+from compare.presentation import Presentation
 from compare.quantities import assumptions, drive_signals, plain, quantities
+from compare.report.summary import by_reason
 from compare.report.tables import html_table, say, terminal_table
 from compare.results.analysis import Analysis, Simulation
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Side = Analysis | Simulation
+OneSide = Analysis | Simulation
 
 
-def files(result: Side) -> dict[str, str]:
+def files(result: OneSide) -> dict[str, str]:
     """Every signal, a row for each crank angle (or time)."""
     return {"signals.csv": result.to_csv()}
 
 
-def _ranges(result: Side) -> list[tuple[str, str, str, str]]:
+def _ranges(result: OneSide) -> list[tuple[str, str, str, str]]:
     """Each signal's name, unit, smallest and largest value."""
     known, rows = quantities(result.mechanism), []
     for name, values in result.signals.items():
@@ -37,36 +39,32 @@ def _ranges(result: Side) -> list[tuple[str, str, str, str]]:
     return rows
 
 
-def _said(result: Side) -> Iterator[str]:
+def _said(result: OneSide) -> Iterator[str]:
     """What was filled in, and each reason why there is no answer."""
     yield from (f"assumed: {line}" for line in assumptions(result.assumed))
     if isinstance(result, Analysis):
-        by_reason: dict[str, list[int]] = {}
-        for i, why in result.flags.items():
-            by_reason.setdefault(why, []).append(int(i))
-        for why, at in by_reason.items():
-            first = min(at)
-            angle = f"{np.degrees(result.crank_angle[first]):.4g} deg"
-            where = angle if result.time is None else f"{result.time[first]:.4g} s"
+        for why, at in by_reason(result.flags).items():
+            angle = f"{np.degrees(result.crank_angle[at[0]]):.4g} deg"
+            where = angle if result.time is None else f"{result.time[at[0]]:.4g} s"
             yield f"no answer at {count(len(at), 'sample')}, first {where}: {why}"
 
 
-HEADS = ("signal", "unit", "smallest", "largest")
+RANGE_HEADS = ("signal", "unit", "smallest", "largest")
 
 
-def print_table(result: Side, console: Console) -> None:
+def print_table(result: OneSide, console: Console) -> None:
     """Print the range of each signal, in degrees and millimetres."""
-    console.print(terminal_table(HEADS, _ranges(result), left=("signal", "unit")))
+    console.print(terminal_table(RANGE_HEADS, _ranges(result), left=("signal", "unit")))
     say(console, *_said(result), repr(result))
 
 
-def summary_html(result: Side) -> str:
-    """The same for a notebook."""
+def summary_html(result: OneSide) -> str:
+    """The range of each signal, what was filled in, and why there is no answer."""
     said = "".join(f"<li>{html.escape(line)}</li>" for line in _said(result))
-    return f"{html_table(_ranges(result), HEADS, repr(result))}<ul>{said}</ul>"
+    return f"{html_table(_ranges(result), RANGE_HEADS, repr(result))}<ul>{said}</ul>"
 
 
-def plot(result: Side, figure: Figure) -> None:
+def plot(result: OneSide, figure: Figure) -> None:
     """Size of each reaction, and the drive torque, over the crank angle (over time where the linkage swings)."""
     known = quantities(result.mechanism)
     time = result.time if result.mechanism.speed is None else None
@@ -84,3 +82,6 @@ def plot(result: Side, figure: Figure) -> None:
     torque.set_xlabel("crank angle (deg)" if time is None else "time (s)")
     force.legend(fontsize="small")
     force.set_title(repr(result))
+
+
+PRESENTATION = Presentation(summary_html, print_table, files, plot)

@@ -13,7 +13,7 @@ from xml.sax.saxutils import escape, quoteattr
 from zlib import crc32
 
 from compare.quantities import SUPERSCRIPT
-from compare.report.figures import Axis, Figure, Mark, Numbers, Series
+from compare.report.figure import Axis, Figure, Mark, Numbers, Series
 
 WIDTH, HEIGHT, TALLEST = 720.0, 420.0, 640.0
 LEFT, RIGHT, BOTTOM, LINE = 76.0, 18.0, 52.0, 20.0

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from compare.presentation import Presentation
 from compare.report.tables import html_table
 from compare.report.validity_figure import draw
 from compare.report.validity_text import markdown, print_table
@@ -15,8 +16,6 @@ from compare.results.validity import Cell, Validity
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-__all__ = ["files", "plot", "print_table", "summary_html"]
 
 
 def files(result: Validity) -> dict[str, str]:
@@ -42,10 +41,10 @@ def plot(result: Validity, figure: Figure) -> None:
     """The share of the crank angles at which model and simulation agree, a line for each clearance and engine."""
     axis = figure.subplots()
     for panel in result.panels():
-        found = result.of(*panel)
+        of_panel = result.of(*panel)
         name = panel[0] if panel[1] is None else f"{panel[0]}, restitution {panel[1]:g}"
         for gap in result.clearances:
-            cells = [found[speed, gap] for speed in result.speeds]
+            cells = [of_panel[speed, gap] for speed in result.speeds]
             share = [100 * cell.agreeing_share if isinstance(cell, Cell) else np.nan for cell in cells]
             axis.plot(
                 [speed * 30 / np.pi for speed in result.speeds],
@@ -57,3 +56,6 @@ def plot(result: Validity, figure: Figure) -> None:
     axis.set_ylabel("agreeing (% of the crank angles)")
     axis.set_title(result.case)
     axis.legend(fontsize="small")
+
+
+PRESENTATION = Presentation(summary_html, print_table, files, plot)

@@ -10,7 +10,7 @@ from itertools import product
 
 from compare.report.svg import INK, PAPER, Marked, axis_labels, box, label, picture
 from compare.report.words.validity import (
-    Measure,
+    CellMeasure,
     about,
     edges,
     failing,
@@ -35,7 +35,7 @@ SHADES = (
 )
 FAILED = "#d0d4da"
 SMALL_WIDTH, SMALL_HEIGHT, SMALL_BETWEEN, BESIDE = 52.0, 24.0, 30.0, 96.0  # of the maps of what contact does
-WIDEST = 900.0  # px, up to which these stand beside their panel; else below it, in its columns
+WIDEST_BESIDE = 900.0  # px, up to which these stand beside their panel; else below it, in its columns
 HEAT = (("#fff8f0", INK), ("#fde0c4", INK), ("#f6b37f", INK), ("#dd7633", INK), ("#9a3a06", PAPER))
 PURPLE = "#a86cc1"
 PREDICTED = (
@@ -82,7 +82,7 @@ def draw(result: Validity) -> str:
     shown = measures(result)
     small = rows * SMALL_HEIGHT + SMALL_BETWEEN
     aside = LEFT + columns * CELL_WIDTH + BESIDE
-    beside = aside + columns * SMALL_WIDTH + RIGHT <= WIDEST
+    beside = aside + columns * SMALL_WIDTH + RIGHT <= WIDEST_BESIDE
     width = max(NARROWEST, LEFT + RIGHT + columns * CELL_WIDTH, aside + columns * SMALL_WIDTH + RIGHT if beside else 0)
     wrapped = [line for note in notes for line in _wrapped(note, int((width - 28) / 5.6))]
     main, maps = rows * CELL_HEIGHT + BETWEEN, len(shown) * small + (40 if shown else 0)
@@ -106,7 +106,7 @@ def draw(result: Validity) -> str:
 
 def _panel(result: Validity, simulator: str, restitution: float | None, top: float) -> list[str]:
     """One engine's cells at one restitution, axes and boundaries; clearance grows upwards."""
-    found, speeds, clearances = result.of(simulator, restitution), result.speeds, result.clearances
+    cells, speeds, clearances = result.of(simulator, restitution), result.speeds, result.clearances
     start, bottom = top + 22, top + 22 + len(clearances) * CELL_HEIGHT
 
     def corner(column: int, row: int) -> tuple[float, float]:
@@ -114,7 +114,7 @@ def _panel(result: Validity, simulator: str, restitution: float | None, top: flo
 
     shades, words = [], []
     for i, j in product(range(len(speeds)), range(len(clearances))):
-        shade, *said = _cell(found[speeds[i], clearances[j]], *corner(i, j))
+        shade, *said = _cell(cells[speeds[i], clearances[j]], *corner(i, j))
         shades.append(shade)
         words += said
     out = [label(panel_title(result, simulator, restitution), LEFT, top + 14, weight="600"), *shades]
@@ -125,7 +125,7 @@ def _panel(result: Validity, simulator: str, restitution: float | None, top: flo
     out += axis_labels(
         Marked("speed (rpm)", across, 16, 34), Marked("clearance (mm)", up, 8, 56), LEFT, right, start, bottom
     )
-    grid = [[found[speed, clearance] for clearance in clearances] for speed in speeds]
+    grid = [[cells[speed, clearance] for clearance in clearances] for speed in speeds]
     for _, state, stroke, beside in BOUNDARIES:
         path = _boundary([[state(cell) for cell in column] for column in grid], corner, beside)
         if path:
@@ -135,7 +135,7 @@ def _panel(result: Validity, simulator: str, restitution: float | None, top: flo
 
 
 def _curves(
-    found: Sequence[Boundary], result: Validity, corner: Callable[[int, int], tuple[float, float]]
+    boundary: Sequence[Boundary], result: Validity, corner: Callable[[int, int], tuple[float, float]]
 ) -> list[str]:
     """The predicted boundaries, between the rows by the logarithm of the clearance; at the panel's edge where they are
     beyond it.
@@ -155,7 +155,7 @@ def _curves(
 
     out = []
     for _, kind, stroke in reversed(PREDICTED):
-        points = [(corner(places[one.speed], 0)[0] + CELL_WIDTH / 2, height(getattr(one, kind))) for one in found]
+        points = [(corner(places[one.speed], 0)[0] + CELL_WIDTH / 2, height(getattr(one, kind))) for one in boundary]
         if points:
             path = "M" + "L".join(f"{x:g} {y:.1f}" for x, y in points)
             dots = "".join(f"M{x - 3:g} {y:.1f}h6" for x, y in points)
@@ -166,8 +166,8 @@ def _curves(
 
 def _small(
     result: Validity,
-    found: Mapping[tuple[float, float], Cell | Failed],
-    measure: Measure,
+    cells: Mapping[tuple[float, float], Cell | Failed],
+    measure: CellMeasure,
     place: tuple[float, float],
     width: float,
     last: bool,
@@ -178,12 +178,12 @@ def _small(
     for j, clearance in enumerate(result.clearances):
         top = y + (count - 1 - j) * SMALL_HEIGHT
         for i, speed in enumerate(result.speeds):
-            cell = found[speed, clearance]
+            cell = cells[speed, clearance]
             value = measure.of(cell)
             fill, ink = (FAILED, INK) if value is None else HEAT[sum(value >= least for least in measure.shades)]
             left = x + i * width
             out.append(box(left, top, width, SMALL_HEIGHT, fill))
-            out.append(label(measure.told(cell), left + width / 2, top + 16, "middle", size=11, fill=ink))
+            out.append(label(measure.words(cell), left + width / 2, top + 16, "middle", size=11, fill=ink))
     speeds = enumerate(result.speeds if last else ())
     across = Marked("", [(rpm(speed), x + (i + 0.5) * width) for i, speed in speeds], 14, size=10)
     places = (y + (count - j - 0.5) * SMALL_HEIGHT for j in range(count))

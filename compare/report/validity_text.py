@@ -32,12 +32,12 @@ def print_table(result: Validity, console: Console) -> None:
     """Print each engine's map as a small table, then what it comes to; ASCII but for names."""
 
     def show(panel: tuple[str, float | None], what: str, text: Callable[[Cell | Failed], str]) -> None:
-        (simulator, restitution), found = panel, result.of(*panel)
+        (simulator, restitution), cells = panel, result.of(*panel)
         layer = "" if restitution is None else f", restitution {restitution:g}"
         if layer or what:  # too long for a column
             console.print(f"{simulator}{layer}{what}", highlight=False, soft_wrap=True)
         head = "mm \\ rpm" if layer or what else f"{simulator}: mm \\ rpm"
-        rows = [[millimetres(c), *(text(found[w, c]) for w in result.speeds)] for c in result.clearances]
+        rows = [[millimetres(c), *(text(cells[w, c]) for w in result.speeds)] for c in result.clearances]
         console.print(terminal_table([head, *map(rpm, result.speeds)], rows))
 
     for panel in result.panels():
@@ -59,7 +59,7 @@ def _contact_tables(result: Validity) -> list[tuple[str, Callable[[Cell | Failed
     """What tables say of contact; where it was not watched, only the time without it."""
     shown = measures(result)
     if shown:
-        return [(measure.title, measure.told) for measure in shown]
+        return [(measure.title, measure.words) for measure in shown]
     if any(lost(cell) for cell in result.cells):
         return [("no contact", lambda cell: f"{percent(lost(cell))} %" if lost(cell) else "-")]
     return []
@@ -85,21 +85,21 @@ def markdown(result: Validity) -> str:
     shown = measures(result)
     speeds = ["mm \\ rpm", *(rpm(w) for w in result.speeds)]
     for simulator, restitution in result.panels():
-        found = result.of(simulator, restitution)
+        of_panel = result.of(simulator, restitution)
 
-        def table(text: Callable[[Cell | Failed], str], cells: Cells = found) -> list[str]:
+        def table(text: Callable[[Cell | Failed], str], cells: Cells = of_panel) -> list[str]:
             return _rows(
                 speeds, [[millimetres(c), *(text(cells[w, c]) for w in result.speeds)] for c in result.clearances]
             )
 
         out += ["", f"## {_md(panel_title(result, simulator, restitution))}", "", *table(brief)]
         for measure in shown:
-            out += ["", f"{measure.title[0].upper()}{measure.title[1:]}:", "", *table(measure.told)]
-        if not shown and any(map(lost, found.values())):
+            out += ["", f"{measure.title[0].upper()}{measure.title[1:]}:", "", *table(measure.words)]
+        if not shown and any(map(lost, of_panel.values())):
             out += ["", "Share of the cycle without contact:", "", *table(lambda cell: f"{percent(lost(cell))} %")]
         out += ["", "| rpm | mm | what was found |", "|---:|---:|---|"]
         out += [
-            f"| {rpm(w)} | {millimetres(c)} | {_md(sentence(found[w, c], result.mechanism))} |"
+            f"| {rpm(w)} | {millimetres(c)} | {_md(sentence(of_panel[w, c], result.mechanism))} |"
             for w in result.speeds
             for c in result.clearances
         ]

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Annotated, ClassVar, Literal
 
-import numpy as np
 from pydantic import Field
 
 from analytic.mechanism.one_line import count
-from compare.results.document import Document, Filled, Grid, Mechanism, Part, Row, Series, listed
+from compare.results.document import Document, Filled, Grid, Mechanism, Part, Row, Series
 
 MetresByJoint = Mapping[str, Annotated[float, Field(ge=0)]]
 Reasons = Mapping[Annotated[str, Field(pattern="^[0-9]+$")], str]
@@ -76,11 +75,16 @@ class Radius(Part):
     along_reactions: Series
 
 
-class Point(Part):
+class PointError(Part):
     """Displacement of a point in its plane."""
 
     farthest: Annotated[Series, Field(description="Largest displacement in any direction (m), wherever the pins lie.")]
     farthest_direction: Annotated[Series, Field(description="Its direction (rad); the opposite is as far.")]
+
+
+class Point(PointError):
+    """Displacement of a point in its plane, and how far the samples displace it."""
+
     radius_95: Radius
 
 
@@ -146,25 +150,14 @@ class Accuracy(Document):
 
     def rows(self) -> list[Row]:
         """A row for each output and crank angle."""
-        return list(self._rows())
-
-    def _rows(self) -> Iterator[Row]:
-        angle = self.crank_angle.tolist()
+        rows: list[Row] = []
         for name, output in self.outputs.items():
-            columns: dict[str, np.ndarray] = {
-                "nominal": output.nominal,
-                "equilibrium": output.equilibrium,
-                "worst_case": output.worst_case,
-                "compliance": output.compliance,
-                "total": output.total,
-                "sigma": output.monte_carlo.free.sigma,
-                "low": output.monte_carlo.free.low,
-                "high": output.monte_carlo.free.high,
-            }
+            displacements = ("nominal", "equilibrium", "worst_case", "compliance", "total")
+            columns = {"crank_angle": self.crank_angle} | {each: getattr(output, each) for each in displacements}
+            columns |= {each: getattr(output.monte_carlo.free, each) for each in ("sigma", "low", "high")}
             columns |= {f"sensitivity_{joint}": values for joint, values in output.sensitivity.items()}
-            for at, *values in zip(angle, *map(listed, columns.values()), strict=True):
-                head: dict[str, float | str | None] = {"output": name, "unit": output.unit, "crank_angle": at}
-                yield head | dict(zip(columns, values, strict=True))
+            rows += self._rows_of(columns, output=name, unit=output.unit)
+        return rows
 
     def __repr__(self) -> str:
         sizes = ", ".join(f"{joint} {size:.4g} m" for joint, size in self.clearance.items()) or "no clearance"

@@ -14,7 +14,7 @@ from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal, named
 from analytic.paper.clearance import Model
 from compare.results.crosscheck import Index, MetresByJoint, OrderDifference, Path, Signals, Simulator
-from compare.results.document import Document, Filled, Grid, Mechanism, Row, Share, Text, listed
+from compare.results.document import Document, Filled, Grid, Mechanism, Row, Share, Text
 from sim_models.engine import JointModel, Motion, SettingValue
 
 
@@ -54,9 +54,10 @@ class _Side(Document):
     def rows(self) -> list[Row]:
         """A row for each crank angle, or time."""
         timed = {} if self.time is None else {"time": self.time}
-        told = {"crank_angle": self.crank_angle} if self.mechanism.cranked or not timed else {}
-        columns = {**told, **timed, **self.signals, **told}  # which is known where the model has no answer
-        return [dict(zip(columns, row, strict=True)) for row in zip(*map(listed, columns.values()), strict=True)]
+        angle = {"crank_angle": self.crank_angle} if self.mechanism.cranked or not timed else {}
+        return self._rows_of(
+            {**angle, **timed, **self.signals, **angle}
+        )  # the angle is known where the model has no answer
 
     def _over(self) -> str:
         if not self.crank_angle.size:

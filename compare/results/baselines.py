@@ -27,7 +27,7 @@ class Moved(Part):
 
     @property
     def sentence(self) -> str:
-        """The same in words."""
+        """How far the column moved, in words."""
         where = f" at {self.at}; moved at {self.count} of {self.of}" if self.at else " over the run"
         unit = "" if self.unit == "1" else f" {self.unit}"
         if self.by is None or self.was is None:
@@ -68,7 +68,7 @@ class Entry(Part):
 
     @property
     def words(self) -> str:
-        """What became of it."""
+        """How many columns moved, or that none did."""
         if self.moved:
             return f"{len(self.moved)} of {count(self.signals, 'signal')} in {count(self.runs, 'run')} moved"
         return f"nothing moved ({count(self.numbers, 'number')} in {count(self.runs, 'run')})"

@@ -13,15 +13,8 @@ from sim_models.engine import JointModel, Motion
 class Listing(Document):
     """A list of things, each with a row."""
 
-    opens: ClassVar[str] = ""
-
-    @property
-    def entries(self) -> tuple[Part, ...]:
-        """What is listed."""
-        raise NotImplementedError(f"{type(self).__name__} has to say what it lists")
-
     def __len__(self) -> int:
-        return len(self.entries)
+        return len(self.rows())
 
 
 class Case(Part):
@@ -42,11 +35,6 @@ class Cases(Listing):
 
     cases: tuple[Case, ...]
 
-    @property
-    def entries(self) -> tuple[Case, ...]:
-        """The cases."""
-        return self.cases
-
     def rows(self) -> list[Row]:
         """A row for each case."""
         return [
@@ -64,7 +52,7 @@ class Capability(Part):
     motions: tuple[Motion, ...]
 
 
-class Engine(Part):
+class KnownEngine(Part):
     """An engine: whether it is installed, and what it does."""
 
     name: str
@@ -76,7 +64,7 @@ class Engine(Part):
     effects: Annotated[tuple[str, ...], Field(description="Effects of the vocabulary that it simulates.")]
 
     def __repr__(self) -> str:
-        return f"Engine({self.name} {self.version or self.status})"
+        return f"KnownEngine({self.name} {self.version or self.status})"
 
 
 class Simulators(Listing):
@@ -85,12 +73,7 @@ class Simulators(Listing):
     file: ClassVar[str] = "simulators.json"
     remedy: ClassVar[str] = "give what compare simulators --json prints"
 
-    simulators: tuple[Engine, ...]
-
-    @property
-    def entries(self) -> tuple[Engine, ...]:
-        """The engines."""
-        return self.simulators
+    simulators: tuple[KnownEngine, ...]
 
     def rows(self) -> list[Row]:
         """A row for each engine."""
@@ -111,7 +94,7 @@ class Parameter(Part):
     unit: str
 
 
-class Effect(Part):
+class KnownEffect(Part):
     """An effect that a diagnosis can name."""
 
     name: str
@@ -128,12 +111,7 @@ class Effects(Listing):
     file: ClassVar[str] = "effects.json"
     remedy: ClassVar[str] = "give what compare effects --json prints"
 
-    effects: tuple[Effect, ...]
-
-    @property
-    def entries(self) -> tuple[Effect, ...]:
-        """The effects."""
-        return self.effects
+    effects: tuple[KnownEffect, ...]
 
     def rows(self) -> list[Row]:
         """A row for each effect."""

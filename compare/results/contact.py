@@ -138,7 +138,7 @@ class Contact(Part):
     period: Annotated[
         int | None, Field(description="Revolutions after which the motion repeats itself; null: it does not.")
     ]
-    words: Annotated[str, Field(min_length=1, description="The same in a sentence.")]
+    words: Annotated[str, Field(min_length=1, description="How well its averages are known, in a sentence.")]
     energy: Annotated[Balance | None, Field(description="Null where a joint's friction by load is not known.")]
     joints: Mapping[str, JointContact]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Annotated, ClassVar, Literal
 
@@ -13,11 +13,11 @@ from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal, named
 from analytic.paper.clearance import Model
 from compare.results.contact import Compared, Contact
-from compare.results.document import Document, Filled, Grid, Mechanism, Number, Part, Row, Series, Share, Text, listed
+from compare.results.document import Document, Filled, Grid, Mechanism, Number, Part, Row, Series, Share, Text
 from sim_models.engine import Cause, JointModel, Motion, SettingValue
 
 Verdict = Literal["agrees", "disagrees", "unjudged"]
-Unit = Literal["rad", "N", "m", "N.m", "rad/s"]
+DifferenceUnit = Literal["rad", "N", "m", "N.m", "rad/s"]
 Signals = Annotated[
     Mapping[str, Series], Field(min_length=1, description="Every signal by name, a value for each crank angle.")
 ]
@@ -31,10 +31,10 @@ Index = Annotated[str, Field(pattern="^(0|[1-9][0-9]*)$")]
 
 def without(signals: Mapping[str, np.ndarray], samples: Sequence[int]) -> dict[str, np.ndarray]:
     """Signals (N,) without a number at some samples."""
-    found = {name: np.array(values) for name, values in signals.items()}
-    for values in found.values():
+    kept = {name: np.array(values) for name, values in signals.items()}
+    for values in kept.values():
         values[list(samples)] = np.nan
-    return found
+    return kept
 
 
 class Simulator(Part):
@@ -61,7 +61,7 @@ class Discrepancy(Part):
 
     signal: str
     kind: Literal["angle", "magnitude", "value"]
-    unit: Unit
+    unit: DifferenceUnit
     max: Number
     rms: Number
     at_crank_angle: Number
@@ -93,7 +93,7 @@ class Discrepancy(Part):
 class OrderDifference(Part):
     """The paper's first order minus the equilibrium, of one signal."""
 
-    unit: Unit
+    unit: DifferenceUnit
     max: Number
     rms: Number
     at_crank_angle: Number
@@ -114,7 +114,7 @@ class Because(Part):
         Field(description="As in a map of validity; unknown if none that was examined explains the disagreement."),
     ]
     joint: Annotated[str | None, Field(description="Where it fails, if it fails in one joint.")]
-    words: Annotated[str, Field(min_length=1, description="The same in a sentence.")]
+    words: Annotated[str, Field(min_length=1, description="Why the run disagrees, in a sentence.")]
 
 
 class Run(Part):
@@ -171,13 +171,10 @@ class Run(Part):
     @model_validator(mode="after")
     def _whole(self) -> Run:
         """Each series has a value for each sample."""
-        series: dict[str, np.ndarray | None] = {"time": self.time}
-        series |= {f"drive_position.{name}": values for name, values in self.drive_position.items()}
-        series |= {f"analytic.{name}": values for name, values in self.analytic.items()}
-        series |= {f"simulated.{name}": values for name, values in self.simulated.items()}
-        for name, values in series.items():
-            if values is not None and values.size != self.crank_angle.size:
-                raise ValueError(f"{name} has {values.size} values for {count(self.crank_angle.size, 'sample')}")
+        series = {} if self.time is None else {"time": self.time}
+        for part in ("drive_position", "analytic", "simulated"):
+            series |= {f"{part}.{name}": values for name, values in getattr(self, part).items()}
+        self._check_sizes(series, self.crank_angle.size)
         return self
 
     @property
@@ -280,7 +277,7 @@ class CrossCheck(Document):
     odd_one_out: Annotated[
         str | None, Field(description="With several engines: analytic or the engine that stands apart.")
     ] = None
-    words: Annotated[str, Field(description="The same in a sentence.")] = ""
+    words: Annotated[str, Field(description="Which engine stands apart, or that none does, in a sentence.")] = ""
     statistics: Annotated[
         tuple[Compared, ...],
         Field(description="Of runs in which pins strike: each average over revolutions of one held against another's."),
@@ -315,21 +312,14 @@ class CrossCheck(Document):
 
     def rows(self) -> list[Row]:
         """A row for each sample of each run: ``analytic_<signal>`` and ``simulated_<signal>``, side by side."""
-        return list(self._rows())
-
-    def _rows(self) -> Iterator[Row]:
+        rows: list[Row] = []
         for run in self.runs:
             columns = {"crank_angle": run.crank_angle} | ({} if run.time is None else {"time": run.time})
             for name in self.signals:
                 if name in run.analytic and name in run.simulated:
                     columns |= {f"analytic_{name}": run.analytic[name], f"simulated_{name}": run.simulated[name]}
-            head: dict[str, float | str | None] = {
-                "simulator": run.simulator.name,
-                "joint_model": run.joint_model,
-                "motion": run.motion,
-            }
-            for values in zip(*map(listed, columns.values()), strict=True):
-                yield head | dict(zip(columns, values, strict=True))
+            rows += self._rows_of(columns, simulator=run.simulator.name, joint_model=run.joint_model, motion=run.motion)
+        return rows
 
     def units(self) -> Mapping[str, str]:
         """SI unit of each column."""

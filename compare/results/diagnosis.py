@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sized
 from functools import cached_property
-from typing import Annotated, ClassVar, Literal
+from itertools import product
+from typing import Annotated, ClassVar, Literal, get_args
 
 import numpy as np
 from pydantic import BeforeValidator, Field, FiniteFloat, model_validator
@@ -12,16 +13,17 @@ from pydantic import BeforeValidator, Field, FiniteFloat, model_validator
 from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal, named, wrapped
 from compare.results.crosscheck import Simulator
-from compare.results.document import Amount, Document, Filled, Grid, Mechanism, Number, Part, Row, Series, Text, listed
+from compare.results.document import Amount, Document, Filled, Grid, Mechanism, Number, Part, Row, Series, Text
 from sim_models.engine import SettingValue
 
-Verdict = Literal["no gap", "explained", "partly explained", "unexplained", "ambiguous"]
-Status = Literal["named", "tied", "not needed", "not physical", "invisible", "excluded"]
+DiagnosisVerdict = Literal["no gap", "explained", "partly explained", "unexplained", "ambiguous"]
+CandidateStatus = Literal["named", "tied", "not needed", "not physical", "invisible", "excluded"]
 Side = Literal["before", "after"]
+SIDES: tuple[Side, ...] = get_args(Side)
 Kind = Literal["rig", "sensor"]
 Role = Literal["fit", "validation"]
 Unknown = Literal["torque", "give", "length", "bend", "lag", "error"]
-SETTLED: tuple[Verdict, ...] = ("no gap", "explained")
+SETTLED_VERDICTS: tuple[DiagnosisVerdict, ...] = ("no gap", "explained")
 Size = Annotated[FiniteFloat, Field(ge=0)]
 Unit = Annotated[str, Field(min_length=1, description="SI; 1 for a number without a unit")]
 Key = Annotated[str, Field(pattern="^.+@.+$", description="name@where")]
@@ -46,7 +48,7 @@ class Located(Part):
     every_turn: Annotated[bool, Field(description="Whether it is there in every turn of the run.")] = False
 
 
-class Parameter(Part):
+class Estimate(Part):
     """A parameter of an effect with its 95 % interval; an end that is open is null."""
 
     value: FiniteFloat
@@ -55,7 +57,7 @@ class Parameter(Part):
     high: Annotated[Number, Field(description="of the 95 % interval")]
 
 
-class Place(Part):
+class EffectPlace(Part):
     """An effect at a place."""
 
     name: Text
@@ -67,7 +69,7 @@ class Place(Part):
         return f"{self.name}@{self.where}"
 
 
-class Rival(Place):
+class Rival(EffectPlace):
     """An effect that explains the data as well as a named one in its place."""
 
     odds: Annotated[
@@ -79,18 +81,18 @@ class Rival(Place):
 
 
 Parameters = Annotated[
-    Mapping[str, Parameter], Field(min_length=1, description="By name; a value of one run is called name@run.")
+    Mapping[str, Estimate], Field(min_length=1, description="By name; a value of one run is called name@run.")
 ]
 EffectKind = Annotated[Kind, Field(description="rig: the linkage, its loads or its drive; sensor: what measures them.")]
 
 
-class SmallError(Place):
+class SmallError(EffectPlace):
     """A small error of the rig, of the kind that every rig has."""
 
     parameters: Parameters
 
 
-class Effect(Place):
+class Effect(EffectPlace):
     """What is missing from the model."""
 
     parameters: Parameters
@@ -123,7 +125,7 @@ class Effect(Place):
         return f"Effect({self.key}: {values})"
 
 
-class Attempt(Place):
+class TriedEffect(EffectPlace):
     """An effect that takes a part of the gap away and is not named."""
 
     kind: EffectKind
@@ -170,7 +172,7 @@ class Proposed(SamePlace):
     """
 
     unit: Annotated[Unit, Field(description="Of the unknown.")]
-    coefficients: Annotated[Mapping[str, Parameter], Field(description="By letter.")]
+    coefficients: Annotated[Mapping[str, Estimate], Field(description="By letter.")]
     share: Annotated[
         Number,
         Field(
@@ -227,7 +229,7 @@ class Elsewhere(Part):
     after: Amount
 
 
-class Fault(Part):
+class RecordingFault(Part):
     """What is wrong with the data themselves."""
 
     run: str
@@ -237,7 +239,7 @@ class Fault(Part):
     text: Text
 
 
-class Candidate(Place):
+class ConsideredEffect(EffectPlace):
     """An effect that was considered, and what became of it."""
 
     sigmas: Annotated[Amount, Field(description="How strongly the data want it alone.")]
@@ -245,11 +247,11 @@ class Candidate(Place):
         Amount, Field(description="Sigmas left of its own signature once its best rival is projected out.")
     ]
     rival: Key | None
-    status: Status
+    status: CandidateStatus
     why: str
 
 
-class Engine(Part):
+class EngineGaps(Part):
     """An engine that was asked to simulate the nominal and the explained mechanism."""
 
     name: str
@@ -268,7 +270,7 @@ class Engine(Part):
     ]
 
 
-class Channel(Part):
+class SensorRecord(Part):
     """One sensor in one run: measured, and simulated without and with the effects (N)."""
 
     unit: Unit
@@ -308,19 +310,16 @@ class DiagnosedRun(Part):
             " five. Null where the run has none."
         ),
     ]
-    signals: Annotated[Mapping[str, Channel], Field(min_length=1)]
+    signals: Annotated[Mapping[str, SensorRecord], Field(min_length=1)]
     role: Annotated[Role, Field(description="validation: never fitted, and no part of the gap or the verdict")] = "fit"
 
     @model_validator(mode="after")
     def _whole(self) -> DiagnosedRun:
         """Each series has a value for each sample."""
-        sizes = {"crank_angle": self.crank_angle.size, "held_out": len(self.held_out or self.time)}
-        for name, channel in self.signals.items():
-            for side in ("measured", "before", "after"):
-                sizes[f"signals.{name}.{side}"] = getattr(channel, side).size
-        for name, size in sizes.items():
-            if size != self.time.size:
-                raise ValueError(f"{name} has {size} values for {count(self.time.size, 'sample')}")
+        series: dict[str, Sized] = {"crank_angle": self.crank_angle, "held_out": self.held_out or self.time}
+        for (name, channel), side in product(self.signals.items(), ("measured", "before", "after")):
+            series[f"signals.{name}.{side}"] = getattr(channel, side)
+        self._check_sizes(series, self.time.size)
         return self
 
     @property
@@ -349,7 +348,7 @@ class Diagnosis(Document):
     opens: ClassVar[str] = "diagnosis.html"
 
     case: Annotated[str, Field(description="Name of the nominal mechanism.")]
-    verdict: Verdict
+    verdict: DiagnosisVerdict
     statement: Annotated[str, Field(min_length=1, description="The verdict in words.")]
     simulator: Annotated[Simulator, Field(description="The engine that diagnosed.")]
     command: Annotated[str, Field(description="The command that made this file.")]
@@ -363,9 +362,13 @@ class Diagnosis(Document):
     other_simulators: Annotated[
         Mapping[str, Elsewhere], Field(description="The gap with the same effects in other engines.")
     ]
-    faults: Annotated[tuple[Fault, ...], Field(description="What is wrong with the data themselves.")]
-    candidates: Annotated[tuple[Candidate, ...], Field(description="What was considered, and what became of it.")]
-    attempts: Annotated[tuple[Attempt, ...], Field(description="What was tried and is not named, the best first.")] = ()
+    faults: Annotated[tuple[RecordingFault, ...], Field(description="What is wrong with the data themselves.")]
+    candidates: Annotated[
+        tuple[ConsideredEffect, ...], Field(description="What was considered, and what became of it.")
+    ]
+    attempts: Annotated[
+        tuple[TriedEffect, ...], Field(description="What was tried and is not named, the best first.")
+    ] = ()
     proposed: Annotated[
         tuple[Proposed, ...], Field(description="What has a place and a law, but no name: never part of the verdict.")
     ] = ()
@@ -374,7 +377,7 @@ class Diagnosis(Document):
         Field(description="Pairs of candidates that look alike in these data, and how their changes correlate."),
     ]
     engines: Annotated[
-        tuple[Engine, ...],
+        tuple[EngineGaps, ...],
         Field(description="Every engine that was asked to simulate nominal and explained mechanism."),
     ]
     runs: Annotated[tuple[DiagnosedRun, ...], Field(min_length=1)]
@@ -390,7 +393,7 @@ class Diagnosis(Document):
     @property
     def settled(self) -> bool:
         """Whether there is no gap, or it is explained."""
-        return self.verdict in SETTLED
+        return self.verdict in SETTLED_VERDICTS
 
     @property
     def fitted(self) -> tuple[DiagnosedRun, ...]:
@@ -421,19 +424,14 @@ class Diagnosis(Document):
 
     def rows(self) -> list[Row]:
         """A row for each sample of each run: every sensor as measured and as simulated, before and after."""
-        return list(self._rows())
-
-    def _rows(self) -> Iterator[Row]:
+        rows: list[Row] = []
         names = dict.fromkeys(name for run in self.runs for name in run.signals)
         for run in self.runs:
-            columns = {"time": run.time, self._told_by: run.crank_angle}
-            for name in names:
-                channel = run.signals.get(name)
-                for side in ("measured", "before", "after"):
-                    absent = np.full(run.time.size, np.nan)
-                    columns[f"{name}_{side}"] = absent if channel is None else getattr(channel, side)
-            for values in zip(*map(listed, columns.values()), strict=True):
-                yield {"run": run.name, **dict(zip(columns, values, strict=True))}
+            absent, columns = np.full(run.time.size, np.nan), {"time": run.time, self._position_column: run.crank_angle}
+            for name, side in product(names, ("measured", "before", "after")):
+                columns[f"{name}_{side}"] = getattr(run.signals[name], side) if name in run.signals else absent
+            rows += self._rows_of(columns, run=run.name)
+        return rows
 
     def units(self) -> Mapping[str, str]:
         """SI unit of each column."""
@@ -443,10 +441,10 @@ class Diagnosis(Document):
             for name, channel in run.signals.items()
             for side in ("measured", "before", "after")
         }
-        return {"time": "s", self._told_by: self.mechanism.encoders[0].unit} | sides
+        return {"time": "s", self._position_column: self.mechanism.encoders[0].unit} | sides
 
     @property
-    def _told_by(self) -> str:
+    def _position_column(self) -> str:
         """What says where the linkage is: the crank's angle; of several drives the position of the first."""
         return self.mechanism.encoders[0].name if self.mechanism.several else "crank_angle"
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Sized
 from copy import copy
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, overload
@@ -32,6 +32,7 @@ from analytic.errors import Error
 from analytic.mechanism import Mechanism as _Mechanism
 from analytic.mechanism.assumed import Assumed
 from analytic.mechanism.errors import describe
+from analytic.mechanism.one_line import count
 from analytic.mechanism.reading import ReadingError, read_json
 from compare.files import alone_in, check_replaceable, made_folder, to_json, write_atomically, write_together
 from compare.presentation import LEFT_OVER, Presentation, presentation
@@ -55,11 +56,11 @@ def listed(values: np.ndarray) -> list[float | None]:
 
 
 def _array(values: np.ndarray | list[float | None]) -> np.ndarray:
-    found = np.array(values, float)
-    if found.ndim != 1:
+    array = np.array(values, float)
+    if array.ndim != 1:
         raise ValueError("give a list of numbers")
-    found.flags.writeable = False
-    return found
+    array.flags.writeable = False
+    return array
 
 
 def _series(values: object, read: ValidatorFunctionWrapHandler) -> np.ndarray:
@@ -67,10 +68,10 @@ def _series(values: object, read: ValidatorFunctionWrapHandler) -> np.ndarray:
 
 
 def _grid(values: object, read: ValidatorFunctionWrapHandler) -> np.ndarray:
-    found = _series(values, read)
-    if not np.all(np.isfinite(found)):
+    array = _series(values, read)
+    if not np.all(np.isfinite(array)):
         raise ValueError("each value is a number")
-    return found
+    return array
 
 
 def _numbers(check: Any, number: CoreSchema) -> GetPydanticSchema:
@@ -129,6 +130,13 @@ class Part(BaseModel):
     def __str__(self) -> str:
         return repr(self)
 
+    @staticmethod
+    def _check_sizes(series: Mapping[str, Sized], size: int, of: str = "sample") -> None:
+        """Raise ValueError for a series by name that has not a value for each of so many samples."""
+        for name, values in series.items():
+            if len(values) != size:
+                raise ValueError(f"{name} has {len(values)} values for {count(size, of)}")
+
 
 def _brief(text: str, length: int = 160) -> str:
     line = " ".join(text.split())
@@ -144,8 +152,8 @@ class Document(Part):
     """Name of its JSON Schema's file, where another document's has that of its own."""
     remedy: ClassVar[str]
     """What to give instead, for messages about a file that is another one."""
-    opens: ClassVar[str]
-    """The file of its folder that a person opens first."""
+    opens: ClassVar[str] = ""
+    """The file of its folder that a person opens first; empty for what has none."""
     indent: ClassVar[int | None] = None
     """Of the JSON file; None for one line."""
     opened: ClassVar[str] = "report"
@@ -178,6 +186,11 @@ class Document(Part):
     def rows(self) -> Sequence[Row]:
         """The document as a table: one mapping for each row, SI units, None where there is no number."""
         raise NotImplementedError(f"{type(self).__name__} has no table")
+
+    @staticmethod
+    def _rows_of(columns: Mapping[str, np.ndarray], **head: str) -> list[Row]:
+        """A row for each sample of some columns (N,), None where there is no number; each begins with the ``head``."""
+        return [head | dict(zip(columns, row, strict=True)) for row in zip(*map(listed, columns.values()), strict=True)]
 
     def units(self) -> Mapping[str, str]:
         """SI unit of each column of the rows that has one."""

@@ -17,7 +17,6 @@ class Exported(Document):
 
     file: ClassVar[str] = "export.json"
     remedy: ClassVar[str] = "give what compare export --json prints"
-    opens: ClassVar[str] = ""
 
     case: str
     simulator: str

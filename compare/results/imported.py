@@ -16,7 +16,6 @@ class Imported(Document):
 
     file: ClassVar[str] = "import.json"
     remedy: ClassVar[str] = "give what compare import --json prints"
-    opens: ClassVar[str] = ""
 
     case: str
     source: Annotated[str, Field(description="The model file.")]

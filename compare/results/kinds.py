@@ -37,8 +37,9 @@ def _refuse_others(path: str | Path, fields: set[str], kinds: Sequence[type[D]],
     """Raise DocumentError for a document that has all its fields and is none of these kinds."""
     whole = [kind for kind in documents().values() if _share(fields, kind) == 1.0 and kind not in kinds]
     if whole:
-        found = max(whole, key=lambda kind: len(fields & set(kind.model_fields)))
-        raise DocumentError(f"{path}: has the fields of {found.file}; what is read here is {wanted}: give one of these")
+        likeliest = max(whole, key=lambda kind: len(fields & set(kind.model_fields)))
+        file = likeliest.file
+        raise DocumentError(f"{path}: has the fields of {file}; what is read here is {wanted}: give one of these")
 
 
 def _share(fields: set[str], kind: type[Document]) -> float:

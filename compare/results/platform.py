@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from analytic.mechanism.one_line import count
-from compare.results.accuracy import MetresByJoint, Reasons
-from compare.results.document import Document, Filled, Grid, Mechanism, Part, Row, Series, listed
+from compare.results.accuracy import MetresByJoint, PointError, Reasons
+from compare.results.document import Document, Filled, Grid, Mechanism, Part, Row, Series
 
 
 class PoseError(Part):
@@ -38,14 +38,7 @@ class PoseError(Part):
     ]
 
 
-class PointError(Part):
-    """Errors of a point in its plane."""
-
-    farthest: Annotated[Series, Field(description="Largest displacement in any direction (m), wherever the pins lie.")]
-    farthest_direction: Annotated[Series, Field(description="Its direction (rad); the opposite is as far.")]
-
-
-class Place(Part):
+class BodyPoses(Part):
     """A body's frame at each pose."""
 
     x: Annotated[Series, Field(description="m, of its com.")]
@@ -53,7 +46,7 @@ class Place(Part):
     angle: Annotated[Series, Field(description="rad")]
 
 
-class Map(Part):
+class WorkspaceMap(Part):
     """The grid of a workspace: a pose for each x of each y, row by row."""
 
     output: Annotated[str, Field(description="The point that is moved over the grid, as body.point.")]
@@ -83,9 +76,9 @@ class PlatformAccuracy(Document):
         Mapping[str, Annotated[float, Field(ge=0)]], Field(description="Step of each drive's encoder (rad, m).")
     ]
     time: Annotated[Grid | None, Field(description="s, of the poses of a motion.")] = None
-    workspace: Annotated[Map | None, Field(description="The grid of the poses of a workspace.")] = None
+    workspace: Annotated[WorkspaceMap | None, Field(description="The grid of the poses of a workspace.")] = None
     drive_position: Annotated[Mapping[str, Series], Field(description="Position (rad, or m) of each driven joint.")]
-    poses: Annotated[Mapping[str, Place], Field(description="Where each body is, by name.")]
+    poses: Annotated[Mapping[str, BodyPoses], Field(description="Where each body is, by name.")]
     holding: Annotated[
         Series,
         Field(
@@ -117,11 +110,8 @@ class PlatformAccuracy(Document):
     @model_validator(mode="after")
     def _whole(self) -> PlatformAccuracy:
         """Each series has a value for each pose."""
-        for name, output in self.outputs.items():
-            if output.value.size != self.holding.size:
-                raise ValueError(
-                    f"outputs.{name} has {output.value.size} values for {count(self.holding.size, 'pose')}"
-                )
+        values = {f"outputs.{name}": output.value for name, output in self.outputs.items()}
+        self._check_sizes(values, self.holding.size, "pose")
         return self
 
     @property
@@ -131,22 +121,16 @@ class PlatformAccuracy(Document):
 
     def rows(self) -> list[Row]:
         """A row for each output and reached pose."""
-        return list(self._rows())
-
-    def _rows(self) -> Iterator[Row]:
-        here = self.reached
-        at = {f"position_{name}": values for name, values in self.drive_position.items()}
-        if self.time is not None:
-            at = {"time": self.time} | at
+        rows: list[Row] = []
+        at = {} if self.time is None else {"time": self.time}
+        at |= {f"position_{name}": values for name, values in self.drive_position.items()}
+        errors = ("value", "nominal", "equilibrium", "worst_case", "resolution", "compliance", "total")
         for name, output in self.outputs.items():
-            columns = at | {
-                each: getattr(output, each)
-                for each in ("value", "nominal", "equilibrium", "worst_case", "resolution", "compliance", "total")
-            }
+            columns = at | {each: getattr(output, each) for each in errors}
             columns |= {f"sensitivity_{joint}": values for joint, values in output.sensitivity.items()}
-            for values in zip(*(listed(column[here]) for column in columns.values()), strict=True):
-                head: dict[str, float | str | None] = {"output": name, "unit": output.unit}
-                yield head | dict(zip(columns, values, strict=True))
+            reached = {column: values[self.reached] for column, values in columns.items()}
+            rows += self._rows_of(reached, output=name, unit=output.unit)
+        return rows
 
     def __repr__(self) -> str:
         sizes = ", ".join(f"{joint} {size:.4g} m" for joint, size in self.clearance.items()) or "no clearance"

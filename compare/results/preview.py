@@ -8,11 +8,11 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from analytic.mechanism.one_line import count
-from compare.results.diagnosis import Fault, Place
-from compare.results.document import Amount, Document, Grid, Mechanism, Number, Part, Row, Series, Text, listed
+from compare.results.diagnosis import EffectPlace, RecordingFault
+from compare.results.document import Amount, Document, Grid, Mechanism, Number, Part, Row, Series, Text
 
 
-class Seen(Part):
+class SensorPreview(Part):
     """One sensor in one run."""
 
     unit: str
@@ -24,7 +24,7 @@ class Seen(Part):
     nominal: Annotated[Series, Field(description="What the nominal analytic model says, at the same samples.")]
 
 
-class SeenRun(Part):
+class RunPreview(Part):
     """One run: how it was driven, how it was sampled, what of the crank's turn it covers."""
 
     name: Text
@@ -38,7 +38,7 @@ class SeenRun(Part):
     crank_to: Annotated[float, Field(description="rad")]
     time: Annotated[Grid, Field(description="s")]
     crank_angle: Annotated[Series, Field(description="rad, of the nominal model")]
-    signals: Mapping[str, Seen]
+    signals: Mapping[str, SensorPreview]
 
 
 class Visible(Part):
@@ -51,7 +51,7 @@ class Visible(Part):
     size: Annotated[Number, Field(description="The smallest that four sigmas of all samples together would show.")]
     at_most: Annotated[bool, Field(description="Whether what is smaller than the size shows, as with a stiffness.")]
     like: Annotated[
-        tuple[Place, ...], Field(description="Effects that would look the same in these runs, or nearly so.")
+        tuple[EffectPlace, ...], Field(description="Effects that would look the same in these runs, or nearly so.")
     ]
 
 
@@ -66,28 +66,26 @@ class Preview(Document):
     case: Annotated[str, Field(description="Name of the mechanism.")]
     command: str = ""
     mechanism: Mechanism
-    runs: tuple[SeenRun, ...]
-    faults: Annotated[tuple[Fault, ...], Field(description="What was wrong with the data and was handled.")]
+    runs: tuple[RunPreview, ...]
+    faults: Annotated[tuple[RecordingFault, ...], Field(description="What was wrong with the data and was handled.")]
     visible: tuple[Visible, ...]
     invisible: Annotated[
-        tuple[Place, ...], Field(description="Effects that no sample would show, however large they are.")
+        tuple[EffectPlace, ...], Field(description="Effects that no sample would show, however large they are.")
     ]
 
     def rows(self) -> list[Row]:
         """A row for each sample of each run: every sensor beside what the nominal model says."""
-        found: list[Row] = []
+        rows: list[Row] = []
         for run in self.runs:
-            columns = {"time": listed(run.time), "crank_angle": listed(run.crank_angle)}
-            for name, seen in run.signals.items():
-                columns |= {f"measured_{name}": listed(seen.measured), f"nominal_{name}": listed(seen.nominal)}
-            found += [
-                {"run": run.name, **dict(zip(columns, row, strict=True))} for row in zip(*columns.values(), strict=True)
-            ]
-        return found
+            columns = {"time": run.time, "crank_angle": run.crank_angle}
+            for name, sensor in run.signals.items():
+                columns |= {f"measured_{name}": sensor.measured, f"nominal_{name}": sensor.nominal}
+            rows += self._rows_of(columns, run=run.name)
+        return rows
 
     def units(self) -> Mapping[str, str]:
         """SI unit of each column."""
-        units = {name: seen.unit for run in self.runs for name, seen in run.signals.items()}
+        units = {name: sensor.unit for run in self.runs for name, sensor in run.signals.items()}
         sides = {f"{side}_{name}": unit for name, unit in units.items() for side in ("measured", "nominal")}
         return {"time": "s", "crank_angle": self.mechanism.encoders[0].unit} | sides
 

@@ -86,7 +86,6 @@ class Provenance(Document):
 
     file: ClassVar[str] = "provenance.json"
     remedy: ClassVar[str] = "give what compare show --json prints of a result.json"
-    opens: ClassVar[str] = ""
 
     case: Annotated[str, Field(description="Name of the mechanism.")]
     command: Annotated[str, Field(description="The command that made the result.")]

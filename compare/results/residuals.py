@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Annotated, ClassVar
 
 from pydantic import Field, FiniteFloat
 
 from analytic.mechanism.one_line import count
 from compare.results.crosscheck import Simulator
-from compare.results.diagnosis import Unit, Verdict
-from compare.results.document import Amount, Document, Grid, Number, Part, Row, Series, Text, listed
+from compare.results.diagnosis import DiagnosisVerdict, Unit
+from compare.results.document import Amount, Document, Grid, Number, Part, Row, Series, Text
 
 
 class Residual(Part):
@@ -48,10 +48,9 @@ class SignalResiduals(Document):
 
     file: ClassVar[str] = "residuals.json"
     remedy: ClassVar[str] = "give what compare show --json --signal prints of a diagnosis.json"
-    opens: ClassVar[str] = ""
 
     case: Annotated[str, Field(description="Name of the nominal mechanism.")]
-    verdict: Annotated[Verdict, Field(description="Of the diagnosis.")]
+    verdict: Annotated[DiagnosisVerdict, Field(description="Of the diagnosis.")]
     simulator: Annotated[Simulator, Field(description="The engine that diagnosed.")]
     signal: Annotated[str, Field(description="Its name in files.")]
     label: Annotated[Text, Field(description="What it is, in words.")]
@@ -60,13 +59,11 @@ class SignalResiduals(Document):
 
     def rows(self) -> list[Row]:
         """A row for each sample of each run."""
-        return list(self._rows())
-
-    def _rows(self) -> Iterator[Row]:
+        rows: list[Row] = []
         for run in self.runs:
-            columns = (run.time, run.crank_angle, run.before.values, run.after.values)
-            for values in zip(*map(listed, columns), strict=True):
-                yield {"run": run.name} | dict(zip(("time", "crank_angle", "before", "after"), values, strict=True))
+            sides = {"before": run.before.values, "after": run.after.values}
+            rows += self._rows_of({"time": run.time, "crank_angle": run.crank_angle} | sides, run=run.name)
+        return rows
 
     def units(self) -> Mapping[str, str]:
         """SI unit of each column."""

@@ -37,10 +37,10 @@ class Closed(GenerateJsonSchema):
     """Draft 2020-12, with no title on each field; a part of a document has no other fields than its own."""
 
     def generate(self, schema, mode="validation"):  # type: ignore[no-untyped-def]
-        """See pydantic."""
-        found = super().generate(schema, mode)
-        _close(found)
-        return found
+        """The JSON Schema of a model, closed."""
+        content = super().generate(schema, mode)
+        _close(content)
+        return content
 
 
 def _close(schema: object) -> None:
@@ -78,15 +78,15 @@ def documents(package: str = "compare.results", modules: Sequence[str] = MODULES
 
 def schema(document: type[Document]) -> str:
     """The JSON Schema of a document, as text of its file."""
-    found = document.model_json_schema(by_alias=True, schema_generator=Closed, mode="serialization")
-    found["properties"]["schema"] = {"const": 1}
-    found["required"] = ["schema", *(name for name in found.get("required", []) if name != "schema")]
+    content = document.model_json_schema(by_alias=True, schema_generator=Closed, mode="serialization")
+    content["properties"]["schema"] = {"const": 1}
+    content["required"] = ["schema", *(name for name in content.get("required", []) if name != "schema")]
     head = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "$id": f"urn:linkage-crosscheck:{(document.described or document.file).removesuffix('.json')}:1",
         "title": document.file,
     }
-    return json.dumps(head | found, indent=2, ensure_ascii=False) + "\n"
+    return json.dumps(head | content, indent=2, ensure_ascii=False) + "\n"
 
 
 def write(folder: Path, kinds: Mapping[str, type[Document]]) -> None:

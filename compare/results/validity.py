@@ -228,12 +228,12 @@ class Foretold(NamedTuple):
 
 def foretold(cells: Iterable[Cell | Failed]) -> Foretold:
     """Contact kept and lost beside what the analytic model says of it."""
-    told = [(cell.left, cell.leaving) for cell in cells if isinstance(cell, Cell) and cell.leaving is not None]
+    predicted = [(cell.left, cell.leaving) for cell in cells if isinstance(cell, Cell) and cell.leaving is not None]
     return Foretold(
-        cells=len(told),
-        lost=sum(left for left, _ in told),
-        yielding=sum(left == (one.yielding is not None) for left, one in told),
-        rigid=sum(left == (one.rigid is not None) for left, one in told),
+        cells=len(predicted),
+        lost=sum(left for left, _ in predicted),
+        yielding=sum(left == (one.yielding is not None) for left, one in predicted),
+        rigid=sum(left == (one.rigid is not None) for left, one in predicted),
     )
 
 
@@ -343,7 +343,7 @@ class Validity(Document):
             head["restitution"] = cell.restitution
         if isinstance(cell, Failed):
             return head | {"verdict": "failed", "failure": cell.failure}
-        found: dict[str, float | str | None] = {
+        row: dict[str, float | str | None] = {
             "verdict": cell.verdict,
             "cause": cell.cause,
             "agreeing_share": cell.agreeing_share,
@@ -354,15 +354,15 @@ class Validity(Document):
             "give": cell.give,
         }
         if cell.watched is not None:
-            found |= {
+            row |= {
                 "peak_force": max(pin.peak_force or 0.0 for pin in cell.watched.pins.values()),
                 "peak_ratio": cell.watched.peak_ratio,
                 "impacts": cell.watched.impacts,
                 "energy_lost": cell.watched.lost,
             }
         if cell.leaving is not None:
-            found |= {"leaves_rigid_wall_at": cell.leaving.rigid, "leaves_wall_at": cell.leaving.yielding}
-        return head | found
+            row |= {"leaves_rigid_wall_at": cell.leaving.rigid, "leaves_wall_at": cell.leaving.yielding}
+        return head | row
 
     def __repr__(self) -> str:
         agreeing = sum(isinstance(cell, Cell) and cell.agrees for cell in self.cells)

@@ -13,7 +13,7 @@ from compare.diagnose.propose.places import RELATIVES, recovered
 from compare.diagnose.propose.proposal import Proposal
 from compare.diagnose.propose.regression import Told, solved
 from compare.report.words.proposals import says
-from compare.results.diagnosis import Curve, Parameter, Proposed, SamePlace
+from compare.results.diagnosis import Curve, Estimate, Proposed, SamePlace
 
 POINTS = 400  # of a curve
 STEP = 1e-4  # of a shape's own step, for its slope
@@ -77,7 +77,7 @@ def _product(factor: str, term: str) -> str:
     return factor if term == "1" else f"{factor} {term}"
 
 
-def _coefficients(p: Proposal) -> dict[str, Parameter]:
+def _coefficients(p: Proposal) -> dict[str, Estimate]:
     """Value and 95 % interval of every number of the law, by letter, in the order of the letters."""
     root = np.sqrt(p.weights)[:, None]
     columns, values, at = [p.regression.free], [], 0
@@ -92,7 +92,7 @@ def _coefficients(p: Proposal) -> dict[str, Parameter]:
     _, covariance = solved(root * np.column_stack(columns), np.zeros(p.weights.size))
     half = 1.96 * np.sqrt(np.diag(covariance))[p.regression.free.shape[1] :]
     return {
-        letter: Parameter(value=value, unit=unit, low=value - h, high=value + h)
+        letter: Estimate(value=value, unit=unit, low=value - h, high=value + h)
         for letter, value, unit, h in zip(ascii_lowercase, values, units(p), half.tolist(), strict=False)
     }
 

@@ -23,7 +23,7 @@ from compare.diagnose.rattle.law import Law, Simulate, jackknifed
 from compare.diagnose.rattle.statistics import ALIKE, Key, Readings, Statistics
 from compare.diagnose.rattle.trial import Trials, Tried, least, reaching, wanted
 from compare.diagnose.rattle.turns import FEWEST, TURNS, Turns, rattles
-from compare.results.diagnosis import Verdict
+from compare.results.diagnosis import DiagnosisVerdict
 from sim_models.common.contact_laws import default_stiffness
 from sim_models.engine import engine
 
@@ -451,7 +451,7 @@ def _share(before: float, after: float, nominal: float) -> float:
     return float(np.clip((before**2 - after**2) / max(nominal**2 - 1, 1e-12), 0.0, 1.0))
 
 
-def _verdict(last: Named, rivals: bool) -> Verdict:
+def _verdict(last: Named, rivals: bool) -> DiagnosisVerdict:
     """What is said where this is the last effect to be named."""
     closed = last.gap[1] <= ALIKE and last.held_out[1] < last.held_out[0]
     return "partly explained" if not closed else "ambiguous" if rivals else "explained"

@@ -39,10 +39,10 @@ def notes(result: Accuracy) -> list[str]:
             f" seed {result.seed}"
         ),
     ]
-    for what, found in (("flags", result.flags), ("cautions", result.cautions)):
-        for first, why in list(found.items())[:1]:
+    for what, reasons in (("flags", result.flags), ("cautions", result.cautions)):
+        for first, why in list(reasons.items())[:1]:
             notes.append(
-                f"{count(len(found), 'crank angle')} with {what}, first"
+                f"{count(len(reasons), 'crank angle')} with {what}, first"
                 f" {math.degrees(result.crank_angle[int(first)]):.4g} deg: {why}"
             )
     for change in result.side_changes:
@@ -63,10 +63,10 @@ def facts(result: PlatformAccuracy) -> dict[str, str]:
     steps = ", ".join(f"{joint} {_step(result, joint, step)}" for joint, step in result.encoder_step.items()) or "none"
     reached = int(result.reached.sum())
     where = f"{reached} of {result.reached.size}" if result.workspace else f"{reached}"
-    found = {"radial clearance": sizes, "encoder steps": steps, "poses": where}
+    conditions = {"radial clearance": sizes, "encoder steps": steps, "poses": where}
     if result.workspace is not None and result.workspace.angle is not None:
-        found["angle"] = f"{math.degrees(result.workspace.angle):.5g} deg"
-    return found
+        conditions["angle"] = f"{math.degrees(result.workspace.angle):.5g} deg"
+    return conditions
 
 
 def _step(result: PlatformAccuracy, joint: str, step: float) -> str:

@@ -2,66 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
+from collections.abc import Callable, Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass, replace
 
 from analytic.mechanism.one_line import count
 from compare.quantities import number, plain
 from compare.results.contact import (
     STATISTICS,
-    UNITS,
-    Balance,
     Compared,
+    Contact,
     JointContact,
     StatisticName,
 )
-from compare.results.contact import Contact as Found
 from compare.results.crosscheck import CrossCheck
 
+WEAR = "integral of normal force times sliding over a revolution (Archard)"
 RUBS = "at the rim of a pin of pin_radius, 10 mm where the mechanism gives none"
-MEANING: Mapping[StatisticName, str] = {
-    "free_share": "share of the time that the pin is off its wall, by distance",
-    "impacts": "times that a free pin strikes its wall in a revolution",
-    "impulse": "normal impulse of these impacts in a revolution",
-    "approach_speed": "fastest approach of an impact in a revolution",
-    "rms_force": "root mean square of the contact force",
-    "peak_force": "largest contact force in a revolution",
-    "high_peak": "what nine in ten of these peaks stay below",
-    "restitution_loss": "energy that the normal force takes in a revolution, less what the wall gives back",
-    "friction_loss": f"energy that friction in the contact takes in a revolution, {RUBS}",
-    "wear": f"integral of normal force times sliding over a revolution (Archard), {RUBS}",
-    "penetration": "deepest penetration in a revolution",
-}
-MEANING_OF_BLOCKS: Mapping[StatisticName, str] = {  # where it is another
-    "free_share": "share of the time that no corner of the block is at its wall, by distance",
-    "impacts": "times that a free corner of the block strikes its wall in a revolution",
-    "rms_force": "root mean square of the force on the corner that is pressed most",
-    "peak_force": "largest force on a corner in a revolution",
-    "friction_loss": "energy that friction at the corners takes in a revolution",
-    "wear": "integral of normal force times sliding over a revolution (Archard), all corners together",
-}
-NAMES: Mapping[StatisticName, str] = {
-    "impacts": "impacts per revolution",
-    "rms_force": "RMS force",
-    "impulse": "impulse of impacts",
-    "high_peak": "peak force, 9 of 10 below",
-}
-READ: Mapping[StatisticName, tuple[str, float]] = {  # unit that a person reads, factor from SI
-    "free_share": ("%", 1e2),
-    "impacts": ("", 1.0),
-    "impulse": ("mN·s", 1e3),
-    "approach_speed": ("mm/s", 1e3),
-    "restitution_loss": ("mJ", 1e3),
-    "friction_loss": ("mJ", 1e3),
-    "wear": ("N·mm", 1e3),
-    "penetration": ("µm", 1e6),
-}
+FRICTION = f"energy that friction in the contact takes in a revolution, {RUBS}"
+RESTITUTION = "energy that the normal force takes in a revolution, less what the wall gives back"
+PEAK_RATIO = "largest force of the run over the ideal linkage's largest"
 LARGER = {"N": "kN", "mN·s": "N·s", "mm/s": "m/s", "mJ": "J", "N·mm": "N·m", "µm": "mm"}  # units of a thousand each
 LEAST_TO_REPEAT = 5  # revolutions, below which nothing tells whether a motion repeats itself
-ASCII = str.maketrans({"·": ".", "µ": "u"})  # of units
+ASCII_UNITS = str.maketrans({"·": ".", "µ": "u"})  # of units
 BALANCED = 0.001  # per cent of an energy: what is missing below is nothing
 LOSSES = ("restitution_loss", "friction_loss")  # contact gives no energy: what is below 0 is 0, known that well
-ROUNDING = 1e-6  # of the energy lost in contact: a smaller loss is an engine's rounding, and read as 0
+ENGINE_ROUNDING = 1e-6  # of the energy lost in contact: a smaller loss is an engine's rounding, and read as 0
 
 
 @dataclass(frozen=True)
@@ -75,7 +40,7 @@ class Measure:
     meaning: str
 
     def fitting(self, *values: float | None) -> Measure:
-        """The same in the unit in which the largest of some values (SI) is below a thousand, where there is one."""
+        """The measure in the unit in which the largest of some values (SI) is below a thousand, where there is one."""
         largest = max((abs(self.factor * v) for v in values if v is not None), default=0.0)
         if largest < 1e3 or self.unit not in LARGER:
             return self
@@ -91,21 +56,34 @@ class Measure:
         return f"{self.name[:1].upper()}{self.name[1:]}" + (f" ({self.unit})" if self.unit else "")
 
 
-MEASURES: Mapping[StatisticName, Measure] = {
-    name: Measure(name, NAMES.get(name, name.replace("_", " ")), *READ.get(name, (UNITS[name], 1.0)), MEANING[name])
-    for name in STATISTICS
+MEASURES = {
+    measure.key: measure
+    for measure in (
+        Measure("free_share", "free share", "%", 1e2, "share of the time that the pin is off its wall, by distance"),
+        Measure("impacts", "impacts per revolution", "", 1.0, "times that a free pin strikes its wall in a revolution"),
+        Measure("impulse", "impulse of impacts", "mN·s", 1e3, "normal impulse of these impacts in a revolution"),
+        Measure("approach_speed", "approach speed", "mm/s", 1e3, "fastest approach of an impact in a revolution"),
+        Measure("rms_force", "RMS force", "N", 1.0, "root mean square of the contact force"),
+        Measure("peak_force", "peak force", "N", 1.0, "largest contact force in a revolution"),
+        Measure("high_peak", "peak force, 9 of 10 below", "N", 1.0, "what nine in ten of these peaks stay below"),
+        Measure("restitution_loss", "restitution loss", "mJ", 1e3, RESTITUTION),
+        Measure("friction_loss", "friction loss", "mJ", 1e3, FRICTION),
+        Measure("wear", "wear", "N·mm", 1e3, f"{WEAR}, {RUBS}"),
+        Measure("penetration", "penetration", "µm", 1e6, "deepest penetration in a revolution"),
+        Measure("peak_ratio", "peak over ideal reaction", "", 1.0, PEAK_RATIO),
+    )
 }
-OF_BLOCKS: Mapping[StatisticName, Measure] = {
-    name: replace(measure, meaning=MEANING_OF_BLOCKS.get(name, measure.meaning)) for name, measure in MEASURES.items()
+MEANING_OF_BLOCKS = {  # where it is another
+    "free_share": "share of the time that no corner of the block is at its wall, by distance",
+    "impacts": "times that a free corner of the block strikes its wall in a revolution",
+    "rms_force": "root mean square of the force on the corner that is pressed most",
+    "peak_force": "largest force on a corner in a revolution",
+    "friction_loss": "energy that friction at the corners takes in a revolution",
+    "wear": f"{WEAR}, all corners together",
+    "peak_ratio": "largest force on a corner over the largest that the ideal linkage's reaction and moment put on one",
 }
-PEAK_RATIO = Measure(
-    "peak_ratio", "peak over ideal reaction", "", 1.0, "largest force of the run over the ideal linkage's largest"
-)
-PEAK_RATIO_OF_BLOCKS = replace(
-    PEAK_RATIO,
-    name="peak over ideal corner force",
-    meaning="largest force on a corner over the largest that the ideal linkage's reaction and moment put on one",
-)
+OF_BLOCKS = MEASURES | {key: replace(MEASURES[key], meaning=meaning) for key, meaning in MEANING_OF_BLOCKS.items()}
+OF_BLOCKS["peak_ratio"] = replace(OF_BLOCKS["peak_ratio"], name="peak over ideal corner force")
 
 
 @dataclass(frozen=True)
@@ -127,24 +105,46 @@ class Value:
 
 
 @dataclass(frozen=True)
-class Told:
-    """Contact in one run, in words: how far it was watched, whether it repeats itself, what its energy misses."""
+class RunContact:
+    """What contact did in a run, in words."""
 
     run: str
-    converged: bool
-    averages: str
-    repeats: str
-    energy: str
-    struck: bool
+    contact: Contact
+
+    @property
+    def repeats(self) -> str:
+        """Whether the motion repeats itself; empty where nothing strikes."""
+        period = self.contact.period
+        if not self.contact.struck:
+            return ""
+        if period is not None:
+            return f"the motion repeats itself every {count(period, 'revolution') if period > 1 else 'revolution'}"
+        if self.contact.revolutions < LEAST_TO_REPEAT:
+            return "too few revolutions to tell whether the motion repeats itself"
+        return "the motion does not repeat itself"
+
+    @property
+    def energy(self) -> str:
+        """How well the energy of the run is balanced; empty where nothing strikes."""
+        balance = self.contact.energy
+        if not self.contact.struck:
+            return ""
+        if balance is None:
+            return "energy is not balanced, as friction of a joint grows with its load"
+        if balance.share is None:
+            return ""
+        percent = 100 * balance.share
+        known = f"to {plain(percent, 2)}" if percent >= BALANCED else f"within {BALANCED}"
+        return f"energy is balanced {known} % of what the motor turns over"
 
     @property
     def sentence(self) -> str:
-        """All of it."""
-        return "; ".join(part for part in (self.averages, self.repeats, self.energy) if part)
+        """How well its averages are known, whether it repeats itself, and what its energy misses."""
+        return "; ".join(filter(None, (self.contact.words, self.repeats, self.energy)))
 
 
 @dataclass(frozen=True)
-class Table:
+class StatisticsTable:
     """Every statistic of one joint, a column of values for each run in which it was watched."""
 
     joint: str
@@ -157,7 +157,7 @@ class Table:
 
 
 @dataclass(frozen=True)
-class Held:
+class ShownComparison:
     """A statistic of two runs, held against each other, in its measure's unit."""
 
     measure: Measure
@@ -176,32 +176,32 @@ class Held:
 
 
 @dataclass(frozen=True)
-class Pair:
+class EnginePair:
     """Two engines with one joint model: their statistics that were judged, and once why others were not."""
 
     between: tuple[str, str]
     joint_model: str
-    rows: tuple[Held, ...]  # every one of them
+    rows: tuple[ShownComparison, ...]  # every one of them
     unjudged: tuple[str, ...]  # reasons
 
     @property
     def title(self) -> str:
-        """Who they are."""
+        """Names of the two engines, and their joint model."""
         return f"{' and '.join(self.between)}, {self.joint_model}"
 
     @property
-    def judged(self) -> list[Held]:
+    def judged(self) -> list[ShownComparison]:
         """Rows with a verdict."""
         return [row for row in self.rows if row.verdict != "unjudged"]
 
     @property
-    def wrong(self) -> list[Held]:
+    def wrong(self) -> list[ShownComparison]:
         """Rows that disagree."""
         return [row for row in self.rows if row.verdict == "disagrees"]
 
     @property
     def verdict(self) -> str:
-        """Of all its rows."""
+        """The verdict on all its rows together."""
         return "disagrees" if self.wrong else "agrees" if self.judged else "unjudged"
 
     @property
@@ -213,20 +213,20 @@ class Pair:
 
 
 @dataclass(frozen=True)
-class Contact:
+class ContactShown:
     """What contact did in all runs of a result."""
 
-    runs: tuple[Told, ...] = ()
-    tables: tuple[Table, ...] = ()
-    pairs: tuple[Pair, ...] = ()
+    runs: tuple[RunContact, ...] = ()
+    tables: tuple[StatisticsTable, ...] = ()
+    pairs: tuple[EnginePair, ...] = ()
 
     @property
     def measures(self) -> list[Measure]:
         """What the tables tell, in order; twice what means another thing of pins than of blocks."""
-        found: dict[str, Measure] = {}
+        by_meaning: dict[str, Measure] = {}
         for measure, _ in (row for table in self.tables for row in table.rows):
-            found.setdefault(measure.meaning, measure)
-        return list(found.values())
+            by_meaning.setdefault(measure.meaning, measure)
+        return list(by_meaning.values())
 
     def headline(self, say: Callable[..., str] = number) -> str:
         """What two engines' statistics say of each other, in a sentence; empty where nothing was held together."""
@@ -258,87 +258,46 @@ class Steadiness:
     touching: bool = False
 
 
-def steadiness(found: Steadiness, loose: Sequence[str]) -> str:
+def steadiness(steady: Steadiness, loose: Sequence[str]) -> str:
     """How well the averages of a run are known; what is ``loose`` in it: pins, blocks."""
-    revolutions = count(found.whole, "revolution")
-    if found.touching:
-        return f"no {' and no '.join(loose)} leaves its wall in {count(f'{found.turns:.3g}', 'revolution')}"
-    if not found.whole:
+    revolutions = count(steady.whole, "revolution")
+    if steady.touching:
+        return f"no {' and no '.join(loose)} leaves its wall in {count(f'{steady.turns:.3g}', 'revolution')}"
+    if not steady.whole:
         return "the crank makes no whole revolution, so that there are no averages"
-    if found.converged:
-        return f"averages over {revolutions} are known to {100 * found.within:g} %"
-    if found.worst is None:
-        return f"{revolutions} {'is' if found.whole == 1 else 'are'} too few for averages"
-    joint, statistic = found.worst
+    if steady.converged:
+        return f"averages over {revolutions} are known to {100 * steady.within:g} %"
+    if steady.worst is None:
+        return f"{revolutions} {'is' if steady.whole == 1 else 'are'} too few for averages"
+    joint, statistic = steady.worst
     return (
-        f"after {revolutions} the {statistic.replace('_', ' ')} of {joint} is known to {100 * found.within:.2g} % only"
+        f"after {revolutions} the {statistic.replace('_', ' ')} of {joint} is known to {100 * steady.within:.2g} % only"
     )
 
 
 def no_longer_run(words: str, why: str) -> str:
-    """The same of a run that could not be made longer."""
+    """How well the averages are known of a run that could not be made longer."""
     return f"{words}; a longer run failed ({why})"
 
 
-def told(result: CrossCheck) -> Contact:
+def describe(result: CrossCheck) -> ContactShown:
     """What contact did in all runs of a result."""
-    watched = [(run.title, run.contact) for run in result.runs if run.contact is not None]
-    joints = dict.fromkeys(joint for _, found in watched for joint in found.joints)
+    watched = [RunContact(run.title, run.contact) for run in result.runs if run.contact is not None]
+    joints = dict.fromkeys(joint for run in watched for joint in run.contact.joints)
     blocks = {joint.name for joint in result.mechanism.joints if joint.prismatic}
-    return Contact(
-        tuple(_run(title, found) for title, found in watched),
-        tuple(
-            _table(
-                joint,
-                [(title, found.joints[joint]) for title, found in watched if joint in found.joints],
-                joint in blocks,
-            )
-            for joint in joints
-        ),
-        tuple(_pairs(result.statistics, blocks)),
-    )
+    tables = tuple(_table(joint, watched, joint in blocks) for joint in joints)
+    return ContactShown(tuple(watched), tables, tuple(_pairs(result.statistics, blocks)))
 
 
-def _run(title: str, found: Found) -> Told:
-    struck = found.struck
-    return Told(
-        run=title,
-        converged=found.converged,
-        averages=found.words,
-        repeats=_repeats(found) if struck else "",
-        energy=_energy(found.energy) if struck else "",
-        struck=struck,
-    )
+def _table(joint: str, runs: Sequence[RunContact], block: bool) -> StatisticsTable:
+    watched = [run for run in runs if joint in run.contact.joints]
+    contacts = [run.contact.joints[joint] for run in watched]
+    rows = [_row(name, contacts, block) for name in STATISTICS]
+    rows.append((_measure("peak_ratio", block), tuple(Value(contact.peak_ratio) for contact in contacts)))
+    return StatisticsTable(joint, tuple(run.run for run in watched), tuple(rows))
 
 
-def _repeats(found: Found) -> str:
-    if found.period is not None:
-        return (
-            f"the motion repeats itself every {count(found.period, 'revolution') if found.period > 1 else 'revolution'}"
-        )
-    if found.revolutions < LEAST_TO_REPEAT:
-        return "too few revolutions to tell whether the motion repeats itself"
-    return "the motion does not repeat itself"
-
-
-def _energy(energy: Balance | None) -> str:
-    if energy is None:
-        return "energy is not balanced, as friction of a joint grows with its load"
-    if energy.share is None:
-        return ""
-    percent = 100 * energy.share
-    known = f"to {plain(percent, 2)}" if percent >= BALANCED else f"within {BALANCED}"
-    return f"energy is balanced {known} % of what the motor turns over"
-
-
-def _table(joint: str, runs: Sequence[tuple[str, JointContact]], block: bool) -> Table:
-    rows = [_row(name, [one for _, one in runs], block) for name in STATISTICS]
-    ratio = PEAK_RATIO_OF_BLOCKS if block else PEAK_RATIO
-    rows.append((ratio, tuple(Value(one.peak_ratio) for _, one in runs)))
-    return Table(joint, tuple(title for title, _ in runs), tuple(rows))
-
-
-def _measure(name: StatisticName, block: bool) -> Measure:
+def _measure(name: str, block: bool) -> Measure:
     return OF_BLOCKS[name] if block else MEASURES[name]
 
 
@@ -351,38 +310,38 @@ def _row(name: StatisticName, joints: Sequence[JointContact], block: bool) -> tu
 
 def _ends(joint: JointContact, name: StatisticName) -> tuple[float | None, ...]:
     """Value and interval, SI."""
-    found, loss = joint.statistics[name], joint.statistics["restitution_loss"].value
-    if name == "friction_loss" and abs(found.value or 0.0) < ROUNDING * abs(loss or 0.0):
+    statistic, loss = joint.statistics[name], joint.statistics["restitution_loss"].value
+    if name == "friction_loss" and abs(statistic.value or 0.0) < ENGINE_ROUNDING * abs(loss or 0.0):
         return (0.0,)
-    if name in LOSSES and (found.value or 0.0) < 0 and (found.high is None or found.high < 0):
-        missed = max(abs(end) for end in (found.value, found.low) if end is not None)
+    if name in LOSSES and (statistic.value or 0.0) < 0 and (statistic.high is None or statistic.high < 0):
+        missed = max(abs(end) for end in (statistic.value, statistic.low) if end is not None)
         return 0.0, -missed, missed
-    return found.value, found.low, found.high
+    return statistic.value, statistic.low, statistic.high
 
 
-def _pairs(statistics: Sequence[Compared], blocks: Set[str]) -> Iterator[Pair]:
-    together: dict[tuple[tuple[str, str], str], list[Compared]] = {}
-    for one in statistics:
-        together.setdefault((one.between, one.joint_model), []).append(one)
-    for (between, joint_model), mine in together.items():
-        reasons = dict.fromkeys(one.reason for one in mine if one.verdict == "unjudged")
-        lost = {joint: _lost(one for one in mine if one.joint == joint) for joint in {one.joint for one in mine}}
-        rows = tuple(_held(one, lost[one.joint], one.joint in blocks) for one in mine)
-        yield Pair(between, joint_model, rows, tuple(reasons))
+def _pairs(statistics: Sequence[Compared], blocks: Set[str]) -> Iterator[EnginePair]:
+    by_pair: dict[tuple[tuple[str, str], str], list[Compared]] = {}
+    for statistic in statistics:
+        by_pair.setdefault((statistic.between, statistic.joint_model), []).append(statistic)
+    for (between, joint_model), of_pair in by_pair.items():
+        reasons = dict.fromkeys(one.reason for one in of_pair if one.verdict == "unjudged")
+        rows = (_compared(one, _lost(of_pair, one.joint), one.joint in blocks) for one in of_pair)
+        yield EnginePair(between, joint_model, tuple(rows), tuple(reasons))
 
 
-def _lost(rows: Iterable[Compared]) -> float:
-    """The largest loss (J) of two runs."""
-    return max((abs(v or 0.0) for one in rows if one.unit == "J" for v in one.values), default=0.0)
+def _lost(statistics: Iterable[Compared], joint: str) -> float:
+    """The largest loss (J) of two runs in a joint."""
+    losses = (one.values for one in statistics if one.joint == joint and one.unit == "J")
+    return max((abs(loss or 0.0) for values in losses for loss in values), default=0.0)
 
 
-def _held(one: Compared, lost: float, block: bool) -> Held:
+def _compared(one: Compared, lost: float, block: bool) -> ShownComparison:
     values: Sequence[float | None] = one.values
     measure = _measure(one.statistic, block).fitting(*one.values, one.allowed)
-    if one.statistic == "friction_loss" and all(abs(v or 0.0) < ROUNDING * lost for v in values):
+    if one.statistic == "friction_loss" and all(abs(v or 0.0) < ENGINE_ROUNDING * lost for v in values):
         values = 0.0, 0.0
     if one.statistic in LOSSES:
         values = [None if value is None else max(value, 0.0) for value in values]
     a, b, allowed = map(measure.read, (*values, one.allowed))
     difference = None if a is None or b is None else a - b
-    return Held(measure, one.joint, (a, b), difference, allowed, one.verdict, one.reason)
+    return ShownComparison(measure, one.joint, (a, b), difference, allowed, one.verdict, one.reason)

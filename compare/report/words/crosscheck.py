@@ -7,18 +7,18 @@ from collections.abc import Callable, Iterator, Sequence
 from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import capital, count
 from compare.quantities import number, plain
-from compare.report.summary import REAL, Row, ShownRun, Summary, released
+from compare.report.summary import REAL, ShownDiscrepancy, ShownRun, Summary, abscissa
 from compare.results.crosscheck import Run
 
-WORDS = {
+VERDICT_WORDS = {
     "agrees": "agrees",
     "disagrees": "disagrees",
     "known": "known difference",
     "unjudged": "not judged",
     "failed": "failed",
 }
-SIGNS = {"agrees": "✓", "disagrees": "✗", "known": "≈", "unjudged": "?", "failed": "✗"}
-MODELS = {
+VERDICT_SIGNS = {"agrees": "✓", "disagrees": "✗", "known": "≈", "unjudged": "?", "failed": "✗"}
+MODEL_WORDS = {
     "first_order": "first order (Eq. 8: ideal reaction directions)",
     "equilibrium": "equilibrium (displaced linkage, self-consistent)",
 }
@@ -30,28 +30,28 @@ def headline(summary: Summary, say: Callable[..., str] = number) -> str:
     """
     if not summary.runs:
         return "No simulation came to its end: nothing was compared."
-    told = [*_sentences(summary.runs, len(summary.failures), say), summary.contact.headline(say)]
-    return " ".join(filter(None, told))
+    sentences = (*_sentences(summary.runs, len(summary.failures), say), summary.contact.headline(say))
+    return " ".join(filter(None, sentences))
 
 
-def _sentences(runs: tuple[ShownRun, ...], failures: int, say: Callable[..., str]) -> Iterator[str]:
-    rows = [(run, row) for run in runs for row in run.rows]
+def _sentences(runs: Sequence[ShownRun], failures: int, say: Callable[..., str]) -> Iterator[str]:
+    rows = [(shown.run, row) for shown in runs for row in shown.rows]
     wrong = [(run, row) for run, row in rows if row.verdict == "disagrees"]
     exceeding = [(run, row) for run, row in wrong if not row.reason]
     otherwise = [(run, row) for run, row in wrong if row.reason]
     agreeing = [(run, row) for run, row in rows if row.verdict == "agrees"]
     hidden = [(run, row) for run, row in rows if row.verdict == "unjudged"]
     known = len(rows) - len(wrong) - len(agreeing) - len(hidden)
-    silent = [run for run in runs if run.reason or not run.rows]
+    silent = [shown.run for shown in runs if shown.run.reason or not shown.rows]
     if failures:
         yield f"{failures} of {count(failures + len(runs), 'run')} failed."
     if silent:
         why = f"; {silent[0].title}: {silent[0].reason}" if silent[0].reason else ""
         yield f"Nothing could be compared in {len(silent)} of {count(len(runs), 'run')}{why}."
     if exceeding:
-        yield f"{_share(exceeding, rows, runs)} {'exceeds its' if len(exceeding) == 1 else 'exceed their'} tolerance."
+        yield f"{_share(exceeding, runs)} {'exceeds its' if len(exceeding) == 1 else 'exceed their'} tolerance."
     elif agreeing and not wrong:
-        compared = len({run.index for run, _ in rows})
+        compared = sum(bool(shown.rows) for shown in runs)
         all_of = f"All {len(agreeing)} judged comparisons" if len(agreeing) > 1 else "The one judged comparison"
         verb = "are" if len(agreeing) > 1 else "is"
         yield f"{all_of} of {count(compared, 'run')} {verb} within tolerance."
@@ -60,7 +60,7 @@ def _sentences(runs: tuple[ShownRun, ...], failures: int, say: Callable[..., str
     if hidden:
         run, row = hidden[0]
         first = "is" if len(hidden) == 1 else "are"
-        yield f"{_share(hidden, rows, runs)} {first} not judged: {row.quantity.label} ({run.title}): {row.reason}."
+        yield f"{_share(hidden, runs)} {first} not judged: {row.quantity.label} ({run.title}): {row.reason}."
     if exceeding:
         yield f"Worst: {_most(exceeding, say)}."
     elif agreeing and not wrong:
@@ -68,19 +68,15 @@ def _sentences(runs: tuple[ShownRun, ...], failures: int, say: Callable[..., str
     if otherwise:
         run, row = otherwise[0]
         first = "disagrees:" if len(otherwise) == 1 else "disagree, the first being"
-        yield f"{_share(otherwise, rows, runs)} {first} {row.quantity.label} ({run.title}): {row.reason}."
+        yield f"{_share(otherwise, runs)} {first} {row.quantity.label} ({run.title}): {row.reason}."
 
 
-def _share(
-    some: Sequence[tuple[ShownRun, Row]], rows: Sequence[tuple[ShownRun, Row]], runs: tuple[ShownRun, ...]
-) -> str:
-    return (
-        f"{len(some)} of {count(len(rows), 'comparison')} in {len({run.index for run, _ in some})} of"
-        f" {count(len(runs), 'run')}"
-    )
+def _share(some: Sequence[tuple[Run, ShownDiscrepancy]], runs: Sequence[ShownRun]) -> str:
+    rows, of_runs = sum(len(shown.rows) for shown in runs), len({id(run) for run, _ in some})
+    return f"{len(some)} of {count(rows, 'comparison')} in {of_runs} of {count(len(runs), 'run')}"
 
 
-def _most(rows: Sequence[tuple[ShownRun, Row]], say: Callable[..., str]) -> str:
+def _most(rows: Sequence[tuple[Run, ShownDiscrepancy]], say: Callable[..., str]) -> str:
     """The row that uses up most of its tolerance, in words."""
     run, row = max(rows, key=lambda pair: pair[1].share or 0.0)
     unit = row.quantity.unit
@@ -94,18 +90,18 @@ def why(summary: Summary) -> str:
     """Each assumption of the analytic model that fails, in a sentence: of the run with the most real joints, and in how
     many others; empty where none is known to.
     """
-    by_assumption: dict[str, list[ShownRun]] = {}
-    for run in sorted((run for run in summary.runs if run.because), key=lambda run: REAL.index(run.joint_model)):
-        by_assumption.setdefault(run.assumption, []).append(run)
-    return " ".join(_why(runs) for runs in by_assumption.values())
+    by_assumption: dict[str, list[str]] = {}
+    for run in sorted(summary.result.runs, key=lambda run: REAL.index(run.joint_model)):
+        if run.because is not None:
+            by_assumption.setdefault(run.because.assumption, []).append(f"{capital(run.because.words)} ({run.title}")
+    return " ".join(_with_others(first, len(others)) for first, *others in by_assumption.values())
 
 
-def _why(runs: Sequence[ShownRun]) -> str:
-    also = f", and likewise in {count(len(runs) - 1, 'other run')}" if len(runs) > 1 else ""
-    return f"{capital(runs[0].because)} ({runs[0].title}{also})."
+def _with_others(first: str, others: int) -> str:
+    return first + (f", and likewise in {count(others, 'other run')})." if others else ").")
 
 
-def row_sentence(row: Row) -> str:
+def row_sentence(row: ShownDiscrepancy) -> str:
     """A row in words, ASCII but for names: ``reaction angle at B: +0.2 deg at 30 deg, rms 0.1 deg (tolerance 0.05
     deg)``.
     """
@@ -138,7 +134,7 @@ def _of_motors(mechanism: Mechanism) -> str:
 
 def motion(run: Run, mechanism: Mechanism) -> str:
     """How a run moved."""
-    if not released(run, mechanism):
+    if not abscissa(run, mechanism).of_time:
         return run.motion
     if run.motion == "static":
         return "static over time"
@@ -150,8 +146,8 @@ def motion(run: Run, mechanism: Mechanism) -> str:
     return "driven over time"
 
 
-def same_order(runs: Sequence[ShownRun]) -> str:
+def same_order(runs: Sequence[Run]) -> str:
     """What is said where no run has a difference between first order and equilibrium."""
-    if any(run.clearance != "none" for run in runs):
+    if any(run.clearance for run in runs):
         return "First order and equilibrium cannot be compared: the analytic model has no answer at any crank angle."
     return "Without clearance first order and equilibrium are the same."

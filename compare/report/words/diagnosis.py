@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 from analytic.mechanism.one_line import enumerated
 from compare.quantities import plainly, setting
-from compare.report.words.effects import called, headline, of_runs, phrase, spoken, unknown, values_of
+from compare.report.words.effects import called, headline, own_values, phrase, spoken, unknown, values_of
 from compare.report.words.measured import remaining
-from compare.results.diagnosis import Attempt, Diagnosis, Effect, Engine, Place, Verdict
+from compare.results.diagnosis import Diagnosis, DiagnosisVerdict, Effect, EffectPlace, EngineGaps, TriedEffect
 
 TOML_STARTS = ("[", "#")
-SHOWN = 0.001  # of the squared gap: a smaller share of everything is no bar
+LEAST_SHARE = 0.001  # of the squared gap: a smaller share of everything is no bar
 SIGMA = "\N{GREEK SMALL LETTER SIGMA}"
-SIGNS: dict[Verdict, str] = {
+DIAGNOSIS_SIGNS: dict[DiagnosisVerdict, str] = {
     "no gap": "✓",
     "explained": "✓",
     "partly explained": "≈",
@@ -30,7 +30,7 @@ STATUS = {
     "excluded": "ruled out",
 }
 # what a word means, for who does not know it; each stands where the word is first used
-GAP = (
+GAP_MEANS = (
     "The gap is how far measured and simulated are apart in multiples of the sensors' noise (root mean square over all"
     " samples and signals). 1 means that nothing but noise is left."
 )
@@ -38,30 +38,30 @@ SIGMA_MEANS = (
     f"{SIGMA} (sigma) is the noise of a sensor, one standard deviation: about two readings in three of a still signal"
     f" lie within ±1 {SIGMA}, nearly all within ±3 {SIGMA}."
 )
-SURE = (
+SURE_MEANS = (
     "How sure: how many times larger the deviation is than chance makes it in a stretch of that length."
     f" Below 3 {SIGMA} it may be luck, beyond 5 {SIGMA} it is not."
 )
-HELD_OUT = (
+HELD_OUT_MEANS = (
     "Held-out data are a part of the samples that is left out while the values are fitted, and used to check them;"
     " every part is left out once."
 )
-TIE = "A tie: each of these explains the data about as well as the others, and the data cannot say which it is."
-PARTS = (
+TIE_MEANS = "A tie: each of these explains the data about as well as the others, and the data cannot say which it is."
+PARTS_MEANS = (
     "By how many sigma a run would part them: how many times larger their difference is there than the noise; 5 or more"
     " decides. To copy into measured.toml:"
 )
-INTERVAL = "95 %: in 95 of 100 repetitions of the measurement the interval would hold the true value."
+INTERVAL_MEANS = "95 %: in 95 of 100 repetitions of the measurement the interval would hold the true value."
 NOTHING_TRIED = "Nothing else that was tried takes away a part of the gap that would be worth listing."
 
 
-def ties(result: Diagnosis) -> list[list[Place]]:
+def ties(result: Diagnosis) -> list[list[EffectPlace]]:
     """The named effects, each with those that explain the data as well as it does; nobody is listed twice.
 
     The first of each group is an effect with its numbers.
     """
     full = {effect.key: effect for effect in result.effects}
-    groups: list[list[Place]] = []
+    groups: list[list[EffectPlace]] = []
     listed: set[str] = set()
     for key, effect in full.items():
         if key in listed:
@@ -107,31 +107,31 @@ def _floor(result: Diagnosis) -> str:
 
 def percent(share: float) -> str:
     """A share of the squared gap: ``4 %``, ``below 0.1 %``."""
-    return f"{plainly(100 * share, 2)} %" if abs(share) >= SHOWN else f"below {100 * SHOWN:g} %"
+    return f"{plainly(100 * share, 2)} %" if abs(share) >= LEAST_SHARE else f"below {100 * LEAST_SHARE:g} %"
 
 
 def attempts(result: Diagnosis) -> list[tuple[str, str, str, str, str]]:
     """What was tried and is neither named nor tied, best first: the effect, its values, its share, the gap without and
     with it, and what it failed.  Beyond the best one only those that change the gap.
     """
-    told = {other.key for effect in result.effects for other in effect.ambiguous_with}
-    rivals = [attempt for attempt in result.attempts if attempt.key not in told]
+    tied = {other.key for effect in result.effects for other in effect.ambiguous_with}
+    rivals = [attempt for attempt in result.attempts if attempt.key not in tied]
     return [_attempt(result, attempt) for k, attempt in enumerate(rivals) if k == 0 or len(set(_gaps(attempt))) > 1]
 
 
-def _attempt(result: Diagnosis, attempt: Attempt) -> tuple[str, str, str, str, str]:
-    own = of_runs(result, attempt)
+def _attempt(result: Diagnosis, attempt: TriedEffect) -> tuple[str, str, str, str, str]:
+    own = own_values(result, attempt)
     values = own.reach if own else ", ".join(values_of(result, attempt))
     share = "" if attempt.share is None else percent(attempt.share)
     return phrase(result, attempt.name, attempt.where), values, share, " → ".join(_gaps(attempt)), attempt.failed
 
 
-def _gaps(attempt: Attempt) -> tuple[str, str]:
+def _gaps(attempt: TriedEffect) -> tuple[str, str]:
     """The gap without and with it, as it is printed."""
     return plainly(attempt.gap_before), plainly(attempt.gap_after)
 
 
-def advice(group: Sequence[Place]) -> tuple[str, str]:
+def advice(group: Sequence[EffectPlace]) -> tuple[str, str]:
     """What would tell a group's effects apart: in words, and as the ``[[run]]`` to copy; each may be empty."""
     return separation(group[0].would_separate if isinstance(group[0], Effect) else "")
 
@@ -195,7 +195,7 @@ def next_steps(result: Diagnosis) -> list[str]:
 
 
 def _values(result: Diagnosis, effect: Effect) -> str:
-    own = of_runs(result, effect)
+    own = own_values(result, effect)
     return own.reach if own else ", ".join(values_of(result, effect))
 
 
@@ -206,7 +206,7 @@ def simulated_by(result: Diagnosis) -> str:
     return f"{name}, after: the analytic model, as {result.simulator.name} failed" if failed else name
 
 
-def remark(engine: Engine) -> str:
+def remark(engine: EngineGaps) -> str:
     """What has to be known of an engine's numbers: that it has none, or what it lacks."""
     if engine.skipped:
         return f"skipped: {engine.skipped}"
@@ -221,8 +221,8 @@ def settings(result: Diagnosis) -> list[tuple[str, str, str]]:
     """
     rows = []
     for engine in result.engines:
-        for name in dict.fromkeys(name for found in engine.settings.values() for name in found):
-            values = {run: setting(found.get(name)) for run, found in engine.settings.items()}
+        for name in dict.fromkeys(name for numbers in engine.settings.values() for name in numbers):
+            values = {run: setting(numbers.get(name)) for run, numbers in engine.settings.items()}
             said = ", ".join(f"{value} in {run}" for run, value in values.items())
             alike = len(set(values.values())) == 1
             rows.append((engine.name, name.replace("_", " "), next(iter(values.values())) if alike else said))

@@ -13,26 +13,26 @@ from compare.judge.attribution import ANALYTIC, Attribution
 from compare.results.crosscheck import Because, Run
 
 
-def because(run: Run, mechanism: Mechanism, found: Failing) -> Because:
+def because(run: Run, mechanism: Mechanism, failing: Failing) -> Because:
     """The assumption that fails in a run, as its document says it."""
-    return Because(assumption=found.assumption, joint=found.joint, words=_because(run, mechanism, found))
+    return Because(assumption=failing.assumption, joint=failing.joint, words=_because(run, mechanism, failing))
 
 
-def _because(run: Run, mechanism: Mechanism, found: Failing) -> str:
-    match found.assumption:
+def _because(run: Run, mechanism: Mechanism, failing: Failing) -> str:
+    match failing.assumption:
         case "contact":
-            return _contact_lost(run, mechanism, found)
+            return _contact_lost(run, mechanism, failing)
         case "first-order":
-            apart = run.order_difference[found.worst]
+            apart = run.order_difference[failing.worst]
             return (
                 "the first order takes the ideal linkage's reactions (Eq. 8); in the displaced linkage"
-                f" {found.worst} is up to {abs(apart.max or 0.0):.2g} {apart.unit} elsewhere"
+                f" {failing.worst} is up to {abs(apart.max or 0.0):.2g} {apart.unit} elsewhere"
             )
         case "quasi-static":
-            return _in_motion(found)
+            return _in_motion(failing)
         case "rigid":
             return (
-                f"the contact yields by {1e6 * found.give:.2g} um, which costs {found.cost:.2g} tolerances;"
+                f"the contact yields by {1e6 * failing.give:.2g} um, which costs {failing.cost:.2g} tolerances;"
                 " the analytic model presumes rigid contact"
             )
         case "unknown":
@@ -43,39 +43,40 @@ def _because(run: Run, mechanism: Mechanism, found: Failing) -> str:
             )
 
 
-def _in_motion(found: Failing) -> str:
+def _in_motion(failing: Failing) -> str:
     """How a pin or block moves that does not rest where the equilibrium says."""
-    if found.rocks:
+    if failing.rocks:
         lasts = {
             "for ever": "for ever, as nothing damps its contact",
             "for a while": "for a while after its friction turns round",
-        }[found.rocks]
-        where = f"the block of {found.joint} stays on its walls and rocks there {lasts}"
+        }[failing.rocks]
+        where = f"the block of {failing.joint} stays on its walls and rocks there {lasts}"
         return f"{where}; the analytic model has it at rest"
-    if found.swings:
+    if failing.swings:
         return "the pin stays in contact and swings along the rim; the analytic model presumes that it rests there"
-    return f"the gap's own motion costs {found.cost:.2g} tolerances; the analytic model corrects for it once"
+    return f"the gap's own motion costs {failing.cost:.2g} tolerances; the analytic model corrects for it once"
 
 
-def _contact_lost(run: Run, mechanism: Mechanism, found: Failing) -> str:
+def _contact_lost(run: Run, mechanism: Mechanism, failing: Failing) -> str:
     """Which joint loses contact for how long, and which others do."""
     turned = "the crank angles" if run.motion == "static" else "the motion that is compared"
     of = turned if mechanism.cranked else "the poses" if run.motion == "static" else "the motion"
     lost = {joint: f"{100 * share:.2g} %" for joint, share in run.free_share.items() if share > 0}
-    also = "".join(f", {joint} for {share}" for joint, share in lost.items() if joint != found.joint)
-    return (
-        f"{found.joint} loses contact for {lost[found.joint or '']} of {of}{also}; the analytic model presumes contact"
-    )
+    also = "".join(f", {joint} for {share}" for joint, share in lost.items() if joint != failing.joint)
+    share = lost[failing.joint or ""]
+    return f"{failing.joint} loses contact for {share} of {of}{also}; the analytic model presumes contact"
 
 
-def between_engines(found: Attribution) -> str:
+def between_engines(attribution: Attribution) -> str:
     """Which engine stands apart, or the analytic model."""
-    if not found.spread:
+    if not attribution.spread:
         nothing = "pins strike, so that averages are compared and no samples"
-        return nothing if found.struck else "nothing could be compared"
-    if found.clearest is None:
-        return "they differ, and no single one stands apart" if found.differ else "all agree within the tolerances"
-    worst, name = found.clearest, "the analytic model" if found.odd_one_out == ANALYTIC else found.odd_one_out
+        return nothing if attribution.struck else "nothing could be compared"
+    if attribution.clearest is None:
+        differ = "they differ, and no single one stands apart"
+        return differ if attribution.differ else "all agree within the tolerances"
+    worst, odd = attribution.clearest, attribution.odd_one_out
+    name = "the analytic model" if odd == ANALYTIC else odd
     by, others = (_said(worst.signal, value) for value in (worst.by, worst.others_spread))
     return f"{name} stands apart, most clearly in {worst.signal.name}: off by {by}, the others agree within {others}"
 

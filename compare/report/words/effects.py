@@ -11,18 +11,27 @@ from compare.diagnose.effects.effect import Effect as Kind
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.propose.laws import UNKNOWNS
 from compare.quantities import MINUS, Quantity, fitting, number, plainly, quantities, shown
-from compare.results.diagnosis import Attempt, Diagnosis, Effect, Parameter, Place, Proposed, Rival, SamePlace
+from compare.results.diagnosis import (
+    Diagnosis,
+    Effect,
+    EffectPlace,
+    Estimate,
+    Proposed,
+    Rival,
+    SamePlace,
+    SmallError,
+    TriedEffect,
+)
 
 PERCENT = {p.name for effect in VOCABULARY.values() for p in effect.parameters if p.percent}  # parameters read in %
-ZEROS = {  # what each run has of its own where an effect has a value for each; {} is the sensor
+OWN_OF_RUNS = {  # what each run has of its own where an effect has a value for each; {} is the sensor
     "encoder_offset": "encoder zero",
     "sensor_bias": "zero of the sensor for {}",
     "sensor_drift": "drift of the sensor for {}",
     "stamp_jitter": "jitter of the time stamps",
 }
-Row = tuple[str, str, str]  # a parameter's name, its value and its 95 % interval
-LESS, FAINT = 0.2, 0.01  # odds below which a tie does nearly as well, or can only not be ruled out
-LESS, FAINT = 0.2, 0.01  # odds below which a tie does nearly as well, or can only not be ruled out
+ParameterRow = tuple[str, str, str]  # a parameter's name, its value and its 95 % interval
+NEARLY_ODDS, FAINT_ODDS = 0.2, 0.01  # odds below which a tie does nearly as well, or can only not be ruled out
 
 
 def quantity(result: Diagnosis, signal: str) -> Quantity:
@@ -38,8 +47,8 @@ def spoken(result: Diagnosis, signal: str) -> str:
     """A signal as one says it: ``follower angle``, ``reaction x at B``; several joined by + one after the other."""
     if "+" in signal and signal not in result.signals:
         return enumerated([spoken(result, each) for each in signal.split("+")])
-    found = quantity(result, signal)
-    return f"{found.place[3:]} {found.name}" if found.place.startswith("of ") else found.label
+    what = quantity(result, signal)
+    return f"{what.place[3:]} {what.name}" if what.place.startswith("of ") else what.label
 
 
 def phrase(result: Diagnosis, name: str, where: str) -> str:
@@ -63,14 +72,14 @@ def unknown(result: Diagnosis, p: Proposed | SamePlace) -> str:
     return UNKNOWNS[p.unknown].format(spoken(result, p.place) if p.unknown == "error" else p.place)
 
 
-def parameter(name: str, found: Parameter, like: Sequence[Parameter] = ()) -> Row:
+def parameter(name: str, estimate: Estimate, like: Sequence[Estimate] = ()) -> ParameterRow:
     """A parameter's name, its value, and its 95 % interval, in one unit and to as many digits as the interval allows.
 
     The unit fits the values that it is ``like`` too.  A value of one run is called ``offset@run``.
     """
-    value, low, high = found.value, found.low, found.high
+    value, low, high = estimate.value, estimate.low, estimate.high
     what, _, run = name.partition("@")
-    unit, factor = _unit(what, (found, *like))
+    unit, factor = _unit(what, (estimate, *like))
     half = 0.5 * abs(high - low) * factor if low is not None and high is not None else 0.0
     decimals = min(1 - math.floor(math.log10(half * (1 + 1e-9))), 9) if half > 0 else None
 
@@ -83,22 +92,22 @@ def parameter(name: str, found: Parameter, like: Sequence[Parameter] = ()) -> Ro
     suffix = "" if unit == "1" else f" {unit}"
     interval = f"{say(low)} to {say(high)}{suffix}" if low is not None and high is not None else "not known"
     words = what.replace("_", " ")
-    words = words.replace("torque", "force") if found.unit == "N" else words  # of a slide
+    words = words.replace("torque", "force") if estimate.unit == "N" else words  # of a slide
     return words + (f" in run {run}" if run else ""), say(value) + suffix, interval
 
 
-def _unit(what: str, found: Sequence[Parameter]) -> tuple[str, float]:
+def _unit(what: str, estimates: Sequence[Estimate]) -> tuple[str, float]:
     """The unit in which some parameters of one name are read, and the factor to it."""
     if what in PERCENT:
         return "%", 100.0
-    return fitting(found[0].unit, *(v for p in found for v in (p.value, p.low, p.high)))
+    return fitting(estimates[0].unit, *(v for p in estimates for v in (p.value, p.low, p.high)))
 
 
-def rows(parameters: Mapping[str, Parameter]) -> list[Row]:
+def rows(parameters: Mapping[str, Estimate]) -> list[ParameterRow]:
     """Every parameter of an effect; the values of one parameter in several runs in one unit."""
     return [
-        parameter(name, found, [p for other, p in parameters.items() if _base(other) == _base(name)])
-        for name, found in parameters.items()
+        parameter(name, estimate, [p for other, p in parameters.items() if _base(other) == _base(name)])
+        for name, estimate in parameters.items()
     ]
 
 
@@ -106,26 +115,20 @@ def _base(name: str) -> str:
     return name.partition("@")[0]
 
 
-def amounts(
-    result: Diagnosis,
-    effect: Kind | None,
-    where: str,
-    parameters: Mapping[str, Parameter],
-    intervals: bool = False,
-) -> list[str]:
-    """Each value of an effect (None: one that is not known here) as one says it: ``0.298 mm longer than drawn``, or by
-    its name where no direction has a word: ``radial clearance 0.15 mm``; with its 95 % ``intervals`` on request.
+def values_of(result: Diagnosis, effect: EffectPlace, intervals: bool = False) -> list[str]:
+    """Each value of an effect as one says it: ``0.298 mm longer than drawn``, or by its name where no direction has a
+    word: ``radial clearance 0.15 mm``; with its 95 % ``intervals`` on request.
     """
-    out = []
-    for key, found in parameters.items():
-        way = _direction_word(result, effect, where, key, found.value)
+    kind, parameters, words = VOCABULARY.get(effect.name), _parameters(effect), []
+    for key, estimate in parameters.items():
+        way = _direction_word(result, kind, effect.where, key, estimate.value)
         like = [p for other, p in parameters.items() if _base(other) == _base(key)]
-        called, value, interval = parameter(key, _minus(found) if way and found.value < 0 else found, like)
+        called, value, interval = parameter(key, _minus(estimate) if way and estimate.value < 0 else estimate, like)
         run = called.partition(" in run ")[1:] if "@" in key else ("", "")
-        open_ended = found.low is None or found.high is None
-        known = f" (95 %: {interval})" if intervals and (open_ended or found.low != found.high) else ""
-        out.append((f"{value} {way}{''.join(run)}" if way else f"{called} {value}") + known)
-    return out
+        open_ended = estimate.low is None or estimate.high is None
+        known = f" (95 %: {interval})" if intervals and (open_ended or estimate.low != estimate.high) else ""
+        words.append((f"{value} {way}{''.join(run)}" if way else f"{called} {value}") + known)
+    return words
 
 
 def _direction_word(result: Diagnosis, effect: Kind | None, where: str, key: str, value: float) -> str:
@@ -136,7 +139,7 @@ def _direction_word(result: Diagnosis, effect: Kind | None, where: str, key: str
     return known.less if effect.sense(result.mechanism, where) * value < 0 else known.more
 
 
-def _minus(p: Parameter) -> Parameter:
+def _minus(p: Estimate) -> Estimate:
     """A parameter of the other sign."""
     low, high = (None if end is None else -end for end in (p.high, p.low))
     return p.model_copy(update={"value": -p.value, "low": low, "high": high})
@@ -150,7 +153,7 @@ class OwnValues:
 
     called: str
     reach: str
-    runs: tuple[Row, ...]
+    runs: tuple[ParameterRow, ...]
 
     def sentence(self, runs: int) -> str:
         """``each run has its own encoder zero, -1.7 to +3.6 deg``, where there are so many runs."""
@@ -160,83 +163,70 @@ class OwnValues:
         return f"{whose} {'its' if len(self.runs) >= runs else 'their'} own {self.called}, {self.reach}"
 
 
-def own_values(result: Diagnosis, name: str, where: str, parameters: Mapping[str, Parameter]) -> OwnValues | None:
+def own_values(result: Diagnosis, effect: EffectPlace) -> OwnValues | None:
     """The values for each run of an effect that has such; None of any other."""
-    found = {key.partition("@")[2]: p for key, p in parameters.items() if "@" in key}
-    if len(found) < len(parameters):
+    parameters = _parameters(effect)
+    by_run = {key.partition("@")[2]: p for key, p in parameters.items() if "@" in key}
+    if not by_run or len(by_run) < len(parameters):
         return None
-    what = _base(next(iter(parameters)))
-    unit, factor = _unit(what, tuple(found.values()))
-    low, high = (factor * end(p.value for p in found.values()) for end in (min, max))
-    less, more = (_direction_word(result, VOCABULARY.get(name), where, what, end) for end in (low, high))
-    sensor = spoken(result, where) if name in VOCABULARY and VOCABULARY[name].place == "signal" else where
-    called = ZEROS.get(name, name.replace("_", " ") + " of {}")
-    called = called.format(sensor) + f" for {sensor}" * (result.mechanism.several and "{}" not in called)
-    own = tuple((run, value, interval) for run, (_, value, interval) in zip(found, rows(parameters), strict=True))
+    kind, what = VOCABULARY.get(effect.name), _base(next(iter(parameters)))
+    unit, factor = _unit(what, tuple(by_run.values()))
+    low, high = (factor * end(p.value for p in by_run.values()) for end in (min, max))
+    less, more = (_direction_word(result, kind, effect.where, what, end) for end in (low, high))
+    sensor = spoken(result, effect.where) if kind is not None and kind.place == "signal" else effect.where
+    name = OWN_OF_RUNS.get(effect.name, effect.name.replace("_", " ") + " of {}")
+    name = name.format(sensor) + f" for {sensor}" * (result.mechanism.several and "{}" not in name)
+    runs = tuple((run, value, interval) for run, (_, value, interval) in zip(by_run, rows(parameters), strict=True))
     suffix = "" if unit == "1" else f" {unit}"
     if less == more:
         low, high = sorted((abs(low), abs(high))) if more else (low, high)
-        return OwnValues(called, f"{plainly(low, 2)} to {plainly(high, 2)}{suffix} {more}".strip(), own)
-    return OwnValues(called, f"{plainly(-low, 2)}{suffix} {less} to {plainly(high, 2)}{suffix} {more}", own)
+        return OwnValues(name, f"{plainly(low, 2)} to {plainly(high, 2)}{suffix} {more}".strip(), runs)
+    return OwnValues(name, f"{plainly(-low, 2)}{suffix} {less} to {plainly(high, 2)}{suffix} {more}", runs)
 
 
 def errors_in_words(result: Diagnosis, effect: Effect) -> str:
     """The small errors of the rig that together would do as well in place of an effect, with their values."""
-    said = []
-    for error in effect.small_errors:
-        values = ", ".join(amounts(result, VOCABULARY.get(error.name), error.where, error.parameters))
-        said.append(f"{phrase(result, error.name, error.where)} ({values})")
-    return enumerated(said)
+    errors = effect.small_errors
+    return enumerated([f"{phrase(result, e.name, e.where)} ({', '.join(values_of(result, e))})" for e in errors])
 
 
 def small_errors(result: Diagnosis, effect: Effect) -> str:
-    """The same in a sentence; empty where there are none."""
+    """The small errors that would do as well as an effect, in a sentence; empty where there are none."""
     if not effect.small_errors:
         return ""
     errors, instead = errors_in_words(result, effect), phrase(result, effect.name, effect.where)
     return f"Small errors of the rig together would explain these data as well as {instead}: {errors}."
 
 
-def headline(result: Diagnosis, effect: Place) -> str:
+def headline(result: Diagnosis, effect: EffectPlace) -> str:
     """What is said of an effect in one line: the phrase, or of one with values for each run that and their range."""
-    own = of_runs(result, effect)
+    own = own_values(result, effect)
     return own.sentence(len(result.fitted)) if own else phrase(result, effect.name, effect.where)
 
 
-def of_runs(result: Diagnosis, effect: Place) -> OwnValues | None:
-    """The values for each run of an effect that has such."""
-    found = _parameters(effect)
-    return own_values(result, effect.name, effect.where, found) if found else None
-
-
-def of_effect(effect: Place) -> list[Row]:
+def of_effect(effect: EffectPlace) -> list[ParameterRow]:
     """Name, value and interval of each parameter; nothing for an effect that is only tied."""
     return rows(_parameters(effect))
 
 
-def values_of(result: Diagnosis, effect: Place, intervals: bool = False) -> list[str]:
-    """The values of an effect as one says them, with their 95 % ``intervals`` on request."""
-    return amounts(result, VOCABULARY.get(effect.name), effect.where, _parameters(effect), intervals)
+def _parameters(effect: EffectPlace) -> Mapping[str, Estimate]:
+    return effect.parameters if isinstance(effect, Effect | TriedEffect | SmallError) else {}
 
 
-def _parameters(effect: Place) -> Mapping[str, Parameter]:
-    return effect.parameters if isinstance(effect, Effect | Attempt) else {}
-
-
-def rival_odds(result: Diagnosis, group: Sequence[Place], place: Place) -> str:
+def rival_odds(result: Diagnosis, group: Sequence[EffectPlace], place: EffectPlace) -> str:
     """The odds between the first of a tie and another of it, in words; empty where they are not known."""
     likely = place.odds if isinstance(place, Rival) else None
     return odds(likely, phrase(result, group[0].name, group[0].where))
 
 
-def rival_words(result: Diagnosis, group: Sequence[Place], place: Place) -> str:
+def rival_words(result: Diagnosis, group: Sequence[EffectPlace], place: EffectPlace) -> str:
     """How an effect that is only tied stands against the first of its group, with the odds where they are known."""
-    found = rival_odds(result, group, place)
+    chances = rival_odds(result, group, place)
     likely = place.odds if isinstance(place, Rival) else None
-    if likely is not None and likely < FAINT:
-        return f"Cannot be ruled out: odds {found}."
-    nearly = "nearly " * (likely is not None and likely < LESS)
-    return f"Explains these data {nearly}as well{f': odds {found}' if found else ''}."
+    if likely is not None and likely < FAINT_ODDS:
+        return f"Cannot be ruled out: odds {chances}."
+    nearly = "nearly " * (likely is not None and likely < NEARLY_ODDS)
+    return f"Explains these data {nearly}as well{f': odds {chances}' if chances else ''}."
 
 
 def odds(likely: float | None, named: str) -> str:

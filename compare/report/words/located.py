@@ -12,9 +12,8 @@ from compare.quantities import fitting, plainly
 from compare.report.words.effects import spoken
 from compare.results.diagnosis import DiagnosedRun, Diagnosis, Located
 
-TURN = math.tau
 MOST_OF_RUN = 0.7  # of its time: a stretch that is there throughout
-SHORTEST = 1e-9  # m, of a travel that is told
+LEAST_REACH = 1e-9  # m, of a travel that is told
 
 
 def worst_first(result: Diagnosis) -> list[Located]:
@@ -51,7 +50,7 @@ def _travel(result: Diagnosis, place: Located) -> str:
     ends = sorted((place.crank_angle_from, place.crank_angle_to))
     limits = [float(limit) for run in result.runs for limit in (run.crank_angle.min(), run.crank_angle.max())]
     unit, factor = fitting("m", *limits, *ends)
-    reach = max(max(limits) - min(limits), SHORTEST)
+    reach = max(max(limits) - min(limits), LEAST_REACH)
     step = 10.0 ** (math.floor(math.log10(factor * reach)) - 2)
     low, high = (plainly(round(end * factor / step) * step + 0.0, 4) for end in ends)
     return f"at {low} to {high} {unit}"
@@ -70,7 +69,7 @@ def _direction(result: Diagnosis, place: Located) -> str:
         low, high = sorted((place.crank_angle_from, place.crank_angle_to))
         inside = np.flatnonzero((low <= run.crank_angle) & (run.crank_angle <= high))
         if not inside.size:  # said of another turn
-            inside = np.flatnonzero((run.crank_angle - low) % TURN <= high - low)
+            inside = np.flatnonzero((run.crank_angle - low) % math.tau <= high - low)
         way = _way(channel.before, inside)
         if way:
             return "early" if above == (way > 0) else "late"
@@ -95,7 +94,7 @@ def span(result: Diagnosis, place: Located) -> str:
     if run is None:
         return f"at {_degrees(low)} to {_degrees(high)} deg"
     if place.every_turn:
-        return "throughout the run" if high - low > MOST_OF_RUN * TURN else f"in every turn, {_turned(low, high)}"
+        return "throughout the run" if high - low > MOST_OF_RUN * math.tau else f"in every turn, {_turned(low, high)}"
     begin, end = _times(run, place)
     if end - begin >= MOST_OF_RUN * float(run.time[-1] - run.time[0]):
         return "throughout the run"
@@ -110,7 +109,7 @@ def _in_turns(run: DiagnosedRun, place: Located, begin: float, end: float) -> st
     """Where in a run of whole turns a deviation is, from ``begin`` to ``end`` (s)."""
     low, high = sorted((place.crank_angle_from, place.crank_angle_to))
     first, last = sorted((_turn(run, low + 1e-3), _turn(run, high - 1e-3)))
-    if high - low >= TURN - 1e-3:
+    if high - low >= math.tau - 1e-3:
         turns = f"over turns {first} to {last}" if last > first else f"over turn {first}"
         return f"{turns}, {plainly(begin)} to {plainly(end)} s"
     turn = f", turn {_turn(run, place.crank_angle_from + 0.5 * _way_of(run) * 1e-3)}" if _several(run) else ""
@@ -119,9 +118,9 @@ def _in_turns(run: DiagnosedRun, place: Located, begin: float, end: float) -> st
 
 def _turned(low: float, high: float) -> str:
     """Between which angles of a turn a deviation is."""
-    shift = TURN * math.floor(low / TURN + 1e-3)  # what is printed as 360 deg is the next turn's 0
+    shift = math.tau * math.floor(low / math.tau + 1e-3)  # what is printed as 360 deg is the next turn's 0
     low, high = low - shift, high - shift
-    high = high - TURN if high > TURN + 1e-3 else high
+    high = high - math.tau if high > math.tau + 1e-3 else high
     return f"at {_degrees(low)} to {_degrees(high)} deg"
 
 
@@ -140,18 +139,18 @@ def _times(run: DiagnosedRun, place: Located) -> tuple[float, float]:
 def wrapped(result: Diagnosis) -> bool:
     """Whether the commanded crank angles are shown within one turn, because some run makes a whole one."""
     ends = [(run.crank_angle.min(), run.crank_angle.max()) for run in result.runs if not run.over_time]
-    return any(high - low > TURN - 0.1 or low < -TURN or high > TURN for low, high in ends)
+    return any(high - low > math.tau - 0.1 or low < -math.tau or high > math.tau for low, high in ends)
 
 
 def _turns(result: Diagnosis, run: DiagnosedRun) -> bool:
     """Whether angles of a run are told within one turn."""
     low, high = float(run.crank_angle.min()), float(run.crank_angle.max())
-    return wrapped(result) or high - low > TURN - 0.1 or low < -TURN or high > TURN
+    return wrapped(result) or high - low > math.tau - 0.1 or low < -math.tau or high > math.tau
 
 
 def _several(run: DiagnosedRun) -> bool:
     """Whether a run makes more than one turn."""
-    return float(np.ptp(run.crank_angle)) > TURN + 1e-3
+    return float(np.ptp(run.crank_angle)) > math.tau + 1e-3
 
 
 def _way_of(run: DiagnosedRun) -> float:
@@ -162,7 +161,7 @@ def _way_of(run: DiagnosedRun) -> float:
 def _turn(run: DiagnosedRun, angle: float) -> int:
     """Which turn of a run an angle (rad, continued) is in, 1 at its first sample; each ends where the angle is 0."""
     first = float(run.crank_angle[0]) + 1e-6 * _way_of(run)
-    return abs(math.floor(angle / TURN) - math.floor(first / TURN)) + 1
+    return abs(math.floor(angle / math.tau) - math.floor(first / math.tau)) + 1
 
 
 def _run(result: Diagnosis, name: str) -> DiagnosedRun | None:

@@ -5,16 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from analytic.mechanism.one_line import capital, count, enumerated, in_words
 from compare.quantities import DASH, fitting, plainly, shown
 from compare.report.words.effects import spoken
-from compare.results.diagnosis import DiagnosedRun, Diagnosis
+from compare.results.diagnosis import SIDES, DiagnosedRun, Diagnosis, Side
 
-TURN = math.tau
 NOISE = "The noise of"  # begins a note of noise that is not white, which a terminal shows too
 
 
@@ -33,17 +31,17 @@ def data_sentences(runs: Sequence[DiagnosedRun]) -> tuple[str, ...]:
         else f"{in_words(sensors[0])} sensor{'s' * (sensors[0] > 1)}"
     )
     each = " each" if len(fitted) > 1 else ""
-    told = [
+    sentences = [
         capital(f"{in_words(len(fitted))} run{'s' * (len(fitted) > 1)} with {many}{each}, {samples:,} samples."),
         _noise_sentence([channel.noise_given for channel in records]),
     ]
     if kept:
         one = len(kept) == 1
-        told.append(
+        sentences.append(
             f"Run{'s' * (not one)} {enumerated(kept)} {'is' if one else 'are'} for validation: nothing was fitted to"
             f" {'it' if one else 'them'}."
         )
-    return tuple(told)
+    return tuple(sentences)
 
 
 def _noise_sentence(given: Sequence[bool]) -> str:
@@ -59,18 +57,18 @@ def _noise_sentence(given: Sequence[bool]) -> str:
 
 def validation_sentences(result: Diagnosis) -> tuple[str, ...]:
     """How near the nominal and the explained mechanism come to each validation run, by its sensors together."""
-    told = []
+    sentences = []
     for run in result.validation:
-        before, after = (pooled(run, side) for side in ("before", "after"))
+        before, after = (pooled(run, side) for side in SIDES)
         what = f"Validation run {run.name}, which nothing was fitted to"
         if before is None or after is None:
-            told.append(f"{what}: the engine could not simulate it {'before' if before is None else 'after'}.")
+            sentences.append(f"{what}: the engine could not simulate it {'before' if before is None else 'after'}.")
             continue
-        told.append(f"{what}, differs by {plainly(before)} times the noise before and {plainly(after)} after.")
-    return tuple(told)
+        sentences.append(f"{what}, differs by {plainly(before)} times the noise before and {plainly(after)} after.")
+    return tuple(sentences)
 
 
-def pooled(run: DiagnosedRun, side: Literal["before", "after"]) -> float | None:
+def pooled(run: DiagnosedRun, side: Side) -> float | None:
     """Gap of a run: root mean square of residual over noise, over the samples of all its sensors; None where a sensor
     has none.
     """
@@ -97,12 +95,12 @@ class InUnits:
     reach: float
 
     def share(self, side: str = "after") -> float | None:
-        """Of the range."""
+        """How far it is off, as a share of its range."""
         rest = self.after if side == "after" else self.before
         return None if rest is None or not self.reach else rest / self.reach
 
 
-def off(result: Diagnosis, run: DiagnosedRun, signal: str, side: Literal["before", "after"]) -> float | None:
+def off(result: Diagnosis, run: DiagnosedRun, signal: str, side: Side) -> float | None:
     """How far a sensor is off in a run: root mean square, SI."""
     residual = result.residual(run, signal, side)
     known = residual[np.isfinite(residual)]
@@ -112,8 +110,8 @@ def off(result: Diagnosis, run: DiagnosedRun, signal: str, side: Literal["before
 def reading(result: Diagnosis, signal: str) -> tuple[str, float]:
     """The one unit in which all that is said of how far a sensor is off is read, and the factor to it."""
     runs = [run for run in result.runs if signal in run.signals]
-    found = [off(result, run, signal, side) for run in runs for side in ("before", "after")]
-    return fitting(runs[0].signals[signal].unit if runs else "1", *found)
+    errors = [off(result, run, signal, side) for run in runs for side in SIDES]
+    return fitting(runs[0].signals[signal].unit if runs else "1", *errors)
 
 
 def off_by(result: Diagnosis, signal: str, value: float | None) -> str:
@@ -122,17 +120,23 @@ def off_by(result: Diagnosis, signal: str, value: float | None) -> str:
     return DASH if value is None else f"{plainly(value * factor)} {unit}"
 
 
+def off_on_both_sides(result: Diagnosis, run: DiagnosedRun, signal: str) -> tuple[str, str]:
+    """How far a sensor is off in a run (rms) before and after, in the one unit of that sensor."""
+    before, after = (off_by(result, signal, off(result, run, signal, side)) for side in SIDES)
+    return before, after
+
+
 def in_units(result: Diagnosis) -> list[InUnits]:
     """Every sensor of the fitted runs."""
-    found = []
+    sensors = []
     for signal, gap in result.gap.by_signal.items():
         values = [run.signals[signal].measured for run in result.fitted if signal in run.signals]
         known = np.concatenate(values) if values else np.zeros(0)
         known = known[np.isfinite(known)]
         reach = float(np.ptp(known)) if known.size else 0.0
-        reach = min(reach, TURN) if result.wraps(signal) else reach
-        found.append(InUnits(signal, gap.unit, gap.before, gap.after, reach))
-    return found
+        reach = min(reach, math.tau) if result.wraps(signal) else reach
+        sensors.append(InUnits(signal, gap.unit, gap.before, gap.after, reach))
+    return sensors
 
 
 def explained_to(result: Diagnosis, side: str = "after") -> str:
@@ -161,7 +165,7 @@ def explained_to(result: Diagnosis, side: str = "after") -> str:
 def remaining(result: Diagnosis) -> dict[tuple[str, str], str]:
     """The signals of fitted runs whose gap is still above the noise floor, by run and signal, the largest first."""
     floor = 1.1 * result.gap.noise_floor
-    found = [
+    unexplained = [
         (channel.gap_after, run, name)
         for run in result.fitted
         for name, channel in run.signals.items()
@@ -170,7 +174,7 @@ def remaining(result: Diagnosis) -> dict[tuple[str, str], str]:
     return {
         (run.name, name): f"{spoken(result, name)} in run {run.name} is still off by"
         f" {off_by(result, name, off(result, run, name, 'after'))} (rms), {plainly(gap)} times its noise"
-        for gap, run, name in sorted(found, key=lambda row: -row[0])
+        for gap, run, name in sorted(unexplained, key=lambda row: -row[0])
     }
 
 

@@ -9,16 +9,16 @@ import numpy as np
 from analytic.mechanism.one_line import count
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.quantities import amount, number, quantities, shown
-from compare.results.preview import Preview, SeenRun, Visible
+from compare.results.preview import Preview, RunPreview, Visible
 
-LISTED = 4  # effects that look alike, by name; the others are counted
+RIVALS_LISTED = 4  # effects that look alike, by name; the others are counted
 DRIVES = {"speed": "at a commanded speed", "measured": "follows its encoder", "free": "let go"}
 
 
 def spoken(result: Preview, signal: str) -> str:
     """A signal as one says it."""
-    found = quantities(result.mechanism).get(signal)
-    return signal if found is None else found.label
+    what = quantities(result.mechanism).get(signal)
+    return signal if what is None else what.label
 
 
 def called(result: Preview, name: str, where: str) -> str:
@@ -27,7 +27,7 @@ def called(result: Preview, name: str, where: str) -> str:
     return effect.called(spoken(result, where) if effect.place == "signal" else where)
 
 
-def facts(result: Preview, run: SeenRun) -> str:
+def facts(result: Preview, run: RunPreview) -> str:
     """A run in a sentence: samples, rate, span, gaps."""
     if result.mechanism.sliding:
         unit, factor = shown("m")
@@ -57,8 +57,8 @@ def visible(result: Preview, one: Visible) -> tuple[str, str, str]:
     else:
         size = f"{one.parameter.replace('_', ' ')} {'up to' if one.at_most else 'from'} {amount(one.size, one.unit)}"
         size += "" if one.at_most else " on"
-    names = [called(result, each.name, each.where) for each in one.like[:LISTED]]
-    more = len(one.like) - LISTED
+    names = [called(result, each.name, each.where) for each in one.like[:RIVALS_LISTED]]
+    more = len(one.like) - RIVALS_LISTED
     like = ", ".join(names) + (f" and {more} more" if more > 0 else "")
     return called(result, one.name, one.where), size, like or "nothing else"
 

@@ -9,20 +9,20 @@ from typing import TYPE_CHECKING
 from analytic.mechanism.one_line import capital, enumerated
 from compare.quantities import amount
 from compare.report.words.diagnosis import percent
-from compare.report.words.effects import Row, parameter, unknown
-from compare.results.diagnosis import Diagnosis, Parameter, Proposed
+from compare.report.words.effects import ParameterRow, parameter, unknown
+from compare.results.diagnosis import Diagnosis, Estimate, Proposed
 
 if TYPE_CHECKING:
     from compare.diagnose.propose.proposal import Proposal
 
 HEADING = "Proposed, not named"
 ADOPTED = "Proposed, and adopted"
-MEANING = (
+PROPOSAL_MEANS = (
     "A place where one unknown number at each moment would tell what is left, and the law that it looks like. It is"
     " solved for with the analytic model, beside what is named, whose values are fitted again with it. It is a hint for"
     " the engineer: it has no name in the vocabulary, and it changes neither the verdict nor the gap."
 )
-WHOLE = 0.99  # of an unknown: a law that tells as much tells all of it
+WHOLE_UNKNOWN = 0.99  # of an unknown: a law that tells as much tells all of it
 LETTERS: Mapping[str, str] = {  # of the dictionary's laws, by what a term has in it
     r"\bw\b": "w is the angular velocity in joint {}, of the {second} less the {first}",
     r"\bq\b": "q is the angle in joint {}, of the {second} less the {first}",
@@ -36,7 +36,7 @@ LETTERS: Mapping[str, str] = {  # of the dictionary's laws, by what a term has i
     r"\bgap\(": "gap(x, h) is zero as far as h to both sides of x = 0, and as long as x is beyond that",
     r"\bbump\(": "bump(x, s) is exp(-(x/s)^2/2)",
 }
-SAID = {
+UNKNOWN_SAID = {
     "torque": "a torque acts in joint {} on the {second} (and back on the {first})",
     "give": "the bearing of joint {} gives along its reaction",
     "length": "the length of the {} changes",
@@ -46,11 +46,11 @@ SAID = {
 }
 
 
-def says(p: Proposal, law: str | None, coefficients: Mapping[str, Parameter], related: bool) -> str:
+def says(p: Proposal, law: str | None, coefficients: Mapping[str, Estimate], related: bool) -> str:
     """``A torque acts in joint E, and it looks like this: ...``; ``related`` says whether what it replaces is of the
     same place and kind.
     """
-    what = SAID[p.place.unknown].format(p.place.where, **_bodies(p))
+    what = UNKNOWN_SAID[p.place.unknown].format(p.place.where, **_bodies(p))
     if p.place.unit == "N":
         what = what.replace("a torque acts in", "a force acts along")
     named = enumerated([t.effect.called(t.where) for t in p.replaced])
@@ -58,7 +58,7 @@ def says(p: Proposal, law: str | None, coefficients: Mapping[str, Parameter], re
         return f"{f'In place of {named}: ' if named else ''}{what if named else capital(what)}; no known law tells it."
     numbers = ", ".join(f"{name} = {amount(c.value, c.unit)}" for name, c in coefficients.items())
     names = enumerated(list(dict.fromkeys(one.law.name for one in p.law.laws)))
-    most = "" if p.told > WHOLE else f" That tells {100 * p.told:.0f} % of it."
+    most = "" if p.told > WHOLE_UNKNOWN else f" That tells {100 * p.told:.0f} % of it."
     looks = f"looks like {names}: {law}, with {numbers}{_legend(p, law)}.{most}"
     if named and related:
         on = " on the {second} (and back on the {first})".format(**_bodies(p)) if p.place.unknown == "torque" else ""
@@ -82,7 +82,7 @@ def heading(result: Diagnosis) -> tuple[str, str]:
     """The heading of what is proposed, and what it means."""
     if all(p.adopted for p in result.proposed):
         return ADOPTED, "You decided that it is there: it is an effect of the model, and counts in the verdict."
-    return HEADING, MEANING
+    return HEADING, PROPOSAL_MEANS
 
 
 def sentences(result: Diagnosis, p: Proposed) -> list[str]:
@@ -108,6 +108,6 @@ def sentences(result: Diagnosis, p: Proposed) -> list[str]:
     return out
 
 
-def numbers(p: Proposed) -> list[Row]:
+def numbers(p: Proposed) -> list[ParameterRow]:
     """Letter, value and 95 % interval of each number of the law."""
-    return [parameter(letter, found) for letter, found in p.coefficients.items()]
+    return [parameter(letter, estimate) for letter, estimate in p.coefficients.items()]

@@ -9,26 +9,26 @@ from analytic.mechanism.one_line import capital, count, enumerated, in_words
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.quantities import plainly
 from compare.report.words.diagnosis import SIGMA, separation
-from compare.report.words.effects import amounts, called, own_values, small_errors, spoken
+from compare.report.words.effects import called, own_values, small_errors, spoken, values_of
 from compare.report.words.located import located
 from compare.report.words.measured import data_sentences, explained_to, validation_sentences
-from compare.results.diagnosis import Diagnosis, Engine, Step
+from compare.results.diagnosis import Diagnosis, EngineGaps, Step
 
 if TYPE_CHECKING:
     from compare.diagnose.explain import Explanation, Named
     from compare.diagnose.predict import Term
 
-UNSEEN = "these sensors and runs do not show it"
+NOT_SHOWN = "these sensors and runs do not show it"
 WRONG_SIGN = "it would have to have the wrong sign"
-MANY = 4  # effects in a paragraph
-SLIGHT = 0.01  # of the squared gap: with a smaller share, an effect among many is told without its values
-PLACES = 3  # told in the story; the page lists all
+MOST_IN_PARAGRAPH = 4  # effects in a paragraph
+SLIGHT_SHARE = 0.01  # of the squared gap: with a smaller share, an effect among many is told without its values
+PLACES_IN_STORY = 3  # told in the story; the page lists all
 BUDGET = "The budget of {:g} s ended the search: this is the best so far, and what ties with it was not looked for."
-LANDED = (
+LANDING = (
     "The crank lands in the gap of its drive at {}. How forces and rates jump there nobody foretells: there they count"
     " for little in the gap, and not at all in how far each sensor is off."
 )
-TOUCHING = "more revolutions, or a run so slow or so loaded that pins keep touching: its samples can be foretold"
+TOUCH = "more revolutions, or a run so slow or so loaded that pins keep touching: its samples can be foretold"
 
 
 def statement(result: Diagnosis, e: Explanation, failure: str = "") -> str:
@@ -47,15 +47,15 @@ def statement(result: Diagnosis, e: Explanation, failure: str = "") -> str:
         disagree = f"Simulation and measurement disagree: they differ by {plainly(before)} times the noise."
         nothing = "No effect that is known here explains that; the best attempts are listed with what they failed."
         return " ".join(part for part in (disagree, explained_to(result, "before"), nothing) if part)
-    told, slight = parted(e.named)
-    what = " ".join([*(named(result, n) for n in told), *([_slight(result, slight)] if slight else [])])
+    main, slight = parted(e.named)
+    what = " ".join([*(named(result, n) for n in main), *([_slight(result, slight)] if slight else [])])
     if e.verdict in ("explained", "ambiguous"):
         ties = " ".join(
             f"These data would be explained as well if {tied(result, n)} (instead of {called(result, n.term.label)})."
-            for n in told
+            for n in main
             if n.ties
         )
-        of = {n.term.key for n in told}
+        of = {n.term.key for n in main}
         small = [small_errors(result, effect) for effect in result.effects if (effect.name, effect.where) in of]
         return " ".join(part for part in (what, ties, *small, measure) if part)
     rest = failure or "Something remains that these effects do not explain."
@@ -64,13 +64,13 @@ def statement(result: Diagnosis, e: Explanation, failure: str = "") -> str:
 
 def named(result: Diagnosis, n: Named) -> str:
     """A named effect in a sentence, its parameters with their 95 % intervals; values of each run by their range."""
-    parameters = next(each.parameters for each in result.effects if (each.name, each.where) == n.term.key)
-    own = own_values(result, n.term.effect.name, n.term.where, parameters)
+    effect = next(effect for effect in result.effects if (effect.name, effect.where) == n.term.key)
+    own = own_values(result, effect)
     if own is not None:
         text = capital(f"{own.sentence(len(result.fitted))}.")
         kept = enumerated([run.name for run in result.validation])
         return f"{text} It was not applied to {kept}, for which it has no value." if kept else text
-    values = amounts(result, n.term.effect, n.term.where, parameters, intervals=True)
+    values = values_of(result, effect, intervals=True)
     return capital(f"{n.term.effect.tells(_place(result, n.term), values)}.")
 
 
@@ -81,8 +81,8 @@ def meaning(result: Diagnosis, term: Term) -> str:
 
 def _place(result: Diagnosis, term: Term) -> str:
     """Where an effect is, as its sentences say it."""
-    ours = term.effect.name in VOCABULARY and term.effect.place == "signal"
-    return spoken(result, term.where) if ours else term.where
+    of_signal = term.effect.name in VOCABULARY and term.effect.place == "signal"
+    return spoken(result, term.where) if of_signal else term.where
 
 
 def tied(result: Diagnosis, n: Named) -> str:
@@ -90,25 +90,25 @@ def tied(result: Diagnosis, n: Named) -> str:
     return "; or ".join(meaning(result, t) for t, _ in n.ties)
 
 
-def parted(found: Sequence[Named]) -> tuple[list[Named], list[Named]]:
+def parted(effects: Sequence[Named]) -> tuple[list[Named], list[Named]]:
     """The effects that a paragraph tells with their values, and where there are many those that hardly take part in the
     gap.
     """
-    slight = [n for n in found[1:] if n.share < SLIGHT] if len(found) > MANY else []
-    return [n for n in found if n not in slight], slight
+    slight = [n for n in effects[1:] if n.share < SLIGHT_SHARE] if len(effects) > MOST_IN_PARAGRAPH else []
+    return [n for n in effects if n not in slight], slight
 
 
 def _slight(result: Diagnosis, slight: Sequence[Named]) -> str:
     which = enumerated([called(result, n.term.label) for n in slight])
     many = f"{in_words(len(slight))} smaller ones are" if len(slight) > 1 else "one smaller is"
-    return f"{capital(many)} listed too, with less than {100 * SLIGHT:.0f} % of the squared gap each: {which}."
+    return f"{capital(many)} listed too, with less than {100 * SLIGHT_SHARE:.0f} % of the squared gap each: {which}."
 
 
 def steps(result: Diagnosis, e: Explanation, agreement: float, notes: Sequence[str]) -> tuple[Step, ...]:
     """The story, step by step; the engine agrees with the analytic model within so much of the noise."""
     data = (*data_sentences(result.runs), *(capital(f"{fault.text}.") for fault in result.faults))
-    places = [capital(f"{located(result, place)}.") for place in result.located[:PLACES]]
-    more = len(result.located) - PLACES
+    places = [capital(f"{located(result, place)}.") for place in result.located[:PLACES_IN_STORY]]
+    more = len(result.located) - PLACES_IN_STORY
     places += [f"And in {count(more, 'other place')}."] if more > 0 else []
     add = tuple(_added(engine) for engine in result.engines)
     return (
@@ -136,20 +136,20 @@ def _isolated(result: Diagnosis, agreement: float, notes: Sequence[str]) -> tupl
 
 
 def _named(e: Explanation, result: Diagnosis) -> tuple[str, ...]:
-    told = []
+    sentences = []
     for n, effect in zip(e.named, result.effects, strict=True):
-        told.append(
+        sentences.append(
             f"{named(result, n)} It takes the gap from {plainly(n.gap[0])} to {plainly(n.gap[1])} times the noise, and"
             f" on held-out data, which its values were not fitted to, from {plainly(n.held_out[0])} to"
             f" {plainly(n.held_out[1])}."
         )
         if n.ties:
             words = separation(effect.would_separate)[0].rstrip(":.") or "no run of these sensors can"
-            told.append(f"As good: {tied(result, n)}. To tell them apart: {words}.")
-    return tuple(told)
+            sentences.append(f"As good: {tied(result, n)}. To tell them apart: {words}.")
+    return tuple(sentences)
 
 
-def _added(engine: Engine) -> str:
+def _added(engine: EngineGaps) -> str:
     """What the explanation does to the gap of one engine."""
     if engine.before is None or engine.after is None:
         return f"{engine.name}: {engine.skipped}."

@@ -56,11 +56,11 @@ def contact_lost(cells: Sequence[Cell | Failed], blocks: Sequence[str]) -> Itera
             " corner before it leaves: the boundary is that of the simulations"
         )
         return
-    told = foretold(cells)
-    if told.cells:
+    prediction = foretold(cells)
+    if prediction.cells:
         yield (
-            f"contact is kept or lost as the reaction's turning predicts in {told.yielding} of"
-            f" {count(told.cells, 'cell')} with the walls' give, and in {told.rigid} with rigid walls"
+            f"contact is kept or lost as the reaction's turning predicts in {prediction.yielding} of"
+            f" {count(prediction.cells, 'cell')} with the walls' give, and in {prediction.rigid} with rigid walls"
         )
 
 
@@ -77,10 +77,10 @@ def too_soft(simulator: str, cells: Sequence[Cell], stiff_enough: float | None) 
     )
 
 
-def _tally(simulator: str, mine: Sequence[Cell | Failed]) -> str:
-    judged = [cell for cell in mine if isinstance(cell, Cell)]
+def _tally(simulator: str, of_engine: Sequence[Cell | Failed]) -> str:
+    judged = [cell for cell in of_engine if isinstance(cell, Cell)]
     agreeing, enough = sum(c.agrees for c in judged), sum(c.first_order_is_enough for c in judged)
-    cells = count(len(mine), "cell")
+    cells = count(len(of_engine), "cell")
     text = f"{simulator}: the equilibrium agrees in {agreeing} of {cells}, and Eq. 8 is enough in {enough}"
     if judged and not agreeing:
         best = max(judged, key=lambda c: c.agreeing_share)
@@ -92,7 +92,7 @@ def _tally(simulator: str, mine: Sequence[Cell | Failed]) -> str:
             "; where it does not agree, the cause is"
             f" {', '.join(f'{cause} ({n})' for cause, n in causes.most_common())}"
         )
-    failed = len(mine) - len(judged)
+    failed = len(of_engine) - len(judged)
     return text + (f"; {failed} could not be simulated" if failed else "")
 
 
@@ -126,8 +126,8 @@ def brief(cell: Cell | Failed) -> str:
     """A cell in a table: ``agrees``, or the share of the cycle at which it does, and which assumptions fail."""
     if isinstance(cell, Failed):
         return "failed"
-    found = "agrees" if cell.agrees else f"{percent(cell.agreeing_share)} %"
-    return ", ".join([found, *failing(cell)])
+    agreement = "agrees" if cell.agrees else f"{percent(cell.agreeing_share)} %"
+    return ", ".join([agreement, *failing(cell)])
 
 
 def sentence(cell: Cell | Failed, mechanism: Mechanism) -> str:
@@ -178,7 +178,7 @@ JOULES = ((1.0, "J"), (1e-3, "mJ"), (1e-6, "uJ"), (1e-9, "nJ"))
 
 
 @dataclass(frozen=True)
-class Measure:
+class CellMeasure:
     """One figure of a cell's contact: what it is, how it is told, and the values from which each shade is darker."""
 
     name: str
@@ -191,13 +191,13 @@ class Measure:
         """The figure of a cell; None where there is none."""
         return None if isinstance(cell, Failed) else self.value(cell)
 
-    def told(self, cell: Cell | Failed) -> str:
-        """The same in words."""
+    def words(self, cell: Cell | Failed) -> str:
+        """The figure of a cell in words, a dash where there is none."""
         value = self.of(cell)
         return "-" if value is None else self.text(value)
 
 
-def measures(result: Validity) -> tuple[Measure, ...]:
+def measures(result: Validity) -> tuple[CellMeasure, ...]:
     """The figures of contact that a map has; none where it was not watched."""
     watched = [cell.watched for cell in result.cells if isinstance(cell, Cell) and cell.watched is not None]
     if not watched:
@@ -205,21 +205,21 @@ def measures(result: Validity) -> tuple[Measure, ...]:
     most = max(abs(one.lost) for one in watched)
     factor, unit = next((pair for pair in JOULES if most >= pair[0]), JOULES[-1])
     return (
-        Measure(
+        CellMeasure(
             "peak",
             "peak force over the ideal peak",
             lambda cell: cell.watched.peak_ratio if cell.watched else None,
             _figure,
             (1.1, 1.5, 3.0, 10.0),
         ),
-        Measure(
+        CellMeasure(
             "free",
             "share of the time without contact (%)",
             lambda cell: cell.watched.free if cell.watched else None,
             lambda value: percent(value) if value else "-",
             (1e-9, 0.02, 0.1, 0.3),
         ),
-        Measure(
+        CellMeasure(
             "lost",
             f"energy lost in contact in a turn ({unit})",
             lambda cell: cell.watched.lost if cell.watched else None,
@@ -236,8 +236,8 @@ def _figure(value: float) -> str:
 
 def panel_title(result: Validity, simulator: str, restitution: float | None) -> str:
     """Engine, its version and the restitution."""
-    found = f"{simulator} {result.versions.get(simulator, '')}".strip()
-    return found if restitution is None else f"{found}, restitution {restitution:g}"
+    engine = f"{simulator} {result.versions.get(simulator, '')}".strip()
+    return engine if restitution is None else f"{engine}, restitution {restitution:g}"
 
 
 def edges(result: Validity, restitution: float | None) -> tuple[Boundary, ...]:
@@ -249,31 +249,19 @@ def edge_rows(result: Validity) -> list[list[str]]:
     """At which clearance (mm) contact is first lost, by restitution and speed: head, then a row each; none where
     nothing is known of it, and without prediction where there is none, as of a block.
     """
-    layer = ["restitution"] * bool(result.restitutions)
-    if result.boundary is None and result.of_blocks and measures(result):
-        return [[*layer, "rpm", *result.simulators], *_measured_rows(result)]
-    out = [[*layer, "rpm", *result.simulators, "predicted", "predicted, rigid walls"]]
-    for edge in result.boundary or ():
-        found = [
-            measured_edge(result.of(name, edge.restitution), edge.speed, result.clearances)
-            for name in result.simulators
-        ]
-        predicted = [predicted_edge(one, result.clearances) for one in (edge.yielding, edge.rigid)]
-        layer = [] if edge.restitution is None else [f"{edge.restitution:g}"]
-        out.append([*layer, rpm(edge.speed), *found, *predicted])
-    return out
-
-
-def _measured_rows(result: Validity) -> list[list[str]]:
-    """At which clearance (mm) contact is first lost in the simulations, by restitution and speed."""
-    return [
-        [
-            *([] if restitution is None else [f"{restitution:g}"]),
-            rpm(speed),
-            *(measured_edge(result.of(name, restitution), speed, result.clearances) for name in result.simulators),
-        ]
-        for restitution, speed in product(result.layers, result.speeds)
-    ]
+    measured_only = result.boundary is None and result.of_blocks and bool(measures(result))
+    predicted = {(edge.restitution, edge.speed): edge for edge in result.boundary or ()}
+    head = [*["restitution"] * bool(result.restitutions), "rpm", *result.simulators]
+    rows = [head if measured_only else [*head, "predicted", "predicted, rigid walls"]]
+    for restitution, speed in product(result.layers, result.speeds):
+        edge = predicted.get((restitution, speed))
+        if edge is None and not measured_only:
+            continue
+        layer = [] if restitution is None else [f"{restitution:g}"]
+        lost_at = (measured_edge(result.of(name, restitution), speed, result.clearances) for name in result.simulators)
+        limits = [predicted_edge(limit, result.clearances) for limit in (edge.yielding, edge.rigid)] if edge else []
+        rows.append([*layer, rpm(speed), *lost_at, *limits])
+    return rows
 
 
 def measured_edge(cells: Cells, speed: float, clearances: Sequence[float]) -> str:
@@ -296,8 +284,7 @@ def predicted_edge(edge: float | None, clearances: Sequence[float]) -> str:
 
 def legend(result: Validity) -> list[str]:
     """What the assumptions say."""
-    found = result.assumptions
-    return [f"{name}: {about.means}" for name, about in found.items()]
+    return [f"{name}: {assumption.means}" for name, assumption in result.assumptions.items()]
 
 
 def about(result: Validity) -> str:

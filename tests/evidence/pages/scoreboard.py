@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, get_args
 from rich.console import Console
 
 from analytic.mechanism.one_line import count
-from compare.report.figures import Axis, Figure, Series
+from compare.report.figure import Axis, Figure, Series
 from compare.report.svg import draw
 from tests.evidence.results.scoreboard import Hidden, Kind, Scoreboard, Scored, Threshold, Value, relative_errors
 from tests.evidence.scoreboard.hidden import MANY

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from analytic.mechanism.one_line import count
-from compare.report.figures import reaction_directions
+from compare.report.crosscheck_figures import reaction_directions
 from compare.report.linkage import linkage_figure
 from compare.report.summary import summarise
 from compare.report.svg import draw
@@ -52,9 +52,9 @@ def files(result: Validation) -> dict[str, str]:
 def drawn(result: CrossCheck) -> dict[str, str]:
     """SVG drawings of a result: the linkage, and the reaction directions at its first joint with clearance."""
     summary = summarise(result)
-    linkage = linkage_figure(result, summary)
-    found = {"gamma": draw(reaction_directions(result, summary, summary.joints[0]))}
-    return found | ({"linkage": draw(linkage)} if linkage else {})
+    linkage = linkage_figure(result)
+    gamma = {"gamma": draw(reaction_directions(summary, summary.joints[0]))}
+    return gamma | ({"linkage": draw(linkage)} if linkage else {})
 
 
 def print_table(result: Validation, console: Console) -> None:

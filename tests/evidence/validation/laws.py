@@ -19,7 +19,7 @@ from analytic.mechanism.file import load
 from compare.diagnose.effects.joints import ContactLaw
 from compare.diagnose.workflow import diagnose
 from compare.files import output_folder
-from compare.results.diagnosis import Parameter
+from compare.results.diagnosis import Estimate
 from sim_models.engine import Request, engine
 from tests.evidence.results.validation import LawFound, Sought
 from tests.evidence.scoreboard.files import Recording, write_files
@@ -109,7 +109,7 @@ def laws_found(names: Sequence[str]) -> Iterator[LawFound]:
         )
 
 
-def _sought(true: float, said: Parameter | None) -> Sought:
+def _sought(true: float, said: Estimate | None) -> Sought:
     """A parameter beside what was said of it, if anything was."""
     if said is None:
         return Sought(true=true, found=None, low=None, high=None)

@@ -1,102 +1,35 @@
-"""The figures of a report as data, made once; :mod:`compare.report.svg` draws them for a file, ``chart.js`` for the
-page.
-"""
+"""The figures of a cross-check: directions of the reactions, paths of the journals, both sides and differences."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from compare.quantities import GAMMA, MINUS, Quantity, apart, drive_signals, number
-from compare.report.summary import Summary, abscissa
+from compare.report.figure import Axis, Figure, Mark, Numbers, Series, extreme, scaled
+from compare.report.summary import Summary
 from compare.results.crosscheck import CrossCheck, Run
 from compare.results.document import listed
 
 JOURNAL_POINTS = 3000  # about as many points as a drawn journal path keeps
-Numbers = tuple[float | None, ...]
-Mark = Literal["line", "dashed", "marker", "band", "link", "joint", "pivot"]
 
 
-@dataclass(frozen=True)
-class Axis:
-    """What is along an axis, in which unit."""
-
-    label: str
-    unit: str
-
-    @property
-    def title(self) -> str:
-        """Label and unit as an axis prints them."""
-        return f"{self.label} ({self.unit})" if self.unit else self.label
-
-
-@dataclass(frozen=True)
-class Series:
-    """Points in the axes' units, None where there is none.  ``role`` picks the colour, ``mark`` how it is drawn: a
-    ``band`` goes along its upper edge and back along its lower one.
-
-    ``level`` tells several simulators of one joint model apart.  A series that does not ``scale`` has no say in the
-    range of the axes; one without a ``name`` is not in the legend.
-    """
-
-    name: str
-    x: Numbers
-    y: Numbers
-    role: str
-    mark: Mark = "line"
-    level: int = 0
-    labels: tuple[str, ...] = ()
-    scale: bool = True
-
-
-@dataclass(frozen=True)
-class Figure:
-    """One figure: ``name`` is its file's stem, ``summary`` its text alternative, a ``plane`` has equal scales in x and
-    y.
-    """
-
-    name: str
-    title: str
-    summary: str
-    x: Axis
-    y: Axis
-    series: tuple[Series, ...]
-    kind: Literal["curves", "plane"] = "curves"
-    note: str = ""
-
-
-def figures(result: CrossCheck, summary: Summary) -> list[Figure]:
+def figures(summary: Summary) -> list[Figure]:
     """Directions of the reactions, paths of the journals and differences, for the joints that the summary is about."""
-    if not result.runs:
+    runs, joints = summary.result.runs, summary.joints
+    if not runs:
         return []
-    found = [reaction_directions(result, summary, joint) for joint in summary.joints]
-    found += [both_sides(result, summary, f"reaction_{joint}_magnitude") for joint in summary.joints]
-    given = [name for name in drive_signals(result.mechanism) if any(name in run.analytic for run in result.runs)]
-    found += [both_sides(result, summary, name) for name in given]
-    found += [
-        journal_path(result, summary, joint)
-        for joint in summary.joints
-        if any(_path(run, joint) for run in result.runs)
-    ]
-    if all(run.simulator.recorded for run in result.runs):  # a figure of what no file has would be of one side
-        found = [figure for figure in found if any(series.mark == "marker" for series in figure.series)]
-    found += [differences(result, summary, quantity) for quantity in summary.keys(False, result.mechanism)]
-    return [figure for figure in found if any(series.name for series in figure.series)]
-
-
-def scaled(values: Iterable[float | None] | np.ndarray, factor: float = 1.0) -> Numbers:
-    """Values in a reader's unit, to the seven digits that a figure can show; None stays None."""
-    return tuple(None if v is None or not math.isfinite(v) else float(f"{factor * v:.7g}") for v in values)
-
-
-def extreme(values: Numbers) -> str:
-    """The largest size of some values, as a summary says it."""
-    return number(max((abs(v) for v in values if v is not None), default=None))
+    drives = [name for name in drive_signals(summary.result.mechanism) if any(name in run.analytic for run in runs)]
+    drawn = [reaction_directions(summary, joint) for joint in joints]
+    drawn += [both_sides(summary, name) for name in (*(f"reaction_{joint}_magnitude" for joint in joints), *drives)]
+    drawn += [journal_path(summary, joint) for joint in joints if any(_has_path(run, joint) for run in runs)]
+    if all(run.simulator.recorded for run in runs):  # a figure of what no file has would be of one side
+        drawn = [figure for figure in drawn if any(series.mark == "marker" for series in figure.series)]
+    drawn += [differences(summary, quantity) for quantity in summary.keys()]
+    return [figure for figure in drawn if any(series.name for series in figure.series)]
 
 
 def simulators(result: CrossCheck) -> list[str]:
@@ -104,50 +37,47 @@ def simulators(result: CrossCheck) -> list[str]:
     return list(dict.fromkeys(run.simulator.name for run in result.runs))
 
 
-def _simulated(result: CrossCheck, run: Run) -> dict[str, Any]:
-    """Name, colour and level of a run's series."""
-    engines = simulators(result)
-    engine = run.simulator.name
-    return {"name": f"{engine}, {run.joint_model}", "role": run.joint_model, "level": engines.index(engine)}
+def _simulated(summary: Summary, run: Run, x: Numbers, y: Numbers, mark: Mark = "line") -> Series:
+    """What a run simulated, in the colour of its joint model and at the level of its engine."""
+    level = simulators(summary.result).index(run.simulator.name)
+    return Series(run.title, x, y, run.joint_model, mark, level)
 
 
-def reaction_directions(result: CrossCheck, summary: Summary, joint: str) -> Figure:
+def reaction_directions(summary: Summary, joint: str) -> Figure:
     """Gamma of one joint over the crank angle: analytic as lines, each simulated joint model as markers."""
     signal, title = f"reaction_{joint}_angle", f"Direction of the reaction at {joint}"
-    return _sides(result, summary, signal, f"gamma_{joint}", title, Axis(GAMMA, "deg"))
+    return _sides(summary, signal, f"gamma_{joint}", title, Axis(GAMMA, "deg"))
 
 
-def both_sides(result: CrossCheck, summary: Summary, signal: str) -> Figure:
+def both_sides(summary: Summary, signal: str) -> Figure:
     """A signal over the crank angle: analytic as lines, each simulated joint model as markers."""
     quantity = summary.signals[signal]
-    return _sides(result, summary, signal, signal, quantity.title, Axis(quantity.name, quantity.unit))
+    return _sides(summary, signal, signal, quantity.title, Axis(quantity.name, quantity.unit))
 
 
-def _sides(result: CrossCheck, summary: Summary, signal: str, name: str, title: str, up: Axis) -> Figure:
+def _sides(summary: Summary, signal: str, name: str, title: str, up: Axis) -> Figure:
     """Both sides of a signal; angles lie next to those of the first analytic line."""
-    quantity = summary.signals[signal]
-    axis, unit, _, _ = abscissa(result.runs[0], result.mechanism)
+    quantity, over = summary.signals[signal], summary.runs[0].over
     lines: dict[str, Series] = {}
     marks: list[Series] = []
 
     def first() -> Numbers:
         return next((line.y for line in lines.values()), ())
 
-    for run in result.runs:
-        _, _, factor, x = abscissa(run, result.mechanism)
-        over = scaled(x, factor)
+    for shown in summary.runs:
+        run, x = shown.run, scaled(shown.over.values)
         if signal in run.analytic:
-            called, role, mark = _analytic(run, summary)
+            line, role, mark = _analytic(run, summary)
             values = scaled(run.analytic[signal], quantity.factor)
             values = beside(values, first()) if quantity.angular else values
-            lines.setdefault(called, Series(called, over, values, role, mark))
+            lines.setdefault(line, Series(line, x, values, role, mark))
         if _shows(run, signal):
             values = scaled(run.simulated[signal], quantity.factor)
             values = same_turn(beside(values, first()), first()) if quantity.angular else values
-            marks.append(Series(**_simulated(result, run), x=over, y=values, mark="marker"))
+            marks.append(_simulated(summary, run, x, values, "marker"))
     spans = [f"{s.name} {_span(s.y, quantity)}" for s in [*lines.values(), *marks]]
-    text = f"{title} over {axis}. {'; '.join(spans)}."
-    return Figure(name, title, text, Axis(axis, unit), up, (*lines.values(), *marks))
+    text = f"{title} over {over.label}. {'; '.join(spans)}."
+    return Figure(name, title, text, Axis(over.label, over.unit), up, (*lines.values(), *marks))
 
 
 def _shows(run: Run, signal: str) -> bool:
@@ -157,9 +87,9 @@ def _shows(run: Run, signal: str) -> bool:
 
 def _analytic(run: Run, summary: Summary) -> tuple[str, str, Literal["line", "dashed"]]:
     """Name, colour and mark of a run's analytic line."""
-    if any(run.clearance.values()):
+    if run.clearance:
         return f"analytic, {run.analytic_model.replace('_', ' ')}", "analytic", "line"
-    if any(told.clearance != "none" for told in summary.runs):
+    if any(other.clearance for other in summary.result.runs):
         return "analytic, ideal linkage (first-order direction)", "ideal-line", "dashed"
     return "analytic", "analytic", "line"
 
@@ -204,34 +134,33 @@ def _span(values: Numbers, quantity: Quantity) -> str:
     return f"from {number(known[0], 4)} to {number(known[-1], 4)} {quantity.unit}" if known else "has no values"
 
 
-def _path(run: Run, joint: str) -> bool:
-    return joint in run.journal and bool(run.clearance.get(joint))
+def _has_path(run: Run, joint: str) -> bool:
+    return joint in run.journal and joint in run.clearance
 
 
-def journal_path(result: CrossCheck, summary: Summary, joint: str) -> Figure:
+def journal_path(summary: Summary, joint: str) -> Figure:
     """Path of one joint's journal within its clearance circle, and the analytic points on the rim."""
-    runs = [run for run in result.runs if _path(run, joint)]
+    runs = [run for run in summary.result.runs if _has_path(run, joint)]
     radius = 1e3 * runs[0].clearance[joint]
     rim = clearance_circle(radius)
     paths = []
     for run in runs:
         x, y = thinned(run.journal[joint].x, run.journal[joint].y, 1e-3 * radius)
-        paths.append(Series(**_simulated(result, run), x=scaled(x, 1e3), y=scaled(y, 1e3)))
+        paths.append(_simulated(summary, run, scaled(x, 1e3), scaled(y, 1e3)))
     names = (f"clearance_{joint}_x", f"clearance_{joint}_y")
     model = runs[0].analytic_model.replace("_", " ")
     rim_x, rim_y = (scaled(runs[0].analytic.get(name, ()), 1e3) for name in names)
     points = Series(f"analytic, {model}", rim_x, rim_y, "analytic", "marker")
     unit = summary.signals[names[0]].unit
-    share = [
-        f"{run.title} {number(dict(run.free).get(joint), 2)} % of what is compared without contact"
-        for run in summary.runs
-        if joint in dict(run.free)
-    ]
+    note = "; ".join(
+        f"{run.title} {number(100 * run.free_share[joint], 2)} % of what is compared without contact"
+        for run in summary.result.runs
+        if joint in run.free_share
+    )
     text = f"Path of the journal of {joint} in its clearance circle of radius {number(radius)} {unit}."
-    said = "; ".join(share)
     axes = (Axis("displacement x", unit), Axis("displacement y", unit))
     series, title = (rim, *paths, points), f"Path of the journal in {joint}"
-    return Figure(f"journal_{joint}", title, f"{text} {said}".strip(), *axes, series, "plane", said)
+    return Figure(f"journal_{joint}", title, f"{text} {note}".strip(), *axes, series, "plane", note)
 
 
 def clearance_circle(radius: float) -> Series:
@@ -267,27 +196,21 @@ def difference(run: Run, quantity: Quantity) -> Numbers:
     )
 
 
-def differences(result: CrossCheck, summary: Summary, quantity: Quantity) -> Figure:
+def differences(summary: Summary, quantity: Quantity) -> Figure:
     """Simulated minus analytic of one signal over the crank angle, each run a line; its tolerance where it is near."""
-    axis, unit, _, _ = abscissa(result.runs[0], result.mechanism)
+    over = summary.runs[0].over
     lines, limits = [], set()
-    for run, told in zip(result.runs, summary.runs, strict=True):
-        if quantity.signal not in run.analytic or quantity.signal not in run.simulated:
-            continue
-        row = told.row(quantity.signal)
-        _, _, factor, x = abscissa(run, result.mechanism)
-        lines.append(Series(**_simulated(result, run), x=scaled(x, factor), y=difference(run, quantity)))
-        limits |= {row.tolerance} if row and row.tolerance and row.quantity.unit == quantity.unit else set()
+    for shown in summary.runs:
+        if quantity.signal in shown.run.analytic and quantity.signal in shown.run.simulated:
+            row, apart = shown.row(quantity.signal), difference(shown.run, quantity)
+            lines.append(_simulated(summary, shown.run, scaled(shown.over.values), apart))
+            limits |= {row.tolerance} if row and row.tolerance and row.quantity.unit == quantity.unit else set()
     worst = [f"{line.name} up to {extreme(line.y)} {quantity.unit}" for line in lines]
     note = f"Tolerance: {', '.join(f'±{number(t)}' for t in sorted(limits))} {quantity.unit}" if limits else ""
-    over = [line.x for line in lines if line.x]
-    ends = (over[0][0], over[0][-1]) if over else ()
+    ends = (lines[0].x[0], lines[0].x[-1]) if lines else ()
     bounds = [
-        Series("", ends, (t, t), "frame", "dashed", scale=False)
-        for limit in sorted(limits)
-        if ends
-        for t in (limit, -limit)
+        Series("", ends, (t, t), "frame", "dashed", scale=False) for limit in sorted(limits) for t in (limit, -limit)
     ]
-    text = f"{quantity.title}, simulated minus analytic, over {axis}: {'; '.join(worst)}. {note}".strip()
-    axes = (Axis(axis, unit), Axis(f"simulated {MINUS} analytic", quantity.unit))
+    text = f"{quantity.title}, simulated minus analytic, over {over.label}: {'; '.join(worst)}. {note}".strip()
+    axes = (Axis(over.label, over.unit), Axis(f"simulated {MINUS} analytic", quantity.unit))
     return Figure(f"difference_{quantity.signal}", quantity.title, text, *axes, (*lines, *bounds), note=note)

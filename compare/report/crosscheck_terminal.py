@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
 from rich.console import Console
@@ -12,8 +12,8 @@ from rich.text import Text
 from analytic.mechanism.one_line import count
 from compare.quantities import plain
 from compare.report.summary import ShownRun, summarise
-from compare.report.words.contact import ASCII, Contact, Value
-from compare.report.words.crosscheck import WORDS, headline, why
+from compare.report.words.contact import ASCII_UNITS, ContactShown, Value
+from compare.report.words.crosscheck import VERDICT_WORDS, headline, why
 from compare.results.contact import StatisticName
 from compare.results.crosscheck import CrossCheck
 
@@ -31,14 +31,14 @@ COLOUR = {"agrees": "green", "known": "yellow", **dict.fromkeys(LOUD, "bold red"
 def print_table(result: CrossCheck, console: Console) -> None:
     """Print each signal's worst difference, run by run, in degrees and millimetres, and the verdict; ASCII."""
     summary = summarise(result)
-    keys = summary.keys(False, result.mechanism)
+    keys = summary.keys()
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
     for heading in ("signal", "worst", "unit", "at", "rms", "tolerance", "verdict"):
         side: Literal["left", "right"] = "left" if heading in ("signal", "unit", "verdict") else "right"
         table.add_column(heading, justify=side, no_wrap=heading != "signal", overflow="fold")
-    for run in summary.runs:
-        table.add_row(Text(run.title, style="bold"), *[""] * 5, _word(run.verdict))
-        for row in (row for quantity in keys if (row := run.row(quantity.signal))):
+    for shown in summary.runs:
+        table.add_row(Text(shown.run.title, style="bold"), *[""] * 5, _word(shown.run.verdict))
+        for row in (row for quantity in keys if (row := shown.row(quantity.signal))):
             numbers = (
                 plain(row.maximum, 3, True),
                 row.quantity.unit.replace("·", "."),
@@ -52,26 +52,26 @@ def print_table(result: CrossCheck, console: Console) -> None:
     for line in _notes(summary.runs):
         console.print(line, soft_wrap=False)
     _print_contact(summary.contact, console)
-    if summary.between:
-        console.print(f"between engines: {summary.between}")
+    if result.words:
+        console.print(f"between engines: {result.words}")
     for failure in summary.failures:
         console.print(f"failed: {failure}")
-    said = " ".join(filter(None, (why(summary), headline(summary, plain).translate(ASCII))))
-    console.print(Text.assemble((f"{summary.case}: ", "bold"), _word(summary.verdict), f". {said}"))
+    said = " ".join(filter(None, (why(summary), headline(summary, plain).translate(ASCII_UNITS))))
+    console.print(Text.assemble((f"{result.case}: ", "bold"), _word(summary.verdict), f". {said}"))
 
 
-def _print_contact(contact: Contact, console: Console) -> None:
+def _print_contact(contact: ContactShown, console: Console) -> None:
     """Contact in each run in a line, its main figures joint by joint where a pin strikes, and what disagrees."""
     for run in contact.runs:
         console.print(f"{run.run}: {run.sentence}")
-    striking = {run.run for run in contact.runs if run.struck}
+    striking = {run.run for run in contact.runs if run.contact.struck}
     for table in contact.tables:
         rows = [k for k, run in enumerate(table.runs) if run in striking]
         shown = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
         shown.add_column(f"contact in {table.joint}")
         columns = [(head, *table.of(name)) for name, head in MAIN.items()]
         for head, measure, _ in columns:
-            shown.add_column(f"{head} {measure.unit}".strip().translate(ASCII), justify="right", no_wrap=True)
+            shown.add_column(f"{head} {measure.unit}".strip().translate(ASCII_UNITS), justify="right", no_wrap=True)
         for k in rows:
             shown.add_row(Text(table.runs[k]), *(_within(values[k]) for *_, values in columns))
         if rows:
@@ -79,7 +79,7 @@ def _print_contact(contact: Contact, console: Console) -> None:
     for pair in contact.pairs:
         console.print(f"statistics of {pair.title}: {pair.sentence}")
         for row in pair.wrong:
-            console.print(f"  {row.sentence().translate(ASCII)}: ", _word(row.verdict), sep="")
+            console.print(f"  {row.sentence().translate(ASCII_UNITS)}: ", _word(row.verdict), sep="")
 
 
 def _within(value: Value) -> str:
@@ -96,28 +96,29 @@ def _short(value: float | None, digits: int) -> str:
 
 
 def _word(verdict: str) -> Text:
-    return Text(WORDS[verdict].upper() if verdict in LOUD else WORDS[verdict], style=COLOUR[verdict])
+    return Text(VERDICT_WORDS[verdict].upper() if verdict in LOUD else VERDICT_WORDS[verdict], style=COLOUR[verdict])
 
 
-def _notes(runs: tuple[ShownRun, ...]) -> list[str]:
+def _notes(runs: Sequence[ShownRun]) -> list[str]:
     """Which analytic model was compared, why a verdict is not the tolerance's, flags, and time without contact."""
     if not runs:
         return []
-    models = ", ".join(dict.fromkeys(run.analytic_model.replace("_", " ") for run in runs))
+    models = ", ".join(dict.fromkeys(shown.run.analytic_model.replace("_", " ") for shown in runs))
     notes = [f"analytic model: {models}; differences are simulated minus analytic"]
-    if any(run.bends for run in runs):
+    if any(shown.run.bends for shown in runs):
         notes.append("with the compliance of links and joints superposed; tolerances have what that neglects on top")
-    notes += [f"compared at {span}" for span in dict.fromkeys(run.span for run in runs) if span]
-    notes += [f"{run.title}: {row.quantity.label}: {row.reason}" for run in runs for row in run.rows if row.reason]
+    notes += [f"compared at {span}" for span in dict.fromkeys(shown.span for shown in runs)]
     notes += [
-        f"{run.title}: {count(len(run.flags), 'position')} flagged, first {run.flags[0][0]}: {run.flags[0][1]}"
-        for run in runs
-        if run.flags
+        f"{shown.run.title}: {row.quantity.label}: {row.reason}" for shown in runs for row in shown.rows if row.reason
     ]
+    for shown in runs:
+        for sample, reason in list(shown.run.flags.items())[:1]:
+            flagged = count(len(shown.run.flags), "position")
+            notes.append(f"{shown.run.title}: {flagged} flagged, first {shown.over.at(int(sample))}: {reason}")
     notes += [
-        f"{run.title}: {joint} without contact {plain(share, 2)} % of what is compared"
-        for run in runs
-        for joint, share in run.free
+        f"{shown.run.title}: {joint} without contact {plain(100 * share, 2)} % of what is compared"
+        for shown in runs
+        for joint, share in shown.run.free_share.items()
         if share
     ]
     return notes

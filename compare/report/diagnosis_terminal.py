@@ -18,7 +18,7 @@ from compare.report.words.diagnosis import (
 from compare.report.words.effects import (
     errors_in_words,
     headline,
-    of_runs,
+    own_values,
     phrase,
     rival_odds,
     spoken,
@@ -26,11 +26,11 @@ from compare.report.words.effects import (
 )
 from compare.report.words.located import located, worst_first
 from compare.report.words.measured import NOISE, validation_sentences
-from compare.results.diagnosis import Diagnosis, Effect, Place
+from compare.results.diagnosis import Diagnosis, Effect, EffectPlace
 
 PLACES_SHOWN = 3  # in a terminal
 ATTEMPTS_SHOWN = 3  # in a terminal
-ASCII = {MINUS: "-", DASH: "-", "·": ".", "µ": "u", SIGMA: "sigma"} | {
+ASCII_SIGNS = {MINUS: "-", DASH: "-", "·": ".", "µ": "u", SIGMA: "sigma"} | {
     chr(small): chr(plain) for plain, small in SUPERSCRIPT.items()
 }
 
@@ -65,11 +65,11 @@ def terminal_lines(result: Diagnosis) -> list[str]:
     return [in_ascii(line) for line in out]
 
 
-def _effect_lines(result: Diagnosis, group: Sequence[Place]) -> list[str]:
+def _effect_lines(result: Diagnosis, group: Sequence[EffectPlace]) -> list[str]:
     out = []
     for i, effect in enumerate(group):
         lead = "missing" if len(group) == 1 else "either" if i == 0 else "or"
-        own = of_runs(result, effect)
+        own = own_values(result, effect)
         values = ", ".join(values_of(result, effect, intervals=True))
         said = headline(result, effect) if own else phrase(result, effect.name, effect.where)
         odds = rival_odds(result, group, effect)
@@ -102,4 +102,4 @@ def _line(words: str) -> str:
 
 def in_ascii(words: str) -> str:
     """Words for a terminal: the signs of :data:`ASCII` written out."""
-    return "".join(ASCII.get(character, character) for character in words.replace(f"{TIMES}10", "e"))
+    return "".join(ASCII_SIGNS.get(character, character) for character in words.replace(f"{TIMES}10", "e"))

@@ -6,12 +6,12 @@ import numpy as np
 
 from analytic.mechanism.one_line import capital
 from compare.quantities import fitting
-from compare.report.figures import Axis, Figure, Mark, Series
+from compare.report.figure import Axis, Figure, Mark, Series
 from compare.report.words.effects import unknown
 from compare.results.diagnosis import Diagnosis, Proposed
 from compare.results.document import listed
 
-GAP = 0.1  # of what a law is shown over: no line is drawn across more without a sample
+LONGEST_GAP = 0.1  # of what a law is shown over: no line is drawn across more without a sample
 SCATTER = 0.02  # of its range, by which a law's samples differ from their neighbours' mean: it is drawn as points
 
 
@@ -31,7 +31,7 @@ def figure(result: Diagnosis, p: Proposed, name: str) -> Figure:
     ]
     if p.law is not None:
         mark: Mark = "line" if _is_line(law) else "marker"
-        broken = np.flatnonzero((np.diff(x) > GAP * np.ptp(x)) & (mark == "line")) + 1
+        broken = np.flatnonzero((np.diff(x) > LONGEST_GAP * np.ptp(x)) & (mark == "line")) + 1
         at, drawn = (np.insert(values, broken, np.nan) for values in (x, law))
         series.append(Series("law", tuple(listed(at)), tuple(listed(drawn)), "analytic", mark))
     title = f"{capital(unknown(result, p))}, recovered at each sample"
