@@ -246,6 +246,7 @@ REPEATING = [
     for stiffness in (50.0, 200.0, 500.0, 2000.0)
     if stiffness >= SOFTEST[name]
     for ripple in (0.0, 2e-3)
+    if ripple or stiffness == SOFTEST[name]  # one motor without, the hardest to start
 ]
 
 
@@ -279,7 +280,7 @@ SWINGS = [
     (name, case, stiffness)
     for name in ENGINES
     for case in ("crank-rocker", "pendulum")
-    for stiffness in (50.0, 100.0, 2000.0)
+    for stiffness in (100.0, 2000.0)
 ]
 SOON = [("mujoco", "crank-rocker", 2000.0), ("exudyn", "pendulum", 100.0)]
 

@@ -86,7 +86,7 @@ LINKAGES: dict[str, Mechanism] = {name: m.with_clearances({}) for name, m in CAS
     "3-rrr, motors on one leg": driven_at(load("3-rrr"), A1=0.5, B1=0.3, C1=0.2),
 }
 FOLLOWED = [(name, case, "soon") for name in ENGINES for case in LINKAGES]
-FOLLOWED += [(name, case, "long") for name in ENGINES for case in CASES]
+FOLLOWED += [(name, case, "long") for name in ENGINES for case in ("3-rpr", "five-bar with springs")]
 SHORT = {
     "mujoco": [*(case for case in CASES if case not in ("3-rrr with springs", "five-bar with springs")), "gantry",
                "five-bar, told from the other side", "3-rpr, told from the other side"],
@@ -264,7 +264,9 @@ LOOSE_PINS: dict[str, tuple[Mechanism, tuple[str, ...]]] = {
     "2r-arm, both": (ARM, ("O", "K")),
     "2r-arm with springs": (sprung(ARM), ("K",)),
 }
-RIMS = [(*row, case) for row in PINS for case in LOOSE_PINS]
+RIMS = [  # of each engine and joint model every other linkage; the next one has the others
+    (*row, case) for k, row in enumerate(PINS) for i, case in enumerate(LOOSE_PINS) if (i + k) % 2 == 0
+]
 PRESSED = [
     ("mujoco", "contact", "five-bar"), ("mujoco", "massless-link", "2r-arm, both"),
     ("exudyn", "contact", "2r-arm with springs"), ("exudyn", "massless-link", "2r-arm, both"),
@@ -273,7 +275,9 @@ PRESSED = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("name", "model", "case"), slow_but(PRESSED, RIMS))
+@pytest.mark.parametrize(
+    ("name", "model", "case"), slow_but(PRESSED, [*RIMS, *(row for row in PRESSED if row not in RIMS)])
+)
 def test_loose_pins_begin_pressed_and_stay_so(name: str, model: JointModel, case: str) -> None:
     """On their rims, which contact of K = 1e6 N/m lets them press into; rigid contact, and a massless link, do not."""
     m, pins = LOOSE_PINS[case]

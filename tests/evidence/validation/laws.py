@@ -64,9 +64,7 @@ def rig(case: str, law: Mapping[str, float], source: str = SOURCE) -> Rig:
     return Rig(real, believed, {"crank_angle": ANGLE, PLACES[case]: PLACE} | forces | TORQUE)
 
 
-def recorded(
-    made: Rig, nominal: Mechanism, folder: Path, source: str = SOURCE, revolutions: int = REVOLUTIONS
-) -> Path:
+def recorded(made: Rig, nominal: Mechanism, folder: Path, source: str = SOURCE, revolutions: int = REVOLUTIONS) -> Path:
     """Three runs of it, of so many revolutions each, with noise, beside a nominal linkage; measured.toml's path."""
     rng, runs = np.random.default_rng(1), []
     for k, speed in enumerate(SPEEDS):
