@@ -19,7 +19,7 @@ from compare.quantities import assumptions
 from compare.results.analysis import Analysis
 from engines_here import missing, present
 from linkages import shaper
-from marks import slow
+from marks import slow_but
 from sim_models.engine import ENGINES, FEATURES, JointModel, Motion, declared
 
 LEVER = """
@@ -255,7 +255,7 @@ NUMBERS = {"contact_stiffness": "N/m", "contact_damping": "N.s/m", "restitution"
 @pytest.mark.filterwarnings("ignore:.*which is assumed")  # a pin's radius: it is in what is listed
 @pytest.mark.parametrize(
     ("name", "model", "motion"),
-    [pair for pair in PAIRS if pair[0] == "mujoco"] + slow(*(pair for pair in PAIRS if pair[0] != "mujoco")),
+    slow_but([("mujoco", "contact", "driven")], PAIRS),
 )
 def test_what_contact_is_made_of_is_in_the_settings_and_listed_with_its_value(
     name: str, model: JointModel, motion: Motion

@@ -165,6 +165,7 @@ def test_the_command_refuses_in_a_sentence(asked: str, simulator: str, words: st
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.mujoco
 def test_pins_that_keep_touching_tell_no_law() -> None:
     rig = experiment(mechanism=four_bar().with_joint("B", clearance=1e-4))

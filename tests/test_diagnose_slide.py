@@ -170,6 +170,7 @@ def worn_axis(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
     return diagnosed(axis(tmp_path_factory.mktemp("worn"), worn))
 
 
+@pytest.mark.slow
 def test_both_frictions_and_the_offset_of_an_axis_are_named_with_their_sizes(worn_axis: Diagnosis) -> None:
     """The offset is a bias of the force, or a force on the carriage: with one sensor nobody can tell which."""
     found = sizes(worn_axis)

@@ -112,6 +112,7 @@ def test_a_run_of_heavier_inertia_than_the_linkage_has_is_found() -> None:
         check(request, trace)
 
 
+@pytest.mark.slow
 @pytest.mark.pybullet
 def test_bullet_in_a_micrograms_linkage_is_found() -> None:
     """At 1:1000, in SI units, it answers 3e11 N where 4e-11 N are right."""

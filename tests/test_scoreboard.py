@@ -33,7 +33,7 @@ from compare.faults import Exit, OptionError
 from compare.results.diagnosis import Closing, Diagnosis, Effect, Parameter, Proposed, SamePlace, SmallError, Unknown
 from compare.results.document import DocumentError
 from document_faults import faults
-from marks import slow
+from marks import slow, slow_but
 from sim_models.engine import engine
 from tests.evidence.results.scoreboard import (
     HiddenSet,
@@ -900,7 +900,7 @@ def test_motors_rates_are_the_derivatives_of_where_they_are(case: str) -> None:
     assert set(platform(case).encoded(plan, plan.time)) == {encoder.name for encoder in load(case).encoders}
 
 
-@pytest.mark.parametrize("case", several.CASES)
+@pytest.mark.parametrize("case", slow_but(["five-bar", "2r-arm"], several.CASES))
 def test_several_motors_go_their_own_ways_and_are_all_measured(case: str) -> None:
     found = several.draw_several(np.random.default_rng(3), [case], ["cell"], slow=False)
     m = found.nominal
@@ -1330,7 +1330,7 @@ def test_a_set_of_the_bench_is_told_with_what_is_off_and_what_its_sensors_do() -
 
 @pytest.mark.slow
 def test_some_sets_of_the_bench_are_diagnosed_and_scored(tmp_path: Path) -> None:
-    """A set of each family, and an empty one, goes from its seed to a score; how many are good is the board's to say."""
+    """A set of each family, and an empty one, from seed to score; how many are good is the board's to say."""
     chosen = [*(FIRST[kind] + 1 for kind in BENCH), FIRST[BENCH[-1]] + 5]
     results = run_all(chosen, tmp_path, 2)
     assert [r.seed for r in results] == chosen

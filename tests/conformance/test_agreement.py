@@ -86,7 +86,7 @@ LAWS = {
     "gravity", "oblique load", "joint friction", "Stribeck friction", "drag", "joint spring",
     "spring that is not linear", "periodic torque", "reverse rotation",
 }  # fmt: skip
-SHARED_LAWS = {"spring that is not linear", "reverse rotation"}
+SHARED_LAWS = {"reverse rotation"}
 YIELDING = {
     ("mujoco", "massless-link", "driven"): {"joint friction"},
     ("mujoco", "spring-damper", "driven"): {"reverse rotation"},

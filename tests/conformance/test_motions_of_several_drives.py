@@ -217,7 +217,7 @@ def test_a_crank_on_a_course_is_the_same_by_either_way(name: str) -> None:
 # ---------------------------------------------------------------- nothing drives all of it
 
 
-@pytest.mark.parametrize("name", ENGINES)
+@pytest.mark.parametrize("name", slow_but(["mujoco", "exudyn"], ENGINES))
 def test_a_double_pendulum_swings_as_lagrange_says_and_keeps_its_energy(name: str) -> None:
     m, times = SWINGING, np.linspace(0.0, 0.4, 5)
     trace = moved(name, m, {}, times)
@@ -228,7 +228,7 @@ def test_a_double_pendulum_swings_as_lagrange_says_and_keeps_its_energy(name: st
     np.testing.assert_array_equal(trace.crank_angle, trace.signals["upper-arm_angle"])
 
 
-@pytest.mark.parametrize("name", ENGINES)
+@pytest.mark.parametrize("name", slow_but(["mujoco", "exudyn"], ENGINES))
 def test_a_forearm_hangs_freely_on_a_driven_arm(name: str) -> None:
     m, times = HANGING, np.linspace(0.0, 0.3, 16)
     trace = moved(name, m, {"O": (KNOTS, -1.2 + 2.0 * KNOTS)}, times)
@@ -418,7 +418,7 @@ def test_springs_pull_loose_linkages_as_tight_ones(name: str, model: JointModel,
     close(torque["loose"], torque["tight"], near * np.abs(torque["tight"]).max())
 
 
-@pytest.mark.parametrize("name", ENGINES)
+@pytest.mark.parametrize("name", slow_but(["mujoco", "exudyn"], ENGINES))
 def test_a_pendulum_that_is_let_go_on_a_spring_swings_as_its_equation_says(name: str) -> None:
     m, times = pendulum_on_a_spring(), np.linspace(0.0, 0.3, 4)
     angle, swung = f"{m.bodies[0].name}_angle", swung_on_its_spring(m, times)
