@@ -266,7 +266,7 @@ ANALYTIC = [
 TIMED = [replace(cell, timed=True) for cell in ANALYTIC if cell != Cell("accuracy", "static")]
 LOOSE = ("clearance", "guide", "contact_stiffness", "contact_damping", "contact_law", "restitution")
 FIRST = tuple(f"Joint.{field}" for field in ("clearance", "guide", "contact_stiffness", "friction"))  # seen quickly
-SOON = list(CHANGES)[::4]  # fields of the fast suite
+SOON = list(CHANGES)[::4]  # fields of the fast suite, and of maps
 TOUCHING = tuple(f"Joint.{field}" for field in (*LOOSE, "friction", "pin_radius"))
 
 
@@ -295,7 +295,8 @@ def every(simulator: str, name: str) -> list[Cell]:
         found += [Cell(command, "driven", moving, simulator, True), Cell(command, "static", "ideal", simulator)]
     if first:  # a map is over whole turns, and asks every engine as a comparison does
         found += [Cell("check", m, model, simulator) for m, model in (("driven", "ideal"), ("static", "contact"))]
-        found += [*ANALYTIC, *TIMED, Cell("validity", joint_model="contact", simulator=simulator)]
+        found += [*ANALYTIC, *TIMED]
+        found += [Cell("validity", joint_model="contact", simulator=simulator)] * (name in (*TOUCHING, *SOON))
     return found + [Cell("compare --flexible", "static", "ideal", simulator)] * (able.beams is not None)
 
 
