@@ -177,19 +177,16 @@ def test_laws_along_the_guide_act_where_the_block_is(name: str) -> None:
 FALLING = """
 name = "falling block"
 gravity = [0.0, -9.81]
-[ground]
-points = { O = [0.0, 0.0], S = [0.0, 0.0] }
-[[body]]
-name = "crank"
-points = { O = [0.0, 0.0] }
-com = [0.0, 0.0]
-mass = 1.0
-inertia = 1.0
-[[body]]
-name = "block"
-points = { S = [0.0, 0.0] }
-mass = 0.5
-inertia = 1e-3
+ground = { points = { O = [0.0, 0.0], S = [0.0, 0.0] } }
+body = [
+  { name = "crank", points = { O = [0.0, 0.0] }, com = [0.0, 0.0], mass = 1.0, inertia = 1.0 },
+  { name = "block", points = { S = [0.0, 0.0] }, mass = 0.5, inertia = 1e-3 },
+]
+drive = [
+  { joint = "O", speed = 1.0 },
+  { joint = "S", speed = "free" },
+]
+assembly = { crank = 0.0, block = 0.0 }
 [[joint]]
 name = "O"
 type = "revolute"
@@ -204,15 +201,6 @@ clearance = 2e-3
 contact_law = "flores"
 restitution = 0.7
 contact_stiffness = 1e8
-[[drive]]
-joint = "O"
-speed = 1.0
-[[drive]]
-joint = "S"
-speed = "free"
-[assembly]
-crank = 0.0
-block = 0.0
 """
 
 
