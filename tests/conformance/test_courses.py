@@ -50,7 +50,6 @@ SLIDER = at_speed(load("slider-crank"), "measured").with_joint("S", damping=1.5)
 RUBBED = ROCKER.with_joint("E", friction_torque=0.02).with_joint("B", damping=0.002)
 LAWS = at_speed(inverted_slider(), "measured")
 COURSES: dict[str, tuple[Mechanism, Course]] = {
-    "constant": (ROCKER, (TURN, SPEED * TURN)),
     "backwards": (ROCKER, (TURN, -SPEED * TURN)),
     "ripple": (ROCKER, (TURN, RIPPLE)),
     "from rest": (ROCKER, (SECOND, 20.0 * SECOND**2)),
@@ -97,11 +96,11 @@ def anywhere(m: Mechanism, course: Course, until: float) -> np.ndarray:
 
 
 EARLY, LATER = 0.15, 0.6  # of a course, in the short part of the suite and in the long one
-SHORT = [("mujoco", case, EARLY) for case in COURSES if case not in ("constant", "backwards", "standing")]
+SHORT = [("mujoco", case, EARLY) for case in COURSES if case not in ("backwards", "standing")]
 SHORT += [("exudyn", case, EARLY) for case in ("pendulum", "pendulum that rubs", "late, with few knots", "ripple")]
 SHORT += [("pybullet", case, EARLY) for case in ("pendulum", "ripple")]
 SHORT += [("dart", case, EARLY) for case in ("standing", "ripple", "pendulum")]
-EVERY = [(name, case, LATER) for name in ENGINES for case in COURSES if case != "constant"]
+EVERY = [(name, case, LATER) for name in ENGINES for case in COURSES]
 
 
 @pytest.mark.parametrize(("name", "case", "until"), [*SHORT, *slow(*EVERY)])
