@@ -103,7 +103,6 @@ def same(m: Mechanism, found: Mapping[str, np.ndarray], expected: Mapping[str, n
         assert off <= within * largest[known[name].unit], f"{name} is off by {off:.3g}"
 
 
-every_way = pytest.mark.parametrize("way", WAYS)
 every_linkage = pytest.mark.parametrize("name", LINKAGES)
 
 
