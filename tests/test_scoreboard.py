@@ -32,6 +32,7 @@ from compare.diagnose.problem import Options, Problem
 from compare.faults import Exit, OptionError
 from compare.results.diagnosis import Closing, Diagnosis, Effect, Parameter, Proposed, SamePlace, SmallError, Unknown
 from compare.results.document import DocumentError
+from diagnosis_rigs import SENSORS
 from document_faults import faults
 from marks import slow, slow_but
 from sim_models.engine import engine
@@ -84,14 +85,6 @@ from tests.evidence.stored import read, status
 REPORTS = Path(__file__).parents[1] / "reports" / "scoreboard"
 DRAWN = [name for name, effect in VOCABULARY.items() if effect.hiding.sets == "effects"]
 SPEED, ANGLE = 6.0, 0.4
-SENSORS = {
-    "crank_angle": 5e-5,
-    "follower_angle": 5e-5,
-    "coupler_x": 1e-5,
-    "drive_torque": 1e-3,
-    "reaction_E_x": 0.02,
-    "reaction_E_y": 0.02,
-}
 
 
 def experiment(*plans: Plan) -> Experiment:
