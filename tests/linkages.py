@@ -8,21 +8,17 @@ from analytic.mechanism.file import load, loads
 INVERTED_SLIDER = """
 name = "inverted slider"
 gravity = [0.0, -9.81]
-[ground]
-points = { O = [0.0, 0.0], C = [0.2, 0.05] }
-[[body]]
-name = "crank"
-points = { O = [0.0, 0.0], A = [0.06, 0.0] }
-mass = 0.2
-[[body]]
-name = "block"
-points = { A = [0.0, 0.01], S = [0.0, 0.0] }
-mass = 0.1
-inertia = 2e-5
-[[body]]
-name = "arm"
-points = { C = [0.0, 0.0], S = [0.02, 0.01], tip = [0.3, 0.0] }
-mass = 0.4
+ground = { points = { O = [0.0, 0.0], C = [0.2, 0.05] } }
+body = [
+  { name = "crank", points = { O = [0.0, 0.0], A = [0.06, 0.0] }, mass = 0.2 },
+  { name = "block", points = { A = [0.0, 0.01], S = [0.0, 0.0] }, mass = 0.1, inertia = 2e-5 },
+  { name = "arm", points = { C = [0.0, 0.0], S = [0.02, 0.01], tip = [0.3, 0.0] }, mass = 0.4 },
+]
+drive = { joint = "O", speed = -20.0 }
+load = [
+  { body = "arm", point = "tip", force = [3.0, -2.0], torque = 0.1 },
+]
+assembly = { crank = 0.3, block = -2.8, arm = 3.1 }
 [[joint]]
 name = "O"
 type = "revolute"
@@ -49,18 +45,6 @@ friction_torque = 0.02
 damping = 0.003
 stiffness = 0.4
 rest_angle = 0.2
-[drive]
-joint = "O"
-speed = -20.0
-[[load]]
-body = "arm"
-point = "tip"
-force = [3.0, -2.0]
-torque = 0.1
-[assembly]
-crank = 0.3
-block = -2.8
-arm = 3.1
 """
 
 
@@ -91,43 +75,20 @@ def six_bar_driven_from_the_rocker() -> Mechanism:
 
 SCOTCH_YOKE = """
 name = "scotch yoke"
-[ground]
-points = { O = [0.0, 0.0], Y = [0.0, 0.0] }
-[[body]]
-name = "crank"
-points = { O = [0.0, 0.0], A = [0.05, 0.0] }
-mass = 0.2
-[[body]]
-name = "block"
-points = { A = [0.0, 0.0], X = [0.0, 0.0] }
-mass = 0.1
-[[body]]
-name = "yoke"
-points = { X = [0.0, 0.0], Y = [0.0, 0.0] }
-mass = 0.5
-[[joint]]
-name = "O"
-type = "revolute"
-bodies = ["ground", "crank"]
-[[joint]]
-name = "A"
-type = "revolute"
-bodies = ["crank", "block"]
-[[joint]]
-name = "X"
-type = "prismatic"
-bodies = ["yoke", "block"]
-axis = [0.0, 1.0]
-[[joint]]
-name = "Y"
-type = "prismatic"
-bodies = ["ground", "yoke"]
-axis = [1.0, 0.0]
-[drive]
-joint = "O"
-speed = 10.0
-[assembly]
-crank = 0.3
+ground = { points = { O = [0.0, 0.0], Y = [0.0, 0.0] } }
+body = [
+  { name = "crank", points = { O = [0.0, 0.0], A = [0.05, 0.0] }, mass = 0.2 },
+  { name = "block", points = { A = [0.0, 0.0], X = [0.0, 0.0] }, mass = 0.1 },
+  { name = "yoke", points = { X = [0.0, 0.0], Y = [0.0, 0.0] }, mass = 0.5 },
+]
+joint = [
+  { name = "O", type = "revolute", bodies = ["ground", "crank"] },
+  { name = "A", type = "revolute", bodies = ["crank", "block"] },
+  { name = "X", type = "prismatic", bodies = ["yoke", "block"], axis = [0.0, 1.0] },
+  { name = "Y", type = "prismatic", bodies = ["ground", "yoke"], axis = [1.0, 0.0] },
+]
+drive = { joint = "O", speed = 10.0 }
+assembly = { crank = 0.3 }
 """
 
 
@@ -139,36 +100,16 @@ def scotch_yoke() -> Mechanism:
 DYAD_ON_A_TRIAD = """
 name = "dyad on a triad"
 gravity = [0.0, -9.81]
-[ground]
-points = { D = [0.0, 0.0], E = [0.12, 0.0], G = [0.2, 0.06], H = [0.3, 0.15] }
-[[body]]
-name = "crank"
-points = { D = [0.0, 0.0], A = [0.02, 0.0] }
-mass = 0.04
-[[body]]
-name = "link"
-points = { A = [0.0, 0.0], C = [0.1, 0.0] }
-mass = 0.05
-[[body]]
-name = "plate"
-points = { C = [0.0, 0.0], B = [0.05, 0.03], F = [0.06, -0.02] }
-mass = 0.14
-[[body]]
-name = "left"
-points = { E = [0.0, 0.0], B = [0.1, 0.0] }
-mass = 0.08
-[[body]]
-name = "right"
-points = { G = [0.0, 0.0], F = [0.05, 0.0], T = [0.05, 0.03] }
-mass = 0.08
-[[body]]
-name = "connector"
-points = { T = [0.0, 0.0], U = [0.0974, 0.0] }
-mass = 0.05
-[[body]]
-name = "output"
-points = { H = [0.0, 0.0], U = [0.0974, 0.0] }
-mass = 0.05
+ground = { points = { D = [0.0, 0.0], E = [0.12, 0.0], G = [0.2, 0.06], H = [0.3, 0.15] } }
+body = [
+  { name = "crank", points = { D = [0.0, 0.0], A = [0.02, 0.0] }, mass = 0.04 },
+  { name = "link", points = { A = [0.0, 0.0], C = [0.1, 0.0] }, mass = 0.05 },
+  { name = "plate", points = { C = [0.0, 0.0], B = [0.05, 0.03], F = [0.06, -0.02] }, mass = 0.14 },
+  { name = "left", points = { E = [0.0, 0.0], B = [0.1, 0.0] }, mass = 0.08 },
+  { name = "right", points = { G = [0.0, 0.0], F = [0.05, 0.0], T = [0.05, 0.03] }, mass = 0.08 },
+  { name = "connector", points = { T = [0.0, 0.0], U = [0.0974, 0.0] }, mass = 0.05 },
+  { name = "output", points = { H = [0.0, 0.0], U = [0.0974, 0.0] }, mass = 0.05 },
+]
 """ + "".join(
     f'[[joint]]\nname = "{name}"\ntype = "revolute"\nbodies = ["{first}", "{second}"]\n'
     for name, first, second in (
@@ -220,36 +161,16 @@ def chain(links: int, closed: bool) -> str:
 JANSEN = """
 name = "Jansen's leg"
 gravity = [0.0, -9.81]
-[ground]
-points = { O = [0.0, 0.0], B = [-0.038, -0.0078], E = [-0.038, -0.0078] }
-[[body]]
-name = "crank"
-points = { O = [0.0, 0.0], Z = [0.015, 0.0], Y = [0.015, 0.0] }
-mass = 0.075
-[[body]]
-name = "upper"
-points = { Z = [0.0, 0.0], U = [0.05, 0.0] }
-mass = 0.25
-[[body]]
-name = "lower"
-points = { Y = [0.0, 0.0], L = [0.0619, 0.0] }
-mass = 0.31
-[[body]]
-name = "rocker"
-points = { B = [0.0, 0.0], U = [0.0415, 0.0], V = [0.0026098795, 0.0400149788] }
-mass = 0.69
-[[body]]
-name = "swing"
-points = { E = [0.0, 0.0], L = [0.0393, 0.0], K = [0.0393, 0.0] }
-mass = 0.2
-[[body]]
-name = "strut"
-points = { V = [0.0, 0.0], W = [0.0394, 0.0] }
-mass = 0.2
-[[body]]
-name = "foot"
-points = { K = [0.0, 0.0], W = [0.0367, 0.0], X = [-0.007746594, 0.0483837812] }
-mass = 0.76
+ground = { points = { O = [0.0, 0.0], B = [-0.038, -0.0078], E = [-0.038, -0.0078] } }
+body = [
+  { name = "crank", points = { O = [0.0, 0.0], Z = [0.015, 0.0], Y = [0.015, 0.0] }, mass = 0.075 },
+  { name = "upper", points = { Z = [0.0, 0.0], U = [0.05, 0.0] }, mass = 0.25 },
+  { name = "lower", points = { Y = [0.0, 0.0], L = [0.0619, 0.0] }, mass = 0.31 },
+  { name = "rocker", points = { B = [0.0, 0.0], U = [0.0415, 0.0], V = [0.0026098795, 0.0400149788] }, mass = 0.69 },
+  { name = "swing", points = { E = [0.0, 0.0], L = [0.0393, 0.0], K = [0.0393, 0.0] }, mass = 0.2 },
+  { name = "strut", points = { V = [0.0, 0.0], W = [0.0394, 0.0] }, mass = 0.2 },
+  { name = "foot", points = { K = [0.0, 0.0], W = [0.0367, 0.0], X = [-0.007746594, 0.0483837812] }, mass = 0.76 },
+]
 """ + "".join(
     f'[[joint]]\nname = "{name}"\ntype = "revolute"\nbodies = ["{first}", "{second}"]\n'
     for name, first, second in (
@@ -283,72 +204,28 @@ def jansen_leg(push: float = 0.0) -> Mechanism:
 SHAPER = """
 name = "shaper"
 gravity = [0.0, -9.81]
-[ground]
-points = { O = [0.0, 0.0], P = [0.0, -0.25], S = [0.0, 0.2] }
-[[body]]
-name = "crank"
-points = { O = [0.0, 0.0], A = [0.08, 0.0] }
-mass = 2.0
-[[body]]
-name = "block"
-points = { A = [0.0, 0.0], Q = [0.0, 0.0] }
-mass = 0.5
-inertia = 1e-4
-[[body]]
-name = "lever"
-points = { P = [0.0, 0.0], Q = [0.0, 0.0], C = [0.4, 0.0] }
-mass = 4.0
-[[body]]
-name = "link"
-points = { C = [0.0, 0.0], B = [0.15, 0.0] }
-mass = 1.0
-[[body]]
-name = "ram"
-points = { B = [0.0, 0.0], S = [0.0, 0.0] }
-mass = 10.0
-inertia = 0.05
-[[joint]]
-name = "O"
-type = "revolute"
-bodies = ["ground", "crank"]
-[[joint]]
-name = "A"
-type = "revolute"
-bodies = ["crank", "block"]
-[[joint]]
-name = "Q"
-type = "prismatic"
-bodies = ["lever", "block"]
-axis = [1.0, 0.0]
-[[joint]]
-name = "P"
-type = "revolute"
-bodies = ["ground", "lever"]
-[[joint]]
-name = "C"
-type = "revolute"
-bodies = ["lever", "link"]
-[[joint]]
-name = "B"
-type = "revolute"
-bodies = ["link", "ram"]
-[[joint]]
-name = "S"
-type = "prismatic"
-bodies = ["ground", "ram"]
-axis = [1.0, 0.0]
-[drive]
-joint = "O"
-speed = 6.283185307179586
-[[load]]
-body = "ram"
-force = [-3300.0, 0.0]
-[assembly]
-crank = 0.0
-block = 1.26
-lever = 1.26
-link = 0.3
-ram = 0.0
+ground = { points = { O = [0.0, 0.0], P = [0.0, -0.25], S = [0.0, 0.2] } }
+body = [
+  { name = "crank", points = { O = [0.0, 0.0], A = [0.08, 0.0] }, mass = 2.0 },
+  { name = "block", points = { A = [0.0, 0.0], Q = [0.0, 0.0] }, mass = 0.5, inertia = 1e-4 },
+  { name = "lever", points = { P = [0.0, 0.0], Q = [0.0, 0.0], C = [0.4, 0.0] }, mass = 4.0 },
+  { name = "link", points = { C = [0.0, 0.0], B = [0.15, 0.0] }, mass = 1.0 },
+  { name = "ram", points = { B = [0.0, 0.0], S = [0.0, 0.0] }, mass = 10.0, inertia = 0.05 },
+]
+joint = [
+  { name = "O", type = "revolute", bodies = ["ground", "crank"] },
+  { name = "A", type = "revolute", bodies = ["crank", "block"] },
+  { name = "Q", type = "prismatic", bodies = ["lever", "block"], axis = [1.0, 0.0] },
+  { name = "P", type = "revolute", bodies = ["ground", "lever"] },
+  { name = "C", type = "revolute", bodies = ["lever", "link"] },
+  { name = "B", type = "revolute", bodies = ["link", "ram"] },
+  { name = "S", type = "prismatic", bodies = ["ground", "ram"], axis = [1.0, 0.0] },
+]
+drive = { joint = "O", speed = 6.283185307179586 }
+load = [
+  { body = "ram", force = [-3300.0, 0.0] },
+]
+assembly = { crank = 0.0, block = 1.26, lever = 1.26, link = 0.3, ram = 0.0 }
 """
 
 

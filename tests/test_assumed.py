@@ -19,27 +19,21 @@ from compare.quantities import assumptions
 from compare.results.analysis import Analysis
 from engines_here import missing, present
 from linkages import shaper
-from marks import slow
+from marks import slow_but
 from sim_models.engine import ENGINES, FEATURES, JointModel, Motion, declared
 
 LEVER = """
 name = "lever"
 gravity = [0.0, -9.81]
-[ground]
-points = { E = [0.0, 0.0] }
-[[body]]
-name = "lever"
-points = { E = [0.3, 0.0], S = [0.3, 0.0], B = [0.8, 0.0] }
-mass = 20.0
-[[joint]]
-name = "E"
-type = "revolute"
-bodies = ["ground", "lever"]
-[drive]
-joint = "E"
-speed = 1.0
-[assembly]
-lever = 0.0
+ground = { points = { E = [0.0, 0.0] } }
+body = [
+  { name = "lever", points = { E = [0.3, 0.0], S = [0.3, 0.0], B = [0.8, 0.0] }, mass = 20.0 },
+]
+joint = [
+  { name = "E", type = "revolute", bodies = ["ground", "lever"] },
+]
+drive = { joint = "E", speed = 1.0 }
+assembly = { lever = 0.0 }
 """
 
 
@@ -123,8 +117,20 @@ OF_CONTACT = {"contact_stiffness", "contact_damping", "restitution", "pin_radius
 BARE = """
 name = "bare"
 gravity = [0.0, -9.81]
-[ground]
-points = { O = [0.0, 0.0], S = [0.0, 0.02], post = [0.1, 0.2] }
+ground = { points = { O = [0.0, 0.0], S = [0.0, 0.02], post = [0.1, 0.2] } }
+joint = [
+  { name = "O", type = "revolute", bodies = ["ground", "crank"] },
+  { name = "A", type = "revolute", bodies = ["crank", "rod"] },
+  { name = "B", type = "revolute", bodies = ["rod", "slider"] },
+  { name = "S", type = "prismatic", bodies = ["ground", "slider"], axis = [1.0, 0.0], stiffness = 300.0 },
+]
+load = [
+  { body = "rod", force = [4.0, 3.0] },
+]
+spring = [
+  { bodies = ["ground", "rod"], points = ["post", "tip"], stiffness = 50.0 },
+]
+assembly = { crank = 0.4, rod = 0.0, slider = 0.0 }
 [[body]]
 name = "crank"
 points = { O = [0.0, 0.0], A = [0.05, 0.01] }
@@ -139,40 +145,11 @@ youngs_modulus = 2e11
 name = "slider"
 points = { B = [0.0, 0.0], S = [0.01, 0.0] }
 mass = 0.14
-[[joint]]
-name = "O"
-type = "revolute"
-bodies = ["ground", "crank"]
-[[joint]]
-name = "A"
-type = "revolute"
-bodies = ["crank", "rod"]
-[[joint]]
-name = "B"
-type = "revolute"
-bodies = ["rod", "slider"]
-[[joint]]
-name = "S"
-type = "prismatic"
-bodies = ["ground", "slider"]
-axis = [1.0, 0.0]
-stiffness = 300.0
 [drive]
 joint = "O"
 speed = 30.0
 ripple = { amplitude = 0.01, harmonic = 2 }
 periodic_torque = { amplitude = 0.2, harmonic = 3 }
-[[load]]
-body = "rod"
-force = [4.0, 3.0]
-[[spring]]
-bodies = ["ground", "rod"]
-points = ["post", "tip"]
-stiffness = 50.0
-[assembly]
-crank = 0.4
-rod = 0.0
-slider = 0.0
 """
 
 
@@ -255,7 +232,7 @@ NUMBERS = {"contact_stiffness": "N/m", "contact_damping": "N.s/m", "restitution"
 @pytest.mark.filterwarnings("ignore:.*which is assumed")  # a pin's radius: it is in what is listed
 @pytest.mark.parametrize(
     ("name", "model", "motion"),
-    [pair for pair in PAIRS if pair[0] == "mujoco"] + slow(*(pair for pair in PAIRS if pair[0] != "mujoco")),
+    slow_but([("mujoco", "contact", "driven")], PAIRS),
 )
 def test_what_contact_is_made_of_is_in_the_settings_and_listed_with_its_value(
     name: str, model: JointModel, motion: Motion
@@ -293,46 +270,23 @@ def test_what_contact_is_made_of_is_in_the_settings_and_listed_with_its_value(
 
 PRESSED = """
 name = "pressed"
-[ground]
-points = { D = [0.0, 0.0], E = [0.12, 0.0] }
-[[body]]
-name = "crank"
-points = { D = [0.0, 0.0], A = [0.05, 0.0] }
-mass = 0.04
-[[body]]
-name = "coupler"
-points = { A = [0.0, 0.0], B = [0.12, 0.0] }
-mass = 0.09
-[[body]]
-name = "follower"
-points = { E = [0.0, 0.0], B = [0.10, 0.0] }
-mass = 0.08
-[[joint]]
-name = "D"
-type = "revolute"
-bodies = ["ground", "crank"]
-[[joint]]
-name = "A"
-type = "revolute"
-bodies = ["crank", "coupler"]
-[[joint]]
-name = "B"
-type = "revolute"
-bodies = ["coupler", "follower"]
-[[joint]]
-name = "E"
-type = "revolute"
-bodies = ["ground", "follower"]
-[drive]
-joint = "D"
-speed = 10.0
-[[load]]
-body = "follower"
-torque = -2.0
-[assembly]
-crank = 0.0
-coupler = 0.984
-follower = 1.6065
+ground = { points = { D = [0.0, 0.0], E = [0.12, 0.0] } }
+body = [
+  { name = "crank", points = { D = [0.0, 0.0], A = [0.05, 0.0] }, mass = 0.04 },
+  { name = "coupler", points = { A = [0.0, 0.0], B = [0.12, 0.0] }, mass = 0.09 },
+  { name = "follower", points = { E = [0.0, 0.0], B = [0.10, 0.0] }, mass = 0.08 },
+]
+joint = [
+  { name = "D", type = "revolute", bodies = ["ground", "crank"] },
+  { name = "A", type = "revolute", bodies = ["crank", "coupler"] },
+  { name = "B", type = "revolute", bodies = ["coupler", "follower"] },
+  { name = "E", type = "revolute", bodies = ["ground", "follower"] },
+]
+drive = { joint = "D", speed = 10.0 }
+load = [
+  { body = "follower", torque = -2.0 },
+]
+assembly = { crank = 0.0, coupler = 0.984, follower = 1.6065 }
 """
 
 

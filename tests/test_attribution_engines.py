@@ -68,6 +68,7 @@ def printed_side(assembly: Assembly, schedule: Schedule, model: Model, clearance
     return replace(right, signals=with_derived(wrong, assembly.mechanism))
 
 
+@pytest.mark.slow
 def test_the_printed_equation_11_stands_apart_as_the_analytic_model() -> None:
     job = job_of(load("paper").with_clearances({}), INSTALLED, load_tolerances(), "driven", PAPER)
     result = crosscheck_job(job, measure=printed_side)
@@ -75,6 +76,7 @@ def test_the_printed_equation_11_stands_apart_as_the_analytic_model() -> None:
     assert result.words.startswith("the analytic model stands apart")
 
 
+@pytest.mark.slow
 def test_what_agrees_with_its_contact_yielding_does_not_stand_apart() -> None:
     """Contact yields by more than a tenth of a small clearance: what the verdict allows for, the attribution
     does too.
@@ -116,6 +118,7 @@ def test_nobody_stands_apart_where_nothing_was_planted() -> None:
     assert set(result.spread["reaction_B_angle"].between) <= set(INSTALLED)
 
 
+@pytest.mark.slow
 def test_the_papers_first_order_stands_apart_at_large_clearance() -> None:
     job = job_of(
         load("paper"), INSTALLED, load_tolerances(), "static", PAPER, joint_model="contact", model="first_order"

@@ -207,6 +207,7 @@ def driven_slider() -> Mechanism:
     return m.replace(drives=(m.drives[0].model_copy(update={"speed": 30.0}),))
 
 
+@pytest.mark.slow
 @pytest.mark.mujoco
 @pytest.mark.parametrize("model", ["contact", "spring-damper", *slow("massless-link")])
 def test_a_step_with_friction_by_reactions_heeds_them_once(model: JointModel) -> None:

@@ -69,6 +69,7 @@ def test_noise_that_is_stated_too_large_names_nothing_and_is_told() -> None:
     assert "give a smaller noise, or none, to look closer" in note
 
 
+@pytest.mark.slow
 def test_noise_that_is_overstated_does_not_hide_a_sensor_that_is_off() -> None:
     """One sensor is off by more than its noise, all others are ten times better than stated."""
     gain = wrong("sensor_gain", "drive_torque", gain_error=0.0025)

@@ -348,7 +348,7 @@ def test_what_is_excluded_is_not_named(longer_follower: Measured, exclude: str) 
     assert (statuses(result, "link_length", "crank") == "excluded") == (exclude == "link_length")
 
 
-@pytest.mark.parametrize("only", ["link_length", "link_length@follower"])
+@pytest.mark.parametrize("only", ["link_length@follower", *slow("link_length")])
 def test_only_what_is_asked_for_is_considered(longer_follower: Measured, only: str) -> None:
     result = diagnosed(longer_follower, only=(only,))
     assert_recovered(result, FOLLOWER)
@@ -435,6 +435,7 @@ def test_an_encoder_that_is_off_by_another_amount_in_each_run() -> None:
     assert_recovered(diagnosed(played(experiment(), truth)), truth)
 
 
+@pytest.mark.slow
 def test_a_clipped_sensor_is_a_fault_of_the_data_and_nothing_is_named(tmp_path: Path) -> None:
     rig = experiment()
     seen = readings(rig)
@@ -562,6 +563,7 @@ def test_an_effect_of_ones_own_on_a_sensor_is_found() -> None:
     assert "Worn tooth at follower_angle" in result["statement"]
 
 
+@pytest.mark.slow
 def test_an_effect_of_ones_own_on_the_mechanism_is_found_and_simulated() -> None:
     real = four_bar(loads=(*four_bar().loads, Load(body="coupler", point="B", force=(1.5, 0.0))))
     seen = readings(experiment(mechanism=real))
@@ -680,11 +682,10 @@ def test_every_engine_can_diagnose(simulator: str) -> None:
 @pytest.mark.parametrize(
     ("truth", "options", "status", "verdict"),
     [
-        ((), (), 0, "no gap"),
         ((VISCOUS,), (), 0, "explained"),
-        ((VISCOUS,), ("--only", "gravity"), 1, "unexplained"),
+        *slow(((), (), 0, "no gap"), ((VISCOUS,), ("--only", "gravity"), 1, "unexplained")),
     ],
-    ids=["no gap", "explained", "unexplained"],
+    ids=["explained", "no gap", "unexplained"],
 )
 def test_the_command(
     run: Callable[..., Ended],

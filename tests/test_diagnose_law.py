@@ -165,6 +165,7 @@ def test_the_command_refuses_in_a_sentence(asked: str, simulator: str, words: st
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.mujoco
 def test_pins_that_keep_touching_tell_no_law() -> None:
     rig = experiment(mechanism=four_bar().with_joint("B", clearance=1e-4))
@@ -176,29 +177,6 @@ def test_pins_that_keep_touching_tell_no_law() -> None:
 
 
 # ---------------------------------------------------------------- rigs (long)
-
-
-@pytest.mark.slow
-@pytest.mark.exudyn
-@pytest.mark.mujoco
-def test_the_law_of_a_pin_whose_clearance_is_known_is_found(tmp_path: Path) -> None:
-    """Restitution 0.750 and friction 0.101 were found by 48 trials, and 0.68 and 0.0995 on another rig."""
-    made = rig("crank-rocker", LAWS["crank-rocker"])
-    path = recorded(made, made.believed.with_joint("B", clearance=CLEARANCE), tmp_path)
-    found = diagnose(path, "mujoco", only=["contact_law"], others=False, workers=1)
-    (effect,) = found.effects
-    assert (effect.name, effect.where) == ("contact_law", "B")
-    values = effect.parameters
-    for name, true in (("restitution", 0.75), ("stiffness", 3e6), ("friction", 0.1)):
-        assert (values[name].low or -math.inf) <= true <= (values[name].high or math.inf), name
-    assert values["restitution"].value == pytest.approx(0.75, abs=0.25)
-    assert values["friction"].value == pytest.approx(0.1, abs=0.02)
-    assert effect.gap_after < effect.gap_before / 2
-    joint = found.explained.joint("B")
-    assert joint.restitution == pytest.approx(values["restitution"].value, rel=1e-12)
-    assert joint.friction == pytest.approx(values["friction"].value, rel=1e-12)
-    assert joint.contact_stiffness == pytest.approx(values["stiffness"].value, rel=1e-12)
-    assert joint.clearance == CLEARANCE
 
 
 @pytest.mark.slow
@@ -220,3 +198,7 @@ def test_the_law_of_a_pin_is_found_with_its_joint_and_its_clearance(tmp_path: Pa
     assert values["friction"].value == pytest.approx(0.1, abs=0.02)
     assert values["stiffness"].value == pytest.approx(5e6, rel=0.5)
     assert law.gap_after < law.gap_before < gap.gap_before / 4
+    joint = found.explained.joint("B")
+    told = [values[name].value for name in ("restitution", "stiffness", "friction")]
+    assert [joint.restitution, joint.contact_stiffness, joint.friction] == pytest.approx(told, rel=1e-12)
+    assert joint.clearance == pytest.approx(CLEARANCE, rel=0.05)

@@ -170,6 +170,7 @@ def worn_axis(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
     return diagnosed(axis(tmp_path_factory.mktemp("worn"), worn))
 
 
+@pytest.mark.slow
 def test_both_frictions_and_the_offset_of_an_axis_are_named_with_their_sizes(worn_axis: Diagnosis) -> None:
     """The offset is a bias of the force, or a force on the carriage: with one sensor nobody can tell which."""
     found = sizes(worn_axis)
@@ -360,56 +361,20 @@ def test_a_crank_and_a_slide_name_their_encoder_and_their_motor(tmp_path: Path) 
 
 PRESS = """name = "press"
 gravity = [0.0, -9.81]
-
-[ground]
-points = { S = [0.0, 0.0], O = [0.5, 0.3] }
-
-[[body]]
-name = "carriage"
-points = { S = [0.0, 0.0], A = [0.0, 0.02] }
-mass = 5.0
-com = [0.0, 0.0]
-inertia = 0.01
-
-[[body]]
-name = "coupler"
-points = { A = [0.0, 0.0], B = [0.35, 0.0] }
-mass = 1.2
-
-[[body]]
-name = "rocker"
-points = { O = [0.0, 0.0], B = [0.25, 0.0] }
-mass = 0.9
-
-[[joint]]
-name = "S"
-type = "prismatic"
-bodies = ["ground", "carriage"]
-axis = [1.0, 0.0]
-
-[[joint]]
-name = "A"
-type = "revolute"
-bodies = ["carriage", "coupler"]
-
-[[joint]]
-name = "B"
-type = "revolute"
-bodies = ["coupler", "rocker"]
-
-[[joint]]
-name = "O"
-type = "revolute"
-bodies = ["ground", "rocker"]
-
-[drive]
-joint = "S"
-speed = "measured"
-
-[assembly]
-carriage = 0.0
-coupler = 0.7
-rocker = 2.5
+ground = { points = { S = [0.0, 0.0], O = [0.5, 0.3] } }
+body = [
+  { name = "carriage", points = { S = [0.0, 0.0], A = [0.0, 0.02] }, mass = 5.0, com = [0.0, 0.0], inertia = 0.01 },
+  { name = "coupler", points = { A = [0.0, 0.0], B = [0.35, 0.0] }, mass = 1.2 },
+  { name = "rocker", points = { O = [0.0, 0.0], B = [0.25, 0.0] }, mass = 0.9 },
+]
+joint = [
+  { name = "S", type = "prismatic", bodies = ["ground", "carriage"], axis = [1.0, 0.0] },
+  { name = "A", type = "revolute", bodies = ["carriage", "coupler"] },
+  { name = "B", type = "revolute", bodies = ["coupler", "rocker"] },
+  { name = "O", type = "revolute", bodies = ["ground", "rocker"] },
+]
+drive = { joint = "S", speed = "measured" }
+assembly = { carriage = 0.0, coupler = 0.7, rocker = 2.5 }
 """
 
 

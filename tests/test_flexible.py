@@ -55,7 +55,8 @@ class Softer:
     def simulate(self, request: Request) -> Trace:
         m = request.mechanism
         for body in m.bodies:
-            m = m.with_body(body.name, youngs_modulus=0.9 * (body.youngs_modulus or 0.0))
+            if body.youngs_modulus is not None:
+                m = m.with_body(body.name, youngs_modulus=0.9 * body.youngs_modulus)
         return self.beams.simulate(replace(request, mechanism=m))
 
 

@@ -25,7 +25,6 @@ from asked import job_of, request_of
 from commands import compare
 from compare.crosscheck import crosscheck_job
 from compare.faults import ArgumentError
-from compare.judge.flexible import Beams
 from compare.judge.reference import reference, with_flexible_links
 from compare.judge.tolerances import load_tolerances
 from marks import slow
@@ -33,6 +32,7 @@ from several_linkages import SHIPPED, TIMES, third_bar, waved
 from sim_models.engine import Request, SimulationError, Trace, Unsupported, engine
 from sim_models.exudyn.beam_model import Element
 from sim_models.exudyn.beams import flexible
+from test_flexible import Softer
 
 PLATFORMS = ("3-rrr", "3-rpr")  # whose beams take longest
 ROWS = [*(name for name in SHIPPED if name not in PLATFORMS), *slow(*PLATFORMS)]
@@ -380,21 +380,6 @@ def test_a_linkage_that_is_held_more_often_than_it_needs_bends(rigid: tuple[str,
     run = checked(m, "ideal", courses={"D": (knots, 0.5 + knots)})
     assert not outside(run)
     assert {"coupler_y", "drive_torque"} <= {d.signal for d in run.discrepancies}
-
-
-class Softer:
-    """An engine whose links are a tenth softer than it is told."""
-
-    def __init__(self, name: str) -> None:
-        self.beams = Beams.of(name)
-        self.name, self.package, self.capabilities = self.beams.name, self.beams.package, self.beams.capabilities
-
-    def simulate(self, request: Request) -> Trace:
-        m = request.mechanism
-        for body in m.bodies:
-            if body.youngs_modulus is not None:
-                m = m.with_body(body.name, youngs_modulus=0.9 * body.youngs_modulus)
-        return self.beams.simulate(replace(request, mechanism=m))
 
 
 @pytest.mark.parametrize("name", ["five-bar", "2r-arm", *slow("3-rrr")])

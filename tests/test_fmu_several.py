@@ -86,8 +86,16 @@ R_y = { signal = "reaction_O_y" }
 ARM = """
 name = "polar arm"
 gravity = [0.0, -9.81]
-[ground]
-points = { O = [0.0, 0.0] }
+ground = { points = { O = [0.0, 0.0] } }
+joint = [
+  { name = "O", type = "revolute", bodies = ["ground", "arm"] },
+  { name = "S", type = "prismatic", bodies = ["arm", "hand"], axis = [1.0, 0.0] },
+]
+drive = [
+  { joint = "O", speed = 1.5 },
+  { joint = "S", speed = 0.08 },
+]
+assembly = { arm = 0.3, hand = 0.3 }
 [[body]]
 name = "arm"
 points = { O = [0.0, 0.0], S = [0.2, 0.0], end = [0.4, 0.0] }
@@ -100,24 +108,6 @@ points = { S = [0.0, 0.0], tip = [0.05, 0.0] }
 mass = 0.5
 com = [0.0, 0.0]
 inertia = 1e-3
-[[joint]]
-name = "O"
-type = "revolute"
-bodies = ["ground", "arm"]
-[[joint]]
-name = "S"
-type = "prismatic"
-bodies = ["arm", "hand"]
-axis = [1.0, 0.0]
-[[drive]]
-joint = "O"
-speed = 1.5
-[[drive]]
-joint = "S"
-speed = 0.08
-[assembly]
-arm = 0.3
-hand = 0.3
 """
 TIMES = np.linspace(0.0, 0.8, 9)
 

@@ -38,6 +38,7 @@ def pushed(force: np.ndarray, time: np.ndarray) -> Reaction:
 # ---------------------------------------------------------------- closed forms
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", [None, STIFF], ids=["rigid", "yielding"])
 def test_a_pin_follows_a_reaction_that_turns_evenly_however_fast(law: NamedLaw | None) -> None:
     """Its own motion presses it the harder: N = F + m c w^2."""

@@ -18,6 +18,7 @@ from analytic.mechanism.file import load
 from asked import request_of
 from compare.cli.app import app
 from engine_checks import vector
+from marks import slow, slow_but
 from mjcf_files import PLAIN, written
 from mjcf_several_files import ARM, FILES, FIVE_BAR, RK4, SLIDER_CRANK, STIFF, THREE_CRANKS, THREE_RPR, altered
 from several_linkages import CASES, KNOTS, Knots, referee, splines, waved
@@ -75,8 +76,8 @@ EFFORTS = {
 }
 
 
-@pytest.mark.parametrize("motion", ["driven", "static"])
-@pytest.mark.parametrize("name", FILES)
+@pytest.mark.parametrize("motion", ["driven", *slow("static")])
+@pytest.mark.parametrize("name", slow_but(["five-bar", "arm"], FILES))
 def test_a_file_agrees_with_its_import(name: str, motion: str, tmp_path: Path) -> None:
     path = written(tmp_path, {"": FILES[name]})
     status, result = imported_and_compared(path, *COMMAND, "--motion", motion)
@@ -93,7 +94,7 @@ HEAVIER = {
 }
 
 
-@pytest.mark.parametrize("name", FILES)
+@pytest.mark.parametrize("name", slow_but(["five-bar"], FILES))
 def test_a_mass_that_is_changed_in_the_file_is_found(name: str, tmp_path: Path) -> None:
     """Which agrees without the change, as the test above says."""
     path = written(tmp_path, {"": FILES[name]})
@@ -339,7 +340,7 @@ def test_a_spring_between_points_is_read_and_pulls(tmp_path: Path) -> None:
         assert lc.crosscheck(other, f"mjcf:{path}", times=TIMES, motion=motion).verdict == "disagrees"
 
 
-@pytest.mark.parametrize("name", ["five-bar", "3-rpr"])
+@pytest.mark.parametrize("name", ["five-bar", *slow("3-rpr")])
 def test_springs_survive_export_and_import(name: str, tmp_path: Path) -> None:
     m = CASES[f"{name} with springs"]
     lc.export(m, "mujoco", folder=tmp_path / "out", times=TIMES[:3])

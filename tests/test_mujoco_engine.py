@@ -90,6 +90,7 @@ def test_a_smaller_step_comes_closer_to_the_equation_of_motion() -> None:
     assert fine < coarse / 2
 
 
+@pytest.mark.slow
 def test_contact_of_known_stiffness_is_of_second_order_in_the_step() -> None:
     """The pin is pressed all the way, on a wall of which its bounces take a fraction of a step's turn."""
     theta = np.radians(np.arange(0.0, 180.0, 5.0))

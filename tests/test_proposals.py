@@ -82,6 +82,7 @@ def test_a_torque_without_a_name_is_proposed_at_its_joint_with_its_law(what: str
         assert c.high - c.low < 0.1 * max(abs(n) for n in numbers.values())
 
 
+@pytest.mark.slow
 def test_a_proposal_is_no_name_and_no_part_of_the_verdict() -> None:
     found = unnamed("Stribeck")
     assert found.proposed

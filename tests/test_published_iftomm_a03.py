@@ -27,6 +27,7 @@ def by_its_inputs(times: np.ndarray) -> Reactions:
     return free_motion(Assembly(squeezer()), times, {})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solve", [by_its_crank, by_its_inputs])
 def test_analytic_motion_is_the_published_one(solve: Callable[[np.ndarray], Reactions]) -> None:
     """1e-6 of each of the fourteen; reached: 1e-9 of the angles, 2e-7 of the rates."""

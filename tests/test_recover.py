@@ -58,35 +58,6 @@ PLAYED_BY = {
     "load_torque": "dart",
     "drive_backlash": "dart",
 }  # the others by Exudyn; MuJoCo diagnoses
-# Two take more than ten times what the others take; the others, or their like, are recovered in test_diagnose too.
-SLOW = {"drag", "link_flexibility", "drive_compliance", "drive_backlash", "sensor_gain"} | {
-    "payload",
-    "link_length",
-    "joint_clearance",
-    "viscous_friction",
-    "external_force",
-    "encoder_offset",
-    "sensor_bias",
-    "sensor_frame",
-    "clock_offset",
-    "sensor_delay",
-    "sensor_lag",
-    "sensor_drift",
-    "moment_of_inertia",
-    "gravity",
-    "pivot_position",
-    "load_torque",
-    "joint_spring",
-    "speed_ripple",
-    "coulomb_friction",
-    "stribeck_friction",
-    "load_friction",
-    "nonlinear_spring",
-    "joint_compliance",
-    "periodic_torque",
-    "encoder_harmonic",
-    "com_offset",
-}
 MORE_SENSORS = {"com_offset": {"coupler_y": 1e-5}}
 
 
@@ -99,7 +70,8 @@ APART = {"stamp_jitter", "contact_law"}  # they have tests of their own: each li
 PLAYED = [n for n in VOCABULARY if n not in APART]
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n in SLOW else n for n in PLAYED])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PLAYED)
 def test_a_hidden_effect_is_recovered(name: str) -> None:
     assert name in RECOVERED, f"{name} has no case: say where it is hidden and how large it is"
     rig = experiment(sensors=SENSORS | MORE_SENSORS.get(name, {}))

@@ -103,7 +103,7 @@ def test_a_four_bar_that_several_joints_hold_has_no_answer_from_there_on() -> No
     assert np.isnan(side.signals["reaction_A_x"][held]).all()
 
 
-@pytest.mark.parametrize("friction", [*slow(0.0, 0.05, 0.2), 0.36])
+@pytest.mark.parametrize("friction", slow(0.0, 0.05, 0.2, 0.36))
 def test_the_tables_of_many_linkages_swing_turn_and_stick_as_the_equation_does(friction: float) -> None:
     assembly, time = Assembly(rubbing(friction)), np.linspace(0.0, 3.0, 301)
     theta, omega, alpha = swing([Freedom.of(assembly)], np.array([[assembly.start, 0.0]]), time)

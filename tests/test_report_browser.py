@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import math
 import os
@@ -143,10 +142,6 @@ class Browser:
             buttons=int(pressed),
             clickCount=int(pressed),
         )
-
-    def screenshot(self, path: Path, whole: bool = True) -> None:
-        """A picture of the page."""
-        path.write_bytes(base64.b64decode(self.call("Page.captureScreenshot", captureBeyondViewport=whole)["data"]))
 
     def close(self) -> None:
         """End the browser."""

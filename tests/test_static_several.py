@@ -25,7 +25,7 @@ from compare.questions.analyse import SimulateQuestion
 from compare.results.crosscheck import CrossCheck
 from engine_checks import vector
 from engines_here import present
-from marks import slow
+from marks import slow, slow_but
 from maximal import Maximal, Posed
 from several_linkages import CASES, KNOTS, SHIPPED, TIMES, Knots, splines, waved
 from several_truths import agrees, close
@@ -142,7 +142,7 @@ def test_an_engine_at_rest_has_the_forces_of_the_referee_and_no_rates(name: str,
     close(trace.crank_angle, splines(waved(m))[first](TIMES), 1e-9)
 
 
-@pytest.mark.parametrize("name", EACH)
+@pytest.mark.parametrize("name", slow_but(["mujoco"], ENGINES))
 def test_times_may_be_in_any_order_and_few(name: str) -> None:
     m = load("3-rrr")
     trace, backwards = (rest(name, m, waved(m), times) for times in (TIMES, TIMES[::-1]))
@@ -391,6 +391,7 @@ def test_another_programs_equilibria_are_checked_by_their_positions(case: str, t
     assert lc.check(tmp_path / "theirs.csv", case, joint_model="ideal").verdict == "disagrees"
 
 
+@pytest.mark.slow
 @pytest.mark.exudyn
 def test_positions_of_a_checked_file_are_as_exact_as_they_are_written(tmp_path: Path) -> None:
     """Though its times have three decimals, and a body is off by a hundredth of a millimetre."""

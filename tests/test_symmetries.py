@@ -103,7 +103,6 @@ def same(m: Mechanism, found: Mapping[str, np.ndarray], expected: Mapping[str, n
         assert off <= within * largest[known[name].unit], f"{name} is off by {off:.3g}"
 
 
-every_way = pytest.mark.parametrize("way", WAYS)
 every_linkage = pytest.mark.parametrize("name", LINKAGES)
 
 
@@ -164,8 +163,8 @@ ENGINES_SEE = [
     ("mujoco", "five-bar", "static", True),
     *slow(*(
         (engine, name, *asked)
-        for engine in ENGINES for name in LINKAGES for asked, model in MODELS.items()
-        if (model, asked[0]) in declared(engine).capabilities.runs
+        for e, engine in enumerate(ENGINES) for k, name in enumerate(LINKAGES) for asked, model in MODELS.items()
+        if (model, asked[0]) in declared(engine).capabilities.runs and (not asked[1] or (e + k) % 2 == 0)
     )),
 ]  # fmt: skip
 

@@ -50,7 +50,6 @@ SLIDER = at_speed(load("slider-crank"), "measured").with_joint("S", damping=1.5)
 RUBBED = ROCKER.with_joint("E", friction_torque=0.02).with_joint("B", damping=0.002)
 LAWS = at_speed(inverted_slider(), "measured")
 COURSES: dict[str, tuple[Mechanism, Course]] = {
-    "constant": (ROCKER, (TURN, SPEED * TURN)),
     "backwards": (ROCKER, (TURN, -SPEED * TURN)),
     "ripple": (ROCKER, (TURN, RIPPLE)),
     "from rest": (ROCKER, (SECOND, 20.0 * SECOND**2)),
@@ -96,12 +95,12 @@ def anywhere(m: Mechanism, course: Course, until: float) -> np.ndarray:
     return time[clear]
 
 
-EARLY = 0.15  # of a course, in the short part of the suite
-SHORT = [("mujoco", case, EARLY) for case in COURSES if case not in ("constant", "backwards", "standing")]
+EARLY, LATER = 0.15, 0.6  # of a course, in the short part of the suite and in the long one
+SHORT = [("mujoco", case, EARLY) for case in COURSES if case not in ("backwards", "standing")]
 SHORT += [("exudyn", case, EARLY) for case in ("pendulum", "pendulum that rubs", "late, with few knots", "ripple")]
 SHORT += [("pybullet", case, EARLY) for case in ("pendulum", "ripple")]
 SHORT += [("dart", case, EARLY) for case in ("standing", "ripple", "pendulum")]
-EVERY = [(name, case, 1.0) for name in ENGINES for case in COURSES]
+EVERY = [(name, case, LATER) for name in ENGINES for case in COURSES]
 
 
 @pytest.mark.parametrize(("name", "case", "until"), [*SHORT, *slow(*EVERY)])
@@ -246,6 +245,7 @@ REPEATING = [
     for stiffness in (50.0, 200.0, 500.0, 2000.0)
     if stiffness >= SOFTEST[name]
     for ripple in (0.0, 2e-3)
+    if ripple or stiffness == SOFTEST[name]  # one motor without, the hardest to start
 ]
 
 
@@ -279,7 +279,7 @@ SWINGS = [
     (name, case, stiffness)
     for name in ENGINES
     for case in ("crank-rocker", "pendulum")
-    for stiffness in (50.0, 100.0, 2000.0)
+    for stiffness in (100.0, 2000.0)
 ]
 SOON = [("mujoco", "crank-rocker", 2000.0), ("exudyn", "pendulum", 100.0)]
 

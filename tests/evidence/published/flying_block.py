@@ -22,23 +22,14 @@ FREE = 26  # samples after the start, up to 2.6 ms, in which nothing is touched
 TOML = """
 name = "slider-crank of Flores, Leine and Glocker (2010)"
 gravity = [0.0, -9.81]
-[ground]
-points = { O = [0.0, 0.0], S = [0.0, 0.0] }
-[[body]]
-name = "crank"
-points = { O = [0.0, 0.0], A = [0.153, 0.0] }
-mass = 0.038
-inertia = 7.4e-5
-[[body]]
-name = "rod"
-points = { A = [0.0, 0.0], B = [0.306, 0.0] }
-mass = 0.038
-inertia = 5.9e-4
-[[body]]
-name = "slider"
-points = { B = [0.0, 0.0], S = [0.0, 0.0] }
-mass = 0.076
-inertia = 2.7e-6
+ground = { points = { O = [0.0, 0.0], S = [0.0, 0.0] } }
+body = [
+  { name = "crank", points = { O = [0.0, 0.0], A = [0.153, 0.0] }, mass = 0.038, inertia = 7.4e-5 },
+  { name = "rod", points = { A = [0.0, 0.0], B = [0.306, 0.0] }, mass = 0.038, inertia = 5.9e-4 },
+  { name = "slider", points = { B = [0.0, 0.0], S = [0.0, 0.0] }, mass = 0.076, inertia = 2.7e-6 },
+]
+drive = { joint = "O", speed = "free" }
+assembly = { crank = 0.0, rod = 0.0, slider = 0.0 }
 [[joint]]
 name = "O"
 type = "revolute"
@@ -59,13 +50,6 @@ axis = [1.0, 0.0]
 guide = [0.1, 0.05]
 clearance = 1e-3
 restitution = 0.4
-[drive]
-joint = "O"
-speed = "free"
-[assembly]
-crank = 0.0
-rod = 0.0
-slider = 0.0
 """
 
 
