@@ -54,7 +54,8 @@ LINES = {
     "Compliance(paper, 29 crank angles 20..160 deg, up to 0.00114 m)": TOTAL.compliance,
     "Total(Displaced(paper, equilibrium, 29 crank angles 20..160 deg, clearance B 0.0001 m, E 0.0001 m), "
     "Compliance(paper, 29 crank angles 20..160 deg, up to 0.00114 m))": TOTAL,
-    "AccuracyAnalysis(paper, 29 crank angles 20..160 deg, clearance B 0.0001 m, E 0.0001 m, 2 outputs, 0 side changes)": FOUND,
+    "AccuracyAnalysis(paper, 29 crank angles 20..160 deg, clearance B 0.0001 m, E 0.0001 m, 2 outputs, "
+    "0 side changes)": FOUND,
     "Samples(50 linkages, 4 joints, up to 0.00011 m)": SAMPLES,
     "Population(paper, 29 crank angles 20..160 deg, 2 outputs)": POPULATION,
     "Distribution(2 outputs, 1 point)": DISTRIBUTION,
