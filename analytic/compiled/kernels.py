@@ -65,7 +65,6 @@ SLIDE_KNOWN = 32  # target, angle's phasor out, travel out, margin, first factor
 TWO_TRAVELS = 33  # target, first out, second out, margin, first factor, bodies along which they slide
 SOLVE_TWO = 34  # right side, first side, second side, first out, second out
 FORCE_TWO = 35  # out, first side, second side, first work, second work
-LAST_DYAD = 35
 
 GUESS_ROOTS = 40  # group
 NEWTON = 41  # group, operation to go back to until its loops are closed, margin

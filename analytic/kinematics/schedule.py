@@ -47,7 +47,7 @@ class ScheduleError(Error, ValueError):
 
 @dataclass(frozen=True)
 class Steady:
-    """A drive at a constant ``speed`` (rad/s, m/s), ``start`` (rad, m) at time 0; a run begins at ``begin`` (s)."""
+    """A drive at a constant ``speed`` (rad/s, m/s) from ``start`` (rad, m) at time 0; a run begins at ``begin`` (s)."""
 
     start: float
     speed: float = 0.0
@@ -199,9 +199,8 @@ class Schedule:
     @classmethod
     def of_crank(cls, m: Mechanism, course: Knots, time: np.ndarray) -> Schedule:
         """A crank on a course of its angle (rad), looked at at times (N,) s."""
-        joint, angle = m.drive_joint.name, Course(*course)
-        drives = {joint: angle if m.crank_sign > 0 else angle.reversed()}
-        return cls(np.asarray(time, float), drives, crank=joint)
+        joint, (knots, angles) = m.drive_joint.name, course
+        return replace(cls.along({joint: (knots, m.crank_sign * np.asarray(angles, float))}, time), crank=joint)
 
     @classmethod
     def released(cls, m: Mechanism, time: np.ndarray, rate: float = 0.0) -> Schedule:

@@ -158,8 +158,8 @@ def displaced(  # noqa: PLR0913 - a motion, and what may replace the linkage's o
     pace = np.array([1.0 if assembly.structure.unit(i) == "rad" else longest for i in assembly.structure.inputs])
     pins = _Pins(sizes, give, longest, solve, model, pace)
     largest = {name: max(part[name] for part in faint) for name in faint[0]} if faint else {}
-    found = Displaced(model, {}, ideal, ideal, ideal, flags, largest)
-    return (_with_blocks if blocks else _taken_up)(pins, drive, found, turning)
+    state = Displaced(model, {}, ideal, ideal, ideal, flags, largest)
+    return (_with_blocks if blocks else _taken_up)(pins, drive, state, turning)
 
 
 @dataclass(frozen=True)
