@@ -10,11 +10,13 @@ import warnings
 import numpy as np
 import pytest
 
-from analytic.compiled import run
-from analytic.kinematics.assembly import Assembly, AssemblyError, Walk
-from analytic.kinematics.motion import Gap, Motion, kinematics, kinematics_by_numpy
+from analytic.compiled import kernels, run
+from analytic.kinematics.assembly import CHANGE_POINT, Assembly, AssemblyError, Walk
+from analytic.kinematics.closure import AGREE
+from analytic.kinematics.motion import DEAD_CENTRE, Gap, Motion, kinematics, kinematics_by_numpy
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
+from analytic.mechanism.parts import SMALLEST_NUMBER
 from analytic.paper.kinetostatics import Reactions, compiled_reactions, kinetostatics, kinetostatics_by_numpy
 from linkages import curved_slider, jansen_leg
 from random_linkages import WIDE, Ranges, seeded
@@ -374,3 +376,10 @@ def test_part_of_a_motion_is_balanced_as_the_whole() -> None:
     np.testing.assert_array_equal(part.drive_torque, whole.drive_torque[10:80:7])
     group = motion.structure.groups[0]
     np.testing.assert_array_equal(part.motion.jacobians[group], motion.jacobians[group][..., 10:80:7])
+
+
+def test_the_limits_of_the_compiled_code_are_those_of_numpy() -> None:
+    assert kernels.AGREE == AGREE
+    assert kernels.DEAD_CENTRE == DEAD_CENTRE
+    assert kernels.SMALLEST_NUMBER == SMALLEST_NUMBER
+    assert kernels.CHANGE_POINT_SINE**2 == pytest.approx(CHANGE_POINT, rel=1e-15)

@@ -65,14 +65,13 @@ SLIDE_KNOWN = 32  # target, angle's phasor out, travel out, margin, first factor
 TWO_TRAVELS = 33  # target, first out, second out, margin, first factor, bodies along which they slide
 SOLVE_TWO = 34  # right side, first side, second side, first out, second out
 FORCE_TWO = 35  # out, first side, second side, first work, second work
-LAST_DYAD = 35
 
 GUESS_ROOTS = 40  # group
 NEWTON = 41  # group, operation to go back to until its loops are closed, margin
 SOLVE = 42  # group, first term of the right sides' rows, then of the unknowns'
 FORCE = 43  # group, first term of the forces' rows, then of the works'
 
-SMALLEST_NUMBER = 1e-100  # as analytic.mechanism's SMALLEST
+SMALLEST_NUMBER = 1e-100  # as analytic.mechanism.parts'
 
 # a group's matrix, its rows' order, its reflections, and the two sides of its equations
 _Spare = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
@@ -138,8 +137,8 @@ _row: Callable[[np.ndarray, int], np.ndarray] = cast(Any, intrinsic)(_view)
 
 
 def _uncounted(context: Any, array: Any) -> Any:
-    """The same array without its count of references, which each operation would raise and lower for all it is given:
-    that takes longer than the operation.  Whoever calls a kernel holds its arrays.
+    """The array without its count of references, which each operation would raise and lower for all it is given: that
+    takes longer than the operation.  Whoever calls a kernel holds its arrays.
     """
 
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -641,7 +640,7 @@ def _simple(
     first: int,
     n: int,
 ) -> bool:
-    """Carry out an operation that is no larger group's; whether it went well."""
+    """Carry out an operation that is no larger group's; False where it cannot be."""
     if op[0] <= LAST_SUM:
         _moving(op, terms, factors, data, work, first, n)
     elif op[0] <= LAST_PRODUCT:
@@ -944,7 +943,7 @@ def _newton(
 
 @_inner
 def _dense(op: np.ndarray, tables: tuple[np.ndarray, np.ndarray], work: np.ndarray, n: int) -> bool:
-    """Rates of a group's unknowns, or its closing forces; whether it went well."""
+    """Rates of a group's unknowns, or its closing forces; False where they cannot be found."""
     terms, groups = tables
     group = groups[op[1]]
     loops, unknowns = group[LOOPS], group[UNKNOWNS]
@@ -1185,7 +1184,7 @@ def _carry_out(
     first: int,
     n: int,
 ) -> bool:
-    """Carry out a program in lanes; whether it went well."""
+    """Carry out a program in lanes; False where it cannot be."""
     terms, groups = tables
     k, sound, tries = 0, True, 0
     while sound and k < program.shape[0]:
@@ -1256,7 +1255,8 @@ def carry_out(  # noqa: PLR0913
     dyads: np.ndarray,
     regular: np.ndarray,
 ) -> bool:
-    """Carry out a program, in rows that are ``work``'s, for all N configurations, or a walk's; whether it went well.
+    """Carry out a program, in rows that are ``work``'s, for all N configurations, or a walk's; False where it
+    cannot be.
 
     Coordinates and their derivatives are (n, N), columns and theirs (n_columns, 2 N), other results likewise; ``near``
     is a crank's path (1 + n, M), or coordinates (n, N) that are near.

@@ -139,6 +139,24 @@ class LinkageWriter:
         constant = sum(complex(form[k]) * self.fixed[k] for k in places if k in self.fixed and k not in rows)
         return [*moving, (CONSTANT, constant)] if constant else moving
 
+    def partial(self, i: int, form: np.ndarray, rows: Mapping[int, int]) -> list[tuple[int, complex]]:
+        """Terms of the derivative of a form (columns,) by coordinate i."""
+        c = self.s.coordinates[i]
+        if c.bodies:
+            return [(rows[k], 1j * complex(form[k])) for k in self.s.turning[i] if form[k]]
+        factor, body = complex(form[c.column]), self.along(i)
+        if not factor:
+            return []
+        return [(rows[body], factor)] if body in rows else [(CONSTANT, factor * self.fixed[body])]
+
+    def jacobian(self, group: Group, rows: Mapping[int, int]) -> list[list[int]]:
+        """Rows of the derivatives of a group's loops, per unknown and loop, from rows of the columns."""
+        derivatives = [[self.w.complex_row() for _ in group.loops] for _ in group.coordinates]
+        for i, part in zip(group.coordinates, derivatives, strict=True):
+            for loop, out in zip(group.loops, part, strict=True):
+                self.w.sum(out, self.partial(i, self.s.loops[loop], rows))
+        return derivatives
+
 
 class MotionWriter(LinkageWriter):
     """Writes the program of a motion: positions, then rates, then accelerations, with joints' gaps or without."""
@@ -306,7 +324,7 @@ class MotionWriter(LinkageWriter):
             self.travel(i)
         for row, out in zip(group.loops, residual, strict=True):
             w.sum(out, self.terms(s.loops[row], self.columns))
-        self.jacobian(group)
+        self.jacobians[group] = self.jacobian(group, self.columns)
         w.add(op.NEWTON, self.table(group, residual), begin, margin)
 
     def table(self, group: Group, residual: list[int]) -> int:
@@ -323,14 +341,6 @@ class MotionWriter(LinkageWriter):
         self.tables[group] = len(w.groups) - 1
         return self.tables[group]
 
-    def jacobian(self, group: Group) -> None:
-        """Derivatives of a group's loops by its unknowns, as analytic.kinematics.closure.partials."""
-        s, w = self.s, self.w
-        self.jacobians[group] = derivatives = [[w.complex_row() for _ in group.loops] for _ in group.coordinates]
-        for i, part in zip(group.coordinates, derivatives, strict=True):
-            for row, out in zip(group.loops, part, strict=True):
-                w.sum(out, partial(self, i, s.loops[row], self.columns))
-
     # ------------------------------------------------------------ rates and accelerations
 
     def rates(self) -> None:
@@ -338,7 +348,7 @@ class MotionWriter(LinkageWriter):
         s, w = self.s, self.w
         for group in s.groups:
             if group not in self.jacobians:
-                self.jacobian(group)
+                self.jacobians[group] = self.jacobian(group, self.columns)
         self.spin, bend = [w.real_row() for _ in s.coordinates], [w.real_row() for _ in s.coordinates]
         turns: dict[int, int] = {}
         self.column_rates: dict[int, int] = {}
@@ -425,17 +435,6 @@ class MotionWriter(LinkageWriter):
         for array, columns in every:
             for k in range(self.first_gap):
                 w.add(op.STORE_COMPLEX, columns.get(k, still), array, k)
-
-
-def partial(link: LinkageWriter, i: int, form: np.ndarray, rows: Mapping[int, int]) -> list[tuple[int, complex]]:
-    """Terms of the derivative of a form (columns,) by coordinate i."""
-    c = link.s.coordinates[i]
-    if not c.bodies:
-        factor, body = complex(form[c.column]), link.along(i)
-        if not factor:
-            return []
-        return [(rows[body], factor)] if body in rows else [(CONSTANT, factor * link.fixed[body])]
-    return [(rows[k], 1j * complex(form[k])) for k in link.s.turning[i] if form[k]]
 
 
 def moving_terms(form: np.ndarray, rows: Mapping[int, int]) -> list[tuple[int, complex]]:
@@ -589,15 +588,6 @@ class BalanceWriter(LinkageWriter):
 
     # ------------------------------------------------------------ closing forces, last group first
 
-    def jacobian(self, group: Group) -> list[list[int]]:
-        """Rows of the derivatives of a group's loops, per unknown and loop."""
-        w, rows = self.w, self.moving(COLUMNS)
-        derivatives = [[w.complex_row() for _ in group.loops] for _ in group.coordinates]
-        for i, part in zip(group.coordinates, derivatives, strict=True):
-            for loop, out in zip(group.loops, part, strict=True):
-                w.sum(out, partial(self, i, self.s.loops[loop], rows))
-        return derivatives
-
     def table(self, group: Group, jacobian: list[list[int]]) -> int:
         """Place of a larger group among the program's."""
         begin = self.w.list_rows(row for part in jacobian for row in part)[0]
@@ -607,7 +597,7 @@ class BalanceWriter(LinkageWriter):
     def close(self, group: Group) -> None:
         """Add the work of a group's closing forces."""
         s, w = self.s, self.w
-        jacobian, forces = self.jacobian(group), [w.complex_row() for _ in group.loops]
+        jacobian, forces = self.jacobian(group, self.moving(COLUMNS)), [w.complex_row() for _ in group.loops]
         work = [self.generalised(i) for i in group.coordinates]
         if group.dyad:
             w.add(op.FORCE_TWO, forces[0], jacobian[0][0], jacobian[1][0], *work)

@@ -48,7 +48,7 @@ ASSEMBLY_SLACK = np.radians(45.0)  # how far the file's approximate angles may b
 
 @dataclass(frozen=True)
 class CrankTable:
-    """Angles of the coordinates along the crank's range, continued from the assembly angle."""
+    """Coordinates over a crank's angle, continued from the assembly: the path that the linkage takes."""
 
     theta: np.ndarray  # (M,) rad, increasing
     coordinates: np.ndarray  # (n_coordinates, M)
@@ -63,12 +63,12 @@ class CrankTable:
 
 @dataclass(frozen=True)
 class Walk:
-    """Coordinates (n, N) of samples that were followed one after the other."""
+    """Coordinates (n, N) of samples that the linkage was walked through, one after the other."""
 
     coordinates: np.ndarray
 
     def near(self, theta: np.ndarray) -> np.ndarray:
-        """Those coordinates, whatever the first input is."""
+        """The samples' coordinates, whatever the first input is."""
         return self.coordinates
 
     def part(self, block: slice) -> Walk:
@@ -109,7 +109,7 @@ class Assembly:
             self._check_moves()
 
     def resting(self, rests: BlockRests) -> Assembly:
-        """The same linkage in the same assembly mode with its blocks in their guides as ``rests`` says, by joint."""
+        """The linkage in this assembly mode with its blocks in their guides as ``rests`` says, by joint."""
         if not rests:
             return self
         key = tuple(sorted(rests.items()))
@@ -122,7 +122,7 @@ class Assembly:
 
     @property
     def overheld(self) -> bool:
-        """Whether joints hold the linkage more often than it needs, so that constraints say the same thing twice."""
+        """Whether joints hold the linkage more often than it needs: some of their constraints are redundant."""
         return any(group.surplus for group in self.structure.groups)
 
     @property
@@ -132,7 +132,7 @@ class Assembly:
 
     @property
     def positions(self) -> dict[str, float]:
-        """The same as positions of their joints, second body relative to first (rad, m)."""
+        """Positions of the inputs' joints at the assembly, second body relative to first (rad, m)."""
         s = self.structure
         return {s.coordinates[i].joint: float(s.signs[i] * self.home[i, 0]) for i in s.inputs}
 

@@ -54,8 +54,9 @@ def inverse(assembly: Assembly, wanted: Sequence[Output], poses: np.ndarray, tim
 def splined(
     assembly: Assembly, wanted: Sequence[Output], poses: np.ndarray, time: np.ndarray
 ) -> tuple[np.ndarray, Walk]:
-    """The same at more instants (M,) s, those of the poses among them: so many that the ``wanted`` are off the spline
-    through the poses by no more than FOLLOWS where the inputs go along the spline through theirs.
+    """Instants (M,) s, those of the poses among them, and coordinates there as of :func:`inverse`: so many that the
+    ``wanted`` are off the spline through the poses by no more than FOLLOWS where the inputs go along the spline through
+    theirs.
     """
     path = _Inverse(assembly, wanted, np.asarray(poses, float), time)
     return path.refined(path.followed())

@@ -38,7 +38,7 @@ class Gap:
     acceleration: np.ndarray | float = 0.0
 
     def part(self, at: slice | np.ndarray) -> Gap:
-        """The same at some of the samples."""
+        """The gap at some of the samples."""
         rate, acceleration = (x[at] if isinstance(x, np.ndarray) else x for x in (self.rate, self.acceleration))
         return Gap(self.value[at], rate, acceleration)
 
@@ -71,11 +71,11 @@ class Motion:
 
     @property
     def compiled(self) -> bool:
-        """Whether compiled code has found it."""
+        """Whether compiled code has worked it out."""
         return isinstance(self.jacobians, Jacobians)
 
     def part(self, block: slice | np.ndarray, live: int | None = None) -> Motion:
-        """The same motion at some of its crank angles (a slice: views of its arrays; or indices), or only its first
+        """The motion at some of its crank angles (a slice: views of its arrays; or indices), or only its first
         ``live`` columns.
         """
         u, rates, accelerations = (x[:, block] for x in (self.coordinates, self.rates, self.accelerations))
@@ -184,7 +184,7 @@ class Pieced(Motion):
 
     @property
     def compiled(self) -> bool:
-        """Its pieces may be, it is not."""
+        """Whether compiled code has found it: its pieces perhaps, their sum never."""
         return False
 
     def position(self, body: str, point: str = "com") -> np.ndarray:

@@ -47,7 +47,7 @@ class ScheduleError(Error, ValueError):
 
 @dataclass(frozen=True)
 class Steady:
-    """A drive at a constant ``speed`` (rad/s, m/s), ``start`` (rad, m) at time 0; a run begins at ``begin`` (s)."""
+    """A drive at a constant ``speed`` (rad/s, m/s) from ``start`` (rad, m) at time 0; a run begins at ``begin`` (s)."""
 
     start: float
     speed: float = 0.0
@@ -67,11 +67,11 @@ class Steady:
         return self.start + self.speed * time
 
     def rate(self, time: float) -> float:
-        """Its rate (rad/s, m/s)."""
+        """Rate (rad/s, m/s) at a time (s)."""
         return self.speed
 
     def acceleration(self, time: float) -> float:
-        """Its acceleration (rad/s^2, m/s^2)."""
+        """Acceleration (rad/s^2, m/s^2) at a time (s)."""
         return 0.0
 
     def positions(self, times: np.ndarray, order: int = 0) -> np.ndarray:
@@ -81,7 +81,7 @@ class Steady:
         return np.full_like(times, self.speed if order == 1 else 0.0)
 
     def reversed(self) -> Steady:
-        """The same of the joint's bodies the other way round."""
+        """The drive's motion with the joint's bodies the other way round."""
         return Steady(-self.start, -self.speed, self.begin)
 
 
@@ -137,11 +137,11 @@ class Course:
         return float(self.spline(time))
 
     def rate(self, time: float) -> float:
-        """Its rate (rad/s, m/s)."""
+        """Rate (rad/s, m/s) at a time (s)."""
         return float(self.spline(time, 1))
 
     def acceleration(self, time: float) -> float:
-        """Its acceleration (rad/s^2, m/s^2)."""
+        """Acceleration (rad/s^2, m/s^2) at a time (s)."""
         return float(self.spline(time, 2))
 
     def positions(self, times: np.ndarray, order: int = 0) -> np.ndarray:
@@ -149,7 +149,7 @@ class Course:
         return np.asarray(self.spline(times, order))
 
     def reversed(self) -> Course:
-        """The same of the joint's bodies the other way round."""
+        """The drive's motion with the joint's bodies the other way round."""
         return Course(self.knots, -self.values)
 
 
@@ -199,9 +199,8 @@ class Schedule:
     @classmethod
     def of_crank(cls, m: Mechanism, course: Knots, time: np.ndarray) -> Schedule:
         """A crank on a course of its angle (rad), looked at at times (N,) s."""
-        joint, angle = m.drive_joint.name, Course(*course)
-        drives = {joint: angle if m.crank_sign > 0 else angle.reversed()}
-        return cls(np.asarray(time, float), drives, crank=joint)
+        joint, (knots, angles) = m.drive_joint.name, course
+        return replace(cls.along({joint: (knots, m.crank_sign * np.asarray(angles, float))}, time), crank=joint)
 
     @classmethod
     def released(cls, m: Mechanism, time: np.ndarray, rate: float = 0.0) -> Schedule:
@@ -228,7 +227,7 @@ class Schedule:
 
     @property
     def turns_evenly(self) -> bool:
-        """Whether it is a crank that turns at a constant speed, or rests where it would be."""
+        """Whether a crank turns at a constant speed, or rests where that would bring it."""
         return self.crank_angle is not None
 
     @property
@@ -261,7 +260,7 @@ class Schedule:
         return {name: motion.positions(time, order) for name, motion in self.drives.items()}
 
     def later(self, after: Sequence[float]) -> Schedule:
-        """The same at instants that are in turn so much (s) after each of its own."""
+        """This schedule, looked at so much (s) later in turn than at each of its instants."""
         return replace(self, time=np.add.outer(self.time, np.asarray(after)).ravel(), crank_angle=None)
 
     def directions(self, time: np.ndarray) -> dict[str, np.ndarray]:

@@ -77,7 +77,7 @@ class Group:
 
     @property
     def dyad(self) -> bool:
-        """Whether it is two unknowns and one loop, closed in closed form."""
+        """Whether the group has two unknowns and one loop, and is closed in closed form."""
         return len(self.coordinates) == 2 and len(self.loops) == 1 and not self.within
 
     @property
@@ -121,12 +121,12 @@ class Structure:
 
     @property
     def free(self) -> tuple[int, ...]:
-        """Which of them move freely."""
+        """Which of the inputs (indices of them) move freely."""
         return tuple(k for k in range(len(self.inputs)) if k not in self.driven)
 
     @property
     def free_joints(self) -> tuple[str, ...]:
-        """The joints whose positions these are."""
+        """The joints that move freely."""
         return tuple(self.coordinates[self.inputs[k]].joint for k in self.free)
 
     def unit(self, i: int) -> Literal["rad", "m"]:

@@ -67,7 +67,7 @@ def check_joint(joint: Joint, parts: PartsByName) -> None:
 
 
 def _check_contact_law(joint: Joint, where: str) -> None:
-    """Laws with hysteresis are told their restitution, by which some of them divide."""
+    """Laws with hysteresis are given a restitution, by which some of them divide."""
     law = joint.contact_law
     if law is None or law == "kelvin-voigt":
         return

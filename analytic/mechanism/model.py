@@ -126,7 +126,7 @@ class Mechanism(MechanismPart):
 
     @property
     def several(self) -> bool:
-        """Whether it moves by neither: by several drives, or one between moving bodies."""
+        """Whether it moves by neither crank nor slide: by several drives, or one between moving bodies."""
         return not (self.cranked or self.sliding)
 
     @property
@@ -154,7 +154,7 @@ class Mechanism(MechanismPart):
 
     @property
     def efforts(self) -> tuple[Signal, ...]:
-        """What those motors give: the crank's torque (N.m), the slide's force (N), or each joint's."""
+        """What the motors give: the crank's torque (N.m), the slide's force (N), or each joint's."""
         return tuple(driving(self.motors if self.several else [self.input_joint]))
 
     @property
@@ -227,7 +227,7 @@ class Mechanism(MechanismPart):
 
     @property
     def loose_guides(self) -> dict[str, float]:
-        """Those of them that are prismatic: half the play (m)."""
+        """Half the play (m) of each block that has some in its guide."""
         return {j.name: j.clearance for j in self.joints if j.clearance > 0 and j.prismatic}
 
     @property

@@ -245,12 +245,12 @@ class Joint(MechanismPart):
 
     @property
     def inner(self) -> str:
-        """What of it has the clearance, in a word."""
+        """The word for the joint's part that has the clearance."""
         return "block" if self.prismatic else "pin"
 
     @property
     def outer(self) -> str:
-        """What it moves in, in a word."""
+        """The word for what that part moves in."""
         return "guide" if self.prismatic else "bearing"
 
     @property

@@ -57,7 +57,7 @@ class Signal:
     @staticmethod
     @lru_cache(maxsize=4096)
     def of(kind: SignalKind, place: str, component: Component) -> Signal:
-        """The same as ``Signal(...)``, but kept for the next call: results ask for the same ones again and again."""
+        """A signal, kept for the next call: results ask for the same ones again and again."""
         return Signal(kind, place, component)
 
     @cached_property
@@ -85,7 +85,7 @@ class Signal:
 
     @property
     def owner(self) -> str:
-        """What it is a signal of, for messages: ``joint 'B'``."""
+        """The body, joint or drive that has the signal, for messages: ``joint 'B'``."""
         if self.kind in ("reaction", "clearance", "position") or (self.kind == "drive" and self.place):
             return f"joint {self.place!r}"
         return f"body {self.place!r}" if self.place else "the drive"
@@ -144,7 +144,7 @@ def driving(driven: Sequence[Joint]) -> list[Signal]:
 
 
 def named(bodies: Iterable[Body], joints: Iterable[Joint], drives: Iterable[Drive] = ()) -> Mapping[str, Signal]:
-    """The same by name; the checks of a mechanism see to it that no two have one name."""
+    """Every signal of a linkage by name; the checks of a mechanism see to it that no two have one name."""
     return {signal.name: signal for signal in signals(bodies, joints, drives)}
 
 
@@ -167,8 +167,8 @@ def continued(angle: np.ndarray) -> np.ndarray:
 
 
 def starts_again(angle: np.ndarray) -> bool:
-    """Whether an angle (N,) rad that a file tells along a motion starts again after a turn: it stays within one, and
-    steps by half of one or more.  What leaves one turn is told as it goes on.
+    """Whether an angle (N,) rad of a file starts again after a turn: it stays within one, and steps by half of one or
+    more.  An angle that leaves one turn is continuous.
     """
     known = angle[np.isfinite(angle)]
     return bool(
@@ -177,7 +177,7 @@ def starts_again(angle: np.ndarray) -> bool:
 
 
 def unwound(angle: np.ndarray) -> np.ndarray:
-    """The same angle (N,) without jumps where it starts again after a turn, else as it is told; NaN stays."""
+    """An angle (N,) without jumps where it starts again after a turn, else as the file has it; NaN stays."""
     return continued(angle) if starts_again(angle) else np.array(angle, float)
 
 

@@ -18,7 +18,7 @@ with it and may lock the linkage there: whether an angle is flagged does not dep
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, reduce
 from types import MappingProxyType
@@ -39,6 +39,7 @@ from analytic.paper.guide import GuidedBlock, placed
 from analytic.paper.kinetostatics import Reactions, kinetostatics, pieced
 
 Model = Literal["first_order", "equilibrium"]
+Reasons = Iterator[tuple[int, str]]  # by the index of an angle: why the model has no answer there
 MODELS: tuple[Model, ...] = get_args(Model)
 FAINT_SHARE = 0.01  # of a joint's peak reaction, below which it is flagged
 REACTION_ROUNDING = 1e-12  # of the linkage's largest reaction: a smaller reaction is the rounding error of zero
@@ -123,7 +124,7 @@ def displaced(  # noqa: PLR0913 - a motion, and what may replace the linkage's o
     must change slowly.  Without ``inertia`` the equilibrium is static and omega only gives friction its direction.
     ``clearances`` (m) and ``stiffnesses`` (N/m, radial, of bearings) replace the mechanism's own.  With several inputs
     ``near`` are the samples' coordinates, where they are known already.  ``motions`` are how many samples there are of
-    each of several motions of a crank, one after the other: which reactions are too faint for a direction is told of
+    each of several motions of a crank, one after the other: which reactions are too faint for a direction depends on
     each by itself.  Raises AssemblyError where the ideal or the displaced linkage cannot be assembled.
     """
     drive = np.concatenate(np.broadcast_arrays(np.atleast_2d(np.asarray(theta, float)), omega, alpha)).astype(float)
@@ -152,13 +153,13 @@ def displaced(  # noqa: PLR0913 - a motion, and what may replace the linkage's o
         faint_reactions(assembly, part[1], part[2], inertia) if path else _faint(ideal, np.median)
         for part in (np.split(drive, np.cumsum(counts)[:-1], axis=1) if sizes else ())
     ]
-    flags = _without_direction(ideal, sizes, faint, counts, "peak" if path else "median")
+    flags = _add({}, _without_direction(ideal, sizes, faint, counts, "peak" if path else "median"))
     longest = max(b.length for b in m.bodies) or 1.0
     pace = np.array([1.0 if assembly.structure.unit(i) == "rad" else longest for i in assembly.structure.inputs])
     pins = _Pins(sizes, give, longest, solve, model, pace)
     largest = {name: max(part[name] for part in faint) for name in faint[0]} if faint else {}
-    found = Displaced(model, {}, ideal, ideal, ideal, flags, largest)
-    return (_with_blocks if blocks else _taken_up)(pins, drive, found, turning)
+    state = Displaced(model, {}, ideal, ideal, ideal, flags, largest)
+    return (_with_blocks if blocks else _taken_up)(pins, drive, state, turning)
 
 
 @dataclass(frozen=True)
@@ -176,7 +177,7 @@ class _Solve:
     rows: int
 
     def __call__(self, drive: np.ndarray, gaps: Mapping[str, Gap] | None = None) -> Reactions:
-        """With gaps of the pins."""
+        """Reactions of the linkage with these gaps of its pins."""
         if len(drive) == self.rows:
             return self.part(self.assembly, drive, gaps)
         ways, which = np.unique(drive[self.rows :], axis=1, return_inverse=True)
@@ -193,7 +194,7 @@ class _Solve:
     def part(
         self, linkage: Assembly, drive: np.ndarray, gaps: Mapping[str, Gap] | None, how: np.ndarray | None = None
     ) -> Reactions:
-        """Those of samples in which all blocks rest in one way, ``how`` (blocks,) that is if they do."""
+        """Reactions of samples in which all blocks rest in one way: ``how`` (blocks,), None where they are centred."""
         k = len(self.assembly.structure.inputs)
         theta, omega, alpha, here = np.split(drive[: self.rows], (k, 2 * k, 3 * k))
         motion = kinematics(linkage, theta, omega, alpha, gaps, self.path or Walk(here))
@@ -205,9 +206,9 @@ class _Solve:
 def _with_blocks(pins: _Pins, drive: np.ndarray, state: Displaced, turning: bool) -> Displaced:
     """``state`` with blocks and pins where they come to rest."""
     blocks, ideal = pins.solve.blocks, state.ideal
-    border = _on_the_border(pins.solve, ideal, drive)
+    border = _add({}, _on_the_border(pins.solve, ideal, drive))
     if turning:
-        border = {**_on_their_way(pins, ideal, drive), **border}
+        border = {**_add({}, _on_their_way(pins, ideal, drive)), **border}
     state = replace(state, flags={**border, **state.flags})
     how = np.array([block.rests(ideal) for block in blocks.values()])
     flagged = np.isin(np.arange(how.shape[1]), list(border))
@@ -245,21 +246,28 @@ def _taken_up(pins: _Pins, drive: np.ndarray, state: Displaced, turning: bool) -
     if turning:
         rates = _rates(pins, drive, x, toward, learnt)
         steady, (x, _) = x, pins.settled(drive, x, rates, learnt)
-        flags |= {i: why for i, why in _unsteady(pins, steady, x).items() if i not in flags}
+        _add(flags, _unsteady(pins, steady, x))
         if (at := _further(pins, drive, _sways(pins, steady, x).max(axis=0, initial=0.0), list(flags))).size:
             steady, x = x, x.copy()
             rates[:, at] = _rates(pins, drive[:, at], x[at], toward[at], learnt[at], order=1)
             x[at], _ = pins.settled(drive[:, at], x[at], rates[:, at], learnt[at])
-            flags |= {i: why for i, why in _swaying(pins, steady, x).items() if i not in flags}
+            _add(flags, _swaying(pins, steady, x))
     gaps = pins.gaps(x, rates)
     configuration = solve(drive, gaps)
     reactions = ideal if model == "first_order" else configuration
     if model == "equilibrium":
-        flags |= {i: why for i, why in _unsettled(pins, configuration, x).items() if i not in flags}
+        _add(flags, _unsettled(pins, configuration, x))
         if not solve.inertia:
-            flags |= {i: UNSTABLE for i in np.flatnonzero(pins.leave(drive, x)).tolist() if i not in flags}
+            _add(flags, ((i, UNSTABLE) for i in np.flatnonzero(pins.leave(drive, x)).tolist()))
     places = {name: g.value for name, g in gaps.items()}
     return replace(state, gaps=places, reactions=reactions, configuration=configuration, flags=flags)
+
+
+def _add(flags: dict[int, str], reasons: Reasons) -> dict[int, str]:
+    """``flags``, to which each angle without one has got the first of its reasons."""
+    for i, why in reasons:
+        flags.setdefault(i, why)
+    return flags
 
 
 def check_determined(reactions: Reactions, joints: Iterable[str]) -> None:
@@ -307,33 +315,28 @@ def _usually(assembly: Assembly, omega: np.ndarray, alpha: np.ndarray, inertia: 
     return kinetostatics(kinematics(assembly, usual_angles(assembly), fastest, hardest), inertia, rubs=False)
 
 
-def _on_the_border(solve: _Solve, ideal: Reactions, drive: np.ndarray) -> dict[int, str]:
+def _on_the_border(solve: _Solve, ideal: Reactions, drive: np.ndarray) -> Reasons:
     """Angles at which a block passes from one rest to another: the work on the way to both is nearly the same, or next
     to none.
     """
     usual = ideal
     if solve.path is not None:
         usual = _usually(solve.assembly, drive[1], drive[2], solve.inertia)
-    flags: dict[int, str] = {}
     largest = max(float(np.abs(force).max()) for force in usual.forces.values())
     for name, block in solve.blocks.items():
         work = np.maximum(*block.work(usual))
         peak = float(np.median(work) if solve.path is None else work.max())
         apart = np.abs(np.subtract(*block.work(ideal)))
         for i in np.flatnonzero(apart <= max(FAINT_SHARE * peak, REACTION_ROUNDING * largest * block.clearance)):
-            flags.setdefault(
-                int(i), f"the block of {name} passes from one rest to another: what presses it is too little to tell"
-            )
-    return flags
+            yield int(i), f"the block of {name} passes from one rest to another: what presses it is too little to tell"
 
 
-def _on_their_way(pins: _Pins, ideal: Reactions, drive: np.ndarray) -> dict[int, str]:
+def _on_their_way(pins: _Pins, ideal: Reactions, drive: np.ndarray) -> Reasons:
     """Angles at which a block has not had the time to come to its new rest since what presses it changed over.
 
     What moves it grows with that time t: after t^3 = 6 m s / rate it has gone s, twice the clearance, with its own mass
     and moment of inertia alone; then it has to come to rest.
     """
-    flags: dict[int, str] = {}
     beside, moment = _beside(pins, drive)
     around = pins.solve(beside)
     for name, block in pins.solve.blocks.items():
@@ -346,8 +349,7 @@ def _on_their_way(pins: _Pins, ideal: Reactions, drive: np.ndarray) -> dict[int,
         away, rate = apart * rate > 0, np.maximum(np.abs(rate), TINY)
         since, needed = np.abs(apart) / rate, LANDING_TIME * np.cbrt(12 * mass * block.clearance / rate)
         for i in np.flatnonzero(away & (since < needed)):
-            flags.setdefault(int(i), f"the block of {name} {ON_ITS_WAY}")
-    return flags
+            yield int(i), f"the block of {name} {ON_ITS_WAY}"
 
 
 def _faint(reactions: Reactions, usual: Callable[[np.ndarray], np.floating]) -> dict[str, float]:
@@ -380,12 +382,12 @@ class _Pins:
 
     @cached_property
     def both(self) -> list[str]:
-        """Those with clearance in a soft bearing."""
+        """The pins with clearance in a soft bearing."""
         return [name for name in self.sizes if name in self.give]
 
     @cached_property
     def tight(self) -> list[str]:
-        """Those without clearance."""
+        """The pins without clearance in a soft bearing."""
         return [name for name in self.give if name not in self.sizes]
 
     def unknowns(self, reactions: Reactions) -> np.ndarray:
@@ -541,38 +543,32 @@ def _beside(pins: _Pins, drive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _without_direction(
     ideal: Reactions, sizes: Mapping[str, float], faint: Sequence[Mapping[str, float]], counts: Sequence[int], what: str
-) -> dict[int, str]:
+) -> Reasons:
     """Samples whose reaction at a pin is too faint, in each of some motions of so many samples."""
-    flags: dict[int, str] = {}
     for name in sizes:
         size, least = np.abs(ideal.forces[name]), np.repeat([part[name] for part in faint], counts)
         for i in np.flatnonzero(size <= least):
             why = f"({size[i]:.3g} N, {what} {least[i] / FAINT_SHARE:.3g} N): no direction, contact may be lost"
-            flags.setdefault(int(i), f"the reaction at {name} passes near zero {why}")
-    return flags
+            yield int(i), f"the reaction at {name} passes near zero {why}"
 
 
-def _unsteady(pins: _Pins, steady: np.ndarray, moved: np.ndarray) -> dict[int, str]:
+def _unsteady(pins: _Pins, steady: np.ndarray, moved: np.ndarray) -> Reasons:
     """Angles at which a gap's own motion turns it, from x (N, K) without to with it, too far for a small correction."""
-    flags: dict[int, str] = {}
     for name, turn in zip(pins.sizes, np.abs(wrapped(moved - steady)).T, strict=False):
         for i in np.flatnonzero(~(turn < UNSTEADY_TURN)):
-            flags.setdefault(
+            yield (
                 int(i),
                 f"the reaction at {name} turns too fast for its pin to follow (off by {np.degrees(turn[i]):.2g} deg)",
             )
-    return flags
 
 
-def _swaying(pins: _Pins, moved: np.ndarray, further: np.ndarray) -> dict[int, str]:
+def _swaying(pins: _Pins, moved: np.ndarray, further: np.ndarray) -> Reasons:
     """Angles at which the second term of a gap's own motion in a soft bearing is not small, from x (N, K) with the
     first to with both.
     """
-    flags: dict[int, str] = {}
     for name, sway in zip(pins.give, _sways(pins, moved, further), strict=True):
         for i in np.flatnonzero(~(sway < LARGEST_SWAY)):
-            flags.setdefault(int(i), f"the bearing of {name} is so soft that the linkage sways in it")
-    return flags
+            yield int(i), f"the bearing of {name} is so soft that the linkage sways in it"
 
 
 def _sways(pins: _Pins, moved: np.ndarray, further: np.ndarray) -> np.ndarray:
@@ -597,20 +593,18 @@ def _further(pins: _Pins, drive: np.ndarray, sways: np.ndarray, flagged: Sequenc
     return np.flatnonzero(chosen)
 
 
-def _unsettled(pins: _Pins, reactions: Reactions, x: np.ndarray) -> dict[int, str]:
-    flags: dict[int, str] = {}
+def _unsettled(pins: _Pins, reactions: Reactions, x: np.ndarray) -> Reasons:
     places = pins.places(x)
     for name, push in pins.pushes(reactions).items():
         miss = np.abs(np.angle(push / places[name]))
         for i in np.flatnonzero(~(miss < 1e-6)):
-            flags.setdefault(int(i), f"no steady contact direction was found at {name}")
+            yield int(i), f"no steady contact direction was found at {name}"
     for name, give in pins.give.items():
         gap, force = places[name], reactions.forces[name]
         given = np.abs(gap * (1 - pins.sizes.get(name, 0.0) / np.abs(gap)) if name in pins.sizes else gap)
         off = np.abs(given - give * np.abs(force)) / max(float(np.abs(gap).max()), TINY)
         for i in np.flatnonzero(~(off < 1e-6)):
-            flags.setdefault(int(i), f"no steady place of the pin was found in the soft bearing of {name}")
-    return flags
+            yield int(i), f"no steady place of the pin was found in the soft bearing of {name}"
 
 
 def _blank(values: np.ndarray, flagged: list[int]) -> np.ndarray:

@@ -98,8 +98,8 @@ class GuidedBlock:
         return (force * np.conj(self.across(motion))).real + 2j / self.length * moment
 
     def pushed(self, reactions: BlockReactions, aside: float | None = None) -> np.ndarray:
-        """The same of what the walls alone do in these reactions, without the moment of friction ``aside`` (m) of the
-        block's point: half the height, unless told otherwise.
+        """What :meth:`push` gives (N,) for the walls alone, without the moment of friction ``aside`` (m) of the block's
+        point: half the height by default.
         """
         push = self.push(reactions.motion, reactions.forces[self.joint.name], reactions.moments[self.joint.name])
         if not self.joint.friction:

@@ -156,7 +156,7 @@ class AccuracyAnalysis:
         return displacement(self.unit_reactions[d], self.clearances[:, None] * self.directions)
 
     def equilibrium(self, d: Output) -> np.ndarray:
-        """The same with finite gaps, each along the reaction of the linkage that they displace; NaN where flagged."""
+        """Displacement by finite gaps, each along the reaction of the linkage that they displace; NaN where flagged."""
         moved = self.total.clearance
         apart = d.value(moved.configuration.motion) - d.value(moved.ideal.motion)
         apart[list(self.flags)] = np.nan
