@@ -136,15 +136,15 @@ def number(value: float | None, digits: int = 3, sign: bool = False) -> str:
     return f"{mantissa}{TIMES}10{str(int(exponent)).translate(SUPERSCRIPT)}" if e else mantissa
 
 
-def plainly(value: float | None, digits: int = 3) -> str:
+def plainly(value: float | None, digits: int = 3, sign: bool = False) -> str:
     """A number as one writes it: ``17,400``; powers of ten only beyond a million or below a ten-thousandth."""
     if value is None or not math.isfinite(value):
         return DASH
     short = float(f"{value:.{digits}g}")
     if short and not 1e-4 <= abs(short) < 1e6:
-        return number(value, digits)
+        return number(value, digits, sign)
     decimals = max(0, digits - 1 - (math.floor(math.log10(abs(short))) if short else 0))
-    text = f"{short:,.{decimals}f}"
+    text = f"{short:{'+' if sign else ''},.{decimals}f}"
     return (text.rstrip("0").rstrip(".") if "." in text else text).replace("-", MINUS)
 
 
