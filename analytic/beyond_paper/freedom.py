@@ -123,7 +123,7 @@ def swing(
     Runge-Kutta of fourth order, at most 1 ms and one degree a step; a step in which the crank comes to rest is parted
     there, where friction turns with it or holds it.  A motion that diverges is NaN from there on.
     """
-    from analytic.beyond_paper.swing_loop import integrate  # which takes a second to compile
+    from analytic.beyond_paper.swing_loop import integrate  # compiled at its first call
 
     rows = max(len(f.table) for f in freedoms)
     tables = np.stack([padded(np.pad(f.table, ((0, rows - len(f.table)), (0, 0)))) for f in freedoms])

@@ -1,4 +1,4 @@
-"""The integration loop of :func:`analytic.beyond_paper.freedom.swing`, compiled by numba at its first call.
+"""The integration loop of :func:`analytic.beyond_paper.freedom.swing`, compiled by numba at its first call and kept on disk.
 
 ``table`` holds the coefficients of a linkage's freedom over a revolution, (7 + 2 n, points + 3): one neighbour before
 the first and two after the last.
@@ -63,13 +63,13 @@ def acceleration(table: np.ndarray, theta: float, omega: float, way: float) -> f
     return -(half * omega**2 + damped + friction(table, theta, omega) * way + resting(table, theta)) / m
 
 
-@njit
+@njit(cache=True)
 def coefficient(table: np.ndarray, c: int, theta: np.ndarray) -> np.ndarray:
     """Coefficient c at crank angles (N,) rad."""
     return np.array([between(table, c, angle) for angle in theta])
 
 
-@njit
+@njit(cache=True)
 def accelerations(table: np.ndarray, theta: np.ndarray, omega: np.ndarray) -> np.ndarray:
     """Accelerations (N,) rad/s^2 of the free crank in states (N,) rad and rad/s."""
     out = np.zeros(theta.size)
@@ -112,7 +112,7 @@ def move(table: np.ndarray, theta: float, omega: float, h: float) -> tuple[float
     return theta, omega
 
 
-@njit
+@njit(cache=True)
 def integrate(tables: np.ndarray, start: np.ndarray, time: np.ndarray, longest: float, out: np.ndarray) -> None:
     """Fill ``out`` (3, P, N) with angles, rates and accelerations of P linkages, released at ``start`` (P, 2), at times
     (N,) s.  Steps are of ``longest`` (s) or less; a motion is NaN from where it diverges.
