@@ -37,7 +37,7 @@ from compare.left_out import Asked, omitted
 from compare.questions.accuracy import Grid, PlatformQuestion
 from compare.questions.question import answers
 from compare.results.accuracy import PointError
-from compare.results.platform import BodyPoses, PlatformAccuracy, PoseError, WorkspaceGrid
+from compare.results.platform import BodyPoses, PlatformAccuracy, PoseError, PoseGrid
 from compare.schedules import over_time
 
 POORLY_HELD = (300.0, 100.0, 30.0, 10.0)  # condition of the loops, up to which finite errors are sought, in turn
@@ -166,7 +166,7 @@ def _over_workspace(
     told = platform(ideal, outputs, clearances, steps)
     moved, why = _equilibria(assembly, space.coordinates, told) if clearances else (None, "")
     first = next(d for d in outputs if d.axis == "x")
-    where = WorkspaceGrid(output=first.place, x=space.x, y=space.y, angle=space.angle)
+    where = PoseGrid(output=first.place, x=space.x, y=space.y, angle=space.angle)
     result = _result(assembly, told, moved, outputs, steps, space.on_grid)
     return result.model_copy(update={"workspace": where, "warnings": (why,) if why else ()})
 
