@@ -15,9 +15,9 @@ from analytic.mechanism.reading import ReadingError, read_json
 from compare.faults import OptionError, printable
 from compare.questions.listing import REPORTS, RunsQuestion
 from compare.questions.question import answers
-from compare.results.history import EarlierRun, ResultKind, Runs
+from compare.results.history import EarlierRun, Kind, Runs
 
-RESULT_KINDS: Mapping[str, ResultKind] = {
+RESULT_KINDS: Mapping[str, Kind] = {
     "result.json": "cross-check",
     "diagnosis.json": "diagnosis",
     "accuracy.json": "accuracy",

@@ -36,7 +36,7 @@ from compare.questions.accuracy import PlatformQuestion, WorkspaceGrid
 from compare.questions.option import Places
 from compare.questions.question import answers
 from compare.results.accuracy import PointError
-from compare.results.platform import BodyPoses, PlatformAccuracy, PoseError, WorkspaceMap
+from compare.results.platform import BodyPoses, PlatformAccuracy, PoseError, PoseGrid
 from compare.schedules import over_time
 from compare.versions import versions
 
@@ -163,7 +163,7 @@ def _over_workspace(
     errors = platform(ideal, outputs, clearances, steps)
     moved, why = _equilibria(assembly, space.coordinates, errors) if clearances else (None, "")
     first = next(d for d in outputs if d.axis == "x")
-    where = WorkspaceMap(output=first.place, x=space.x, y=space.y, angle=space.angle)
+    where = PoseGrid(output=first.place, x=space.x, y=space.y, angle=space.angle)
     result = _result(assembly, errors, moved, outputs, steps, space.on_grid)
     return result.model_copy(update={"workspace": where, "warnings": (why,) if why else ()})
 

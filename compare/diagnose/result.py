@@ -102,7 +102,7 @@ def as_document(
         mechanism=problem.measured.mechanism,
         explained=found.explained,
         steps=(),
-        notes=(*problem.notes, *([words.LANDING.format(count(landed, "sample"))] if landed else [])),
+        notes=(*problem.notes, *([words.CRANK_LANDS.format(count(landed, "sample"))] if landed else [])),
         assumed=(*assumed(problem.measured.mechanism), *problem.measured.assumed),
         complete=problem.complete,
     )
@@ -261,7 +261,7 @@ def _separating(problem: Problem, e: Explanation, n: Named, noise: dict[tuple[st
     """What would tell an effect from the first of its rivals."""
     if not n.ties:
         return ""
-    return words.TOUCH if e.statistics is not None else would_separate(problem.model, noise, e.fit, n.ties[0][1])
+    return words.LONGER_RUN if e.statistics is not None else would_separate(problem.model, noise, e.fit, n.ties[0][1])
 
 
 def _candidates(problem: Problem, found: Verified, result: Diagnosis) -> tuple[ConsideredEffect, ...]:

@@ -75,8 +75,8 @@ def _head(result: Diagnosis) -> Iterator[str]:
     before, after = result.gap.before, result.gap.after
     yield f"Diagnosed by {packages}; the gap is {before:.4g} times the noise before, {after:.4g} after."
     yield f"Data: {', '.join(f'{run.name} ({run.file})' if run.file else run.name for run in result.runs)}."
-    for kind, title in (("rig", "Added"), ("sensor", "Found too, but not of the mechanism and so not in this file")):
-        effects = [effect for effect in result.effects if effect.kind == kind]
+    for sensors, title in ((False, "Added"), (True, "Found too, but not of the mechanism and so not in this file")):
+        effects = [effect for effect in result.effects if _of_sensor(effect) == sensors]
         if effects:
             yield f"{title} (95 % intervals in brackets):"
             yield from (f"    {effect.key}: {_values(effect)}" for effect in effects)
@@ -90,7 +90,7 @@ def _head(result: Diagnosis) -> Iterator[str]:
 
 def _notes(result: Diagnosis) -> dict[str, str]:
     """What is said at each field that was changed: by which effects, and what it was."""
-    causes = {effect.key: _touched(result.mechanism, effect) for effect in result.effects if effect.kind == "rig"}
+    causes = {effect.key: _touched(result.mechanism, effect) for effect in result.effects if not _of_sensor(effect)}
     notes = {}
     for field, before, _ in changes(result):
         by = [effect for effect in result.effects if field in causes.get(effect.key, ())]
@@ -106,6 +106,11 @@ def _touched(nominal: Mechanism, effect: Effect) -> set[str]:
         return set()
     values = {name: parameter.value for name, parameter in effect.parameters.items()}
     return {field for field, *_ in differences(nominal, known.on_mechanism(nominal, effect.where, values))}
+
+
+def _of_sensor(effect: Effect) -> bool:
+    known = VOCABULARY.get(effect.name)
+    return known is not None and known.sensor
 
 
 def _values(effect: Effect) -> str:

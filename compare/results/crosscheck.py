@@ -17,7 +17,7 @@ from compare.results.document import Document, Filled, Grid, Mechanism, Number, 
 from sim_models.engine import Cause, JointModel, Motion, SettingValue
 
 Verdict = Literal["agrees", "disagrees", "unjudged"]
-DifferenceUnit = Literal["rad", "N", "m", "N.m", "rad/s"]
+Unit = Literal["rad", "N", "m", "N.m", "rad/s"]
 Signals = Annotated[
     Mapping[str, Series], Field(min_length=1, description="Every signal by name, a value for each crank angle.")
 ]
@@ -61,7 +61,7 @@ class Discrepancy(Part):
 
     signal: str
     kind: Literal["angle", "magnitude", "value"]
-    unit: DifferenceUnit
+    unit: Unit
     max: Number
     rms: Number
     at_crank_angle: Number
@@ -93,7 +93,7 @@ class Discrepancy(Part):
 class OrderDifference(Part):
     """The paper's first order minus the equilibrium, of one signal."""
 
-    unit: DifferenceUnit
+    unit: Unit
     max: Number
     rms: Number
     at_crank_angle: Number

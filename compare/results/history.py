@@ -9,14 +9,14 @@ from pydantic import Field
 from compare.results.catalogue import Listing
 from compare.results.document import Part, Row
 
-ResultKind = Literal["cross-check", "diagnosis", "accuracy", "validity", "data"]
+Kind = Literal["cross-check", "diagnosis", "accuracy", "validity", "data"]
 
 
 class EarlierRun(Part):
     """A result that a command has left."""
 
     file: Annotated[str, Field(description="Path of its JSON file, as it is found from here.")]
-    kind: ResultKind
+    kind: Kind
     case: Annotated[str, Field(description="Name of the mechanism.")]
     verdict: Annotated[str | None, Field(description="As in its file; null for what has none: accuracy, validity.")]
     command: Annotated[str, Field(description="The command that made it; empty if it was made from Python.")]

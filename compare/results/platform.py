@@ -46,7 +46,7 @@ class BodyPoses(Part):
     angle: Annotated[Series, Field(description="rad")]
 
 
-class WorkspaceMap(Part):
+class PoseGrid(Part):
     """The grid of a workspace: a pose for each x of each y, row by row."""
 
     output: Annotated[str, Field(description="The point that is moved over the grid, as body.point.")]
@@ -76,7 +76,7 @@ class PlatformAccuracy(Document):
         Mapping[str, Annotated[float, Field(ge=0)]], Field(description="Step of each drive's encoder (rad, m).")
     ]
     time: Annotated[Grid | None, Field(description="s, of the poses of a motion.")] = None
-    workspace: Annotated[WorkspaceMap | None, Field(description="The grid of the poses of a workspace.")] = None
+    workspace: Annotated[PoseGrid | None, Field(description="The grid of the poses of a workspace.")] = None
     drive_position: Annotated[Mapping[str, Series], Field(description="Position (rad, or m) of each driven joint.")]
     poses: Annotated[Mapping[str, BodyPoses], Field(description="Where each body is, by name.")]
     holding: Annotated[

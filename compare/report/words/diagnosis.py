@@ -12,7 +12,7 @@ from compare.report.words.measured import remaining
 from compare.results.diagnosis import Diagnosis, DiagnosisVerdict, Effect, EffectPlace, EngineGaps, TriedEffect
 
 TOML_STARTS = ("[", "#")
-LEAST_SHARE = 0.001  # of the squared gap: a smaller share of everything is no bar
+LEAST_BAR = 0.001  # of the squared gap: a smaller share of everything is no bar
 SIGMA = "\N{GREEK SMALL LETTER SIGMA}"
 DIAGNOSIS_SIGNS: dict[DiagnosisVerdict, str] = {
     "no gap": "✓",
@@ -107,7 +107,7 @@ def _floor(result: Diagnosis) -> str:
 
 def percent(share: float) -> str:
     """A share of the squared gap: ``4 %``, ``below 0.1 %``."""
-    return f"{plainly(100 * share, 2)} %" if abs(share) >= LEAST_SHARE else f"below {100 * LEAST_SHARE:g} %"
+    return f"{plainly(100 * share, 2)} %" if abs(share) >= LEAST_BAR else f"below {100 * LEAST_BAR:g} %"
 
 
 def attempts(result: Diagnosis) -> list[tuple[str, str, str, str, str]]:

@@ -24,11 +24,11 @@ MOST_IN_PARAGRAPH = 4  # effects in a paragraph
 SLIGHT_SHARE = 0.01  # of the squared gap: with a smaller share, an effect among many is told without its values
 PLACES_IN_STORY = 3  # told in the story; the page lists all
 BUDGET = "The budget of {:g} s ended the search: this is the best so far, and what ties with it was not looked for."
-LANDING = (
+CRANK_LANDS = (
     "The crank lands in the gap of its drive at {}. How forces and rates jump there nobody foretells: there they count"
     " for little in the gap, and not at all in how far each sensor is off."
 )
-TOUCH = "more revolutions, or a run so slow or so loaded that pins keep touching: its samples can be foretold"
+LONGER_RUN = "more revolutions, or a run so slow or so loaded that pins keep touching: its samples can be foretold"
 
 
 def statement(result: Diagnosis, e: Explanation, failure: str = "") -> str:
