@@ -26,7 +26,7 @@ from compare.judge.discrepancy import (
 from compare.judge.reference import reference
 from compare.judge.signals import compared, kind_of, with_derived
 from compare.judge.tolerances import Known, Line, ToleranceError, known_differences, load_tolerances
-from compare.results.crosscheck import DifferenceUnit
+from compare.results.crosscheck import Unit
 from sim_models.engine import JointModel
 
 THETA = np.linspace(0.3, 2.8, 51)
@@ -64,7 +64,7 @@ def test_each_compared_signal_is_one_of_its_linkage_and_has_a_unit_of_results(
     judged = compared(mechanism, clearance)
     assert {known[signal.name] for signal in judged} == set(judged)
     for signal in judged:
-        assert signal.unit in get_args(DifferenceUnit)
+        assert signal.unit in get_args(Unit)
         assert signal.wraps == (kind_of(signal) in ("angle", "rotation", "position"))
 
 

@@ -1,4 +1,4 @@
-"""The integration loop of :func:`analytic.beyond_paper.freedom.swing`, compiled by numba at its first call and kept on disk.
+"""The integration loop of :func:`analytic.beyond_paper.freedom.swing`, compiled by numba once and kept on disk.
 
 ``table`` holds the coefficients of a linkage's freedom over a revolution, (7 + 2 n, points + 3): one neighbour before
 the first and two after the last.

@@ -12,7 +12,7 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.signals import AXES, Signal
 from compare.judge.signals import RuleKind, compared, kind_of, unit_of
 from compare.judge.tolerances import Known, Tolerances
-from compare.results.crosscheck import DifferenceUnit
+from compare.results.crosscheck import Unit
 from sim_models.engine import JointModel, Motion, SettingValue
 
 SignalVerdict = Literal["agrees", "disagrees", "known", "unjudged"]
@@ -74,7 +74,7 @@ class Comparison:
 
     signal: Signal
     kind: Literal["angle", "magnitude", "value"]
-    unit: DifferenceUnit
+    unit: Unit
     max: float
     rms: float
     at: int

@@ -10,7 +10,7 @@ import numpy as np
 from analytic.mechanism import Mechanism
 from analytic.mechanism.signals import AXES, Component, Signal, continued, driving, play
 from analytic.mechanism.signals import SignalKind as Quantity
-from compare.results.crosscheck import DifferenceUnit
+from compare.results.crosscheck import Unit
 
 RuleKind = Literal["angle", "magnitude", "displacement", "rotation", "torque", "force", "position", "place", "velocity"]
 _KINDS: dict[tuple[Quantity, Component], RuleKind] = {
@@ -39,9 +39,9 @@ def kind_of(signal: Signal) -> RuleKind:
     return _KINDS[signal.kind, signal.component]
 
 
-def unit_of(signal: Signal) -> DifferenceUnit:
+def unit_of(signal: Signal) -> Unit:
     """The unit of a signal that is judged: time is none."""
-    return cast(DifferenceUnit, signal.unit)
+    return cast(Unit, signal.unit)
 
 
 NO_REACTION = 1e-12  # of a reaction's peak: no force, and no direction
