@@ -14,21 +14,8 @@ from analytic.mechanism import GROUND, MASS_CENTRE
 from sim_models.common.tree import Branch
 from sim_models.engine import Watched
 from sim_models.leapfrog.bodies import LeapfrogWorld
-from sim_models.leapfrog.courses import Grid
-
-
-@dataclass(frozen=True)
-class Track:
-    """Where a body's origin is (m, x + iy), its angle (rad), and their rates, at (M,) instants."""
-
-    place: np.ndarray
-    angle: np.ndarray
-    velocity: np.ndarray
-    spin: np.ndarray
-
-    def carried(self, arm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Place and velocity of a point that is this far (m, x + iy) from the origin."""
-        return self.place + arm, self.velocity + 1j * self.spin * arm
+from sim_models.run.grid import Grid
+from sim_models.run.track import Track
 
 
 @dataclass(frozen=True)
@@ -74,10 +61,7 @@ class Watch:
     def watched(self) -> Watched:
         """All of it."""
         tracks = self._tracks()
-        centres = {
-            name: track.carried(self.world.points[name, MASS_CENTRE] * np.exp(1j * track.angle))
-            for name, track in tracks.items()
-        }
+        centres = {name: track.at(self.world.points[name, MASS_CENTRE]) for name, track in tracks.items()}
         return Watched(
             self.time,
             {name: place for name, (place, _) in centres.items()},
@@ -92,8 +76,7 @@ class Watch:
     def _tracks(self) -> dict[str, Track]:
         """Every moving body's, from the coordinates of its branch."""
         positions, rates = self.positions[:-1], (self.velocities[:-1] + self.velocities[1:]) / 2
-        still = np.zeros(self.time.size)
-        tracks = {GROUND: Track(still + 0j, still, still + 0j, still)}
+        tracks = {GROUND: Track.still(self.time.size)}
         for branch in self.world.branches:
             own = self.world.columns(branch.child)
             tracks[branch.child] = self._track(branch, tracks[branch.parent], positions[:, own].T, rates[:, own].T)
@@ -101,18 +84,9 @@ class Watch:
 
     def _track(self, branch: Branch, base: Track, q: np.ndarray, v: np.ndarray) -> Track:
         """A body's track from its parent's and the coordinates (k, M) of its branch and their rates."""
-        turned, joint = np.exp(1j * base.angle), branch.joint
-        if joint is None:
-            place, velocity = base.carried((q[0] + 1j * q[1]) * turned)
-            return Track(place, base.angle + q[2], velocity + (v[0] + 1j * v[1]) * turned, base.spin + v[2])
-        arm = self.world.points[branch.parent, joint.name] * turned
-        if joint.prismatic:
-            angle, spin = base.angle + branch.fixed_angle, base.spin
-            along = branch.axis * np.exp(1j * angle)
-            place, velocity = base.carried(arm + along * q[0])
-            velocity = velocity + along * v[0]
-        else:
-            angle, spin = base.angle + q[0], base.spin + v[0]
-            place, velocity = base.carried(arm)
-        pin = self.world.points[branch.child, joint.name] * np.exp(1j * angle)
-        return Track(place - pin, angle, velocity - 1j * spin * pin, spin)
+        if branch.joint is None:
+            return base.slid(1.0, q[0] + 1j * q[1], v[0] + 1j * v[1]).carried(0j, 0j, q[2], v[2])
+        at, point = (self.world.points[body, branch.joint.name] for body in (branch.parent, branch.child))
+        if branch.joint.prismatic:
+            return base.carried(at, point, branch.fixed_angle).slid(branch.axis, q[0], v[0])
+        return base.carried(at, point, q[0], v[0])
