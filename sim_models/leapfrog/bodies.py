@@ -13,7 +13,6 @@ from __future__ import annotations
 import cmath
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence, Set
-from dataclasses import replace
 from functools import partial
 from typing import TypeVar
 
@@ -31,11 +30,12 @@ from sim_models.engine import Cause, Request, SettingValue, SimulationError
 from sim_models.leapfrog.balance import Balance
 from sim_models.leapfrog.block import Block, Touch, told
 from sim_models.leapfrog.laws import JointLaws
-from sim_models.leapfrog.parts import Pin, Steered, coordinates, moving_body, spanning_tree
-from sim_models.leapfrog.rates import body_rates, centre_rates, turning
+from sim_models.leapfrog.parts import Pin, Steered, coordinates, moving_body, spanning_tree, tracks
+from sim_models.leapfrog.rates import centre_rates, motions_between
 from sim_models.leapfrog.striking import Striking
 from sim_models.run.grid import Grid
 from sim_models.run.path import Path
+from sim_models.run.track import Track
 
 HEEDED = 1e-7  # of the largest reaction that friction grows with: what it may still change by
 HEEDINGS = 100  # times that friction is found anew from the reactions that it changes
@@ -276,7 +276,7 @@ class LeapfrogWorld(ABC):
         tree.  Those ``tied`` were not among what was noted.
         """
         after = {body.name: self.pose(body.name) for body in self.mechanism.bodies}
-        motion = body_rates(self.mechanism, self.branches, self.before, after, self.last_step, self.trailing)
+        motion = self.moved(self.before, after, self.last_step)
         balance = Balance(self.mechanism, self.before, self.was_applied)
         forces, moments, efforts = balance.solve(self.branches, motion, pins, tied, self.steered)
         return forces, moments, efforts if self.held else {}
@@ -444,15 +444,19 @@ class LeapfrogWorld(ABC):
         forces that it gets wrong by that, at each body's centre of mass.
         """
         here = {body.name: self.pose(body.name) for body in self.mechanism.bodies}
-        late = {branch.child: np.array(coordinates(self.mechanism, branch, here)[1]) for branch in self.branches}
+        where = {branch.child: coordinates(self.mechanism, branch, here) for branch in self.branches}
+        late = {name: np.array(rates) for name, (_, rates) in where.items()}
         rates = {name: rate + (rate - self.late.get(name, rate)) / 2 for name, rate in late.items()}
         self.late, self.now = late, {}
-        was, turned = (turning(self.mechanism, self.branches, here, each) for each in (late, rates))
+        was, turned = (
+            tracks(self.points, self.branches, {name: (at, each[name]) for name, (at, _) in where.items()})
+            for each in (late, rates)
+        )
         for name, body in self.mechanism.moving.items():
-            arm = self.points[name, MASS_CENTRE] * cmath.exp(1j * here[name].angle)
-            wrong = turned[name].carried(arm).acceleration - was[name].carried(arm).acceleration
-            self.press(name, self.points[name, MASS_CENTRE], -body.mass * wrong)
-            self.now[name] = replace(here[name], velocity=turned[name].velocity, angular_velocity=turned[name].spin)
+            centre = self.points[name, MASS_CENTRE]
+            wrong = turned[name].at(centre)[2] - was[name].at(centre)[2]
+            self.press(name, centre, -body.mass * wrong)
+            self.now[name] = turned[name].pose
 
     def base(self, body: str) -> Pose:
         """A body's pose as the engine has it, or the ground's."""
@@ -495,8 +499,15 @@ class LeapfrogWorld(ABC):
             force += self.slide_forces.get(name, 0j)  # a slide's reaction holds its friction, damper and spring too
             out |= {f"reaction_{name}_x": force.real, f"reaction_{name}_y": force.imag}
         out |= {f"reaction_{name}_moment": moment for name, moment in moments.items()}
-        after = None if self.static else {name: self.pose(name) for name in names}
-        return out | centre_rates(self.mechanism, self.branch.values(), here, after, h, self.trailing)
+        with np.errstate(over="ignore", invalid="ignore"):  # of a run that diverges; its trace says so
+            after = {name: self.pose(name) for name in names}
+            moved = dict.fromkeys(names, Track()) if self.static else self.moved(here, after, h)
+            return out | centre_rates(self.mechanism, moved)
+
+    def moved(self, before: Mapping[str, Pose], after: Mapping[str, Pose], h: float) -> dict[str, Track]:
+        """Every body's track at the poses before a step of h (s), from those after it too."""
+        motions = motions_between(self.mechanism, self.branches, before, after, h, self.trailing)
+        return tracks(self.points, self.branches, motions)
 
     def _drives(self, efforts: Mapping[str, float]) -> dict[str, float]:
         """The drives' signals: what the motor in each driven joint exerts (N.m, N)."""

@@ -5,7 +5,7 @@ coordinates.
 from __future__ import annotations
 
 import cmath
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from analytic.mechanism import GROUND, Body, Joint, Mechanism
@@ -13,6 +13,7 @@ from sim_models.common.contact_laws import KelvinVoigt, NamedLaw
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import travel
 from sim_models.common.tree import Branch, grown, without_loops
+from sim_models.run.track import Track, Values
 
 
 def moving_body(m: Mechanism, name: str) -> Body:
@@ -110,3 +111,44 @@ def _seen_from(base: Pose, pose: Pose) -> Pose:
     apart, back = pose.origin - base.origin, cmath.exp(-1j * base.angle)
     slip = pose.velocity - base.velocity - 1j * base.angular_velocity * apart
     return Pose(apart * back, pose.angle - base.angle, slip * back, pose.angular_velocity - base.angular_velocity)
+
+
+Motion = tuple[Sequence[Values], ...]  # of a branch: its coordinates, their rates, and perhaps accelerations
+STILL = Track()
+
+
+def tracks(
+    points: Mapping[tuple[str, str], complex],
+    branches: Iterable[Branch],
+    motions: Mapping[str, Motion],
+    ground: Track = STILL,
+) -> dict[str, Track]:
+    """The track of every body, and of the ground, by the motions of their branches, parents first; ``points`` (m) are
+    in the frames of their bodies.
+    """
+    out = {GROUND: ground}
+    for branch in branches:
+        ends = None
+        if branch.joint is not None:
+            ends = points[branch.parent, branch.joint.name], points[branch.child, branch.joint.name]
+        out[branch.child] = hung(branch, ends, out[branch.parent], *motions[branch.child])
+    return out
+
+
+def hung(
+    branch: Branch,
+    ends: tuple[complex, complex] | None,
+    base: Track,
+    where: Sequence[Values],
+    rates: Sequence[Values],
+    changes: Sequence[Values] = (0.0, 0.0, 0.0),
+) -> Track:
+    """A branch's child on its parent's track, by its coordinates (see :func:`coordinates`), their rates and
+    accelerations; the ``ends`` of its joint (m) are in the frames of parent and child, None where it has none.
+    """
+    if ends is None:
+        flat = (each[0] + 1j * each[1] for each in (where, rates, changes))
+        return base.slid(1.0, *flat).carried(0j, 0j, where[2], rates[2], changes[2])
+    if branch.joint is not None and branch.joint.prismatic:
+        return base.carried(*ends, branch.fixed_angle).slid(branch.axis, where[0], rates[0], changes[0])
+    return base.carried(*ends, where[0], rates[0], changes[0])

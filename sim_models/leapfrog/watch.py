@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analytic.mechanism import GROUND, MASS_CENTRE
-from sim_models.common.tree import Branch
+from analytic.mechanism import MASS_CENTRE
 from sim_models.engine import Watched
 from sim_models.leapfrog.bodies import LeapfrogWorld
+from sim_models.leapfrog.parts import tracks
 from sim_models.run.grid import Grid
 from sim_models.run.track import Track
 
@@ -60,14 +60,14 @@ class Watch:
 
     def watched(self) -> Watched:
         """All of it."""
-        tracks = self._tracks()
-        centres = {name: track.at(self.world.points[name, MASS_CENTRE]) for name, track in tracks.items()}
+        moved = self._tracks()
+        centres = {name: track.at(self.world.points[name, MASS_CENTRE]) for name, track in moved.items()}
         return Watched(
             self.time,
-            {name: place for name, (place, _) in centres.items()},
-            {name: velocity for name, (_, velocity) in centres.items()},
-            {name: track.angle for name, track in tracks.items()},
-            {name: track.spin for name, track in tracks.items()},
+            {name: place for name, (place, _, _) in centres.items()},
+            {name: velocity for name, (_, velocity, _) in centres.items()},
+            {name: track.angle for name, track in moved.items()},
+            {name: track.spin for name, track in moved.items()},
             dict(zip(self.world.loose, self.forces.T, strict=True)),
             self.torque,
             dict(zip(self.world.blocks, self.corners, strict=True)),
@@ -76,17 +76,8 @@ class Watch:
     def _tracks(self) -> dict[str, Track]:
         """Every moving body's, from the coordinates of its branch."""
         positions, rates = self.positions[:-1], (self.velocities[:-1] + self.velocities[1:]) / 2
-        tracks = {GROUND: Track.still(self.time.size)}
-        for branch in self.world.branches:
-            own = self.world.columns(branch.child)
-            tracks[branch.child] = self._track(branch, tracks[branch.parent], positions[:, own].T, rates[:, own].T)
-        return {body.name: tracks[body.name] for body in self.world.mechanism.bodies}
-
-    def _track(self, branch: Branch, base: Track, q: np.ndarray, v: np.ndarray) -> Track:
-        """A body's track from its parent's and the coordinates (k, M) of its branch and their rates."""
-        if branch.joint is None:
-            return base.slid(1.0, q[0] + 1j * q[1], v[0] + 1j * v[1]).carried(0j, 0j, q[2], v[2])
-        at, point = (self.world.points[body, branch.joint.name] for body in (branch.parent, branch.child))
-        if branch.joint.prismatic:
-            return base.carried(at, point, branch.fixed_angle).slid(branch.axis, q[0], v[0])
-        return base.carried(at, point, q[0], v[0])
+        world = self.world
+        columns = {branch.child: world.columns(branch.child) for branch in world.branches}
+        motions = {body: (positions[:, own].T, rates[:, own].T) for body, own in columns.items()}
+        every = tracks(world.points, world.branches, motions, Track.still(self.time.size))
+        return {body.name: every[body.name] for body in world.mechanism.bodies}

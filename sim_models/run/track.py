@@ -1,42 +1,65 @@
-"""Where bodies are at many instants at once, each carried by another through a tree of joints."""
+"""How bodies move that others carry through a tree of joints, at an instant or at many at once."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from sim_models.common.start import Pose
 
-@dataclass(frozen=True)
-class Track:
-    """A body's origin (m, x + iy) and angle (rad), and their rates, at (M,) instants."""
+Values = Any  # a number, or an array (M,) of one for each instant
 
-    origin: np.ndarray
-    angle: np.ndarray
-    velocity: np.ndarray
-    spin: np.ndarray
+
+class Track(NamedTuple):
+    """A body's origin (m, x + iy) and angle (rad), their rates and accelerations."""
+
+    origin: Values = 0j
+    angle: Values = 0.0
+    velocity: Values = 0j
+    spin: Values = 0.0
+    acceleration: Values = 0j
+    spin_up: Values = 0.0
 
     @classmethod
     def still(cls, count: int) -> Track:
         """The ground's, at so many instants."""
-        return cls(*np.zeros((4, count)))
+        return cls(*np.zeros((6, count)))
 
-    def at(self, point: complex) -> tuple[np.ndarray, np.ndarray]:
-        """Place (m) and velocity (m/s) of a point (m) in the body's frame."""
-        arm = point * np.exp(1j * self.angle)
-        return self.origin + arm, self.velocity + 1j * self.spin * arm
+    @property
+    def pose(self) -> Pose:
+        """Where it is at one instant, and how fast."""
+        return Pose(self.origin, self.angle, self.velocity, self.spin)
 
-    def carried(self, at: complex, point: complex, angle: np.ndarray | float, spin: np.ndarray | float = 0.0) -> Track:
-        """A body whose ``point`` (m) is held ``at`` one of this body's (m), turned against it by an angle (rad) at a
-        rate (rad/s).
+    @property
+    def turned(self) -> Values:
+        """What turns a vector x + iy of its frame into the ground's."""
+        return np.exp(1j * self.angle)
+
+    def at(self, point: complex) -> tuple[Values, Values, Values]:
+        """Place (m), velocity (m/s) and acceleration (m/s^2) of a point (m) in the body's frame."""
+        arm = point * self.turned
+        pull = (1j * self.spin_up - self.spin * self.spin) * arm
+        return self.origin + arm, self.velocity + 1j * self.spin * arm, self.acceleration + pull
+
+    def carried(self, at: complex, point: complex, angle: Values, spin: Values = 0.0, spin_up: Values = 0.0) -> Track:
+        """A body whose ``point`` (m) is held ``at`` one of this body's (m), turned against it by an angle (rad) with
+        its rate and acceleration.
         """
-        pin, velocity = self.at(at)
-        turned = Track(np.zeros_like(pin), self.angle + angle, np.zeros_like(pin), self.spin + spin)
-        arm, swing = turned.at(point)
-        return Track(pin - arm, turned.angle, velocity - swing, turned.spin)
+        pin, velocity, acceleration = self.at(at)
+        turned = Track(0j, self.angle + angle, 0j, self.spin + spin, 0j, self.spin_up + spin_up)
+        arm, swing, pull = turned.at(point)
+        return Track(pin - arm, turned.angle, velocity - swing, turned.spin, acceleration - pull, turned.spin_up)
 
-    def slid(self, axis: complex, way: np.ndarray, rate: np.ndarray) -> Track:
-        """The body moved in its frame along an ``axis``, (M,) m at a rate (M,) m/s; complex ones are along x + iy."""
-        along = axis * np.exp(1j * self.angle)
-        velocity = self.velocity + (rate + 1j * self.spin * way) * along
-        return Track(self.origin + along * way, self.angle, velocity, self.spin)
+    def slid(self, axis: complex, way: Values, rate: Values, change: Values = 0.0) -> Track:
+        """The body moved in its frame along an ``axis`` by a way (m) with its rate and acceleration; complex ones are
+        along x + iy.
+        """
+        along = axis * self.turned
+        velocity = rate + 1j * self.spin * way
+        acceleration = change + 2j * self.spin * rate + (1j * self.spin_up - self.spin * self.spin) * way
+        return self._replace(
+            origin=self.origin + along * way,
+            velocity=self.velocity + along * velocity,
+            acceleration=self.acceleration + along * acceleration,
+        )
