@@ -114,41 +114,35 @@ def _seen_from(base: Pose, pose: Pose) -> Pose:
 
 
 Motion = tuple[Sequence[Values], ...]  # of a branch: its coordinates, their rates, and perhaps accelerations
+Points = Mapping[tuple[str, str], complex]  # m, by body and name, in the body's frame
 STILL = Track()
 
 
 def tracks(
-    points: Mapping[tuple[str, str], complex],
-    branches: Iterable[Branch],
-    motions: Mapping[str, Motion],
-    ground: Track = STILL,
+    points: Points, branches: Iterable[Branch], motions: Mapping[str, Motion], ground: Track = STILL
 ) -> dict[str, Track]:
-    """The track of every body, and of the ground, by the motions of their branches, parents first; ``points`` (m) are
-    in the frames of their bodies.
-    """
+    """The track of every body, and of the ground, by the motions of their branches, parents first."""
     out = {GROUND: ground}
     for branch in branches:
-        ends = None
-        if branch.joint is not None:
-            ends = points[branch.parent, branch.joint.name], points[branch.child, branch.joint.name]
-        out[branch.child] = hung(branch, ends, out[branch.parent], *motions[branch.child])
+        out[branch.child] = hung(points, branch, out[branch.parent], *motions[branch.child])
     return out
 
 
 def hung(
+    points: Points,
     branch: Branch,
-    ends: tuple[complex, complex] | None,
     base: Track,
     where: Sequence[Values],
     rates: Sequence[Values],
     changes: Sequence[Values] = (0.0, 0.0, 0.0),
 ) -> Track:
     """A branch's child on its parent's track, by its coordinates (see :func:`coordinates`), their rates and
-    accelerations; the ``ends`` of its joint (m) are in the frames of parent and child, None where it has none.
+    accelerations.
     """
-    if ends is None:
+    if branch.joint is None:
         flat = (each[0] + 1j * each[1] for each in (where, rates, changes))
         return base.slid(1.0, *flat).carried(0j, 0j, where[2], rates[2], changes[2])
-    if branch.joint is not None and branch.joint.prismatic:
-        return base.carried(*ends, branch.fixed_angle).slid(branch.axis, where[0], rates[0], changes[0])
-    return base.carried(*ends, where[0], rates[0], changes[0])
+    at, point = points[branch.parent, branch.joint.name], points[branch.child, branch.joint.name]
+    if branch.joint.prismatic:
+        return base.carried(at, point, branch.fixed_angle).slid(branch.axis, where[0], rates[0], changes[0])
+    return base.carried(at, point, where[0], rates[0], changes[0])
