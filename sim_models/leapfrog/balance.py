@@ -16,7 +16,7 @@ from sim_models.leapfrog.parts import Steered, moving_body
 from sim_models.run.track import Track
 
 
-class Balance:
+class ForceBalance:
     """A step that was just made, seen from the ``poses`` before it."""
 
     def __init__(

@@ -27,13 +27,13 @@ from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import travel
 from sim_models.common.tree import Branch
 from sim_models.engine import Cause, Request, SettingValue, SimulationError
-from sim_models.leapfrog.balance import Balance
+from sim_models.leapfrog.balance import ForceBalance
 from sim_models.leapfrog.block import Block, Touch, told
 from sim_models.leapfrog.laws import JointLaws
 from sim_models.leapfrog.parts import Pin, Steered, coordinates, moving_body, spanning_tree, tracks
 from sim_models.leapfrog.rates import centre_rates, motions_between
 from sim_models.leapfrog.striking import Striking
-from sim_models.run.grid import Grid
+from sim_models.run.grid import StepGrid
 from sim_models.run.path import Path
 from sim_models.run.track import Track
 
@@ -88,7 +88,7 @@ class LeapfrogWorld(ABC):
         reach = moving_body(m, m.driven).length if self.crank else longest(m)
         driven = self.held and not self.static
         self.laws = JointLaws(m, self.static, path.top_speed if driven else abs(self.speed), reach)
-        self.grid: Grid | None = None  # of a moving run
+        self.grid: StepGrid | None = None  # of a moving run
         self.free = not (self.crank or path.held)  # in part
         # Whether inertia forces are put right (see _catch_up): not where pins need such short steps that it is no gain
         self.makes_up = not self.crank and (self.free or not self.loose)
@@ -277,7 +277,7 @@ class LeapfrogWorld(ABC):
         """
         after = {body.name: self.pose(body.name) for body in self.mechanism.bodies}
         motion = self.moved(self.before, after, self.last_step)
-        balance = Balance(self.mechanism, self.before, self.was_applied)
+        balance = ForceBalance(self.mechanism, self.before, self.was_applied)
         forces, moments, efforts = balance.solve(self.branches, motion, pins, tied, self.steered)
         return forces, moments, efforts if self.held else {}
 
@@ -289,16 +289,7 @@ class LeapfrogWorld(ABC):
     def settings(self) -> dict[str, SettingValue]:
         """The numbers used, for Trace."""
         touching = self.pins | self.blocks
-        if not self.compliant or not touching:
-            return {}
-        contacts = [each.contact for each in touching.values()]
-        if any(each.law is not None for each in touching.values()):
-            return told(self.mechanism, touching)
-        return {
-            "contact_law": "Kelvin-Voigt, max(0, K d + C d')",
-            "contact_stiffness": min(c.stiffness for c in contacts),
-            "contact_damping": max(c.damping for c in contacts),
-        }
+        return told(self.mechanism, touching) if self.compliant and touching else {}
 
     # ---------------------------------------------------------------- stepping
 

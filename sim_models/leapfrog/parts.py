@@ -113,13 +113,13 @@ def _seen_from(base: Pose, pose: Pose) -> Pose:
     return Pose(apart * back, pose.angle - base.angle, slip * back, pose.angular_velocity - base.angular_velocity)
 
 
-Motion = tuple[Sequence[Values], ...]  # of a branch: its coordinates, their rates, and perhaps accelerations
+BranchMotion = tuple[Sequence[Values], ...]  # of a branch: its coordinates, their rates, and perhaps accelerations
 Points = Mapping[tuple[str, str], complex]  # m, by body and name, in the body's frame
 STILL = Track()
 
 
 def tracks(
-    points: Points, branches: Iterable[Branch], motions: Mapping[str, Motion], ground: Track = STILL
+    points: Points, branches: Iterable[Branch], motions: Mapping[str, BranchMotion], ground: Track = STILL
 ) -> dict[str, Track]:
     """The track of every body, and of the ground, by the motions of their branches, parents first."""
     out = {GROUND: ground}

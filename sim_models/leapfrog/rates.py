@@ -10,7 +10,7 @@ from analytic.mechanism import MASS_CENTRE, Mechanism
 from sim_models.common.rates import rate_columns
 from sim_models.common.start import Pose
 from sim_models.common.tree import Branch
-from sim_models.leapfrog.parts import Motion, coordinates
+from sim_models.leapfrog.parts import BranchMotion, coordinates
 from sim_models.run.track import Track
 
 
@@ -30,13 +30,13 @@ def motions_between(
     after: Mapping[str, Pose],
     h: float,
     trailing: float,
-) -> dict[str, Motion]:
+) -> dict[str, BranchMotion]:
     """Motions of branches at the poses before a step of h (s), from those after it too.
 
     A coordinate's rate changes evenly in the step; the velocities of the poses before are ``trailing`` (s) older than
     the poses.
     """
-    motions: dict[str, Motion] = {}
+    motions: dict[str, BranchMotion] = {}
     for branch in branches:
         (where, old), (_, new) = coordinates(m, branch, before), coordinates(m, branch, after)
         changes = (np.array(new) - old) / h

@@ -12,7 +12,6 @@ from typing import ClassVar
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from analytic.kinematics.schedule import Steady
 from analytic.mechanism.signals import DRIVE_TORQUE
 from sim_models.common.backlash import Felt, Flanks
 from sim_models.common.contact_laws import TOO_DEEP, shortest_link
@@ -27,7 +26,7 @@ from sim_models.leapfrog.poses import Changes, moving, near
 from sim_models.leapfrog.probe import PROBE, drive_inertia, forces_at
 from sim_models.leapfrog.steps import longest_step
 from sim_models.leapfrog.watch import Watch
-from sim_models.run.grid import Grid
+from sim_models.run.grid import StepGrid
 from sim_models.run.path import MotorPath, Path
 from sim_models.run.run import Observed, Run, columns_of
 
@@ -51,10 +50,8 @@ class LeapfrogRun(Run):
 
     def found_path(self) -> Path:
         schedule = self.request.schedule
-        if schedule.crank is None or schedule.at_rest:
-            return super().found_path()
-        start = Steady(self.assembly.start, schedule.start_speed(self.mechanism))
-        return MotorPath(self.assembly, self.request.motor or start, held=not schedule.lets_go)
+        moves = schedule.crank is not None and not schedule.at_rest
+        return MotorPath.of(self.request, self.assembly) if moves else super().found_path()
 
     def traced(self) -> Trace:
         request, m = self.request, self.mechanism
@@ -176,7 +173,7 @@ class LeapfrogRun(Run):
         check_steps(who, last - path.begin + beyond, longest)
         if request.schedule.turns_evenly:  # equal angles, at equal times
             times = np.round(times, 12)
-        grid = world.grid = Grid.fitted(times, path.begin, longest, path.held, beyond)
+        grid = world.grid = StepGrid.fitted(times, path.begin, longest, path.held, beyond)
         self.start(grid)
         tally = Tally(world, max(1, (grid.reported - grid.lead) // JOURNAL_SAMPLES))
         watch = Watch.of(world, grid) if request.watched else None
@@ -200,7 +197,7 @@ class LeapfrogRun(Run):
         inertias = [drive_inertia(self.world, self.path.poses(t)) for t in times.tolist()]
         return Felt(times, np.array(torques), np.array(inertias))
 
-    def start(self, grid: Grid) -> None:
+    def start(self, grid: StepGrid) -> None:
         """Bring the linkage to its first poses, a crank that will lag its motor with the speed and acceleration of its
         steady motion.
         """
@@ -221,7 +218,7 @@ class LeapfrogRun(Run):
         if world.drive_stiffness:
             world.hold(False)
 
-    def follow(self, grid: Grid, tally: Tally, watch: Watch | None) -> dict[int, dict[str, float]]:
+    def follow(self, grid: StepGrid, tally: Tally, watch: Watch | None) -> dict[int, dict[str, float]]:
         """Signals at the beginnings of the grid's steps that reports need."""
         world, path = self.world, self.path
         rows: dict[int, dict[str, float]] = {}

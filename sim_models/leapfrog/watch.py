@@ -14,7 +14,7 @@ from analytic.mechanism import MASS_CENTRE
 from sim_models.engine import Watched
 from sim_models.leapfrog.bodies import LeapfrogWorld
 from sim_models.leapfrog.parts import tracks
-from sim_models.run.grid import Grid
+from sim_models.run.grid import StepGrid
 from sim_models.run.track import Track
 
 
@@ -31,7 +31,7 @@ class Watch:
     torque: np.ndarray  # N.m
 
     @classmethod
-    def of(cls, world: LeapfrogWorld, grid: Grid) -> Watch:
+    def of(cls, world: LeapfrogWorld, grid: StepGrid) -> Watch:
         """A watch over a grid's steps from the first report on."""
         steps = np.arange(grid.lead, grid.last + 1)
         positions, velocities = np.zeros((2, steps.size + 1, world.velocities().size))

@@ -10,14 +10,13 @@ import mujoco
 import numpy as np
 
 from analytic.kinematics.assembly import AssemblyError
-from analytic.kinematics.schedule import Steady
 from sim_models.common.start import check_steps
 from sim_models.engine import Cause, Request, SettingValue, SimulationError, Trace
 from sim_models.mjcf.linkage import EQUALITY, TheirLinkage
 from sim_models.mjcf.planar import Planar
-from sim_models.mjcf.start import DRY, Rest, rest
+from sim_models.mjcf.start import DRY, rest
 from sim_models.mjcf.steering import Steering
-from sim_models.run.grid import Grid
+from sim_models.run.grid import StepGrid
 from sim_models.run.path import MotorPath, Path
 from sim_models.run.run import Observed, Run, columns_of
 
@@ -43,7 +42,7 @@ class TheirRun(Run):
     package = "mujoco"
 
     def __init__(self, name: str, request: Request, planar: Planar) -> None:
-        super().__init__(request)
+        super().__init__(replace(request, lead_in=0.0))  # how it leads in it finds itself
         self.engine, self.planar = name, planar
         driven = [self.mechanism.joint(joint) for joint in request.schedule.drives]
         self.link = TheirLinkage(self.assembly, planar, driven)
@@ -58,12 +57,8 @@ class TheirRun(Run):
 
     def found_path(self) -> Path:
         schedule = self.request.schedule
-        if schedule.crank is None or schedule.at_rest:
-            return super().found_path()
-        if schedule.lets_go:
-            start = Steady(self.assembly.start, schedule.start_speed(self.mechanism))
-            return MotorPath(self.assembly, start, held=False)
-        return MotorPath(self.assembly, schedule.motor(self.mechanism))
+        moves = schedule.crank is not None and not schedule.at_rest
+        return MotorPath.of(self.request, self.assembly) if moves else super().found_path()
 
     def traced(self) -> Trace:
         return replace(super().traced(), version=f"in MuJoCo {mujoco.__version__}")
@@ -77,9 +72,12 @@ class TheirRun(Run):
             where = f"where its drives are at {place:.4g} s"
             if self.request.schedule.crank is not None:
                 where = f"at crank angle {math.degrees(place):.4g} deg"
-            self.found(rest(self.link, self.link.placed(self.path.poses(place)), still, still, 0.0), where)
-            self.free_of_others(where)
-            self.noted()
+            if rest(self.link, self.link.placed(self.path.poses(place)), still, still, 0.0) is None:
+                remedy = "look at the model there in MuJoCo's viewer"
+                what = f"{self.who}: no equilibrium was found {where}"
+                raise SimulationError(what, Cause.NO_EQUILIBRIUM, remedy)
+            self.check_alone(where)
+            self.note()
             rows.append(self.link.signals(still))
         return self.observed(columns_of(rows), {"step": None, "start": "equilibrium"})
 
@@ -139,11 +137,11 @@ class TheirRun(Run):
     def steady(self, time: float) -> tuple[np.ndarray, np.ndarray]:
         """Coordinates and velocities in which the motors pass a time (s) without transients."""
         q, v, _ = self.ideal(time)
-        found = [rest(self.link, *self.ideal(time + x), self.lag) for x in SIDE / self.pace * STENCIL]
-        known = [each.q for each in found if each is not None]
-        if len(known) < len(found):
+        around = [rest(self.link, *self.ideal(time + x), self.lag) for x in SIDE / self.pace * STENCIL]
+        known = np.array([each for each in around if each is not None])
+        if len(known) < len(around):
             return q, v
-        rate = SLOPE @ np.array(known) * self.pace
+        rate = SLOPE @ known * self.pace
         rate[self.link.dofs] = v[self.link.dofs]
         return known[2], rate
 
@@ -171,7 +169,7 @@ class TheirRun(Run):
         steering.start()
         d.qvel[:] -= self.lag * d.qacc
         d.qvel[dofs] = steering.at(np.zeros(1), 1, -self.lag)[0]
-        grid = Grid.of(times, 0.0, self.timestep)
+        grid = StepGrid.of(times, 0.0, self.timestep)
         rows: dict[int, dict[str, float]] = {}
         now = 0
         for k in grid.wanted:
@@ -179,7 +177,7 @@ class TheirRun(Run):
             now = k
             steering.look(k)
             self.check(k * self.timestep)
-            self.noted()
+            self.note()
             velocity = d.qvel + self.lag * d.qacc  # of the instant of the positions
             velocity[dofs] = steering.at(np.array([float(k)]), 1)[0]
             rows[k] = self.link.signals(velocity)
@@ -200,22 +198,13 @@ class TheirRun(Run):
         if parted > PARTED * self.planar.size:
             raise SimulationError(f"{when} a loop is open by {parted:.3g} m", Cause.CAME_APART, own)
 
-    def noted(self) -> None:
+    def note(self) -> None:
         """Note how many contacts and limits act, and how far (m) loops are open."""
         self.most_contacts = max(self.most_contacts, int(self.data.ncon))
         self.most_limits = max(self.most_limits, int(np.isin(self.data.efc_type, LIMITS).sum()))
         self.open = max(self.open, self.link.parted())
 
-    def found(self, state: Rest | None, where: str) -> None:
-        """Raise SimulationError where there is no equilibrium."""
-        if state is None:
-            raise SimulationError(
-                f"{self.who}: no equilibrium was found {where}",
-                Cause.NO_EQUILIBRIUM,
-                "look at the model there in MuJoCo's viewer",
-            )
-
-    def free_of_others(self, where: str) -> None:
+    def check_alone(self, where: str) -> None:
         """Raise SimulationError where contacts or limits would take part in an equilibrium, which is without them."""
         d = self.data
         others = d.efc_type[(d.efc_type != EQUALITY) & ~np.isin(d.efc_type, DRY)]

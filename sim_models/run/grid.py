@@ -13,7 +13,7 @@ ON_GRID = 1e-6  # of a step: a report no farther from one is at it
 
 
 @dataclass(frozen=True)
-class Grid:
+class StepGrid:
     """Equal steps from ``begin`` (s), and how reports between them follow from those around: a cubic through four.
 
     A step that changes spoils what an engine, which closes loops by the drift of the step before, makes of
@@ -28,7 +28,7 @@ class Grid:
     beyond: int = 0  # steps after the last that a report needs
 
     @classmethod
-    def of(cls, times: np.ndarray, begin: float, step: float) -> Grid:
+    def of(cls, times: np.ndarray, begin: float, step: float) -> StepGrid:
         """Steps of a size (s) from ``begin`` (s) through reports at times (N,) s, none of them before."""
         place = (times - begin) / step
         close = np.abs(place - np.rint(place)) < ON_GRID
@@ -38,7 +38,7 @@ class Grid:
         return cls(begin, step, nodes, np.where(close[:, None], np.eye(4)[0], _lagrange(place - nodes[:, 0])))
 
     @classmethod
-    def fitted(cls, times: np.ndarray, begin: float, longest: float, early: bool, beyond: float = 0.0) -> Grid:
+    def fitted(cls, times: np.ndarray, begin: float, longest: float, early: bool, beyond: float = 0.0) -> StepGrid:
         """Steps no longer than ``longest`` (s) for reports at times (N,) s, none before ``begin`` (s), that go on
         ``beyond`` them (s).
 

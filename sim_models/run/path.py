@@ -131,6 +131,12 @@ class MotorPath(Path):
         self.begin, self.top_speed, self.knot_spacing = motor.begin, motor.top_speed, motor.knot_spacing
         self.constant_speed = motor.constant_speed and lag is None
 
+    @classmethod
+    def of(cls, request: Request, assembly: Assembly) -> MotorPath:
+        """That of a request whose crank moves; one that is let go as it then starts."""
+        start = Steady(assembly.start, request.schedule.start_speed(request.mechanism))
+        return cls(assembly, request.motor or start, held=not request.schedule.lets_go)
+
     def behind(self, lag: Polynomial) -> MotorPath:
         """The crank with such a lag (rad) in time (s)."""
         return MotorPath(self.assembly, self.motor, self.held, lag)
