@@ -8,6 +8,8 @@ import cmath
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from analytic.mechanism import GROUND, Body, Joint, Mechanism
 from sim_models.common.contact_laws import KelvinVoigt, NamedLaw
 from sim_models.common.start import AT_REST, Pose
@@ -113,7 +115,8 @@ def _seen_from(base: Pose, pose: Pose) -> Pose:
     return Pose(apart * back, pose.angle - base.angle, slip * back, pose.angular_velocity - base.angular_velocity)
 
 
-BranchMotion = tuple[Sequence[Values], ...]  # of a branch: its coordinates, their rates, and perhaps accelerations
+Coordinates = Sequence[Values] | np.ndarray  # of a branch, as :func:`coordinates` has them: (k,), or (k, M)
+BranchMotion = tuple[Coordinates, ...]  # of a branch: its coordinates, their rates, and perhaps accelerations
 Points = Mapping[tuple[str, str], complex]  # m, by body and name, in the body's frame
 STILL = Track()
 
@@ -132,9 +135,9 @@ def hung(
     points: Points,
     branch: Branch,
     base: Track,
-    where: Sequence[Values],
-    rates: Sequence[Values],
-    changes: Sequence[Values] = (0.0, 0.0, 0.0),
+    where: Coordinates,
+    rates: Coordinates,
+    changes: Coordinates = (0.0, 0.0, 0.0),
 ) -> Track:
     """A branch's child on its parent's track, by its coordinates (see :func:`coordinates`), their rates and
     accelerations.
