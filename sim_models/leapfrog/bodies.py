@@ -28,7 +28,7 @@ from sim_models.common.travel import travel
 from sim_models.common.tree import Branch
 from sim_models.engine import Cause, Request, SettingValue, SimulationError
 from sim_models.leapfrog.balance import ForceBalance
-from sim_models.leapfrog.block import Block, Touch, told
+from sim_models.leapfrog.block import Block, Touch, law_settings
 from sim_models.leapfrog.laws import JointLaws
 from sim_models.leapfrog.parts import Pin, Steered, coordinates, moving_body, spanning_tree, tracks
 from sim_models.leapfrog.rates import centre_rates, motions_between
@@ -289,7 +289,7 @@ class LeapfrogWorld(ABC):
     def settings(self) -> dict[str, SettingValue]:
         """The numbers used, for Trace."""
         touching = self.pins | self.blocks
-        return told(self.mechanism, touching) if self.compliant and touching else {}
+        return law_settings(self.mechanism, touching) if self.compliant and touching else {}
 
     # ---------------------------------------------------------------- stepping
 

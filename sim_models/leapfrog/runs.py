@@ -171,12 +171,12 @@ class LeapfrogRun(Run):
         beyond = request.beyond / path.top_speed if request.beyond else 0.0
         who = f"{self.engine} {request.joint_model} ({self.mechanism.name})"
         check_steps(who, last - path.begin + beyond, longest)
-        if request.schedule.turns_evenly:  # equal angles, at equal times
+        if path.held and path.constant_speed:  # equal angles, at equal times
             times = np.round(times, 12)
         grid = world.grid = StepGrid.fitted(times, path.begin, longest, path.held, beyond)
         self.start(grid)
         tally = Tally(world, max(1, (grid.reported - grid.lead) // JOURNAL_SAMPLES))
-        watch = Watch.of(world, grid) if request.watched else None
+        watch = Watch(world, grid) if request.watched else None
         columns = grid.columns(self.follow(grid, tally, watch))
         if world.held:
             self.check_course(columns, times)
@@ -189,7 +189,7 @@ class LeapfrogRun(Run):
             return np.array([self.path.begin])
         knots = np.unique([t for course in self.request.schedule.courses.values() for t in course.knots])
         knots = knots[(knots >= self.path.begin) & (knots <= times[-1])]
-        return times if self.request.schedule.turns_evenly else knots
+        return knots if knots.size else times
 
     def felt(self, times: np.ndarray) -> Felt:
         """What the motor feels of the ideal linkage at times (N,) s."""

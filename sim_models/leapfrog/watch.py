@@ -6,8 +6,6 @@ instants at once.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from analytic.mechanism import MASS_CENTRE
@@ -18,26 +16,18 @@ from sim_models.run.grid import StepGrid
 from sim_models.run.track import Track
 
 
-@dataclass(frozen=True)
 class Watch:
-    """What is kept of (M,) steps."""
+    """What is kept of the (M,) steps of a grid from the first report on."""
 
-    world: LeapfrogWorld
-    time: np.ndarray  # s, at which they start
-    positions: np.ndarray  # (M + 1, n) of the engine's own, there and after the last
-    velocities: np.ndarray  # (M + 1, n) half a step before each, and after the last
-    forces: np.ndarray  # (M, joints with clearance) N, complex
-    corners: np.ndarray  # (blocks, 4, M) N, of walls on them
-    torque: np.ndarray  # N.m
-
-    @classmethod
-    def of(cls, world: LeapfrogWorld, grid: StepGrid) -> Watch:
-        """A watch over a grid's steps from the first report on."""
+    def __init__(self, world: LeapfrogWorld, grid: StepGrid) -> None:
         steps = np.arange(grid.lead, grid.last + 1)
-        positions, velocities = np.zeros((2, steps.size + 1, world.velocities().size))
-        forces = np.zeros((steps.size, len(world.loose)), complex)
-        corners = np.zeros((len(world.blocks), 4, steps.size))
-        return cls(world, grid.begin + grid.step * steps, positions, velocities, forces, corners, np.zeros(steps.size))
+        self.world = world
+        self.time = grid.begin + grid.step * steps  # s, at which they start
+        # (M + 1, n) the engine's own, there and after the last, velocities half a step before
+        self.positions, self.velocities = np.zeros((2, steps.size + 1, world.velocities().size))
+        self.forces = np.zeros((steps.size, len(world.loose)), complex)  # N, in joints with clearance
+        self.corners = np.zeros((len(world.blocks), 4, steps.size))  # N, of walls on blocks
+        self.torque = np.zeros(steps.size)  # N.m
 
     def begin(self) -> None:
         """Take in where the first step starts."""
