@@ -23,6 +23,7 @@ from analytic.mechanism.signals import DRIVE_TORQUE, driving
 from sim_models.common.backlash import Flanks, side
 from sim_models.common.contact_laws import bearing, contact_parameters, longest, named_law
 from sim_models.common.mobility import mobility
+from sim_models.common.rates import rate_columns
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import travel
 from sim_models.common.tree import Branch
@@ -30,8 +31,7 @@ from sim_models.engine import Cause, Request, SettingValue, SimulationError
 from sim_models.leapfrog.balance import ForceBalance
 from sim_models.leapfrog.block import Block, Touch, law_settings
 from sim_models.leapfrog.laws import JointLaws
-from sim_models.leapfrog.parts import Pin, Steered, coordinates, moving_body, spanning_tree, tracks
-from sim_models.leapfrog.rates import centre_rates, motions_between
+from sim_models.leapfrog.parts import STILL, BranchMotion, Pin, Steered, coordinates, moving_body, spanning_tree, tracks
 from sim_models.leapfrog.striking import Striking
 from sim_models.run.grid import StepGrid
 from sim_models.run.path import Path
@@ -492,12 +492,21 @@ class LeapfrogWorld(ABC):
         out |= {f"reaction_{name}_moment": moment for name, moment in moments.items()}
         with np.errstate(over="ignore", invalid="ignore"):  # of a run that diverges; its trace says so
             after = {name: self.pose(name) for name in names}
-            moved = dict.fromkeys(names, Track()) if self.static else self.moved(here, after, h)
-            return out | centre_rates(self.mechanism, moved)
+            moved = dict.fromkeys(names, STILL) if self.static else self.moved(here, after, h)
+            for name in names:
+                _, velocity, acceleration = moved[name].at(self.points[name, MASS_CENTRE])
+                out |= rate_columns(name, velocity, acceleration, moved[name].spin_up)
+        return out
 
     def moved(self, before: Mapping[str, Pose], after: Mapping[str, Pose], h: float) -> dict[str, Track]:
-        """Every body's track at the poses before a step of h (s), from those after it too."""
-        motions = motions_between(self.mechanism, self.branches, before, after, h, self.trailing)
+        """Every body's track at the poses before a step of h (s), from those after it too: the rates of coordinates
+        change evenly in the step.
+        """
+        motions: dict[str, BranchMotion] = {}
+        for branch in self.branches:
+            (where, old), (_, new) = (coordinates(self.mechanism, branch, poses) for poses in (before, after))
+            changes = (np.array(new) - old) / h
+            motions[branch.child] = where, old + self.trailing * changes, changes
         return tracks(self.points, self.branches, motions)
 
     def _drives(self, efforts: Mapping[str, float]) -> dict[str, float]:
