@@ -16,9 +16,9 @@ from engine_checks import run, vector
 from linkages import scotch_yoke
 from marks import slow
 from several_truths import close
-from sim_models.dart.engine import ENGINE
+from sim_models.dart.engine import ENGINE, DartRun
 from sim_models.dart.world import DartWorld
-from sim_models.engine import JointModel, Motion, Unsupported
+from sim_models.engine import JointModel, Motion, Request, Unsupported
 from sim_models.run.path import CrankPath
 from tests.evidence.validation.rebounds import CLEARANCE, G, dropped, hanging, rebound
 
@@ -48,10 +48,14 @@ def test_a_released_linkage_needs_times() -> None:
         ENGINE.simulate(request_of(load("paper").replace(drive=Drive(joint="D", speed="free")), time=np.zeros(0)))
 
 
+def opened(request: Request) -> DartWorld:
+    return DartWorld(request, DartRun(request).path)
+
+
 def moving_four_bar() -> DartWorld:
     m = load("crank-rocker")
-    world = DartWorld(request_of(m, "ideal", "driven", np.array([1.0])))
-    world.start(CrankPath(world.assembly).moving(1.0, world.speed), 1e-3)
+    world = opened(request_of(m, "ideal", "driven", np.array([1.0])))
+    world.start(CrankPath(world.path.assembly).moving(1.0, world.speed), 1e-3)
     return world
 
 
@@ -87,9 +91,9 @@ def test_constraint_forces_of_a_second_tree_in_a_skeleton_would_be_forgotten() -
 def test_a_driven_body_alone_in_its_skeleton_still_feels_its_pins() -> None:
     """DART leaves constraint forces out of the wrench of a skeleton that only a motor moves."""
     m = scotch_yoke()
-    world = DartWorld(request_of(m, "ideal", "driven", np.array([1.0])))
+    world = opened(request_of(m, "ideal", "driven", np.array([1.0])))
     assert world.nodes["crank"].getSkeleton().getNumDofs() == 1
-    world.start(CrankPath(world.assembly).moving(1.0, world.speed), 1e-5)
+    world.start(CrankPath(world.path.assembly).moving(1.0, world.speed), 1e-5)
     world.before_observing()
     world.step(1e-5)
     forces = world.reactions()[0]
@@ -119,7 +123,7 @@ def test_contact_shapes_are_frictionless() -> None:
     node = dart.dynamics.Skeleton().createFreeJointAndBodyNodePair()[1].createShapeNode(dart.dynamics.SphereShape(1.0))
     node.createDynamicsAspect()
     assert node.getDynamicsAspect().getFrictionCoeff() == 1.0
-    bearing = DartWorld(request_of(load("paper"), "contact", "static", np.array([1.0]))).bearings["B"]
+    bearing = opened(request_of(load("paper"), "contact", "static", np.array([1.0]))).bearings["B"]
     assert bearing.journal.getDynamicsAspect().getFrictionCoeff() == 0.0
     assert bearing.anvil.getDynamicsAspect().getFrictionCoeff() == 0.0
 

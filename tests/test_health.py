@@ -115,11 +115,10 @@ def test_a_run_of_heavier_inertia_than_the_linkage_has_is_found() -> None:
 @pytest.mark.pybullet
 def test_bullet_in_a_micrograms_linkage_is_found() -> None:
     """At 1:1000, in SI units, it answers 3e11 N where 4e-11 N are right."""
-    from sim_models.leapfrog.runs import run
-    from sim_models.pybullet.world import BulletWorld
+    from sim_models.pybullet.engine import BulletRun
 
     request = request_of(scaled(load("crank-rocker").with_clearances({}), 1e-3, speed=60.0), "ideal", "driven", TURN)
-    trace = run(BulletWorld, request, "pybullet")
+    trace = BulletRun(request).trace()
     assert max(np.abs(values).max() for name, values in trace.signals.items() if name.startswith("reaction")) > 1e3
     with pytest.raises(Implausible):
         check(request, trace)

@@ -72,11 +72,12 @@ def test_a_law_that_damps_beyond_all_measure_does_not_shake() -> None:
 def test_a_gap_yields_to_a_force_as_in_the_engine(name: str, case: str, joint: str) -> None:
     m = load(case).with_joint(joint, clearance=1e-4)
     if name == "dart":
-        from sim_models.dart.world import DartWorld as World
+        from sim_models.dart.engine import DartRun as EngineRun
     else:
-        from sim_models.pybullet.world import BulletWorld as World
-    world, h = World(request_of(m, "spring-damper", "driven", np.array([1.0]))), 1e-5
-    at: dict[str, Pose] = CrankPath(world.assembly).poses(1.0)
+        from sim_models.pybullet.engine import BulletRun as EngineRun
+    run, h = EngineRun(request_of(m, "spring-damper", "driven", np.array([1.0]))), 1e-5
+    world = run.world_class(run.request, run.path)
+    at: dict[str, Pose] = CrankPath(world.path.assembly).poses(1.0)
     speeds = []
     for force in (0j, 1 + 0j, 1j):
         world.place(at)

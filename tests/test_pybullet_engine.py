@@ -17,7 +17,8 @@ from asked import request_of
 from engine_checks import reaction_errors, run
 from marks import slow
 from sim_models.common.silence import silence
-from sim_models.engine import JointModel, Motion, Unsupported
+from sim_models.engine import JointModel, Motion, Request, Unsupported
+from sim_models.pybullet.engine import BulletRun
 from sim_models.pybullet.world import BulletWorld
 from sim_models.run.path import CrankPath
 
@@ -40,12 +41,16 @@ def test_four_struts_in_a_chain_are_where_the_rods_are_at_every_angle(step: floa
         assert size < 0.05, joint
 
 
+def opened(request: Request) -> BulletWorld:
+    return BulletWorld(request, BulletRun(request).path)
+
+
 def test_a_contact_strut_holds_at_its_length_and_not_before() -> None:
     m = load("paper").with_clearances({"B": 1e-3})
     forces = []
-    with silence(), closing(BulletWorld(request_of(m, "contact", "static", np.array([1.0])))) as world:
+    with silence(), closing(opened(request_of(m, "contact", "static", np.array([1.0])))) as world:
         for gap in (0.9e-3, 1e-3):
-            world.place(CrankPath(world.assembly).poses(1.0, {"B": gap * np.exp(1j)}))
+            world.place(CrankPath(world.path.assembly).poses(1.0, {"B": gap * np.exp(1j)}))
             world.step(1e-6)
             forces.append(abs(world.pin_forces["B"]))
     assert forces[1] == pytest.approx(25 / np.sin(1.0), rel=0.01)
@@ -149,8 +154,8 @@ def test_a_fast_bar_is_held_to_the_default_speed_limit(client: int) -> None:
 def test_a_constraints_force_belongs_to_the_positions_before_the_step() -> None:
     """A coarse step at 15 rpm tells the crank's positions at its two ends apart."""
     m, h = load("paper"), 2e-3
-    with silence(), closing(BulletWorld(request_of(m, "ideal", "driven", np.array([1.0])))) as world:
-        world.start(CrankPath(world.assembly).moving(1.0, world.speed), h)
+    with silence(), closing(opened(request_of(m, "ideal", "driven", np.array([1.0])))) as world:
+        world.start(CrankPath(world.path.assembly).moving(1.0, world.speed), h)
         world.before_observing()
         before, turn = world.before["crank"].angle, world.speed * h
         world.step(h)

@@ -44,11 +44,11 @@ def told_by(m: Mechanism, s: Structure) -> str:
 
 def with_positions(m: Mechanism, trace: Trace) -> Trace:
     """A trace with the position of each joint beside its bodies' places, where it has those of both."""
-    found = {position(j).name: where for j in m.joints if (where := _position(m, j, trace.signals)) is not None}
+    found = {position(j).name: where for j in m.joints if (where := position_of(m, j, trace.signals)) is not None}
     return replace(trace, signals={**trace.signals, **found})
 
 
-def _position(m: Mechanism, joint: Joint, signals: Mapping[str, np.ndarray]) -> np.ndarray | None:
+def position_of(m: Mechanism, joint: Joint, signals: Mapping[str, np.ndarray]) -> np.ndarray | None:
     """A joint's position (N,) rad or m from its bodies' signals; None where one is missing."""
     angles, places = [], []
     for name in joint.bodies:

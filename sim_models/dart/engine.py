@@ -5,7 +5,7 @@ from __future__ import annotations
 from sim_models.common.simulate import simulate
 from sim_models.dart.world import DartWorld
 from sim_models.engine import FEATURES, MOTIONS, Capabilities, Engine, Feature, JointModel, Pair, Request, Scope, Trace
-from sim_models.leapfrog.runs import run
+from sim_models.leapfrog.runs import LeapfrogRun
 
 # A pin that moves in its bearing changes reactions, and with them such friction, too much from step to step.
 GROWN: tuple[Feature, ...] = ("load_friction", "guide_friction")
@@ -17,6 +17,12 @@ RIGID: frozenset[tuple[Feature, Pair]] = frozenset(
     {("contact_law", ("contact", "driven")), *(("guide_clearance", ("contact", motion)) for motion in MOTIONS)}
 )
 MODELS: tuple[JointModel, ...] = ("ideal", "spring-damper", "contact")
+
+
+class DartRun(LeapfrogRun):
+    """See :class:`sim_models.run.run.Run`."""
+
+    engine, package, world_class = "dart", "dartpy", DartWorld
 
 
 class DartEngine(Engine):
@@ -34,7 +40,7 @@ class DartEngine(Engine):
 
     def simulate(self, request: Request) -> Trace:
         """Run one request; see the protocol."""
-        return simulate(self, request, lambda r: run(DartWorld, r, self.package))
+        return simulate(self, request, lambda asked: DartRun(asked).trace())
 
 
 ENGINE = DartEngine()

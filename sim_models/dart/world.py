@@ -26,7 +26,7 @@ from sim_models.dart.contact import FLOOR, REBOUND, Bearing, plane, rebound, vec
 from sim_models.engine import Request, SettingValue
 from sim_models.leapfrog.bodies import LeapfrogWorld
 from sim_models.leapfrog.parts import coordinates, moving_body
-from sim_models.run.path import assembled
+from sim_models.run.path import Path, assembled
 
 if TYPE_CHECKING:
     from dartpy.math import Isometry3
@@ -50,8 +50,8 @@ class DartWorld(LeapfrogWorld):
 
     engine = "dart"
 
-    def __init__(self, request: Request) -> None:
-        super().__init__(request)
+    def __init__(self, request: Request, path: Path) -> None:
+        super().__init__(request, path)
         self.balances = not self.crank
         self.settling = SETTLING if request.joint_model == "ideal" else 1
         import dartpy as dart
@@ -165,7 +165,7 @@ class DartWorld(LeapfrogWorld):
     def _close(self) -> None:
         """Tie the remaining pins, with the linkage assembled: DART takes their places from where the bodies are."""
         constraint = self.dart.constraint
-        self.place(assembled(self.assembly))
+        self.place(assembled(self.path.assembly))
         for joint in self.closing:
             at = self.frames[joint.name][0].getTransform().translation()
             nodes = [self.nodes[name] for name in joint.bodies if name != GROUND]

@@ -13,10 +13,10 @@ from analytic.mechanism import GROUND, MASS_CENTRE, Mechanism
 from sim_models.common.start import Pose
 from sim_models.common.tree import Branch
 from sim_models.leapfrog.parts import Steered, moving_body
-from sim_models.leapfrog.rates import Turning
+from sim_models.run.track import Track
 
 
-class Balance:
+class ForceBalance:
     """A step that was just made, seen from the ``poses`` before it."""
 
     def __init__(
@@ -34,14 +34,14 @@ class Balance:
     def solve(
         self,
         branches: Sequence[Branch],
-        motion: Mapping[str, Turning],
+        motion: Mapping[str, Track],
         pins: Mapping[str, complex],
         tied: Set[str],
         steered: Sequence[Steered],
     ) -> tuple[dict[str, complex], dict[str, float], dict[str, float]]:
         """All joints' forces, prismatic joints' moments, and what the motors exert in the joints by which they steer.
 
-        ``branches`` are parents first, ``motion`` is of the bodies' origins, ``pins`` the pins' forces (N, on the
+        ``branches`` are parents first, ``motion`` is of the bodies, ``pins`` the pins' forces (N, on the
         second body), of which those ``tied`` are not among what was applied.
         """
         m = self.mechanism
@@ -56,9 +56,10 @@ class Balance:
                 self._load(first, self.place(first, name), -force)
         for branch in reversed(branches):
             child, joint = branch.child, branch.joint
-            centre = motion[child].carried(self.place(child, MASS_CENTRE) - self.poses[child].origin)
-            force = moving_body(m, child).mass * centre.acceleration - self.force[child]
-            about_com = moving_body(m, child).moment_of_inertia * centre.spin_up - self.moment[child]
+            body = moving_body(m, child)
+            _, _, acceleration = motion[child].at(body.point(MASS_CENTRE))
+            force = body.mass * acceleration - self.force[child]
+            about_com = body.moment_of_inertia * motion[child].spin_up - self.moment[child]
             if child in moved:
                 effort = efforts[moved[child].joint.name] = self._effort(branch, moved[child], force, about_com)
                 if joint is None and branch.parent != GROUND:

@@ -98,8 +98,8 @@ class Block:
                 yield Touch(k, at, force)
 
 
-def told(mechanism: Mechanism, pins: Mapping[str, Pin | Block]) -> dict[str, SettingValue]:
-    """The laws of pins and blocks, of which some have one by name, for a trace's settings."""
+def law_settings(mechanism: Mechanism, pins: Mapping[str, Pin | Block]) -> dict[str, SettingValue]:
+    """The contact laws of pins and blocks, for a trace's settings."""
     laws = {name: pin.law for name, pin in pins.items() if pin.law is not None}
     words = {
         name: "Kelvin-Voigt, max(0, K d + C d')" if pin.law is None else pin.law.words for name, pin in pins.items()

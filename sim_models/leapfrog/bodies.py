@@ -13,29 +13,29 @@ from __future__ import annotations
 import cmath
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence, Set
-from dataclasses import replace
 from functools import partial
 from typing import TypeVar
 
 import numpy as np
 
-from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Spring
-from analytic.mechanism.signals import DRIVE_TORQUE, driving, position
+from analytic.mechanism.signals import DRIVE_TORQUE, driving
 from sim_models.common.backlash import Flanks, side
 from sim_models.common.contact_laws import bearing, contact_parameters, longest, named_law
 from sim_models.common.mobility import mobility
+from sim_models.common.rates import rate_columns
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import travel
 from sim_models.common.tree import Branch
 from sim_models.engine import Cause, Request, SettingValue, SimulationError
-from sim_models.leapfrog.balance import Balance
-from sim_models.leapfrog.block import Block, Touch, told
-from sim_models.leapfrog.courses import Grid, Path, motion_of, path_of
+from sim_models.leapfrog.balance import ForceBalance
+from sim_models.leapfrog.block import Block, Touch, law_settings
 from sim_models.leapfrog.laws import JointLaws
-from sim_models.leapfrog.parts import Pin, Steered, coordinates, moving_body, spanning_tree
-from sim_models.leapfrog.rates import body_rates, centre_rates, turning
+from sim_models.leapfrog.parts import STILL, BranchMotion, Pin, Steered, coordinates, moving_body, spanning_tree, tracks
 from sim_models.leapfrog.striking import Striking
+from sim_models.run.grid import StepGrid
+from sim_models.run.path import Path
+from sim_models.run.track import Track
 
 HEEDED = 1e-7  # of the largest reaction that friction grows with: what it may still change by
 HEEDINGS = 100  # times that friction is found anew from the reactions that it changes
@@ -51,23 +51,20 @@ class LeapfrogWorld(ABC):
     branch: Mapping[str, Branch]  # the same by body
     steered: tuple[Steered, ...] = ()  # what motors move, or, of a crank that is let go, would
     one_sided = False  # whether its pins rest on rigid rims that they may leave
-    by_rods = False  # whether what was last seen of such pins is that of rods of the clearance's length in their place
     balances = False  # whether reactions are found by each body's balance
     looks_back = False  # whether what its motor exerts is read with the poses before the step
     settling = 1  # steps after which the engine's constraints exert what they should
 
-    def __init__(self, request: Request) -> None:
+    def __init__(self, request: Request, path: Path) -> None:
         m = self.mechanism = request.mechanism
-        self.request = request
-        self.assembly = Assembly(m)
-        self.static, self.motor = request.motion == "static", motion_of(request, self.assembly)
+        self.request, self.path = request, path
+        self.static = request.motion == "static"
         self.speed = m.speed or 0.0  # rad/s; its sign is the direction of friction and of the angles at rest, too
         self.drive_stiffness = m.drive_stiffness or 0.0  # N.m/rad; of a moving drive with backlash, its flanks'
         self.flanks: Flanks | None = None  # of a moving drive with backlash
         self.was_behind: float | None = None  # rad, its crank when the last step began
-        self.held = (
-            self.static or self.motor is not None
-        )  # what motors move is prescribed: of a drive that yields, until the run begins
+        # Whether what motors move is prescribed: of a drive that yields, until the run begins
+        self.held = self.static or not request.schedule.lets_go
         self.points = {(GROUND, name): m.ground.point(name) for name in m.ground.points}  # m, in the body's frame
         self.points |= {(b.name, name): b.point(name) for b in m.bodies for name in (*b.points, "com", MASS_CENTRE)}
         self.pins = {
@@ -89,9 +86,10 @@ class LeapfrogWorld(ABC):
         self.soft = {name: Pin(m.joint(name), 0.0, bearing(m, m.joint(name))) for name in request.bearings}
         self.crank = request.schedule.crank is not None  # whether a crank moves it, or would
         reach = moving_body(m, m.driven).length if self.crank else longest(m)
-        self.laws = JointLaws(m, self.static, self.motor.top_speed if self.motor else abs(self.speed), reach)
-        self.grid: Grid | None = None  # of a moving run
-        self.free = not self.crank and len(self.assembly.positions) > len(request.schedule.drives)  # in part
+        driven = self.held and not self.static
+        self.laws = JointLaws(m, self.static, path.top_speed if driven else abs(self.speed), reach)
+        self.grid: StepGrid | None = None  # of a moving run
+        self.free = not (self.crank or path.held)  # in part
         # Whether inertia forces are put right (see _catch_up): not where pins need such short steps that it is no gain
         self.makes_up = not self.crank and (self.free or not self.loose)
         self.trailing = 0.0  # s by which velocities trail positions
@@ -217,11 +215,12 @@ class LeapfrogWorld(ABC):
 
     def spin_ups(self, path: Path, time: float) -> tuple[float, ...]:
         """Accelerations (rad/s^2, m/s^2) of what is steered, at a time (s) of a path."""
-        return tuple(each.sign * path_of(path, each.joint.name).acceleration(time) for each in self.steered)
+        now = np.array([time])
+        return tuple(each.sign * float(path.drive(each.joint.name, now, 2)[0]) for each in self.steered)
 
     def aims(self, path: Path, times: np.ndarray) -> list[tuple[float, ...]]:
         """Where what is steered is (rad, m) on a path, at each of these times (N,) s."""
-        along = [each.sign * path_of(path, each.joint.name).positions(times) for each in self.steered]
+        along = [each.sign * path.drive(each.joint.name, times) for each in self.steered]
         return list(zip(*(where.tolist() for where in along), strict=True))
 
     def settled(self, evaluate: Callable[[], T], pressing: Callable[[T], Mapping[str, float]]) -> T:
@@ -277,8 +276,8 @@ class LeapfrogWorld(ABC):
         tree.  Those ``tied`` were not among what was noted.
         """
         after = {body.name: self.pose(body.name) for body in self.mechanism.bodies}
-        motion = body_rates(self.mechanism, self.branches, self.before, after, self.last_step, self.trailing)
-        balance = Balance(self.mechanism, self.before, self.was_applied)
+        motion = self.moved(self.before, after, self.last_step)
+        balance = ForceBalance(self.mechanism, self.before, self.was_applied)
         forces, moments, efforts = balance.solve(self.branches, motion, pins, tied, self.steered)
         return forces, moments, efforts if self.held else {}
 
@@ -290,16 +289,7 @@ class LeapfrogWorld(ABC):
     def settings(self) -> dict[str, SettingValue]:
         """The numbers used, for Trace."""
         touching = self.pins | self.blocks
-        if not self.compliant or not touching:
-            return {}
-        contacts = [each.contact for each in touching.values()]
-        if any(each.law is not None for each in touching.values()):
-            return told(self.mechanism, touching)
-        return {
-            "contact_law": "Kelvin-Voigt, max(0, K d + C d')",
-            "contact_stiffness": min(c.stiffness for c in contacts),
-            "contact_damping": max(c.damping for c in contacts),
-        }
+        return law_settings(self.mechanism, touching) if self.compliant and touching else {}
 
     # ---------------------------------------------------------------- stepping
 
@@ -445,15 +435,19 @@ class LeapfrogWorld(ABC):
         forces that it gets wrong by that, at each body's centre of mass.
         """
         here = {body.name: self.pose(body.name) for body in self.mechanism.bodies}
-        late = {branch.child: np.array(coordinates(self.mechanism, branch, here)[1]) for branch in self.branches}
+        where = {branch.child: coordinates(self.mechanism, branch, here) for branch in self.branches}
+        late = {name: np.array(rates) for name, (_, rates) in where.items()}
         rates = {name: rate + (rate - self.late.get(name, rate)) / 2 for name, rate in late.items()}
         self.late, self.now = late, {}
-        was, turned = (turning(self.mechanism, self.branches, here, each) for each in (late, rates))
+        was, turned = (
+            tracks(self.points, self.branches, {name: (at, each[name]) for name, (at, _) in where.items()})
+            for each in (late, rates)
+        )
         for name, body in self.mechanism.moving.items():
-            arm = self.points[name, MASS_CENTRE] * cmath.exp(1j * here[name].angle)
-            wrong = turned[name].carried(arm).acceleration - was[name].carried(arm).acceleration
-            self.press(name, self.points[name, MASS_CENTRE], -body.mass * wrong)
-            self.now[name] = replace(here[name], velocity=turned[name].velocity, angular_velocity=turned[name].spin)
+            centre = self.points[name, MASS_CENTRE]
+            wrong = turned[name].at(centre)[2] - was[name].at(centre)[2]
+            self.press(name, centre, -body.mass * wrong)
+            self.now[name] = turned[name].pose
 
     def base(self, body: str) -> Pose:
         """A body's pose as the engine has it, or the ground's."""
@@ -474,7 +468,7 @@ class LeapfrogWorld(ABC):
         forces, moments, efforts = self.reactions()
         moments |= self.block_moments
         lag = self.trailing / h
-        out = self._drives(efforts) | self._positions(here)
+        out = self._drives(efforts)
         for name in names:
             com = here[name].origin + self.points[name, "com"] * np.exp(1j * here[name].angle)
             spin = here[name].angular_velocity * (1 - lag) + self.pose(name).angular_velocity * lag
@@ -496,8 +490,24 @@ class LeapfrogWorld(ABC):
             force += self.slide_forces.get(name, 0j)  # a slide's reaction holds its friction, damper and spring too
             out |= {f"reaction_{name}_x": force.real, f"reaction_{name}_y": force.imag}
         out |= {f"reaction_{name}_moment": moment for name, moment in moments.items()}
-        after = None if self.static else {name: self.pose(name) for name in names}
-        return out | centre_rates(self.mechanism, self.branch.values(), here, after, h, self.trailing)
+        with np.errstate(over="ignore", invalid="ignore"):  # of a run that diverges; its trace says so
+            after = {name: self.pose(name) for name in names}
+            moved = dict.fromkeys(names, STILL) if self.static else self.moved(here, after, h)
+            for name in names:
+                _, velocity, acceleration = moved[name].at(self.points[name, MASS_CENTRE])
+                out |= rate_columns(name, velocity, acceleration, moved[name].spin_up)
+        return out
+
+    def moved(self, before: Mapping[str, Pose], after: Mapping[str, Pose], h: float) -> dict[str, Track]:
+        """Every body's track at the poses before a step of h (s), from those after it too: the rates of coordinates
+        change evenly in the step.
+        """
+        motions: dict[str, BranchMotion] = {}
+        for branch in self.branches:
+            (where, old), (_, new) = (coordinates(self.mechanism, branch, poses) for poses in (before, after))
+            changes = (np.array(new) - old) / h
+            motions[branch.child] = where, old + self.trailing * changes, changes
+        return tracks(self.points, self.branches, motions)
 
     def _drives(self, efforts: Mapping[str, float]) -> dict[str, float]:
         """The drives' signals: what the motor in each driven joint exerts (N.m, N)."""
@@ -507,13 +517,6 @@ class LeapfrogWorld(ABC):
         signals = [DRIVE_TORQUE] if self.crank else [signal.name for signal in driving(driven)]
         sign = 1.0 if self.crank else self.mechanism.crank_sign
         return {signal: sign * efforts[joint.name] for signal, joint in zip(signals, driven, strict=bool(driven))}
-
-    def _positions(self, here: Mapping[str, Pose]) -> dict[str, float]:
-        """Positions (rad, m) of the joints of a linkage that is no crank's."""
-        if self.crank:
-            return {}
-        at, m = {GROUND: AT_REST, **here}, self.mechanism
-        return {position(j).name: travel(m, j, *(at[body] for body in j.bodies))[0] for j in m.joints}
 
     def start(
         self,

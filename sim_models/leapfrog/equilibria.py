@@ -14,15 +14,15 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from analytic.kinematics.assembly import AssemblyError
-from analytic.kinematics.schedule import DriveMotion
 from analytic.mechanism import GROUND
 from sim_models.common.failed_starts import check_stiff_enough, no_start, why_no_equilibrium
 from sim_models.common.start import AT_REST, Pose
 from sim_models.engine import CENTRED, ELSEWHERE, Cause, SimulationError
 from sim_models.leapfrog.block import Block
 from sim_models.leapfrog.bodies import HEEDINGS, LeapfrogWorld
-from sim_models.leapfrog.courses import NONE, STENCIL, Behind, Changes, Path, duration, moving, near, still, told_angle
+from sim_models.leapfrog.poses import NONE, STENCIL, Changes, duration, moving, near, still
 from sim_models.leapfrog.probe import forces_at, gap_accelerations
+from sim_models.run.path import MotorPath, Path
 
 NO_LOAD = 1e-9  # of the largest reaction: one below it leaves its pin loose
 FAINT = 1e-3  # of the largest reaction: what a soft bearing is taken to give under at least, where steps are measured
@@ -66,10 +66,10 @@ class Equilibria:
         world = self.world
         if not (world.loose or world.soft):
             return {}
-        theta = told_angle(path, time)
+        theta = path.said(time)
         forces, moments, _ = self.ideal_forces(path, time)
         largest = max(abs(f) for f in forces.values())
-        here = still(world.assembly, path, time) if world.blocks else {}
+        here = still(path, time) if world.blocks else {}
         forces |= {name: self._push(block, here, forces[name], moments[name]) for name, block in world.blocks.items()}
         loose = [name for name in world.loose if abs(forces[name]) <= max(NO_FORCE, NO_LOAD * largest)]
         if loose:
@@ -143,9 +143,7 @@ class Equilibria:
             return rim | off | {n: seat + moved(n, *x[rest + 2 * k :][:2]) for k, (n, seat) in enumerate(seats.items())}
 
         def miss(x: np.ndarray) -> np.ndarray:
-            found = gap_accelerations(
-                world, moving(world.assembly, path, time, near(gaps_at(x), time, rate, bend)), spin_up
-            )
+            found = gap_accelerations(world, moving(path, time, near(gaps_at(x), time, rate, bend)), spin_up)
             polar = [
                 (found[name] - bend.get(name, 0j)) * np.exp(-1j * phi) for name, phi in zip(names, x[:n], strict=True)
             ]
@@ -167,7 +165,7 @@ class Equilibria:
             x, known = self._newton(x, miss, n, rims), dict(world.loads)
             if not known:
                 break
-            forces_at(world, moving(world.assembly, path, time, near(gaps_at(x), time, rate, bend)), spin_up)
+            forces_at(world, moving(path, time, near(gaps_at(x), time, rate, bend)), spin_up)
             change = max(abs(world.loads[name] - load) for name, load in known.items())
             if change <= ALONGSIDE * max(known.values()):
                 break
@@ -212,7 +210,7 @@ class Equilibria:
         """Reactions (N) of the ideal linkage, its slides' moments (N.m), and what its motors exert (N.m, N), at a time
         (s) of their path.
         """
-        return forces_at(self.ideal, moving(self.ideal.assembly, path, time), self.ideal.spin_ups(path, time))
+        return forces_at(self.ideal, moving(path, time), self.ideal.spin_ups(path, time))
 
     def ideal_torque(self, path: Path, time: float) -> float:
         """Drive torque (N.m) of the ideal linkage at a time (s) of the crank's path."""
@@ -230,7 +228,7 @@ class Equilibria:
             rate = {n: (after[n] - before[n]) / (2 * apart) for n in here}
             bend = {n: (after[n] - 2 * here[n] + before[n]) / apart**2 for n in here}
             here = self.gaps(path, time, rate, bend)
-        return moving(self.world.assembly, path, time, near(here, time, rate, bend))
+        return moving(path, time, near(here, time, rate, bend))
 
     def peaks(self, path: Path, times: np.ndarray) -> dict[str, float]:
         """Largest reaction (N) of each pin in the ideal linkage over times (s) of the crank's path."""
@@ -241,7 +239,7 @@ class Equilibria:
         )
         return {name: max(abs(forces[name]) for forces in seen) for name in self.world.pins}
 
-    def lagging(self, motor: DriveMotion, time: float, stiffness: float, inertia: float) -> Behind:
+    def lagging(self, path: MotorPath, time: float, stiffness: float, inertia: float) -> MotorPath:
         """The crank's path about a time (s) behind a motor on a spring (N.m/rad), in steady motion: no oscillation of
         its own.
 
@@ -249,33 +247,33 @@ class Equilibria:
         to.  It is sought as a polynomial, over a time in which ``inertia`` (kg.m^2) on the spring would turn a few
         times.  Raises SimulationError where there is none.
         """
-        times = self._window(
-            motor, time, min(LAG_PERIODS * math.sqrt(inertia / stiffness), duration(motor, LAG_REACH, knots=np.inf))
-        )
-        crank, last = Behind(motor, Polynomial([0.0])), np.inf
+        reach = min(LAG_PERIODS * math.sqrt(inertia / stiffness), duration(path, LAG_REACH, knots=np.inf))
+        times = self._window(path, time, reach)
+        crank, last = path.behind(Polynomial([0.0])), np.inf
         for _ in range(20):
-            lag = np.array([self.ideal_torque(crank, float(t)) for t in times]) / stiffness
-            crank = Behind(motor, Polynomial.fit(times, lag, LAG_DEGREE))
-            here = float(crank.lag(time))
+            lags = np.array([self.ideal_torque(crank, float(t)) for t in times]) / stiffness
+            lag = Polynomial.fit(times, lags, LAG_DEGREE)
+            crank, here = path.behind(lag), float(lag(time))
             if abs(here - last) < LAG_ROUNDING + LAG_SETTLED * abs(here):
-                return self._with_gaps(crank, time, stiffness) if self.world.loose or self.world.soft else crank
-            if not np.abs(lag).max() < LARGEST_LAG:
+                return self._with_gaps(crank, lag, time, stiffness) if self.world.loose or self.world.soft else crank
+            if not np.abs(lags).max() < LARGEST_LAG:
                 break
             last = here
         why = f"no steady motion of the crank on a drive.stiffness of {stiffness:g} N.m/rad was found"
-        raise self.failed(Cause.RESONANCE, why, motor.position(time))
+        raise self.failed(Cause.RESONANCE, why, path.said(time))
 
-    def _with_gaps(self, crank: Behind, time: float, stiffness: float) -> Behind:
+    def _with_gaps(self, crank: MotorPath, lag: Polynomial, time: float, stiffness: float) -> MotorPath:
         """The same crank with a lag (rad) that holds what the pins' gaps add to the drive torque at a time (s)."""
         if self.world.request.start == "centred":
             return crank
         _, _, efforts = forces_at(self.world, self.steady(crank, time), self.world.spin_ups(crank, time))
         torque = efforts[self.world.mechanism.drive_joint.name]
-        return Behind(crank.motor, crank.lag + (torque / stiffness - float(crank.lag(time))))
+        return crank.behind(lag + (torque / stiffness - float(lag(time))))
 
     @staticmethod
-    def _window(motor: DriveMotion, time: float, reach: float) -> np.ndarray:
-        """Times (s) on both sides of one, within a course."""
+    def _window(path: MotorPath, time: float, reach: float) -> np.ndarray:
+        """Times (s) on both sides of one, within a path's course."""
+        motor = path.motor
         first, last = (-np.inf, np.inf) if motor.constant_speed else (motor.begin, motor.end)
         low = max(first, min(time, last - reach) - reach)
         return np.linspace(low, min(low + 2 * reach, last), 2 * LAG_DEGREE + 1)

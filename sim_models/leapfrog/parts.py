@@ -5,14 +5,17 @@ coordinates.
 from __future__ import annotations
 
 import cmath
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+
+import numpy as np
 
 from analytic.mechanism import GROUND, Body, Joint, Mechanism
 from sim_models.common.contact_laws import KelvinVoigt, NamedLaw
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import travel
 from sim_models.common.tree import Branch, grown, without_loops
+from sim_models.run.track import Track, Values
 
 
 def moving_body(m: Mechanism, name: str) -> Body:
@@ -110,3 +113,39 @@ def _seen_from(base: Pose, pose: Pose) -> Pose:
     apart, back = pose.origin - base.origin, cmath.exp(-1j * base.angle)
     slip = pose.velocity - base.velocity - 1j * base.angular_velocity * apart
     return Pose(apart * back, pose.angle - base.angle, slip * back, pose.angular_velocity - base.angular_velocity)
+
+
+Coordinates = Sequence[Values] | np.ndarray  # of a branch, as :func:`coordinates` has them: (k,), or (k, M)
+BranchMotion = tuple[Coordinates, ...]  # of a branch: its coordinates, their rates, and perhaps accelerations
+Points = Mapping[tuple[str, str], complex]  # m, by body and name, in the body's frame
+STILL = Track()
+
+
+def tracks(
+    points: Points, branches: Iterable[Branch], motions: Mapping[str, BranchMotion], ground: Track = STILL
+) -> dict[str, Track]:
+    """The track of every body, and of the ground, by the motions of their branches, parents first."""
+    out = {GROUND: ground}
+    for branch in branches:
+        out[branch.child] = hung(points, branch, out[branch.parent], *motions[branch.child])
+    return out
+
+
+def hung(
+    points: Points,
+    branch: Branch,
+    base: Track,
+    where: Coordinates,
+    rates: Coordinates,
+    changes: Coordinates = (0.0, 0.0, 0.0),
+) -> Track:
+    """A branch's child on its parent's track, by its coordinates (see :func:`coordinates`), their rates and
+    accelerations.
+    """
+    if branch.joint is None:
+        flat = (each[0] + 1j * each[1] for each in (where, rates, changes))
+        return base.slid(1.0, *flat).carried(0j, 0j, where[2], rates[2], changes[2])
+    at, point = points[branch.parent, branch.joint.name], points[branch.child, branch.joint.name]
+    if branch.joint.prismatic:
+        return base.carried(at, point, branch.fixed_angle).slid(branch.axis, where[0], rates[0], changes[0])
+    return base.carried(at, point, where[0], rates[0], changes[0])

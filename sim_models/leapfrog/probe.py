@@ -11,7 +11,6 @@ import numpy as np
 from analytic.mechanism import Joint
 from sim_models.common.start import Pose
 from sim_models.leapfrog.bodies import LeapfrogWorld
-from sim_models.run.path import CrankPath
 
 PROBE = 1e-5  # s, the step
 
@@ -61,12 +60,12 @@ def pin_mass(world: LeapfrogWorld, joint: Joint, bodies: Mapping[str, Pose]) -> 
     return PROBE / float(np.abs(np.array(changes[1:]) - changes[0]).max())
 
 
-def drive_inertia(world: LeapfrogWorld, theta: float) -> float:
-    """Moment of inertia (kg.m^2) that the linkage opposes to its motor, at crank angle theta (rad)."""
+def drive_inertia(world: LeapfrogWorld, bodies: Mapping[str, Pose]) -> float:
+    """Moment of inertia (kg.m^2) that the linkage opposes to its motor, in these poses."""
     spins = []
     world.hold(False)
     for torque in (0.0, 1.0):
-        world.place(CrankPath(world.assembly).poses(theta))
+        world.place(bodies)
         world.turn(world.mechanism.driven, torque)
         world.advance(PROBE)
         spins.append(world.pose(world.mechanism.driven).angular_velocity)

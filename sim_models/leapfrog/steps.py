@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-import numpy as np
-
 from sim_models.common.mobility import corner_mass
 from sim_models.leapfrog.block import Block
 from sim_models.leapfrog.bodies import LeapfrogWorld
-from sim_models.leapfrog.courses import Path, duration, still, told_angle
 from sim_models.leapfrog.parts import Pin
+from sim_models.leapfrog.poses import duration
 from sim_models.leapfrog.probe import drive_inertia, pin_mass
+from sim_models.run.path import Path
 
 STEP_ANGLE = 2e-4  # rad of crank angle in a step, at most
 FREE_STEP = 2e-5  # s, of a crank that is let go
@@ -39,21 +38,21 @@ def contact_step(pin: Pin | Block, mass: float) -> float:
     )
 
 
-def longest_step(world: LeapfrogWorld, path: Path, time: float, peaks: Mapping[str, float]) -> float:
+def longest_step(world: LeapfrogWorld, path: Path, peaks: Mapping[str, float]) -> float:
     """Step (s) that follows what motors move and every pin: its swing about the bearing, and its spring's oscillation.
 
-    ``time`` (s) of the ``path`` is when the pins' effective masses are taken, ``peaks`` are their largest forces (N).
+    The pins' effective masses are taken where the ``path`` begins; ``peaks`` are their largest forces (N).
     """
-    step = np.inf if world.motor is None else duration(world.motor, STEP_ANGLE)
+    step = duration(path, STEP_ANGLE)
     if world.free:
         step = min(step, FREE_STEP_MADE_UP)
-    elif world.motor is None:
+    elif not path.held:
         step = FREE_STEP
     if world.flanks is not None:
         step = min(step, DRIVE_PHASE * world.flanks.quickest)
     elif world.drive_stiffness:
-        step = min(step, DRIVE_PHASE * math.sqrt(drive_inertia(world, told_angle(path, time)) / world.drive_stiffness))
-    bodies = still(world.assembly, path, time) if world.loose or world.soft else {}
+        step = min(step, DRIVE_PHASE * math.sqrt(drive_inertia(world, path.poses(path.begin)) / world.drive_stiffness))
+    bodies = path.poses(path.begin) if world.loose or world.soft else {}
     for name, pin in world.pins.items():
         mass = pin_mass(world, pin.joint, bodies)
         step = min(step, SWING_PHASE * math.sqrt(mass * pin.clearance / max(peaks[name], 1e-300)))

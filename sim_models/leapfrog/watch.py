@@ -6,51 +6,28 @@ instants at once.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from analytic.mechanism import GROUND, MASS_CENTRE
-from sim_models.common.tree import Branch
+from analytic.mechanism import MASS_CENTRE
 from sim_models.engine import Watched
 from sim_models.leapfrog.bodies import LeapfrogWorld
-from sim_models.leapfrog.courses import Grid
+from sim_models.leapfrog.parts import tracks
+from sim_models.run.grid import StepGrid
+from sim_models.run.track import Track
 
 
-@dataclass(frozen=True)
-class Track:
-    """Where a body's origin is (m, x + iy), its angle (rad), and their rates, at (M,) instants."""
-
-    place: np.ndarray
-    angle: np.ndarray
-    velocity: np.ndarray
-    spin: np.ndarray
-
-    def carried(self, arm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Place and velocity of a point that is this far (m, x + iy) from the origin."""
-        return self.place + arm, self.velocity + 1j * self.spin * arm
-
-
-@dataclass(frozen=True)
 class Watch:
-    """What is kept of (M,) steps."""
+    """What is kept of the (M,) steps of a grid from the first report on."""
 
-    world: LeapfrogWorld
-    time: np.ndarray  # s, at which they start
-    positions: np.ndarray  # (M + 1, n) of the engine's own, there and after the last
-    velocities: np.ndarray  # (M + 1, n) half a step before each, and after the last
-    forces: np.ndarray  # (M, joints with clearance) N, complex
-    corners: np.ndarray  # (blocks, 4, M) N, of walls on them
-    torque: np.ndarray  # N.m
-
-    @classmethod
-    def of(cls, world: LeapfrogWorld, grid: Grid) -> Watch:
-        """A watch over a grid's steps from the first report on."""
+    def __init__(self, world: LeapfrogWorld, grid: StepGrid) -> None:
         steps = np.arange(grid.lead, grid.last + 1)
-        positions, velocities = np.zeros((2, steps.size + 1, world.velocities().size))
-        forces = np.zeros((steps.size, len(world.loose)), complex)
-        corners = np.zeros((len(world.blocks), 4, steps.size))
-        return cls(world, grid.begin + grid.step * steps, positions, velocities, forces, corners, np.zeros(steps.size))
+        self.world = world
+        self.time = grid.begin + grid.step * steps  # s, at which they start
+        # (M + 1, n) the engine's own, there and after the last, velocities half a step before
+        self.positions, self.velocities = np.zeros((2, steps.size + 1, world.velocities().size))
+        self.forces = np.zeros((steps.size, len(world.loose)), complex)  # N, in joints with clearance
+        self.corners = np.zeros((len(world.blocks), 4, steps.size))  # N, of walls on blocks
+        self.torque = np.zeros(steps.size)  # N.m
 
     def begin(self) -> None:
         """Take in where the first step starts."""
@@ -73,17 +50,14 @@ class Watch:
 
     def watched(self) -> Watched:
         """All of it."""
-        tracks = self._tracks()
-        centres = {
-            name: track.carried(self.world.points[name, MASS_CENTRE] * np.exp(1j * track.angle))
-            for name, track in tracks.items()
-        }
+        moved = self._tracks()
+        centres = {name: track.at(self.world.points[name, MASS_CENTRE]) for name, track in moved.items()}
         return Watched(
             self.time,
-            {name: place for name, (place, _) in centres.items()},
-            {name: velocity for name, (_, velocity) in centres.items()},
-            {name: track.angle for name, track in tracks.items()},
-            {name: track.spin for name, track in tracks.items()},
+            {name: place for name, (place, _, _) in centres.items()},
+            {name: velocity for name, (_, velocity, _) in centres.items()},
+            {name: track.angle for name, track in moved.items()},
+            {name: track.spin for name, track in moved.items()},
             dict(zip(self.world.loose, self.forces.T, strict=True)),
             self.torque,
             dict(zip(self.world.blocks, self.corners, strict=True)),
@@ -92,27 +66,8 @@ class Watch:
     def _tracks(self) -> dict[str, Track]:
         """Every moving body's, from the coordinates of its branch."""
         positions, rates = self.positions[:-1], (self.velocities[:-1] + self.velocities[1:]) / 2
-        still = np.zeros(self.time.size)
-        tracks = {GROUND: Track(still + 0j, still, still + 0j, still)}
-        for branch in self.world.branches:
-            own = self.world.columns(branch.child)
-            tracks[branch.child] = self._track(branch, tracks[branch.parent], positions[:, own].T, rates[:, own].T)
-        return {body.name: tracks[body.name] for body in self.world.mechanism.bodies}
-
-    def _track(self, branch: Branch, base: Track, q: np.ndarray, v: np.ndarray) -> Track:
-        """A body's track from its parent's and the coordinates (k, M) of its branch and their rates."""
-        turned, joint = np.exp(1j * base.angle), branch.joint
-        if joint is None:
-            place, velocity = base.carried((q[0] + 1j * q[1]) * turned)
-            return Track(place, base.angle + q[2], velocity + (v[0] + 1j * v[1]) * turned, base.spin + v[2])
-        arm = self.world.points[branch.parent, joint.name] * turned
-        if joint.prismatic:
-            angle, spin = base.angle + branch.fixed_angle, base.spin
-            along = branch.axis * np.exp(1j * angle)
-            place, velocity = base.carried(arm + along * q[0])
-            velocity = velocity + along * v[0]
-        else:
-            angle, spin = base.angle + q[0], base.spin + v[0]
-            place, velocity = base.carried(arm)
-        pin = self.world.points[branch.child, joint.name] * np.exp(1j * angle)
-        return Track(place - pin, angle, velocity - 1j * spin * pin, spin)
+        world = self.world
+        columns = {branch.child: world.columns(branch.child) for branch in world.branches}
+        motions = {body: (positions[:, own].T, rates[:, own].T) for body, own in columns.items()}
+        every = tracks(world.points, world.branches, motions, Track.still(self.time.size))
+        return {body.name: every[body.name] for body in world.mechanism.bodies}

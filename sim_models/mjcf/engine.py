@@ -41,7 +41,6 @@ class MjcfEngine(Engine):
         """Run one request.  Raises MjcfError, SimulationError, AssemblyError, or Unsupported where the file is not the
         mechanism's linkage.
         """
-        from sim_models.mjcf.courses import TheirCoursesRun
         from sim_models.mjcf.planar import read
         from sim_models.mjcf.runs import TheirRun
         from sim_models.mujoco.engine import no_log_file
@@ -49,8 +48,7 @@ class MjcfEngine(Engine):
         check_supported(self, request)
         check_request(request)
         with no_log_file():
-            made = TheirCoursesRun if request.schedule.crank is None else TheirRun
-            return made(self.name, request, read(self.path)).trace()
+            return TheirRun(self.name, request, read(self.path)).trace()
 
 
 def opened(path: str) -> MjcfEngine:

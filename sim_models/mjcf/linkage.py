@@ -17,7 +17,7 @@ import mujoco
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
-from analytic.mechanism import GROUND, Joint, Mechanism
+from analytic.mechanism import GROUND, Joint
 from analytic.mechanism.parts import Body
 from analytic.mechanism.signals import driving
 from sim_models.common.start import AT_REST, Pose
@@ -61,10 +61,10 @@ class TheirLinkage:
     mechanism's linkage, or has what its forces cannot be read with.
     """
 
-    def __init__(self, mechanism: Mechanism, planar: Planar, driven: Sequence[Joint]) -> None:
-        self.mechanism, self.planar, self.model = mechanism, planar, planar.model
+    def __init__(self, assembly: Assembly, planar: Planar, driven: Sequence[Joint]) -> None:
+        mechanism = self.mechanism = assembly.mechanism
+        self.assembly, self.planar, self.model = assembly, planar, planar.model
         self.match: Match = match(mechanism, planar)
-        self.assembly = Assembly(mechanism)
         self.data = mujoco.MjData(self.model)
         self.model.opt.jacobian = int(mujoco.mjtJacobian.mjJAC_DENSE)  # the same numbers, as a matrix
         self.armature = np.zeros(self.model.nv)  # that stands for motors, beside the file's own

@@ -6,8 +6,6 @@ acceleration.  A run that began closed would swing into that; so it begins where
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import mujoco
 import numpy as np
 
@@ -20,17 +18,9 @@ STANDSTILL = 1e-8  # of the fastest joint's speed: one that turns no faster has 
 DRY = (int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF), int(mujoco.mjtConstraint.mjCNSTR_FRICTION_TENDON))
 
 
-@dataclass(frozen=True)
-class Rest:
-    """Coordinates (nq,), and forces of all constraint rows (nefc,)."""
-
-    q: np.ndarray
-    force: np.ndarray
-
-
-def rest(link: TheirLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, lag: float) -> Rest | None:
-    """The state in which the model has the accelerations ``a``, near coordinates q, the motors held; None where there
-    is none.
+def rest(link: TheirLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, lag: float) -> np.ndarray | None:
+    """Coordinates (nq,) at which the model has the accelerations ``a``, near coordinates q, the motors held; None where
+    there are none.
 
     ``v`` are true velocities; MuJoCo's are older by ``lag`` (s).  The data is left at the state.
     """
@@ -64,7 +54,7 @@ def rest(link: TheirLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, lag: f
             d.efc_force[:] = 0.0
             d.efc_force[d.efc_type == EQUALITY] = force
             d.qacc[:] = a
-            return Rest(q, d.efc_force.copy())
+            return q
     return None
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -11,23 +10,9 @@ import numpy as np
 from sim_models.engine import Watched
 from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.state import wall_rows
+from sim_models.run.track import Track
 
 TINY = 1e-300  # m, in place of a gap of nothing
-
-
-@dataclass(frozen=True)
-class Place:
-    """Where a body is (m, x + iy), its angle (rad), and their rates, at (M,) instants."""
-
-    origin: np.ndarray
-    angle: np.ndarray
-    velocity: np.ndarray
-    spin: np.ndarray
-
-    def at(self, point: complex) -> tuple[np.ndarray, np.ndarray]:
-        """Place and velocity of a point in its frame."""
-        arm = point * np.exp(1j * self.angle)
-        return self.origin + arm, self.velocity + 1j * self.spin * arm
 
 
 class Watch:
@@ -87,13 +72,13 @@ class Watch:
     def watched(self) -> Watched:
         """All of it."""
         link, m = self.link, self.link.model
-        places = self._places()
+        tracks = self._tracks()
         names = [body.name for body in link.mechanism.bodies]
-        middles = {name: places[number].at(complex(*m.body_ipos[number, :2])) for name, number in link.body_id.items()}
+        middles = {name: tracks[number].at(complex(*m.body_ipos[number, :2])) for name, number in link.body_id.items()}
         spin = (self.before + self.after) / 2
         forces = {}
         for name, (normal, along) in zip(link.contacts, self.forces, strict=True):
-            pins = [places[m.site_bodyid[site]].at(complex(*m.site_pos[site, :2]))[0] for site in link.sites[name]]
+            pins = [tracks[m.site_bodyid[site]].at(complex(*m.site_pos[site, :2]))[0] for site in link.sites[name]]
             gap = pins[0] - pins[1]
             forces[name] = (normal + 1j * along) * gap / np.maximum(np.abs(gap), TINY)
         for block, pushed, rubbed in zip(link.blocks.values(), self.corners, self.rubbing, strict=True):
@@ -118,29 +103,19 @@ class Watch:
             {name: each for name, each in zip(link.blocks, self.rubbing, strict=True) if link.blocks[name].joint.rough},
         )
 
-    def _places(self) -> list[Place]:
+    def _tracks(self) -> list[Track]:
         """Every body of MuJoCo's, parents first: its frame on its parent's, moved by its joints one after the other."""
-        m, still = self.link.model, np.zeros(self.time.size)
+        m = self.link.model
         moved, rates = self.coordinates - m.qpos0, (self.before + self.after) / 2
-        places = [Place(still + 0j, still, still + 0j, still)]
+        tracks = [Track.still(self.time.size)]
         for body in range(1, m.nbody):
-            base, turn = places[m.body_parentid[body]], 2 * np.arctan2(m.body_quat[body, 3], m.body_quat[body, 0])
-            origin, velocity = base.at(complex(*m.body_pos[body, :2]))
-            here = Place(origin, base.angle + turn, velocity, base.spin)
+            turn = 2 * np.arctan2(m.body_quat[body, 3], m.body_quat[body, 0])
+            here = tracks[m.body_parentid[body]].carried(complex(*m.body_pos[body, :2]), 0j, turn)
             for joint in range(m.body_jntadr[body], m.body_jntadr[body] + m.body_jntnum[body]):
-                here = _moved(here, m, joint, moved[:, joint], rates[:, joint])
-            places.append(here)
-        return places
-
-
-def _moved(here: Place, m: mujoco.MjModel, joint: int, q: np.ndarray, v: np.ndarray) -> Place:
-    """A body moved by one of its joints, by q (M,) rad or m at a rate v (M,)."""
-    if m.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE:
-        along = complex(*m.jnt_axis[joint, :2]) * np.exp(1j * here.angle)
-        velocity = here.velocity + (v + 1j * here.spin * q) * along
-        return Place(here.origin + along * q, here.angle, velocity, here.spin)
-    point = complex(*m.jnt_pos[joint, :2])
-    anchor, carried = here.at(point)
-    turned = Place(0j * here.origin, here.angle + q, 0j * here.origin, here.spin + v)
-    arm, swung = turned.at(point)
-    return Place(anchor - arm, turned.angle, carried - swung, turned.spin)
+                if m.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE:
+                    here = here.slid(complex(*m.jnt_axis[joint, :2]), moved[:, joint], rates[:, joint])
+                else:
+                    point = complex(*m.jnt_pos[joint, :2])
+                    here = here.carried(point, point, moved[:, joint], rates[:, joint])
+            tracks.append(here)
+        return tracks

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from sim_models.common.simulate import export, simulate
 from sim_models.engine import FEATURES, Capabilities, Engine, Feature, Pair, Request, Scope, Trace
-from sim_models.leapfrog.runs import run
+from sim_models.leapfrog.runs import LeapfrogRun
 from sim_models.pybullet.world import BulletWorld
 
 RUNS: tuple[Pair, ...] = (
@@ -31,6 +31,12 @@ UNWRITTEN: frozenset[tuple[Feature, Pair]] = frozenset(
 )
 
 
+class BulletRun(LeapfrogRun):
+    """See :class:`sim_models.run.run.Run`."""
+
+    engine, package, world_class = "pybullet", "pybullet", BulletWorld
+
+
 class BulletEngine(Engine):
     """See :class:`sim_models.engine.Engine`."""
 
@@ -43,7 +49,7 @@ class BulletEngine(Engine):
 
     def simulate(self, request: Request) -> Trace:
         """Run one request; see the protocol."""
-        return simulate(self, request, lambda r: run(BulletWorld, r, self.package))
+        return simulate(self, request, lambda asked: BulletRun(asked).trace())
 
     def export(self, request: Request, folder: Path) -> list[Path]:
         """Write a request, and what came of it, as a script that runs in bare PyBullet.  Raises what :meth:`simulate`

@@ -19,10 +19,10 @@ from sim_models.common.export_files import expected, lines, written
 from sim_models.common.simulate import simulate
 from sim_models.common.tree import Branch
 from sim_models.engine import Engine, Request, Trace
-from sim_models.leapfrog.courses import path_of
-from sim_models.leapfrog.runs import run
+from sim_models.pybullet.engine import BulletRun
 from sim_models.pybullet.parts import Planned, flat
 from sim_models.pybullet.world import FASTEST, STRENGTH, BulletWorld
+from sim_models.run.path import Path as MotionPath
 
 FREE = (1.0, -1.0)  # limits that Bullet takes for none
 T = TypeVar("T")
@@ -31,12 +31,12 @@ T = TypeVar("T")
 class RecordedWorld(BulletWorld):
     """A world that keeps what it is made of, and the state and the steps that led to each report."""
 
-    def __init__(self, request: Request) -> None:
+    def __init__(self, request: Request, path: MotionPath) -> None:
         self.grown: dict[int, list[Planned]] = {}  # links of each multibody
         self.runs: list[dict[str, Any]] = []  # those with a report
         self.run: dict[str, Any] = {}
         self.observing = False
-        super().__init__(request)
+        super().__init__(request, path)
         self.names = dict(zip(self.freedoms, self._names(), strict=True))
         numbers = [
             self.p.getConstraintUniqueId(i, physicsClientId=self.client)
@@ -101,6 +101,13 @@ class RecordedWorld(BulletWorld):
             self.observing = False
 
 
+class RecordedRun(BulletRun):
+    """A run in worlds that keep what they are made of."""
+
+    world_class = RecordedWorld
+    world: RecordedWorld
+
+
 def write(engine: Engine, request: Request, folder: Path) -> list[Path]:
     """Run a request as its engine does, in units of the linkage's own and steps that make it plausible, and write what
     repeats it into an existing folder.  Raises what :func:`sim_models.common.simulate.simulate` does, and OSError.
@@ -110,17 +117,11 @@ def write(engine: Engine, request: Request, folder: Path) -> list[Path]:
     order: list[int] = []
 
     def recorded(asked: Request) -> Trace:
-        worlds: list[RecordedWorld] = []
-
-        def make(one: Request) -> RecordedWorld:
-            worlds.append(RecordedWorld(one))
-            return worlds[-1]
-
-        trace = run(make, asked, "pybullet")
-        world = worlds[0]  # another one only helps to find where the pins rest
-        order[:] = _order(trace, world.speed)
+        run = RecordedRun(asked)
+        trace, world = run.trace(), run.world
+        order[:] = _order(trace)
         parts.update({f"{world.part(number)}.urdf": urdf(world, number) for number in world.grown})
-        start.update(_start(world, trace) | {"reports": _reports(world, order)})
+        start.update(_start(world, trace) | {"reports": _reports(world, trace)})
         return trace
 
     trace = simulate(engine, request, recorded)  # the last that was run
@@ -239,13 +240,13 @@ def _motors(world: RecordedWorld) -> dict[str, dict[str, Any]]:
 
 def _course(world: RecordedWorld, joint: str) -> dict[str, Any] | None:
     """The cubics that a joint's motor follows; None where it keeps its speed, or is at rest."""
-    path = path_of(world.motor, joint) if world.motor is not None else None
-    return {"times": path.knots.tolist(), "cubics": path.spline.c.T.tolist()} if isinstance(path, Course) else None
+    motor = None if world.static else world.request.motor if world.crank else world.request.schedule.drives[joint]
+    return {"times": motor.knots.tolist(), "cubics": motor.spline.c.T.tolist()} if isinstance(motor, Course) else None
 
 
 def _yielding(world: RecordedWorld) -> dict[str, Any]:
     """The motor behind a crank that lags it, and what is between them (N.m/rad)."""
-    steady = world.motor
+    steady = world.request.motor
     course = _course(world, world.mechanism.drive_joint.name)
     if isinstance(steady, Steady):
         course = {"times": [0.0], "cubics": [[0.0, 0.0, steady.speed, steady.position]]}
@@ -324,18 +325,19 @@ def _weights(world: RecordedWorld) -> list[dict[str, Any]]:
     ]
 
 
-def _reports(world: RecordedWorld, order: list[int]) -> list[list[tuple[int, float]]]:
+def _reports(world: RecordedWorld, trace: Trace) -> list[list[tuple[int, float]]]:
     """What each row of expected.csv is made of: samples, by their number, and their weights."""
-    if world.grid is None:
-        return [[(k, 1.0)] for k in range(len(order))]
-    number = {node: k for k, node in enumerate(sorted(set(world.grid.nodes.ravel().tolist())))}
-    mixed = [zip(world.grid.nodes[k].tolist(), world.grid.weights[k].tolist(), strict=True) for k in order]
+    grid = world.grid
+    if grid is None or trace.time is None:
+        return [[(k, 1.0)] for k in range(trace.crank_angle.size)]
+    number = {node: k for k, node in enumerate(grid.wanted)}
+    once = np.unique(np.sort(trace.time), return_index=True)[1]
+    mixed = [zip(grid.nodes[k].tolist(), grid.weights[k].tolist(), strict=True) for k in once]
     return [[(number[node], weight) for node, weight in row if weight] for row in mixed]
 
 
-def _order(trace: Trace, speed: float) -> list[int]:
+def _order(trace: Trace) -> list[int]:
     """Rows in the order of passing; what moves passes each instant once."""
-    if trace.motion == "static" or trace.time is None:
-        passed = trace.crank_angle * np.sign(speed or 1.0) if trace.time is None else trace.time
-        return list(np.argsort(passed, kind="stable").tolist())
-    return list(np.unique(trace.time, return_index=True)[1].tolist())
+    passed = trace.crank_angle if trace.time is None else trace.time
+    order = np.argsort(passed, kind="stable") if trace.motion == "static" else np.unique(passed, return_index=True)[1]
+    return [int(k) for k in order]

@@ -29,6 +29,7 @@ from sim_models.engine import Cause, Request, SettingValue, SimulationError
 from sim_models.leapfrog.bodies import LeapfrogWorld
 from sim_models.leapfrog.parts import coordinates, moving_body
 from sim_models.pybullet.parts import HINGE, Link, Planned, Strut, Tie, carried, flat, floating, strut_links
+from sim_models.run.path import Path
 
 ITERATIONS = 200  # of the direct solver, at most; a residual of 1e-20 ends them sooner
 SWEEPS = 5000  # of the sequential solver, always: a small residual once ended it, 16 % short of the force
@@ -47,8 +48,8 @@ class BulletWorld(LeapfrogWorld):
     engine = "pybullet"
     balances = True
 
-    def __init__(self, request: Request) -> None:
-        super().__init__(request)
+    def __init__(self, request: Request, path: Path) -> None:
+        super().__init__(request, path)
         import pybullet
 
         self.p = pybullet

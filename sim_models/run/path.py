@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.polynomial import Polynomial
 
 from analytic.kinematics.assembly import Assembly, Walk
 from analytic.kinematics.schedule import COURSE_INSTANTS, Course, DriveMotion, Steady
@@ -75,6 +76,16 @@ class Path:
             return self.poses(at, gaps)
         return in_motion(self.placed(np.full(BESIDE.size, at), gaps, ASIDE * BESIDE), speed / ASIDE)
 
+    def drive(self, joint: str, times: np.ndarray, order: int = 0) -> np.ndarray:
+        """Position (N,) rad, m of a driven joint, or of the crank, at times (N,) s, or its derivative of that order; 0
+        where nothing moves.
+        """
+        return np.zeros_like(times)
+
+    def said(self, at: float) -> float:
+        """What a message calls a place: a crank's angle (rad), or a time (s)."""
+        return at
+
     def turned(self, at: np.ndarray) -> Placed:
         """The ideal linkage at places (N,), however it got there."""
         return self.placed(at)
@@ -109,6 +120,45 @@ class CrankPath(Path):
             return None
         h = math.copysign(SIDE, self.direction)
         return self.poses(at, beside=-h), self.poses(at, beside=h)
+
+
+class MotorPath(Path):
+    """A crank, told by the time (s) of its motor, which it may lag by a polynomial (rad) in time."""
+
+    def __init__(
+        self, assembly: Assembly, motor: DriveMotion, held: bool = True, lag: Polynomial | None = None
+    ) -> None:
+        super().__init__(assembly)
+        self.motor, self.held, self.lag = motor, held, lag
+        self.begin, self.top_speed, self.knot_spacing = motor.begin, motor.top_speed, motor.knot_spacing
+        self.constant_speed = motor.constant_speed and lag is None
+
+    @classmethod
+    def of(cls, request: Request, assembly: Assembly) -> MotorPath:
+        """That of a request whose crank moves; one that is let go as it then starts."""
+        start = Steady(assembly.start, request.schedule.start_speed(request.mechanism))
+        return cls(assembly, request.motor or start, held=not request.schedule.lets_go)
+
+    def behind(self, lag: Polynomial) -> MotorPath:
+        """The crank with such a lag (rad) in time (s)."""
+        return MotorPath(self.assembly, self.motor, self.held, lag)
+
+    def angles(self, times: np.ndarray, order: int = 0) -> np.ndarray:
+        """Crank angles (N,) rad at times (N,) s, or their derivatives of that order."""
+        angles = self.motor.positions(times, order)
+        return angles if self.lag is None else angles - np.asarray(self.lag.deriv(order)(times))
+
+    def inputs(self, at: np.ndarray, beside: np.ndarray | float = 0.0) -> np.ndarray:
+        """Crank angles (1, N) rad."""
+        return np.atleast_2d(self.angles(np.asarray(at, float)) + beside)
+
+    def drive(self, joint: str, times: np.ndarray, order: int = 0) -> np.ndarray:
+        """The crank's angles."""
+        return self.angles(times, order)
+
+    def said(self, at: float) -> float:
+        """The crank's angle (rad)."""
+        return float(self.angles(np.array([at]))[0])
 
 
 class CoursePath(Path):
@@ -149,6 +199,10 @@ class CoursePath(Path):
     def around(self, at: float) -> tuple[Poses, Poses] | None:
         """At a time (s) and after it: a motion that begins from rest has no other side."""
         return (self.poses(at), self.poses(at + SIDE / self.top_speed)) if self.top_speed else None
+
+    def drive(self, joint: str, times: np.ndarray, order: int = 0) -> np.ndarray:
+        """The course of a joint."""
+        return self.motors[joint].positions(times - self.ahead, order)
 
     def turned(self, times: np.ndarray) -> Placed:
         """The ideal linkage at times (N,) s, reached along the courses."""

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import ClassVar
 
 import numpy as np
 
@@ -47,8 +46,8 @@ def columns_of(rows: Sequence[Mapping[str, float]]) -> dict[str, np.ndarray]:
 class Run:
     """One request on its way to a trace.  Raises AssemblyError where the linkage cannot follow its courses."""
 
-    engine: ClassVar[str]
-    package: ClassVar[str]
+    engine: str
+    package: str
     step: float | None = None  # s, of a march that has begun
 
     def __init__(self, request: Request) -> None:
