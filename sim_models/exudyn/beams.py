@@ -38,10 +38,9 @@ from sim_models.exudyn.beam_model import (
     soft_stiffness,
 )
 from sim_models.exudyn.beam_motion import RigidMotion
-from sim_models.exudyn.courses import PACE
 from sim_models.exudyn.equilibria import Equilibria
-from sim_models.exudyn.record import FLIPPED
 from sim_models.exudyn.settings import console_off
+from sim_models.run.judge import FLIPPED
 from sim_models.run.path import CrankPath, RestingPath
 
 
@@ -220,8 +219,7 @@ class _Beams:
     def _rods(self) -> Equilibria:
         """The rigid linkage, each pin on a rod as long as its clearance."""
         resting = replace(self.request.schedule, at_rest=True)
-        pace = PACE if resting.crank is None else self.m.speed or 1.0
-        return Equilibria(Request(self.m, "massless-link", resting), self.path, pace)
+        return Equilibria(Request(self.m, "massless-link", resting), self.path)
 
     def _position(self, model: BeamModel, joint: Joint, k: int) -> float:
         """Angle (rad) of a joint's second section less its first's; of a slide, its travel (m)."""

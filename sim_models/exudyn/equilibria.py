@@ -20,9 +20,10 @@ from sim_models.exudyn.block import Block
 from sim_models.exudyn.laws import CONTACT_CREEP
 from sim_models.exudyn.linkage import ExudynLinkage, Inertia
 from sim_models.exudyn.model import ExudynModel, point_at
-from sim_models.exudyn.record import Record, locate
 from sim_models.run.path import Gaps, Path
+from sim_models.run.record import Record
 
+PACE = 1.0  # rad/s of a drive at rest, which only has a direction
 STILL = 1e-12  # rad: last correction of a crank's angle behind a compliant drive
 RUBBINGS = 200  # times that friction is found anew from the forces that it changes
 NO_LOAD = 1e-9  # of the largest reaction: a smaller one has no direction
@@ -36,13 +37,15 @@ class Equilibria:
     """Equilibria of a joint model held somewhere on its path, at rest or (d'Alembert) with the inertia forces of a
     motion.
 
-    Friction and dampers are evaluated on the ideal linkage's motion there, a crank at ``speed`` (rad/s) unless told
-    otherwise; friction fades below ``creep`` (rad/s), as in a run.  From the ideal linkage's reactions rods are placed,
-    from theirs the real joints.
+    Friction and dampers are evaluated on the ideal linkage's motion there, at a ``speed`` (rad/s) of the crank, or of
+    the fastest drive, by default the one that it has or PACE; friction fades below ``creep`` (rad/s), as in a run.
+    From the ideal linkage's reactions rods are placed, from theirs the real joints.
     """
 
-    def __init__(self, request: Request, path: Path, speed: float, creep: float = 0.0) -> None:
+    def __init__(self, request: Request, path: Path, speed: float | None = None, creep: float = 0.0) -> None:
         m = request.mechanism
+        if speed is None:
+            speed = (m.speed if path.driven is None else None) or PACE
         self.request, self.m, self.path, self.speed, self.creep = request, m, path, speed, creep
         home = path.poses(path.begin)
         held: dict[str, Any] = {"redundant": path.assembly.overheld}
@@ -88,12 +91,10 @@ class Equilibria:
 
     def crank(self, theta: float) -> float:
         """Angle (rad) at which the crank rests with the motor at ``theta``: behind by the torque over the drive's
-        stiffness.
-
-        Raises SimulationError.
+        stiffness; of other drives, the place itself.  Raises SimulationError.
         """
         stiffness = self.m.drive_stiffness
-        if stiffness is None:
+        if stiffness is None or self.path.driven is not None:
             return theta
         try:
             return float(
@@ -135,7 +136,7 @@ class Equilibria:
         under what presses it, as it is in a run.
         """
         (first, second), name = joint.bodies, joint.name
-        at, force = complex(locate(self.m, found.com, found.angle, second, name)[0]), complex(found.force[name][0])
+        at, force = complex(found.point(self.m, second, name)[0]), complex(found.force[name][0])
         guide, reach = Guide.of(joint) if joint.prismatic else None, joint.rim + joint.clearance
         slip = rate if joint.prismatic else rate * reach
         share = -joint.friction * float(np.clip(slip / CONTACT_CREEP, -1.0, 1.0))

@@ -16,8 +16,9 @@ from analytic.mechanism import GROUND, MASS_CENTRE, Joint
 from analytic.mechanism.signals import driving
 from sim_models.common.start import Pose
 from sim_models.exudyn.model import ExudynModel, gap_at, point_at
-from sim_models.exudyn.record import FLIPPED, Record, locate
 from sim_models.exudyn.settings import quiet_settings, static_settings
+from sim_models.run.judge import FLIPPED
+from sim_models.run.record import Record, located
 
 if TYPE_CHECKING:
     from exudyn import SimulationSettings
@@ -210,7 +211,7 @@ class ExudynLinkage:
             velocity[body], turning[body] = v[:, 0] + 1j * v[:, 1], v[:, 2]
 
         pins = [j for j in self.m.joints if not j.prismatic]
-        ends = {j.name: [locate(self.m, com, angle, body, j.name) for body in j.bodies] for j in pins}
+        ends = {j.name: [located(self.m, com, angle, body, j.name) for body in j.bodies] for j in pins}
         gap = {name: first - second for name, (first, second) in ends.items()}
         multiplier = (
             1.0 if self.model.motion == "static" else -1.0
@@ -249,9 +250,8 @@ class ExudynLinkage:
                     force[joint.name] = force[joint.name] + rubbed
         moved = [self.m.joint(name) for name in self.model.drives or ()]
         loads = {signal.name: load for signal, load in zip(driving(moved), drives.values(), strict=False)}
-        marker = {body: locate(self.m, com, angle, body, "com") for body in com}
         return Record(
-            time, com, marker, angle, velocity, turning, acceleration, spin_up, gap, height, tilt, force, moment, loads
+            time, com, angle, velocity, turning, acceleration, spin_up, gap, height, tilt, force, moment, loads
         )
 
     def _of_walls(
@@ -262,7 +262,7 @@ class ExudynLinkage:
         angle: Mapping[str, np.ndarray],
     ) -> tuple[np.ndarray, np.ndarray]:
         """Force (M,) N of a guide, and of the joint's own law, on its block, and moment (M,) N.m about its point."""
-        at = locate(self.m, com, angle, joint.bodies[1], joint.name)
+        at = located(self.m, com, angle, joint.bodies[1], joint.name)
         arms = [at - com.get(body, 0.0) for body in joint.bodies]
         return self.model.blocks[joint.name].on_second(raw[f"walls {joint.name}"], arms)
 
@@ -273,7 +273,7 @@ class ExudynLinkage:
         height, tilt = dict[str, np.ndarray](), dict[str, np.ndarray]()
         for name, block in self.model.blocks.items():
             first, second = block.joint.bodies
-            near, far = (locate(self.m, com, angle, body, name) for body in block.joint.bodies)
+            near, far = (located(self.m, com, angle, body, name) for body in block.joint.bodies)
             turned = {GROUND: np.zeros(1), **angle}
             height[name] = np.imag((far - near) * np.conj(block.joint.direction * np.exp(1j * turned[first])))
             tilt[name] = turned[second] - turned[first] - block.joint.angle

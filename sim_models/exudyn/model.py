@@ -14,13 +14,20 @@ from typing import Any
 import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism, Spring
-from sim_models.common.contact_laws import NamedLaw, bearing, contact_parameters, longest, named_law
+from sim_models.common.contact_laws import NamedLaw, bearing, contact_parameters, longest
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import travel
 from sim_models.engine import JointModel, Motion, Request
 from sim_models.exudyn.block import Block
 from sim_models.exudyn.compiled import add_forces
-from sim_models.exudyn.laws import CONTACT_CREEP, MINIMUM_IMPACT_SPEED, contact_restitution, hysteresis, joint_creep
+from sim_models.exudyn.laws import (
+    CONTACT_CREEP,
+    MINIMUM_IMPACT_SPEED,
+    contact_restitution,
+    hysteresis,
+    joint_creep,
+    named_laws,
+)
 from sim_models.exudyn.motor import RunMotor
 from sim_models.exudyn.named_contact import End, Glance, Memory, Rub, at_pin, before_steps, push_back
 from sim_models.exudyn.slides import Slide
@@ -530,14 +537,6 @@ class ExudynModel:
         shaft = self.mbs.AddNode(self.items.Node1D(initialCoordinates=[angle], initialVelocities=[speed]))
         self.mbs.AddObject(self.items.ObjectRotationalMass1D(physicsInertia=1.0, nodeNumber=shaft))
         return self._coordinate(shaft, 0)
-
-
-def named_laws(mechanism: Mechanism, joint_model: JointModel, motion: Motion) -> dict[str, NamedLaw]:
-    """The laws that the mechanism names of joints with clearance in contact, where the linkage moves."""
-    if joint_model not in ("contact", "spring-damper"):
-        return {}
-    found = {name: named_law(mechanism, mechanism.joint(name), motion) for name in mechanism.clearances}
-    return {name: law for name, law in found.items() if law is not None}
 
 
 def _called(speed: Callable[[float], float]) -> Callable[[Any, float, int, float], float]:

@@ -12,9 +12,9 @@ from sim_models.engine import Request
 from sim_models.exudyn.equilibria import Equilibria
 from sim_models.exudyn.linkage import Inertia
 from sim_models.exudyn.motor import RunMotor
-from sim_models.exudyn.record import Record
 from sim_models.exudyn.sway import sway
 from sim_models.run.path import Path
+from sim_models.run.record import Record
 
 NODES = 7  # instants around the first, on whose polynomial rates and accelerations are taken
 APART = 4e-3  # rad of crank angle from one to the next
