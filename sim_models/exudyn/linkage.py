@@ -50,6 +50,16 @@ class Inertia:
     linear: Mapping[str, complex]
     angular: Mapping[str, float]
 
+    @classmethod
+    def of(
+        cls, linear: Mapping[str, np.ndarray], angular: Mapping[str, np.ndarray], k: int, factor: float = 1.0
+    ) -> Inertia:
+        """That at number k of N instants, (N,) by body, times a factor."""
+        return cls(
+            {body: complex(a[k]) * factor for body, a in linear.items()},
+            {body: float(w[k]) * factor for body, w in angular.items()},
+        )
+
 
 class ExudynLinkage:
     """A model at work: it can be placed, loaded, solved, advanced and read."""
