@@ -91,7 +91,7 @@ def passing(equilibria: Equilibria, time: np.ndarray, crank: np.ndarray) -> tupl
     for name, law in equilibria.real.model.bearings.items():  # the damper of a soft bearing holds its share
         gap = np.array([record.gap[name][0] for record in records])
         held = law.damping / law.stiffness * (rate @ gap)
-        gaps = [{**gaps, name: complex(at)} for gaps, at in zip(gaps, gap - held, strict=True)]
+        gaps = [{**others, name: complex(at)} for others, at in zip(gaps, gap - held, strict=True)]
         start, _ = moving(gaps)
     return start, records[here]
 
