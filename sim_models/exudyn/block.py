@@ -15,7 +15,7 @@ from analytic.mechanism import Joint
 from sim_models.common.contact_laws import KelvinVoigt, NamedLaw
 from sim_models.common.guide import Guide
 from sim_models.exudyn.laws import CONTACT_CREEP
-from sim_models.exudyn.named_contact import End, Glance, Memory, push_back
+from sim_models.exudyn.named_contact import End, Glance, Memory, push_back, reading
 
 _Exu = Any  # an object of Exudyn's, or a number of its symbolic functions
 Effort = Callable[[_Exu, _Exu], _Exu]  # a joint's law, by travel and rate
@@ -166,10 +166,7 @@ class Block:
         generalised forces (M, size), which it has to the left of its equations; ``arms`` (M,) m, complex, are from each
         body's centre of mass to the point.
         """
-        (first, second), sign = (end.row for end in self.ends), -1.0
-        row, arm = (second, arms[1]) if second is not None else (first, arms[0])
-        if second is None:
-            sign = 1.0
-        assert row is not None
+        row, sign = reading(self.ends)
+        arm = arms[0] if self.ends[1].row is None else arms[1]
         force = sign * (sensed[:, row] + 1j * sensed[:, row + 1])
         return force, sign * sensed[:, row + 2] - np.imag(np.conj(arm) * force)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -162,18 +162,17 @@ class ExudynModel:
 
     def _add_loads(self) -> None:
         for body in self.m.bodies:
-            com = self._marker(body.name, MASS_CENTRE)
             weight = [body.mass * g for g in self.m.gravity]
-            self.com_force[body.name] = self.mbs.AddLoad(
-                self.items.LoadForceVector(markerNumber=com, loadVector=[*weight, 0.0])
-            )
-            self.com_torque[body.name] = self.mbs.AddLoad(
-                self.items.LoadTorqueVector(markerNumber=com, loadVector=[0.0, 0.0, 0.0])
-            )
+            com = self._marker(body.name, MASS_CENTRE)
+            self.com_force[body.name], self.com_torque[body.name] = self._add_load(com, weight, 0.0)
         for load in self.m.loads:
-            marker = self._marker(load.body, load.point)
-            self.mbs.AddLoad(self.items.LoadForceVector(markerNumber=marker, loadVector=[*load.force, 0.0]))
-            self.mbs.AddLoad(self.items.LoadTorqueVector(markerNumber=marker, loadVector=[0.0, 0.0, load.torque]))
+            self._add_load(self._marker(load.body, load.point), load.force, load.torque)
+
+    def _add_load(self, marker: Any, force: Sequence[float], torque: float) -> tuple[Any, Any]:
+        return (
+            self.mbs.AddLoad(self.items.LoadForceVector(markerNumber=marker, loadVector=[*force, 0.0])),
+            self.mbs.AddLoad(self.items.LoadTorqueVector(markerNumber=marker, loadVector=[0.0, 0.0, torque])),
+        )
 
     def _add_spring(self, spring: Spring) -> None:
         """A spring between points; in statics its damper is a load (``ExudynLinkage.load_bodies``)."""
@@ -470,7 +469,7 @@ class ExudynModel:
 
     def _add_slide_drive(self, joint: Joint, speed: Callable[[float], float] | None) -> Any:
         """A motor along a slide: Exudyn's own joints cannot be moved where constraints are on velocity."""
-        slide = Slide.of(self.m, joint)
+        slide = Slide(joint.direction, self._ends(joint))
         coordinates = self.items.MarkerNodeCoordinates
         markers = [
             self.mbs.AddMarker(coordinates(nodeNumber=self._ground_node if body == GROUND else self.nodes[body]))

@@ -117,10 +117,14 @@ class Rub:
         """Force (M,) N, complex, on the second body, from Exudyn's generalised ones (M, size), which it has to the
         left of its equations.
         """
-        first, second = (end.row for end in self.ends)
-        row, sign = (first, 1.0) if second is None else (second, -1.0)
-        assert row is not None
+        row, sign = reading(self.ends)
         return np.asarray(sign * (sensed[:, row] + 1j * sensed[:, row + 1]))
+
+
+def reading(ends: tuple[End, End]) -> tuple[int, float]:
+    """Where generalised forces between two bodies have that on the second, or else on the first, and its sign."""
+    first, second = (end.row for end in ends)
+    return (first or 0, 1.0) if second is None else (second, -1.0)
 
 
 def _pin(symbolic: _Exu, end: End, q: _Exu, q_t: _Exu) -> tuple[_Exu, ...]:

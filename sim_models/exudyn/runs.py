@@ -166,11 +166,11 @@ class ExudynRun(Run):
 
     def check_moved(self, record: Record) -> None:
         """Raise SimulationError where the linkage has not moved as one does."""
+        if not self.path.held and self.drives is not None and self.request.joint_model in ("ideal", "massless-link"):
+            self.judge.check_smooth(record)
         self.judge.check_energy(record)
         if self.path.held:
             self.judge.check_assembly_mode(record, self.path)
-        elif self.drives is not None and self.request.joint_model in ("ideal", "massless-link"):
-            self.judge.check_smooth(record)
 
     # ---------------------------------------------------------------- start
 
