@@ -195,8 +195,8 @@ class Beams:
 
     def _springs(self, k: int) -> dict[str, tuple[float, float]]:
         """Stiffness of each joint's spring where the rigid linkage has it, and where that is."""
-        found = {j: float(self.motion.position(j)[k]) for j in self.m.joints if j.springy}
-        return {j.name: (j.stiffness + 3 * j.cubic * (at - j.rest_angle) ** 2, at) for j, at in found.items()}
+        places = {j: float(self.motion.position(j)[k]) for j in self.m.joints if j.springy}
+        return {j.name: (j.stiffness + 3 * j.cubic * (at - j.rest_angle) ** 2, at) for j, at in places.items()}
 
     def _pushes(self, k: int) -> list[Push]:
         """Weights, loads, joint laws and inertia."""

@@ -110,12 +110,12 @@ class Block:
         """Of each corner, which wall it is before (1: that across), how far it is along the guide from the second
         body's centre of mass (m), how deep in the wall (m), and the rate (m/s).
         """
-        found = []
+        corners = []
         for side, corner in zip(self.guide.sides, self.guide.corners, strict=True):
             along, across = seen.turned(self._foot + corner)
             depth = side * (seen.aside + across - self._near.imag) - (self.guide.height / 2 + self.guide.clearance)
-            found.append((side, along, depth, side * (seen.sinking + seen.turning * along)))
-        return found
+            corners.append((side, along, depth, side * (seen.sinking + seen.turning * along)))
+        return corners
 
     def force(self, symbolic: _Exu, q: _Exu, q_t: _Exu) -> _Exu:
         """Generalised forces (N, N, N.m of each moving body) at these coordinates and rates, symbolic."""

@@ -52,8 +52,8 @@ def named_laws(mechanism: Mechanism, joint_model: JointModel, motion: Motion) ->
     """The laws that the mechanism names of joints with clearance in contact, where the linkage moves."""
     if joint_model not in ("contact", "spring-damper"):
         return {}
-    found = {name: named_law(mechanism, mechanism.joint(name), motion) for name in mechanism.clearances}
-    return {name: law for name, law in found.items() if law is not None}
+    laws = {name: named_law(mechanism, mechanism.joint(name), motion) for name in mechanism.clearances}
+    return {name: law for name, law in laws.items() if law is not None}
 
 
 def law_settings(request: Request) -> dict[str, SettingValue]:

@@ -106,14 +106,14 @@ class ExudynRun(Run):
         record, rows = self.through(linkage, self.clock(times))
         self.check_moved(record)
         since = record.rows(slice(int(rows[0]), None)) if self.motors else record
-        seen = []
+        watched_parts = []
         for part in chain([since], self.onward(linkage, last, beyond)):
             if self.request.watched and self.crank is not None:
                 loose = [self.mechanism.joint(name) for name in self.request.clearances]
-                seen.append(watched(part, loose, self.crank, linkage.model.blocks))
-        if seen:
-            seen[0].time[rows - rows[0]] = times  # without the rounding of sums of steps
-        return self.observed(record.rows(rows), since, join(seen) if seen else None)
+                watched_parts.append(watched(part, loose, self.crank, linkage.model.blocks))
+        if watched_parts:
+            watched_parts[0].time[rows - rows[0]] = times  # without the rounding of sums of steps
+        return self.observed(record.rows(rows), since, join(watched_parts) if watched_parts else None)
 
     def through(self, linkage: ExudynLinkage, times: np.ndarray) -> tuple[Record, np.ndarray]:
         """Integrate from 0 through times (N,) s of the run's clock, sorted: every step, and the row of each time."""
@@ -266,7 +266,7 @@ class ExudynRun(Run):
 
     # ---------------------------------------------------------------- what came of it
 
-    def observed(self, sampled: Record, dense: Record, seen: Watched | None = None) -> Observed:
+    def observed(self, sampled: Record, dense: Record, every_step: Watched | None = None) -> Observed:
         """Signals at the sampled instants, the pins' paths and free share over the dense record; along courses a drive
         is between its joint's bodies, and a crank's torque is on the crank.
         """
@@ -284,5 +284,5 @@ class ExudynRun(Run):
             },
             {name: np.column_stack([gap.real, gap.imag]) for name, gap in gaps.items()},
             {name: free_share(dense.reach(m.joint(name)), size, dense.time) for name, size in clearance.items()},
-            seen,
+            every_step,
         )

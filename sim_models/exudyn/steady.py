@@ -23,7 +23,7 @@ APART_COMPLIANT = (
 )
 PASSES = 2  # the second has the inertia forces of the first one's gaps
 PASSES_COMPLIANT = 8  # at most
-STILL = 1e-11  # rad by which a crank that has been found moves from one pass to the next
+LAG_SETTLED = 1e-11  # rad by which a crank that has been found moves from one pass to the next
 
 
 def instants(motor: RunMotor, compliant: bool = False) -> np.ndarray:
@@ -111,13 +111,13 @@ def crank_behind(equilibria: Equilibria, motor: RunMotor, stiffness: float, time
     rate, here, last = derivative(wide), int(np.argmin(np.abs(wide))), np.inf
     lag = np.zeros(NODES)
     for _ in range(PASSES_COMPLIANT):
-        found = _passed(equilibria, motor.angle(wide) - lag, [{}] * NODES, rate)
-        needed = np.array([record.drive_torque[0] for record in found]) / stiffness
+        records = _passed(equilibria, motor.angle(wide) - lag, [{}] * NODES, rate)
+        needed = np.array([record.drive_torque[0] for record in records]) / stiffness
         change = abs(needed[here] - lag[here])
         if change > last:  # the series of ever higher derivatives has begun to diverge
             break
         lag, last = needed, change
-        if change < STILL:
+        if change < LAG_SETTLED:
             break
     return motor.angle(time) - np.asarray(BarycentricInterpolator(wide, lag)(time))
 

@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 
 from analytic.kinematics.assembly import AssemblyError
 from analytic.mechanism import Joint
-from sim_models.exudyn.equilibria import Equilibria
+from sim_models.exudyn.equilibria import LAST_CORRECTION, Equilibria
 from sim_models.exudyn.linkage import Inertia
 from sim_models.exudyn.motor import RunMotor
 from sim_models.run.path import Path
@@ -24,7 +24,6 @@ AROUND = 96  # crank angles at which the torque is sampled
 GRID = 192  # instants of a revolution
 SPEEDS = (0.9, 1.0, 1.1)  # of the mean speed, through whose torques goes a parabola
 REPEATS = 1e-6  # rad, and of the mean speed and its square: how well a course has to repeat itself
-FOUND = 1e-12  # rad
 ATTEMPTS = 20
 
 
@@ -81,7 +80,7 @@ def sway(equilibria: Equilibria, motor: RunMotor, stiffness: float) -> CubicSpli
             torque - stiffness * lag,
         )
         lag = lag + change
-        if np.abs(change).max() < FOUND:
+        if np.abs(change).max() < LAST_CORRECTION:
             return CubicSpline([*grid, time], [*lag, lag[0]], bc_type="periodic")
     return None
 

@@ -21,8 +21,7 @@ def watched(record: Record, loose: Iterable[Joint], motor: RunMotor, blocks: Map
         name, guide = joint.name, Guide.of(joint)
         force[name] = record.force[name]
         if guide is not None:
-            turned = record.angle.get(joint.bodies[0], np.zeros(record.time.size))  # the ground stands still
-            across = 1j * joint.direction * np.exp(1j * turned)
+            across = 1j * record.axis(joint)
             pushed = np.real(force[name] * np.conj(across))
             unit = _rubbing(record, blocks[name]) if blocks[name].friction else None
             corners[name] = guide.shares(pushed, record.moment[name], record.height[name], record.tilt[name], unit)

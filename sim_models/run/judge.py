@@ -25,7 +25,7 @@ ENERGY_FROM_NOTHING = 0.05  # of the energy that a run turns over
 JUMP = 0.2  # of a body's largest rate, in a step
 NOT_TURNED = 1e-12  # rad in a whole run: rounding
 FLIPPED = math.radians(45)  # between a body and the ideal linkage: it has left its assembly mode
-GLIMPSES = 12  # instants that show a linkage that has flipped over: it stays so
+MODE_CHECKS = 12  # instants that show a linkage that has flipped over: it stays so
 
 
 class Rated(Protocol):
@@ -82,7 +82,7 @@ class Judge:
 
     def check_assembly_mode(self, record: Record, path: Path) -> None:
         """A linkage that all of its drives hold has flipped over."""
-        rows = np.linspace(0, record.time.size - 1, GLIMPSES).astype(int)
+        rows = np.linspace(0, record.time.size - 1, MODE_CHECKS).astype(int)
         crank = self.mechanism.driven if path.driven is None else None
         expected = path.turned((record.time if crank is None else record.angle[crank])[rows])
         for i, k in enumerate(rows):

@@ -80,6 +80,11 @@ class Record:
         """Path (M,) m of a body's named point."""
         return located(m, self.com, self.angle, body, point)
 
+    def axis(self, joint: Joint) -> np.ndarray:
+        """Direction (M,) of a prismatic joint's axis."""
+        first = joint.bodies[0]
+        return np.asarray(joint.direction * np.exp(1j * (0.0 * self.time if first == GROUND else self.angle[first])))
+
     def position(self, m: Mechanism, joint: Joint) -> np.ndarray:
         """Angle (M,) rad of a joint's second body less its first's; of a prismatic one, its travel (m)."""
         first, second = joint.bodies
