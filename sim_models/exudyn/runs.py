@@ -98,7 +98,7 @@ class ExudynRun(Run):
         """Start, and integrate through reports at times (N,) s, sorted, and on beyond them."""
         last = float(self.clock(times)[-1])
         if self.crank is not None and not self.crank.steady:
-            self.assembly.path(*self.crank.range)
+            self.assembly.path(*self.crank.range)  # raises where the crank cannot follow all of its course
         linkage, self.step = self.launch()
         beyond = self.request.beyond / abs(self.mechanism.speed or 1.0)
         check_steps(self.who, last, self.step, MOST_STEPS)
