@@ -21,8 +21,9 @@ from linkages import inverted_slider
 from sim_models.engine import Motion, SimulationError, Unsupported, engine
 from sim_models.exudyn.beam_model import Element
 from sim_models.exudyn.beam_motion import RigidMotion
-from sim_models.exudyn.beams import FlexibleLinkage, flexible, flexible_static
+from sim_models.exudyn.beams import flexible
 from sim_models.run.path import CrankPath
+from tests.evidence.validation.beam_equilibrium import FlexibleLinkage, flexible_static
 
 pytestmark = pytest.mark.exudyn
 

@@ -65,10 +65,7 @@ class RigidMotion:
 
     def inertia(self, k: int) -> Inertia:
         """Accelerations of the bodies at one instant."""
-        return Inertia(
-            {name: complex(a[k]) for name, a in self._linear.items()},
-            {name: float(a[k]) for name, a in self._turning.items()},
-        )
+        return Inertia.of(self._linear, self._turning, k)
 
     def law(self, joint: Joint, moving: bool) -> np.ndarray:
         """Torque (N.m; prismatic: force along the slide, N) on a joint's second body of its spring, friction and, if

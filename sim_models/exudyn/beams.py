@@ -13,16 +13,13 @@ have ``youngs_modulus``, as :meth:`sim_models.engine.Engine.simulate` does one f
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
-from analytic.kinematics.schedule import Schedule
-from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism
+from analytic.mechanism import GROUND, MASS_CENTRE, Joint
 from analytic.mechanism.signals import driving, position, turned_near
 from sim_models.common.contact_laws import pressed_to
 from sim_models.common.failed_starts import own_start, where
@@ -38,49 +35,10 @@ from sim_models.exudyn.beam_model import (
     soft_stiffness,
 )
 from sim_models.exudyn.beam_motion import RigidMotion
-from sim_models.exudyn.courses import PACE
 from sim_models.exudyn.equilibria import Equilibria
-from sim_models.exudyn.record import FLIPPED
 from sim_models.exudyn.settings import console_off
+from sim_models.run.judge import FLIPPED
 from sim_models.run.path import CrankPath, RestingPath
-
-
-@dataclass(frozen=True)
-class FlexibleLinkage:
-    """A flexible linkage in static equilibrium at one crank angle.  Complex numbers are x + iy in the ground frame."""
-
-    theta: float  # rad
-    displacement: Mapping[tuple[str, str], complex]  # m, by body and point (com included), from the ideal rigid linkage
-    force: Mapping[str, complex]  # N, by joint: of the first body on the second
-    gap: Mapping[str, complex]  # m, by joint: first pin centre minus second
-
-
-def flexible_static(
-    mechanism: Mechanism,
-    theta: float,
-    element: Element = "euler-bernoulli",
-    joint_model: Literal["ideal", "contact"] = "ideal",
-) -> FlexibleLinkage:
-    """Equilibrium of a linkage of beams under its loads and weights, crank held at angle theta (rad).
-
-    With ``contact`` every joint with clearance has it; with ``ideal`` clearances are ignored.  Raises what
-    :func:`flexible` does.
-    """
-    at_rest = _Beams(
-        Request(mechanism, joint_model, Schedule.at_angles(mechanism, np.array([theta]), at_rest=True)), element
-    )
-    with console_off():
-        model = at_rest.solved(0)
-        named = [(b.name, point) for b in mechanism.bodies for point in (*b.points, "com")]
-        moved = {
-            (body, point): model.place(body, point) - at_rest.motion.place(body, point)[0] for body, point in named
-        }
-        force = {joint.name: model.force(joint) for joint in mechanism.joints}
-        gap = {
-            joint.name: model.place(joint.bodies[0], joint.name) - model.place(joint.bodies[1], joint.name)
-            for joint in mechanism.joints
-        }
-    return FlexibleLinkage(theta, {key: complex(value) for key, value in moved.items()}, force, gap)
 
 
 def flexible(request: Request, element: Element = "euler-bernoulli") -> Trace:
@@ -96,7 +54,7 @@ def flexible(request: Request, element: Element = "euler-bernoulli") -> Trace:
     Raises Unsupported for other joint models, compliant and free drives and guides that yield; SimulationError where
     no equilibrium is found, AssemblyError where the linkage cannot be assembled.
     """
-    beams = _Beams(request, element)
+    beams = Beams(request, element)
     with console_off(), own_start("exudyn", request, beams.assembly):
         rows = [beams.signals(k) for k in range(beams.at.size)]
     signals = {name: np.array([row[name] for row in rows]) for name in rows[0]}
@@ -130,7 +88,7 @@ def flexible(request: Request, element: Element = "euler-bernoulli") -> Trace:
     )
 
 
-class _Beams:
+class Beams:
     """A linkage of beams at every instant of a request; ``motion`` is the ideal rigid linkage's."""
 
     def __init__(self, request: Request, element: Element) -> None:
@@ -138,20 +96,24 @@ class _Beams:
         refuse_what_is_not_modelled(self.m)
         if request.joint_model not in ("ideal", "contact"):
             raise Unsupported(f"{self.m.name}: beams are joined by ideal joints or contact, not {request.joint_model}")
-        self.clearance = request.clearances
-        self.moving = request.motion == "driven"
+        schedule, self.clearance, self.moving = request.schedule, request.clearances, request.motion == "driven"
         self.assembly = Assembly(self.m)
-        if request.schedule.crank is not None:
-            self.path: CrankPath | RestingPath = CrankPath(self.assembly)
-            self.at, rate, acceleration, self.time = _crank(request)
-            self.motion = RigidMotion(self.path, self.at, rate, acceleration)
-            self.told, self.held = self.at, [self.m.drive_joint.name]
+        rubs = any(joint.rubs for joint in self.m.joints)  # at rest, rates only give friction its direction
+        if schedule.crank is None:
+            self.path: CrankPath | RestingPath = RestingPath(request, self.assembly)
+            self.at: np.ndarray = schedule.time
+            self.time: np.ndarray | None = self.at
+            self.motion = RigidMotion(self.path, self.at, float(rubs))
+            self.told, self.held = self.path.leading(self.at), [*schedule.drives]
+        elif schedule.lets_go:
+            raise Unsupported(f"{self.m.name}: beams move with their crank; a free drive has no angle to put it at")
         else:
-            self.path = resting = RestingPath(request, self.assembly)
-            self.at = self.time = request.schedule.time
-            rubs = any(joint.rubs for joint in self.m.joints)  # rates only give friction its direction
-            self.motion = RigidMotion(resting, self.at, float(rubs))
-            self.told, self.held = resting.leading(self.at), [*request.schedule.drives]
+            self.path, motor = CrankPath(self.assembly), schedule.crank_motion(self.m)
+            self.time = schedule.time if self.moving else None
+            self.at = motor.positions(schedule.time) if schedule.crank_angle is None else schedule.crank_angle
+            rates = (motor.positions(schedule.time, order) if self.moving or rubs else 0.0 for order in (1, 2))
+            self.motion = RigidMotion(self.path, self.at, *rates)
+            self.told, self.held = self.at, [self.m.drive_joint.name]
         # N.m (N along a slide) on the second body
         self.law = {j.name: self.motion.law(j, self.moving) for j in self.m.joints}
 
@@ -220,8 +182,7 @@ class _Beams:
     def _rods(self) -> Equilibria:
         """The rigid linkage, each pin on a rod as long as its clearance."""
         resting = replace(self.request.schedule, at_rest=True)
-        pace = PACE if resting.crank is None else self.m.speed or 1.0
-        return Equilibria(Request(self.m, "massless-link", resting), self.path, pace)
+        return Equilibria(Request(self.m, "massless-link", resting), self.path)
 
     def _position(self, model: BeamModel, joint: Joint, k: int) -> float:
         """Angle (rad) of a joint's second section less its first's; of a slide, its travel (m)."""
@@ -234,8 +195,8 @@ class _Beams:
 
     def _springs(self, k: int) -> dict[str, tuple[float, float]]:
         """Stiffness of each joint's spring where the rigid linkage has it, and where that is."""
-        found = {j: float(self.motion.position(j)[k]) for j in self.m.joints if j.springy}
-        return {j.name: (j.stiffness + 3 * j.cubic * (at - j.rest_angle) ** 2, at) for j, at in found.items()}
+        places = {j: float(self.motion.position(j)[k]) for j in self.m.joints if j.springy}
+        return {j.name: (j.stiffness + 3 * j.cubic * (at - j.rest_angle) ** 2, at) for j, at in places.items()}
 
     def _pushes(self, k: int) -> list[Push]:
         """Weights, loads, joint laws and inertia."""
@@ -260,18 +221,3 @@ class _Beams:
     def _along(self, joint: Joint, k: int) -> complex:
         """Force (N) of a prismatic joint's spring, damper and friction on its second body."""
         return complex(self.law[joint.name][k] * joint.direction * np.exp(1j * self.motion.angle(joint.bodies[0])[k]))
-
-
-def _crank(request: Request) -> tuple[np.ndarray, np.ndarray | float, np.ndarray | float, np.ndarray | None]:
-    """The crank's angle (rad), rate and acceleration at every instant, and its time (s); at rest, the rate only gives
-    friction its direction.
-    """
-    m, schedule, motor = request.mechanism, request.schedule, request.motor
-    if schedule.lets_go:
-        raise Unsupported(f"{m.name}: beams move with their crank; a free drive has no angle to put it at")
-    theta, time = schedule.crank_angle, schedule.time
-    if motor is None:
-        assert theta is not None  # other poses are held by drives on courses
-        rubs = any(j.rubs for j in m.joints)
-        return theta, (m.speed or 1.0) if rubs else 0.0, 0.0, None
-    return motor.positions(time) if theta is None else theta, motor.positions(time, 1), motor.positions(time, 2), time

@@ -15,7 +15,7 @@ from analytic.mechanism import Joint
 from sim_models.common.contact_laws import KelvinVoigt, NamedLaw
 from sim_models.common.guide import Guide
 from sim_models.exudyn.laws import CONTACT_CREEP
-from sim_models.exudyn.named_contact import End, Glance, Memory, push_back
+from sim_models.exudyn.named_contact import End, Glance, Memory, push_back, reading
 
 _Exu = Any  # an object of Exudyn's, or a number of its symbolic functions
 Effort = Callable[[_Exu, _Exu], _Exu]  # a joint's law, by travel and rate
@@ -110,12 +110,12 @@ class Block:
         """Of each corner, which wall it is before (1: that across), how far it is along the guide from the second
         body's centre of mass (m), how deep in the wall (m), and the rate (m/s).
         """
-        found = []
+        corners = []
         for side, corner in zip(self.guide.sides, self.guide.corners, strict=True):
             along, across = seen.turned(self._foot + corner)
             depth = side * (seen.aside + across - self._near.imag) - (self.guide.height / 2 + self.guide.clearance)
-            found.append((side, along, depth, side * (seen.sinking + seen.turning * along)))
-        return found
+            corners.append((side, along, depth, side * (seen.sinking + seen.turning * along)))
+        return corners
 
     def force(self, symbolic: _Exu, q: _Exu, q_t: _Exu) -> _Exu:
         """Generalised forces (N, N, N.m of each moving body) at these coordinates and rates, symbolic."""
@@ -166,10 +166,7 @@ class Block:
         generalised forces (M, size), which it has to the left of its equations; ``arms`` (M,) m, complex, are from each
         body's centre of mass to the point.
         """
-        (first, second), sign = (end.row for end in self.ends), -1.0
-        row, arm = (second, arms[1]) if second is not None else (first, arms[0])
-        if second is None:
-            sign = 1.0
-        assert row is not None
+        row, sign = reading(self.ends)
+        arm = arms[0] if self.ends[1].row is None else arms[1]
         force = sign * (sensed[:, row] + 1j * sensed[:, row + 1])
         return force, sign * sensed[:, row + 2] - np.imag(np.conj(arm) * force)

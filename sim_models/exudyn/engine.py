@@ -59,21 +59,13 @@ class ExudynEngine(Engine):
 
         ``steady`` starts in the equilibrium of the same joint model under loads and inertia forces, moving as that
         equilibrium moves with the crank.  Requested angles and courses are the motor's; with a compliant drive the
-        crank lags by torque / stiffness, and ``steady`` is :func:`sim_models.exudyn.steady.crank_behind`.  What moves
-        along courses of its own, or with more than a crank's freedom, is a
-        :class:`sim_models.exudyn.courses.CoursesRun`, and at rest on them a
-        :class:`~sim_models.exudyn.courses.RestingRun`.  Raises SimulationError, Unsupported or AssemblyError.
+        crank lags by torque / stiffness, and ``steady`` is :func:`sim_models.exudyn.steady.crank_behind`.  Raises
+        SimulationError, Unsupported or AssemblyError.
         """
-        from sim_models.exudyn.courses import CoursesRun, RestingRun
         from sim_models.exudyn.runs import ExudynRun
 
-        def run(asked: Request) -> Trace:
-            if asked.schedule.crank is not None:
-                return ExudynRun(asked).trace()
-            return (RestingRun if asked.schedule.at_rest else CoursesRun)(asked).trace()
-
         with console_off():
-            return simulate(self, request, run)
+            return simulate(self, request, lambda asked: ExudynRun(asked).trace())
 
     def simulate_flexible(self, request: Request) -> Trace:
         """Run one request with links of beams.  Raises SimulationError, Unsupported or AssemblyError."""

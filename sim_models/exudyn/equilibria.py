@@ -20,10 +20,11 @@ from sim_models.exudyn.block import Block
 from sim_models.exudyn.laws import CONTACT_CREEP
 from sim_models.exudyn.linkage import ExudynLinkage, Inertia
 from sim_models.exudyn.model import ExudynModel, point_at
-from sim_models.exudyn.record import Record, locate
 from sim_models.run.path import Gaps, Path
+from sim_models.run.record import Record
 
-STILL = 1e-12  # rad: last correction of a crank's angle behind a compliant drive
+PACE = 1.0  # rad/s of a drive at rest, which only has a direction
+LAST_CORRECTION = 1e-12  # rad: last correction of a crank's angle behind a compliant drive
 RUBBINGS = 200  # times that friction is found anew from the forces that it changes
 NO_LOAD = 1e-9  # of the largest reaction: a smaller one has no direction
 
@@ -36,24 +37,26 @@ class Equilibria:
     """Equilibria of a joint model held somewhere on its path, at rest or (d'Alembert) with the inertia forces of a
     motion.
 
-    Friction and dampers are evaluated on the ideal linkage's motion there, a crank at ``speed`` (rad/s) unless told
-    otherwise; friction fades below ``creep`` (rad/s), as in a run.  From the ideal linkage's reactions rods are placed,
-    from theirs the real joints.
+    Friction and dampers are evaluated on the ideal linkage's motion there, at a ``speed`` (rad/s) of the crank, or of
+    the fastest drive, by default the one that it has or PACE; friction fades below ``creep`` (rad/s), as in a run.
+    From the ideal linkage's reactions rods are placed, from theirs the real joints.
     """
 
-    def __init__(self, request: Request, path: Path, speed: float, creep: float = 0.0) -> None:
+    def __init__(self, request: Request, path: Path, speed: float | None = None, creep: float = 0.0) -> None:
         m = request.mechanism
+        if speed is None:
+            speed = (m.speed if path.driven is None else None) or PACE
         self.request, self.m, self.path, self.speed, self.creep = request, m, path, speed, creep
         home = path.poses(path.begin)
-        held: dict[str, Any] = {"redundant": path.assembly.overheld}
-        held["drives"] = None if path.driven is None else dict.fromkeys(path.assembly.positions)
-        self.ideal = ExudynLinkage(ExudynModel(m, "ideal", "static", home, **held))
+        common: dict[str, Any] = {"redundant": path.assembly.overheld}
+        common["drives"] = None if path.driven is None else dict.fromkeys(path.assembly.positions)
+        self.ideal = ExudynLinkage(ExudynModel(m, "ideal", "static", home, **common))
         self.clearance = request.clearances
         self.displaced = (*self.clearance, *request.bearings)  # joints whose pins leave their bearings' centres
         self.rods = self.real = self.ideal
         if self.clearance:
-            self.rods = ExudynLinkage(ExudynModel(m, "massless-link", "static", home, **held))
-            real = ExudynModel(m, request.joint_model, "static", home, contact_for=request.motion, **held)
+            self.rods = ExudynLinkage(ExudynModel(m, "massless-link", "static", home, **common))
+            real = ExudynModel(m, request.joint_model, "static", home, contact_for=request.motion, **common)
             self.real = ExudynLinkage(real)
 
     def at(self, theta: float, inertia: Inertia | None = None, speed: float | None = None) -> Record:
@@ -78,27 +81,27 @@ class Equilibria:
             smooth = self._solve(self.real, theta, self._taken_up(self.real, rods, theta), loads)
         except SimulationError as error:
             raise why_no_equilibrium("exudyn", self.request, theta, springs) or error from None
-        found = self._rubbed(theta, smooth, loads, rates)
+        record = self._rubbed(theta, smooth, loads, rates)
         for name in self.clearance:
-            if name in found.tilt:  # walls never pull
+            if name in record.tilt:  # walls never pull
                 continue
-            if np.real(found.force[name][0] * np.conj(found.gap[name][0])) <= 0:
+            if np.real(record.force[name][0] * np.conj(record.gap[name][0])) <= 0:
                 raise self._failure(Cause.PULLED, f"the pin of joint {name} would have to be pushed, not pulled", theta)
-        return found
+        return record
 
     def crank(self, theta: float) -> float:
         """Angle (rad) at which the crank rests with the motor at ``theta``: behind by the torque over the drive's
-        stiffness.
-
-        Raises SimulationError.
+        stiffness; of other drives, the place itself.  Raises SimulationError.
         """
         stiffness = self.m.drive_stiffness
-        if stiffness is None:
+        if stiffness is None or self.path.driven is not None:
             return theta
         try:
             return float(
                 newton(
-                    lambda angle: angle - theta + self.at(float(angle)).drive_torque[0] / stiffness, theta, tol=STILL
+                    lambda angle: angle - theta + self.at(float(angle)).drive_torque[0] / stiffness,
+                    theta,
+                    tol=LAST_CORRECTION,
                 )
             )
         except RuntimeError:
@@ -111,40 +114,40 @@ class Equilibria:
         of a block that its friction tips, the smooth one, from which the run finds its way.
         """
         rough = [j for j in self.m.joints if j.rough and rates and self.request.joint_model == "contact"]
-        found, before = smooth, np.zeros(0)
+        record, before = smooth, np.zeros(0)
         for _ in range(RUBBINGS if rough else 0):
             force, torque, slide = dict(loads[0]), dict(loads[1]), loads[2]
-            rubs = [(j, *each) for j in rough for each in self._rubs(j, found, rates[j.name])]
+            rubs = [(j, *each) for j in rough for each in self._rubs(j, record, rates[j.name])]
             for joint, push, at in rubs:
                 for body, sign in zip(joint.bodies, (-1.0, 1.0), strict=True):
                     if body != GROUND:
                         force[body] += sign * push
-                        torque[body] += sign * float(((at - found.com[body][0]).conjugate() * push).imag)
+                        torque[body] += sign * float(((at - record.com[body][0]).conjugate() * push).imag)
             now = np.array([push for _, push, _ in rubs])
             if now.size == before.size and np.abs(now - before).max() <= NO_LOAD * np.abs(now).max():
-                return found
+                return record
             before = now
             try:
-                found = self._solve(self.real, theta, found.gaps(self.displaced), (force, torque, slide))
+                record = self._solve(self.real, theta, record.gaps(self.displaced), (force, torque, slide))
             except SimulationError:
                 break
         return smooth
 
-    def _rubs(self, joint: Joint, found: Record, rate: float) -> Iterator[tuple[complex, complex]]:
+    def _rubs(self, joint: Joint, record: Record, rate: float) -> Iterator[tuple[complex, complex]]:
         """Friction (N) on a joint's second body, and where (m), of each contact that slips at a ``rate`` (rad/s, m/s)
         under what presses it, as it is in a run.
         """
-        (first, second), name = joint.bodies, joint.name
-        at, force = complex(locate(self.m, found.com, found.angle, second, name)[0]), complex(found.force[name][0])
+        second, name = joint.bodies[1], joint.name
+        at, force = complex(record.point(self.m, second, name)[0]), complex(record.force[name][0])
         guide, reach = Guide.of(joint) if joint.prismatic else None, joint.rim + joint.clearance
         slip = rate if joint.prismatic else rate * reach
         share = -joint.friction * float(np.clip(slip / CONTACT_CREEP, -1.0, 1.0))
         if guide is None:
             yield 1j * share * force, at + reach * force / abs(force)
             return
-        along = joint.direction * np.exp(1j * (found.angle[first][0] if first != GROUND else 0.0))
-        across, tilt = np.imag(found.force[name] * np.conj(along)), found.tilt[name]
-        pushes = guide.shares(across, found.moment[name], found.height[name], tilt)
+        along = complex(record.axis(joint)[0])
+        across, tilt = np.imag(record.force[name] * np.conj(along)), record.tilt[name]
+        pushes = guide.shares(across, record.moment[name], record.height[name], tilt)
         for corner, push in zip(guide.corners, pushes[:, 0].tolist(), strict=True):
             yield share * push * along, at + along * corner * np.exp(1j * tilt[0])
 
@@ -165,9 +168,9 @@ class Equilibria:
 
     def _push(self, block: Block, near: Record) -> complex:
         """Force (N) across on a block and i times its moment over half its length (see :meth:`Guide.push`)."""
-        name, first = block.joint.name, block.joint.bodies[0]
-        along = block.joint.direction * np.exp(1j * (near.angle[first][0] if first != GROUND else 0.0))
-        return block.guide.push(float((near.force[name][0] * np.conj(along)).imag), float(near.moment[name][0]))
+        name = block.joint.name
+        across = np.imag(near.force[name] * np.conj(near.axis(block.joint)))
+        return block.guide.push(float(across[0]), float(near.moment[name][0]))
 
     def _solve(self, linkage: ExudynLinkage, theta: float, gaps: Gaps, loads: Loads) -> Record:
         linkage.place(self.path.poses(theta, gaps))

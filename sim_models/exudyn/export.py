@@ -14,12 +14,10 @@ from analytic.mechanism.signals import driving
 from sim_models.common.export_files import expected, lines, written
 from sim_models.common.simulate import simulate
 from sim_models.engine import Engine, Request, Trace
-from sim_models.exudyn.courses import PACE, CoursesRun, RestingRun
 from sim_models.exudyn.equilibria import Equilibria
 from sim_models.exudyn.linkage import HALVED, ExudynLinkage
 from sim_models.exudyn.motor import INSTANT, RunMotor
-from sim_models.exudyn.record import Record
-from sim_models.exudyn.runs import ExudynRun, Run
+from sim_models.exudyn.runs import ExudynRun
 
 CONTACT = (
     "spheresRadii", "isHollowSphere1", "contactStiffness", "contactDamping", "impactModel", "restitutionCoefficient",
@@ -42,7 +40,9 @@ def write(engine: Engine, request: Request, folder: Path) -> list[Path]:
     m, crank, model = request.mechanism, request.schedule.crank is not None, dict[str, Any]()
 
     def run(asked: Request) -> Trace:
-        linkage, motion, trace = (_at_rest if asked.motion == "static" else _moving)(asked)
+        finished = ExudynRun(asked)
+        trace = finished.trace()
+        linkage, motion = (_at_rest if asked.motion == "static" else _moving)(finished)
         model.update({"redundant": linkage.model.redundant, **_parts(linkage), **motion})
         return trace
 
@@ -62,75 +62,33 @@ def write(engine: Engine, request: Request, folder: Path) -> list[Path]:
     return written(folder, files, "exudyn_run.py")
 
 
-class _Remembered(Run):
-    """A run that remembers its linkage, its motors, when it reports (s), and its stages: begin, end (s), steps (0: it
-    settles in one), and whether they start with the accelerations of the one before.
+def _moving(run: ExudynRun) -> tuple[ExudynLinkage, dict[str, Any]]:
+    """The linkage of a run in time; its stages (begin and end, s, steps, 0 where it settles in one, and whether they
+    start with the accelerations of the one before), after which of them it is read (0: at the start), and the run's
+    time (s) when the request's begins.
     """
-
-    working: ExudynLinkage
-    turning: Sequence[RunMotor]
-    reports: np.ndarray
-
-    def __init__(self, request: Request) -> None:
-        super().__init__(request)
-        self.stages: list[tuple[float, float, int, bool]] = []
-
-    def advance(self, linkage: ExudynLinkage, begin: float, end: float, count: int, onward: bool = False) -> Record:
-        record = super().advance(linkage, begin, end, count, onward)
-        self.stages.append((begin, end, count, onward))
-        return record
-
-    def march(
-        self, linkage: ExudynLinkage, times: np.ndarray, longest: float, motors: Sequence[RunMotor] = ()
-    ) -> tuple[Record, np.ndarray]:
-        self.working, self.turning, self.reports = linkage, motors, times
-        self.stages.clear()  # those that led to the start
-        return super().march(linkage, times, longest, motors)
-
-
-class _RememberedCrank(_Remembered, ExudynRun):
-    """The same of a crank's run."""
-
-
-class _RememberedCourses(_Remembered, CoursesRun):
-    """The same of a run of several drives, or of none."""
-
-
-def _moving(request: Request) -> tuple[ExudynLinkage, dict[str, Any], Trace]:
-    """The linkage of a run in time, its stages, after which of them it is read (0: at the start), and the run's time
-    (s) when the request's begins; and its trace.
-    """
-    run = _RememberedCourses(request) if request.schedule.crank is None else _RememberedCrank(request)
-    trace = run.trace()
-    settles = any(not motor.steady for motor in run.turning)
-    first = 0.0 if settles else INSTANT  # a report until then is of the start
-    after = np.searchsorted([end for _, end, *_ in run.stages], run.reports) + 1
+    first = 0.0 if run.begins else INSTANT  # a report until then is of the start
+    reports = run.clock(np.sort(run.request.schedule.time))
+    after = np.searchsorted([end for _, end, *_ in run.stages], reports) + 1
     plan = {
-        "drive": _crank_drive(run.working, run.turning),
-        "drives": _own_drives(run.working, run.turning),
+        "drive": _crank_drive(run.linkage, run.crank),
+        "drives": _own_drives(run.linkage, [*(run.drives or {}).values()]),
         "halved": HALVED,
-        "residual": run.working.residual,
-        "time_0": float(next((motor.clock(np.zeros(1))[0] for motor in run.turning), 0.0)),
+        "residual": run.linkage.residual,
+        "time_0": float(run.clock(np.zeros(1))[0]),
         "stages": run.stages,
-        "after_stage": np.where(run.reports > first, after, 0).tolist(),
+        "after_stage": np.where(reports > first, after, 0).tolist(),
     }
-    return run.working, plan, trace
+    return run.linkage, plan
 
 
-def _at_rest(request: Request) -> tuple[ExudynLinkage, dict[str, Any], Trace]:
+def _at_rest(run: ExudynRun) -> tuple[ExudynLinkage, dict[str, Any]]:
     """The linkage at rest, and where its bodies are held and put, and loaded with what besides the mechanism's loads,
-    to find each equilibrium; and its trace.
+    to find each equilibrium.
     """
-    angles = request.schedule.crank_angle
-    run = RestingRun(request) if angles is None else ExudynRun(request)
-    trace = run.trace()
-    if angles is None:
-        equilibria, places = Equilibria(request, run.path, PACE), np.sort(request.schedule.time).tolist()
-    else:
-        equilibria = Equilibria(request, run.path, run.m.speed or 1.0)
-        places = [equilibria.crank(motor) for motor in angles.tolist()]
-    near = []
-    for at in places:
+    angles, equilibria, near = run.request.schedule.crank_angle, Equilibria(run.request, run.path), []
+    for place in np.sort(run.request.schedule.time).tolist() if angles is None else angles.tolist():
+        at = equilibria.crank(place)
         equilibria.at(at)
         link, initial = equilibria.real, equilibria.real.exu.ConfigurationType.Initial
         near.append(
@@ -140,14 +98,19 @@ def _at_rest(request: Request) -> tuple[ExudynLinkage, dict[str, Any], Trace]:
                 "remembered": np.array(link.mbs.systemData.GetDataCoordinates(initial)).tolist(),
                 "loads": list(link.body_loads().values()),
                 "slides": {
-                    j.name: link.item(f"law {j.name}")["force"] for j in run.m.joints if j.prismatic and j.has_law
+                    j.name: link.item(f"law {j.name}")["force"] for j in link.m.joints if j.prismatic and j.has_law
                 },
             }
         )
     link = equilibria.real
     drive = {"offset": link.item("drive")["offset"]} if angles is not None else None
-    plan = {"drive": drive, "drives": _own_drives(link), "residual": link.residual, "time_0": 0.0, "equilibria": near}
-    return link, plan, trace
+    return link, {
+        "drive": drive,
+        "drives": _own_drives(link),
+        "residual": link.residual,
+        "time_0": 0.0,
+        "equilibria": near,
+    }
 
 
 def _parts(link: ExudynLinkage) -> dict[str, Any]:
@@ -233,13 +196,12 @@ def _closed_by(link: ExudynLinkage, joint: Joint) -> str:
     return link.model.joint_model
 
 
-def _crank_drive(link: ExudynLinkage, motors: Sequence[RunMotor]) -> dict[str, Any] | None:
+def _crank_drive(link: ExudynLinkage, motor: RunMotor | None) -> dict[str, Any] | None:
     """A crank's motor, or None without one: its speed (rad/s) or its course, and if a spring is behind it the shaft's
     angle (rad) and speed at the start.
     """
-    if link.model.drive is None:
+    if motor is None:
         return None
-    (motor,) = motors
     moves = {"offset": float(motor.rate(0.0))} if motor.steady else {"course": _course(motor)}
     if not link.model.compliant:
         return moves

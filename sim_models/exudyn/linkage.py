@@ -16,8 +16,9 @@ from analytic.mechanism import GROUND, MASS_CENTRE, Joint
 from analytic.mechanism.signals import driving
 from sim_models.common.start import Pose
 from sim_models.exudyn.model import ExudynModel, gap_at, point_at
-from sim_models.exudyn.record import FLIPPED, Record, locate
 from sim_models.exudyn.settings import quiet_settings, static_settings
+from sim_models.run.judge import FLIPPED
+from sim_models.run.record import Record, located
 
 if TYPE_CHECKING:
     from exudyn import SimulationSettings
@@ -48,6 +49,16 @@ class Inertia:
 
     linear: Mapping[str, complex]
     angular: Mapping[str, float]
+
+    @classmethod
+    def of(
+        cls, linear: Mapping[str, np.ndarray], angular: Mapping[str, np.ndarray], k: int, factor: float = 1.0
+    ) -> Inertia:
+        """That at number k of N instants, (N,) by body, times a factor."""
+        return cls(
+            {body: complex(a[k]) * factor for body, a in linear.items()},
+            {body: float(w[k]) * factor for body, w in angular.items()},
+        )
 
 
 class ExudynLinkage:
@@ -202,82 +213,47 @@ class ExudynLinkage:
         return Inertia(linear, {body: float(a[2]) for body, a in values.items()})
 
     def _record(self, raw: Mapping[str, np.ndarray], time: np.ndarray) -> Record:
-        com, angle, velocity, turning, acceleration, spin_up = {}, {}, {}, {}, {}, {}
-        for body in self.model.nodes:
-            q, v, a = (raw[f"{kind} {body}"] for kind in ("Coordinates", "Coordinates_t", "Coordinates_tt"))
-            acceleration[body], spin_up[body] = a[:, 0] + 1j * a[:, 1], a[:, 2]
-            com[body], angle[body] = q[:, 0] + 1j * q[:, 1], q[:, 2]
-            velocity[body], turning[body] = v[:, 0] + 1j * v[:, 1], v[:, 2]
-
-        pins = [j for j in self.m.joints if not j.prismatic]
-        ends = {j.name: [locate(self.m, com, angle, body, j.name) for body in j.bodies] for j in pins}
-        gap = {name: first - second for name, (first, second) in ends.items()}
-        multiplier = (
-            1.0 if self.model.motion == "static" else -1.0
-        )  # Exudyn's static and dynamic solvers differ in a multiplier's sign
+        kinds = "Coordinates", "Coordinates_t", "Coordinates_tt"
+        each = [{body: raw[f"{kind} {body}"] for body in self.model.nodes} for kind in kinds]
+        com, velocity, acceleration = ({body: _plane(x) for body, x in values.items()} for values in each)
+        angle, spin, spin_up = ({body: x[:, 2] for body, x in values.items()} for values in each)
+        # Exudyn's static and dynamic solvers differ in a multiplier's sign
+        multiplier = 1.0 if self.model.motion == "static" else -1.0
         drives = self._drives(raw, multiplier, time.size)
-        force, moment = {}, {}
-        height, tilt = self._seats(com, angle)
+        gap, height, tilt, force, moment = (dict[str, np.ndarray]() for _ in range(5))
+        turned = {GROUND: np.zeros(time.size), **angle}
         for joint in self.m.joints:
-            if joint.prismatic:
-                along = joint.direction * (np.exp(1j * angle[joint.bodies[0]]) if joint.bodies[0] != GROUND else 1.0)
-                if joint.name in height:
-                    gap[joint.name] = -1j * height[joint.name] * along
-                    force[joint.name], moment[joint.name] = self._of_walls(joint, raw, com, angle)
-                    force[joint.name] = force[joint.name] + drives.get(joint.name, 0.0) * along
-                    continue
-                laws = [raw[law][:, 0] for law in (f"law {joint.name}", f"curved {joint.name}") if law in raw]
-                axial = drives.get(joint.name, 0.0) - sum(laws)
-                force[joint.name] = (axial + 1j * multiplier * raw[f"force {joint.name}"][:, 1]) * along
-                moment[joint.name] = -multiplier * raw[f"moment {joint.name}"][:, 2]
+            name, (first, second) = joint.name, joint.bodies
+            near, far = (located(self.m, com, angle, body, name) for body in joint.bodies)
+            if not joint.prismatic:
+                gap[name] = near - far
+                force[name] = self._of_pin(joint, raw, multiplier, gap[name])
                 continue
-            value = raw[f"force {joint.name}"]
-            if joint.name not in self.model.clearance and joint.name not in self.model.bearings:
-                force[joint.name] = multiplier * (value[:, 0] + 1j * value[:, 1])
-            elif (
-                joint.name in self.model.clearance
-                and self.model.joint_model == "massless-link"
-                and self.model.motion == "driven"
-            ):
-                force[joint.name] = (
-                    value[:, 0] * gap[joint.name] / np.abs(gap[joint.name])
-                )  # the multiplier is the tension
-            else:
-                force[joint.name] = -(value[:, 0] + 1j * value[:, 1])
-                if joint.name in self.model.rubs:
-                    rubbed = self.model.rubs[joint.name].on_second(raw[f"rub {joint.name}"])
-                    force[joint.name] = force[joint.name] + rubbed
+            along, pushed = joint.direction * np.exp(1j * turned[first]), drives.get(name, 0.0)
+            if name in self.model.blocks:
+                height[name] = np.imag((far - near) * np.conj(along))
+                tilt[name] = turned[second] - turned[first] - joint.angle
+                gap[name] = -1j * height[name] * along
+                arms = [far - com.get(body, 0.0) for body in joint.bodies]
+                walls, moment[name] = self.model.blocks[name].on_second(raw[f"walls {name}"], arms)
+                force[name] = walls + pushed * along
+                continue
+            laws = [raw[law][:, 0] for law in (f"law {name}", f"curved {name}") if law in raw]
+            force[name] = (pushed - sum(laws) + 1j * multiplier * raw[f"force {name}"][:, 1]) * along
+            moment[name] = -multiplier * raw[f"moment {name}"][:, 2]
         moved = [self.m.joint(name) for name in self.model.drives or ()]
         loads = {signal.name: load for signal, load in zip(driving(moved), drives.values(), strict=False)}
-        marker = {body: locate(self.m, com, angle, body, "com") for body in com}
-        return Record(
-            time, com, marker, angle, velocity, turning, acceleration, spin_up, gap, height, tilt, force, moment, loads
-        )
+        return Record(time, com, angle, velocity, spin, acceleration, spin_up, gap, height, tilt, force, moment, loads)
 
-    def _of_walls(
-        self,
-        joint: Joint,
-        raw: Mapping[str, np.ndarray],
-        com: Mapping[str, np.ndarray],
-        angle: Mapping[str, np.ndarray],
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Force (M,) N of a guide, and of the joint's own law, on its block, and moment (M,) N.m about its point."""
-        at = locate(self.m, com, angle, joint.bodies[1], joint.name)
-        arms = [at - com.get(body, 0.0) for body in joint.bodies]
-        return self.model.blocks[joint.name].on_second(raw[f"walls {joint.name}"], arms)
-
-    def _seats(
-        self, com: Mapping[str, np.ndarray], angle: Mapping[str, np.ndarray]
-    ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-        """Height (m) and tilt (rad) (M,) of each block in its guide."""
-        height, tilt = dict[str, np.ndarray](), dict[str, np.ndarray]()
-        for name, block in self.model.blocks.items():
-            first, second = block.joint.bodies
-            near, far = (locate(self.m, com, angle, body, name) for body in block.joint.bodies)
-            turned = {GROUND: np.zeros(1), **angle}
-            height[name] = np.imag((far - near) * np.conj(block.joint.direction * np.exp(1j * turned[first])))
-            tilt[name] = turned[second] - turned[first] - block.joint.angle
-        return height, tilt
+    def _of_pin(self, joint: Joint, raw: Mapping[str, np.ndarray], multiplier: float, gap: np.ndarray) -> np.ndarray:
+        """Force (M,) N of a revolute joint's first body on its second."""
+        name, sensed = joint.name, raw[f"force {joint.name}"]
+        if name not in self.model.clearance:
+            return (-1.0 if name in self.model.bearings else multiplier) * _plane(sensed)
+        if self.model.joint_model == "massless-link" and self.model.motion == "driven":
+            return np.asarray(sensed[:, 0] * gap / np.abs(gap))  # the multiplier is the tension
+        rub = self.model.rubs.get(name)
+        return -_plane(sensed) + (0.0 if rub is None else rub.on_second(raw[f"rub {name}"]))
 
     def _drives(self, raw: Mapping[str, np.ndarray], multiplier: float, size: int) -> dict[str, np.ndarray]:
         """What each motor, or what holds a joint, gives (N.m, N), by joint; a crank's, by no joint."""
@@ -286,3 +262,8 @@ class ExudynLinkage:
         if self.model.drive is None:
             return {"": np.zeros(size)}
         return {"": raw["drive"][:, 0] * (1.0 if self.model.compliant else multiplier)}
+
+
+def _plane(xy: np.ndarray) -> np.ndarray:
+    """Vectors (M,), complex, of columns whose first are x and y."""
+    return np.asarray(xy[:, 0] + 1j * xy[:, 1])

@@ -8,19 +8,26 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism, Spring
-from sim_models.common.contact_laws import NamedLaw, bearing, contact_parameters, longest, named_law
+from sim_models.common.contact_laws import NamedLaw, bearing, contact_parameters, longest
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import travel
 from sim_models.engine import JointModel, Motion, Request
 from sim_models.exudyn.block import Block
 from sim_models.exudyn.compiled import add_forces
-from sim_models.exudyn.laws import CONTACT_CREEP, MINIMUM_IMPACT_SPEED, contact_restitution, hysteresis, joint_creep
+from sim_models.exudyn.laws import (
+    CONTACT_CREEP,
+    MINIMUM_IMPACT_SPEED,
+    contact_restitution,
+    hysteresis,
+    joint_creep,
+    named_laws,
+)
 from sim_models.exudyn.motor import RunMotor
 from sim_models.exudyn.named_contact import End, Glance, Memory, Rub, at_pin, before_steps, push_back
 from sim_models.exudyn.slides import Slide
@@ -155,18 +162,17 @@ class ExudynModel:
 
     def _add_loads(self) -> None:
         for body in self.m.bodies:
-            com = self._marker(body.name, MASS_CENTRE)
             weight = [body.mass * g for g in self.m.gravity]
-            self.com_force[body.name] = self.mbs.AddLoad(
-                self.items.LoadForceVector(markerNumber=com, loadVector=[*weight, 0.0])
-            )
-            self.com_torque[body.name] = self.mbs.AddLoad(
-                self.items.LoadTorqueVector(markerNumber=com, loadVector=[0.0, 0.0, 0.0])
-            )
+            com = self._marker(body.name, MASS_CENTRE)
+            self.com_force[body.name], self.com_torque[body.name] = self._add_load(com, weight, 0.0)
         for load in self.m.loads:
-            marker = self._marker(load.body, load.point)
-            self.mbs.AddLoad(self.items.LoadForceVector(markerNumber=marker, loadVector=[*load.force, 0.0]))
-            self.mbs.AddLoad(self.items.LoadTorqueVector(markerNumber=marker, loadVector=[0.0, 0.0, load.torque]))
+            self._add_load(self._marker(load.body, load.point), load.force, load.torque)
+
+    def _add_load(self, marker: Any, force: Sequence[float], torque: float) -> tuple[Any, Any]:
+        return (
+            self.mbs.AddLoad(self.items.LoadForceVector(markerNumber=marker, loadVector=[*force, 0.0])),
+            self.mbs.AddLoad(self.items.LoadTorqueVector(markerNumber=marker, loadVector=[0.0, 0.0, torque])),
+        )
 
     def _add_spring(self, spring: Spring) -> None:
         """A spring between points; in statics its damper is a load (``ExudynLinkage.load_bodies``)."""
@@ -203,15 +209,13 @@ class ExudynModel:
             number = self.mbs.AddObject(spring(markerNumbers=markers, stiffness=stiffness, damping=damping))
         elif joint.name not in self.clearance:
             number = self.mbs.AddObject(self.items.ObjectJointRevolute2D(markerNumbers=markers))
-        elif joint.name in self.named:
-            number = self._add_named_contact(joint, markers, self.named[joint.name])
+        elif joint.name in self.named or self.joint_model == "spring-damper":
+            number = self._add_one_sided(joint, markers)
         elif self.joint_model == "contact":
             spin = [start[body].angular_velocity if body != GROUND else 0.0 for body in joint.bodies]
             number = self._add_contact(
                 joint, markers, joint.clearance - gap_at(self.m, start, joint.name), abs(spin[1] - spin[0])
             )
-        elif self.joint_model == "spring-damper":
-            number = self._add_spring_damper(joint, markers)
         else:
             number = self._add_rod(joint, markers)
         self._sense(f"force {joint.name}", self.items.SensorObject, "Force", objectNumber=number)
@@ -257,46 +261,36 @@ class ExudynModel:
             return 0.0
         return law.stiffness * depth * hysteresis(contact_restitution(self.m, joint, law)) / law.damping
 
-    def _add_spring_damper(self, joint: Joint, markers: list[Any]) -> Any:
-        from exudyn.utilities import CreateSymbolicUserFunction
-
-        law, symbolic = self.laws[joint.name], self.exu.symbolic
-
-        def push_back(mbs: Any, t: Any, item: Any, stretch: Any, rate: Any, k: Any, d: Any, force: Any) -> Any:
-            return symbolic.IfThenElse(stretch > 0.0, symbolic.max(k * stretch + d * rate, 0.0), symbolic.Real(0.0))
-
+    def _add_one_sided(self, joint: Joint, markers: list[Any]) -> Any:
+        """What pushes a pin back beyond its clearance and never pulls: a spring and damper, or a law by name."""
+        law = self.named.get(joint.name, self.laws[joint.name])
+        memory = None
+        if isinstance(law, NamedLaw) and law.hysteresis:
+            memory = Memory(self.exu.symbolic, joint.name, law)
         number = self.mbs.AddObject(
             self.items.ObjectConnectorSpringDamper(
-                markerNumbers=markers, referenceLength=joint.clearance, stiffness=law.stiffness, damping=law.damping,
-                springForceUserFunction=push_back,
+                markerNumbers=markers, referenceLength=joint.clearance, stiffness=law.stiffness, damping=law.damping
             )
-        )  # fmt: skip
-        compiled = CreateSymbolicUserFunction(self.mbs, push_back, "springForceUserFunction", number)
-        self.mbs.SetObjectParameter(number, "springForceUserFunction", compiled)
-        return number
-
-    def _add_named_contact(self, joint: Joint, markers: list[Any], law: NamedLaw) -> Any:
-        from exudyn.utilities import CreateSymbolicUserFunction
-
-        symbolic = self.exu.symbolic
-        memory = Memory(symbolic, joint.name, law) if law.hysteresis else None
-
-        def pushing(mbs: Any, t: Any, item: Any, stretch: Any, rate: Any, k: Any, d: Any, force: Any) -> Any:
-            return push_back(symbolic, law, memory, stretch, rate)
-
-        number = self.mbs.AddObject(
-            self.items.ObjectConnectorSpringDamper(
-                markerNumbers=markers, referenceLength=joint.clearance, stiffness=law.stiffness, damping=law.damping,
-                springForceUserFunction=pushing,
-            )
-        )  # fmt: skip
-        compiled = CreateSymbolicUserFunction(self.mbs, pushing, "springForceUserFunction", number)
-        self.mbs.SetObjectParameter(number, "springForceUserFunction", compiled)
+        )
+        self._compile(number, lambda stretch, rate, *_: push_back(self.exu.symbolic, law, memory, stretch, rate))
         if memory is not None:
             self.glances.append(at_pin(self.exu, number, joint.clearance, memory))
-        if joint.friction and self.joint_model == "contact":
+        if isinstance(law, NamedLaw) and joint.friction and self.joint_model == "contact":
             self._add_rub(joint, law, memory)
         return number
+
+    def _compile(self, number: Any, force: Callable[..., Any]) -> None:
+        """Give a connector a force of its own in a function that Exudyn compiles, by travel, rate, stiffness, damping
+        and offset, symbolic.
+        """
+        from exudyn.utilities import CreateSymbolicUserFunction
+
+        def law(mbs: Any, t: Any, item: Any, travel: Any, rate: Any, k: Any, d: Any, rest: Any) -> Any:
+            return force(travel, rate, k, d, rest)
+
+        key = "springForceUserFunction"
+        self.mbs.SetObjectParameter(number, key, law)
+        self.mbs.SetObjectParameter(number, key, CreateSymbolicUserFunction(self.mbs, law, key, number))
 
     def _add_rub(self, joint: Joint, law: NamedLaw, memory: Memory | None) -> None:
         """Friction of a pin in its bearing beside a law by name."""
@@ -401,17 +395,8 @@ class ExudynModel:
         """A connector with a joint's law that is not linear, in a function that Exudyn compiles.  Friction fades where
         the joint is slower than ``creep`` (rad/s; prismatic: m/s).
         """
-        from exudyn.utilities import CreateSymbolicUserFunction
-
-        effort = self._effort(joint, moving, creep)
         number = self.mbs.AddObject(kind(**fields))
-
-        def law(mbs: Any, t: Any, item: Any, travel: Any, rate: Any, k: Any, d: Any, rest: Any) -> Any:
-            return effort(travel, rate, k, d, rest)
-
-        self.mbs.SetObjectParameter(number, "springForceUserFunction", law)
-        compiled = CreateSymbolicUserFunction(self.mbs, law, "springForceUserFunction", number)
-        self.mbs.SetObjectParameter(number, "springForceUserFunction", compiled)
+        self._compile(number, self._effort(joint, moving, creep))
         return number
 
     def _effort(self, joint: Joint, moving: bool, creep: float) -> Callable[[Any, Any, Any, Any, Any], Any]:
@@ -438,23 +423,13 @@ class ExudynModel:
 
     def _add_periodic_torque(self) -> None:
         """What turns the driven body over its angle, as a spring of a law of its own."""
-        from exudyn.utilities import CreateSymbolicUserFunction
-
-        periodic = self.m.periodic_torque
-        if periodic is None:
+        wave = self.m.periodic_torque
+        if wave is None:
             return
-        amplitude, harmonic, phase = periodic.amplitude, float(periodic.harmonic), periodic.phase
-
-        def law(mbs: Any, t: Any, item: Any, angle: Any, rate: Any, k: Any, d: Any, rest: Any) -> Any:
-            return -amplitude * self.exu.symbolic.sin(harmonic * angle + phase)
-
-        number = self.mbs.AddObject(
-            self.items.ObjectConnectorCoordinateSpringDamper(
-                markerNumbers=[self._fixed, self._angle(self.m.driven)], springForceUserFunction=law
-            )
-        )
-        compiled = CreateSymbolicUserFunction(self.mbs, law, "springForceUserFunction", number)
-        self.mbs.SetObjectParameter(number, "springForceUserFunction", compiled)
+        ends, sin = [self._fixed, self._angle(self.m.driven)], self.exu.symbolic.sin
+        number = self.mbs.AddObject(self.items.ObjectConnectorCoordinateSpringDamper(markerNumbers=ends))
+        amplitude, harmonic, phase = wave.amplitude, float(wave.harmonic), wave.phase
+        self._compile(number, lambda angle, *_: -amplitude * sin(harmonic * angle + phase))
 
     def _add_drive(self, start: Mapping[str, Pose], motor: RunMotor | None) -> None:
         if self.motion == "driven" and motor is None:
@@ -494,7 +469,7 @@ class ExudynModel:
 
     def _add_slide_drive(self, joint: Joint, speed: Callable[[float], float] | None) -> Any:
         """A motor along a slide: Exudyn's own joints cannot be moved where constraints are on velocity."""
-        slide = Slide.of(self.m, joint)
+        slide = Slide(joint.direction, self._ends(joint))
         coordinates = self.items.MarkerNodeCoordinates
         markers = [
             self.mbs.AddMarker(coordinates(nodeNumber=self._ground_node if body == GROUND else self.nodes[body]))
@@ -530,14 +505,6 @@ class ExudynModel:
         shaft = self.mbs.AddNode(self.items.Node1D(initialCoordinates=[angle], initialVelocities=[speed]))
         self.mbs.AddObject(self.items.ObjectRotationalMass1D(physicsInertia=1.0, nodeNumber=shaft))
         return self._coordinate(shaft, 0)
-
-
-def named_laws(mechanism: Mechanism, joint_model: JointModel, motion: Motion) -> dict[str, NamedLaw]:
-    """The laws that the mechanism names of joints with clearance in contact, where the linkage moves."""
-    if joint_model not in ("contact", "spring-damper"):
-        return {}
-    found = {name: named_law(mechanism, mechanism.joint(name), motion) for name in mechanism.clearances}
-    return {name: law for name, law in found.items() if law is not None}
 
 
 def _called(speed: Callable[[float], float]) -> Callable[[Any, float, int, float], float]:

@@ -8,7 +8,7 @@ the pin centres (ObjectConnectorSpringDamper as long as the clearance), friction
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -117,10 +117,14 @@ class Rub:
         """Force (M,) N, complex, on the second body, from Exudyn's generalised ones (M, size), which it has to the
         left of its equations.
         """
-        first, second = (end.row for end in self.ends)
-        row, sign = (first, 1.0) if second is None else (second, -1.0)
-        assert row is not None
+        row, sign = reading(self.ends)
         return np.asarray(sign * (sensed[:, row] + 1j * sensed[:, row + 1]))
+
+
+def reading(ends: tuple[End, End]) -> tuple[int, float]:
+    """Where generalised forces between two bodies have that on the second, or else on the first, and its sign."""
+    first, second = (end.row for end in ends)
+    return (first or 0, 1.0) if second is None else (second, -1.0)
 
 
 def _pin(symbolic: _Exu, end: End, q: _Exu, q_t: _Exu) -> tuple[_Exu, ...]:
@@ -134,11 +138,3 @@ def _pin(symbolic: _Exu, end: End, q: _Exu, q_t: _Exu) -> tuple[_Exu, ...]:
     c, s, w = symbolic.cos(q[end.row + 2]), symbolic.sin(q[end.row + 2]), q_t[end.row + 2]
     a, b = x * c - y * s, x * s + y * c
     return a, b, q[end.row] + a, q[end.row + 1] + b, q_t[end.row] - w * b, q_t[end.row + 1] + w * a, w
-
-
-def said(laws: Mapping[str, NamedLaw], among: int) -> str:
-    """The laws of these joints ``among`` so many with clearance, as results tell them."""
-    words = {law.words for law in laws.values()}
-    if len(words) == 1 and among == len(laws):
-        return words.pop()
-    return "; ".join(f"{name}: {law.words}" for name, law in laws.items())

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from operator import mul
 
-from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism
+from sim_models.exudyn.named_contact import End
 
 Constraint = Callable[[object, float, int, Sequence[float], Sequence[float], bool], list[float]]
 Jacobian = Callable[[object, float, int, Sequence[float], Sequence[float], bool], list[list[float]]]
@@ -22,37 +22,27 @@ class Slide:
     """
 
     direction: complex  # in the first body
-    near: complex  # m, from the first body's com to its point, in the body; of the ground, the point
-    far: complex  # m, the same of the second
-    moves: tuple[bool, bool]  # whether each body does
-
-    @classmethod
-    def of(cls, m: Mechanism, joint: Joint) -> Slide:
-        """A joint's."""
-        near, far = (
-            m.body(body).point(joint.name) - (0j if body == GROUND else m.body(body).point(MASS_CENTRE))
-            for body in joint.bodies
-        )
-        first, second = (body != GROUND for body in joint.bodies)
-        return cls(joint.direction, near, far, (first, second))
+    ends: tuple[End, End]
 
     def _seen(self, q: Coordinates) -> tuple[complex, complex, complex]:
         """The axis, the second body's point as seen from the first's com, and as seen from its own."""
-        x, y, angle = q[:3] if self.moves[0] else (0.0, 0.0, 0.0)
-        u, v, turn = q[-3:] if self.moves[1] else (0.0, 0.0, 0.0)
-        arm = self.far * cmath.exp(1j * turn)
+        (x, y, angle), (u, v, turn) = (
+            (0.0, 0.0, 0.0) if end.row is None else q[end.row : end.row + 3] for end in self.ends
+        )
+        arm = self.ends[1].arm * cmath.exp(1j * turn)
         return self.direction * cmath.exp(1j * angle), complex(u - x, v - y) + arm, arm
 
     def travel(self, q: Coordinates) -> float:
         """The second body's point less the first's, along the axis (m)."""
         axis, seen, _ = self._seen(q)
-        return (axis.conjugate() * seen).real - (self.direction.conjugate() * self.near).real
+        return (axis.conjugate() * seen).real - (self.direction.conjugate() * self.ends[0].arm).real
 
     def gradient(self, q: Coordinates) -> list[float]:
         """Its derivative by the coordinates."""
         axis, seen, arm = self._seen(q)
-        first = [-axis.real, -axis.imag, (axis.conjugate() * seen).imag] if self.moves[0] else []
-        return first + ([axis.real, axis.imag, -(axis.conjugate() * arm).imag] if self.moves[1] else [])
+        first = [-axis.real, -axis.imag, (axis.conjugate() * seen).imag] if self.ends[0].row is not None else []
+        second = [axis.real, axis.imag, -(axis.conjugate() * arm).imag] if self.ends[1].row is not None else []
+        return first + second
 
     def jacobian(self) -> Jacobian:
         """The gradient as Exudyn asks for it."""

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.interpolate import BarycentricInterpolator
 
-from analytic.kinematics.structure import BlockRest
-from analytic.mechanism import Mechanism
 from sim_models.common.start import Pose
 from sim_models.engine import Request
 from sim_models.exudyn.equilibria import Equilibria
 from sim_models.exudyn.linkage import Inertia
 from sim_models.exudyn.motor import RunMotor
-from sim_models.exudyn.record import Record
 from sim_models.exudyn.sway import sway
-from sim_models.run.path import Path
+from sim_models.run.path import Gaps, Path, Placed
+from sim_models.run.record import Record
 
 NODES = 7  # instants around the first, on whose polynomial rates and accelerations are taken
 APART = 4e-3  # rad of crank angle from one to the next
@@ -23,7 +23,7 @@ APART_COMPLIANT = (
 )
 PASSES = 2  # the second has the inertia forces of the first one's gaps
 PASSES_COMPLIANT = 8  # at most
-STILL = 1e-11  # rad by which a crank that has been found moves from one pass to the next
+LAG_SETTLED = 1e-11  # rad by which a crank that has been found moves from one pass to the next
 
 
 def instants(motor: RunMotor, compliant: bool = False) -> np.ndarray:
@@ -60,7 +60,7 @@ def steady_start(equilibria: Equilibria, motor: RunMotor, stiffness: float | Non
     time = instants(motor)
     crank = motor.angle(time)
     if stiffness is not None:
-        ideal = Equilibria(_ideal(equilibria), equilibria.path, 0.0, equilibria.creep)
+        ideal = Equilibria(Request(equilibria.m.tight()), equilibria.path, 0.0, equilibria.creep)
         crank = crank_behind(ideal, motor, stiffness, time)
     return passing(equilibria, time, crank)
 
@@ -73,24 +73,27 @@ def passing(equilibria: Equilibria, time: np.ndarray, crank: np.ndarray) -> tupl
     gaps would move the linkage by more than the gaps do themselves: large gaps at speed have no motion without swing.
     """
     here, rate = int(np.argmin(np.abs(time))), derivative(time)
-    gaps: list[dict[str, complex | BlockRest]] = [{} for _ in time]
-    spins, last = _spins(equilibria.path, crank, gaps, rate, here), np.inf
+
+    def moving(gaps: Sequence[Gaps]) -> tuple[dict[str, Pose], np.ndarray]:
+        poses = _moving(_placed(equilibria.path, crank, gaps), rate, here)
+        return poses, np.array([pose.angular_velocity for pose in poses.values()])
+
+    gaps: Sequence[Gaps] = [{}] * time.size
+    (start, spins), last = moving(gaps), np.inf
     for _ in range(PASSES):
         passed = _passed(equilibria, crank, gaps, rate)
         beside = [record.gaps(equilibria.displaced) for record in passed]
-        turning = _spins(equilibria.path, crank, beside, rate, here)
+        moved, turning = moving(beside)
         change = float(np.abs(turning - spins).max())
         if change > last:
             break
-        found, gaps, spins, last = passed, beside, turning, change
+        records, gaps, start, spins, last = passed, beside, moved, turning, change
     for name, law in equilibria.real.model.bearings.items():  # the damper of a soft bearing holds its share
-        held = law.damping / law.stiffness * (rate @ (seen := np.array([record.gap[name][0] for record in found])))
-        gaps = [gap | {name: complex(at)} for gap, at in zip(gaps, seen - held, strict=True)]
-    return _moving(equilibria.path, crank, gaps, rate, here), found[here]
-
-
-def _ideal(equilibria: Equilibria) -> Request:
-    return Request(equilibria.m.tight())
+        gap = np.array([record.gap[name][0] for record in records])
+        held = law.damping / law.stiffness * (rate @ gap)
+        gaps = [{**others, name: complex(at)} for others, at in zip(gaps, gap - held, strict=True)]
+        start, _ = moving(gaps)
+    return start, records[here]
 
 
 def crank_behind(equilibria: Equilibria, motor: RunMotor, stiffness: float, time: np.ndarray) -> np.ndarray:
@@ -103,62 +106,45 @@ def crank_behind(equilibria: Equilibria, motor: RunMotor, stiffness: float, time
     """
     repeating = sway(equilibria, motor, stiffness)
     if repeating is not None:
-        return motor.angle(time) - repeating.behind(time)
+        return motor.angle(time) - np.asarray(repeating(time))
     wide = instants(motor, compliant=True)
     rate, here, last = derivative(wide), int(np.argmin(np.abs(wide))), np.inf
     lag = np.zeros(NODES)
     for _ in range(PASSES_COMPLIANT):
-        found = _passed(equilibria, motor.angle(wide) - lag, [{} for _ in wide], rate)
-        needed = np.array([record.drive_torque[0] for record in found]) / stiffness
+        records = _passed(equilibria, motor.angle(wide) - lag, [{}] * NODES, rate)
+        needed = np.array([record.drive_torque[0] for record in records]) / stiffness
         change = abs(needed[here] - lag[here])
         if change > last:  # the series of ever higher derivatives has begun to diverge
             break
         lag, last = needed, change
-        if change < STILL:
+        if change < LAG_SETTLED:
             break
     return motor.angle(time) - np.asarray(BarycentricInterpolator(wide, lag)(time))
 
 
-def _passed(
-    equilibria: Equilibria, crank: np.ndarray, gaps: list[dict[str, complex | BlockRest]], rate: np.ndarray
-) -> list[Record]:
+def _passed(equilibria: Equilibria, crank: np.ndarray, gaps: Sequence[Gaps], rate: np.ndarray) -> list[Record]:
     """Equilibria at every instant, under the inertia forces of the motion that passes them all."""
-    inertia, turning = _inertia(equilibria.m, _places(equilibria.path, crank, gaps), rate), rate @ crank
-    return [equilibria.at(float(theta), a, float(w)) for theta, a, w in zip(crank, inertia, turning, strict=True)]
-
-
-def _places(path: Path, crank: np.ndarray, gaps: list[dict[str, complex | BlockRest]]) -> list[dict[str, Pose]]:
-    """Poses at every instant."""
-    return [path.poses(float(theta), gap) for theta, gap in zip(crank, gaps, strict=True)]
-
-
-def _inertia(m: Mechanism, places: list[dict[str, Pose]], rate: np.ndarray) -> list[Inertia]:
-    """Accelerations at every instant."""
     linear, angular = {}, {}
-    for body in m.bodies:
-        angle = np.array([place[body.name].angle for place in places])
-        centre = np.array([place[body.name].origin for place in places]) + body.centre * np.exp(1j * angle)
-        linear[body.name], angular[body.name] = rate @ (rate @ centre), rate @ (rate @ angle)
-    return [
-        Inertia({b: complex(a[k]) for b, a in linear.items()}, {b: float(w[k]) for b, w in angular.items()})
-        for k in range(len(places))
-    ]
+    for name, (origin, angle) in _placed(equilibria.path, crank, gaps).items():
+        centre = origin + equilibria.m.moving[name].centre * np.exp(1j * angle)
+        linear[name], angular[name] = rate @ (rate @ centre), rate @ (rate @ angle)
+    inertia = [Inertia.of(linear, angular, k) for k in range(crank.size)]
+    each = zip(crank.tolist(), inertia, (rate @ crank).tolist(), strict=True)
+    return [equilibria.at(*there) for there in each]
 
 
-def _spins(
-    path: Path, crank: np.ndarray, gaps: list[dict[str, complex | BlockRest]], rate: np.ndarray, here: int
-) -> np.ndarray:
-    """Angular velocities (bodies,) rad/s at one of the instants."""
-    return np.array([pose.angular_velocity for pose in _moving(path, crank, gaps, rate, here).values()])
+def _placed(path: Path, crank: np.ndarray, gaps: Sequence[Gaps]) -> Placed:
+    """Every moving body at every instant."""
+    poses = [path.poses(*there) for there in zip(crank.tolist(), gaps, strict=True)]
+    return {
+        name: (np.array([each[name].origin for each in poses]), np.array([each[name].angle for each in poses]))
+        for name in poses[0]
+    }
 
 
-def _moving(
-    path: Path, crank: np.ndarray, gaps: list[dict[str, complex | BlockRest]], rate: np.ndarray, here: int
-) -> dict[str, Pose]:
+def _moving(placed: Placed, rate: np.ndarray, here: int) -> dict[str, Pose]:
     """Poses at one of the instants, with their rates."""
-    places = _places(path, crank, gaps)
-    moving = {}
-    for name, pose in places[here].items():
-        origin, angle = (np.array([getattr(place[name], part) for place in places]) for part in ("origin", "angle"))
-        moving[name] = Pose(pose.origin, pose.angle, complex(rate[here] @ origin), float(rate[here] @ angle))
-    return moving
+    return {
+        name: Pose(complex(origin[here]), float(angle[here]), complex(rate[here] @ origin), float(rate[here] @ angle))
+        for name, (origin, angle) in placed.items()
+    }

@@ -8,34 +8,23 @@ stiffness (motor - crank) = torque, resonant harmonics included.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
 from analytic.kinematics.assembly import AssemblyError
-from sim_models.exudyn.equilibria import Equilibria
+from analytic.mechanism import Joint
+from sim_models.exudyn.equilibria import LAST_CORRECTION, Equilibria
 from sim_models.exudyn.linkage import Inertia
 from sim_models.exudyn.motor import RunMotor
+from sim_models.run.path import Path
 
 AROUND = 96  # crank angles at which the torque is sampled
 GRID = 192  # instants of a revolution
 SPEEDS = (0.9, 1.0, 1.1)  # of the mean speed, through whose torques goes a parabola
 REPEATS = 1e-6  # rad, and of the mean speed and its square: how well a course has to repeat itself
-FOUND = 1e-12  # rad
 ATTEMPTS = 20
-
-
-@dataclass(frozen=True)
-class Sway:
-    """A crank's repeating motion: how far (rad) it is behind its motor, over one period (s)."""
-
-    lag: CubicSpline
-
-    def behind(self, time: np.ndarray) -> np.ndarray:
-        """Motor's angle minus the crank's (rad) at times (s)."""
-        return np.asarray(self.lag(time))
 
 
 def period(motor: RunMotor) -> float | None:
@@ -62,17 +51,18 @@ def period(motor: RunMotor) -> float | None:
     return time if abs(float(motor.rate(time) - motor.rate(0.0))) < 1e3 * REPEATS * speed else None
 
 
-def sway(equilibria: Equilibria, motor: RunMotor, stiffness: float) -> Sway | None:
-    """The repeating motion behind a drive of that stiffness (N.m/rad); None where nothing repeats itself, or it is not
-    found.
+def sway(equilibria: Equilibria, motor: RunMotor, stiffness: float) -> CubicSpline | None:
+    """How far (rad) over time (s) a crank in its repeating motion is behind its motor, on a drive of that stiffness
+    (N.m/rad); None where nothing repeats itself, or it is not found.
     """
     time = period(motor)
-    if time is None or any(j.springy and _winds(equilibria, j.name) for j in equilibria.m.joints):
+    if time is None:
         return None
     try:
-        coefficients = _coefficients(
-            equilibria, math.copysign(2 * math.pi / time, float(motor.angle(time) - motor.angle(0.0)))
-        )
+        if any(j.springy and not j.prismatic and _winds(equilibria.path, j) for j in equilibria.m.joints):
+            return None
+        speed = math.copysign(2 * math.pi / time, float(motor.angle(time) - motor.angle(0.0)))
+        coefficients = _coefficients(equilibria, speed)
     except AssemblyError:  # the crank does not turn fully
         return None
     grid = np.arange(GRID) * time / GRID
@@ -81,7 +71,7 @@ def sway(equilibria: Equilibria, motor: RunMotor, stiffness: float) -> Sway | No
     lag = np.zeros(GRID)
     for _ in range(ATTEMPTS):
         theta, omega, alpha = angle - lag, speed - rate @ lag, acceleration - rate @ (rate @ lag)
-        (still, linear, square, inertia), slopes = coefficients(theta), coefficients(theta, 1)
+        (still, linear, square, inertia), slopes = coefficients(theta).T, coefficients(theta, 1).T
         torque = still + linear * omega + square * omega**2 + inertia * alpha
         by_angle = slopes[0] + slopes[1] * omega + slopes[2] * omega**2 + slopes[3] * alpha
         by_rate = linear + 2 * square * omega
@@ -90,54 +80,36 @@ def sway(equilibria: Equilibria, motor: RunMotor, stiffness: float) -> Sway | No
             torque - stiffness * lag,
         )
         lag = lag + change
-        if np.abs(change).max() < FOUND:
-            return Sway(CubicSpline([*grid, time], [*lag, lag[0]], bc_type="periodic"))
+        if np.abs(change).max() < LAST_CORRECTION:
+            return CubicSpline([*grid, time], [*lag, lag[0]], bc_type="periodic")
     return None
 
 
-def _coefficients(equilibria: Equilibria, speed: float) -> _Coefficients:
-    """Torque (N.m) without motion, by speed, speed squared and acceleration, at every crank angle.  Raises
+def _coefficients(equilibria: Equilibria, speed: float) -> CubicSpline:
+    """Torque (N.m) without motion, by speed, speed squared and acceleration, over the crank's angle (rad).  Raises
     AssemblyError.
     """
-    m, assembly = equilibria.m, equilibria.path.assembly
-    theta = assembly.start + 2 * np.pi * np.arange(AROUND) / AROUND
-    places = [equilibria.path.poses(float(at)) for at in theta]
-    once_more = equilibria.path.poses(float(theta[0] + 2 * np.pi))
-    rate = _fourier(AROUND, 2 * np.pi)
-    first: dict[str, tuple[np.ndarray, np.ndarray]] = {}
-    second: dict[str, tuple[np.ndarray, np.ndarray]] = {}
-    for body in m.bodies:
-        angle = np.array([place[body.name].angle for place in places])
-        turns = round((once_more[body.name].angle - angle[0]) / (2 * np.pi))
-        centre = np.array([place[body.name].origin for place in places]) + body.centre * np.exp(1j * angle)
-        turning = rate @ (angle - turns * theta) + turns
-        first[body.name] = rate @ centre, turning
-        second[body.name] = rate @ (rate @ centre), rate @ turning
+    path, rate = equilibria.path, _fourier(AROUND, 2 * np.pi)
+    around = path.begin + 2 * np.pi * np.arange(AROUND + 1) / AROUND
+    theta, poses = around[:-1], [path.poses(at) for at in around.tolist()]
+    velocity, spin, acceleration, spin_up = (dict[str, np.ndarray]() for _ in range(4))  # by the crank's angle
+    for body in equilibria.m.bodies:
+        origin, angle = (np.array([getattr(each[body.name], part) for each in poses]) for part in ("origin", "angle"))
+        turns = round((angle[-1] - angle[0]) / (2 * np.pi))
+        velocity[body.name] = rate @ (origin + body.centre * np.exp(1j * angle))[:-1]
+        spin[body.name] = rate @ (angle[:-1] - turns * theta) + turns
+        acceleration[body.name], spin_up[body.name] = rate @ velocity[body.name], rate @ spin[body.name]
     rows = []
-    for k, at in enumerate(theta):
+    for k, at in enumerate(theta.tolist()):
         by_speed = [
-            equilibria.at(float(at), _times(second, k, (s * speed) ** 2), s * speed).drive_torque[0] for s in SPEEDS
+            equilibria.at(at, Inertia.of(acceleration, spin_up, k, (s * speed) ** 2), s * speed).drive_torque[0]
+            for s in SPEEDS
         ]
         square, linear, still = np.polyfit(np.array(SPEEDS) * speed, by_speed, 2)
         scale = speed**2
-        accelerated = equilibria.at(float(at), _times(first, k, scale), SPEEDS[1] * speed).drive_torque[0]
+        accelerated = equilibria.at(at, Inertia.of(velocity, spin, k, scale), SPEEDS[1] * speed).drive_torque[0]
         rows.append((still, linear, square, (accelerated - still - linear * speed) / scale))
-    return _Coefficients(CubicSpline([*theta, theta[0] + 2 * np.pi], [*rows, rows[0]], bc_type="periodic"))
-
-
-@dataclass(frozen=True)
-class _Coefficients:
-    around: CubicSpline
-
-    def __call__(self, theta: np.ndarray, derivative: int = 0) -> np.ndarray:
-        return np.asarray(self.around(theta, derivative)).T
-
-
-def _times(rates: dict[str, tuple[np.ndarray, np.ndarray]], k: int, factor: float) -> Inertia:
-    return Inertia(
-        {b: complex(v[k]) * factor for b, (v, _) in rates.items()},
-        {b: float(w[k]) * factor for b, (_, w) in rates.items()},
-    )
+    return CubicSpline(around, [*rows, rows[0]], bc_type="periodic")
 
 
 def _fourier(n: int, span: float) -> np.ndarray:
@@ -149,14 +121,8 @@ def _fourier(n: int, span: float) -> np.ndarray:
     )
 
 
-def _winds(equilibria: Equilibria, joint: str) -> bool:
-    """Whether a joint's spring winds up from one revolution to the next."""
-    start = equilibria.path.begin
-    try:
-        before, after = (equilibria.path.poses(at) for at in (start, start + 2 * math.pi))
-    except AssemblyError:
-        return True
-    turned = [
-        after[body].angle - before[body].angle if body in after else 0.0 for body in equilibria.m.joint(joint).bodies
-    ]
-    return not equilibria.m.joint(joint).prismatic and abs(turned[1] - turned[0]) > math.pi
+def _winds(path: Path, joint: Joint) -> bool:
+    """Whether a revolute joint winds up from one revolution to the next.  Raises AssemblyError."""
+    placed = path.placed(path.begin + np.array([0.0, 2 * math.pi]))
+    first, second = (placed[body][1] if body in placed else np.zeros(2) for body in joint.bodies)
+    return bool(abs(np.diff(second - first)[0]) > math.pi)

@@ -368,8 +368,8 @@ def assert_same(name: str, title: str, folder: Path) -> None:
 
 
 # A shaft free to swing is stepped without damping: a last digit of its speed, over the step, is an acceleration.
-# Exudyn's own runs differ by that, 3e-11 of the reactions, one after another in one process.
-REPEATS = {title: 1e-9 for title in CRANKED if title.startswith("compliant drive")}
+# Exudyn's own runs differ by that, one after another in one process: about one in fifteen by 2e-9 of the reactions.
+REPEATS = {title: 3e-9 for title in CRANKED if title.startswith("compliant drive")}
 Scripts = Callable[[str, str], Path]
 
 

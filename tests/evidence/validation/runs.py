@@ -125,7 +125,7 @@ def superposition() -> tuple[Superposed, ...]:
     The largest error of any pin's or the coupler's middle's displacement, relative to the largest displacement; the row
     without clearance is compliance alone, whose error is the matrix's linearity.
     """
-    from sim_models.exudyn.beams import flexible_static  # only where Exudyn is installed
+    from tests.evidence.validation.beam_equilibrium import flexible_static  # only where Exudyn is installed
 
     rows = []
     for gap in (0.0, *reversed(GAPS)):
