@@ -24,7 +24,7 @@ from compare.diagnose.residuals import SPIKE, Data
 from compare.diagnose.workflow import diagnose
 from diagnosis_rigs import START, assert_recovered, diagnosed, experiment, four_bar, named, played, turn, wrong
 from marks import slow
-from sim_models.common.backlash import SETTLED
+from sim_models.common.backlash import TURN_TO_LAND
 from sim_models.engine import engine
 from tests.evidence.scoreboard.hidden import FIRST, draw
 from tests.evidence.scoreboard.record import recorded, with_noise, write_data
@@ -122,7 +122,7 @@ def test_an_engine_moves_as_the_analytic_model_but_for_landings(name: str) -> No
     time = (theta - START) / SPEED
     found = slack(m, time)
     crank, told = found.at(time), ~found.landing(time)
-    seen = engine(name).simulate(request_of(m, crank_angle=theta, lead_in=SETTLED)).signals
+    seen = engine(name).simulate(request_of(m, crank_angle=theta, lead_in=TURN_TO_LAND)).signals
     torque = torque_of(m, crank)
     off = np.abs(seen["drive_torque"] - torque) / np.abs(torque).max()
     assert np.median(off) < 1e-5
@@ -157,7 +157,7 @@ def test_on_a_course_too(name: str) -> None:
 def test_a_springy_drive_with_backlash_lags_by_both(name: str) -> None:
     stiffness = 400.0
     m, theta = driven(stiffness=stiffness), START + np.linspace(0.0, 2 * math.pi, 200)
-    seen = engine(name).simulate(request_of(m, crank_angle=theta, lead_in=SETTLED)).signals
+    seen = engine(name).simulate(request_of(m, crank_angle=theta, lead_in=TURN_TO_LAND)).signals
     torque = seen["drive_torque"]
     beyond = theta - seen[f"{m.driven}_angle"] - np.sign(torque) * GAP
     assert np.median(np.abs(beyond - torque / stiffness)) < 5e-3 * np.abs(torque).max() / stiffness

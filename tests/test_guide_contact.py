@@ -244,7 +244,7 @@ def test_a_block_without_a_moment_of_inertia_rests_but_does_not_move(name: str) 
 @pytest.mark.parametrize("name", ["pybullet", "dart"])
 def test_motors_that_push_no_loose_block_say_so(name: str) -> None:
     pytest.importorskip(declared(name).package)
-    m = loads(FALLING.replace('joint = "S"\nspeed = "free"', 'joint = "S"\nspeed = 0.1'))
+    m = loads(FALLING.replace('joint = "S", speed = "free"', 'joint = "S", speed = 0.1'))
     knots = np.linspace(0.0, 0.01, 5)
     asked = request_of(m, time=knots[1:], start="centred", courses={"O": (knots, knots), "S": (knots, 0.1 * knots)})
     with pytest.raises(Unsupported, match="push no block that has clearance"):
@@ -254,7 +254,7 @@ def test_motors_that_push_no_loose_block_say_so(name: str) -> None:
 @pytest.mark.parametrize("name", ["mujoco", "exudyn"])
 def test_a_motor_along_a_guide_pushes_a_block_that_falls(name: str) -> None:
     pytest.importorskip(name)
-    m = loads(FALLING.replace('joint = "S"\nspeed = "free"', 'joint = "S"\nspeed = 0.1'))
+    m = loads(FALLING.replace('joint = "S", speed = "free"', 'joint = "S", speed = 0.1'))
     knots = np.linspace(0.0, 0.01, 5)
     asked = request_of(m, time=knots[1:], start="centred", courses={"O": (knots, knots), "S": (knots, 0.1 * knots)})
     seen = simulated(name, asked).signals

@@ -206,7 +206,7 @@ def test_pins_may_rest_in_their_clearance_where_friction_locks_a_linkage_elsewhe
 def test_a_motor_along_the_guide_gives_what_friction_takes(name: str, motion: Motion) -> None:
     """mu m g, of a block that it moves at an even speed; the guide's force has both, and so none along."""
     pytest.importorskip(name)
-    m = loads(FALLING.replace('joint = "S"\nspeed = "free"', 'joint = "S"\nspeed = 0.1'))
+    m = loads(FALLING.replace('joint = "S", speed = "free"', 'joint = "S", speed = 0.1'))
     m = m.with_joint(
         "S", clearance=1e-4, friction=MU, contact_law="kelvin-voigt", contact_stiffness=1e7, restitution=0.2
     )
@@ -225,7 +225,7 @@ def test_a_block_lies_flat_up_to_its_length_over_its_height_and_tips_beyond(name
     even speed it lies flat below mu = L/h = 2, and above goes over to where corners of both walls hold it.
     """
     pytest.importorskip(name)
-    m = loads(FALLING.replace('joint = "S"\nspeed = "free"', 'joint = "S"\nspeed = 0.1'))
+    m = loads(FALLING.replace('joint = "S", speed = "free"', 'joint = "S", speed = 0.1'))
     m = m.with_joint("S", clearance=1e-4, friction=mu, contact_law="kelvin-voigt", contact_stiffness=1e7)
     m = m.with_joint("S", restitution=0.2)
     assert m.joint("S").jams_from == 2.0

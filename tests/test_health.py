@@ -19,7 +19,7 @@ from compare.judge.reruns import too_soft
 from compare.judge.tolerances import load_tolerances
 from linkages import inverted_slider, jansen_leg
 from marks import slow
-from sim_models.common.health import LIMITS, Implausible, check, misses
+from sim_models.common.health import CHECK_LIMITS, Implausible, check, misses
 from sim_models.common.journal import free_share
 from sim_models.engine import ENGINES, Request, SimulationError, Trace, engine
 
@@ -58,7 +58,11 @@ def shares(request: Request, trace: Trace) -> dict[str, float]:
 
 def over(request: Request, trace: Trace, kept: float = 1.0) -> dict[str, float]:
     """Those of them that are more than this part of what the check allows."""
-    return {name: share for name, share in shares(request, trace).items() if not share <= kept * LIMITS[name].of(trace)}
+    return {
+        name: share
+        for name, share in shares(request, trace).items()
+        if not share <= kept * CHECK_LIMITS[name].of(trace)
+    }
 
 
 # ------------------------------------------------------------------ good runs
@@ -232,7 +236,7 @@ def test_a_small_falsehood_fails_its_check(name: str, of: str, falsify: Falsifie
 
 
 def test_no_check_is_without_a_run_that_fails_it() -> None:
-    assert {name for name, _, _ in FALSIFIED} == set(LIMITS)
+    assert {name for name, _, _ in FALSIFIED} == set(CHECK_LIMITS)
 
 
 @pytest.mark.parametrize("body", [b.name for b in ROCKER.bodies if b.name != "crank"])

@@ -271,8 +271,8 @@ def twice_held() -> dict[str, Any]:
 
 
 SLIDES = SCOTCH_YOKE.replace(
-    'type = "revolute"\nbodies = ["crank", "block"]',
-    'type = "prismatic"\naxis = [1.0, 1.0]\nbodies = ["crank", "block"]',
+    'type = "revolute", bodies = ["crank", "block"]',
+    'type = "prismatic", axis = [1.0, 1.0], bodies = ["crank", "block"]',
 )
 SHORT = with_field(("joint", 2, "clearance"), 0.0, with_field(("body", 1, "points", "B"), [0.03, 0.0]))
 

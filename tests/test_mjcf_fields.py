@@ -24,7 +24,7 @@ from sim_models.engine import Unsupported
 from sim_models.mjcf.engine import opened
 from sim_models.mjcf.errors import MjcfError
 from sim_models.mjcf.imported import imported
-from sim_models.mjcf.known import KNOWN, PLAIN, numbers, unknown
+from sim_models.mjcf.known import ATTRIBUTES_BY_ELEMENT, KNOWN_ATTRIBUTES, numbers, unknown
 
 pytestmark = pytest.mark.mujoco
 
@@ -349,7 +349,7 @@ def told(m: mujoco.MjModel) -> dict[str, np.ndarray]:
 
 def differing(before: str, after: str) -> Iterator[str]:
     """The numbers that two files tell apart; of parts that only one of them has, those that a file must give."""
-    plain, one, other = (told(compiled(text)) for text in (PLAIN, before, after))
+    plain, one, other = (told(compiled(text)) for text in (ATTRIBUTES_BY_ELEMENT, before, after))
     for name, value in other.items():
         if value.shape == one[name].shape:
             if not np.array_equal(value, one[name]):
@@ -368,7 +368,7 @@ def every() -> Iterator[mujoco.MjModel]:
 def test_every_number_of_a_model_is_known_and_has_its_row() -> None:
     """Of the MuJoCo that is installed."""
     there = {f"{what}_{field}" for what, field, _ in numbers(compiled(linkage()))}
-    assert there == {f"{what}_{field}" for what, names in KNOWN.items() for field in names}
+    assert there == {f"{what}_{field}" for what, names in KNOWN_ATTRIBUTES.items() for field in names}
     covered = {name for row in ROWS.values() for name in differing(*row.texts)}
     assert there - covered - fields(STORED) - fields(SOLVED) == set()
     assert (fields(STORED) | fields(SOLVED)) - there == set()
@@ -384,7 +384,7 @@ def test_every_word_of_an_element_is_a_number_of_the_model_or_is_compiled_into_o
     kept = {"joint": ("jnt", "dof"), "equality": ("eq",), "option": ("opt",), "compiler": ()}
     for what, element in elements.items():
         words = {name for name in dir(element) if not name.startswith("_") and not callable(getattr(element, name))}
-        known = {name for of in kept.get(what, (what,)) for name in KNOWN[of]}
+        known = {name for of in kept.get(what, (what,)) for name in KNOWN_ATTRIBUTES[of]}
         assert words - known == set(COMPILED[what].split()), what
 
 
@@ -406,7 +406,7 @@ def test_every_flag_has_its_row() -> None:
 
 
 def test_what_only_a_newer_mujoco_has_is_named_where_a_file_gives_it() -> None:
-    older = {what: names - {"stiffness", "disableactuator"} for what, names in KNOWN.items()}
+    older = {what: names - {"stiffness", "disableactuator"} for what, names in KNOWN_ATTRIBUTES.items()}
     assert list(unknown(compiled(linkage()), older)) == []
     (sentence,) = unknown(compiled(linkage(E=SPRING)), older)
     assert sentence.startswith("jnt_stiffness of MuJoCo")

@@ -16,7 +16,7 @@ from compare.crosscheck import crosscheck_job
 from compare.judge.tolerances import load_tolerances
 from linkages import inverted_slider, shaper
 from marks import slow
-from sim_models.common.contact_laws import DRIVEN_STIFFNESS, STATIC_STIFFNESS, TURNS, carried, default_stiffness
+from sim_models.common.contact_laws import DRIVEN_STIFFNESS, STATIC_STIFFNESS, TURN_BY_GIVE, carried, default_stiffness
 from sim_models.common.units import OF_UNIT, SI, Units
 from sim_models.common.weights import with_equal_masses
 from sim_models.engine import ENGINES, SimulationError, Trace, engine
@@ -205,7 +205,7 @@ def test_default_stiffness_lets_weights_and_loads_turn_no_link_by_more_than_a_cr
     assert default_stiffness(m.replace(loads=()), "driven") == pytest.approx(17.5 * 9.81 / (1.75e-4 * 0.08))
     twisted = m.replace(gravity=(0.0, 0.0), loads=(Load(body="lever", torque=-600.0),))  # 1.5 kN on 0.4 m
     assert carried(twisted) == pytest.approx(1500.0)
-    assert load_tolerances().line("static", "contact", "angle").absolute == TURNS
+    assert load_tolerances().line("static", "contact", "angle").absolute == TURN_BY_GIVE
 
 
 def test_an_error_in_other_units_says_which() -> None:

@@ -30,7 +30,7 @@ from compare.diagnose.predict import (
 )
 from compare.judge.signals import with_derived
 from compare.recorded.motion import released_from
-from sim_models.common.backlash import SETTLED
+from sim_models.common.backlash import TURN_TO_LAND
 from sim_models.engine import (
     Engine,
     JointModel,
@@ -128,7 +128,7 @@ def _driven(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray)
         request = Request(mechanism, _joint_model(mechanism), schedule)
     else:
         mechanism = mechanism.replace(drive=fields | {"speed": float(run.speed or 0.0)})
-        lead_in = SETTLED if mechanism.half_gap and turns_fully(Assembly(mechanism)) else 0.0
+        lead_in = TURN_TO_LAND if mechanism.half_gap and turns_fully(Assembly(mechanism)) else 0.0
         schedule = Schedule.at_angles(mechanism, motor.at(times).theta)
         request = Request(mechanism, _joint_model(mechanism), schedule, lead_in=lead_in)
     trace = _run(chosen, request)

@@ -24,7 +24,7 @@ from compare.report.words import validity as words
 from compare.results.validity import Between, Boundary, Cell, Failed, Law, Limits, Meaning, Validity
 from compare.versions import installed, versions
 from sim_models.common.contact_laws import assumed_of_contact, contact_parameters
-from sim_models.common.failed_starts import STIFF
+from sim_models.common.failed_starts import STIFF_GIVE
 
 RealJoint = Literal["massless-link", "spring-damper", "contact"]
 
@@ -223,7 +223,7 @@ def too_soft(results: Sequence[Cell | Failed]) -> Iterator[str]:
         mine = [cell for cell in soft if cell.simulator == name]
         cell = max(mine, key=lambda cell: cell.give / cell.clearance)
         stiffness, times = cell.settings.get("contact_stiffness"), cell.give / cell.clearance
-        yield words.too_soft(name, mine, stiffness * times / STIFF if isinstance(stiffness, float) else None)
+        yield words.too_soft(name, mine, stiffness * times / STIFF_GIVE if isinstance(stiffness, float) else None)
 
 
 def _contact(plan: MapPlan) -> dict[str, Law]:

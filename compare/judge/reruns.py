@@ -25,7 +25,7 @@ from compare.judge.discrepancy import Rule
 from compare.report.words.contact import no_longer_run
 from compare.results.crosscheck import Discrepancy, Failure, Run
 from sim_models.common.contact_laws import default_stiffness
-from sim_models.common.failed_starts import STIFF
+from sim_models.common.failed_starts import STIFF_GIVE
 from sim_models.engine import Cause, Request, Trace
 
 if TYPE_CHECKING:
@@ -152,13 +152,11 @@ def beyond_rim(run: Run | Simulation) -> dict[str, float]:
 
 
 def stiff_enough(run: Run | Simulation, joint: str) -> str:
-    """The contact stiffness that would let a pin by no more than STIFF of its clearance beyond its rim, in words for a
-    remedy.
-    """
+    """The contact stiffness that lets a pin no farther than STIFF_GIVE of its clearance beyond its rim."""
     stiffness = run.settings.get("contact_stiffness")
     if not isinstance(stiffness, int | float):
         return f"give joint {joint} a higher contact_stiffness"
-    wanted = stiffness * beyond_rim(run)[joint] / (STIFF * run.clearance[joint])
+    wanted = stiffness * beyond_rim(run)[joint] / (STIFF_GIVE * run.clearance[joint])
     return f"give joint {joint} contact_stiffness = {wanted:.1e} (N/m) or more"
 
 

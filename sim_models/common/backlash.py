@@ -14,8 +14,9 @@ import numpy as np
 
 from analytic.mechanism import Mechanism
 
-SETTLED = math.pi  # rad that a motor turns in which its crank, put on a flank, has landed as it always does
-LANDING = 1 / 40  # of a flight: the time constant of a landing
+TURN_TO_LAND = math.pi  # rad that a motor turns in which its crank, put on a flank, has landed as it always does
+INSTANTS_FELT = 37  # of a run at which what a motor feels is asked for
+LANDING_SHARE = 1 / 40  # of a flight: the time constant of a landing
 BRIEFEST = 2.5e-4  # rad of the motor's turn: shorter landings are seen by nobody
 # Damping ratio of a landing, and landings in which a flank takes over what it carries: all decays alike
 CRITICAL, HOLDS = math.sqrt(3) / 2, 3 * math.sqrt(3)
@@ -36,7 +37,9 @@ class Felt:
         turns = self.torque[1:] * self.torque[:-1] < 0
         steepest = float(slope[turns].max() if turns.any() else slope.max(initial=0.0))
         flight = (12 * half_gap * float(self.inertia.min()) / max(steepest, 1e-300)) ** (1 / 3)
-        return float(np.clip(LANDING * flight, BRIEFEST / top_speed, (self.times[-1] - self.times[0]) * LANDING))
+        return float(
+            np.clip(LANDING_SHARE * flight, BRIEFEST / top_speed, (self.times[-1] - self.times[0]) * LANDING_SHARE)
+        )
 
 
 @dataclass

@@ -22,8 +22,8 @@ SUITED = (
     2.0**0,
     2.0**14,
 )  # N/m, of force over length of the linkages that these suit; for others they are harder or softer in proportion
-STIFFEST = 1e30  # N/m, of those
-TURNS = 1.75e-4  # rad, 0.01 deg: what a wall's give under weights and loads may turn a link by, the least that a
+NO_GIVE = 1e30  # N/m, of those
+TURN_BY_GIVE = 1.75e-4  # rad, 0.01 deg: what a wall's give under weights and loads may turn a link by, the least that a
 # cross-check of contact allows a direction (static.contact in compare/judge/tolerances.toml)
 DAMPING_RATIO = 0.5  # of the lighter link on that stiffness, where the mechanism gives neither damping nor restitution
 BEARING_RATIO = 0.01  # the same of a soft bearing
@@ -220,14 +220,14 @@ def default_stiffness(mechanism: Mechanism, motion: Motion) -> float:
     """Contact stiffness (N/m) of a joint that gives none.
 
     A linkage whose forces over its length lie outside SUITED has it multiplied by the power of two that brings them
-    into the middle.  Under the weights and loads that the linkage carries no wall gives more than TURNS of the shortest
-    link.  What it carries is in its file; what its motion adds is not, and a wall does not change with the speed.
+    into the middle.  Under the weights and loads that the linkage carries no wall gives more than TURN_BY_GIVE of the
+    shortest link.  What it carries is in its file; what its motion adds is not, and no wall changes with the speed.
     """
     ordinary = STATIC_STIFFNESS if motion == "static" else DRIVEN_STIFFNESS
     scaled = ordinary * power_of_two(
         sum(b.mass for b in mechanism.bodies) * turning_rate(mechanism, motion) ** 2, SUITED
     )
-    return min(max(scaled, carried(mechanism) / (TURNS * shortest(mechanism))), STIFFEST)
+    return min(max(scaled, carried(mechanism) / (TURN_BY_GIVE * shortest(mechanism))), NO_GIVE)
 
 
 def carried(mechanism: Mechanism) -> float:

@@ -19,10 +19,10 @@ from analytic.mechanism import Mechanism
 from sim_models.common.contact_laws import TOO_DEEP, contact_parameters, shortest_link
 from sim_models.engine import CENTRED, Cause, Motion, Request, SimulationError
 
-HIDDEN = 0.5  # of the clearance: a contact that gives more may well be why there is no equilibrium
-STIFF = 0.1  # of the clearance: what a contact that is stiff enough gives
+HIDING_GIVE = 0.5  # of the clearance: a contact that gives more may well be why there is no equilibrium
+STIFF_GIVE = 0.1  # of the clearance: what a contact that is stiff enough gives
 OVERHELD = ("leave out clearance: its loops hold more than they need, and its pins cannot lie just anywhere", CENTRED)
-SAME = 1e-6  # rad: angles that are one and the same
+SAME_ANGLE = 1e-6  # rad: angles that are one and the same
 
 
 class TooSoft(SimulationError):
@@ -39,8 +39,8 @@ class TooSoft(SimulationError):
             f" joint {joint!r} {times * clearance:.3g} m into its {one.outer} {where} (clearance {clearance:g} m,"
             f" stiffness {stiffness:.3g} N/m)",
             Cause.TOO_SOFT,
-            f"give joint {joint!r} contact_stiffness = {_rounded_up(times / STIFF * stiffness):.1e} (N/m) or more, or a"
-            " smaller load",
+            f"give joint {joint!r} contact_stiffness = {_rounded_up(times / STIFF_GIVE * stiffness):.1e} (N/m) or more,"
+            " or a smaller load",
         )
         self.who, self.motion, self.joint, self.times, self.where = who, motion, joint, times, where
         self.mechanism = mechanism
@@ -76,7 +76,7 @@ def why_no_equilibrium(
     m = request.mechanism
     times = {name: depth / m.joint(name).clearance for name, depth in _depths(request, forces).items()}
     worst = max(times, key=lambda name: times[name], default=None)
-    if worst is None or times[worst] < HIDDEN:
+    if worst is None or times[worst] < HIDING_GIVE:
         return None
     return _too_soft(engine, request, theta, worst, times[worst] * m.joint(worst).clearance)
 
@@ -108,7 +108,7 @@ def where(request: Request, theta: float) -> str:
         return f"at {theta:.4g} s" if schedule.at_rest else "at the start of its courses"
     here = f"at crank angle {np.degrees(theta):.4g} deg"
     asked = np.degrees(schedule.crank_angle) if schedule.crank_angle is not None else np.zeros(0)
-    if asked.size == 0 or asked.min() - SAME <= np.degrees(theta) <= asked.max() + SAME:
+    if asked.size == 0 or asked.min() - SAME_ANGLE <= np.degrees(theta) <= asked.max() + SAME_ANGLE:
         return here
     wanted = f"{asked[0]:.4g} deg" if asked.size == 1 else f"{asked.min():.4g} to {asked.max():.4g} deg"
     return f"{here}, where the run starts that was asked for {wanted}"

@@ -11,8 +11,8 @@ from sim_models.common.contact_laws import longest
 from sim_models.common.guide import Guide
 from sim_models.common.start import AT_REST, Pose
 
-TRIFLE = 1e-6  # of a body's mass on the longest body: a slide's block may have no moment of inertia
-SINGULAR = 1e-9  # of the largest: what a joint asks that others ask already
+TRIFLE_OF_MASS = 1e-6  # of a body's mass on the longest body: a slide's block may have no moment of inertia
+SINGULAR_ROWS = 1e-9  # of the largest: what a joint asks that others ask already
 
 
 def mobility(
@@ -28,7 +28,7 @@ def mobility(
 
     The joints ``closed`` stay so, and the motors in those ``held`` do not give way.  All others are loose.
     """
-    least = TRIFLE * longest(m) ** 2
+    least = TRIFLE_OF_MASS * longest(m) ** 2
     sizes = [(body.mass, body.mass, max(body.moment_of_inertia, least * body.mass)) for body in m.bodies]
     free = 1 / np.ravel(sizes)
     apart = _apart(m, bodies, joint, aside)
@@ -39,7 +39,9 @@ def mobility(
     ties = np.array(rows)
     ties /= np.sqrt(ties * ties @ free)[:, None]
     between = ties * free @ apart.T
-    return np.asarray(bare - between.T @ np.linalg.pinv(ties * free @ ties.T, rcond=SINGULAR, hermitian=True) @ between)
+    return np.asarray(
+        bare - between.T @ np.linalg.pinv(ties * free @ ties.T, rcond=SINGULAR_ROWS, hermitian=True) @ between
+    )
 
 
 def _apart(m: Mechanism, bodies: Mapping[str, Pose], joint: Joint, aside: complex = 0j) -> np.ndarray:

@@ -33,7 +33,7 @@ from sim_models.engine import (
     scheme_of,
 )
 
-HALVINGS = 2  # of the engine's own step, where its run is not what it must be
+HALVINGS_IF_IMPLAUSIBLE = 2  # of the engine's own step, where its run is not what it must be
 NUMPY = Path(np.__file__).parent  # where its errors are raised, which says nothing of where they come from
 MEND = "mend the engine, or use another simulator"
 
@@ -56,7 +56,7 @@ def simulate(engine: Engine, request: Request, run: Callable[[Request], Trace], 
         step = trace.step
         if request.step is not None or request.motion == "static" or not step:
             raise
-        for halving in range(1, HALVINGS + 1):
+        for halving in range(1, HALVINGS_IF_IMPLAUSIBLE + 1):
             found = _finer(run, replace(request, step=step / 2**halving), seconds)
             if found is not None:
                 return found

@@ -33,20 +33,27 @@ RATES = (2.0**0, 2.0**7)  # 1/s, of the crank, or at which loads would turn the 
 
 Pair = tuple[float, float]
 Dimension = tuple[int, int, int]  # powers of length, mass and time
-NONE: Dimension = (0, 0, 0)
+DIMENSIONLESS: Dimension = (0, 0, 0)
 LENGTH: Dimension = (1, 0, 0)
-TIME: Dimension = (0, 0, 1)
-SPEED: Dimension = (1, 0, -1)
+TIME_DIMENSION: Dimension = (0, 0, 1)
+SPEED_DIMENSION: Dimension = (1, 0, -1)
 ACCELERATION: Dimension = (1, 0, -2)
 RATE: Dimension = (0, 0, -1)
-TURNING: Dimension = (0, 0, -2)
-FORCE: Dimension = (1, 1, -2)
-TORQUE: Dimension = (2, 1, -2)
+TURNING_DIMENSION: Dimension = (0, 0, -2)
+FORCE_DIMENSION: Dimension = (1, 1, -2)
+TORQUE_DIMENSION: Dimension = (2, 1, -2)
 PRESSURE: Dimension = (-1, 1, -2)
 STIFFNESS: Dimension = (0, 1, -2)
 DAMPING: Dimension = (0, 1, -1)
 
-OF_UNIT: dict[SiUnit, Dimension] = {"m": LENGTH, "rad": NONE, "rad/s": RATE, "N": FORCE, "N.m": TORQUE, "s": TIME}
+OF_UNIT: dict[SiUnit, Dimension] = {
+    "m": LENGTH,
+    "rad": DIMENSIONLESS,
+    "rad/s": RATE,
+    "N": FORCE_DIMENSION,
+    "N.m": TORQUE_DIMENSION,
+    "s": TIME_DIMENSION,
+}
 BODY = {
     "mass": (0, 1, 0),
     "com": LENGTH,
@@ -56,7 +63,7 @@ BODY = {
     "youngs_modulus": PRESSURE,
     "shear_modulus": PRESSURE,
 }
-JOINT = {
+JOINT_DIMENSIONS = {
     "clearance": LENGTH,
     "guide": LENGTH,
     "pin_radius": LENGTH,
@@ -65,20 +72,20 @@ JOINT = {
 }
 REVOLUTE = {
     "radial_stiffness": STIFFNESS,
-    "friction_torque": TORQUE,
-    "static_torque": TORQUE,
+    "friction_torque": TORQUE_DIMENSION,
+    "static_torque": TORQUE_DIMENSION,
     "stribeck_speed": RATE,
     "friction_radius": LENGTH,
     "damping": (2, 1, -1),
     "drag": (2, 1, 0),
-    "stiffness": TORQUE,
-    "cubic": TORQUE,
+    "stiffness": TORQUE_DIMENSION,
+    "cubic": TORQUE_DIMENSION,
 }
 PRISMATIC = {
-    "friction": FORCE,
-    "friction_torque": FORCE,
-    "static_torque": FORCE,
-    "stribeck_speed": SPEED,
+    "friction": FORCE_DIMENSION,
+    "friction_torque": FORCE_DIMENSION,
+    "static_torque": FORCE_DIMENSION,
+    "stribeck_speed": SPEED_DIMENSION,
     "damping": DAMPING,
     "drag": (-1, 1, 0),
     "stiffness": STIFFNESS,
@@ -88,12 +95,12 @@ PRISMATIC = {
 GUIDED = {name: dimension for name, dimension in PRISMATIC.items() if name != "friction"}  # a coefficient there
 SPRING = {"stiffness": STIFFNESS, "length": LENGTH, "damping": DAMPING}
 SETTINGS = {
-    "step": TIME,
-    "bounce_time": TIME,
+    "step": TIME_DIMENSION,
+    "bounce_time": TIME_DIMENSION,
     "start_speed": RATE,
     "contact_stiffness": STIFFNESS,
     "contact_damping": DAMPING,
-    "minimum_impact_speed": SPEED,
+    "minimum_impact_speed": SPEED_DIMENSION,
     "contact_margin": LENGTH,
 }
 
@@ -146,20 +153,24 @@ class Units:
             return {name: self.from_si(value, dimensions[name]) for name, value in given.items()}
 
         def joint(j: Joint) -> Joint:
-            new = fields(j, JOINT | (REVOLUTE if not j.prismatic else PRISMATIC if j.guide is None else GUIDED))
+            new = fields(
+                j, JOINT_DIMENSIONS | (REVOLUTE if not j.prismatic else PRISMATIC if j.guide is None else GUIDED)
+            )
             if j.elasticity is not None:
                 translation, rotation = (
                     self.from_si(getattr(j.elasticity, name), d)
-                    for name, d in (("translation", STIFFNESS), ("rotation", TORQUE))
+                    for name, d in (("translation", STIFFNESS), ("rotation", TORQUE_DIMENSION))
                 )
                 new["elasticity"] = j.elasticity.model_copy(update={"translation": translation, "rotation": rotation})
             return j.model_copy(update=new)
 
         def drive(d: Drive) -> Drive:
-            speed = {} if isinstance(d.speed, str) else {"speed": SPEED if m.joint(d.joint).prismatic else RATE}
-            scaled = fields(d, {"stiffness": TORQUE} | speed)
+            speed = (
+                {} if isinstance(d.speed, str) else {"speed": SPEED_DIMENSION if m.joint(d.joint).prismatic else RATE}
+            )
+            scaled = fields(d, {"stiffness": TORQUE_DIMENSION} | speed)
             if d.periodic_torque is not None:
-                torque = self.from_si(d.periodic_torque.amplitude, TORQUE)
+                torque = self.from_si(d.periodic_torque.amplitude, TORQUE_DIMENSION)
                 scaled["periodic_torque"] = d.periodic_torque.model_copy(update={"amplitude": torque})
             return d.model_copy(update=scaled)
 
@@ -170,7 +181,10 @@ class Units:
             joints=tuple(joint(j) for j in m.joints),
             drives=tuple(drive(d) for d in m.drives),
             springs=tuple(s.model_copy(update=fields(s, SPRING)) for s in m.springs),
-            loads=tuple(load.model_copy(update=fields(load, {"force": FORCE, "torque": TORQUE})) for load in m.loads),
+            loads=tuple(
+                load.model_copy(update=fields(load, {"force": FORCE_DIMENSION, "torque": TORQUE_DIMENSION}))
+                for load in m.loads
+            ),
         )
 
     def request(self, r: Request) -> Request:
@@ -224,7 +238,7 @@ class Units:
         )
 
     def _watched(self, w: Watched) -> Watched:
-        speed, rate, force, torque = (self.size(d) for d in (SPEED, RATE, FORCE, TORQUE))
+        speed, rate, force, torque = (self.size(d) for d in (SPEED_DIMENSION, RATE, FORCE_DIMENSION, TORQUE_DIMENSION))
         return Watched(
             w.time * self.time,
             {body: at * self.length for body, at in w.place.items()},
@@ -238,7 +252,7 @@ class Units:
         )
 
     def _rates(self, r: Rates) -> Rates:
-        speed, acceleration, turning = (self.size(d) for d in (SPEED, ACCELERATION, TURNING))
+        speed, acceleration, turning = (self.size(d) for d in (SPEED_DIMENSION, ACCELERATION, TURNING_DIMENSION))
         return Rates(r.velocity * speed, r.acceleration * acceleration, r.angular_acceleration * turning)
 
     def _setting(self, name: str, value: SettingValue) -> SettingValue:

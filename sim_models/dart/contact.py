@@ -18,13 +18,13 @@ if TYPE_CHECKING:
     from dartpy.dynamics import BodyNode
 
 REBOUND = 0.1  # m/s, DART's own: a pin that would leave its rim more slowly stays there
-RIM = 1e-9  # of the clearance: how far inside the rim a pin counts as touching
+TOUCHING_RIM = 1e-9  # of the clearance: how far inside the rim a pin counts as touching
 # of the clearance: a pin pressed to the rim in the last step that is no farther inside has not been lifted off
 HOLD = 1e-2
-SEAT = 1e-5  # the same: farther inside than this, by the curvature of a step, it is put back on the rim
+BACK_ON_RIM = 1e-5  # the same: farther inside than this, by the curvature of a step, it is put back on the rim
 TOUCH = 1e-13  # m, penetration that makes DART see a contact
 ANVIL = 0.1  # m, radius of the sphere that stands in for the bearing where the journal meets it
-FLOOR = 1.0  # m along z between the shapes of one joint and the next, which must not meet
+SHAPE_SPACING = 1.0  # m along z between the shapes of one joint and the next, which must not meet
 
 
 def vector(z: complex) -> np.ndarray:
@@ -75,17 +75,17 @@ class Bearing:
 
     def arrive(self, gap: complex) -> None:
         """Take note of where the pin was placed (m)."""
-        self.held = abs(gap) > self.pin.clearance * (1 - RIM)
+        self.held = abs(gap) > self.pin.clearance * (1 - TOUCHING_RIM)
 
     def lifted(self, gap: complex) -> complex:
         """By how much (m) the curvature of the steps, not a force, has taken a pin with this gap (m) off its rim."""
         inside = self.pin.clearance - abs(gap)
-        return inside * gap / abs(gap) if self.held and SEAT < inside / self.pin.clearance < HOLD else 0j
+        return inside * gap / abs(gap) if self.held and BACK_ON_RIM < inside / self.pin.clearance < HOLD else 0j
 
     def face(self, gap: complex) -> None:
         """Put the anvil where the journal, with this gap (m), meets its circle, or out of the way where it does not."""
         depth = abs(gap) - self.pin.clearance
-        touching = depth > -self.pin.clearance * (HOLD if self.held else RIM)
+        touching = depth > -self.pin.clearance * (HOLD if self.held else TOUCHING_RIM)
         outwards = gap + gap / abs(gap) * (self.reach - max(depth, TOUCH)) if touching else 2 * self.reach + 0j
         turned = self.first.getTransform().rotation()[:2, 0].tolist()
         at = self.centre - outwards * complex(turned[0], -turned[1])
@@ -95,7 +95,7 @@ class Bearing:
         """Contact force (N) on the second body in the last step, among DART's ``contacts`` of it."""
         total = 0j
         for contact in contacts:
-            if abs(contact.point[2] - self.level) < FLOOR / 2:
+            if abs(contact.point[2] - self.level) < SHAPE_SPACING / 2:
                 on_first = contact.collisionObject1.getShapeFrame() == self.journal
                 total += plane(contact.force) * (1 if on_first else -1)
         self.held = total != 0

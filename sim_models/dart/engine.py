@@ -16,7 +16,7 @@ QUICKER: frozenset[tuple[Feature, Pair]] = frozenset(
 RIGID: frozenset[tuple[Feature, Pair]] = frozenset(
     {("contact_law", ("contact", "driven")), *(("guide_clearance", ("contact", motion)) for motion in MOTIONS)}
 )
-MODELS: tuple[JointModel, ...] = ("ideal", "spring-damper", "contact")
+DART_MODELS: tuple[JointModel, ...] = ("ideal", "spring-damper", "contact")
 
 
 class DartRun(LeapfrogRun):
@@ -32,7 +32,7 @@ class DartEngine(Engine):
     package = "dartpy"
     capabilities = Capabilities(
         rigid=Scope.of(
-            ((model, motion) for model in MODELS for motion in MOTIONS),
+            ((model, motion) for model in DART_MODELS for motion in MOTIONS),
             set(FEATURES) - {"contact_friction"},
             but=QUICKER | RIGID,
         )

@@ -22,7 +22,7 @@ import numpy as np
 from analytic.mechanism import GROUND, Joint
 from sim_models.common.start import Pose
 from sim_models.common.tree import Branch
-from sim_models.dart.contact import FLOOR, REBOUND, Bearing, plane, rebound, vector
+from sim_models.dart.contact import REBOUND, SHAPE_SPACING, Bearing, plane, rebound, vector
 from sim_models.engine import Request, SettingValue
 from sim_models.leapfrog.bodies import LeapfrogWorld
 from sim_models.leapfrog.parts import coordinates, moving_body
@@ -31,9 +31,11 @@ from sim_models.run.path import Path, assembled
 if TYPE_CHECKING:
     from dartpy.math import Isometry3
 
-ERROR_REDUCTION = 1.0  # share of a closing pin's drift that DART removes in a step: all, so that no transient lingers
-SETTLING = 3  # steps in which a loop that was closed without drift gets the drift that belongs to its motion
-TRIFLE = 1e-12  # kg, kg.m^2: the body between a drive's two joints where the driven body's own pin has clearance
+DRIFT_REMOVED = 1.0  # share of a closing pin's drift that DART removes in a step: all, so that no transient lingers
+SETTLING_STEPS = 3  # steps in which a loop that was closed without drift gets the drift that belongs to its motion
+DRIVE_STUB_MASS = (
+    1e-12  # kg, kg.m^2: the body between a drive's two joints where the driven body's own pin has clearance
+)
 
 
 def placed(dart: ModuleType, at: complex, angle: float = 0.0) -> Isometry3:
@@ -53,7 +55,7 @@ class DartWorld(LeapfrogWorld):
     def __init__(self, request: Request, path: Path) -> None:
         super().__init__(request, path)
         self.balances = not self.crank
-        self.settling = SETTLING if request.joint_model == "ideal" else 1
+        self.settling = SETTLING_STEPS if request.joint_model == "ideal" else 1
         import dartpy as dart
 
         self.dart = dart
@@ -85,7 +87,7 @@ class DartWorld(LeapfrogWorld):
             skeleton.enableSelfCollisionCheck()
             skeleton.enableAdjacentBodyCheck()
         if request.joint_model == "contact":
-            self.bearings = {name: self._bearing(name, FLOOR * k) for k, name in enumerate(self.pins, 1)}
+            self.bearings = {name: self._bearing(name, SHAPE_SPACING * k) for k, name in enumerate(self.pins, 1)}
         if self.held and self.crank:
             driven = self.mechanism.driven
             alone = self.nodes[driven].getSkeleton().getNumDofs() == 1
@@ -127,7 +129,7 @@ class DartWorld(LeapfrogWorld):
         self.carriages[body], between = skeleton.createTranslationalJoint2DAndBodyNodePair(
             base, D.TranslationalJoint2DProperties()
         )
-        between.setInertia(D.Inertia(TRIFLE, np.zeros(3), TRIFLE * np.eye(3)))
+        between.setInertia(D.Inertia(DRIVE_STUB_MASS, np.zeros(3), DRIVE_STUB_MASS * np.eye(3)))
         properties = D.RevoluteJointProperties()
         properties.mAxis = np.array([0.0, 0.0, 1.0])
         self._keep(body, *skeleton.createRevoluteJointAndBodyNodePair(between, properties))
@@ -170,7 +172,7 @@ class DartWorld(LeapfrogWorld):
             at = self.frames[joint.name][0].getTransform().translation()
             nodes = [self.nodes[name] for name in joint.bodies if name != GROUND]
             pin = constraint.BallJointConstraint(*nodes, at)
-            pin.setErrorReductionParameter(ERROR_REDUCTION)
+            pin.setErrorReductionParameter(DRIFT_REMOVED)
             self.world.getConstraintSolver().addConstraint(pin)
 
     # ---------------------------------------------------------------- state

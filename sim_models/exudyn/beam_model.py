@@ -23,10 +23,10 @@ Element = Literal["euler-bernoulli", "timoshenko"]
 
 SPAN_ELEMENTS = 4  # between two neighbouring points of a link; one is exact already for small displacements
 SHEAR_FACTOR = 5 / 6  # of a rectangular section
-ROUNDING = (
+ROUNDING_OF_BEAMS = (
     3e-16  # m: what a position of this size is rounded to, so that a spring's force wavers by it times its stiffness
 )
-STIFFEST = 1e10  # N/m of a contact, at most: Exudyn differentiates it numerically, and Newton's method fails beyond
+STIFFEST_PIN = 1e10  # N/m of a contact, at most: Exudyn differentiates it numerically, and Newton's method fails beyond
 SOFT_DEPTH = 0.1  # of the clearance, to which a pin is pressed into a bearing that is soft at first
 STIFFENING = 0.25  # of the way from soft to stiff bearings, one solution after the other; halved where there is none
 SMALLEST_STIFFENING = 1 / 64
@@ -71,10 +71,10 @@ def is_flexible(body: Body) -> bool:
 
 def pin_stiffness(joint: Joint) -> float:
     """Stiffness (N/m) of a pin pressed into its bearing: the contact's, else the joint's spring of Eq. 4, at most
-    STIFFEST; without either STIFFEST, as the usual contact at rest gives like a link that is pulled.
+    STIFFEST_PIN; without either STIFFEST_PIN, as the usual contact at rest gives like a link that is pulled.
     """
-    spring = joint.elasticity.translation if joint.elasticity is not None else STIFFEST
-    return min(joint.contact_stiffness or spring, STIFFEST)
+    spring = joint.elasticity.translation if joint.elasticity is not None else STIFFEST_PIN
+    return min(joint.contact_stiffness or spring, STIFFEST_PIN)
 
 
 def soft_stiffness(joint: Joint, force: float) -> float:
@@ -374,7 +374,7 @@ class BeamModel:
         """Force (N) that a solution may leave unbalanced."""
         springs = [j.elasticity.translation for j in self.m.joints if j.elasticity is not None]
         springs += [pin_stiffness(self.m.joint(name)) for name in self.clearance]
-        return 1e-8 + ROUNDING * max([*springs, *self._axial], default=0.0)
+        return 1e-8 + ROUNDING_OF_BEAMS * max([*springs, *self._axial], default=0.0)
 
     # ---------------------------------------------------------------- reading
 

@@ -19,11 +19,13 @@ from sim_models.run.path import Path
 
 # rad from one crank angle to the next (of several drives, of the fastest): a second derivative's rounding and the
 # cut-off fifth order weigh about the same
-STENCIL = 2e-3
-FIRST = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / (12 * STENCIL)
-SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / (12 * STENCIL**2)
-ASIDE = STENCIL * np.arange(-2.0, 3.0)
-STANDSTILL = 1e-9  # of the crank's rate (of a slide: times the longest link): the rate of a joint that does not move
+POSE_SPACING = 2e-3
+FIRST_DERIVATIVE = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / (12 * POSE_SPACING)
+SECOND_DERIVATIVE = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / (12 * POSE_SPACING**2)
+POSES_ASIDE = POSE_SPACING * np.arange(-2.0, 3.0)
+JOINT_STANDSTILL = (
+    1e-9  # of the crank's rate (of a slide: times the longest link): the rate of a joint that does not move
+)
 
 Placed = Mapping[str, tuple[np.ndarray, np.ndarray]]  # origin (N,) m, complex, and angle (N,) rad by body
 
@@ -31,8 +33,8 @@ Placed = Mapping[str, tuple[np.ndarray, np.ndarray]]  # origin (N,) m, complex, 
 class RigidMotion:
     """The ideal rigid linkage at N instants, with a ``rate`` and ``acceleration`` of what its poses are told by.
 
-    ``around`` are the origin (N,) m, complex, and angle (N,) rad of every moving body at five places in a row, STENCIL
-    apart, the instants in their middle.  Arrays are (N,), vectors complex in the ground frame.
+    ``around`` are the origin (N,) m, complex, and angle (N,) rad of every moving body at five places in a row,
+    POSE_SPACING apart, the instants in their middle.  Arrays are (N,), vectors complex in the ground frame.
     """
 
     def __init__(
@@ -40,10 +42,10 @@ class RigidMotion:
     ) -> None:
         """At places (N,) on a path: crank angles with the crank's rate (rad/s) and acceleration (rad/s^2), or times
         whose rate is that of the fastest drive.  Raises AssemblyError where it cannot be assembled; if it moves, two
-        STENCIL around, too.
+        POSE_SPACING around, too.
         """
         moves = bool(np.any(rate) or np.any(acceleration))
-        around = [path.placed(at, beside=float(aside) * moves) for aside in ASIDE]
+        around = [path.placed(at, beside=float(aside) * moves) for aside in POSES_ASIDE]
         self.m = path.assembly.mechanism
         names = [body.name for body in self.m.bodies]
         still = np.zeros((len(around), at.size))
@@ -74,7 +76,7 @@ class RigidMotion:
         travel = self._travel(joint)
         rate = self._in_time(travel)[0]
         longest = max(body.length for body in self.m.bodies) if joint.prismatic else 1.0
-        rate = np.where(np.abs(rate) < STANDSTILL * longest * np.abs(self._rate), 0.0, rate)
+        rate = np.where(np.abs(rate) < JOINT_STANDSTILL * longest * np.abs(self._rate), 0.0, rate)
         slip = rate if moving else np.zeros_like(rate)
         return joint.spring(travel[2]) + joint.damper(slip) - joint.dry(slip) * np.sign(rate)
 
@@ -104,5 +106,5 @@ class RigidMotion:
 
     def _in_time(self, around: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """First and second derivative (N,) by time of what is (5, N) around the crank angles."""
-        first, second = FIRST @ around, SECOND @ around
+        first, second = FIRST_DERIVATIVE @ around, SECOND_DERIVATIVE @ around
         return first * self._rate, second * self._rate**2 + first * self._acceleration

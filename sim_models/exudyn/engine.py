@@ -40,7 +40,7 @@ AT_REST_ALONE: frozenset[tuple[Feature, Pair]] = frozenset(
     (feature, pair) for feature in ("several_drives", "point_spring") for pair in BENDING if pair[1] == "driven"
 )
 # Friction of a pin on its rim falls to zero with its sliding speed: at rest there is none.
-AT_REST: frozenset[tuple[Feature, Pair]] = frozenset({("contact_friction", ("contact", "static"))})
+NO_RIM_FRICTION_AT_REST: frozenset[tuple[Feature, Pair]] = frozenset({("contact_friction", ("contact", "static"))})
 
 
 class ExudynEngine(Engine):
@@ -49,9 +49,9 @@ class ExudynEngine(Engine):
     name = "exudyn"
     package = "exudyn"
     capabilities = Capabilities(
-        rigid=Scope.of(RUNS, HAS, but=AT_REST),
+        rigid=Scope.of(RUNS, HAS, but=NO_RIM_FRICTION_AT_REST),
         beams=Scope.of(BENDING, HAS - BEYOND, but=AT_REST_ALONE),
-        export=Scope.of(RUNS, WRITTEN, but=AT_REST),
+        export=Scope.of(RUNS, WRITTEN, but=NO_RIM_FRICTION_AT_REST),
     )
 
     def simulate(self, request: Request) -> Trace:

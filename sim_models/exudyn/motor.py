@@ -13,9 +13,9 @@ from scipy.interpolate import PPoly
 from analytic.kinematics.schedule import DriveMotion, Steady
 
 INSTANT = 1e-9  # s, the first step of a run: it puts velocities right that are only nearly consistent
-SETTLING = 1e-7  # s, the step after which accelerations are consistent, where Exudyn does not know the motor's
-BEGIN = INSTANT + SETTLING  # s of a run's clock, at which its courses begin
-BESIDE = 0.1  # of a step: how near a report a knot may be for the step to pass over it
+SETTLING_TIME = 1e-7  # s, the step after which accelerations are consistent, where Exudyn does not know the motor's
+BEGIN = INSTANT + SETTLING_TIME  # s of a run's clock, at which its courses begin
+KNOT_NEAR_REPORT = 0.1  # of a step: how near a report a knot may be for the step to pass over it
 DRIFT = 5e-8  # rad that the trapezoidal rule may be off a course
 OF_SCATTER = 1e-3  # of a noisy course's scatter, that it may be off
 
@@ -69,7 +69,7 @@ class RunMotor:
         knots = self.path.x[self.path.x < times[-1]]
         after = np.searchsorted(times, knots)
         nearest = np.minimum(np.abs(times[after] - knots), np.abs(times[np.maximum(after - 1, 0)] - knots))
-        return np.asarray(knots[nearest > BESIDE * step])
+        return np.asarray(knots[nearest > KNOT_NEAR_REPORT * step])
 
     @property
     def top_speed(self) -> float:

@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from analytic.mechanism.parts import TINY
 from sim_models.common.contact_laws import KelvinVoigt, NamedLaw
 from sim_models.exudyn.laws import CONTACT_CREEP
 
-TINY = 1e-300  # m, in place of a gap of no length
 _Exu = Any  # an object of Exudyn's, or a number of its symbolic functions
 
 

@@ -21,7 +21,7 @@ from sim_models.exudyn.equilibria import Equilibria
 from sim_models.exudyn.laws import joint_creep, law_settings
 from sim_models.exudyn.linkage import ExudynLinkage, Inertia
 from sim_models.exudyn.model import ExudynModel
-from sim_models.exudyn.motor import BEGIN, INSTANT, SETTLING, RunMotor
+from sim_models.exudyn.motor import BEGIN, INSTANT, SETTLING_TIME, RunMotor
 from sim_models.exudyn.steady import passing, spaced, steady_start
 from sim_models.exudyn.watch import watched
 from sim_models.run.judge import Judge
@@ -32,7 +32,7 @@ from sim_models.run.run import Observed, Run
 TURN_PER_STEP = 2e-3  # rad of crank angle in a step, at most
 TURN_PER_STEP_OF_COURSES = 1e-3  # rad of the fastest body: loops that several motors hold give more
 SWING_PER_STEP = 5e-4  # rad, of a released linkage's time scale: it has no motor to keep its phase
-MOST_STEPS = 500_000  # all of which are kept
+MOST_STEPS_KEPT = 500_000  # all of which are kept
 MOST_STEPS_BEYOND = 4_000_000  # of those after the reports, about 200 bytes are kept where they are watched
 STEPS_PER_PERIOD = 40  # of the lighter link on a contact's stiffness, or hanging on a massless link
 STEPS_PER_SPRING = 400  # of the lighter link on a spring between points, which nothing damps
@@ -101,7 +101,7 @@ class ExudynRun(Run):
             self.assembly.path(*self.crank.range)  # raises where the crank cannot follow all of its course
         linkage, self.step = self.launch()
         beyond = self.request.beyond / abs(self.mechanism.speed or 1.0)
-        check_steps(self.who, last, self.step, MOST_STEPS)
+        check_steps(self.who, last, self.step, MOST_STEPS_KEPT)
         check_steps(self.who, beyond, self.step, MOST_STEPS_BEYOND)
         record, rows = self.through(linkage, self.clock(times))
         self.check_moved(record)
@@ -127,9 +127,9 @@ class ExudynRun(Run):
                 stops = np.union1d(stops, motor.knots_between(stops, self.step))
         ends, rows = [clock], [0]
         for end in stops[stops > clock].tolist():
-            if onward and end - clock > 10 * SETTLING:
-                self.advance(linkage, clock, clock + SETTLING, 0)
-                clock += SETTLING
+            if onward and end - clock > 10 * SETTLING_TIME:
+                self.advance(linkage, clock, clock + SETTLING_TIME, 0)
+                clock += SETTLING_TIME
             count, _ = substeps(end - clock, self.step)
             parts.append(self.advance(linkage, clock, end, count, onward).rows(slice(1, None)))
             clock = end

@@ -16,12 +16,12 @@ from sim_models.exudyn.sway import sway
 from sim_models.run.path import Gaps, Path, Placed
 from sim_models.run.record import Record
 
-NODES = 7  # instants around the first, on whose polynomial rates and accelerations are taken
+INSTANTS_OF_START = 7  # instants around the first, on whose polynomial rates and accelerations are taken
 APART = 4e-3  # rad of crank angle from one to the next
 APART_COMPLIANT = (
     0.05  # rad, of a compliant drive: far enough for the derivatives of derivatives that its sway is found by
 )
-PASSES = 2  # the second has the inertia forces of the first one's gaps
+INERTIA_PASSES = 2  # the second has the inertia forces of the first one's gaps
 PASSES_COMPLIANT = 8  # at most
 LAG_SETTLED = 1e-11  # rad by which a crank that has been found moves from one pass to the next
 
@@ -30,7 +30,7 @@ def instants(motor: RunMotor, compliant: bool = False) -> np.ndarray:
     """Times (s), the first instant among them: around it at constant speed, from it on along courses or where they
     reach far.
     """
-    first = NODES // 2 if motor.steady and not compliant else 0
+    first = INSTANTS_OF_START // 2 if motor.steady and not compliant else 0
     return spaced(motor.top_speed, motor.end, APART_COMPLIANT if compliant else APART, first)
 
 
@@ -38,8 +38,8 @@ def spaced(top_speed: float, end: float, turn: float = APART, first: int = 0) ->
     """Times (s), 0 the ``first`` of them, between which what is fastest (rad/s) turns by so much (rad), before the
     ``end`` (s).
     """
-    spacing = min(turn / top_speed if top_speed else np.inf, end / (NODES - 1))
-    return spacing * (np.arange(NODES) - first)
+    spacing = min(turn / top_speed if top_speed else np.inf, end / (INSTANTS_OF_START - 1))
+    return spacing * (np.arange(INSTANTS_OF_START) - first)
 
 
 def derivative(time: np.ndarray) -> np.ndarray:
@@ -80,7 +80,7 @@ def passing(equilibria: Equilibria, time: np.ndarray, crank: np.ndarray) -> tupl
 
     gaps: Sequence[Gaps] = [{}] * time.size
     (start, spins), last = moving(gaps), np.inf
-    for _ in range(PASSES):
+    for _ in range(INERTIA_PASSES):
         passed = _passed(equilibria, crank, gaps, rate)
         beside = [record.gaps(equilibria.displaced) for record in passed]
         moved, turning = moving(beside)
@@ -109,9 +109,9 @@ def crank_behind(equilibria: Equilibria, motor: RunMotor, stiffness: float, time
         return motor.angle(time) - np.asarray(repeating(time))
     wide = instants(motor, compliant=True)
     rate, here, last = derivative(wide), int(np.argmin(np.abs(wide))), np.inf
-    lag = np.zeros(NODES)
+    lag = np.zeros(INSTANTS_OF_START)
     for _ in range(PASSES_COMPLIANT):
-        records = _passed(equilibria, motor.angle(wide) - lag, [{}] * NODES, rate)
+        records = _passed(equilibria, motor.angle(wide) - lag, [{}] * INSTANTS_OF_START, rate)
         needed = np.array([record.drive_torque[0] for record in records]) / stiffness
         change = abs(needed[here] - lag[here])
         if change > last:  # the series of ever higher derivatives has begun to diverge

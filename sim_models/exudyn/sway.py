@@ -20,11 +20,11 @@ from sim_models.exudyn.linkage import Inertia
 from sim_models.exudyn.motor import RunMotor
 from sim_models.run.path import Path
 
-AROUND = 96  # crank angles at which the torque is sampled
-GRID = 192  # instants of a revolution
+TORQUE_SAMPLES = 96  # crank angles at which the torque is sampled
+INSTANTS_OF_REVOLUTION = 192  # instants of a revolution
 SPEEDS = (0.9, 1.0, 1.1)  # of the mean speed, through whose torques goes a parabola
-REPEATS = 1e-6  # rad, and of the mean speed and its square: how well a course has to repeat itself
-ATTEMPTS = 20
+REPETITION = 1e-6  # rad, and of the mean speed and its square: how well a course has to repeat itself
+SWAY_PASSES = 20
 
 
 def period(motor: RunMotor) -> float | None:
@@ -36,7 +36,7 @@ def period(motor: RunMotor) -> float | None:
         return 2 * math.pi / motor.top_speed if motor.top_speed else None
     end = motor.end
     turn = math.copysign(2 * math.pi, float(motor.angle(end) - motor.angle(0.0)))
-    if (float(motor.angle(end) - motor.angle(0.0)) - turn) * turn < -REPEATS:
+    if (float(motor.angle(end) - motor.angle(0.0)) - turn) * turn < -REPETITION:
         return None
     beyond = [float((motor.angle(t) - motor.angle(0.0) - turn) * turn) for t in (0.0, end)]
     time = (
@@ -46,9 +46,9 @@ def period(motor: RunMotor) -> float | None:
     )
     speed = 2 * math.pi / time
     again = np.linspace(0.0, end - time, 50)
-    if np.abs(motor.angle(again + time) - motor.angle(again) - turn).max() > REPEATS:
+    if np.abs(motor.angle(again + time) - motor.angle(again) - turn).max() > REPETITION:
         return None
-    return time if abs(float(motor.rate(time) - motor.rate(0.0))) < 1e3 * REPEATS * speed else None
+    return time if abs(float(motor.rate(time) - motor.rate(0.0))) < 1e3 * REPETITION * speed else None
 
 
 def sway(equilibria: Equilibria, motor: RunMotor, stiffness: float) -> CubicSpline | None:
@@ -65,18 +65,21 @@ def sway(equilibria: Equilibria, motor: RunMotor, stiffness: float) -> CubicSpli
         coefficients = _coefficients(equilibria, speed)
     except AssemblyError:  # the crank does not turn fully
         return None
-    grid = np.arange(GRID) * time / GRID
-    rate = _fourier(GRID, time)
+    grid = np.arange(INSTANTS_OF_REVOLUTION) * time / INSTANTS_OF_REVOLUTION
+    rate = _fourier(INSTANTS_OF_REVOLUTION, time)
     angle, speed, acceleration = (motor.path(grid, n) for n in range(3))
-    lag = np.zeros(GRID)
-    for _ in range(ATTEMPTS):
+    lag = np.zeros(INSTANTS_OF_REVOLUTION)
+    for _ in range(SWAY_PASSES):
         theta, omega, alpha = angle - lag, speed - rate @ lag, acceleration - rate @ (rate @ lag)
         (still, linear, square, inertia), slopes = coefficients(theta).T, coefficients(theta, 1).T
         torque = still + linear * omega + square * omega**2 + inertia * alpha
         by_angle = slopes[0] + slopes[1] * omega + slopes[2] * omega**2 + slopes[3] * alpha
         by_rate = linear + 2 * square * omega
         change = np.linalg.solve(
-            stiffness * np.eye(GRID) + np.diag(by_angle) + by_rate[:, None] * rate + inertia[:, None] * (rate @ rate),
+            stiffness * np.eye(INSTANTS_OF_REVOLUTION)
+            + np.diag(by_angle)
+            + by_rate[:, None] * rate
+            + inertia[:, None] * (rate @ rate),
             torque - stiffness * lag,
         )
         lag = lag + change
@@ -89,8 +92,8 @@ def _coefficients(equilibria: Equilibria, speed: float) -> CubicSpline:
     """Torque (N.m) without motion, by speed, speed squared and acceleration, over the crank's angle (rad).  Raises
     AssemblyError.
     """
-    path, rate = equilibria.path, _fourier(AROUND, 2 * np.pi)
-    around = path.begin + 2 * np.pi * np.arange(AROUND + 1) / AROUND
+    path, rate = equilibria.path, _fourier(TORQUE_SAMPLES, 2 * np.pi)
+    around = path.begin + 2 * np.pi * np.arange(TORQUE_SAMPLES + 1) / TORQUE_SAMPLES
     theta, poses = around[:-1], [path.poses(at) for at in around.tolist()]
     velocity, spin, acceleration, spin_up = (dict[str, np.ndarray]() for _ in range(4))  # by the crank's angle
     for body in equilibria.m.bodies:

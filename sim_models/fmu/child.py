@@ -20,7 +20,7 @@ import numpy as np
 JOB, POINTS, INPUTS = "job.json", "points.npy", "inputs.npy"
 OUTPUTS, FAULT, STAGE, SAID = "outputs.npy", "fault.json", "stage.txt", "said.txt"
 ENDED = "ended"  # the stage after the last
-LOOK = 0.5  # s, between two looks at whether the process that waits for this one is still there
+WATCH_INTERVAL = 0.5  # s, between two looks at whether the process that waits for this one is still there
 SERIOUS = 2  # of an FMU's messages: discard, error, fatal
 
 
@@ -30,7 +30,7 @@ def watch(parent: int, files: Path) -> None:
 
     def ended() -> None:
         while os.getppid() == parent:
-            sleep(LOOK)
+            sleep(WATCH_INTERVAL)
         for folder in (unpacked, files):
             shutil.rmtree(folder, ignore_errors=True)
         os._exit(1)

@@ -24,14 +24,14 @@ from sim_models.engine import Unsupported
 
 DESCRIPTION = "modelDescription.xml"
 LARGEST_DESCRIPTION = 2**26  # bytes
-LARGEST = 2**31  # bytes of all members, unpacked
-MOST = 10_000  # members
+LARGEST_ARCHIVE = 2**31  # bytes of all members, unpacked
+MOST_MEMBERS = 10_000  # members
 TIGHTEST = 200  # how many times as large as in the zip file a large member may be
 LARGE = 2**24  # bytes of a member that is not compressed tighter than that by chance
 SYSTEMS = {"linux": ("linux", ".so"), "win32": ("windows", ".dll"), "darwin": ("darwin", ".dylib")}
 OF_FMI2 = {"linux": "linux64", "windows": "win64", "darwin": "darwin64"}
-NUMBERS = ("Real", "Float64")  # kinds of variables that a signal or an input can be
-KINDS = {  # of FMI 2 and 3, as they are set
+REAL_KINDS = ("Real", "Float64")  # kinds of variables that a signal or an input can be
+VARIABLE_KINDS = {  # of FMI 2 and 3, as they are set
     "Real": "Real", "Integer": "Integer", "Enumeration": "Integer", "Boolean": "Boolean", "String": "String",
     "Float64": "Float64", "Float32": "Float32", "Int64": "Int64", "Int32": "Int32", "Int16": "Int16", "Int8": "Int8",
     "UInt64": "UInt64", "UInt32": "UInt32", "UInt16": "UInt16", "UInt8": "UInt8",
@@ -140,10 +140,10 @@ def _readable(path: Path) -> Iterator[None]:
 
 def _check_members(path: Path, members: list[zipfile.ZipInfo]) -> None:
     """Refuse members that would leave the folder, and content that would fill the disk.  Raises FmuError."""
-    if len(members) > MOST or sum(each.file_size for each in members) > LARGEST:
+    if len(members) > MOST_MEMBERS or sum(each.file_size for each in members) > LARGEST_ARCHIVE:
         raise FmuError(
             f"{path}: unpacked it has {len(members)} files and {sum(m.file_size for m in members) >> 20} MB; at most"
-            f" {MOST} files and {LARGEST >> 20} MB are unpacked"
+            f" {MOST_MEMBERS} files and {LARGEST_ARCHIVE >> 20} MB are unpacked"
         )
     for each in members:
         parts = PurePosixPath(each.filename).parts
@@ -218,8 +218,8 @@ def _variables(path: Path, root: ElementTree.Element) -> Iterator[Variable]:
     for element in root.iterfind("ModelVariables/*"):
         typed = element
         if element.tag == "ScalarVariable":
-            typed = next((child for child in element if child.tag in KINDS), element)
-        if typed.tag not in KINDS or element.find("Dimension") is not None:
+            typed = next((child for child in element if child.tag in VARIABLE_KINDS), element)
+        if typed.tag not in VARIABLE_KINDS or element.find("Dimension") is not None:
             continue
         name, reference = element.get("name", ""), element.get("valueReference", "")
         if not name or not reference.isascii() or not reference.isdecimal() or int(reference) >= 2**32:
@@ -228,7 +228,7 @@ def _variables(path: Path, root: ElementTree.Element) -> Iterator[Variable]:
                 f" {shown(reference)}; export it anew"
             )
         unit = typed.get("unit") or units.get(typed.get("declaredType"), "")
-        yield Variable(name, int(reference), KINDS[typed.tag], element.get("causality", "local"), unit)
+        yield Variable(name, int(reference), VARIABLE_KINDS[typed.tag], element.get("causality", "local"), unit)
 
 
 def _library(path: Path, identifier: str, members: set[str]) -> str:

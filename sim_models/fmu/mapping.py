@@ -36,12 +36,12 @@ from analytic.mechanism.columns import ColumnMeaning, Conversion, MapPart, read_
 from analytic.mechanism.one_line import shown
 from analytic.mechanism.signals import named
 from analytic.mechanism.units import DIMENSIONS, SI, QuantityKind, UnitError, factor
-from sim_models.fmu.description import NUMBERS, Fmu, FmuError, Variable
+from sim_models.fmu.description import REAL_KINDS, Fmu, FmuError, Variable
 
 Moved = Literal["position", "speed", "acceleration", "start"]
 Value = bool | int | float | str
 Units = Mapping[str, float]  # of what no sensor reads, with their factors
-TURNS: Mapping[Moved, QuantityKind | Units] = {
+MOVED_DIMENSIONS: Mapping[Moved, QuantityKind | Units] = {
     "position": "angle",
     "speed": "angular velocity",
     "acceleration": {"rad/s2": 1.0, "rad/s^2": 1.0, "deg/s2": math.radians(1.0), "deg/s^2": math.radians(1.0)},
@@ -53,7 +53,7 @@ SLIDES: Mapping[Moved, QuantityKind | Units] = {
     "acceleration": {"m/s2": 1.0, "m/s^2": 1.0, "mm/s2": 1e-3, "mm/s^2": 1e-3},
     "start": "length",
 }
-LISTED = 30  # variables that a message lists
+VARIABLES_LISTED = 30  # variables that a message lists
 
 
 class Driven(Conversion):
@@ -148,7 +148,7 @@ class Map:
                 told = ", ".join(self.file.drives) or "no driven joint"
                 why = f"{self.path}: drives: tells the FMU of {told}, but {mechanism.name} is driven in {name} too"
                 raise FmuError(f"{why}; give [drives.{name}] with its position")
-            kinds = SLIDES if mechanism.joint(name).prismatic else TURNS
+            kinds = SLIDES if mechanism.joint(name).prismatic else MOVED_DIMENSIONS
             found[name] = _links(self.fmu, self.path, f"drives.{name}", _told(self.file.drives[name]), kinds)
         for name in self.file.drives:
             if name not in found:
@@ -208,7 +208,7 @@ def _inputs(fmu: Fmu, path: Path, file: MapFile) -> dict[Moved, Link]:
     """The inputs of a crank; of several drives none, but each is told where it is.  Raises FmuError."""
     if file.inputs is not None and file.drives:
         raise FmuError(f"{path}: has [inputs], of a crank, and [drives], of several; leave one of them out")
-    found = {} if file.inputs is None else _links(fmu, path, "inputs", _told(file.inputs), TURNS)
+    found = {} if file.inputs is None else _links(fmu, path, "inputs", _told(file.inputs), MOVED_DIMENSIONS)
     if not file.drives and "position" not in found and not {"speed", "start"} <= set(found):
         raise FmuError(
             f"{path}: inputs: the FMU is not told where its crank is; give angle, or speed with start_angle, the"
@@ -294,7 +294,7 @@ def _parameters(fmu: Fmu, path: Path, given: Mapping[str, Value]) -> Iterator[tu
 def _variable(fmu: Fmu, name: str, where: str) -> Variable:
     """A variable that is a number.  Raises FmuError."""
     found = _known(fmu, name, where)
-    if found.kind not in NUMBERS:
+    if found.kind not in REAL_KINDS:
         raise FmuError(
             f"{where}: {shown(name)} of {fmu.path.name} is of kind {found.kind}; give one that is Real or Float64"
         )
@@ -355,5 +355,5 @@ def _hint(name: str, known: Iterable[str], what: str) -> str:
 
 
 def _listed(names: list[str]) -> str:
-    more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
-    return (", ".join(name[:80] for name in names[:LISTED]) or "none") + more
+    more = f" and {len(names) - VARIABLES_LISTED} more" if len(names) > VARIABLES_LISTED else ""
+    return (", ".join(name[:80] for name in names[:VARIABLES_LISTED]) or "none") + more

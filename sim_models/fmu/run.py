@@ -23,10 +23,10 @@ from sim_models.fmu.description import Fmu, FmuError, Variable, unpacked
 from sim_models.fmu.mapping import Link, Map, Moved
 from sim_models.fmu.schedule import Plan
 
-LONGEST = 600.0  # s that a run may take
-LOOK = "run it in the tool that made it to see why"
+LONGEST_RUN = 600.0  # s that a run may take
+LOOK_IN_ITS_TOOL = "run it in the tool that made it to see why"
 TOLD: tuple[Moved, ...] = ("position", "speed", "acceleration")  # in the order of a plan's inputs
-SAID = 300  # characters of what an FMU says of its own failure
+QUOTED_FROM_FMU = 300  # characters of what an FMU says of its own failure
 
 
 def run(columns: Map, drives: Sequence[Mapping[Moved, Link]], plan: Plan, signals: Sequence[Variable]) -> np.ndarray:
@@ -74,12 +74,12 @@ def _wait(fmu: Fmu, files: Path) -> None:
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=said,
-                timeout=LONGEST,
+                timeout=LONGEST_RUN,
                 check=False,
             )
         except subprocess.TimeoutExpired:
             raise SimulationError(
-                f"fmu:{fmu.path}: it was not done after {LONGEST:g} s, while it was {_stage(files)}",
+                f"fmu:{fmu.path}: it was not done after {LONGEST_RUN:g} s, while it was {_stage(files)}",
                 Cause.TOO_MANY_STEPS,
                 "give a larger step in the map, or ask for less",
             ) from None
@@ -89,7 +89,7 @@ def _wait(fmu: Fmu, files: Path) -> None:
         except ValueError:
             name = f"exit status {done.returncode}"
         what = f"its code crashed ({name}) while it was {_stage(files)}{_last_words(files)}"
-        raise SimulationError(f"fmu:{fmu.path}: {what}", Cause.FAULTY, LOOK)
+        raise SimulationError(f"fmu:{fmu.path}: {what}", Cause.FAULTY, LOOK_IN_ITS_TOOL)
 
 
 def _last_words(files: Path) -> str:
@@ -98,7 +98,7 @@ def _last_words(files: Path) -> str:
         said.seek(max(0, (files / child.SAID).stat().st_size - 4096))
         lines = said.read().decode("utf-8", errors="replace").split("\n")
     last = next((line.strip() for line in reversed(lines) if line.strip()), "")
-    return f": {last[:SAID]}" if last else ""
+    return f": {last[:QUOTED_FROM_FMU]}" if last else ""
 
 
 def _found(fmu: Fmu, files: Path, reported: np.ndarray, signals: Sequence[Variable]) -> np.ndarray:
@@ -110,25 +110,25 @@ def _found(fmu: Fmu, files: Path, reported: np.ndarray, signals: Sequence[Variab
     except ValueError:
         fault = {"words": "its fault cannot be read"}
     if fault:
-        words = " ".join(str(fault.get("words", "")).split())[:SAID].rstrip(".")
+        words = " ".join(str(fault.get("words", "")).split())[:QUOTED_FROM_FMU].rstrip(".")
         if fault.get("stage") == "loaded":
             raise FmuError(f"{fmu.path}: its code cannot be loaded here ({words}); export it for this platform")
         at = f" at {fault['time']:.6g} s" if isinstance(fault.get("time"), float) else ""
         raise SimulationError(
-            f"fmu:{fmu.path}: it failed while it was {fault.get('stage')}{at}: {words}", Cause.FAULTY, LOOK
+            f"fmu:{fmu.path}: it failed while it was {fault.get('stage')}{at}: {words}", Cause.FAULTY, LOOK_IN_ITS_TOOL
         )
     try:
         found = np.load(files / child.OUTPUTS, allow_pickle=False)
     except (OSError, ValueError, EOFError):
         found = np.zeros(0)
     if found.shape != (reported.size, len(signals)) or found.dtype != np.float64:
-        raise SimulationError(f"fmu:{fmu.path}: its process has left no result", Cause.FAULTY, LOOK)
+        raise SimulationError(f"fmu:{fmu.path}: its process has left no result", Cause.FAULTY, LOOK_IN_ITS_TOOL)
     if not np.all(np.isfinite(found)):
         k, signal = (int(i) for i in np.argwhere(~np.isfinite(found))[0])
         raise SimulationError(
             f"fmu:{fmu.path}: {shown(signals[signal].name)} is {found[k, signal]} at {reported[k]:.6g} s",
             Cause.FAULTY,
-            LOOK,
+            LOOK_IN_ITS_TOOL,
         )
     return np.asarray(found)
 

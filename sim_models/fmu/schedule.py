@@ -13,13 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from analytic.kinematics.schedule import DriveMotion
+from sim_models.common.start import MOST_STEPS
 from sim_models.fmu.description import FmuError
 from sim_models.fmu.mapping import Link, Map, Moved
 
 OF_A_TURN = 1000  # steps, where nobody says how long they are
-MOST = 1_500_000  # steps
-SAME = 1e-9  # of a step, by which instants may differ that are one
-EQUAL = 1e-6  # of a step, by which equal ones may differ
+SAME_INSTANT = 1e-9  # of a step, by which instants may differ that are one
+EQUAL_STEPS = 1e-6  # of a step, by which equal ones may differ
 WASTE = 4  # how many times as many steps are taken so that they are equal
 
 
@@ -63,14 +63,14 @@ def scheduled(
         raise FmuError(f"{columns.path}: {what}; leave it out")
     step = step or columns.step or 2 * np.pi / (top_speed or 1.0) / OF_A_TURN
     wanted = np.unique(times - begin)
-    wanted = wanted[np.concatenate([[True], np.diff(wanted) > SAME * step])]
+    wanted = wanted[np.concatenate([[True], np.diff(wanted) > SAME_INSTANT * step])]
     nodes = wanted if wanted[0] <= 0 else np.concatenate([[0.0], wanted])
     steps = (nodes[-1] - nodes[0]) / step + nodes.size
-    if steps > MOST:
+    if steps > MOST_STEPS:
         where = f"{columns.path}: step" if columns.file.step else f"{columns.fmu.path}: its default step"
         raise FmuError(
-            f"{where} = {step:g} s: {steps:.3g} steps would be taken, and at most {MOST} are; give a larger step in the"
-            " map, or ask for less"
+            f"{where} = {step:g} s: {steps:.3g} steps would be taken, and at most {MOST_STEPS} are; give a larger step"
+            " in the map, or ask for less"
         )
     counts = _counts(columns, np.diff(nodes), step)
     parts = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(nodes[:-1], nodes[1:], counts, strict=True)]
@@ -90,10 +90,10 @@ def _counts(columns: Map, gaps: np.ndarray, step: float) -> np.ndarray:
     """How many steps there are between nodes: equal ones where that takes not many more.  Raises FmuError."""
     if not gaps.size:
         return np.zeros(0, int)
-    fewest = np.ceil(gaps / step * (1 - EQUAL)).astype(int)
+    fewest = np.ceil(gaps / step * (1 - EQUAL_STEPS)).astype(int)
     equal = gaps.min() / fewest[np.argmin(gaps)]
     even = np.rint(gaps / equal).astype(int)
-    if np.allclose(even * equal, gaps, rtol=0, atol=EQUAL * equal) and even.sum() <= WASTE * fewest.sum():
+    if np.allclose(even * equal, gaps, rtol=0, atol=EQUAL_STEPS * equal) and even.sum() <= WASTE * fewest.sum():
         return even
     if columns.fmu.even:
         raise FmuError(

@@ -37,8 +37,8 @@ from sim_models.run.grid import StepGrid
 from sim_models.run.path import Path
 from sim_models.run.track import Track
 
-HEEDED = 1e-7  # of the largest reaction that friction grows with: what it may still change by
-HEEDINGS = 100  # times that friction is found anew from the reactions that it changes
+FRICTION_LEFT = 1e-7  # of the largest reaction that friction grows with: what it may still change by
+FRICTION_ROUNDS = 100  # times that friction is found anew from the reactions that it changes
 T = TypeVar("T")
 WARM_UP = 4  # steps towards the first instant
 
@@ -227,7 +227,7 @@ class LeapfrogWorld(ABC):
         """What an evaluation gives once the friction in it is that of its own reactions, which press joints so hard
         (N).  Raises SimulationError where that does not settle.
         """
-        for _ in range(HEEDINGS):
+        for _ in range(FRICTION_ROUNDS):
             found = evaluate()
             if not self.loads or self.heed(pressing(found)):
                 return found
@@ -371,7 +371,7 @@ class LeapfrogWorld(ABC):
         """
         change = max((abs(now[name] - load) for name, load in self.loads.items()), default=0.0)
         self.loads.update(now)
-        return change <= HEEDED * max(now.values(), default=0.0)
+        return change <= FRICTION_LEFT * max(now.values(), default=0.0)
 
     def _steer(self, h: float) -> None:
         """Give what is steered the speed that takes it to its aim in the next step (s), or a crank that lags its motor

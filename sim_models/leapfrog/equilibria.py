@@ -19,23 +19,25 @@ from sim_models.common.failed_starts import check_stiff_enough, no_start, why_no
 from sim_models.common.start import AT_REST, Pose
 from sim_models.engine import CENTRED, ELSEWHERE, Cause, SimulationError
 from sim_models.leapfrog.block import Block
-from sim_models.leapfrog.bodies import HEEDINGS, LeapfrogWorld
-from sim_models.leapfrog.poses import NONE, STENCIL, Changes, duration, moving, near, still
+from sim_models.leapfrog.bodies import FRICTION_ROUNDS, LeapfrogWorld
+from sim_models.leapfrog.poses import NO_CHANGES, TURN_OF_STENCIL, Changes, duration, moving, near, still
 from sim_models.leapfrog.probe import forces_at, gap_accelerations
 from sim_models.run.path import MotorPath, Path
 
 NO_LOAD = 1e-9  # of the largest reaction: one below it leaves its pin loose
-FAINT = 1e-3  # of the largest reaction: what a soft bearing is taken to give under at least, where steps are measured
-NO_FORCE = 1e-6  # N, the same where all vanish: the engines' rounding
-NUDGE = 1e-4  # rad; of a depth, ten times that: differences for Newton's Jacobian
-SETTLED = 1e-7  # of a Newton step's limit (0.3 rad, 0.7 of a depth): the last step that is worth taking
-CLOSE = 1e-4  # of the same: below it a step that is no longer halved is the engine's rounding
-SAMPLES = 24  # instants at which a run's largest reactions are looked for
+FAINT_REACTION = (
+    1e-3  # of the largest reaction: what a soft bearing is taken to give under at least, where steps are measured
+)
+VANISHING_REACTION = 1e-6  # N, the same where all vanish: the engines' rounding
+ANGLE_NUDGE = 1e-4  # rad; of a depth, ten times that: differences for Newton's Jacobian
+LAST_STEP_WORTH_TAKING = 1e-7  # of a Newton step's limit (0.3 rad, 0.7 of a depth): the last step that is worth taking
+ROUNDING_OF_STEP = 1e-4  # of the same: below it a step that is no longer halved is the engine's rounding
+PEAK_SAMPLES = 24  # instants at which a run's largest reactions are looked for
 ALONGSIDE = 1e-6  # of the largest reaction: what friction may still move those that it grows with
 LAG_DEGREE = 6  # of the polynomial in time that a crank's lag is
 LAG_PERIODS = 6.0  # of the crank's own oscillation, in radians: half of the time that it is fitted over
 LAG_REACH = 0.3  # rad of crank angle in the same, at most
-LAG_SETTLED = 1e-6  # of itself; and
+LAG_STEADY = 1e-6  # of itself; and
 LAG_ROUNDING = 1e-10  # rad
 LARGEST_LAG = 1.0  # rad
 
@@ -57,7 +59,9 @@ class Equilibria:
     ideal: LeapfrogWorld
     last: dict[str, tuple[complex, float]] = field(default_factory=dict)
 
-    def gaps(self, path: Path, time: float, rate: Changes = NONE, bend: Changes = NONE) -> dict[str, complex]:
+    def gaps(
+        self, path: Path, time: float, rate: Changes = NO_CHANGES, bend: Changes = NO_CHANGES
+    ) -> dict[str, complex]:
         """Gap (m) of every pin, and seat of every block, at a time (s) of the crank's path.
 
         ``rate`` and ``bend`` are the gaps' first two derivatives in time (m/s, m/s^2).  Raises SimulationError where no
@@ -71,7 +75,7 @@ class Equilibria:
         largest = max(abs(f) for f in forces.values())
         here = still(path, time) if world.blocks else {}
         forces |= {name: self._push(block, here, forces[name], moments[name]) for name, block in world.blocks.items()}
-        loose = [name for name in world.loose if abs(forces[name]) <= max(NO_FORCE, NO_LOAD * largest)]
+        loose = [name for name in world.loose if abs(forces[name]) <= max(VANISHING_REACTION, NO_LOAD * largest)]
         if loose:
             inner = world.mechanism.joint(loose[0]).inner
             raise self.failed(Cause.UNPRESSED, f"nothing presses the {inner} of joint {loose[0]!r}", theta)
@@ -121,7 +125,7 @@ class Equilibria:
         n = len(names)
         rims = n * (2 if world.compliant else 1)
         sizes = {  # m, about what each soft bearing gives
-            name: max(abs(forces[name]), FAINT * largest, NO_FORCE) / pin.contact.stiffness
+            name: max(abs(forces[name]), FAINT_REACTION * largest, VANISHING_REACTION) / pin.contact.stiffness
             for name, pin in world.soft.items()
         }
         given = [forces[name] / pin.contact.stiffness / sizes[name] for name, pin in world.soft.items()]
@@ -161,7 +165,7 @@ class Equilibria:
 
         x = begin.T.ravel() if world.compliant else begin[:, 0]
         x = np.append(x, [part for z in given for part in (z.real, z.imag)] + [0.0] * 2 * len(seats))
-        for _ in range(HEEDINGS):
+        for _ in range(FRICTION_ROUNDS):
             x, known = self._newton(x, miss, n, rims), dict(world.loads)
             if not known:
                 break
@@ -188,7 +192,7 @@ class Equilibria:
         for _ in range(60):
             error = miss(x)
             size = np.where(soft, 1.0, np.abs(x))
-            nudge = np.where(turns, NUDGE, 10 * NUDGE * size)
+            nudge = np.where(turns, ANGLE_NUDGE, 10 * ANGLE_NUDGE * size)
             jacobian = np.column_stack(
                 [(miss(x + nudge * unit) - error) / nudge[k] for k, unit in enumerate(np.eye(x.size))]
             )
@@ -197,7 +201,7 @@ class Equilibria:
             change = -np.linalg.solve(jacobian, error)
             relative = float((np.abs(change) / np.where(turns, 0.3, 0.7 * size)).max())
             x = x + change / max(1.0, relative)
-            if relative < SETTLED or CLOSE > relative > previous / 2:
+            if relative < LAST_STEP_WORTH_TAKING or ROUNDING_OF_STEP > relative > previous / 2:
                 return x
             previous = relative
         raise Nowhere
@@ -222,7 +226,7 @@ class Equilibria:
         rate: dict[str, complex] = {}
         bend: dict[str, complex] = {}
         here = self.gaps(path, time)
-        apart = duration(path, STENCIL)
+        apart = duration(path, TURN_OF_STENCIL)
         for _ in range(2 if here and np.isfinite(apart) else 0):
             before, after = (self.gaps(path, time + side * apart, rate, bend) for side in (-1, 1))
             rate = {n: (after[n] - before[n]) / (2 * apart) for n in here}
@@ -233,7 +237,7 @@ class Equilibria:
     def peaks(self, path: Path, times: np.ndarray) -> dict[str, float]:
         """Largest reaction (N) of each pin in the ideal linkage over times (s) of the crank's path."""
         seen = (
-            [self.ideal_forces(path, float(t))[0] for t in times[:: max(1, times.size // SAMPLES)]]
+            [self.ideal_forces(path, float(t))[0] for t in times[:: max(1, times.size // PEAK_SAMPLES)]]
             if self.world.pins
             else []
         )
@@ -254,7 +258,7 @@ class Equilibria:
             lags = np.array([self.ideal_torque(crank, float(t)) for t in times]) / stiffness
             lag = Polynomial.fit(times, lags, LAG_DEGREE)
             crank, here = path.behind(lag), float(lag(time))
-            if abs(here - last) < LAG_ROUNDING + LAG_SETTLED * abs(here):
+            if abs(here - last) < LAG_ROUNDING + LAG_STEADY * abs(here):
                 return self._with_gaps(crank, lag, time, stiffness) if self.world.loose or self.world.soft else crank
             if not np.abs(lags).max() < LARGEST_LAG:
                 break

@@ -11,11 +11,11 @@ from analytic.kinematics.structure import BlockRest
 from sim_models.common.start import Pose
 from sim_models.run.path import Path, Poses
 
-STENCIL = 1e-3  # rad of crank angle, for rates of positions and of the pins' equilibria
+TURN_OF_STENCIL = 1e-3  # rad of crank angle, for rates of positions and of the pins' equilibria
 KNOT_SHARE = 0.125  # of the time between a course's knots: below it a course has nothing new to say
 
 Changes = Mapping[str, complex]  # by joint: a pin's gap (m); a block's height (m) and i times its tilt (rad)
-NONE: Changes = MappingProxyType({})
+NO_CHANGES: Changes = MappingProxyType({})
 
 
 def duration(path: Path, angle: float, knots: float = KNOT_SHARE) -> float:
@@ -26,7 +26,7 @@ def duration(path: Path, angle: float, knots: float = KNOT_SHARE) -> float:
     return min(turning, knots * path.knot_spacing)
 
 
-def moving(path: Path, time: float, gaps: Callable[[float], Changes] = lambda time: NONE) -> Poses:
+def moving(path: Path, time: float, gaps: Callable[[float], Changes] = lambda time: NO_CHANGES) -> Poses:
     """Pose of every moving body at a time (s) of a path, with gaps (m) that depend on the time.
 
     Rates are central differences in time (five points).
@@ -35,7 +35,7 @@ def moving(path: Path, time: float, gaps: Callable[[float], Changes] = lambda ti
     def at(moment: float) -> Poses:
         return still(path, moment, gaps(moment))
 
-    here, apart = at(time), duration(path, STENCIL)
+    here, apart = at(time), duration(path, TURN_OF_STENCIL)
     if np.isinf(apart):
         return here
     around = [(weight / (12 * apart), at(time + k * apart)) for k, weight in ((-2, 1), (-1, -8), (1, 8), (2, -1))]
@@ -50,13 +50,15 @@ def moving(path: Path, time: float, gaps: Callable[[float], Changes] = lambda ti
     }
 
 
-def still(path: Path, place: float, gaps: Changes = NONE) -> Poses:
+def still(path: Path, place: float, gaps: Changes = NO_CHANGES) -> Poses:
     """Pose of every moving body at a place on a path, with these gaps (m), as if at rest.  Raises AssemblyError."""
     slides = {joint.name for joint in path.assembly.mechanism.joints if joint.prismatic}
     return path.poses(place, {n: BlockRest(gap.real, gap.imag) if n in slides else gap for n, gap in gaps.items()})
 
 
-def near(gaps: Changes, time: float, rate: Changes = NONE, bend: Changes = NONE) -> Callable[[float], Changes]:
+def near(
+    gaps: Changes, time: float, rate: Changes = NO_CHANGES, bend: Changes = NO_CHANGES
+) -> Callable[[float], Changes]:
     """Gaps (m) as a parabola in time about ``time`` (s), by their first two derivatives there."""
     return lambda t: {
         n: g + rate.get(n, 0j) * (t - time) + bend.get(n, 0j) * (t - time) ** 2 / 2 for n, g in gaps.items()

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from analytic.mechanism.signals import DRIVE_TORQUE
-from sim_models.common.backlash import Felt, Flanks
+from sim_models.common.backlash import INSTANTS_FELT, Felt, Flanks
 from sim_models.common.contact_laws import TOO_DEEP, shortest_link
 from sim_models.common.journal import free_share
 from sim_models.common.silence import silence
@@ -31,10 +31,9 @@ from sim_models.run.path import MotorPath, Path
 from sim_models.run.run import Observed, Run, columns_of
 
 JOURNAL_SAMPLES = 4000  # at least, where a run has as many steps
-AT_REST = 1e-9  # rad, of a crank on a spring
+CRANK_AT_REST = 1e-9  # rad, of a crank on a spring
 ATTEMPTS = 50  # at where such a crank rests
 OFF_COURSE = 1e-7  # rad, what a rigidly driven crank may be off its course
-FELT = 37  # instants of a run at which what a motor feels is asked for
 HEEDED_STEPS = 30  # before a report, in which friction settles where the motion does not depend on it
 HELD = 1e-3  # of the largest reaction: what one-sided pins and rods may differ by where both hold the same equilibrium
 
@@ -116,7 +115,7 @@ class LeapfrogRun(Run):
             row = self.one_sided(self.rods, place) if self.rods else self.resting(self.equilibria, place)
             self.check_depth(f"crank angle {np.degrees(place):.4g} deg" if self.world.crank else f"{place:.4g} s")
             lagging = motor - (self.world.behind(row[DRIVE_TORQUE]) if self.world.crank else 0.0)
-            if abs(lagging - place) < AT_REST:
+            if abs(lagging - place) < CRANK_AT_REST:
                 return row
             place = lagging
         raise SimulationError(
@@ -165,7 +164,9 @@ class LeapfrogRun(Run):
         world, path, request = self.world, self.path, self.request
         last = float(times[-1])
         if self.mechanism.half_gap:
-            world.flanks = Flanks.of(self.mechanism, self.felt(np.linspace(path.begin, last, FELT)), path.top_speed)
+            world.flanks = Flanks.of(
+                self.mechanism, self.felt(np.linspace(path.begin, last, INSTANTS_FELT)), path.top_speed
+            )
             world.drive_stiffness = world.flanks.stiffness
         longest = request.step or longest_step(world, path, self.equilibria.peaks(path, self.known(times)))
         beyond = request.beyond / path.top_speed if request.beyond else 0.0

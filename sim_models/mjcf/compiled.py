@@ -13,15 +13,15 @@ from sim_models.mjcf.errors import MjcfError
 from sim_models.mjcf.plane import actuator_words, joint_words
 from sim_models.mjcf.scan import MEMORY, scan
 
-FIELDS = (
+COMPILED_FIELDS = (
     "body_pos", "body_ipos", "body_mass", "body_inertia", "jnt_pos", "jnt_axis", "jnt_stiffness", "dof_damping",
     "dof_armature", "dof_frictionloss", "qpos0", "qpos_spring", "eq_data", "site_pos", "key_qpos", "key_qvel",
     "key_ctrl", "actuator_gear", "actuator_damping", "actuator_armature", "actuator_biasprm", "actuator_gainprm",
 )  # fmt: skip
 AT_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 AT_TENDON = int(mujoco.mjtTrn.mjTRN_TENDON)
-SHORTEST = 1e-9  # s, of a time step
-LONGEST = 400  # characters of what MuJoCo says
+SHORTEST_TIME_STEP = 1e-9  # s, of a time step
+QUOTED_FROM_MUJOCO = 400  # characters of what MuJoCo says
 
 
 def compiled(path: Path, notes: list[str]) -> mujoco.MjModel:
@@ -35,13 +35,13 @@ def compiled(path: Path, notes: list[str]) -> mujoco.MjModel:
             model = mujoco.MjSpec.from_file(str(real)).compile()
         notes += dict.fromkeys(f"MuJoCo warns: {' '.join(str(each.message).split())}" for each in warned)
     except (ValueError, TypeError, RuntimeError, mujoco.FatalError, MemoryError) as error:
-        said = " ".join(str(error).split())[:LONGEST].rstrip(".")
+        said = " ".join(str(error).split())[:QUOTED_FROM_MUJOCO].rstrip(".")
         raise MjcfError(f"{path}: MuJoCo cannot compile it ({said}); correct it so that MuJoCo loads it") from None
     if model.narena > MEMORY:
         raise MjcfError(f"{path}: asks for {model.narena / 2**30:.3g} GB of memory; give size.memory = 1G or less")
-    if not SHORTEST <= model.opt.timestep <= LARGEST_NUMBER:
+    if not SHORTEST_TIME_STEP <= model.opt.timestep <= LARGEST_NUMBER:
         raise MjcfError(f"{path}: option.timestep = {model.opt.timestep:g} s cannot be stepped by; give such as 0.001")
-    for field in FIELDS:
+    for field in COMPILED_FIELDS:
         values = np.abs(getattr(model, field)).ravel()
         if not np.all(values <= LARGEST_NUMBER):
             worst = values[int(np.argmin(values <= LARGEST_NUMBER))]

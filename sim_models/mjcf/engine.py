@@ -9,7 +9,7 @@ from sim_models.engine import Capabilities, Engine, Feature, Pair, Request, Scop
 
 PACKAGE = "mujoco"
 RUNS: tuple[Pair, ...] = (("ideal", "driven"), ("ideal", "static"))
-FEATURES: tuple[Feature, ...] = (
+MODEL_FEATURES: tuple[Feature, ...] = (
     "prismatic", "coulomb_friction", "viscous_friction", "joint_spring", "released", "several_drives",
     "point_spring",
 )  # fmt: skip
@@ -31,7 +31,7 @@ class MjcfEngine(Engine):
     """
 
     package = PACKAGE
-    capabilities = Capabilities(rigid=Scope.of(RUNS, FEATURES, but=[("coulomb_friction", ("ideal", "static"))]))
+    capabilities = Capabilities(rigid=Scope.of(RUNS, MODEL_FEATURES, but=[("coulomb_friction", ("ideal", "static"))]))
 
     def __init__(self, path: str) -> None:
         self.path = Path(path)

@@ -36,14 +36,14 @@ from sim_models.mjcf.planar import Planar, read
 from sim_models.mjcf.plane import actuator_words, body_words, joint_words
 from sim_models.mujoco.engine import no_log_file
 
-DIGITS = 15  # of a length, over the linkage's size: what rounding leaves of one
+LENGTH_DIGITS = 15  # of a length, over the linkage's size: what rounding leaves of one
 OFF = mujoco.mjtDisableBit
 DISABLED = {  # for the whole model, by bits of option.flag
     "stiffness": int(OFF.mjDSBL_SPRING),
     "damping": int(OFF.mjDSBL_DAMPER),
     "friction_torque": int(OFF.mjDSBL_FRICTIONLOSS) | int(OFF.mjDSBL_CONSTRAINT),
 }
-SMALLEST = 1e-9  # of the same: a point that is nearer to another is that one
+NEAREST_POINT = 1e-9  # of the same: a point that is nearer to another is that one
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class _Writer:
         self.p, self.m = planar, planar.model
         self.frames: Frames = planar.at(planar.pose)
         self.notes = [f"the plane has {planar.plane}", *planar.notes]
-        self.digits = DIGITS - math.ceil(math.log10(planar.size))
+        self.digits = LENGTH_DIGITS - math.ceil(math.log10(planar.size))
         self.tendons: list[TendonLaw] = []
         self.springs: list[PointSpring] = []
         self.points: list[dict[str, tuple[float, float]]] = [{} for _ in planar.links]
@@ -147,7 +147,7 @@ class _Writer:
         if pin.slides:
             found |= {"axis": (_tidy(pin.axis.real), _tidy(pin.axis.imag)), "angle": _tidy(pin.angle)}
             q, travel = float(self.p.pose[self.m.jnt_qposadr[pin.joint]]), self.p.relative(pin, self.frames)
-            if abs(q - travel) > SMALLEST * self.p.size:
+            if abs(q - travel) > NEAREST_POINT * self.p.size:
                 self.notes.append(
                     f"the travel of {joint_words(self.m, pin.joint)} is {_tidy(travel):g} m in the initial pose, where"
                     f" its coordinate in the file is {q:g} m"
@@ -285,7 +285,7 @@ class _Writer:
 
     def point_at(self, link: int, place: complex, new: str) -> str:
         """The name of a link's point at a place (m): com, one that it has, or a ``new`` one, which it is given."""
-        names, near = self.points[link], SMALLEST * self.p.size
+        names, near = self.points[link], NEAREST_POINT * self.p.size
         if link and abs(place - self.p.links[link].centre) <= near:
             return "com"
         found = next((name for name, at in names.items() if abs(complex(*at) - place) <= near), new)

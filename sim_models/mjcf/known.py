@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 import mujoco
 import numpy as np
 
-KNOWN: Mapping[str, frozenset[str]] = {
+KNOWN_ATTRIBUTES: Mapping[str, frozenset[str]] = {
     what: frozenset(names.split())
     for what, names in {
         "body": """bvhadr bvhnum conaffinity contype dofadr dofnum geomadr geomnum gravcomp inertia invweight0 ipos
@@ -34,7 +34,7 @@ KNOWN: Mapping[str, frozenset[str]] = {
             tolerance viscosity wind""",
     }.items()
 }
-PLAIN = """
+ATTRIBUTES_BY_ELEMENT = """
 <mujoco>
   <worldbody><body><joint name="j"/><geom size="1"/><site name="s"/></body><site name="o"/></worldbody>
   <equality><connect site1="s" site2="o"/></equality>
@@ -48,16 +48,18 @@ def numbers(m: mujoco.MjModel) -> Iterator[tuple[str, str, np.ndarray]]:
     for name in dir(m):
         what, _, field = name.partition("_")
         value = getattr(m, name)
-        if what in KNOWN and isinstance(value, np.ndarray):
+        if what in KNOWN_ATTRIBUTES and isinstance(value, np.ndarray):
             yield what, field, value
     for field in dir(m.opt):
         if not field.startswith("_"):
             yield "opt", field, np.array([getattr(m.opt, field)])
 
 
-def unknown(m: mujoco.MjModel, known: Mapping[str, frozenset[str]] = KNOWN) -> Iterator[str]:
+def unknown(m: mujoco.MjModel, known: Mapping[str, frozenset[str]] = KNOWN_ATTRIBUTES) -> Iterator[str]:
     """What is not ``known`` of a model and is not as MuJoCo has it where a file is silent, a sentence each."""
-    plain = {(what, field): value for what, field, value in numbers(mujoco.MjModel.from_xml_string(PLAIN))}
+    plain = {
+        (what, field): value for what, field, value in numbers(mujoco.MjModel.from_xml_string(ATTRIBUTES_BY_ELEMENT))
+    }
     for what, field, value in numbers(m):
         silent = plain[what, field][-1]
         if field not in known[what] and (value.shape[1:] != silent.shape or np.any(value != silent)):

@@ -12,10 +12,10 @@ import mujoco
 import numpy as np
 
 from sim_models.mjcf.parts import Pin, Site
-from sim_models.mjcf.planar import CLOSED, Planar, positioned
+from sim_models.mjcf.planar import LOOP_CLOSED, Planar, positioned
 
 OVER_JOINTS, FROM_SITE = int(mujoco.mjtWrap.mjWRAP_JOINT), int(mujoco.mjtWrap.mjWRAP_SITE)
-SAME = 1e-9  # of the largest coefficient
+SAME_COEFFICIENT = 1e-9  # of the largest coefficient
 
 
 @dataclass(frozen=True)
@@ -58,14 +58,14 @@ def law(planar: Planar, t: int) -> TendonLaw | None:
         if not own.any():
             continue
         scale = float(form @ own / (own @ own))
-        if scale and np.abs(form - scale * own).max() <= SAME * np.abs(form).max():
+        if scale and np.abs(form - scale * own).max() <= SAME_COEFFICIENT * np.abs(form).max():
             return TendonLaw(t, pin, scale)
     return None
 
 
 def point_spring(planar: Planar, t: int) -> PointSpring | None:
     """The spring between two points of the plane that a tendon is, if it is one, and they are apart at the start."""
-    m, plane, near = planar.model, planar.plane, CLOSED * planar.size
+    m, plane, near = planar.model, planar.plane, LOOP_CLOSED * planar.size
     low, high = m.tendon_lengthspring[t]
     wraps = range(m.tendon_adr[t], m.tendon_adr[t] + m.tendon_num[t])
     if [int(m.wrap_type[w]) for w in wraps] != [FROM_SITE, FROM_SITE]:

@@ -16,7 +16,7 @@ from sim_models.engine import Unsupported
 from sim_models.mjcf.parts import Pin
 from sim_models.mjcf.planar import Planar
 
-ALIKE = 1e-6  # of the linkage's size, or rad: lengths and angles that differ by more are others
+LENGTHS_ALIKE = 1e-6  # of the linkage's size, or rad: lengths and angles that differ by more are others
 MOST_TRIALS = 200_000  # assignments that are looked at
 
 
@@ -68,7 +68,7 @@ def match(m: Mechanism, planar: Planar) -> Match:
 class _Matcher:
     def __init__(self, m: Mechanism, planar: Planar) -> None:
         self.m, self.planar = m, planar
-        self.near = ALIKE * planar.size
+        self.near = LENGTHS_ALIKE * planar.size
         self.order = _outward(m)
         self.trials = 0
         self.said = planar.said
@@ -211,7 +211,7 @@ class _Matcher:
         for line in lines[1:] if first.along else ():
             across = (first.theirs_along * line.theirs_along.conjugate()).imag
             off = ((line.theirs - turn * line.ours - shift) * line.theirs_along.conjugate()).imag
-            if abs(across) > ALIKE:
+            if abs(across) > LENGTHS_ALIKE:
                 return Frame(turn, shift + first.theirs_along * off / across)
         return Frame(turn, shift)
 
@@ -220,7 +220,7 @@ class _Matcher:
         off = spot.theirs - frame.of(spot.ours)
         if not spot.along:
             return abs(off) <= self.near
-        parallel = abs((spot.theirs_along * (frame.turn * spot.along).conjugate()).imag) <= ALIKE
+        parallel = abs((spot.theirs_along * (frame.turn * spot.along).conjugate()).imag) <= LENGTHS_ALIKE
         return parallel and abs((off * spot.theirs_along.conjugate()).imag) <= self.near
 
     def held(
@@ -236,7 +236,7 @@ class _Matcher:
             pin = pins[joint.name]
             angle = pin.angle if pin.links[0] == links[joint.bodies[0]] else -pin.angle
             first, second = (turns[b] for b in joint.bodies)
-            if abs(cmath.exp(1j * joint.angle) - cmath.exp(1j * angle) * second / first) > ALIKE:
+            if abs(cmath.exp(1j * joint.angle) - cmath.exp(1j * angle) * second / first) > LENGTHS_ALIKE:
                 return False
         return True
 

@@ -29,7 +29,7 @@ CONNECT, WELD = int(EQ.mjEQ_CONNECT), int(EQ.mjEQ_WELD)
 SITE = int(mujoco.mjtObj.mjOBJ_SITE)
 EQUALITY_OFF = int(mujoco.mjtDisableBit.mjDSBL_EQUALITY) | int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
 AT = 1e-9  # of the linkage's size: a site that is nearer to a joint is at it
-CLOSED = 1e-6  # of the linkage's size: a loop that is open by more is open
+LOOP_CLOSED = 1e-6  # of the linkage's size: a loop that is open by more is open
 COUPLINGS = {
     int(EQ.mjEQ_JOINT): "joint",
     int(EQ.mjEQ_TENDON): "tendon",
@@ -208,17 +208,17 @@ class _Reader:
 
     def initial(self, data: mujoco.MjData) -> tuple[np.ndarray, mujoco.MjData]:
         """The initial pose: the model's own, or the first keyframe in which its loops are closed if only that is."""
-        if self.open(data) <= CLOSED * self.size:
+        if self.open(data) <= LOOP_CLOSED * self.size:
             return self.m.qpos0.copy(), data
         for key in range(self.m.nkey):
             there = positioned(self.m, self.m.key_qpos[key])
-            if self.open(there) <= CLOSED * self.size:
+            if self.open(there) <= LOOP_CLOSED * self.size:
                 name = self.m.key(key).name or str(key)
                 self.notes.append(f"its loops are closed in the keyframe {name!r}, which is taken for its initial pose")
                 return self.m.key_qpos[key].copy(), there
         for e in self.active:
             gap = self.gap(data, e)
-            if self.m.eq_type[e] == WELD and gap > CLOSED * self.size:
+            if self.m.eq_type[e] == WELD and gap > LOOP_CLOSED * self.size:
                 raise MjcfError(
                     f"{self.said}: {self.equality_words(e)} welds what is {gap:.3g} m or rad apart in the initial pose;"
                     " give the model a keyframe in which its loops are closed"
@@ -360,7 +360,7 @@ class _Reader:
                 continue
             on, at = self.anchors(d, e)
             apart = abs(float((on - at) @ self.plane.normal))
-            if apart > CLOSED * self.size:
+            if apart > LOOP_CLOSED * self.size:
                 self.notes.append(
                     f"{self.equality_words(e)} is open by {apart:.3g} m across the plane, which nothing can close"
                 )

@@ -11,9 +11,9 @@ from sim_models.mjcf.errors import MjcfError
 
 PARALLEL = 1e-6  # rad, by which hinge axes may differ and slides lie off the plane
 LEVEL = 0.9  # of a normal along the world's z: the plane is seen from above
-JOINT = mujoco.mjtJoint
-HINGE, SLIDE = int(JOINT.mjJNT_HINGE), int(JOINT.mjJNT_SLIDE)
-KINDS = {int(JOINT.mjJNT_FREE): "free", int(JOINT.mjJNT_BALL): "ball"}
+JOINT_TYPE = mujoco.mjtJoint
+HINGE, SLIDE = int(JOINT_TYPE.mjJNT_HINGE), int(JOINT_TYPE.mjJNT_SLIDE)
+JOINT_KINDS = {int(JOINT_TYPE.mjJNT_FREE): "free", int(JOINT_TYPE.mjJNT_BALL): "ball"}
 
 
 @dataclass(frozen=True)
@@ -67,10 +67,10 @@ def plane_of(model: mujoco.MjModel, data: mujoco.MjData, said: str) -> Plane:
     not.
     """
     for j in range(model.njnt):
-        if int(model.jnt_type[j]) in KINDS:
+        if int(model.jnt_type[j]) in JOINT_KINDS:
             raise MjcfError(
-                f"{said}: {joint_words(model, j)} is a {KINDS[int(model.jnt_type[j])]} joint; a planar linkage has"
-                " hinges, all parallel, and slides across them"
+                f"{said}: {joint_words(model, j)} is a {JOINT_KINDS[int(model.jnt_type[j])]} joint; a planar linkage"
+                " has hinges, all parallel, and slides across them"
             )
     hinges = [j for j in range(model.njnt) if model.jnt_type[j] == HINGE]
     if not hinges:

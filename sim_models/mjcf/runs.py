@@ -20,17 +20,17 @@ from sim_models.run.grid import StepGrid
 from sim_models.run.path import MotorPath, Path
 from sim_models.run.run import Observed, Run, columns_of
 
-SIDE = 1e-3  # rad between the places whose poses give the rates of the ideal linkage
-STENCIL = np.arange(-2, 3)  # those places
-SLOPE = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / (12 * SIDE)  # 1/rad, and the second derivative
-BEND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / (12 * SIDE**2)
-WITHIN = 4.0  # the instants of a stencil lie no farther apart than a fourth of the time between knots
+STENCIL_SPACING = 1e-3  # rad between the places whose poses give the rates of the ideal linkage
+CRANK_STENCIL = np.arange(-2, 3)  # those places
+FIRST_SLOPE = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / (12 * STENCIL_SPACING)  # 1/rad, and the second derivative
+SECOND_SLOPE = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / (12 * STENCIL_SPACING**2)
+SPACINGS_PER_KNOT = 4.0  # the instants of a stencil lie no farther apart than a fourth of the time between knots
 LEAD = 6.0  # time constants of the softest loop
-HALVINGS = 8  # of a lead-in that is too long
-FASTER = 1.5  # times its top speed: a course that is drawn out too far
-MARGIN = 5e-3  # rad that are left to where the linkage locks
+LEAD_HALVINGS = 8  # of a lead-in that is too long
+TOO_FAST = 1.5  # times its top speed: a course that is drawn out too far
+ROOM_TO_LOCK = 5e-3  # rad that are left to where the linkage locks
 PARTED = 0.2  # of the linkage's size: a loop that opens by more is none
-LIMITS = (int(mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT), int(mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON))
+LIMIT_ROWS = (int(mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT), int(mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON))
 RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
 
 
@@ -53,7 +53,7 @@ class TheirRun(Run):
         self.who = f"{name}: {self.mechanism.name}"
         self.most_contacts, self.most_limits, self.open = 0, 0, 0.0
         # how fast (rad/s) the stencil of a crank's angles is passed, to be one of instants
-        self.pace = max(self.path.top_speed, WITHIN * SIDE / self.path.knot_spacing) or 1.0
+        self.pace = max(self.path.top_speed, SPACINGS_PER_KNOT * STENCIL_SPACING / self.path.knot_spacing) or 1.0
 
     def found_path(self) -> Path:
         schedule = self.request.schedule
@@ -110,21 +110,21 @@ class TheirRun(Run):
         longest = self.settling()
         if isinstance(self.path, MotorPath):
             longest = min(longest, 2 * math.pi / self.path.top_speed)
-        return next((lead for lead in longest / 2.0 ** np.arange(HALVINGS) if self.can_come(lead)), 0.0)
+        return next((lead for lead in longest / 2.0 ** np.arange(LEAD_HALVINGS) if self.can_come(lead)), 0.0)
 
     def can_come(self, lead: float) -> bool:
         """Whether the motors, and the linkage, can come from so long (s) before the motors' begin."""
         path = self.path
         before = path.begin - lead * np.array([0.5, 1.0])
         for motor in self.motors:
-            if np.abs(motor.positions(before, 1)).max() > FASTER * motor.top_speed:
+            if np.abs(motor.positions(before, 1)).max() > TOO_FAST * motor.top_speed:
                 return False
         try:
             if isinstance(path, MotorPath):
-                self.assembly.path(path.said(path.begin), path.said(before[1] - MARGIN / path.top_speed))
+                self.assembly.path(path.said(path.begin), path.said(before[1] - ROOM_TO_LOCK / path.top_speed))
             else:
                 for time in before.tolist():
-                    path.poses(time - 2 * SIDE / self.pace)
+                    path.poses(time - 2 * STENCIL_SPACING / self.pace)
         except AssemblyError:
             return False
         return True
@@ -137,18 +137,18 @@ class TheirRun(Run):
     def steady(self, time: float) -> tuple[np.ndarray, np.ndarray]:
         """Coordinates and velocities in which the motors pass a time (s) without transients."""
         q, v, _ = self.ideal(time)
-        around = [rest(self.link, *self.ideal(time + x), self.lag) for x in SIDE / self.pace * STENCIL]
+        around = [rest(self.link, *self.ideal(time + x), self.lag) for x in STENCIL_SPACING / self.pace * CRANK_STENCIL]
         known = np.array([each for each in around if each is not None])
         if len(known) < len(around):
             return q, v
-        rate = SLOPE @ known * self.pace
+        rate = FIRST_SLOPE @ known * self.pace
         rate[self.link.dofs] = v[self.link.dofs]
         return known[2], rate
 
     def ideal(self, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Coordinates, velocities and accelerations of the ideal linkage at a time (s), as if nothing moved freely."""
-        q = np.array([self.link.placed(self.path.poses(time + x)) for x in SIDE / self.pace * STENCIL])
-        v, a = SLOPE @ q * self.pace, BEND @ q * self.pace**2
+        q = np.array([self.link.placed(self.path.poses(time + x)) for x in STENCIL_SPACING / self.pace * CRANK_STENCIL])
+        v, a = FIRST_SLOPE @ q * self.pace, SECOND_SLOPE @ q * self.pace**2
         steering = Steering(self.link, self.motors, time)
         v[self.link.dofs], a[self.link.dofs] = (steering.at(np.zeros(1), order)[0] for order in (1, 2))
         return q[2], v, a
@@ -201,7 +201,7 @@ class TheirRun(Run):
     def note(self) -> None:
         """Note how many contacts and limits act, and how far (m) loops are open."""
         self.most_contacts = max(self.most_contacts, int(self.data.ncon))
-        self.most_limits = max(self.most_limits, int(np.isin(self.data.efc_type, LIMITS).sum()))
+        self.most_limits = max(self.most_limits, int(np.isin(self.data.efc_type, LIMIT_ROWS).sum()))
         self.open = max(self.open, self.link.parted())
 
     def check_alone(self, where: str) -> None:

@@ -17,11 +17,11 @@ from analytic.mechanism.errors import brief, quoted
 from analytic.mechanism.reading import ReadingError, read_text
 from sim_models.mjcf.errors import MjcfError
 
-LARGEST = 2**24  # bytes of one XML file
+LARGEST_FILE = 2**24  # bytes of one XML file
 LARGEST_ASSET = 2**26  # bytes of a mesh, a texture or a height field
 MOST_BODIES = 500
 MOST_FILES = 100
-DEEPEST = 90  # elements within each other; MuJoCo's own reader takes 100
+DEEPEST_NESTING = 90  # elements within each other; MuJoCo's own reader takes 100
 # What no planar linkage of rigid links has, and what brings code or other models with it
 REFUSED = {
     "plugin": "it loads code",
@@ -34,8 +34,8 @@ REFUSED = {
     "skin": "it is no rigid link",
 }
 FOLDERS = ("meshdir", "texturedir", "assetdir")
-MOST = 4096  # of any number that says how much there is to make; replicates are counted as bodies besides
-COUNTS = {
+MOST_OF_ANYTHING = 4096  # of any number that says how much there is to make; replicates are counted as bodies besides
+COUNT_ATTRIBUTES = {
     "replicate": ("count",),
     "texture": ("width", "height"),
     "hfield": ("nrow", "ncol"),
@@ -44,7 +44,20 @@ COUNTS = {
 }
 MEMORY = 2**30  # bytes that a model may ask for
 NO_NUMBER = re.compile(r"(?<![\w.])[+-]?(nan|inf|infinity)(?![\w.])", re.IGNORECASE)
-WORDS = {"name", "class", "childclass", "data", "model", "joint", "body", "body1", "body2", "site", "site1", "site2"}
+NAME_ATTRIBUTES = {
+    "name",
+    "class",
+    "childclass",
+    "data",
+    "model",
+    "joint",
+    "body",
+    "body1",
+    "body2",
+    "site",
+    "site1",
+    "site2",
+}
 
 
 @dataclass
@@ -66,7 +79,7 @@ class Scan:
         if self.files > MOST_FILES:
             raise MjcfError(f"{said}: is one of more than {MOST_FILES} included files; put the model into fewer")
         try:
-            text = read_text(path, LARGEST)
+            text = read_text(path, LARGEST_FILE)
         except ReadingError as error:
             raise MjcfError(f"{said}: {error}; give an MJCF file") from None
         self.within.append(path)
@@ -137,9 +150,10 @@ class _File:
         roots = ("mujoco",) if len(self.scan.within) == 1 else ("mujoco", "mujocoinclude")
         if len(self.times) == 1 and element not in roots:
             raise MjcfError(f"{self.at}: its root is <{brief(element)}>; an MJCF file has <mujoco> there")
-        if len(self.times) > DEEPEST:
+        if len(self.times) > DEEPEST_NESTING:
             raise MjcfError(
-                f"{self.at}: <{brief(element)}> lies in {DEEPEST} other elements; a linkage of fewer links is read"
+                f"{self.at}: <{brief(element)}> lies in {DEEPEST_NESTING} other elements; a linkage of fewer links is"
+                " read"
             )
         if element in REFUSED:
             raise MjcfError(f"{self.at}: <{element}> is not read, as {REFUSED[element]}; take it out")
@@ -150,11 +164,11 @@ class _File:
     def counted(self, element: str, given: dict[str, str]) -> None:
         """Raise MjcfError for more of anything than a linkage needs."""
         times = self.times[-1]
-        every = [name for name in given if name != "memory"] if element == "size" else COUNTS.get(element, ())
+        every = [name for name in given if name != "memory"] if element == "size" else COUNT_ATTRIBUTES.get(element, ())
         for name in every:
             number = _number(given.get(name, "0"))
-            if not number <= MOST:
-                raise MjcfError(f"{self.at}: {element}.{name} = {quoted(given[name])}; give at most {MOST}")
+            if not number <= MOST_OF_ANYTHING:
+                raise MjcfError(f"{self.at}: {element}.{name} = {quoted(given[name])}; give at most {MOST_OF_ANYTHING}")
             if element == "replicate":
                 times *= max(1, int(number))
         if element == "mesh" and "builtin" in given:
@@ -174,7 +188,7 @@ class _File:
     def numbers(self, element: str, given: dict[str, str]) -> None:
         """Raise MjcfError for a number that is none."""
         for name, value in given.items():
-            if name not in WORDS and element != "text" and NO_NUMBER.search(value):
+            if name not in NAME_ATTRIBUTES and element != "text" and NO_NUMBER.search(value):
                 raise MjcfError(f"{self.at}: {element}.{name} = {quoted(value)}; give finite numbers")
 
     def opened(self, element: str, given: dict[str, str]) -> None:

@@ -11,10 +11,10 @@ import numpy as np
 
 from sim_models.mjcf.linkage import EQUALITY, TheirLinkage
 
-NUDGE = 1e-7  # rad or m, of difference quotients
-SETTLED = 1e-10  # the same: Newton's last step
-ATTEMPTS = 30
-STANDSTILL = 1e-8  # of the fastest joint's speed: one that turns no faster has no direction of slip
+DIFFERENCE_STEP = 1e-7  # rad or m, of difference quotients
+SMALLEST_CORRECTION = 1e-10  # the same: Newton's last step
+NEWTON_STEPS = 30
+STANDSTILL_OF_SLIP = 1e-8  # of the fastest joint's speed: one that turns no faster has no direction of slip
 DRY = (int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF), int(mujoco.mjtConstraint.mjCNSTR_FRICTION_TENDON))
 
 
@@ -28,7 +28,7 @@ def rest(link: TheirLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, lag: f
     free = np.setdiff1d(np.arange(m.nv), link.dofs)
     n, q = free.size, q.copy()
     force = np.zeros(0)
-    for _ in range(ATTEMPTS):
+    for _ in range(NEWTON_STEPS):
         load, push, miss, soft = _balance(link, q, v, a, lag)
         if force.size != push.shape[0]:
             force = np.linalg.lstsq(push[:, free].T, load[free], rcond=None)[0]
@@ -36,19 +36,19 @@ def rest(link: TheirLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, lag: f
         matrix[:n, n:], matrix[n:, n:] = -push[:, free].T, -np.diag(soft)
         for column, i in enumerate(free):
             beside = q.copy()
-            beside[i] += NUDGE
+            beside[i] += DIFFERENCE_STEP
             load_there, push_there, miss_there, _ = _balance(link, beside, v, a, lag)
             if push_there.shape != push.shape:
                 return None
-            matrix[:n, column] = (load_there - load - (push_there - push).T @ force)[free] / NUDGE
-            matrix[n:, column] = (miss_there - miss) / NUDGE
+            matrix[:n, column] = (load_there - load - (push_there - push).T @ force)[free] / DIFFERENCE_STEP
+            matrix[n:, column] = (miss_there - miss) / DIFFERENCE_STEP
         left = np.concatenate([(load - push.T @ force)[free], miss - soft * force])
         if not (np.all(np.isfinite(matrix)) and np.all(np.isfinite(left))):
             return None
         move = np.linalg.lstsq(matrix, -left, rcond=1e-15)[0]
         q[free] += move[:n]
         force = force + move[n:]
-        if float(np.abs(move[:n]).max(initial=0.0)) < SETTLED:
+        if float(np.abs(move[:n]).max(initial=0.0)) < SMALLEST_CORRECTION:
             _balance(link, q, v, a, lag)
             d = link.data
             d.efc_force[:] = 0.0
@@ -73,7 +73,7 @@ def _balance(
     load = inertia + d.qfrc_bias - d.qfrc_passive - d.qfrc_actuator
     for row in np.flatnonzero(np.isin(d.efc_type, DRY)):  # dry friction is its whole size where there is slip
         slip = float(jacobian[row] @ v)
-        if abs(slip) > STANDSTILL * float(np.abs(v).max(initial=0.0)):
+        if abs(slip) > STANDSTILL_OF_SLIP * float(np.abs(v).max(initial=0.0)):
             load += np.sign(slip) * d.efc_frictionloss[row] * jacobian[row]
     closing = d.efc_type == EQUALITY
     push = jacobian[closing]

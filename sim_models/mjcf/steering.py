@@ -12,7 +12,7 @@ import numpy as np
 from analytic.kinematics.schedule import DriveMotion
 from sim_models.mjcf.linkage import TheirLinkage
 
-LOOKS = 3  # at a state, until the motors' efforts are those of that state
+EFFORT_PASSES = 3  # at a state, until the motors' efforts are those of that state
 
 
 class Steering:
@@ -48,7 +48,7 @@ class Steering:
         """
         m, d, effort = self.link.model, self.link.data, self.effort
         push = self.armature * self.at(np.array([float(step)]), 2)[0]
-        for _ in range(LOOKS if self.motors else 1):
+        for _ in range(EFFORT_PASSES if self.motors else 1):
             d.qfrc_applied[self.link.dofs] = push + effort
             mujoco.mj_forward(m, d)
             effort = effort + self.missed(push)

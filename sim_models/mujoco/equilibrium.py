@@ -23,7 +23,7 @@ from sim_models.mujoco.mjcf import Setting
 from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.passive import felt
 from sim_models.mujoco.state import (
-    HEEDINGS,
+    FRICTION_LOOKS,
     contact_rows,
     corner_friction,
     gap,
@@ -35,14 +35,14 @@ from sim_models.mujoco.state import (
     touch,
     unheeded,
 )
-from sim_models.mujoco.steady import STENCIL, derivative
-from sim_models.run.path import NO_GAPS, SIDE, Gaps, Path
+from sim_models.mujoco.steady import ANGLES_AROUND, derivative
+from sim_models.run.path import NO_GAPS, TURN_ASIDE, Gaps, Path
 
-NUDGE = 1e-7  # rad or m, of difference quotients
-SETTLED = 1e-9  # rad, or m over the linkage's size: Newton's last step; the error left is its square
-TRIES = 3  # of how blocks rest
-WEAK = 1e-9  # of the largest force: a reaction without direction
-STANDSTILL = 2e-8  # of SIDE: a joint that turns no farther around where a path is has no direction of slip
+DIFFERENCE_STEP = 1e-7  # rad or m, of difference quotients
+LAST_NEWTON_STEP = 1e-9  # rad, or m over the linkage's size: Newton's last step; the error left is its square
+BLOCK_TRIES = 3  # of how blocks rest
+NO_LOAD = 1e-9  # of the largest force: a reaction without direction
+SLIP_STANDSTILL = 2e-8  # of TURN_ASIDE: a joint that turns no farther around where a path is has no direction of slip
 
 
 @dataclass(frozen=True)
@@ -127,10 +127,12 @@ def rest(link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, slip:
         matrix[:n, n:], matrix[n:, n:] = -here.push[:, unknown].T, -np.diag(here.softness)
         for column, i in enumerate(unknown):
             beside = q.copy()
-            beside[i] += NUDGE
+            beside[i] += DIFFERENCE_STEP
             there = balance(link, beside, v, a, slip)
-            matrix[:n, column] = (there.load - here.load - (there.push - here.push).T @ force)[unknown] / NUDGE
-            matrix[n:, column] = (there.goal - here.goal) / NUDGE
+            matrix[:n, column] = (there.load - here.load - (there.push - here.push).T @ force)[
+                unknown
+            ] / DIFFERENCE_STEP
+            matrix[n:, column] = (there.goal - here.goal) / DIFFERENCE_STEP
         miss = np.concatenate([(here.load - here.push.T @ force)[unknown], here.goal - here.softness * force])
         try:
             move = np.linalg.solve(matrix, -miss)
@@ -142,7 +144,7 @@ def rest(link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, slip:
         force = force + share * move[n:]
         if not np.all(np.isfinite(q)):
             return None
-        if share == 1 and largest < SETTLED * link.size:
+        if share == 1 and largest < LAST_NEWTON_STEP * link.size:
             here = balance(link, q, v, a, slip)
             every = np.zeros(link.data.nefc)
             every[here.rows] = force
@@ -191,7 +193,9 @@ class Equilibria:
         link = self.ideal
         back, ahead = (link.placed(poses) for poses in around)
         moves = {j.name: float(link.between(j) @ (ahead - back)) for j in self.mechanism.joints}
-        return {name: math.copysign(1.0, x) if abs(x) > STANDSTILL * SIDE else 0.0 for name, x in moves.items()}
+        return {
+            name: math.copysign(1.0, x) if abs(x) > SLIP_STANDSTILL * TURN_ASIDE else 0.0 for name, x in moves.items()
+        }
 
     def torques(self, link: MujocoLinkage, found: Rest, slip: Mapping[str, float]) -> dict[str, float]:
         """Friction of the equilibrium that was found last (see :func:`sim_models.mujoco.state.friction_torques`)."""
@@ -209,7 +213,7 @@ class Equilibria:
         self, link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, slip: Mapping[str, float]
     ) -> Rest | None:
         """The state without transients, with the friction that its reactions give."""
-        for _ in range(HEEDINGS):
+        for _ in range(FRICTION_LOOKS):
             found = rest(link, q, v, a, slip)
             if found is None or not link.loads:
                 return found
@@ -223,9 +227,9 @@ class Equilibria:
         """The torque (N.m) that a motor on a spring gives the ideal linkage in this motion (rad, rad/s, rad/s^2), and
         the inertia (kg.m^2) that it feels; by virtual work.
         """
-        link, angles = self.ideal, theta + STENCIL
+        link, angles = self.ideal, theta + ANGLES_AROUND
         q = np.array([self.place(link, at) for at in angles])
-        slope = derivative(STENCIL)
+        slope = derivative(ANGLES_AROUND)
         turn, bend = (slope @ q)[2], (slope @ slope @ q)[2]
         turn[link.motor] = bend[link.motor] = 0.0
         here = balance(link, q[2], turn * rate, bend * rate**2 + turn * spin_up, self.slip(theta))
@@ -250,7 +254,7 @@ class Equilibria:
         largest = max(
             math.hypot(seen[f"reaction_{j.name}_x"], seen[f"reaction_{j.name}_y"]) for j in self.mechanism.joints
         )
-        forces = {name: force if abs(force) > WEAK * largest else 0j for name, force in forces.items()}
+        forces = {name: force if abs(force) > NO_LOAD * largest else 0j for name, force in forces.items()}
         self.forces |= {name: abs(force) for name, force in forces.items()}
         return forces
 
@@ -304,7 +308,7 @@ class Equilibria:
         slip = self.slip(theta)
         still = np.zeros(self.ideal.model.nv)
         forces = self.reactions(theta, self.place(self.ideal, theta), still, still)
-        for _ in range(TRIES):
+        for _ in range(BLOCK_TRIES):
             gaps = self.pressing(theta, forces)
             still = np.zeros(self.pressed.model.nv)
             found = self.rest(self.pressed, self.place(self.pressed, theta, gaps), still, still, slip)

@@ -20,7 +20,7 @@ from sim_models.engine import Cause, Engine, Request, Trace
 from sim_models.mujoco.equilibrium import Equilibria, rest
 from sim_models.mujoco.mjcf import Setting
 from sim_models.mujoco.model import Drive, MujocoLinkage
-from sim_models.mujoco.motor import SHORTEST
+from sim_models.mujoco.motor import SHORTEST_CUBIC_STEP
 from sim_models.mujoco.runs import STATIC_STEP, MujocoRun
 from sim_models.mujoco.state import contact_rows
 
@@ -112,7 +112,7 @@ def _meaning(link: MujocoLinkage) -> dict[str, Any]:
     """What the names in the model stand for."""
     return {
         "half_step": link.setting.stepped,
-        "shortest": SHORTEST * link.setting.step,
+        "shortest": SHORTEST_CUBIC_STEP * link.setting.step,
         "efforts": link.efforts,
         "told_by": _told_by(link),
         "bodies": {

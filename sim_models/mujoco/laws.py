@@ -21,7 +21,9 @@ from sim_models.engine import Request, SettingValue
 
 SOFT, HARD = 1e-4, 0.9999  # the least and the greatest impedance that MuJoCo takes
 UNDAMPED = 2e-2  # damping over the root of stiffness and mass, below which a cone's friction would give
-RUBS = 0.1  # damping ratio of a hard bounce, below which a cone's friction would follow what pushes and not what slides
+RUBBING_DAMPING = (
+    0.1  # damping ratio of a hard bounce, below which a cone's friction would follow what pushes and not what slides
+)
 
 
 @dataclass(frozen=True)

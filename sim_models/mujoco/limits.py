@@ -10,11 +10,13 @@ from sim_models.engine import SMALLER_STEP, Cause, Request, SimulationError
 from sim_models.mujoco.laws import Contact
 from sim_models.mujoco.model import MujocoLinkage
 
-DEEPEST = 0.1  # of the clearance: penetration that is in order without asking; more must be what the stiffness allows
+DEEPEST_PENETRATION = (
+    0.1  # of the clearance: penetration that is in order without asking; more must be what the stiffness allows
+)
 LOOSEST = 1e-5  # of the linkage's size, by which its rigid joints may come apart
 # rad, by which that may turn any body: soft rows give by the square of the step, and poor transmission angles magnify
 # it
-TURNED = 2e-6
+MOST_TURNED = 2e-6
 STRETCH = 1e-3  # of the clearance, by which a massless link may change its length
 
 
@@ -38,10 +40,10 @@ def check_closed(request: Request, turn: float, step: float) -> None:
     """Raise SimulationError (CAME_APART) where rigid joints have given so far that a body would have to turn by more
     than is in order (rad) to close them.
     """
-    if turn > TURNED:
+    if turn > MOST_TURNED:
         raise SimulationError(
             f"mujoco: {request.mechanism.name}, {request.joint_model} joints: the rigid joints have given so far that a"
-            f" body is {turn:.3g} rad off, {TURNED:.3g} rad is in order (step {step:.3g} s)",
+            f" body is {turn:.3g} rad off, {MOST_TURNED:.3g} rad is in order (step {step:.3g} s)",
             Cause.CAME_APART,
             (SMALLER_STEP, "give smaller loads or a slower drive"),
         )
@@ -60,7 +62,7 @@ def check_depth(
         joint = request.mechanism.joint(name)
         clearance = joint.clearance
         deepest = float(np.abs(gaps[name]).max()) - clearance
-        allowed = max(DEEPEST * clearance, 3 * max(forces[name]) / law.stiffness)
+        allowed = max(DEEPEST_PENETRATION * clearance, 3 * max(forces[name]) / law.stiffness)
         if deepest > allowed:
             raise SimulationError(
                 f"mujoco: {request.mechanism.name}, {request.joint_model} joints: the {joint.inner} of joint"

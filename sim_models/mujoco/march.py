@@ -32,7 +32,7 @@ from sim_models.mujoco.watch import Watch
 
 MOST_STEPS_IN_MUJOCO = 5_000_000  # of a run that MuJoCo steps by itself: half a minute
 AGEINGS = 40  # each leaves half of the error at most: the time constant of a rigid row is two steps
-SAMPLES = 600  # of a run's journal path, or somewhat more
+SAMPLES_OF_JOURNAL = 600  # of a run's journal path, or somewhat more
 
 
 def most_steps(link: MujocoLinkage) -> int:
@@ -134,7 +134,7 @@ def march(
         if half:
             d.qvel[:] += (lag - half * m.opt.timestep) * d.qacc
             lag = half * m.opt.timestep
-        pieces = min(count, math.ceil(SAMPLES * interval / (span if told else beyond))) if count else 1
+        pieces = min(count, math.ceil(SAMPLES_OF_JOURNAL * interval / (span if told else beyond))) if count else 1
         for piece in range(pieces):
             steps = count * (piece + 1) // pieces - count * piece // pieces
             if told:

@@ -33,13 +33,15 @@ from sim_models.common.tree import Branch
 from sim_models.mujoco.tree import spanning_tree
 
 MOTOR_INERTIA = 1e9  # kg.m^2 of armature: so much that no reaction changes a motor's speed
-RIGID = "0.9999 0.9999 0.001 0.5 2"  # solimp of a rigid row; 0.9999 is MuJoCo's largest impedance
+RIGID_IMPEDANCE = "0.9999 0.9999 0.001 0.5 2"  # solimp of a rigid row; 0.9999 is MuJoCo's largest impedance
 SMALLEST_INERTIA = 1e-14  # kg.m^2, for a point mass: MuJoCo accepts no less than 1e-15
 # of the solver, which measures by the model's inertia, the motor's armature included: 1e-14 left 0.6 % of a light
 # contact's force
-SOLVED = 1e-24
-SETTLING = 8.0  # time constant of rigid rows, in steps: at 4 the stages of a step leave 17 times the error in forces
-LANDED = 1.2  # damping ratio of a crank that lands on a flank of its drive: no bounce
+SOLVER_TOLERANCE = 1e-24
+RIGID_TIME_CONSTANT = (
+    8.0  # time constant of rigid rows, in steps: at 4 the stages of a step leave 17 times the error in forces
+)
+LANDING_DAMPING = 1.2  # damping ratio of a crank that lands on a flank of its drive: no bounce
 STICKING = 4.0  # of friction's rows, which are the sharper the shorter it is
 
 
@@ -134,7 +136,10 @@ class Description:
     def mjcf(self) -> str:
         """The model as MJCF text."""
         m = self.mechanism
-        solref, sticking = _numbers(SETTLING * self.setting.step, 1), _numbers(STICKING * self.setting.step, 1)
+        solref, sticking = (
+            _numbers(RIGID_TIME_CONSTANT * self.setting.step, 1),
+            _numbers(STICKING * self.setting.step, 1),
+        )
         integrator = "implicitfast" if self.setting.stepped else "RK4"
         closed = "".join(
             f'<connect name="{j.name}" site1="{j.name}:{j.bodies[1]}" site2="{j.name}:{j.bodies[0]}"/>'
@@ -143,10 +148,10 @@ class Description:
         return f"""<mujoco model={quoteattr(m.name)}>
 <compiler angle="radian" inertiafromgeom="false"/>
 <option timestep="{self.setting.step!r}" gravity="{_xy(complex(*m.gravity))}" integrator="{integrator}" cone="elliptic"
-  impratio="100" jacobian="dense" solver="Newton" tolerance="{SOLVED!r}" iterations="30">
+  impratio="100" jacobian="dense" solver="Newton" tolerance="{SOLVER_TOLERANCE!r}" iterations="30">
   <flag autoreset="disable" island="disable"/></option>
-<default><equality solref="{solref}" solimp="{RIGID}"/>
-  <tendon solreffriction="{sticking}" solimpfriction="{RIGID}"/></default>
+<default><equality solref="{solref}" solimp="{RIGID_IMPEDANCE}"/>
+  <tendon solreffriction="{sticking}" solimpfriction="{RIGID_IMPEDANCE}"/></default>
 <worldbody>{self._places(GROUND)}{self._children(GROUND)}{self._motor()}</worldbody>
 <tendon>{self._links()}{"".join(self._law(j) for j in m.joints)}{self._drive_spring()}{self._springs()}</tendon>
 <equality>{closed}{self._bars()}</equality>
@@ -282,7 +287,9 @@ class Description:
         if (flanks := self.setting.flanks) is not None:
             law = f'limited="true" range="{-flanks.half_gap!r} {flanks.half_gap!r}"'
             if flanks.rigid:
-                law += f' solreflimit="{_numbers(flanks.holds / HOLDS, LANDED)}" solimplimit="{RIGID}"'
+                law += (
+                    f' solreflimit="{_numbers(flanks.holds / HOLDS, LANDING_DAMPING)}" solimplimit="{RIGID_IMPEDANCE}"'
+                )
         return f'<fixed name="drive:spring" {law}>{crank}</fixed>'
 
     def _links(self) -> str:

@@ -18,15 +18,15 @@ from sim_models.common.guide import Guide
 from sim_models.common.start import Pose
 from sim_models.common.tree import Branch
 from sim_models.engine import Unsupported
-from sim_models.mujoco.laws import RUBS, Contact, spring
-from sim_models.mujoco.mjcf import RIGID, Description, Setting
+from sim_models.mujoco.laws import RUBBING_DAMPING, Contact, spring
+from sim_models.mujoco.mjcf import RIGID_IMPEDANCE, Description, Setting
 from sim_models.mujoco.passive import Passive
 from sim_models.mujoco.rim import Rim, memory
 from sim_models.mujoco.striking import Striking
 
 LIGHT = 1e2  # 1/kg times the lighter link's mass: makes the virtual mass of such a row 1e-6 of that link's
 
-LEAST = float(np.finfo(float).tiny)  # N, N.m: dry friction of a row, which without any would not be there
+LEAST_FRICTION = float(np.finfo(float).tiny)  # N, N.m: dry friction of a row, which without any would not be there
 
 ROW = mujoco.mjtConstraint
 
@@ -143,7 +143,7 @@ class MujocoLinkage:
         rows = [j for j in mechanism.load_rubbed if j.name in self.laws and setting.friction]
         self.growing = {self.laws[j.name]: (j, j.load_coefficient) for j in rows}
         for t, (j, _) in self.growing.items():
-            m.tendon_frictionloss[t] = max(j.stiction, LEAST)
+            m.tendon_frictionloss[t] = max(j.stiction, LEAST_FRICTION)
         passive = Passive(laws, self.loads, mechanism.periodic_torque, self.fixed_angle[crank], self.form[crank])
         self.passive = passive if laws or mechanism.periodic_torque else None
         self.present: np.ndarray | None = None  # velocities of this instant, where the data's are older
@@ -320,9 +320,9 @@ class MujocoLinkage:
         con.flex = con.elem = con.vert = [-1, -1]
         if law.hard:
             period, ratio = law.hard
-            con.solref, con.solimp = [period / ratio, ratio], [float(x) for x in RIGID.split()]
-            if friction and ratio < RUBS:
-                con.solreffriction = [period / RUBS, RUBS]
+            con.solref, con.solimp = [period / ratio, ratio], [float(x) for x in RIGID_IMPEDANCE.split()]
+            if friction and ratio < RUBBING_DAMPING:
+                con.solreffriction = [period / RUBBING_DAMPING, RUBBING_DAMPING]
         else:
             con.solref, con.solimp = spring(law, float(m.body_invweight0[m.geom_bodyid[geoms], 0].sum()))
         return con

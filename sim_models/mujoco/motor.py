@@ -18,16 +18,20 @@ from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.state import advance
 from sim_models.run.path import CoursePath, Path, direction
 
-BESIDE = 0.01  # rad, about, that a motor turns between the instants whose equilibria give the rates of a steady start
-AROUND = np.arange(-2, 3)  # those instants at constant speed, where the motion has a past
-AHEAD = np.arange(7)  # and on a course, which has none
-BEND = 0.05  # of the time in which a course's acceleration changes: no longer between two instants
-STRAIGHT = 1e-6  # of BESIDE: a turn by acceleration that is nothing but rounding
+TURN_BETWEEN_INSTANTS = (
+    0.01  # rad, about, that a motor turns between the instants whose equilibria give the rates of a steady start
+)
+INSTANTS_AROUND = np.arange(-2, 3)  # those instants at constant speed, where the motion has a past
+INSTANTS_AHEAD = np.arange(7)  # and on a course, which has none
+SHARE_OF_BEND = 0.05  # of the time in which a course's acceleration changes: no longer between two instants
+NEGLIGIBLE_BEND = 1e-6  # of TURN_BETWEEN_INSTANTS: a turn by acceleration that is nothing but rounding
 AS_BEFORE = 1e-5  # of its largest rate: a course that repeats itself, but for the ends of its spline
-SHORTEST = 1e-3  # of the linkage's step
-SAMPLES = 100  # of a course that may repeat itself
-ROUNDING = 1e-9  # of a course's time
-ASIDE = 1e-7  # rad: how far reactions may move a motor's armature at constant speed, in minutes, before it is put back
+SHORTEST_CUBIC_STEP = 1e-3  # of the linkage's step
+SAMPLES_OF_PERIOD = 100  # of a course that may repeat itself
+ROUNDING_OF_TIME = 1e-9  # of a course's time
+ARMATURE_DRIFT = (
+    1e-7  # rad: how far reactions may move a motor's armature at constant speed, in minutes, before it is put back
+)
 
 
 @dataclass(frozen=True)
@@ -69,12 +73,14 @@ class Steering:
 
 
 class AtConstantSpeed(Steering):
-    """Of a motor at constant speed, which is put back if it is ASIDE."""
+    """Of a motor at constant speed, which is put back if it is ARMATURE_DRIFT."""
 
     def __init__(self, motor: Steady) -> None:
         self.motor, self.top_speed = motor, motor.top_speed
         theta = motor.position(motor.begin)
-        self.stencil = Stencil(AROUND * BESIDE / motor.speed, theta + AROUND * BESIDE, 2)
+        self.stencil = Stencil(
+            INSTANTS_AROUND * TURN_BETWEEN_INSTANTS / motor.speed, theta + INSTANTS_AROUND * TURN_BETWEEN_INSTANTS, 2
+        )
 
     @property
     def period(self) -> float | None:
@@ -83,7 +89,7 @@ class AtConstantSpeed(Steering):
 
     def place(self, link: MujocoLinkage, time: float, lag: float) -> None:
         angle = self.motor.position(time)
-        if abs(link.data.qpos[link.motor] - angle) > ASIDE:
+        if abs(link.data.qpos[link.motor] - angle) > ARMATURE_DRIFT:
             link.data.qpos[link.motor], link.data.qvel[link.motor] = angle, self.motor.speed
 
     def rates(self, link: MujocoLinkage, time: float) -> np.ndarray:
@@ -96,11 +102,11 @@ class AtConstantSpeed(Steering):
 def spacing(motor: Course, size: float = 1.0) -> float:
     """Time (s) between the instants of a steady start on a course (rad; or m, of a linkage of this ``size``)."""
     top_speed, acceleration, jerk = (motor.peak(order) / size for order in (1, 2, 3))
-    apart = (motor.end - motor.begin) / (2 * AHEAD.size)
+    apart = (motor.end - motor.begin) / (2 * INSTANTS_AHEAD.size)
     if top_speed:
-        apart = min(apart, BESIDE / top_speed)
-    if acceleration * apart**2 > STRAIGHT * BESIDE:
-        apart = min(apart, BEND * acceleration / jerk) if jerk else apart
+        apart = min(apart, TURN_BETWEEN_INSTANTS / top_speed)
+    if acceleration * apart**2 > NEGLIGIBLE_BEND * TURN_BETWEEN_INSTANTS:
+        apart = min(apart, SHARE_OF_BEND * acceleration / jerk) if jerk else apart
     return apart
 
 
@@ -112,8 +118,8 @@ class AlongCourses(Steering):
         slides = {joint.name for joint in path.assembly.mechanism.joints if joint.prismatic}
         apart = min(spacing(each, path.size if name in slides else 1.0) for name, each in path.motors.items())
         if path.top_speed:
-            apart = min(apart, BESIDE / path.top_speed)
-        self.stencil = Stencil(apart * AHEAD, path.begin + apart * AHEAD, 0)
+            apart = min(apart, TURN_BETWEEN_INSTANTS / path.top_speed)
+        self.stencil = Stencil(apart * INSTANTS_AHEAD, path.begin + apart * INSTANTS_AHEAD, 0)
 
     def passed(self, last: float, count: int) -> np.ndarray:
         return np.linspace(self.begin, last, count)
@@ -137,7 +143,7 @@ class AlongCourses(Steering):
             x, v = x[1:], self.at(link, times[1:], 1)
             mean = np.diff(x, axis=0) / h
             push, slope = (6 * mean - 4 * v[:-1] - 2 * v[1:]) / h, (6 * (v[:-1] + v[1:]) - 12 * mean) / h**2
-            if h < SHORTEST * link.setting.step:  # so short that the cubic would be rounding
+            if h < SHORTEST_CUBIC_STEP * link.setting.step:  # so short that the cubic would be rounding
                 push, slope = np.diff(v, axis=0) / h, np.zeros((count, len(self.motors)))
         acceleration, jerk = d.act, d.ctrl[-len(self.motors) :]
         for now, change in zip(push, slope, strict=True):
@@ -157,7 +163,7 @@ class AlongCourse(AlongCourses):
     def __init__(self, motor: Course) -> None:
         self.motor, self.motors, self.top_speed = motor, [motor], motor.top_speed
         apart = spacing(motor)
-        self.stencil = Stencil(apart * AHEAD, motor.positions(motor.begin + apart * AHEAD), 0)
+        self.stencil = Stencil(apart * INSTANTS_AHEAD, motor.positions(motor.begin + apart * INSTANTS_AHEAD), 0)
 
     def passed(self, last: float, count: int) -> np.ndarray:
         return self.motor.positions(np.linspace(self.motor.begin, last, count))
@@ -170,10 +176,10 @@ class AlongCourse(AlongCourses):
         if sign == 0:
             return None
         once = np.sort(motor.spline.solve(motor.position(begin) + sign * 2 * math.pi))
-        once = once[(once > begin) & (once - begin < (end - begin) * (1 + ROUNDING))]
+        once = once[(once > begin) & (once - begin < (end - begin) * (1 + ROUNDING_OF_TIME))]
         if not once.size:
             return None
-        again = np.linspace(once[0], max(end, once[0]), SAMPLES)
+        again = np.linspace(once[0], max(end, once[0]), SAMPLES_OF_PERIOD)
         change = motor.positions(again, 1) - motor.positions(again - once[0] + begin, 1)
         return float(once[0]) - begin if np.abs(change).max() < AS_BEFORE * self.top_speed else None
 

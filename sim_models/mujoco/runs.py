@@ -11,7 +11,7 @@ import numpy as np
 from analytic.kinematics.assembly import AssemblyError
 from analytic.kinematics.schedule import Steady
 from analytic.mechanism import Mechanism
-from sim_models.common.backlash import HOLDS, Felt, Flanks, side
+from sim_models.common.backlash import HOLDS, INSTANTS_FELT, Felt, Flanks, side
 from sim_models.common.journal import free_share
 from sim_models.engine import Cause, Request, SettingValue, SimulationError
 from sim_models.mujoco.equilibrium import Equilibria
@@ -19,27 +19,31 @@ from sim_models.mujoco.laws import contact_laws, law_settings
 from sim_models.mujoco.march import Log, march
 from sim_models.mujoco.mjcf import Setting
 from sim_models.mujoco.model import MujocoLinkage
-from sim_models.mujoco.motor import AROUND, BESIDE, AlongCourse, AtConstantSpeed, steering
+from sim_models.mujoco.motor import INSTANTS_AROUND, TURN_BETWEEN_INSTANTS, AlongCourse, AtConstantSpeed, steering
 from sim_models.mujoco.state import friction_torques, joint_forces, look, mobility, on_track, signals, stiffest_law
-from sim_models.mujoco.steady import STENCIL, Revolution, derivative
+from sim_models.mujoco.steady import ANGLES_AROUND, Revolution, derivative
 from sim_models.run.path import Gaps
 from sim_models.run.run import Observed, Run, columns_of
 
 STATIC_STEP = 1.25e-5  # s; nothing steps in statics, but it makes the rigid rows stiff
 LARGEST_STEP = 4e-4  # s
 LARGEST_STEP_OF_COURSES = 2e-4  # s: loops that several motors hold give more than one behind a crank
-TURN_PER_STEP = {"ideal": 2e-3, "massless-link": 3e-4, "spring-damper": 6e-4, "contact": 6e-4}  # rad of the crank
+TURN_PER_STEP_BY_MODEL = {
+    "ideal": 2e-3,
+    "massless-link": 3e-4,
+    "spring-damper": 6e-4,
+    "contact": 6e-4,
+}  # rad of the crank
 SAMPLES_AT_REST = 150  # of a static run's
 SOFT_PHASE = 0.4  # rad of a soft bearing's own vibration in a step
 SECOND_ORDER_TURN = 2.4e-3  # rad of the crank where contact is of second order in the step
-BOUNCE = 0.4  # of a bounce's period/2 pi, for a step
+BOUNCE_PER_STEP = 0.4  # of a bounce's period/2 pi, for a step
 SECOND_ORDER_BOUNCE = 1.4  # where contact is of second order; at 2 a step is no longer stable
-GLIMPSES = 9  # places of a run at which it is looked how light pins are
+PLACES_GLIMPSED = 9  # places of a run at which it is looked how light pins are
 FINE_BOUNCE = 0.1  # where the mechanism asks for a restitution
-FELT = 37  # instants of a run at which what a motor feels is asked for
-STILL = 1e-8  # rad, what the flanks of a drive with backlash give where its equilibria are sought
-LANDING = 0.2  # of the time constant of a crank's landing, for a step
-NO_FORCE = complex(1e-12)  # N along x: presses a pin that nothing presses as it is let go
+FLANK_GIVE = 1e-8  # rad, what the flanks of a drive with backlash give where its equilibria are sought
+LANDING_PER_STEP = 0.2  # of the time constant of a crank's landing, for a step
+FAINTEST_PUSH = complex(1e-12)  # N along x: presses a pin that nothing presses as it is let go
 
 
 @dataclass(frozen=True)
@@ -187,9 +191,9 @@ class MujocoRun(Run):
         instants: np.ndarray | None = None
         speed = self.request.schedule.start_speed(self.mechanism) if self.request.schedule.crank else 0.0
         if speed:
-            instants = STENCIL
+            instants = ANGLES_AROUND
         elif self.steering.top_speed:
-            instants, speed = AROUND * BESIDE / self.steering.top_speed, 1.0
+            instants, speed = INSTANTS_AROUND * TURN_BETWEEN_INSTANTS / self.steering.top_speed, 1.0
         if instants is not None:
             around = np.array([near.place(pressed, begin + x, gaps) for x in instants])
             v = (derivative(instants) @ around)[2] * speed
@@ -207,7 +211,7 @@ class MujocoRun(Run):
         on_track(link)
         look(link)
         forces = near.noted(signals(link, joint_forces(link, link.data.efc_force), friction_torques(link)))
-        return {name: near.rim(name, force or NO_FORCE) for name, force in forces.items()}
+        return {name: near.rim(name, force or FAINTEST_PUSH) for name, force in forces.items()}
 
     @property
     def centred(self) -> bool:
@@ -220,10 +224,10 @@ class MujocoRun(Run):
         """
         link, last = near.pressed, float(self.request.schedule.time.max())
         limits = [LARGEST_STEP if self.path.driven is None else LARGEST_STEP_OF_COURSES]
-        passed = self.steering.passed(last, GLIMPSES) if link.second_order and self.path.held else np.zeros(0)
+        passed = self.steering.passed(last, PLACES_GLIMPSED) if link.second_order and self.path.held else np.zeros(0)
         places = [near.place(link, place) for place in passed]
         if self.steering.top_speed:
-            turn = SECOND_ORDER_TURN if places else TURN_PER_STEP[self.request.joint_model]
+            turn = SECOND_ORDER_TURN if places else TURN_PER_STEP_BY_MODEL[self.request.joint_model]
             limits.append(turn / self.steering.top_speed)
         for name, law in list(self.laws.items()):
             ease = mobility(link, q, name)
@@ -236,13 +240,13 @@ class MujocoRun(Run):
                     near.forces.get(name, 0.0) * ease * law.hard[0] ** 2
                 )  # under the load that it starts with, were it a spring
                 self.laws[name] = replace(law, margin=min(sag, 0.05 * clearance))
-                limits.append((FINE_BOUNCE if asked else BOUNCE) * law.hard[0])
+                limits.append((FINE_BOUNCE if asked else BOUNCE_PER_STEP) * law.hard[0])
             elif self.request.joint_model != "massless-link":
                 ease = max([ease, *(mobility(link, place, name) for place in places)])
-                part = FINE_BOUNCE if asked else SECOND_ORDER_BOUNCE if places else 2 * BOUNCE
+                part = FINE_BOUNCE if asked else SECOND_ORDER_BOUNCE if places else 2 * BOUNCE_PER_STEP
                 limits.append(part / max(math.sqrt(law.stiffness * ease), law.damping * ease))
         if self.flanks is not None and self.flanks.rigid:
-            limits.append(LANDING * self.flanks.holds / HOLDS)
+            limits.append(LANDING_PER_STEP * self.flanks.holds / HOLDS)
         for name, spring in link.soft.items():
             ease = mobility(link, q, name)
             limits.append(SOFT_PHASE / max(math.sqrt(spring.stiffness * ease), spring.damping * ease))
@@ -254,12 +258,12 @@ class MujocoRun(Run):
         angle = schedule.crank_angle
         motor = self.motor or Steady(float(angle[0]) if angle is not None else self.assembly.start)
         last = float(schedule.time.max()) if self.motor else motor.begin + 1.0
-        times = np.linspace(motor.begin, last, FELT)
+        times = np.linspace(motor.begin, last, INSTANTS_FELT)
         on_spring = replace(self.request, mechanism=_on_spring(m, 1.0), joint_model="ideal")
         near = Equilibria(on_spring, self.path, {}, motor.position(motor.begin), STATIC_STEP)
         felt = np.array([near.felt(*at) for at in zip(*(motor.positions(times, n) for n in range(3)), strict=True)])
         self.flanks = Flanks.of(m, Felt(times, *felt.T), motor.top_speed or 1.0)
-        rigid = float(np.abs(felt[:, 0]).max()) / STILL
+        rigid = float(np.abs(felt[:, 0]).max()) / FLANK_GIVE
         self.mechanism = _on_spring(m, max(rigid, 1.0) if self.flanks.rigid else self.flanks.stiffness)
         self.request = replace(self.request, mechanism=self.mechanism)
         self.shift = side(felt[0, 0]) * m.half_gap

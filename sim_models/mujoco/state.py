@@ -16,16 +16,16 @@ from sim_models.common.rates import rate_columns
 from sim_models.engine import Cause, SimulationError
 from sim_models.mujoco.block import ease as ease_of_corner
 from sim_models.mujoco.block import played, touch_walls
-from sim_models.mujoco.model import LEAST, ROW, Drive, MujocoLinkage, Part
+from sim_models.mujoco.model import LEAST_FRICTION, ROW, Drive, MujocoLinkage, Part
 from sim_models.mujoco.passive import felt, friction_rows
 from sim_models.mujoco.striking import GRIP
 
 SWAY = 1.0  # rad: how far a joint may go from where it starts, for the tangent of a spring that is not linear
 UNKNOWN_SPEED = 10.0  # rad/s, of a linkage that nothing drives, for the slope of its drag
-HEEDED = 1e-10  # of the largest reaction that friction grows with: what it may still change by
+FRICTION_CHANGE = 1e-10  # of the largest reaction that friction grows with: what it may still change by
 GLANCES = 1  # times that friction is found anew from the reactions that it changes, in every step that it matters to
-HEEDINGS = 200  # the same where a state is looked at
-SINGULAR = 1e-9  # of the largest: a singular value of closing joints that says nothing
+FRICTION_LOOKS = 200  # the same where a state is looked at
+SINGULAR_ROWS = 1e-9  # of the largest: a singular value of closing joints that says nothing
 Applied = tuple[complex, complex]  # force on a joint's second body (N), and the point where it acts (m)
 
 
@@ -168,7 +168,7 @@ def look(link: MujocoLinkage) -> None:
     for _ in range(2 if link.striking else 1):  # the first finds the acceleration that gives this instant's velocities
         with felt(link.passive):
             begin_step(link)
-        if not settle(link, HEEDINGS):
+        if not settle(link, FRICTION_LOOKS):
             raise unheeded(link)
 
 
@@ -204,7 +204,7 @@ def rub(link: MujocoLinkage) -> None:
         if t in link.growing:
             joint, growth = link.growing[t]
             size = joint.dry(float(rates[t])) + growth * link.loads[joint.name]
-            sizes[row] = model[t] = max(size, LEAST)
+            sizes[row] = model[t] = max(size, LEAST_FRICTION)
 
 
 def heed(link: MujocoLinkage, now: Mapping[str, float]) -> bool:
@@ -213,7 +213,7 @@ def heed(link: MujocoLinkage, now: Mapping[str, float]) -> bool:
     """
     change = max(abs(now[name] - load) for name, load in link.loads.items())
     link.loads.update(now)
-    return change <= HEEDED * max(now.values())
+    return change <= FRICTION_CHANGE * max(now.values())
 
 
 def unheeded(link: MujocoLinkage) -> SimulationError:
@@ -570,7 +570,7 @@ def misclosure(link: MujocoLinkage) -> float:
     closed = [rows[link.row_id[j.name]] + k for j in link.description.closing for k in (0, 1)]
     turn = np.zeros(m.nv)
     turn[link.moved] = np.linalg.lstsq(
-        d.efc_J.reshape(d.nefc, m.nv)[closed][:, link.moved], d.efc_pos[closed], rcond=SINGULAR
+        d.efc_J.reshape(d.nefc, m.nv)[closed][:, link.moved], d.efc_pos[closed], rcond=SINGULAR_ROWS
     )[0]
     return max(abs(float(form @ turn)) for form in link.form.values())
 

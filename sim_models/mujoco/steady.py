@@ -20,9 +20,9 @@ from sim_models.mujoco.state import look, on_track, stiffest_law
 from sim_models.run.path import CrankPath, direction
 
 RETURNED = 5e-8  # rad: where it was, a revolution later
-NUDGE = 1e-5  # rad
-ATTEMPTS = 8
-STENCIL = np.arange(-2, 3) * 0.01  # rad, angles whose poses give the rates of an ideal linkage
+LAG_NUDGE = 1e-5  # rad
+LAG_STEPS = 8
+ANGLES_AROUND = np.arange(-2, 3) * 0.01  # rad, angles whose poses give the rates of an ideal linkage
 
 
 def derivative(x: np.ndarray) -> np.ndarray:
@@ -64,8 +64,8 @@ class Revolution:
     def state(self, lag: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Coordinates and velocities at the start."""
         link = self.link
-        beside = np.array([link.placed(self.path.poses(at)) for at in self.theta - lag[0] + STENCIL])
-        q, v = beside[2], (derivative(STENCIL) @ beside)[2] * (self.speed - lag[1] * self.sway)
+        beside = np.array([link.placed(self.path.poses(at)) for at in self.theta - lag[0] + ANGLES_AROUND])
+        q, v = beside[2], (derivative(ANGLES_AROUND) @ beside)[2] * (self.speed - lag[1] * self.sway)
         q[link.motor], v[link.motor] = self.theta, self.speed
         return q, v
 
@@ -96,14 +96,14 @@ class Revolution:
         resonance.
         """
         lag, slope = self.lag(q, v), np.zeros((0, 2))
-        for _ in range(ATTEMPTS):
+        for _ in range(LAG_STEPS):
             later = self.after(lag)
             if not np.all(np.isfinite(later)):
                 return None
             if np.abs(later - lag).max() < RETURNED:
                 return self.state(lag)
             if not slope.size:
-                slope = np.array([(self.after(lag + nudge) - later) / NUDGE for nudge in NUDGE * np.eye(2)]).T
+                slope = np.array([(self.after(lag + nudge) - later) / LAG_NUDGE for nudge in LAG_NUDGE * np.eye(2)]).T
             try:
                 lag = lag + np.linalg.solve(np.eye(2) - slope, later - lag)
             except np.linalg.LinAlgError:

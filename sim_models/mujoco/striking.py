@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from sim_models.common.contact_laws import NamedLaw
 
-FAINT = 1e-6  # of the lighter link's mass: D of a row without damping
+UNDAMPED_ROW = 1e-6  # of the lighter link's mass: D of a row without damping
 GRIP = 10.0  # the same of the rows of friction: slip that is less than a step's impulse through ten of it is held
 
 
@@ -70,7 +70,7 @@ class Striking:
         if self.since <= step:
             depth, share = mean_of_touch(depth, self.since, step)
         damping = share * self.law.damping_at(depth, self.touched)
-        return share * self.law.stiffness * depth + damping * rate, max(damping * step / 2, FAINT * self.mass)
+        return share * self.law.stiffness * depth + damping * rate, max(damping * step / 2, UNDAMPED_ROW * self.mass)
 
     def rub(self, force: float, soft: float, slip: float, gain: float, step: float) -> tuple[float, float]:
         """By how much (m/s^2) the normal row's aref must differ for this force (N) to be exact beside friction, with

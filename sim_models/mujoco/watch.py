@@ -7,12 +7,11 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
+from analytic.mechanism.parts import TINY
 from sim_models.engine import Watched
 from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.state import wall_rows
 from sim_models.run.track import Track
-
-TINY = 1e-300  # m, in place of a gap of nothing
 
 
 class Watch:

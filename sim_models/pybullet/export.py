@@ -21,10 +21,10 @@ from sim_models.common.tree import Branch
 from sim_models.engine import Engine, Request, Trace
 from sim_models.pybullet.engine import BulletRun
 from sim_models.pybullet.parts import Planned, flat
-from sim_models.pybullet.world import FASTEST, STRENGTH, BulletWorld
+from sim_models.pybullet.world import NO_SPEED_LIMIT, STRENGTH, BulletWorld
 from sim_models.run.path import Path as MotionPath
 
-FREE = (1.0, -1.0)  # limits that Bullet takes for none
+NO_LIMIT = (1.0, -1.0)  # limits that Bullet takes for none
 T = TypeVar("T")
 
 
@@ -147,7 +147,7 @@ def urdf(world: RecordedWorld, number: int) -> str:
         ElementTree.SubElement(joint, "origin", xyz=_numbers(flat(how.at)), rpy=_numbers([0.0, 0.0, how.fixed_angle]))
         ElementTree.SubElement(joint, "axis", xyz=_numbers(how.axis))
         if how.slides:
-            lower, upper = FREE if how.limits is None else how.limits
+            lower, upper = NO_LIMIT if how.limits is None else how.limits
             ElementTree.SubElement(
                 joint, "limit", lower=repr(float(lower)), upper=repr(float(upper)), effort="0", velocity="0"
             )
@@ -180,7 +180,7 @@ def _start(world: RecordedWorld, trace: Trace) -> dict[str, Any]:
         "solver": names[0],
         "physics": physics,
         "strength": STRENGTH,
-        "fastest": FASTEST,
+        "fastest": NO_SPEED_LIMIT,
         "gravity": m.gravity,
         "parts": [world.part(number) for number in world.grown],
         "fixed_angles": {

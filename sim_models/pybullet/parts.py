@@ -10,8 +10,8 @@ import numpy as np
 from sim_models.common.start import AT_REST, Pose
 from sim_models.leapfrog.parts import Pin
 
-TRIFLE = 1e-9  # kg, kg.m^2: bodies between the joints of a floating one
-RIM = 1e-9  # of the clearance: how far beyond its limit a strut at rest is, lest rounding leave it short of it
+GHOST_MASS = 1e-9  # kg, kg.m^2: bodies between the joints of a floating one
+BEYOND_LIMIT = 1e-9  # of the clearance: how far beyond its limit a strut at rest is, lest rounding leave it short of it
 SLIDE_X, SLIDE_Y, HINGE = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
@@ -57,8 +57,8 @@ def floating(parent: int, number: int, com: complex, mass: float, inertia: float
     hinge, the first two next to weightless.  Its frame is in one that is ``at`` (m) in the parent's joint's.
     """
     return [
-        Planned(TRIFLE, TRIFLE, parent, True, SLIDE_X, at),
-        Planned(TRIFLE, TRIFLE, number, True, SLIDE_Y),
+        Planned(GHOST_MASS, GHOST_MASS, parent, True, SLIDE_X, at),
+        Planned(GHOST_MASS, GHOST_MASS, number, True, SLIDE_Y),
         Planned(mass, inertia, number + 1, False, HINGE, com=com),
     ]
 
@@ -77,7 +77,7 @@ def strut_links(pin: Pin, mass: float, one_sided: bool) -> tuple[list[Planned], 
     links = floating(-1, 0, 0j, mass, inertia)
     if not one_sided:
         return links, pin.clearance + 0j
-    limits = -pin.clearance, pin.clearance * (1 - RIM)
+    limits = -pin.clearance, pin.clearance * (1 - BEYOND_LIMIT)
     return [*links, Planned(mass, inertia, 2, True, SLIDE_X, limits=limits)], 0j
 
 

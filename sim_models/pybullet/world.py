@@ -31,15 +31,15 @@ from sim_models.leapfrog.parts import coordinates, moving_body
 from sim_models.pybullet.parts import HINGE, Link, Planned, Strut, Tie, carried, flat, floating, strut_links
 from sim_models.run.path import Path
 
-ITERATIONS = 200  # of the direct solver, at most; a residual of 1e-20 ends them sooner
+SOLVER_ITERATIONS = 200  # of the direct solver, at most; a residual of 1e-20 ends them sooner
 SWEEPS = 5000  # of the sequential solver, always: a small residual once ended it, 16 % short of the force
 SOFTNESS = 1e-10  # Bullet's globalCFM: enough to keep its direct solver regular
-ERROR_REDUCTION = (
+JOINT_ERROR_REDUCTION = (
     1.0  # share of a pin's drift that Bullet removes in a step where it moves: all, so that no transient lingers
 )
 STRENGTH = 1e12  # N, N.m: what pins and the motor can take
-FASTEST = 1e9  # rad/s, m/s: in place of Bullet's clamp
-SETTLING = 3  # steps in which the direct solver's softness and what it undoes in the next step die away
+NO_SPEED_LIMIT = 1e9  # rad/s, m/s: in place of Bullet's clamp
+SETTLING_STEPS = 3  # steps in which the direct solver's softness and what it undoes in the next step die away
 
 
 class BulletWorld(LeapfrogWorld):
@@ -60,10 +60,10 @@ class BulletWorld(LeapfrogWorld):
         )  # Bullet's direct solver fails with three one-sided limits, the sequential one with some four
         solver = pybullet.CONSTRAINT_SOLVER_LCP_DANTZIG if direct else pybullet.CONSTRAINT_SOLVER_LCP_SI
         effort = {
-            "numSolverIterations": ITERATIONS if direct else SWEEPS,
+            "numSolverIterations": SOLVER_ITERATIONS if direct else SWEEPS,
             "solverResidualThreshold": 1e-20 if direct else 0.0,
         }
-        rigidity = {"globalCFM": SOFTNESS, "erp": 0.0 if self.static else ERROR_REDUCTION, "contactERP": 0.0}
+        rigidity = {"globalCFM": SOFTNESS, "erp": 0.0 if self.static else JOINT_ERROR_REDUCTION, "contactERP": 0.0}
         self.physics = {"numSubSteps": 0, "constraintSolverType": solver, **effort, **rigidity}
         self.p.setPhysicsEngineParameter(**self.physics, physicsClientId=self.client)
         m = self.mechanism
@@ -82,7 +82,7 @@ class BulletWorld(LeapfrogWorld):
         }
         self.step_size = 0.0
         self.commanded: list[float] = []  # rad/s, m/s, what the motors were last told
-        self.settling = 1 if self.compliant else SETTLING
+        self.settling = 1 if self.compliant else SETTLING_STEPS
         self.poses: dict[str, Pose] = {}
         self.state: tuple[list[float], list[float]] | None = None
 
@@ -155,7 +155,7 @@ class BulletWorld(LeapfrogWorld):
             self.p.changeDynamics(
                 number, index, linearDamping=0, angularDamping=0, jointDamping=0, physicsClientId=self.client
             )
-            self.p.changeDynamics(number, index, maxJointVelocity=FASTEST, physicsClientId=self.client)
+            self.p.changeDynamics(number, index, maxJointVelocity=NO_SPEED_LIMIT, physicsClientId=self.client)
             self.p.changeDynamics(
                 number, index, localInertiaDiagonal=[link.inertia] * 3, physicsClientId=self.client
             )  # alone, or it is dropped

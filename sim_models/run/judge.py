@@ -22,7 +22,7 @@ from sim_models.run.record import Record
 
 OPEN_LOOP = 1e-4  # of the largest link: gap at an ideal joint beyond which a run is garbage
 ENERGY_FROM_NOTHING = 0.05  # of the energy that a run turns over
-JUMP = 0.2  # of a body's largest rate, in a step
+JUMP_OF_RATE = 0.2  # of a body's largest rate, in a step
 NOT_TURNED = 1e-12  # rad in a whole run: rounding
 FLIPPED = math.radians(45)  # between a body and the ideal linkage: it has left its assembly mode
 MODE_CHECKS = 12  # instants that show a linkage that has flipped over: it stays so
@@ -99,7 +99,7 @@ class Judge:
                 continue
             jump = np.abs(np.diff(spin))
             worst = int(np.argmax(jump))
-            if jump[worst] > JUMP * np.abs(spin).max():
+            if jump[worst] > JUMP_OF_RATE * np.abs(spin).max():
                 raise self.failure(
                     f"body {name} changes from {spin[worst]:.4g} to {spin[worst + 1]:.4g} rad/s in a step at"
                     f" {self._place(record, worst)}, where the linkage may be stretched out",

@@ -20,13 +20,13 @@ from sim_models.common.guide import opened
 from sim_models.common.start import Pose
 from sim_models.engine import Request
 
-SIDE = 1e-4  # rad of a crank, or of what turns fastest: to where the linkage comes from and goes
-ASIDE = (
+TURN_ASIDE = 1e-4  # rad of a crank, or of what turns fastest: to where the linkage comes from and goes
+TURN_BESIDE = (
     1e-3  # rad, or longest bodies, of the fastest drive (s of one that is slower than 1/s): to neighbours, for rates
 )
-BESIDE = np.arange(-2, 3)  # those neighbours
-SLOPE = np.array([1, -8, 0, 8, -1]) / 12  # of the rate of the quartic through values there
-STANDSTILL = 1e-9  # of a course's largest rate or acceleration: nothing
+PLACES_BESIDE = np.arange(-2, 3)  # those neighbours
+SLOPE_OF_QUARTIC = np.array([1, -8, 0, 8, -1]) / 12  # of the rate of the quartic through values there
+MOTOR_STANDSTILL = 1e-9  # of a course's largest rate or acceleration: nothing
 
 Poses = dict[str, Pose]  # of every moving body
 Placed = dict[str, tuple[np.ndarray, np.ndarray]]  # of every moving body: origin (N,) m, complex, and angle (N,) rad
@@ -74,7 +74,10 @@ class Path:
         """The same with rates; ``speed`` (rad/s, or longest bodies/s) is that of the crank, or the fastest drive."""
         if not speed:
             return self.poses(at, gaps)
-        return in_motion(self.placed(np.full(BESIDE.size, at), gaps, ASIDE * BESIDE), speed / ASIDE)
+        return in_motion(
+            self.placed(np.full(PLACES_BESIDE.size, at), gaps, TURN_BESIDE * PLACES_BESIDE),
+            speed / TURN_BESIDE,
+        )
 
     def drive(self, joint: str, times: np.ndarray, order: int = 0) -> np.ndarray:
         """Position (N,) rad, m of a driven joint, or of the crank, at times (N,) s, or its derivative of that order; 0
@@ -92,7 +95,7 @@ class Path:
 
     def around(self, at: float) -> tuple[Poses, Poses] | None:
         """Where the ideal linkage comes from and where it goes, close by; None where it stands."""
-        return self.poses(at, beside=-SIDE), self.poses(at, beside=SIDE)
+        return self.poses(at, beside=-TURN_ASIDE), self.poses(at, beside=TURN_ASIDE)
 
 
 class CrankPath(Path):
@@ -118,7 +121,7 @@ class CrankPath(Path):
         """On either side of a crank angle (rad)."""
         if self.direction == 0:
             return None
-        h = math.copysign(SIDE, self.direction)
+        h = math.copysign(TURN_ASIDE, self.direction)
         return self.poses(at, beside=-h), self.poses(at, beside=h)
 
 
@@ -193,12 +196,12 @@ class CoursePath(Path):
     def moving(self, at: float, speed: float = 0.0, gaps: Gaps = NO_GAPS) -> Poses:
         """At a time (s), at the rates that the drives then have."""
         rates = self.schedule.positions(np.array([at - self.ahead]), 1)
-        apart = ASIDE / max([1.0, *(abs(float(rate[0])) for rate in rates.values())])
-        return in_motion(self.placed(np.full(BESIDE.size, at), gaps, apart * BESIDE), 1.0 / apart)
+        apart = TURN_BESIDE / max([1.0, *(abs(float(rate[0])) for rate in rates.values())])
+        return in_motion(self.placed(np.full(PLACES_BESIDE.size, at), gaps, apart * PLACES_BESIDE), 1.0 / apart)
 
     def around(self, at: float) -> tuple[Poses, Poses] | None:
         """At a time (s) and after it: a motion that begins from rest has no other side."""
-        return (self.poses(at), self.poses(at + SIDE / self.top_speed)) if self.top_speed else None
+        return (self.poses(at), self.poses(at + TURN_ASIDE / self.top_speed)) if self.top_speed else None
 
     def drive(self, joint: str, times: np.ndarray, order: int = 0) -> np.ndarray:
         """The course of a joint."""
@@ -276,7 +279,7 @@ def direction(motor: DriveMotion) -> float:
     if isinstance(motor, Steady):
         return math.copysign(1.0, motor.speed)
     leading = (motor.rate(motor.begin), motor.top_speed), (motor.acceleration(motor.begin), motor.peak(2))
-    return next((math.copysign(1.0, x) for x, peak in leading if abs(x) > STANDSTILL * peak), 0.0)
+    return next((math.copysign(1.0, x) for x, peak in leading if abs(x) > MOTOR_STANDSTILL * peak), 0.0)
 
 
 def placed_at(
@@ -298,8 +301,8 @@ def assembled(assembly: Assembly) -> Poses:
 
 
 def in_motion(around: Placed, per: float) -> Poses:
-    """Poses of bodies at the middle of BESIDE places, whose rates are differences by so much (1/s)."""
-    weights = SLOPE * per
+    """Poses of bodies at the middle of PLACES_BESIDE places, whose rates are differences by so much (1/s)."""
+    weights = SLOPE_OF_QUARTIC * per
     return {
         name: Pose(complex(origin[2]), float(angle[2]), complex(origin @ weights), float(angle @ weights))
         for name, (origin, angle) in around.items()

@@ -12,7 +12,7 @@ from analytic.kinematics.structure import BlockRest
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism
 from analytic.mechanism.signals import DRIVE_TORQUE
 from sim_models.common.guide import Guide
-from sim_models.common.rates import COLUMNS
+from sim_models.common.rates import RATE_COLUMNS
 from sim_models.common.travel import slide_travel
 from sim_models.engine import Watched
 
@@ -68,7 +68,7 @@ class Record:
             rates = v.real, v.imag, a.real, a.imag, self.angular_acceleration[body]
             out |= {f"{body}_x": marker.real, f"{body}_y": marker.imag}
             out |= {f"{body}_angle": self.angle[body], f"{body}_angular_velocity": self.angular_velocity[body]}
-            out |= zip((f"{body}: {name}" for name in COLUMNS), rates, strict=True)
+            out |= zip((f"{body}: {name}" for name in RATE_COLUMNS), rates, strict=True)
         for quantity, vectors in (("reaction", self.force), ("clearance", self.gap)):
             for joint, vector in vectors.items():
                 out |= {f"{quantity}_{joint}_x": vector.real, f"{quantity}_{joint}_y": vector.imag}

@@ -20,7 +20,7 @@ from sim_models.common.travel import told_by, with_positions
 from sim_models.engine import Cause, Request, SettingValue, SimulationError, Trace, Watched, installed_version
 from sim_models.run.path import CoursePath, CrankPath, Path, RestingPath
 
-HALVINGS = 5  # of the step, before a run with rigid joints coming apart is given up
+HALVINGS_IF_APART = 5  # of the step, before a run with rigid joints coming apart is given up
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class Run:
         Raises SimulationError, AssemblyError or Unsupported.
         """
         asked = self.request.step
-        for _ in range(HALVINGS):
+        for _ in range(HALVINGS_IF_APART):
             try:
                 return self.traced()
             except SimulationError as error:

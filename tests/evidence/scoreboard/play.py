@@ -6,7 +6,7 @@ import numpy as np
 
 from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
-from sim_models.common.backlash import SETTLED
+from sim_models.common.backlash import TURN_TO_LAND
 from sim_models.engine import JointModel, Request, Trace, engine
 from tests.evidence.scoreboard.outside import Course
 from tests.evidence.scoreboard.rigs import Plan, Rejected, course_grid
@@ -26,7 +26,7 @@ def run(name: str, m: Mechanism, plan: Plan, time: np.ndarray, course: Course | 
     elif course is None:
         m = _driven(m, plan)
         turned = Schedule.at_angles(m, plan.command(time))
-        request = Request(m, joint_model, turned, lead_in=SETTLED if m.half_gap else 0.0)
+        request = Request(m, joint_model, turned, lead_in=TURN_TO_LAND if m.half_gap else 0.0)
     else:
         m, grid = _driven(m, plan), course_grid(plan, time)
         request = Request(m, joint_model, Schedule.of_crank(m, (grid, course(grid)), time))

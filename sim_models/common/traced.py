@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint
+from analytic.mechanism.parts import TINY
 from analytic.mechanism.signals import driving, wrapped
 from sim_models.common.contact_laws import contact_parameters, longest
 from sim_models.common.guide import Guide
@@ -18,8 +19,7 @@ from sim_models.engine import Request, Trace
 
 FADING = 1e-2  # of the largest angular speed: slower joints may have let their Coulomb friction fade
 REST = 1e-5  # m/s^2: forces that give the whole linkage's mass no more are nothing
-ROUNDING = 1e-12
-TINY = 1e-300  # in place of a length of zero
+ROUNDING_OF_SIZE = 1e-12
 
 
 def cross(a: np.ndarray, b: np.ndarray | complex) -> np.ndarray:
@@ -53,7 +53,7 @@ class Miss:
         return 0.0 if worst <= self.floor else worst / self.scale if self.scale > 0 else np.inf
 
 
-class Seen:
+class TracedLinkage:
     """A trace at its N instants.  Complex numbers are x + iy in the ground frame."""
 
     def __init__(self, request: Request, trace: Trace) -> None:
@@ -275,7 +275,7 @@ class Seen:
     def rounding(self) -> float:
         """A speed (m/s) that is as good as none: rounding of the linkage's size in a step."""
         step = self.trace.step
-        return ROUNDING * self.size / step if step else 0.0
+        return ROUNDING_OF_SIZE * self.size / step if step else 0.0
 
     def slip(self, joint: Joint, rate: Callable[[str, np.ndarray], np.ndarray] | None = None) -> np.ndarray:
         """Velocity (or another ``rate``) (N,) of a joint's second body less its first, where its reaction acts
