@@ -66,8 +66,8 @@ from compare.questions.question import answers
 from compare.report.words.disagreement import because, between_engines
 from compare.results.contact import Compared
 from compare.results.crosscheck import CrossCheck, Discrepancy, Failure, Path, Printed, Run, Simulator, Verdict, without
-from compare.runs import ContactTrace, Resolve, simulate_all
 from compare.schedules import scheduled
+from compare.simulations import ContactTrace, Resolve, simulate_all
 from compare.versions import versions
 from sim_models.common.contact_laws import assumed_of_contact
 from sim_models.engine import (

@@ -310,17 +310,18 @@ class Trace:
     """What a simulation saw, at the requested crank angles (or times) and in their order; of a linkage without a crank
     ``crank_angle`` is the position of the first input (see :attr:`analytic.kinematics.structure.Structure.inputs`).
 
-    ``signals`` maps a signal's name to (N,) values, SI units, ground frame: ``<body>_x``, ``<body>_y`` (com),
-    ``<body>_angle`` (continued, not wrapped), ``<body>_angular_velocity``, ``reaction_<joint>_x``/``_y`` (N, force of
-    the joint's first body on its second) and, for a prismatic joint, ``reaction_<joint>_moment`` (N.m, on the second
-    body at its point), ``drive_torque`` (N.m, motor on crank), ``clearance_<joint>_x``/``_y`` (m, first pin centre
-    minus second).  All belong to the same instant, and so do ``rates``, which every moving body has in a run of an
-    engine's own.  A ``recorded`` trace is what a file holds: signals may be missing in it, and samples NaN.
+    ``signals`` maps a signal's name to (N,) values, SI units, ground frame: ``<body>_x``, ``<body>_y`` (of its
+    marker: its com, where it has no other), ``<body>_angle`` (continued, not wrapped), ``<body>_angular_velocity``,
+    ``reaction_<joint>_x``/``_y`` (N, force of the joint's first body on its second) and, for a prismatic joint,
+    ``reaction_<joint>_moment`` (N.m, on the second body at its point), ``drive_torque`` (N.m, motor on crank),
+    ``clearance_<joint>_x``/``_y`` (m, first pin centre minus second). All belong to the same instant, and so do
+    ``rates``, which every moving body has in a run of an engine's own. A ``recorded`` trace is what a file holds:
+    signals may be missing in it, and samples NaN.
 
-    ``journal`` maps each joint with clearance to its densely sampled path (M, 2) in m; ``free_share`` to the share of
-    time (driven) or of angles (static) that its pin spent off the wall, by its distance
-    (:func:`sim_models.common.journal.free_share`). ``settings`` are the numbers used, a mapping by joint where each has
-    its own.  ``watched`` is every step, where the request asked for it and the engine watches such runs.
+    ``journal`` maps each joint with clearance to its densely sampled path (M, 2) in m; ``free_share`` to the share
+    of time (driven) or of angles (static) that its pin spent off the wall, by its distance
+    (:mod:`sim_models.common.free_share`). ``settings`` are the numbers used, a mapping by joint where each has its
+    own. ``watched`` is every step, where the request asked for it and the engine watches such runs.
     """
 
     simulator: str

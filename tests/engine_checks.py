@@ -17,7 +17,7 @@ from analytic.paper.clearance import displaced
 from analytic.paper.kinetostatics import kinetostatics
 from asked import request_of
 from ode import ClearanceMotion, clearance_four_bar_ode
-from sim_models.common.journal import free_share
+from sim_models.common.free_share import free_share
 from sim_models.engine import (
     ENGINES,
     JOINT_MODELS,

@@ -14,7 +14,7 @@ from asked import job_of, request_of
 from compare.crosscheck import crosscheck
 from compare.judge.tolerances import load_tolerances
 from compare.results.crosscheck import Failure
-from compare.runs import simulate
+from compare.simulations import simulate
 from sim_models.common.failed_starts import TooSoft
 from sim_models.engine import CENTRED, ELSEWHERE, Cause, SimulationError, engine
 from tests.evidence.validation.scales import Scale, linkage

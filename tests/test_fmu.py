@@ -265,7 +265,7 @@ def test_a_run_that_fails_is_an_error_of_its_own(trouble: str, mapped: Callable[
 
 
 def test_a_run_that_does_not_end_is_ended(mapped: Callable[..., str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(runs, "LONGEST", 0.6)
+    monkeypatch.setattr(runs, "LONGEST_RUN", 0.6)
     with pytest.raises(
         SimulationError, match=r"it was not done after 0\.6 s, while it was (started|loaded|instantiated|stepped)"
     ):

@@ -19,8 +19,8 @@ from compare.judge.reruns import too_soft
 from compare.judge.tolerances import load_tolerances
 from linkages import inverted_slider, jansen_leg
 from marks import slow
+from sim_models.common.free_share import free_share
 from sim_models.common.health import CHECK_LIMITS, Implausible, check, misses
-from sim_models.common.journal import free_share
 from sim_models.engine import ENGINES, Request, SimulationError, Trace, engine
 
 TURN = np.radians(np.arange(10.0, 360.0, 25.0))
@@ -119,7 +119,7 @@ def test_a_run_of_heavier_inertia_than_the_linkage_has_is_found() -> None:
 @pytest.mark.pybullet
 def test_bullet_in_a_micrograms_linkage_is_found() -> None:
     """At 1:1000, in SI units, it answers 3e11 N where 4e-11 N are right."""
-    from sim_models.pybullet.engine import BulletRun
+    from sim_models.pybullet.run import BulletRun
 
     request = request_of(scaled(load("crank-rocker").with_clearances({}), 1e-3, speed=60.0), "ideal", "driven", TURN)
     trace = BulletRun(request).trace()

@@ -74,7 +74,7 @@ def test_a_gap_yields_to_a_force_as_in_the_engine(name: str, case: str, joint: s
     if name == "dart":
         from sim_models.dart.engine import DartRun as EngineRun
     else:
-        from sim_models.pybullet.engine import BulletRun as EngineRun
+        from sim_models.pybullet.run import BulletRun as EngineRun
     run, h = EngineRun(request_of(m, "spring-damper", "driven", np.array([1.0]))), 1e-5
     world = run.world_class(run.request, run.path)
     at: dict[str, Pose] = CrankPath(world.path.assembly).poses(1.0)

@@ -18,7 +18,7 @@ from engine_checks import reaction_errors, run
 from marks import slow
 from sim_models.common.silence import silence
 from sim_models.engine import JointModel, Motion, Request, Unsupported
-from sim_models.pybullet.engine import BulletRun
+from sim_models.pybullet.run import BulletRun
 from sim_models.pybullet.world import BulletWorld
 from sim_models.run.path import CrankPath
 

@@ -26,7 +26,7 @@ from compare.domain_map.map import MapPlan, cells
 from compare.judge.tolerances import load_tolerances
 from compare.report.words.validity import RPM
 from compare.results.crosscheck import Failure
-from compare.runs import simulate_all
+from compare.simulations import simulate_all
 from compare.sweep import RUNS_AHEAD, ClusterError, SweepOutcome, sweep
 from marks import slow
 
@@ -114,7 +114,7 @@ def test_a_run_that_kills_its_process_is_reported_and_the_others_are_done(tmp_pa
 
 @POSIX
 def test_an_engine_that_kills_its_process_is_a_failed_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("compare.runs._simulate", sweep_work.die_on_spring_damper)
+    monkeypatch.setattr("compare.simulations._simulate", sweep_work.die_on_spring_damper)
     tasks = [("mujoco", request_of(load("paper"), model)) for model in ("ideal", "spring-damper", "massless-link")]
     found = dict(simulate_all(tasks, workers=2))
     assert sorted(found) == [0, 1, 2]

@@ -27,7 +27,7 @@ from compare.recorded.errors import DataError
 from compare.recorded.table import Table, read_table, unused
 from compare.results.baselines import Baselines, Entry, Moved, Status
 from compare.results.crosscheck import RECORDED
-from compare.runs import Resolve
+from compare.simulations import Resolve
 from sim_models.engine import SimulationError, SimulatorMissing, Unsupported, engine
 
 Made = Callable[[Mechanism, str, Resolve], tuple[str, list[StoredRun]]]

@@ -22,8 +22,8 @@ from compare.baseline.file import UNDIRECTED, StoredRun
 from compare.recorded.errors import DataError
 from compare.recorded.table import Table
 from compare.results.crosscheck import Failure
-from compare.runs import ContactTrace, Resolve, simulate
 from compare.schedules import FREE_TIME, over_time
+from compare.simulations import ContactTrace, Resolve, simulate
 from sim_models.engine import (
     JOINT_MODELS,
     TOUCHING,

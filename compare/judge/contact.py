@@ -29,8 +29,8 @@ from compare.results.contact import (
     StatisticName,
 )
 from sim_models.common.contact_laws import contact_parameters
+from sim_models.common.free_share import free_share
 from sim_models.common.guide import Guide
-from sim_models.common.journal import free_share
 from sim_models.engine import Trace, Watched
 
 TURN_BINS = 72  # of a turn

@@ -11,8 +11,8 @@ from functools import cached_property
 import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism
+from sim_models.common.free_share import OFF_WALL
 from sim_models.common.guide import Guide
-from sim_models.common.journal import OFF_WALL
 from sim_models.engine import Watched
 
 NO_GAP = 1e-300  # m, in place of a gap of nothing
@@ -50,7 +50,7 @@ class ContactHistory:
 
     @property
     def free(self) -> np.ndarray:
-        """Where (M,) it is off its wall, as :func:`sim_models.common.journal.free_share` has it."""
+        """Where (M,) it is off its wall, as :func:`sim_models.common.free_share.free_share` has it."""
         return self.reach < self.wall * (1 - OFF_WALL)
 
     @property

@@ -10,7 +10,7 @@ import numpy as np
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism.signals import AXES, Signal
-from compare.judge.signals import RuleKind, compared, kind_of, unit_of
+from compare.judge.signals import ToleranceKind, compared, kind_of, unit_of
 from compare.judge.tolerances import Known, Tolerances
 from compare.results.crosscheck import Unit
 from sim_models.engine import JointModel, Motion, SettingValue
@@ -204,7 +204,7 @@ class Rule:
         )
 
     @property
-    def kind(self) -> RuleKind:
+    def kind(self) -> ToleranceKind:
         """The kind of its signal in the tolerance file."""
         return kind_of(self.signal)
 

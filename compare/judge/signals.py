@@ -8,12 +8,13 @@ from typing import Literal, cast
 import numpy as np
 
 from analytic.mechanism import Mechanism
-from analytic.mechanism.signals import AXES, Component, Signal, continued, driving, play
-from analytic.mechanism.signals import SignalKind as Quantity
+from analytic.mechanism.signals import AXES, Component, Signal, SignalKind, continued, driving, play
 from compare.results.crosscheck import Unit
 
-RuleKind = Literal["angle", "magnitude", "displacement", "rotation", "torque", "force", "position", "place", "velocity"]
-_KINDS: dict[tuple[Quantity, Component], RuleKind] = {
+ToleranceKind = Literal[
+    "angle", "magnitude", "displacement", "rotation", "torque", "force", "position", "place", "velocity"
+]
+_KINDS: dict[tuple[SignalKind, Component], ToleranceKind] = {
     ("reaction", "angle"): "angle",
     ("reaction", "magnitude"): "magnitude",
     ("reaction", "x"): "magnitude",
@@ -34,7 +35,7 @@ _KINDS: dict[tuple[Quantity, Component], RuleKind] = {
 }
 
 
-def kind_of(signal: Signal) -> RuleKind:
+def kind_of(signal: Signal) -> ToleranceKind:
     """The kind under which a tolerance file has a signal.  Raises KeyError for one that is never judged."""
     return _KINDS[signal.kind, signal.component]
 

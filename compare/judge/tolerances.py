@@ -18,7 +18,7 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.errors import describe
 from analytic.mechanism.reading import ReadingError, read_toml
 from analytic.paper.clearance import Model
-from compare.judge.signals import RuleKind, compared
+from compare.judge.signals import ToleranceKind, compared
 from compare.results.contact import STATISTICS, StatisticName
 from sim_models.engine import ENGINES, JOINT_MODELS, MOTIONS, JointModel, Motion, scheme_of
 
@@ -63,7 +63,7 @@ def _table(name: str, fields: Iterable[str], value: type[BaseModel]) -> type[_To
     return create_model(name, __base__=_TolerancePart, **optional)
 
 
-_Lines = _table("_Lines", (kind for kind in get_args(RuleKind) if kind != "force"), Line)
+_Lines = _table("_Lines", (kind for kind in get_args(ToleranceKind) if kind != "force"), Line)
 _Models = _table("_Models", JOINT_MODELS, _Lines)
 _Statistics = _table("_Statistics", STATISTICS, Line)
 
@@ -106,12 +106,12 @@ class Tolerances(_TolerancePart):
     floor: Fraction
     noise: Fraction
     rest: Allowance
-    static: Mapping[JointModel, Mapping[RuleKind, Line]]
-    driven: Mapping[JointModel, Mapping[RuleKind, Line]]
+    static: Mapping[JointModel, Mapping[ToleranceKind, Line]]
+    driven: Mapping[JointModel, Mapping[ToleranceKind, Line]]
     statistics: Mapping[StatisticName, Line] = {}
     known: Annotated[tuple[Known, ...], Several] = ()
 
-    def line(self, motion: Motion, joint_model: JointModel, kind: RuleKind) -> Line:
+    def line(self, motion: Motion, joint_model: JointModel, kind: ToleranceKind) -> Line:
         """The line of a kind of signal in a run.  Raises ToleranceError where there is none."""
         lines = self.static if motion == "static" else self.driven
         try:

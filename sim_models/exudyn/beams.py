@@ -23,7 +23,7 @@ from analytic.mechanism import GROUND, MASS_CENTRE, Joint
 from analytic.mechanism.signals import driving, position, turned_near
 from sim_models.common.contact_laws import pressed_to
 from sim_models.common.failed_starts import own_start, where
-from sim_models.common.journal import free_share
+from sim_models.common.free_share import free_share
 from sim_models.engine import Cause, Request, SettingValue, SimulationError, Trace, Unsupported, installed_version
 from sim_models.exudyn.beam_model import (
     BeamModel,

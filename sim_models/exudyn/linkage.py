@@ -93,7 +93,7 @@ class ExudynLinkage:
             total = force[body.name]
             self.mbs.SetLoadParameter(self.model.com_force[body.name], "loadVector", [total.real, total.imag, 0.0])
             self.mbs.SetLoadParameter(self.model.com_torque[body.name], "loadVector", [0.0, 0.0, torque[body.name]])
-        for name, number in self.model.slides.items():
+        for name, number in self.model.slide_laws.items():
             self.mbs.SetObjectParameter(number, "force", -slide[name])
         for name, block in self.model.blocks.items():
             block.steady.SetValue(slide[name])
@@ -238,7 +238,7 @@ class ExudynLinkage:
                 walls, moment[name] = self.model.blocks[name].on_second(raw[f"walls {name}"], arms)
                 force[name] = walls + pushed * along
                 continue
-            laws = [raw[law][:, 0] for law in (f"law {name}", f"curved {name}") if law in raw]
+            laws = [raw[law][:, 0] for law in (f"law {name}", f"nonlinear {name}") if law in raw]
             force[name] = (pushed - sum(laws) + 1j * multiplier * raw[f"force {name}"][:, 1]) * along
             moment[name] = -multiplier * raw[f"moment {name}"][:, 2]
         moved = [self.m.joint(name) for name in self.model.drives or ()]

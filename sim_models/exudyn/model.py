@@ -30,7 +30,7 @@ from sim_models.exudyn.laws import (
 )
 from sim_models.exudyn.motor import RunMotor
 from sim_models.exudyn.named_contact import End, Glance, Memory, Rub, at_pin, before_steps, push_back
-from sim_models.exudyn.slides import Slide
+from sim_models.exudyn.slide_motors import Slide
 
 ROD_STIFFNESS = (
     1e10  # N/m of the static massless link: Exudyn's static Newton knows no geometric stiffness of a constraint
@@ -87,7 +87,7 @@ class ExudynModel:
         self.nodes: dict[str, Any] = {}
         self._body: dict[str, Any] = {}
         self.sensors: dict[str, Any] = {}
-        self.slides: dict[str, Any] = {}  # the law of each prismatic joint that has one
+        self.slide_laws: dict[str, Any] = {}  # the law of each prismatic joint that has one
         self.touching: list[str] = []  # joints with contact, in the order of their data
         self.com_force: dict[str, Any] = {}
         self.com_torque: dict[str, Any] = {}
@@ -344,11 +344,11 @@ class ExudynModel:
         """
         moving = self.motion == "driven"
         damping, friction = (joint.damping, joint.coulomb) if moving else (0.0, 0.0)
-        curved = joint.cubic or (moving and (joint.drag or joint.stribeck_speed))
+        nonlinear = joint.cubic or (moving and (joint.drag or joint.stribeck_speed))
         if joint.prismatic:
             if joint.has_law and joint.name not in self.blocks:
-                self._add_slide_law(joint, moving, bool(curved or friction))
-        elif curved:
+                self._add_slide_law(joint, moving, bool(nonlinear or friction))
+        elif nonlinear:
             kind = self.items.ObjectConnectorCoordinateSpringDamper
             self._add_own_law(
                 joint, moving, self.creep, kind,
@@ -371,7 +371,7 @@ class ExudynModel:
         """Marker of a body's angle."""
         return self._fixed if body == GROUND else self._coordinate(self.nodes[body], 2)
 
-    def _add_slide_law(self, joint: Joint, moving: bool, curved: bool) -> None:
+    def _add_slide_law(self, joint: Joint, moving: bool, nonlinear: bool) -> None:
         """Spring and damper along a slide, and by its side what is not linear: a connector with a function of its own
         has no constant ``force``, which friction is at rest.
         """
@@ -385,11 +385,11 @@ class ExudynModel:
         }
         linear = {"stiffness": joint.stiffness, "damping": joint.damping if moving else 0.0}
         number = self.mbs.AddObject(kind(**ends, **linear, offset=joint.rest_angle))
-        self.slides[joint.name] = number
+        self.slide_laws[joint.name] = number
         self._sense(f"law {joint.name}", self.items.SensorObject, "ForceLocal", objectNumber=number)
-        if curved:
+        if nonlinear:
             number = self._add_own_law(joint, moving, self.creep * self.size, kind, **ends, offset=joint.rest_angle)
-            self._sense(f"curved {joint.name}", self.items.SensorObject, "ForceLocal", objectNumber=number)
+            self._sense(f"nonlinear {joint.name}", self.items.SensorObject, "ForceLocal", objectNumber=number)
 
     def _add_own_law(self, joint: Joint, moving: bool, creep: float, kind: Any, **fields: object) -> Any:
         """A connector with a joint's law that is not linear, in a function that Exudyn compiles.  Friction fades where

@@ -13,7 +13,7 @@ from analytic.mechanism import Joint
 from analytic.mechanism.signals import DRIVE_TORQUE, driving
 from sim_models.common.contact_laws import contact_parameters, lighter_mass
 from sim_models.common.failed_starts import who
-from sim_models.common.journal import free_share
+from sim_models.common.free_share import free_share
 from sim_models.common.mobility import corner_mass
 from sim_models.common.start import Pose, check_steps, substeps
 from sim_models.engine import JointModel, Request, Watched
@@ -70,12 +70,12 @@ class ExudynRun(Run):
         self.judge = Judge(self.engine, request, stiffness | request.bearings, self.motors)
         self.stages: list[tuple[float, float, int, bool]] = []  # that :meth:`advance` has gone through
 
-    def found_path(self) -> Path:
+    def make_path(self) -> Path:
         """Where the linkage is at each place; courses are told by the run's clock, and begin a moment after it."""
         schedule = self.request.schedule
         if schedule.crank is None and schedule.courses and not schedule.at_rest:
             return CoursePath(self.request, self.assembly, BEGIN - schedule.begin)
-        return super().found_path()
+        return super().make_path()
 
     def clock(self, time: np.ndarray) -> np.ndarray:
         """Times (N,) s of the run at the schedule's."""

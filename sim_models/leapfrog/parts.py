@@ -15,7 +15,7 @@ from sim_models.common.contact_laws import KelvinVoigt, NamedLaw
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import travel
 from sim_models.common.tree import Branch, grown, without_loops
-from sim_models.run.track import Track, Values
+from sim_models.run.track import Track
 
 
 def moving_body(m: Mechanism, name: str) -> Body:
@@ -115,7 +115,9 @@ def _seen_from(base: Pose, pose: Pose) -> Pose:
     return Pose(apart * back, pose.angle - base.angle, slip * back, pose.angular_velocity - base.angular_velocity)
 
 
-Coordinates = Sequence[Values] | np.ndarray  # of a branch, as :func:`coordinates` has them: (k,), or (k, M)
+Coordinates = (
+    Sequence[complex] | Sequence[np.ndarray] | np.ndarray
+)  # of a branch, as :func:`coordinates` has them: (k,), or (k, M)
 BranchMotion = tuple[Coordinates, ...]  # of a branch: its coordinates, their rates, and perhaps accelerations
 Points = Mapping[tuple[str, str], complex]  # m, by body and name, in the body's frame
 STILL = Track()

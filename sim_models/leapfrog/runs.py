@@ -15,7 +15,7 @@ from numpy.polynomial import Polynomial
 from analytic.mechanism.signals import DRIVE_TORQUE
 from sim_models.common.backlash import INSTANTS_FELT, Felt, Flanks
 from sim_models.common.contact_laws import TOO_DEEP, shortest_link
-from sim_models.common.journal import free_share
+from sim_models.common.free_share import free_share
 from sim_models.common.silence import silence
 from sim_models.common.start import check_steps
 from sim_models.common.travel import position_of
@@ -47,12 +47,12 @@ class LeapfrogRun(Run):
     rods: Equilibria | None  # of rods of the clearance's length in place of pins that may leave their rims
     by_rods = False  # whether what was last seen of such pins is that of the rods
 
-    def found_path(self) -> Path:
+    def make_path(self) -> Path:
         schedule = self.request.schedule
         moves = schedule.crank is not None and not schedule.at_rest
-        return MotorPath.of(self.request, self.assembly) if moves else super().found_path()
+        return MotorPath.of(self.request, self.assembly) if moves else super().make_path()
 
-    def traced(self) -> Trace:
+    def attempt(self) -> Trace:
         request, m = self.request, self.mechanism
         rigid = replace(request, joint_model="ideal", mechanism=m.ideal() if m.soft_bearings else m)
         with silence(), contextlib.ExitStack() as stack:
@@ -66,7 +66,7 @@ class LeapfrogRun(Run):
             if world.one_sided:
                 self.rods = Equilibria(opened(replace(request, joint_model="massless-link")), ideal)
             self.check_rims()
-            return super().traced()
+            return super().attempt()
 
     def check_rims(self) -> None:
         """Raise Unsupported where a bearing with clearance is to be soft whose rim is rigid, or a motor to push a block

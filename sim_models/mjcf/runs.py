@@ -55,13 +55,13 @@ class TheirRun(Run):
         # how fast (rad/s) the stencil of a crank's angles is passed, to be one of instants
         self.pace = max(self.path.top_speed, SPACINGS_PER_KNOT * STENCIL_SPACING / self.path.knot_spacing) or 1.0
 
-    def found_path(self) -> Path:
+    def make_path(self) -> Path:
         schedule = self.request.schedule
         moves = schedule.crank is not None and not schedule.at_rest
-        return MotorPath.of(self.request, self.assembly) if moves else super().found_path()
+        return MotorPath.of(self.request, self.assembly) if moves else super().make_path()
 
-    def traced(self) -> Trace:
-        return replace(super().traced(), version=f"in MuJoCo {mujoco.__version__}")
+    def attempt(self) -> Trace:
+        return replace(super().attempt(), version=f"in MuJoCo {mujoco.__version__}")
 
     # ------------------------------------------------------------------ runs
 

@@ -12,7 +12,7 @@ from analytic.kinematics.assembly import AssemblyError
 from analytic.kinematics.schedule import Steady
 from analytic.mechanism import Mechanism
 from sim_models.common.backlash import HOLDS, INSTANTS_FELT, Felt, Flanks, side
-from sim_models.common.journal import free_share
+from sim_models.common.free_share import free_share
 from sim_models.engine import Cause, Request, SettingValue, SimulationError
 from sim_models.mujoco.equilibrium import Equilibria
 from sim_models.mujoco.laws import contact_laws, law_settings

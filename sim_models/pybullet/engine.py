@@ -6,8 +6,7 @@ from pathlib import Path
 
 from sim_models.common.simulate import export, simulate
 from sim_models.engine import FEATURES, Capabilities, Engine, Feature, Pair, Request, Scope, Trace
-from sim_models.leapfrog.runs import LeapfrogRun
-from sim_models.pybullet.world import BulletWorld
+from sim_models.pybullet.run import BulletRun
 
 RUNS: tuple[Pair, ...] = (
     ("ideal", "driven"),
@@ -29,12 +28,6 @@ UNWRITTEN: frozenset[tuple[Feature, Pair]] = frozenset(
     {("drive_compliance", pair) for pair in RUNS if pair[1] == "static"}
     | {(feature, pair) for feature in ("backlash", "contact_law", "guide_clearance", "guide_friction") for pair in RUNS}
 )
-
-
-class BulletRun(LeapfrogRun):
-    """See :class:`sim_models.run.run.Run`."""
-
-    engine, package, world_class = "pybullet", "pybullet", BulletWorld
 
 
 class BulletEngine(Engine):

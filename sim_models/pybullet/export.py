@@ -19,8 +19,8 @@ from sim_models.common.export_files import expected, lines, written
 from sim_models.common.simulate import simulate
 from sim_models.common.tree import Branch
 from sim_models.engine import Engine, Request, Trace
-from sim_models.pybullet.engine import BulletRun
 from sim_models.pybullet.parts import Planned, flat
+from sim_models.pybullet.run import BulletRun
 from sim_models.pybullet.world import NO_SPEED_LIMIT, STRENGTH, BulletWorld
 from sim_models.run.path import Path as MotionPath
 

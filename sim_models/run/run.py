@@ -53,9 +53,9 @@ class Run:
     def __init__(self, request: Request) -> None:
         self.request, self.mechanism = request, request.mechanism
         self.assembly = Assembly(request.mechanism)
-        self.path = self.found_path()
+        self.path = self.make_path()
 
-    def found_path(self) -> Path:
+    def make_path(self) -> Path:
         """Where the linkage is at each place: a crank's angle (rad), or a time (s) of its courses."""
         schedule = self.request.schedule
         if schedule.crank is not None:
@@ -78,14 +78,14 @@ class Run:
         asked = self.request.step
         for _ in range(HALVINGS_IF_APART):
             try:
-                return self.traced()
+                return self.attempt()
             except SimulationError as error:
                 if error.cause is not Cause.CAME_APART or asked is not None or self.step is None:
                     raise
             self.request = replace(self.request, step=self.step / 2)
-        return self.traced()
+        return self.attempt()
 
-    def traced(self) -> Trace:
+    def attempt(self) -> Trace:
         """One attempt."""
         schedule = self.request.schedule
         angles = schedule.crank_angle

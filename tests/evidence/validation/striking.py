@@ -21,7 +21,7 @@ from compare.arguments import cores
 from compare.judge.contact import contact, ideal_peaks
 from compare.results.contact import Contact, StatisticName
 from compare.results.crosscheck import Failure
-from compare.runs import ContactTrace, simulate_all
+from compare.simulations import ContactTrace, simulate_all
 from sim_models.common.contact_laws import named_law
 from sim_models.engine import JointModel, Request, SimulationError, Unsupported, check_supported, declared
 from tests.evidence.contact_ode import centred, loop_of, simulate

@@ -22,7 +22,7 @@ from compare.platform import platform_accuracy
 from compare.questions.accuracy import WorkspaceGrid
 from compare.results.crosscheck import Failure
 from compare.results.platform import PlatformAccuracy
-from compare.runs import simulate_all
+from compare.simulations import simulate_all
 from sim_models.engine import MOTIONS, Request, SimulationError, Trace, declared
 from sim_models.engine import Motion as MotionName
 from tests.evidence.results.validation import InEngine, OverWorkspace
