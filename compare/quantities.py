@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from analytic.mechanism import GROUND, Mechanism
 from analytic.mechanism.assumed import Assumed
-from analytic.mechanism.signals import driving, position
+from analytic.mechanism.signals import Component, SignalKind, driving, signals
 from sim_models.engine import SettingValue
 
 SHOWN = {"rad": ("deg", math.degrees(1.0)), "m": ("mm", 1e3), "1": ("%", 100.0)}  # SI unit -> unit that is read, factor
@@ -27,6 +27,25 @@ READ = {  # SI unit -> (least size, unit that is read from there on, factor), la
     "N.m.s/rad": ((0.01, "N·m·s/rad", 1.0), (0.0, "mN·m·s/rad", 1e3)),
     "kg.m^2": ((0.01, "kg·m²", 1.0), (0.0, "kg·mm²", 1e6)),
     "Pa": ((1e9, "GPa", 1e-9), (1e6, "MPa", 1e-6), (0.0, "Pa", 1.0)),
+}
+LABELS: dict[tuple[SignalKind, Component], tuple[str, str, str]] = {  # words, the paper's symbol, how its place is said
+    ("reaction", "angle"): ("reaction angle", GAMMA, "at"),
+    ("reaction", "magnitude"): ("reaction force", "|F|", "at"),
+    ("reaction", "x"): ("reaction x", "", "at"),
+    ("reaction", "y"): ("reaction y", "", "at"),
+    ("reaction", "moment"): ("reaction moment", "", "at"),
+    ("clearance", "x"): ("displacement x", "", "in"),
+    ("clearance", "y"): ("displacement y", "", "in"),
+    ("clearance", "angle"): ("tilt", "", "in"),
+    ("rotation", "angle"): ("rotation", "ψ", "of"),
+    ("pose", "angle"): ("angle", "", "of"),
+    ("pose", "x"): ("position x", "", "of"),
+    ("pose", "y"): ("position y", "", "of"),
+    ("rate", "angular_velocity"): ("angular velocity", "", "of"),
+    ("position", "angle"): ("position", "", "of"),
+    ("position", "travel"): ("position", "", "of"),
+    ("drive", "torque"): ("drive torque", "T", "at"),
+    ("drive", "force"): ("drive force", "F", "at"),
 }
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -74,32 +93,12 @@ def quantities(mechanism: Mechanism) -> dict[str, Quantity]:
 
     Names are looked up, not parsed: a body may be called ``reaction_B`` and a joint may have any letters.
     """
-    rows = []
-    for joint in mechanism.joints:
-        j = joint.name
-        rows += [
-            (f"reaction_{j}_angle", "reaction angle", GAMMA, f"at {j}", "rad"),
-            (f"reaction_{j}_magnitude", "reaction force", "|F|", f"at {j}", "N"),
-            (f"reaction_{j}_x", "reaction x", "", f"at {j}", "N"),
-            (f"reaction_{j}_y", "reaction y", "", f"at {j}", "N"),
-            (f"reaction_{j}_moment", "reaction moment", "", f"at {j}", "N.m"),
-            (f"clearance_{j}_x", "displacement x", "", f"in {j}", "m"),
-            (f"clearance_{j}_y", "displacement y", "", f"in {j}", "m"),
-        ]
-        rows += [(f"clearance_{j}_angle", "tilt", "", f"in {j}", "rad")] if joint.guide is not None else []
-    for b in (body.name for body in mechanism.bodies):
-        rows += [
-            (f"{b}_rotation", "rotation", "ψ", f"of {b}", "rad"),
-            (f"{b}_angle", "angle", "", f"of {b}", "rad"),
-            (f"{b}_x", "position x", "", f"of {b}", "m"),
-            (f"{b}_y", "position y", "", f"of {b}", "m"),
-            (f"{b}_angular_velocity", "angular velocity", "", f"of {b}", "rad/s"),
-        ]
-    rows += [(p.name, "position", "", f"of {p.place}", p.unit) for p in map(position, mechanism.joints)]
-    for drive in driving(mechanism.motors):
-        symbol, place = ("F" if drive.component == "force" else "T"), f"at {drive.place}" if drive.place else ""
-        rows += [(drive.name, f"drive {drive.component}", symbol, place, drive.unit)]
-    return {signal: Quantity(signal, name, symbol, place, *shown(unit)) for signal, name, symbol, place, unit in rows}
+    listed = {}
+    for signal in signals(mechanism.bodies, mechanism.joints, mechanism.drives):
+        words, symbol, where = LABELS[signal.kind, signal.component]
+        place = f"{where} {signal.place}" if signal.place else ""
+        listed[signal.name] = Quantity(signal.name, words, symbol, place, *shown(signal.unit))
+    return listed
 
 
 def key_signals(mechanism: Mechanism, joints: list[str], loose: bool) -> list[str]:

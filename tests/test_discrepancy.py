@@ -12,7 +12,7 @@ from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.reach import usual_angles
 from analytic.kinematics.schedule import Schedule
 from analytic.mechanism.file import load
-from analytic.mechanism.signals import Signal, named
+from analytic.mechanism.signals import Signal, SiUnit, named
 from compare.judge.discrepancy import (
     Comparison,
     Rule,
@@ -26,7 +26,6 @@ from compare.judge.discrepancy import (
 from compare.judge.reference import reference
 from compare.judge.signals import compared, kind_of, with_derived
 from compare.judge.tolerances import Known, Line, ToleranceError, known_differences, load_tolerances
-from compare.results.crosscheck import Unit
 from sim_models.engine import JointModel
 
 THETA = np.linspace(0.3, 2.8, 51)
@@ -64,7 +63,7 @@ def test_each_compared_signal_is_one_of_its_linkage_and_has_a_unit_of_results(
     judged = compared(mechanism, clearance)
     assert {known[signal.name] for signal in judged} == set(judged)
     for signal in judged:
-        assert signal.unit in get_args(Unit)
+        assert signal.unit in get_args(SiUnit)
         assert signal.wraps == (kind_of(signal) in ("angle", "rotation", "position"))
 
 

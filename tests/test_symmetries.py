@@ -16,11 +16,12 @@ import linkage_crosscheck as lc
 from analytic.mechanism import Load, Mechanism, PeriodicTorque
 from analytic.mechanism.file import dumps, load
 from analytic.mechanism.signals import Signal, named
+from analytic.mechanism.units import POWERS
 from linkages import inverted_slider
 from marks import slow
 from measured_files import RunTable, write_measured
 from several_linkages import sprung
-from sim_models.common.units import OF_UNIT, Units
+from sim_models.common.units import Units
 from sim_models.engine import ENGINES, declared
 from symmetries import Seen
 
@@ -233,7 +234,7 @@ def test_a_linkage_in_other_units_has_the_same_digits(name: str) -> None:
     old = lc.analyse(m, **grid(m)).signals
     new = lc.analyse(other, **(grid(m) if m.cranked else {"times": TIMES / units.time})).signals
     known = named(m.bodies, m.joints, m.drives)
-    expected = {n: values / units.size(OF_UNIT[known[n].unit]) for n, values in old.items()}
+    expected = {n: values / units.size(POWERS[known[n].unit]) for n, values in old.items()}
     same(other, new, expected, 1e-12)
 
 

@@ -10,6 +10,7 @@ import pytest
 from analytic.mechanism import Drive, Load, Mechanism
 from analytic.mechanism.file import dumps, load, loads, shipped_cases
 from analytic.mechanism.signals import named
+from analytic.mechanism.units import POWERS
 from asked import job_of, request_of
 from compare.baseline.runs import setups
 from compare.crosscheck import crosscheck_job
@@ -17,7 +18,7 @@ from compare.judge.tolerances import load_tolerances
 from linkages import inverted_slider, shaper
 from marks import slow
 from sim_models.common.contact_laws import DRIVEN_STIFFNESS, STATIC_STIFFNESS, TURN_BY_GIVE, carried, default_stiffness
-from sim_models.common.units import OF_UNIT, SI, Units
+from sim_models.common.units import SI, Units
 from sim_models.common.weights import with_equal_masses
 from sim_models.engine import ENGINES, SimulationError, Trace, engine
 from tests.evidence.validation.scales import Scale, linkage, scale_rows, scales
@@ -87,7 +88,7 @@ def test_similar_linkages_have_the_same_digits(name: str, joint_model: str, moti
     first, second = (chosen.simulate(request_of(m, joint_model, motion, TURN[1:4])) for m in (small, smaller))
     known = named(small.bodies, small.joints, small.drives)
     for signal, values in first.signals.items():
-        scale = Units(2.0**3, 2.0**7, 2.0**2).size(OF_UNIT[known[signal].unit])
+        scale = Units(2.0**3, 2.0**7, 2.0**2).size(POWERS[known[signal].unit])
         assert np.array_equal(values, second.signals[signal] * scale), signal
     assert first.settings["units"]["length"] < 1e-3
     if first.settings.get("step"):

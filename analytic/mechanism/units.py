@@ -26,6 +26,15 @@ SI: dict[QuantityKind, SiUnit] = {
     "force": "N",
     "torque": "N.m",
 }
+Powers = tuple[int, int, int]  # of length, mass and time
+POWERS: dict[SiUnit, Powers] = {
+    "s": (0, 0, 1),
+    "rad": (0, 0, 0),
+    "rad/s": (0, 0, -1),
+    "m": (1, 0, 0),
+    "N": (1, 1, -2),
+    "N.m": (2, 1, -2),
+}
 DIMENSIONS: dict[SiUnit, QuantityKind] = {unit: kind for kind, unit in SI.items()}
 # What messages offer; any other unit of the dimension that pint knows is accepted as well.
 OFFERED: dict[QuantityKind, tuple[str, ...]] = {

@@ -9,10 +9,9 @@ from typing import Literal
 import numpy as np
 
 from analytic.mechanism import Mechanism
-from analytic.mechanism.signals import AXES, Signal
-from compare.judge.signals import ToleranceKind, compared, kind_of, unit_of
+from analytic.mechanism.signals import AXES, Signal, SiUnit
+from compare.judge.signals import ToleranceKind, compared, kind_of
 from compare.judge.tolerances import Known, Tolerances
-from compare.results.crosscheck import Unit
 from sim_models.engine import JointModel, Motion, SettingValue
 
 SignalVerdict = Literal["agrees", "disagrees", "known", "unjudged"]
@@ -74,7 +73,7 @@ class Comparison:
 
     signal: Signal
     kind: Literal["angle", "magnitude", "value"]
-    unit: Unit
+    unit: SiUnit
     max: float
     rms: float
     at: int
@@ -409,6 +408,6 @@ def _judge_known(known: Known, difference: Difference, of_bound: Difference, uni
 
 
 def _discrepancy(rule: Rule, widest: Difference, verdict: SignalVerdict, reason: str = "") -> Comparison:
-    kind, unit = rule.kind, unit_of(rule.signal)
+    kind, unit = rule.kind, rule.signal.unit
     public: Literal["angle", "magnitude", "value"] = kind if kind in ("angle", "magnitude") else "value"
     return Comparison(rule.signal, public, unit, widest.max, widest.rms, widest.at, widest.allowed, verdict, reason)

@@ -24,7 +24,7 @@ from analytic.paper.envelope import condition
 from analytic.paper.kinetostatics import friction_turns
 from analytic.paper.superposition import ILL_CONDITIONED, superposed
 from compare.judge.discrepancy import difference, largest
-from compare.judge.signals import compared, unit_of, with_derived
+from compare.judge.signals import compared, with_derived
 from compare.results.crosscheck import OrderDifference
 
 SIGMAS = 4.0  # rms errors of a motion that is known no better, by which a signal may be off
@@ -208,7 +208,7 @@ def _side(
     for signal in compared(mechanism, clearances) if clearances else ():
         apart = signal.apart(*(signals[each][signal.name] for each in ("first_order", "equilibrium")))
         if (most := difference(apart)) is not None:
-            unit, where = unit_of(signal), float(_axis(answer.ideal.motion)[most.at])
+            unit, where = signal.unit, float(_axis(answer.ideal.motion)[most.at])
             order[signal.name] = OrderDifference(unit=unit, max=most.max, rms=most.rms, at_crank_angle=where)
     ideal = _angles(answer.ideal.motion)
     rough = [name for name in clearances if mechanism.joint(name).friction]

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Literal, cast
+from typing import Literal
 
 import numpy as np
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism.signals import AXES, Component, Signal, SignalKind, continued, driving, play
-from compare.results.crosscheck import Unit
 
 ToleranceKind = Literal[
     "angle", "magnitude", "displacement", "rotation", "torque", "force", "position", "place", "velocity"
@@ -38,11 +37,6 @@ _KINDS: dict[tuple[SignalKind, Component], ToleranceKind] = {
 def kind_of(signal: Signal) -> ToleranceKind:
     """The kind under which a tolerance file has a signal.  Raises KeyError for one that is never judged."""
     return _KINDS[signal.kind, signal.component]
-
-
-def unit_of(signal: Signal) -> Unit:
-    """The unit of a signal that is judged: time is none."""
-    return cast(Unit, signal.unit)
 
 
 NO_REACTION = 1e-12  # of a reaction's peak: no force, and no direction

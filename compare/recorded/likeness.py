@@ -15,21 +15,15 @@ from analytic.kinematics.motion import kinematics
 from analytic.mechanism import Mechanism
 from analytic.mechanism.columns import ANY_LAYOUT
 from analytic.mechanism.signals import Signal, turned_near, unwound
-from analytic.mechanism.units import SI, QuantityKind, dimension, factor
+from analytic.mechanism.units import OFFERED, SI, dimension, factor
 from analytic.paper.kinetostatics import kinetostatics
 from compare.judge.signals import with_derived
 from compare.recorded.every_column import LEAST_READINGS
 from compare.recorded.headings import TIME, Naming, unit_of, written_unit
 from compare.recorded.smooth import Smoother
 
-GUESSED_UNITS: dict[QuantityKind, tuple[str, ...]] = {
-    "time": ("s", "ms", "us"),
-    "angle": ("rad", "deg", "mrad", "rev"),
-    "angular velocity": ("rad/s", "deg/s", "rpm"),
-    "length": ("m", "mm", "um"),
-    "force": ("N", "kN", "mN"),
-    "torque": ("N.m", "N.mm", "kN.m"),
-}
+RARE_UNITS = {"min", "in", "kgf", "lbf", "lbf.in"}  # in no logger: only a heading that says one is believed
+GUESSED_UNITS = {kind: tuple(unit for unit in units if unit not in RARE_UNITS) for kind, units in OFFERED.items()}
 STRAIGHT_LINE = 0.02  # of a column's own scatter, that may be left of it beside a signal's
 FAR_ZERO = 0.05  # of a half turn, or of a place, by which a sensor's zero must be off to be told
 NEAR_UNIT = 0.05  # relative, by which its slope may be off a unit's

@@ -10,14 +10,13 @@ import numpy as np
 from pydantic import BeforeValidator, ConfigDict, Field, FiniteFloat, model_validator
 
 from analytic.mechanism.one_line import count
-from analytic.mechanism.signals import Signal, named
+from analytic.mechanism.signals import Signal, SiUnit, named
 from analytic.paper.clearance import Model
 from compare.results.contact import Compared, Contact
 from compare.results.document import Document, Filled, Grid, Mechanism, Number, Part, Row, Series, Share, Text
 from sim_models.engine import Cause, JointModel, Motion, SettingValue
 
 Verdict = Literal["agrees", "disagrees", "unjudged"]
-Unit = Literal["rad", "N", "m", "N.m", "rad/s"]
 Signals = Annotated[
     Mapping[str, Series], Field(min_length=1, description="Every signal by name, a value for each crank angle.")
 ]
@@ -61,7 +60,7 @@ class Discrepancy(Part):
 
     signal: str
     kind: Literal["angle", "magnitude", "value"]
-    unit: Unit
+    unit: SiUnit
     max: Number
     rms: Number
     at_crank_angle: Number
@@ -93,7 +92,7 @@ class Discrepancy(Part):
 class OrderDifference(Part):
     """The paper's first order minus the equilibrium, of one signal."""
 
-    unit: Unit
+    unit: SiUnit
     max: Number
     rms: Number
     at_crank_angle: Number

@@ -19,7 +19,9 @@ import numpy as np
 from analytic.kinematics.schedule import Course, DriveMotion, Schedule, Steady
 from analytic.kinematics.structure import structure
 from analytic.mechanism import Body, Drive, Joint, Load, Mechanism, Spring
-from analytic.mechanism.signals import SiUnit, named
+from analytic.mechanism.signals import named
+from analytic.mechanism.units import POWERS
+from analytic.mechanism.units import Powers as Dimension
 from sim_models.common.contact_laws import default_stiffness, heaviest, longest, power_of_two, turning_rate
 from sim_models.common.failed_starts import TooSoft
 from sim_models.common.weights import with_equal_masses
@@ -32,7 +34,6 @@ MASSES = (2.0**-7, 2.0**5)  # kg, the heaviest body
 RATES = (2.0**0, 2.0**7)  # 1/s, of the crank, or at which loads would turn the linkage
 
 Pair = tuple[float, float]
-Dimension = tuple[int, int, int]  # powers of length, mass and time
 DIMENSIONLESS: Dimension = (0, 0, 0)
 LENGTH: Dimension = (1, 0, 0)
 TIME_DIMENSION: Dimension = (0, 0, 1)
@@ -46,14 +47,6 @@ PRESSURE: Dimension = (-1, 1, -2)
 STIFFNESS: Dimension = (0, 1, -2)
 DAMPING: Dimension = (0, 1, -1)
 
-OF_UNIT: dict[SiUnit, Dimension] = {
-    "m": LENGTH,
-    "rad": DIMENSIONLESS,
-    "rad/s": RATE,
-    "N": FORCE_DIMENSION,
-    "N.m": TORQUE_DIMENSION,
-    "s": TIME_DIMENSION,
-}
 BODY = {
     "mass": (0, 1, 0),
     "com": LENGTH,
@@ -229,7 +222,7 @@ class Units:
             t,
             crank_angle=t.crank_angle * told,
             time=None if t.time is None else t.time * self.time,
-            signals={name: values * self.size(OF_UNIT[known[name].unit]) for name, values in t.signals.items()},
+            signals={name: values * self.size(POWERS[known[name].unit]) for name, values in t.signals.items()},
             rates={body: self._rates(rates) for body, rates in t.rates.items()},
             watched=None if t.watched is None else self._watched(t.watched),
             clearance={name: c * self.length for name, c in t.clearance.items()},
