@@ -8,7 +8,6 @@ from pathlib import Path
 
 from sim_models.common.simulate import export, simulate
 from sim_models.engine import (
-    FEATURES,
     JOINT_MODELS,
     MOTIONS,
     Capabilities,
@@ -25,9 +24,25 @@ RUNS = tuple((model, motion) for model in JOINT_MODELS for motion in MOTIONS)
 WITHOUT_BLOCKS: frozenset[tuple[Feature, Pair]] = frozenset(
     ("guide_clearance", ("spring-damper", motion)) for motion in MOTIONS
 )
-# What an exported script does not do: its laws know no reaction, and no blocks, contact laws by name or backlash.
-UNWRITTEN: frozenset[Feature] = frozenset(
-    {"load_friction", "guide_friction", "backlash", "contact_law", "guide_clearance"}
+# What an exported script does, each by name: a new feature is refused until the script has it.
+WRITTEN: frozenset[Feature] = frozenset(
+    {
+        "prismatic",
+        "coulomb_friction",
+        "stribeck_friction",
+        "viscous_friction",
+        "drag",
+        "joint_spring",
+        "nonlinear_spring",
+        "contact_friction",
+        "drive_compliance",
+        "periodic_torque",
+        "soft_bearing",
+        "course",
+        "released",
+        "several_drives",
+        "point_spring",
+    }
 )
 
 
@@ -44,7 +59,7 @@ class MujocoEngine(Engine):
     package = "mujoco"
     capabilities = Capabilities(
         rigid=Scope.of(RUNS, but=WITHOUT_BLOCKS),
-        export=Scope.of(RUNS, set(FEATURES) - UNWRITTEN),
+        export=Scope.of(RUNS, WRITTEN),
     )
 
     def simulate(self, request: Request) -> Trace:
