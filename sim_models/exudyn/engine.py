@@ -32,25 +32,11 @@ BENDING: tuple[Pair, ...] = tuple((model, motion) for model in ("ideal", "contac
 # No law of a joint sees another's reaction; one-sided laws between a motor and its crank would be slow in Python.
 HAS: frozenset[Feature] = frozenset(FEATURES) - {"load_friction", "guide_friction", "backlash"}
 # What an exported script does, each by name: functions of the run's own are no part of a model file.
-WRITTEN: frozenset[Feature] = frozenset(
-    {
-        "prismatic",
-        "coulomb_friction",
-        "stribeck_friction",
-        "viscous_friction",
-        "drag",
-        "joint_spring",
-        "nonlinear_spring",
-        "contact_friction",
-        "drive_compliance",
-        "periodic_torque",
-        "soft_bearing",
-        "course",
-        "released",
-        "several_drives",
-        "point_spring",
-    }
-)
+WRITTEN: frozenset[Feature] = frozenset({
+    "prismatic", "coulomb_friction", "stribeck_friction", "viscous_friction", "drag",
+    "joint_spring", "nonlinear_spring", "contact_friction", "drive_compliance", "periodic_torque",
+    "soft_bearing", "course", "released", "several_drives", "point_spring",
+})  # fmt: skip
 BEYOND: frozenset[Feature] = frozenset(
     {"contact_law", "contact_friction", "drive_compliance", "guide_clearance", "soft_bearing", "released"}
 )  # of beams

@@ -25,25 +25,11 @@ WITHOUT_BLOCKS: frozenset[tuple[Feature, Pair]] = frozenset(
     ("guide_clearance", ("spring-damper", motion)) for motion in MOTIONS
 )
 # What an exported script does, each by name: a new feature is refused until the script has it.
-WRITTEN: frozenset[Feature] = frozenset(
-    {
-        "prismatic",
-        "coulomb_friction",
-        "stribeck_friction",
-        "viscous_friction",
-        "drag",
-        "joint_spring",
-        "nonlinear_spring",
-        "contact_friction",
-        "drive_compliance",
-        "periodic_torque",
-        "soft_bearing",
-        "course",
-        "released",
-        "several_drives",
-        "point_spring",
-    }
-)
+WRITTEN: frozenset[Feature] = frozenset({
+    "prismatic", "coulomb_friction", "stribeck_friction", "viscous_friction", "drag",
+    "joint_spring", "nonlinear_spring", "contact_friction", "drive_compliance", "periodic_torque",
+    "soft_bearing", "course", "released", "several_drives", "point_spring",
+})  # fmt: skip
 
 
 class MujocoEngine(Engine):

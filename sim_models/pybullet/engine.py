@@ -24,25 +24,11 @@ QUICKER: frozenset[tuple[Feature, Pair]] = frozenset(
 STRUTS: frozenset[tuple[Feature, Pair]] = frozenset({("guide_clearance", ("contact", "static"))})
 HAS: frozenset[Feature] = frozenset(FEATURES) - {"contact_friction"}
 # What an exported script does, each by name; a drive that yields it does not at rest.
-WRITTEN: frozenset[Feature] = frozenset(
-    {
-        "prismatic",
-        "coulomb_friction",
-        "stribeck_friction",
-        "load_friction",
-        "viscous_friction",
-        "drag",
-        "joint_spring",
-        "nonlinear_spring",
-        "drive_compliance",
-        "periodic_torque",
-        "soft_bearing",
-        "course",
-        "released",
-        "several_drives",
-        "point_spring",
-    }
-)
+WRITTEN: frozenset[Feature] = frozenset({
+    "prismatic", "coulomb_friction", "stribeck_friction", "load_friction", "viscous_friction",
+    "drag", "joint_spring", "nonlinear_spring", "drive_compliance", "periodic_torque",
+    "soft_bearing", "course", "released", "several_drives", "point_spring",
+})  # fmt: skip
 DRIVE_AT_REST: frozenset[tuple[Feature, Pair]] = frozenset(
     ("drive_compliance", pair) for pair in RUNS if pair[1] == "static"
 )
