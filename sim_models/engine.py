@@ -359,8 +359,8 @@ class Trace:
     @property
     def step(self) -> float | None:
         """The time step (s); None where nothing steps."""
-        found = self.settings.get("step")
-        return float(found) if isinstance(found, int | float) else None
+        step = self.settings.get("step")
+        return float(step) if isinstance(step, int | float) else None
 
 
 @dataclass(frozen=True)
@@ -413,9 +413,9 @@ class Capabilities:
         """What effects may need of an engine: joint models and features in motion, links that bend
         (``link_flexibility``).
         """
-        found: set[str] = {model for model, motion in self.runs if motion == "driven"}
-        found |= {feature for feature, (_, motion) in self.rigid.features if motion == "driven"}
-        return frozenset(found | ({"link_flexibility"} if self.beams is not None else set()))
+        names: set[str] = {model for model, motion in self.runs if motion == "driven"}
+        names |= {feature for feature, (_, motion) in self.rigid.features if motion == "driven"}
+        return frozenset(names | ({"link_flexibility"} if self.beams is not None else set()))
 
 
 class Engine(Protocol):
@@ -500,19 +500,19 @@ def declared(name: str) -> Engine:
     left_out = f"simulator {name!r} is left out: its entry point {point.value}"
     try:
         with silence(), uninterrupted():
-            found = point.load()
+            offered = point.load()
     except Exception as error:  # noqa: BLE001 - somebody else's module raises whatever it likes
         raise SimulatorMissing(
             f"{left_out} cannot be imported ({_in_a_line(error)}); mend it or uninstall it"
         ) from None
-    if not _is_engine(name, found):
+    if not _is_engine(name, offered):
         raise SimulatorMissing(f"{left_out} is no engine of that name with package, capabilities and simulate")
-    return cast(Engine, found)
+    return cast(Engine, offered)
 
 
-def _is_engine(name: str, found: object) -> bool:
+def _is_engine(name: str, offered: object) -> bool:
     """Whether somebody's object is an engine of that name."""
-    parts = {part: getattr(found, part, None) for part in ("name", "package", "capabilities", "simulate")}
+    parts = {part: getattr(offered, part, None) for part in ("name", "package", "capabilities", "simulate")}
     return (
         parts["name"] == name
         and isinstance(parts["package"], str)
@@ -531,9 +531,9 @@ def engine(name: str) -> Engine:
     if scheme:
         _check_installed(scheme, str(importlib.import_module(SCHEMES[scheme]).PACKAGE))
         return declared(name)
-    found = declared(name)
-    _check_installed(name, found.package)
-    return found
+    engine = declared(name)
+    _check_installed(name, engine.package)
+    return engine
 
 
 def _check_installed(name: str, package: str) -> None:
@@ -578,7 +578,7 @@ def needed(request: Request) -> dict[Feature, str]:
     """The features that a request has, and of each what of it the request would have to leave out."""
     m = request.mechanism
     moving, touching = request.motion == "driven", request.joint_model == "contact"
-    found: dict[Feature, str] = {}
+    asked_for: dict[Feature, str] = {}
     for joint in m.joints:
         at = f"of joint {joint.name!r}"
         soft = joint.radial_stiffness
@@ -602,22 +602,22 @@ def needed(request: Request) -> dict[Feature, str]:
             ("contact_law", named, f"contact_law = {joint.contact_law!r} {at}"),
             ("guide_clearance", block, f"clearance = {joint.clearance:g} m {at}"),
         )
-        found |= {feature: what for feature, has, what in asked if has and feature not in found}
+        asked_for |= {feature: what for feature, has, what in asked if has and feature not in asked_for}
     if m.drive_stiffness:
-        found["drive_compliance"] = f"drive.stiffness = {m.drive_stiffness:g}"
+        asked_for["drive_compliance"] = f"drive.stiffness = {m.drive_stiffness:g}"
     if m.half_gap:
-        found["backlash"] = f"drive.half_gap = {m.half_gap:g}"
+        asked_for["backlash"] = f"drive.half_gap = {m.half_gap:g}"
     if m.periodic_torque is not None:
-        found["periodic_torque"] = f"drive.periodic_torque.amplitude = {m.periodic_torque.amplitude:g}"
+        asked_for["periodic_torque"] = f"drive.periodic_torque.amplitude = {m.periodic_torque.amplitude:g}"
     if m.springs:
-        found["point_spring"] = f"the [[spring]] between {' and '.join(m.springs[0].bodies)}"
+        asked_for["point_spring"] = f"the [[spring]] between {' and '.join(m.springs[0].bodies)}"
     if request.schedule.crank is None:
-        found["several_drives"] = "what is not a crank's drive"
+        asked_for["several_drives"] = "what is not a crank's drive"
     elif request.schedule.courses:
-        found["course"] = "a course"
+        asked_for["course"] = "a course"
     elif request.schedule.lets_go:
-        found["released"] = "the release, with a drive.speed in rad/s"
-    return found
+        asked_for["released"] = "the release, with a drive.speed in rad/s"
+    return asked_for
 
 
 def check_supported(chosen: Engine, request: Request) -> None:

@@ -106,43 +106,43 @@ class Block:
         going, sinking = ax * u + ay * v + w1 * aside, ax * v - ay * u - w1 * far
         return Seen((ax, ay), far, aside, going, sinking, functions.cos(tilt), functions.sin(tilt), w2 - w1)
 
-    def corners(self, seen: Seen) -> list[tuple[float, _Exu, _Exu, _Exu]]:
+    def corners(self, block: Seen) -> list[tuple[float, _Exu, _Exu, _Exu]]:
         """Of each corner, which wall it is before (1: that across), how far it is along the guide from the second
         body's centre of mass (m), how deep in the wall (m), and the rate (m/s).
         """
         corners = []
         for side, corner in zip(self.guide.sides, self.guide.corners, strict=True):
-            along, across = seen.turned(self._foot + corner)
-            depth = side * (seen.aside + across - self._near.imag) - (self.guide.height / 2 + self.guide.clearance)
-            corners.append((side, along, depth, side * (seen.sinking + seen.turning * along)))
+            along, across = block.turned(self._foot + corner)
+            depth = side * (block.aside + across - self._near.imag) - (self.guide.height / 2 + self.guide.clearance)
+            corners.append((side, along, depth, side * (block.sinking + block.turning * along)))
         return corners
 
     def force(self, symbolic: _Exu, q: _Exu, q_t: _Exu) -> _Exu:
         """Generalised forces (N, N, N.m of each moving body) at these coordinates and rates, symbolic."""
-        seen = self.seen(symbolic, q, q_t)
-        (x, y), (along, across) = seen.along, seen.turned(self._foot)
+        block = self.seen(symbolic, q, q_t)
+        (x, y), (along, across) = block.along, block.turned(self._foot)
         total = symbolic.Vector([0.0] * 3 * sum(end.row is not None for end in self.ends))
-        for k, (side, reach, depth, rate) in enumerate(self.corners(seen)):
+        for k, (side, reach, depth, rate) in enumerate(self.corners(block)):
             push = push_back(symbolic, self.law, self.memories[k] if self.memories else None, depth, rate)
             away = [side * y, -side * x, -side * reach]
-            total = total + self._vector(symbolic, [-side * y, side * x, side * (seen.far + reach)], away) * push
+            total = total + self._vector(symbolic, [-side * y, side * x, side * (block.far + reach)], away) * push
             if self.friction:
-                _, aside = seen.turned(self._foot + self.guide.corners[k])
-                slip = seen.going - seen.turning * aside
+                _, aside = block.turned(self._foot + self.guide.corners[k])
+                slip = block.going - block.turning * aside
                 fading = symbolic.max(symbolic.min(slip * (1 / CONTACT_CREEP), 1.0), -1.0)
-                back = self._vector(symbolic, [x, y, -(seen.aside + aside)], [-x, -y, aside])
+                back = self._vector(symbolic, [x, y, -(block.aside + aside)], [-x, -y, aside])
                 total = total + back * (push * fading * self.friction)
         if self.own is not None:
-            pull = self.own(seen.far + along - self._near.real, seen.going - seen.turning * across)
-            on_first = self._vector(symbolic, [x, y, -(seen.aside + across)], [-x, -y, across])
+            pull = self.own(block.far + along - self._near.real, block.going - block.turning * across)
+            on_first = self._vector(symbolic, [x, y, -(block.aside + across)], [-x, -y, across])
             total = total + on_first * (pull - self.steady)
         return total
 
-    def rubbing(self, seen: Seen) -> np.ndarray:
+    def rubbing(self, block: Seen) -> np.ndarray:
         """Friction (4, M) of each corner along the guide on the second body, of a unit push of its wall, where the
         block is as ``seen`` in arrays (M,).
         """
-        slips = [seen.going - seen.turning * seen.turned(self._foot + z)[1] for z in self.guide.corners]
+        slips = [block.going - block.turning * block.turned(self._foot + z)[1] for z in self.guide.corners]
         return -self.friction * np.clip(np.array(slips) / CONTACT_CREEP, -1.0, 1.0)
 
     def _vector(self, symbolic: _Exu, first: list[_Exu], second: list[_Exu]) -> _Exu:

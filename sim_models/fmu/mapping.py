@@ -137,7 +137,7 @@ class Map:
 
     def drives(self, mechanism: Mechanism, joints: Iterable[str]) -> dict[str, Mapping[Moved, Link]]:
         """The inputs of each of these driven joints of a mechanism.  Raises FmuError."""
-        found: dict[str, Mapping[Moved, Link]] = {}
+        drives: dict[str, Mapping[Moved, Link]] = {}
         known = [joint.name for joint in mechanism.joints]
         for name in self.file.drives:
             if name not in known:
@@ -145,23 +145,23 @@ class Map:
                 raise FmuError(f"{self.path}: drives.{shown(name)}: {why}")
         for name in joints:
             if name not in self.file.drives:
-                told = ", ".join(self.file.drives) or "no driven joint"
-                why = f"{self.path}: drives: tells the FMU of {told}, but {mechanism.name} is driven in {name} too"
+                named = ", ".join(self.file.drives) or "no driven joint"
+                why = f"{self.path}: drives: tells the FMU of {named}, but {mechanism.name} is driven in {name} too"
                 raise FmuError(f"{why}; give [drives.{name}] with its position")
             kinds = SLIDES if mechanism.joint(name).prismatic else MOVED_DIMENSIONS
-            found[name] = _links(self.fmu, self.path, f"drives.{name}", _told(self.file.drives[name]), kinds)
+            drives[name] = _links(self.fmu, self.path, f"drives.{name}", _told(self.file.drives[name]), kinds)
         for name in self.file.drives:
-            if name not in found:
-                driven = ", ".join(found) or "no joint"
+            if name not in drives:
+                driven = ", ".join(drives) or "no joint"
                 raise FmuError(
                     f"{self.path}: drives.{shown(name)}: {mechanism.name} is driven in {driven}; leave it out"
                 )
-        return found
+        return drives
 
     def signals(self, mechanism: Mechanism) -> dict[str, Link]:
         """Which variable is which signal of a mechanism.  Raises FmuError."""
         known = named(mechanism.bodies, mechanism.joints, mechanism.drives)
-        found: dict[str, Link] = {}
+        links: dict[str, Link] = {}
         for column, meaning in self.file.columns.items():
             if meaning == "ignore":
                 continue
@@ -171,14 +171,14 @@ class Map:
                     f"{where}: signal {shown(meaning.signal)} is none of {mechanism.name};"
                     f" {_hint(meaning.signal, known, 'its signals')}"
                 )
-            if meaning.signal in found:
+            if meaning.signal in links:
                 raise FmuError(f'{where}: signal {meaning.signal} has two columns; set one of them to "ignore"')
             signal, variable = known[meaning.signal], _variable(self.fmu, column, where)
             scale = _factor(where, meaning.unit, variable, DIMENSIONS[signal.unit])
-            found[signal.name] = Link(variable, meaning.sign * meaning.scale, meaning.offset, scale)
-        if not found:
+            links[signal.name] = Link(variable, meaning.sign * meaning.scale, meaning.offset, scale)
+        if not links:
             raise FmuError(f"{self.path}: columns: each of them is ignored; give at least one a signal")
-        return found
+        return links
 
 
 def beside(fmu: Path) -> Path:
@@ -208,21 +208,21 @@ def _inputs(fmu: Fmu, path: Path, file: MapFile) -> dict[Moved, Link]:
     """The inputs of a crank; of several drives none, but each is told where it is.  Raises FmuError."""
     if file.inputs is not None and file.drives:
         raise FmuError(f"{path}: has [inputs], of a crank, and [drives], of several; leave one of them out")
-    found = {} if file.inputs is None else _links(fmu, path, "inputs", _told(file.inputs), MOVED_DIMENSIONS)
-    if not file.drives and "position" not in found and not {"speed", "start"} <= set(found):
+    inputs = {} if file.inputs is None else _links(fmu, path, "inputs", _told(file.inputs), MOVED_DIMENSIONS)
+    if not file.drives and "position" not in inputs and not {"speed", "start"} <= set(inputs):
         raise FmuError(
             f"{path}: inputs: the FMU is not told where its crank is; give angle, or speed with start_angle, the"
             " variable that is its angle at the start"
         )
     taken: dict[str, str] = {}
     for name, drive in file.drives.items():
-        told = _told(drive)
-        if "position" not in told and not {"speed", "start"} <= set(told):
+        given = _told(drive)
+        if "position" not in given and not {"speed", "start"} <= set(given):
             raise FmuError(
                 f"{path}: drives.{shown(name)}: the FMU is not told where it is; give position, or speed with"
                 " start_position, the variable that is its position at the start"
             )
-        for field, each in told.values():
+        for field, each in given.values():
             where = f"drives.{name}.{field}"
             _input(fmu, f"{path}: {where}", each.variable, field)
             if taken.setdefault(each.variable, where) != where:
@@ -230,31 +230,31 @@ def _inputs(fmu: Fmu, path: Path, file: MapFile) -> dict[Moved, Link]:
                 raise FmuError(
                     f"{path}: {where}: {shown(each.variable)} is that of {other} already; give each its own variable"
                 )
-    return found
+    return inputs
 
 
 def _told(given: Inputs | Position) -> dict[Moved, tuple[str, Driven]]:
     """What is given of a drive, each with the name of its field."""
     names: Mapping[str, Moved] = {"angle": "position", "start_angle": "start", "start_position": "start"}
-    found: dict[Moved, tuple[str, Driven]] = {}
+    driven_by: dict[Moved, tuple[str, Driven]] = {}
     for field in type(given).model_fields:
         driven = getattr(given, field)
         if driven is not None:
-            found[names.get(field, cast("Moved", field))] = field, driven
-    return found
+            driven_by[names.get(field, cast("Moved", field))] = field, driven
+    return driven_by
 
 
 def _links(
     fmu: Fmu,
     path: Path,
     table: str,
-    told: Mapping[Moved, tuple[str, Driven]],
+    given: Mapping[Moved, tuple[str, Driven]],
     kinds: Mapping[Moved, QuantityKind | Units],
 ) -> dict[Moved, Link]:
     """The variables of a drive.  Raises FmuError."""
-    found: dict[Moved, Link] = {}
+    links: dict[Moved, Link] = {}
     taken: dict[str, str] = {}
-    for name, (field, driven) in told.items():
+    for name, (field, driven) in given.items():
         where = f"{path}: {table}.{field}"
         variable = _input(fmu, where, driven.variable, field)
         if variable.name in taken:
@@ -262,8 +262,8 @@ def _links(
             raise FmuError(f"{where}: {shown(variable.name)} is that of {other} already; give each its own variable")
         taken[variable.name] = field
         scale = _factor(where, driven.unit, variable, kinds[name])
-        found[name] = Link(variable, driven.sign * driven.scale, driven.offset, scale)
-    return found
+        links[name] = Link(variable, driven.sign * driven.scale, driven.offset, scale)
+    return links
 
 
 def _input(fmu: Fmu, where: str, name: str, field: str) -> Variable:
@@ -293,12 +293,12 @@ def _parameters(fmu: Fmu, path: Path, given: Mapping[str, Value]) -> Iterator[tu
 
 def _variable(fmu: Fmu, name: str, where: str) -> Variable:
     """A variable that is a number.  Raises FmuError."""
-    found = _known(fmu, name, where)
-    if found.kind not in REAL_KINDS:
+    variable = _known(fmu, name, where)
+    if variable.kind not in REAL_KINDS:
         raise FmuError(
-            f"{where}: {shown(name)} of {fmu.path.name} is of kind {found.kind}; give one that is Real or Float64"
+            f"{where}: {shown(name)} of {fmu.path.name} is of kind {variable.kind}; give one that is Real or Float64"
         )
-    return found
+    return variable
 
 
 def _known(fmu: Fmu, name: str, where: str) -> Variable:

@@ -139,13 +139,13 @@ class _Writer:
         return armature
 
     def _joint(self, pin: Pin) -> dict[str, Any]:
-        found: dict[str, Any] = {
+        fields: dict[str, Any] = {
             "name": pin.name,
             "type": "prismatic" if pin.slides else "revolute",
             "bodies": tuple(self.p.links[k].name for k in pin.links),
         }
         if pin.slides:
-            found |= {"axis": (_tidy(pin.axis.real), _tidy(pin.axis.imag)), "angle": _tidy(pin.angle)}
+            fields |= {"axis": (_tidy(pin.axis.real), _tidy(pin.axis.imag)), "angle": _tidy(pin.angle)}
             q, travel = float(self.p.pose[self.m.jnt_qposadr[pin.joint]]), self.p.relative(pin, self.frames)
             if abs(q - travel) > NEAREST_POINT * self.p.size:
                 self.notes.append(
@@ -155,38 +155,38 @@ class _Writer:
         laws = ([self.laws(pin)] if pin.joint >= 0 else []) + [
             self.tendon(one) for one in self.tendons if one.pin is pin
         ]
-        return found | self.together(pin, [each for each in laws if each])
+        return fields | self.together(pin, [each for each in laws if each])
 
     def together(self, pin: Pin, laws: list[dict[str, float]]) -> dict[str, float]:
         """The laws of a joint as one.  Raises MjcfError for two springs with different rests."""
         if len({each["rest_angle"] for each in laws if "rest_angle" in each}) > 1:
             raise MjcfError(f"{self.p.said}: joint {pin.name!r} has two springs that rest apart; give it one")
-        found: dict[str, float] = {}
+        law: dict[str, float] = {}
         for each in laws:
             for name, value in each.items():
-                found[name] = value if name == "rest_angle" else found.get(name, 0.0) + value
-        return found
+                law[name] = value if name == "rest_angle" else law.get(name, 0.0) + value
+        return law
 
     def tendon(self, one: TendonLaw) -> dict[str, float]:
         """Damping, friction and spring that a tendon gives a joint."""
         m, t, scale = self.m, one.tendon, one.scale
-        found = {
+        law = {
             "damping": float(m.tendon_damping[t]) * scale**2,
             "friction_torque": float(m.tendon_frictionloss[t]) * abs(scale),
             "stiffness": float(m.tendon_stiffness[t]) * scale**2,
         }
-        if found["stiffness"]:
+        if law["stiffness"]:
             form = coefficients(m, t)
             assert form is not None
             stretch = float(m.tendon_lengthspring[t, 0] - form @ self.p.pose)
-            found["rest_angle"] = _tidy(self.p.relative(one.pin, self.frames) + stretch / scale)
-        return self.acting(found)
+            law["rest_angle"] = _tidy(self.p.relative(one.pin, self.frames) + stretch / scale)
+        return self.acting(law)
 
-    def acting(self, found: dict[str, float]) -> dict[str, float]:
+    def acting(self, law: dict[str, float]) -> dict[str, float]:
         """The laws that act, of a joint's: there, and not disabled for the whole model."""
         off = {name for name, bits in DISABLED.items() if self.m.opt.disableflags & bits}
-        some = {name: value for name, value in found.items() if value and name not in off}
-        return some | ({"rest_angle": found.get("rest_angle", 0.0)} if "stiffness" in some else {})
+        some = {name: value for name, value in law.items() if value and name not in off}
+        return some | ({"rest_angle": law.get("rest_angle", 0.0)} if "stiffness" in some else {})
 
     def laws(self, pin: Pin) -> dict[str, float]:
         """Damping, friction and spring of a tree's joint."""
@@ -195,29 +195,29 @@ class _Writer:
         if m.dof_armature[dof] and (pin.slides or 0 not in pin.links) and not flywheel(self.p, pin):
             self.notes.append(f"the armature of {words}, {m.dof_armature[dof]:g}: left out, though it takes part")
         stiffness = float(m.jnt_stiffness[pin.joint])
-        found = {"damping": float(m.dof_damping[dof]), "friction_torque": float(m.dof_frictionloss[dof])}
+        law = {"damping": float(m.dof_damping[dof]), "friction_torque": float(m.dof_frictionloss[dof])}
         if stiffness:
             at = int(m.jnt_qposadr[pin.joint])
             stretch = float(m.qpos_spring[at] - self.p.pose[at])
             sign = 1.0 if pin.slides else pin.turn
             rest = self.p.relative(pin, self.frames) + sign * stretch
-            found |= {"stiffness": stiffness, "rest_angle": _tidy(rest)}
-        return self.acting(found)
+            law |= {"stiffness": stiffness, "rest_angle": _tidy(rest)}
+        return self.acting(law)
 
     def _driving(self) -> tuple[list[Motor], list[str]]:
         """The motors that drive it, of several as many as it has freedoms, and the joints that then move freely: those
         nearest to the ground.
         """
-        found, said = motors(self.p), list(self.notes)
+        drives, said = motors(self.p), list(self.notes)
         linkage = self._linkage()
         self.notes = said
         freedoms = len(structure(Mechanism.model_validate(linkage)).inputs)
-        found = found[: max(freedoms, 1)]
-        if len(found) >= freedoms or not self.p.whole:
-            return found, []
-        held = [{"joint": one.pin.name, "speed": "free"} for one in found]
+        drives = drives[: max(freedoms, 1)]
+        if len(drives) >= freedoms or not self.p.whole:
+            return drives, []
+        held = [{"joint": one.pin.name, "speed": "free"} for one in drives]
         free = structure(Mechanism.model_validate(linkage | {"drive": held})).free_joints
-        return found, [name for name in free if name not in {one.pin.name for one in found}]
+        return drives, [name for name in free if name not in {one.pin.name for one in drives}]
 
     def _drives(self, driving: Sequence[Motor], free: Sequence[str]) -> list[dict[str, Any]]:
         """The drives, free ones where nothing drives; what is assumed of them is noted."""
@@ -244,7 +244,7 @@ class _Writer:
         take part of.
         """
         m, own = self.m, {one.pin.joint for one in driving}
-        found = []
+        loads = []
         for i in range(m.nactuator):
             words = actuator_words(m, i)
             steady = push(self.p, i)
@@ -255,7 +255,7 @@ class _Writer:
                         f"{self.p.said}: the actuatorfrcrange of {joint_words(m, taking)} limits what {words} gives, a"
                         " constant force on a link, for which a mechanism file has no word; take one of them out"
                     )
-                found.append(self._load(steady))
+                loads.append(self._load(steady))
             elif switched_off(m, i):
                 self.notes.append(
                     f"{words} is switched off (option.actuatorgroupdisable, or its flag actuation), and gives no force"
@@ -269,9 +269,9 @@ class _Writer:
                     f"{words} is neither the drive's nor a constant force on a site; its force is left out, and in a"
                     " run of the file it acts with control 0"
                 )
-        if not found:
+        if not loads:
             self.notes.append("it has no loads")
-        return found
+        return loads
 
     def _load(self, steady: Push) -> dict[str, Any]:
         """A load, at the point where it acts: the com, a joint, or a point that is named after the site."""
@@ -288,14 +288,14 @@ class _Writer:
         names, near = self.points[link], NEAREST_POINT * self.p.size
         if link and abs(place - self.p.links[link].centre) <= near:
             return "com"
-        found = next((name for name, at in names.items() if abs(complex(*at) - place) <= near), new)
-        if found == new:
+        name = next((name for name, at in names.items() if abs(complex(*at) - place) <= near), new)
+        if name == new:
             names[new] = self.xy(place)
-        return found
+        return name
 
     def _springs(self) -> list[dict[str, Any]]:
         """Springs between points, those that act."""
-        m, found = self.m, []
+        m, springs = self.m, []
         for one in self.springs:
             t = one.tendon
             law = self.acting({"stiffness": float(m.tendon_stiffness[t]), "damping": float(m.tendon_damping[t])})
@@ -305,8 +305,8 @@ class _Writer:
             bodies = tuple(self.p.links[site.link].name for site in one.sites)
             length = float(m.tendon_lengthspring[t, 0]) if "stiffness" in law else 0.0
             law = {"stiffness": law.get("stiffness", 0.0), "damping": law.get("damping", 0.0), "length": length}
-            found.append({"bodies": bodies, "points": points, **law})
-        return found
+            springs.append({"bodies": bodies, "points": points, **law})
+        return springs
 
     def marked(self) -> None:
         """Add the sites ``name:link`` of a link that lie in no joint to its points."""
@@ -322,9 +322,9 @@ class _Writer:
         """Raise MjcfError for what acts on the links and a mechanism has no word for."""
         m, said = self.m, self.p.said
         for t in range(m.ntendon):
-            found, spring = law(self.p, t), point_spring(self.p, t)
-            if found is not None:
-                self.tendons.append(found)
+            tendon, spring = law(self.p, t), point_spring(self.p, t)
+            if tendon is not None:
+                self.tendons.append(tendon)
             elif spring is not None:
                 self.springs.append(spring)
             elif acts(m, t):

@@ -197,30 +197,30 @@ class Equilibria:
             name: math.copysign(1.0, x) if abs(x) > SLIP_STANDSTILL * TURN_ASIDE else 0.0 for name, x in moves.items()
         }
 
-    def torques(self, link: MujocoLinkage, found: Rest, slip: Mapping[str, float]) -> dict[str, float]:
+    def torques(self, link: MujocoLinkage, state: Rest, slip: Mapping[str, float]) -> dict[str, float]:
         """Friction of the equilibrium that was found last (see :func:`sim_models.mujoco.state.friction_torques`)."""
         dry = {
             joint.name: joint.dry(float(form @ link.data.qvel)) + joint.load_friction(link.loads.get(joint.name, 0.0))
             for joint, form in link.rubbing
         }
-        return {name: -size * slip[name] for name, size in dry.items()} | corner_friction(link, found.force)
+        return {name: -size * slip[name] for name, size in dry.items()} | corner_friction(link, state.force)
 
-    def signals(self, link: MujocoLinkage, found: Rest, slip: Mapping[str, float]) -> dict[str, float]:
+    def signals(self, link: MujocoLinkage, state: Rest, slip: Mapping[str, float]) -> dict[str, float]:
         """All signals of the equilibrium that was found last."""
-        return signals(link, joint_forces(link, found.force), self.torques(link, found, slip))
+        return signals(link, joint_forces(link, state.force), self.torques(link, state, slip))
 
     def rest(
         self, link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, slip: Mapping[str, float]
     ) -> Rest | None:
         """The state without transients, with the friction that its reactions give."""
         for _ in range(FRICTION_LOOKS):
-            found = rest(link, q, v, a, slip)
-            if found is None or not link.loads:
-                return found
-            friction = self.torques(link, found, slip)
-            if heed(link, pressing(link, joint_forces(link, found.force), friction, slip)):
-                return found
-            q = found.q
+            state = rest(link, q, v, a, slip)
+            if state is None or not link.loads:
+                return state
+            friction = self.torques(link, state, slip)
+            if heed(link, pressing(link, joint_forces(link, state.force), friction, slip)):
+                return state
+            q = state.q
         raise unheeded(link)
 
     def felt(self, theta: float, rate: float, spin_up: float) -> tuple[float, float]:
@@ -240,35 +240,35 @@ class Equilibria:
     def reactions(self, theta: float, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> dict[str, complex]:
         """Reactions (N) of the ideal linkage at the joints with clearance, in this state of motion."""
         slip = self.slip(theta)
-        found = self.rest(self.ideal, q, v, a, slip)
-        if found is None:
+        state = self.rest(self.ideal, q, v, a, slip)
+        if state is None:
             raise self.failed(Cause.NO_EQUILIBRIUM, "the ideal linkage is not in equilibrium", theta, "check its loads")
-        return self.noted(self.signals(self.ideal, found, slip))
+        return self.noted(self.signals(self.ideal, state, slip))
 
-    def noted(self, seen: Mapping[str, float]) -> dict[str, complex]:
+    def noted(self, row: Mapping[str, float]) -> dict[str, complex]:
         """Reactions (N) at the joints with clearance from the ideal linkage's signals; zero where there is no direction
         to them.
         """
-        forces = {name: complex(seen[f"reaction_{name}_x"], seen[f"reaction_{name}_y"]) for name in self.laws}
-        forces |= {name: self.push(name, seen) for name in self.pressed.blocks}
+        forces = {name: complex(row[f"reaction_{name}_x"], row[f"reaction_{name}_y"]) for name in self.laws}
+        forces |= {name: self.push(name, row) for name in self.pressed.blocks}
         largest = max(
-            math.hypot(seen[f"reaction_{j.name}_x"], seen[f"reaction_{j.name}_y"]) for j in self.mechanism.joints
+            math.hypot(row[f"reaction_{j.name}_x"], row[f"reaction_{j.name}_y"]) for j in self.mechanism.joints
         )
         forces = {name: force if abs(force) > NO_LOAD * largest else 0j for name, force in forces.items()}
         self.forces |= {name: abs(force) for name, force in forces.items()}
         return forces
 
-    def push(self, name: str, seen: Mapping[str, float], slip: float = 0.0) -> complex:
+    def push(self, name: str, row: Mapping[str, float], slip: float = 0.0) -> complex:
         """Force (N) on a block across its guide plus i times moment over half its length, from signals; without the
         moment of friction, where that has acted against a ``slip`` of this sign.
         """
         block, first = self.pressed.blocks[name], self.mechanism.joint(name).bodies[0]
-        angle = 0.0 if first == GROUND else seen[f"{first}_angle"]
-        force = complex(seen[f"reaction_{name}_x"], seen[f"reaction_{name}_y"])
+        angle = 0.0 if first == GROUND else row[f"{first}_angle"]
+        force = complex(row[f"reaction_{name}_x"], row[f"reaction_{name}_y"])
         across = 1j * block.joint.direction * complex(np.exp(1j * angle))
         pressed = (force * across.conjugate()).real
         rubbed = slip * block.joint.friction * block.guide.height / 2 * pressed
-        return block.guide.push(pressed, seen[f"reaction_{name}_moment"] + rubbed)
+        return block.guide.push(pressed, row[f"reaction_{name}_moment"] + rubbed)
 
     def pressing(self, theta: float, forces: Mapping[str, complex]) -> dict[str, complex | structure.BlockRest]:
         """Where these reactions press each pin (m): on the rim, and as far beyond as its stiffness lets it; and where
@@ -311,23 +311,23 @@ class Equilibria:
         for _ in range(BLOCK_TRIES):
             gaps = self.pressing(theta, forces)
             still = np.zeros(self.pressed.model.nv)
-            found = self.rest(self.pressed, self.place(self.pressed, theta, gaps), still, still, slip)
-            if found is None:
+            state = self.rest(self.pressed, self.place(self.pressed, theta, gaps), still, still, slip)
+            if state is None:
                 soft = why_no_equilibrium("mujoco", self.request, theta, self.on_springs(forces))
                 raise soft or self.failed(Cause.NO_EQUILIBRIUM, "no equilibrium was found", theta)
-            pulled = [n for n, corners in pushes(self.pressed, found.force).items() if min(corners.values()) < 0]
+            pulled = [n for n, corners in pushes(self.pressed, state.force).items() if min(corners.values()) < 0]
             if not pulled:
                 break
-            seen = self.signals(self.pressed, found, slip)
-            forces |= {name: self.push(name, seen, slip[name]) for name in pulled}  # it rests otherwise
+            row = self.signals(self.pressed, state, slip)
+            forces |= {name: self.push(name, row, slip[name]) for name in pulled}  # it rests otherwise
         else:
             what = f"the only equilibria found have a corner of the block of joint {pulled[0]!r} pulled, not pressed"
             raise self.failed(Cause.PULLED, what, theta)
-        for name, (force, _) in joint_forces(self.pressed, found.force).items():
+        for name, (force, _) in joint_forces(self.pressed, state.force).items():
             if name in self.pressed.contacts and not _pressed(force, gap(self.pressed, name)):
                 what = f"the only equilibrium found has the pin of joint {name!r} pulled, not pressed"
                 raise self.failed(Cause.PULLED, what, theta)
-        return self.signals(self.pressed, found, slip)
+        return self.signals(self.pressed, state, slip)
 
     def steady(self, angles: np.ndarray, q: np.ndarray, rate: np.ndarray) -> np.ndarray | None:
         """Coordinates (angles, nq) of a motion without transients: equilibria beside each other give each other's
@@ -336,11 +336,11 @@ class Equilibria:
         slips = [self.slip(at) for at in angles]
         change = np.inf
         for _ in range(12):
-            found = [
+            settled = [
                 self.settled(at, v, a, slip) for at, v, a, slip in zip(q, rate @ q, rate @ rate @ q, slips, strict=True)
             ]
-            ahead = np.array([one for one in found if one is not None])
-            if len(ahead) < len(found):
+            ahead = np.array([one for one in settled if one is not None])
+            if len(ahead) < len(settled):
                 return None
             before, change = change, float(np.abs(ahead - q).max())
             if change > 0.3 * before:  # the series has given what it can: rates of rates are noise from here on
@@ -352,13 +352,13 @@ class Equilibria:
 
     def settled(self, q: np.ndarray, v: np.ndarray, a: np.ndarray, slip: Mapping[str, float]) -> np.ndarray | None:
         """Coordinates of the equilibrium in this motion, None if there is none with all pins pressed."""
-        found = self.rest(self.pressed, q, v, a, slip)
-        if found is None:
+        state = self.rest(self.pressed, q, v, a, slip)
+        if state is None:
             return None
-        forces = joint_forces(self.pressed, found.force)
+        forces = joint_forces(self.pressed, state.force)
         pins = all(_pressed(forces[name][0], gap(self.pressed, name)) for name in self.pressed.contacts)
-        walls = all(min(corners.values()) >= 0 for corners in pushes(self.pressed, found.force).values())
-        return found.q if pins and walls else None
+        walls = all(min(corners.values()) >= 0 for corners in pushes(self.pressed, state.force).values())
+        return state.q if pins and walls else None
 
     def failed(self, cause: Cause, what: str, theta: float, remedy: str | tuple[str, ...] = "") -> SimulationError:
         """The error that says what went wrong at which crank angle."""

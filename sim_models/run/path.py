@@ -67,8 +67,8 @@ class Path:
 
     def poses(self, at: float, gaps: Gaps = NO_GAPS, beside: float = 0.0) -> Poses:
         """Every moving body at a place, as if at rest."""
-        found = self.placed(np.array([at]), gaps, beside)
-        return {name: Pose(complex(origin[0]), float(angle[0])) for name, (origin, angle) in found.items()}
+        placed = self.placed(np.array([at]), gaps, beside)
+        return {name: Pose(complex(origin[0]), float(angle[0])) for name, (origin, angle) in placed.items()}
 
     def moving(self, at: float, speed: float, gaps: Gaps = NO_GAPS) -> Poses:
         """The same with rates; ``speed`` (rad/s, or longest bodies/s) is that of the crank, or the fastest drive."""
@@ -210,8 +210,8 @@ class CoursePath(Path):
     def turned(self, times: np.ndarray) -> Placed:
         """The ideal linkage at times (N,) s, reached along the courses."""
         way = self.schedule.until(times - self.ahead) + self.ahead
-        rows, found = np.searchsorted(way, times), self.placed(way)
-        return {name: (origin[rows], angle[rows]) for name, (origin, angle) in found.items()}
+        rows, placed = np.searchsorted(way, times), self.placed(way)
+        return {name: (origin[rows], angle[rows]) for name, (origin, angle) in placed.items()}
 
     def _fastest(self) -> float:
         """The top speed up to the last report; where something moves freely, of the motors."""
@@ -224,8 +224,10 @@ class CoursePath(Path):
         finest = max(motor.knots.size for motor in self.motors.values())
         times = np.linspace(self.begin, last, max(COURSE_INSTANTS, 2 * finest))
         self.placed(self.schedule.until(self.schedule.time) + self.ahead)
-        found = self.placed(times).values()
-        ways = [way for origin, angle in found for way in (np.abs(np.diff(origin)) / self.size, np.abs(np.diff(angle)))]
+        placed = self.placed(times).values()
+        ways = [
+            np.abs(np.diff(part)) / size for both in placed for part, size in zip(both, (self.size, 1.0), strict=True)
+        ]
         return float(np.max(ways) / (times[1] - times[0]))
 
 
@@ -296,8 +298,8 @@ def placed_at(
 
 def assembled(assembly: Assembly) -> Poses:
     """Every moving body as the mechanism's file assembles it, at rest."""
-    found = placed_at(assembly, assembly.inputs[:, None], {})
-    return {name: Pose(complex(origin[0]), float(angle[0])) for name, (origin, angle) in found.items()}
+    placed = placed_at(assembly, assembly.inputs[:, None], {})
+    return {name: Pose(complex(origin[0]), float(angle[0])) for name, (origin, angle) in placed.items()}
 
 
 def in_motion(around: Placed, per: float) -> Poses:
