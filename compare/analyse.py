@@ -34,7 +34,7 @@ from compare.omissions import Asked, omitted, rigid_walls
 from compare.questions.analyse import AnalyseQuestion, SimulateQuestion
 from compare.questions.question import answers
 from compare.results.analysis import Analysis, Simulation
-from compare.results.crosscheck import Path, Simulator
+from compare.results.crosscheck import PinPath, Simulator
 from compare.schedules import scheduled
 from sim_models.common.contact_laws import assumed_of_contact
 from sim_models.common.simulate import answered
@@ -118,7 +118,7 @@ def simulate(question: SimulateQuestion) -> Simulation:
         settings=dict(trace.settings),
         crank_angle=trace.crank_angle,
         signals=with_derived(trace.signals, m),
-        journal={name: Path(x=path[:, 0], y=path[:, 1]) for name, path in trace.journal.items()},
+        journal={name: PinPath(x=path[:, 0], y=path[:, 1]) for name, path in trace.journal.items()},
         free_share=dict(trace.free_share),
         warnings=tuple(warned),
         assumed=(*assumed(m), *assumed_of_contact(m, trace.clearance, trace.settings)),

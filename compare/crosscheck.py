@@ -65,7 +65,17 @@ from compare.questions.crosscheck import MOST_REVOLUTIONS, CrosscheckQuestion
 from compare.questions.question import answers
 from compare.report.words.disagreement import because, between_engines
 from compare.results.contact import Compared
-from compare.results.crosscheck import CrossCheck, Discrepancy, Failure, Path, Printed, Run, Simulator, Verdict, without
+from compare.results.crosscheck import (
+    CrossCheck,
+    Discrepancy,
+    Failure,
+    PinPath,
+    Printed,
+    Run,
+    Simulator,
+    Verdict,
+    without,
+)
 from compare.schedules import scheduled
 from compare.simulations import ContactTrace, Resolve, simulate_all
 from compare.versions import versions
@@ -485,7 +495,7 @@ def _judged_run(job: Job, side: Reference, trace: Trace) -> tuple[Run, dict[str,
         discrepancies=tuple(_entry(d, theta) for d in comparisons),
         verdict=_run_verdict(comparisons),
         order_difference=dict(side.order_difference),
-        journal={name: Path(x=path[:, 0], y=path[:, 1]) for name, path in trace.journal.items()},
+        journal={name: PinPath(x=path[:, 0], y=path[:, 1]) for name, path in trace.journal.items()},
         free_share=dict(trace.free_share),
         **optional,
     )

@@ -413,9 +413,9 @@ def test_every_step_of_a_block_is_watched(name: str) -> None:
 
 @pytest.mark.mujoco
 def test_a_block_too_deep_in_hard_contact_is_called_a_block() -> None:
-    from sim_models.mujoco.laws import Contact
+    from sim_models.mujoco.laws import WallContact
     from sim_models.mujoco.limits import check_depth
 
-    asked, hard = request_of(slider_crank("flat"), "contact"), Contact(1e7, 0.0, (1e-4, 0.5))
+    asked, hard = request_of(slider_crank("flat"), "contact"), WallContact(1e7, 0.0, (1e-4, 0.5))
     with pytest.raises(SimulationError, match=r"the block of joint 'S' is 0\.001 m deep in its guide"):
         check_depth(asked, {"S": hard}, {"S": [CLEARANCE + 1e-3 + 0j]}, {"S": [1.0]})

@@ -14,7 +14,7 @@ from rebounds import law_of
 from sim_models.common.contact_laws import NamedLaw, delivered
 from sim_models.common.mobility import mobility
 from sim_models.common.start import Pose
-from sim_models.leapfrog.striking import Striking
+from sim_models.leapfrog.striking import LeapfrogStriking
 from sim_models.run.path import CrankPath
 from tests.evidence.validation.rebounds import hanging
 from tests.evidence.validation.striking import LAWS
@@ -25,7 +25,7 @@ def strike(law: NamedLaw, mass: float, phase: float, late: float) -> float:
     and ``late`` by that share of a step.
     """
     h = phase * math.sqrt(mass / (law.stiffness * (1 + law.hysteresis)))
-    striking = Striking(law, 1.0, lambda: np.eye(2) / mass)
+    striking = LeapfrogStriking(law, 1.0, lambda: np.eye(2) / mass)
     place, speed = 1.0 - (1 + late) * h, 1.0
     while speed > 0 or place > 1.0:
         speed -= striking.push(complex(place), complex(speed), h / 2).real * h / mass
@@ -50,7 +50,7 @@ def test_restitution_is_of_second_order_in_the_step(law: ContactLaw) -> None:
 def test_a_law_that_damps_beyond_all_measure_does_not_shake() -> None:
     """A pin at rest on its wall, pressed: its law's damping is that of the slowest touch."""
     law = NamedLaw("flores", 1e7, 0.0, 30.0, 1e-6, 0.05)
-    striking, h, mass, load = Striking(law, 1e-3, lambda: np.eye(2) / 0.1), 1e-5, 0.1, 50.0
+    striking, h, mass, load = LeapfrogStriking(law, 1e-3, lambda: np.eye(2) / 0.1), 1e-5, 0.1, 50.0
     place, speed = 1e-3 + load / law.stiffness, 0.0
     for k in range(2000):
         force = striking.push(complex(place), complex(speed), h / 2).real

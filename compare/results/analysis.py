@@ -13,7 +13,7 @@ from pydantic import Field
 from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal, named
 from analytic.paper.clearance import Model
-from compare.results.crosscheck import Index, MetresByJoint, OrderDifference, Path, Signals, Simulator
+from compare.results.crosscheck import Index, MetresByJoint, OrderDifference, PinPath, Signals, Simulator
 from compare.results.document import Document, Filled, Grid, Mechanism, Row, Share, Text
 from sim_models.engine import JointModel, Motion, SettingValue
 
@@ -106,7 +106,9 @@ class Simulation(_Side):
     simulator: Simulator
     joint_model: JointModel
     settings: Annotated[Mapping[str, SettingValue], Field(description="The numbers that the engine used.")]
-    journal: Annotated[Mapping[str, Path], Field(description="Path (m) of each pin in its bearing, densely sampled.")]
+    journal: Annotated[
+        Mapping[str, PinPath], Field(description="Path (m) of each pin in its bearing, densely sampled.")
+    ]
     free_share: Annotated[
         Mapping[str, Share],
         Field(description="Share of the time (static: of the angles) that each pin is without contact."),

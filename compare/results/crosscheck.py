@@ -98,7 +98,7 @@ class OrderDifference(Part):
     at_crank_angle: Number
 
 
-class Path(Part):
+class PinPath(Part):
     """Path (m) of a pin in its bearing, densely sampled."""
 
     x: Series
@@ -158,7 +158,9 @@ class Run(Part):
     order_difference: Annotated[
         Mapping[str, OrderDifference], Field(description="The paper's first order minus the equilibrium, by signal.")
     ]
-    journal: Annotated[Mapping[str, Path], Field(description="Path (m) of each pin in its bearing, densely sampled.")]
+    journal: Annotated[
+        Mapping[str, PinPath], Field(description="Path (m) of each pin in its bearing, densely sampled.")
+    ]
     free_share: Annotated[
         Mapping[str, Share],
         Field(description="Share of the time (static: of the angles) that each pin is without contact."),

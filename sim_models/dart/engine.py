@@ -20,7 +20,7 @@ DART_MODELS: tuple[JointModel, ...] = ("ideal", "spring-damper", "contact")
 
 
 class DartRun(LeapfrogRun):
-    """See :class:`sim_models.run.run.Run`."""
+    """See :class:`sim_models.run.run.EngineRun`."""
 
     engine, package, world_class = "dart", "dartpy", DartWorld
 

@@ -35,7 +35,7 @@ from sim_models.exudyn.beam_model import (
     soft_stiffness,
 )
 from sim_models.exudyn.beam_motion import RigidMotion
-from sim_models.exudyn.equilibria import Equilibria
+from sim_models.exudyn.equilibria import ExudynEquilibria
 from sim_models.exudyn.settings import console_off
 from sim_models.run.judge import FLIPPED
 from sim_models.run.path import CrankPath, RestingPath
@@ -179,10 +179,10 @@ class Beams:
         return {name: complex(rigid.force[name][0]) for name in self.clearance}
 
     @cached_property
-    def _rods(self) -> Equilibria:
+    def _rods(self) -> ExudynEquilibria:
         """The rigid linkage, each pin on a rod as long as its clearance."""
         resting = replace(self.request.schedule, at_rest=True)
-        return Equilibria(Request(self.m, "massless-link", resting), self.path)
+        return ExudynEquilibria(Request(self.m, "massless-link", resting), self.path)
 
     def _position(self, model: BeamModel, joint: Joint, k: int) -> float:
         """Angle (rad) of a joint's second section less its first's; of a slide, its travel (m)."""

@@ -22,7 +22,7 @@ Effort = Callable[[_Exu, _Exu], _Exu]  # a joint's law, by travel and rate
 
 
 @dataclass(frozen=True)
-class Seen:
+class BlockMotion:
     """Where a block is, as seen from its guide, in numbers or symbols: unit vector along the guide; the second body's
     centre of mass from the first's, along and across (m), and the rates of these (m/s); cosine and sine of the
     block's tilt, and its rate (rad/s).
@@ -43,7 +43,7 @@ class Seen:
 
 
 @dataclass(frozen=True)
-class Block:
+class ExudynBlock:
     """The block of a joint: its guide, the law of its corners, how these remember their touch if they do, and the
     joint's points in the two bodies.
 
@@ -70,7 +70,7 @@ class Block:
         ends: tuple[End, End],
         own: Effort | None,
         friction: float = 0.0,
-    ) -> Block:
+    ) -> ExudynBlock:
         """That of a joint."""
         guide = Guide.of(joint)
         assert guide is not None  # a mechanism with clearance in a prismatic joint has it
@@ -90,7 +90,7 @@ class Block:
         """The block's point (m) from the second body's centre of mass, along the joint's axis and across."""
         return self.ends[1].arm * self.joint.direction.conjugate() * cmath.exp(1j * self.joint.angle)
 
-    def seen(self, functions: _Exu, q: Sequence[_Exu], q_t: Sequence[_Exu]) -> Seen:
+    def seen(self, functions: _Exu, q: Sequence[_Exu], q_t: Sequence[_Exu]) -> BlockMotion:
         """Where it is at these coordinates (m, rad) and rates; ``functions`` have cosine and sine."""
         d, (first, second) = self.joint.direction, self.ends
         (x1, y1, a1, u1, v1, w1), (x2, y2, a2, u2, v2, w2) = (
@@ -104,9 +104,9 @@ class Block:
         far = ax * x + ay * y
         aside = ax * y - ay * x
         going, sinking = ax * u + ay * v + w1 * aside, ax * v - ay * u - w1 * far
-        return Seen((ax, ay), far, aside, going, sinking, functions.cos(tilt), functions.sin(tilt), w2 - w1)
+        return BlockMotion((ax, ay), far, aside, going, sinking, functions.cos(tilt), functions.sin(tilt), w2 - w1)
 
-    def corners(self, block: Seen) -> list[tuple[float, _Exu, _Exu, _Exu]]:
+    def corners(self, block: BlockMotion) -> list[tuple[float, _Exu, _Exu, _Exu]]:
         """Of each corner, which wall it is before (1: that across), how far it is along the guide from the second
         body's centre of mass (m), how deep in the wall (m), and the rate (m/s).
         """
@@ -138,7 +138,7 @@ class Block:
             total = total + on_first * (pull - self.steady)
         return total
 
-    def rubbing(self, block: Seen) -> np.ndarray:
+    def rubbing(self, block: BlockMotion) -> np.ndarray:
         """Friction (4, M) of each corner along the guide on the second body, of a unit push of its wall, where the
         block is as ``seen`` in arrays (M,).
         """

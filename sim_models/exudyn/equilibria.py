@@ -16,7 +16,7 @@ from sim_models.common.guide import Guide
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import travel
 from sim_models.engine import CENTRED, ELSEWHERE, Cause, Request, SimulationError
-from sim_models.exudyn.block import Block
+from sim_models.exudyn.block import ExudynBlock
 from sim_models.exudyn.laws import CONTACT_CREEP
 from sim_models.exudyn.linkage import ExudynLinkage, Inertia
 from sim_models.exudyn.model import ExudynModel, point_at
@@ -33,7 +33,7 @@ Loads = tuple[
 ]  # force at each com (N), torque on each body (N.m), force along each slide (N)
 
 
-class Equilibria:
+class ExudynEquilibria:
     """Equilibria of a joint model held somewhere on its path, at rest or (d'Alembert) with the inertia forces of a
     motion.
 
@@ -166,7 +166,7 @@ class Equilibria:
             gaps[name] = pressed_to(clearance, give, force) if block is None else block.guide.rest(force, give / 2)
         return gaps | near.gaps(self.request.bearings)
 
-    def _push(self, block: Block, near: Record) -> complex:
+    def _push(self, block: ExudynBlock, near: Record) -> complex:
         """Force (N) across on a block and i times its moment over half its length (see :meth:`Guide.push`)."""
         name = block.joint.name
         across = np.imag(near.force[name] * np.conj(near.axis(block.joint)))

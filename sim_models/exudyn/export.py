@@ -14,7 +14,7 @@ from analytic.mechanism.signals import driving
 from sim_models.common.export_files import expected, lines, written
 from sim_models.common.simulate import simulate
 from sim_models.engine import Engine, Request, Trace
-from sim_models.exudyn.equilibria import Equilibria
+from sim_models.exudyn.equilibria import ExudynEquilibria
 from sim_models.exudyn.linkage import HALVED, ExudynLinkage
 from sim_models.exudyn.motor import INSTANT, RunMotor
 from sim_models.exudyn.runs import ExudynRun
@@ -86,7 +86,7 @@ def _at_rest(run: ExudynRun) -> tuple[ExudynLinkage, dict[str, Any]]:
     """The linkage at rest, and where its bodies are held and put, and loaded with what besides the mechanism's loads,
     to find each equilibrium.
     """
-    angles, equilibria, near = run.request.schedule.crank_angle, Equilibria(run.request, run.path), []
+    angles, equilibria, near = run.request.schedule.crank_angle, ExudynEquilibria(run.request, run.path), []
     for place in np.sort(run.request.schedule.time).tolist() if angles is None else angles.tolist():
         at = equilibria.crank(place)
         equilibria.at(at)

@@ -18,7 +18,7 @@ from sim_models.common.contact_laws import NamedLaw, bearing, contact_parameters
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import travel
 from sim_models.engine import JointModel, Motion, Request
-from sim_models.exudyn.block import Block
+from sim_models.exudyn.block import ExudynBlock
 from sim_models.exudyn.compiled import add_forces
 from sim_models.exudyn.laws import (
     CONTACT_CREEP,
@@ -75,7 +75,7 @@ class ExudynModel:
         self.named = named_laws(mechanism, joint_model, motion)
         self.glances: list[Glance] = []  # of laws by name that remember how fast what they push touched
         self.rubs: dict[str, Rub] = {}  # friction beside a law by name
-        self.blocks: dict[str, Block] = {}  # of prismatic joints with clearance
+        self.blocks: dict[str, ExudynBlock] = {}  # of prismatic joints with clearance
         self.bearings = {
             name: bearing(mechanism, mechanism.joint(name)) for name in Request(mechanism, joint_model).bearings
         }
@@ -307,7 +307,7 @@ class ExudynModel:
         linear = joint.stiffness, joint.damping if moving else 0.0, joint.rest_angle
         own = (lambda travel, rate: pull(travel, rate, *linear)) if joint.has_law else None
         friction = joint.friction if self.joint_model == "contact" else 0.0
-        block = Block.of(self.exu, joint, law, self._ends(joint), own, friction)
+        block = ExudynBlock.of(self.exu, joint, law, self._ends(joint), own, friction)
         nodes = self._moving_nodes(joint)
         number = add_forces(self.exu, self.mbs, self.items, nodes, block.force)
         self.blocks[joint.name] = block

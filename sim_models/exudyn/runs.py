@@ -17,7 +17,7 @@ from sim_models.common.free_share import free_share
 from sim_models.common.mobility import corner_mass
 from sim_models.common.start import Pose, check_steps, substeps
 from sim_models.engine import JointModel, Request, Watched
-from sim_models.exudyn.equilibria import Equilibria
+from sim_models.exudyn.equilibria import ExudynEquilibria
 from sim_models.exudyn.laws import joint_creep, law_settings
 from sim_models.exudyn.linkage import ExudynLinkage, Inertia
 from sim_models.exudyn.model import ExudynModel
@@ -27,7 +27,7 @@ from sim_models.exudyn.watch import watched
 from sim_models.run.judge import Judge
 from sim_models.run.path import CoursePath, Path
 from sim_models.run.record import Record, join
-from sim_models.run.run import Observed, Run
+from sim_models.run.run import EngineRun, Observed
 
 TURN_PER_STEP = 2e-3  # rad of crank angle in a step, at most
 TURN_PER_STEP_OF_COURSES = 1e-3  # rad of the fastest body: loops that several motors hold give more
@@ -38,7 +38,7 @@ STEPS_PER_PERIOD = 40  # of the lighter link on a contact's stiffness, or hangin
 STEPS_PER_SPRING = 400  # of the lighter link on a spring between points, which nothing damps
 
 
-class ExudynRun(Run):
+class ExudynRun(EngineRun):
     """One request on its way to a trace.  Raises AssemblyError where the linkage cannot follow its courses.
 
     ``motors`` are all that move the linkage, by their loads' signals: the ``crank``'s, or ``drives``, which are by
@@ -85,7 +85,7 @@ class ExudynRun(Run):
 
     def rest(self, places: np.ndarray) -> Observed:
         """Equilibria with the drives where they are at places (N,) on the path."""
-        equilibria = Equilibria(self.request, self.path)
+        equilibria = ExudynEquilibria(self.request, self.path)
         record = join([equilibria.at(equilibria.crank(place)) for place in places.tolist()])
         timed = record if self.path.driven is None else replace(record, time=places)  # by which it is told
         self.judge.check_together(timed)
@@ -186,7 +186,7 @@ class ExudynRun(Run):
         stiffness = None if crank is None else m.drive_stiffness
         if stiffness is not None or ((r.clearances or r.bearings) and r.start == "steady"):
             resting = r if r.start == "steady" else Request(m.tight())
-            equilibria = Equilibria(resting, path, 0.0, joint_creep([*self.motors.values()]))
+            equilibria = ExudynEquilibria(resting, path, 0.0, joint_creep([*self.motors.values()]))
             if crank is not None:
                 start, here = steady_start(equilibria, crank, stiffness)
             elif inertia is None:

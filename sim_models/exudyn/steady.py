@@ -9,7 +9,7 @@ from scipy.interpolate import BarycentricInterpolator
 
 from sim_models.common.start import Pose
 from sim_models.engine import Request
-from sim_models.exudyn.equilibria import Equilibria
+from sim_models.exudyn.equilibria import ExudynEquilibria
 from sim_models.exudyn.linkage import Inertia
 from sim_models.exudyn.motor import RunMotor
 from sim_models.exudyn.sway import sway
@@ -51,7 +51,9 @@ def derivative(time: np.ndarray) -> np.ndarray:
     return np.asarray(rates @ np.linalg.inv(powers)) / scale
 
 
-def steady_start(equilibria: Equilibria, motor: RunMotor, stiffness: float | None) -> tuple[dict[str, Pose], Record]:
+def steady_start(
+    equilibria: ExudynEquilibria, motor: RunMotor, stiffness: float | None
+) -> tuple[dict[str, Pose], Record]:
     """Poses and rates of the linkage at the first instant, and the equilibrium with inertia forces that it passes
     there.
 
@@ -60,12 +62,12 @@ def steady_start(equilibria: Equilibria, motor: RunMotor, stiffness: float | Non
     time = instants(motor)
     crank = motor.angle(time)
     if stiffness is not None:
-        ideal = Equilibria(Request(equilibria.m.tight()), equilibria.path, 0.0, equilibria.creep)
+        ideal = ExudynEquilibria(Request(equilibria.m.tight()), equilibria.path, 0.0, equilibria.creep)
         crank = crank_behind(ideal, motor, stiffness, time)
     return passing(equilibria, time, crank)
 
 
-def passing(equilibria: Equilibria, time: np.ndarray, crank: np.ndarray) -> tuple[dict[str, Pose], Record]:
+def passing(equilibria: ExudynEquilibria, time: np.ndarray, crank: np.ndarray) -> tuple[dict[str, Pose], Record]:
     """Poses and rates, and the equilibrium with inertia forces, of a linkage that passes these places on its path
     (crank angles, rad; on courses, the times) at times (s), at that which is nearest to 0.
 
@@ -96,7 +98,7 @@ def passing(equilibria: Equilibria, time: np.ndarray, crank: np.ndarray) -> tupl
     return start, records[here]
 
 
-def crank_behind(equilibria: Equilibria, motor: RunMotor, stiffness: float, time: np.ndarray) -> np.ndarray:
+def crank_behind(equilibria: ExudynEquilibria, motor: RunMotor, stiffness: float, time: np.ndarray) -> np.ndarray:
     """Angle (rad) at some times (s) near the first instant of the ideal linkage's crank on a drive of that stiffness
     (N.m/rad).
 
@@ -122,7 +124,7 @@ def crank_behind(equilibria: Equilibria, motor: RunMotor, stiffness: float, time
     return motor.angle(time) - np.asarray(BarycentricInterpolator(wide, lag)(time))
 
 
-def _passed(equilibria: Equilibria, crank: np.ndarray, gaps: Sequence[Gaps], rate: np.ndarray) -> list[Record]:
+def _passed(equilibria: ExudynEquilibria, crank: np.ndarray, gaps: Sequence[Gaps], rate: np.ndarray) -> list[Record]:
     """Equilibria at every instant, under the inertia forces of the motion that passes them all."""
     linear, angular = {}, {}
     for name, (origin, angle) in _placed(equilibria.path, crank, gaps).items():

@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 
 from analytic.kinematics.assembly import AssemblyError
 from analytic.mechanism import Joint
-from sim_models.exudyn.equilibria import LAST_CORRECTION, Equilibria
+from sim_models.exudyn.equilibria import LAST_CORRECTION, ExudynEquilibria
 from sim_models.exudyn.linkage import Inertia
 from sim_models.exudyn.motor import RunMotor
 from sim_models.run.path import Path
@@ -51,7 +51,7 @@ def period(motor: RunMotor) -> float | None:
     return time if abs(float(motor.rate(time) - motor.rate(0.0))) < 1e3 * REPETITION * speed else None
 
 
-def sway(equilibria: Equilibria, motor: RunMotor, stiffness: float) -> CubicSpline | None:
+def sway(equilibria: ExudynEquilibria, motor: RunMotor, stiffness: float) -> CubicSpline | None:
     """How far (rad) over time (s) a crank in its repeating motion is behind its motor, on a drive of that stiffness
     (N.m/rad); None where nothing repeats itself, or it is not found.
     """
@@ -88,7 +88,7 @@ def sway(equilibria: Equilibria, motor: RunMotor, stiffness: float) -> CubicSpli
     return None
 
 
-def _coefficients(equilibria: Equilibria, speed: float) -> CubicSpline:
+def _coefficients(equilibria: ExudynEquilibria, speed: float) -> CubicSpline:
     """Torque (N.m) without motion, by speed, speed squared and acceleration, over the crank's angle (rad).  Raises
     AssemblyError.
     """

@@ -9,12 +9,12 @@ import numpy as np
 from analytic.mechanism import GROUND, Joint
 from sim_models.common.guide import Guide
 from sim_models.engine import Watched
-from sim_models.exudyn.block import Block
+from sim_models.exudyn.block import ExudynBlock
 from sim_models.exudyn.motor import RunMotor
 from sim_models.run.record import Record
 
 
-def watched(record: Record, loose: Iterable[Joint], motor: RunMotor, blocks: Mapping[str, Block]) -> Watched:
+def watched(record: Record, loose: Iterable[Joint], motor: RunMotor, blocks: Mapping[str, ExudynBlock]) -> Watched:
     """A record with the forces of contact in these joints, on its crank's motor's own clock."""
     force, corners, rubbing = dict[str, np.ndarray](), dict[str, np.ndarray](), dict[str, np.ndarray]()
     for joint in loose:
@@ -42,7 +42,7 @@ def watched(record: Record, loose: Iterable[Joint], motor: RunMotor, blocks: Map
     )
 
 
-def _rubbing(record: Record, block: Block) -> np.ndarray:
+def _rubbing(record: Record, block: ExudynBlock) -> np.ndarray:
     """Friction (4, M) on a block's corners along its guide, of a unit push of their walls."""
     moving = [body for body in block.joint.bodies if body != GROUND]
     parts = [((record.com[b], record.angle[b]), (record.velocity[b], record.angular_velocity[b])) for b in moving]

@@ -42,7 +42,7 @@ def main(files: Path) -> None:
     """Do the job in a folder; leave the outputs there, or the fault."""
     job = json.loads((files / JOB).read_text(encoding="utf-8"))
     points, inputs = np.load(files / POINTS), np.load(files / INPUTS)
-    run = Run(files)
+    run = FmuRun(files)
     try:
         np.save(files / OUTPUTS, run.outputs(job, points, inputs))
         run.enter(ENDED)  # what it does from here on, crashes included, is after its result
@@ -55,7 +55,7 @@ def main(files: Path) -> None:
         (files / FAULT).write_text(json.dumps(fault), encoding="utf-8")
 
 
-class Run:
+class FmuRun:
     """How far a run is, and what the FMU last complained of."""
 
     def __init__(self, files: Path) -> None:

@@ -25,7 +25,7 @@ from sim_models.engine import (
     check_supported,
 )
 from sim_models.fmu.description import Fmu, FmuError, described
-from sim_models.fmu.mapping import Link, Map, Moved, beside, mapped
+from sim_models.fmu.mapping import Map, MappedVariable, Moved, beside, mapped
 from sim_models.fmu.run import run
 from sim_models.fmu.schedule import scheduled
 
@@ -66,7 +66,7 @@ class FmuEngine(Engine):
             settings=settings,
         )
 
-    def _drives(self, request: Request) -> list[tuple[Mapping[Moved, Link], DriveMotion]]:
+    def _drives(self, request: Request) -> list[tuple[Mapping[Moved, MappedVariable], DriveMotion]]:
         """The inputs of each motor, and how it moves.  Raises FmuError, and Unsupported where there is none."""
         m, schedule = request.mechanism, request.schedule
         if schedule.lets_go:

@@ -101,7 +101,7 @@ class MapFile(MapPart):
 
 
 @dataclass(frozen=True)
-class Link:
+class MappedVariable:
     """A variable, and how its numbers are made SI: ``factor * (slope * number + offset)``."""
 
     variable: Variable
@@ -127,7 +127,7 @@ class Map:
     fmu: Fmu
     path: Path
     file: MapFile
-    inputs: Mapping[Moved, Link]  # of a crank
+    inputs: Mapping[Moved, MappedVariable]  # of a crank
     parameters: tuple[tuple[Variable, Value], ...]
 
     @property
@@ -135,9 +135,9 @@ class Map:
         """Time (s) between communication points at most, if it is given."""
         return self.file.step or self.fmu.step
 
-    def drives(self, mechanism: Mechanism, joints: Iterable[str]) -> dict[str, Mapping[Moved, Link]]:
+    def drives(self, mechanism: Mechanism, joints: Iterable[str]) -> dict[str, Mapping[Moved, MappedVariable]]:
         """The inputs of each of these driven joints of a mechanism.  Raises FmuError."""
-        drives: dict[str, Mapping[Moved, Link]] = {}
+        drives: dict[str, Mapping[Moved, MappedVariable]] = {}
         known = [joint.name for joint in mechanism.joints]
         for name in self.file.drives:
             if name not in known:
@@ -158,10 +158,10 @@ class Map:
                 )
         return drives
 
-    def signals(self, mechanism: Mechanism) -> dict[str, Link]:
+    def signals(self, mechanism: Mechanism) -> dict[str, MappedVariable]:
         """Which variable is which signal of a mechanism.  Raises FmuError."""
         known = named(mechanism.bodies, mechanism.joints, mechanism.drives)
-        links: dict[str, Link] = {}
+        links: dict[str, MappedVariable] = {}
         for column, meaning in self.file.columns.items():
             if meaning == "ignore":
                 continue
@@ -175,7 +175,7 @@ class Map:
                 raise FmuError(f'{where}: signal {meaning.signal} has two columns; set one of them to "ignore"')
             signal, variable = known[meaning.signal], _variable(self.fmu, column, where)
             scale = _factor(where, meaning.unit, variable, DIMENSIONS[signal.unit])
-            links[signal.name] = Link(variable, meaning.sign * meaning.scale, meaning.offset, scale)
+            links[signal.name] = MappedVariable(variable, meaning.sign * meaning.scale, meaning.offset, scale)
         if not links:
             raise FmuError(f"{self.path}: columns: each of them is ignored; give at least one a signal")
         return links
@@ -204,7 +204,7 @@ def mapped(fmu: Fmu, path: Path) -> Map:
     return Map(fmu, path, file, inputs, tuple(_parameters(fmu, path, file.parameters)))
 
 
-def _inputs(fmu: Fmu, path: Path, file: MapFile) -> dict[Moved, Link]:
+def _inputs(fmu: Fmu, path: Path, file: MapFile) -> dict[Moved, MappedVariable]:
     """The inputs of a crank; of several drives none, but each is told where it is.  Raises FmuError."""
     if file.inputs is not None and file.drives:
         raise FmuError(f"{path}: has [inputs], of a crank, and [drives], of several; leave one of them out")
@@ -250,9 +250,9 @@ def _links(
     table: str,
     given: Mapping[Moved, tuple[str, Driven]],
     kinds: Mapping[Moved, QuantityKind | Units],
-) -> dict[Moved, Link]:
+) -> dict[Moved, MappedVariable]:
     """The variables of a drive.  Raises FmuError."""
-    links: dict[Moved, Link] = {}
+    links: dict[Moved, MappedVariable] = {}
     taken: dict[str, str] = {}
     for name, (field, driven) in given.items():
         where = f"{path}: {table}.{field}"
@@ -262,7 +262,7 @@ def _links(
             raise FmuError(f"{where}: {shown(variable.name)} is that of {other} already; give each its own variable")
         taken[variable.name] = field
         scale = _factor(where, driven.unit, variable, kinds[name])
-        links[name] = Link(variable, driven.sign * driven.scale, driven.offset, scale)
+        links[name] = MappedVariable(variable, driven.sign * driven.scale, driven.offset, scale)
     return links
 
 

@@ -20,8 +20,8 @@ from analytic.mechanism.one_line import shown
 from sim_models.engine import Cause, SimulationError
 from sim_models.fmu import child
 from sim_models.fmu.description import Fmu, FmuError, Variable, unpacked
-from sim_models.fmu.mapping import Link, Map, Moved
-from sim_models.fmu.schedule import Plan
+from sim_models.fmu.mapping import Map, MappedVariable, Moved
+from sim_models.fmu.schedule import StepPlan
 
 LONGEST_RUN = 600.0  # s that a run may take
 LOOK_IN_ITS_TOOL = "run it in the tool that made it to see why"
@@ -29,7 +29,9 @@ TOLD: tuple[Moved, ...] = ("position", "speed", "acceleration")  # in the order 
 QUOTED_FROM_FMU = 300  # characters of what an FMU says of its own failure
 
 
-def run(columns: Map, drives: Sequence[Mapping[Moved, Link]], plan: Plan, signals: Sequence[Variable]) -> np.ndarray:
+def run(
+    columns: Map, drives: Sequence[Mapping[Moved, MappedVariable]], plan: StepPlan, signals: Sequence[Variable]
+) -> np.ndarray:
     """What an FMU's variables are (N, signals) at the reported points of a plan, in the FMU's units.
 
     Raises FmuError where the FMU cannot be unpacked or its code not loaded, SimulationError where its run fails.

@@ -15,7 +15,7 @@ import numpy as np
 from analytic.kinematics.schedule import DriveMotion
 from sim_models.common.start import MOST_STEPS
 from sim_models.fmu.description import FmuError
-from sim_models.fmu.mapping import Link, Map, Moved
+from sim_models.fmu.mapping import Map, MappedVariable, Moved
 
 OF_A_TURN = 1000  # steps, where nobody says how long they are
 SAME_INSTANT = 1e-9  # of a step, by which instants may differ that are one
@@ -24,7 +24,7 @@ WASTE = 4  # how many times as many steps are taken so that they are equal
 
 
 @dataclass(frozen=True)
-class Plan:
+class StepPlan:
     """Communication points (P,) s from 0 on, which of them are reported, and the inputs (P, K) as the FMU is told them.
 
     ``begin`` (s) is the motors' time at the first point; ``starts`` (rad, or m) are their positions there.
@@ -45,10 +45,10 @@ class Plan:
 
 def scheduled(
     columns: Map,
-    drives: Sequence[tuple[Mapping[Moved, Link], DriveMotion]],
+    drives: Sequence[tuple[Mapping[Moved, MappedVariable], DriveMotion]],
     times: np.ndarray,
     step: float | None = None,
-) -> Plan:
+) -> StepPlan:
     """The plan of a run that is reported at times (N,) s of its motors, each with its inputs, in steps (s) of the map
     where none is given.
 
@@ -76,7 +76,7 @@ def scheduled(
     parts = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(nodes[:-1], nodes[1:], counts, strict=True)]
     points = np.concatenate([*parts, nodes[-1:]])
     reported = np.concatenate([[0], np.cumsum(counts)])[nodes.size - wanted.size :]
-    return Plan(
+    return StepPlan(
         points=points,
         reported=reported,
         inputs=np.column_stack([told for links, motor in drives for told in _told(links, motor, points + begin)]),
@@ -103,7 +103,7 @@ def _counts(columns: Map, gaps: np.ndarray, step: float) -> np.ndarray:
     return fewest
 
 
-def _told(links: Mapping[Moved, Link], motor: DriveMotion, times: np.ndarray) -> Iterator[np.ndarray]:
+def _told(links: Mapping[Moved, MappedVariable], motor: DriveMotion, times: np.ndarray) -> Iterator[np.ndarray]:
     """What the inputs of a motor (P,) are told, in the order of the map; where it starts is none of them."""
     rates: dict[Moved, np.ndarray] = {
         "position": motor.positions(times),

@@ -17,7 +17,7 @@ from sim_models.common.guide import Guide
 from sim_models.common.start import Pose
 from sim_models.engine import Motion, SettingValue
 from sim_models.leapfrog.parts import Pin
-from sim_models.leapfrog.striking import Striking
+from sim_models.leapfrog.striking import LeapfrogStriking
 
 Yields = Callable[[Joint, complex], np.ndarray]  # (2, 2) 1/kg, now, of a corner so far (m) along a block and across
 
@@ -32,7 +32,7 @@ class Touch:
 
 
 @dataclass(frozen=True)
-class Block:
+class LeapfrogBlock:
     """The block of a joint: its guide, what its corners' contact is made of, the law that the mechanism names for it,
     and how each corner strikes under that.  ``points`` (m) are the joint's, in the frames of its bodies.
     """
@@ -42,15 +42,15 @@ class Block:
     contact: KelvinVoigt
     law: NamedLaw | None
     points: tuple[complex, complex]
-    striking: tuple[Striking, ...]
+    striking: tuple[LeapfrogStriking, ...]
 
     @classmethod
-    def of(cls, m: Mechanism, joint: Joint, motion: Motion, yields: Yields) -> Block:
+    def of(cls, m: Mechanism, joint: Joint, motion: Motion, yields: Yields) -> LeapfrogBlock:
         """That of a joint."""
         guide, law = Guide.of(joint), named_law(m, joint, motion)
         assert guide is not None  # a mechanism with clearance in a prismatic joint has it
         first, second = (m.body(body).point(joint.name) for body in joint.bodies)
-        striking = [] if law is None else [Striking(law, 0.0, partial(yields, joint, z)) for z in guide.corners]
+        striking = [] if law is None else [LeapfrogStriking(law, 0.0, partial(yields, joint, z)) for z in guide.corners]
         return cls(joint, guide, contact_parameters(m, joint, motion), law, (first, second), tuple(striking))
 
     def along(self, first: Pose) -> complex:
@@ -98,7 +98,7 @@ class Block:
                 yield Touch(k, at, force)
 
 
-def law_settings(mechanism: Mechanism, pins: Mapping[str, Pin | Block]) -> dict[str, SettingValue]:
+def law_settings(mechanism: Mechanism, pins: Mapping[str, Pin | LeapfrogBlock]) -> dict[str, SettingValue]:
     """The contact laws of pins and blocks, for a trace's settings."""
     laws = {name: pin.law for name, pin in pins.items() if pin.law is not None}
     words = {

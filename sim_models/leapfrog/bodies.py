@@ -29,10 +29,10 @@ from sim_models.common.travel import travel
 from sim_models.common.tree import Branch
 from sim_models.engine import Cause, Request, SettingValue, SimulationError
 from sim_models.leapfrog.balance import ForceBalance
-from sim_models.leapfrog.block import Block, Touch, law_settings
+from sim_models.leapfrog.block import LeapfrogBlock, Touch, law_settings
 from sim_models.leapfrog.laws import JointLaws
 from sim_models.leapfrog.parts import STILL, BranchMotion, Pin, Steered, coordinates, moving_body, spanning_tree, tracks
-from sim_models.leapfrog.striking import Striking
+from sim_models.leapfrog.striking import LeapfrogStriking
 from sim_models.run.grid import StepGrid
 from sim_models.run.path import Path
 from sim_models.run.track import Track
@@ -74,13 +74,13 @@ class LeapfrogWorld(ABC):
             if not j.prismatic
         }
         self.blocks = {
-            name: Block.of(m, m.joint(name), request.motion, self._yields)
+            name: LeapfrogBlock.of(m, m.joint(name), request.motion, self._yields)
             for name in request.clearances
             if m.joint(name).prismatic
         }
         named = {name: pin.law for name, pin in self.pins.items() if pin.law is not None and self.compliant}
         self.striking = {
-            name: Striking(law, self.pins[name].clearance, partial(self._yields, self.pins[name].joint))
+            name: LeapfrogStriking(law, self.pins[name].clearance, partial(self._yields, self.pins[name].joint))
             for name, law in named.items()
         }
         self.soft = {name: Pin(m.joint(name), 0.0, bearing(m, m.joint(name))) for name in request.bearings}
@@ -322,7 +322,7 @@ class LeapfrogWorld(ABC):
             self.turn(crank, periodic.at(self.angle(crank)))
         self._load_pins()
 
-    def _press_block(self, name: str, block: Block) -> None:
+    def _press_block(self, name: str, block: LeapfrogBlock) -> None:
         """Apply what walls do to a block's corners."""
         (first, second), total, moment = block.joint.bodies, 0j, 0.0
         a, b = self.base(first), self.base(second)

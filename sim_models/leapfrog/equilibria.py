@@ -18,7 +18,7 @@ from analytic.mechanism import GROUND
 from sim_models.common.failed_starts import check_stiff_enough, no_start, why_no_equilibrium
 from sim_models.common.start import AT_REST, Pose
 from sim_models.engine import CENTRED, ELSEWHERE, Cause, SimulationError
-from sim_models.leapfrog.block import Block
+from sim_models.leapfrog.block import LeapfrogBlock
 from sim_models.leapfrog.bodies import FRICTION_ROUNDS, LeapfrogWorld
 from sim_models.leapfrog.poses import NO_CHANGES, TURN_OF_STENCIL, Changes, duration, moving, near, still
 from sim_models.leapfrog.probe import forces_at, gap_accelerations
@@ -47,7 +47,7 @@ class Nowhere(Exception):
 
 
 @dataclass
-class Equilibria:
+class LeapfrogEquilibria:
     """Finds where the pins rest: the gaps at which none accelerates, by Newton's method on one step of the engine.
 
     A gap is searched as direction and depth; a rigid contact has no depth, and a soft bearing's gap has two components.
@@ -92,7 +92,7 @@ class Equilibria:
         )
 
     @staticmethod
-    def _push(block: Block, here: Mapping[str, Pose], force: complex, moment: float) -> complex:
+    def _push(block: LeapfrogBlock, here: Mapping[str, Pose], force: complex, moment: float) -> complex:
         """Force (N) across on a block and i times its moment (N.m) over half its length."""
         along = block.along({GROUND: AT_REST, **here}[block.joint.bodies[0]])
         return block.guide.push(float((force * along.conjugate()).imag), moment)

@@ -21,14 +21,14 @@ from sim_models.common.start import check_steps
 from sim_models.common.travel import position_of
 from sim_models.engine import Cause, Request, SimulationError, Trace, Unsupported
 from sim_models.leapfrog.bodies import WARM_UP, LeapfrogWorld
-from sim_models.leapfrog.equilibria import Equilibria
+from sim_models.leapfrog.equilibria import LeapfrogEquilibria
 from sim_models.leapfrog.poses import Changes, moving, near
 from sim_models.leapfrog.probe import PROBE, drive_inertia, forces_at
 from sim_models.leapfrog.steps import longest_step
-from sim_models.leapfrog.watch import Watch
+from sim_models.leapfrog.watch import LeapfrogWatch
 from sim_models.run.grid import StepGrid
 from sim_models.run.path import MotorPath, Path
-from sim_models.run.run import Observed, Run, columns_of
+from sim_models.run.run import EngineRun, Observed, columns_of
 
 JOURNAL_SAMPLES = 4000  # at least, where a run has as many steps
 CRANK_AT_REST = 1e-9  # rad, of a crank on a spring
@@ -38,13 +38,13 @@ HEEDED_STEPS = 30  # before a report, in which friction settles where the motion
 HELD = 1e-3  # of the largest reaction: what one-sided pins and rods may differ by where both hold the same equilibrium
 
 
-class LeapfrogRun(Run):
-    """One request on its way to a trace, in worlds of an engine's own.  Raises what :class:`Run` does."""
+class LeapfrogRun(EngineRun):
+    """One request on its way to a trace, in worlds of an engine's own.  Raises what :class:`EngineRun` does."""
 
     world_class: ClassVar[type[LeapfrogWorld]]
     world: LeapfrogWorld
-    equilibria: Equilibria
-    rods: Equilibria | None  # of rods of the clearance's length in place of pins that may leave their rims
+    equilibria: LeapfrogEquilibria
+    rods: LeapfrogEquilibria | None  # of rods of the clearance's length in place of pins that may leave their rims
     by_rods = False  # whether what was last seen of such pins is that of the rods
 
     def make_path(self) -> Path:
@@ -62,9 +62,9 @@ class LeapfrogRun(Run):
 
             world = self.world = opened(request)
             ideal = opened(rigid) if world.loose or world.soft else world
-            self.equilibria, self.rods = Equilibria(world, ideal), None
+            self.equilibria, self.rods = LeapfrogEquilibria(world, ideal), None
             if world.one_sided:
-                self.rods = Equilibria(opened(replace(request, joint_model="massless-link")), ideal)
+                self.rods = LeapfrogEquilibria(opened(replace(request, joint_model="massless-link")), ideal)
             self.check_rims()
             return super().attempt()
 
@@ -124,7 +124,7 @@ class LeapfrogRun(Run):
             "give a stiffer drive, one with less backlash, or smaller loads",
         )
 
-    def resting(self, equilibria: Equilibria, place: float, gaps: Changes | None = None) -> dict[str, float]:
+    def resting(self, equilibria: LeapfrogEquilibria, place: float, gaps: Changes | None = None) -> dict[str, float]:
         """Signals at rest at a place, with the pins off centre by these gaps (m), or where they are in equilibrium."""
         world = equilibria.world
         bodies = moving(self.path, place, near(equilibria.gaps(self.path, place) if gaps is None else gaps, place))
@@ -139,7 +139,7 @@ class LeapfrogRun(Run):
 
         return world.settled(observe, pressing)
 
-    def one_sided(self, rods: Equilibria, place: float) -> dict[str, float]:
+    def one_sided(self, rods: LeapfrogEquilibria, place: float) -> dict[str, float]:
         """Signals of pins that may leave their rims: their own, or, where the engine does not hold them there, those of
         rods, all of which pull.
         """
@@ -177,7 +177,7 @@ class LeapfrogRun(Run):
         grid = world.grid = StepGrid.fitted(times, path.begin, longest, path.held, beyond)
         self.start(grid)
         tally = Tally(world, max(1, (grid.reported - grid.lead) // JOURNAL_SAMPLES))
-        watch = Watch(world, grid) if request.watched else None
+        watch = LeapfrogWatch(world, grid) if request.watched else None
         columns = grid.columns(self.follow(grid, tally, watch))
         if world.held:
             self.check_course(columns, times)
@@ -219,7 +219,7 @@ class LeapfrogRun(Run):
         if world.drive_stiffness:
             world.hold(False)
 
-    def follow(self, grid: StepGrid, tally: Tally, watch: Watch | None) -> dict[int, dict[str, float]]:
+    def follow(self, grid: StepGrid, tally: Tally, watch: LeapfrogWatch | None) -> dict[int, dict[str, float]]:
         """Signals at the beginnings of the grid's steps that reports need."""
         world, path = self.world, self.path
         rows: dict[int, dict[str, float]] = {}

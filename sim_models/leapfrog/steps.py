@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 
 from sim_models.common.mobility import corner_mass
-from sim_models.leapfrog.block import Block
+from sim_models.leapfrog.block import LeapfrogBlock
 from sim_models.leapfrog.bodies import LeapfrogWorld
 from sim_models.leapfrog.parts import Pin
 from sim_models.leapfrog.poses import duration
@@ -24,7 +24,7 @@ NAMED_PHASE, NAMED_DECAY = 0.2, 0.4
 CONTACT_DECAY = 0.6  # of a contact's own relaxation in a step, at most
 
 
-def contact_step(pin: Pin | Block, mass: float) -> float:
+def contact_step(pin: Pin | LeapfrogBlock, mass: float) -> float:
     """Step (s) that follows a pin, or a corner, of this effective mass (kg) in its spring.  A law with hysteresis is as
     much stiffer as it pushes harder at the speed of touching.
     """

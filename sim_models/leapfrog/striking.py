@@ -18,7 +18,7 @@ FRESH = 200  # steps at the wall after which it is found anew how a pin yields
 
 
 @dataclass
-class Striking:
+class LeapfrogStriking:
     """A pin with this clearance (m) under a law, from step to step."""
 
     law: NamedLaw

@@ -16,7 +16,7 @@ from sim_models.run.grid import StepGrid
 from sim_models.run.track import Track
 
 
-class Watch:
+class LeapfrogWatch:
     """What is kept of the (M,) steps of a grid from the first report on."""
 
     def __init__(self, world: LeapfrogWorld, grid: StepGrid) -> None:

@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 from sim_models.mjcf.compiled import AT_JOINT
-from sim_models.mjcf.parts import Pin
+from sim_models.mjcf.parts import PlanarPin
 from sim_models.mjcf.planar import Planar
 
 AT_SITE = int(mujoco.mjtTrn.mjTRN_SITE)
@@ -27,12 +27,12 @@ ASSUMED_SLIDE = 0.1  # m/s
 
 
 @dataclass(frozen=True)
-class Motor:
+class ModelMotor:
     """A drive: its joint, its speed (rad/s of the link on the ground, else of the second link relative to the first; of
     a slide m/s; None: not said).
     """
 
-    pin: Pin
+    pin: PlanarPin
     speed: float | None
 
 
@@ -48,17 +48,17 @@ class Push:
     torque: float
 
 
-def motor(planar: Planar) -> Motor | None:
+def motor(planar: Planar) -> ModelMotor | None:
     """The drive of a model; None where nothing drives it."""
     grounded = {pin.joint: pin for pin in planar.pins if pin.joint >= 0 and not pin.slides and 0 in pin.links}
     m = planar.model
     for j, pin in grounded.items():
         if flywheel(planar, pin):
-            return Motor(pin, _turning(planar, pin, j))
+            return ModelMotor(pin, _turning(planar, pin, j))
     for i, joint in _acting(m):
         if joint in grounded:
             pin = grounded[joint]
-            return Motor(pin, _commanded(planar, i, pin) or _turning(planar, pin, joint))
+            return ModelMotor(pin, _commanded(planar, i, pin) or _turning(planar, pin, joint))
     return None
 
 
@@ -75,7 +75,7 @@ def _acting(m: mujoco.MjModel) -> Iterator[tuple[int, int]]:
             yield i, int(m.actuator_trnid[i, 0])
 
 
-def motors(planar: Planar) -> list[Motor]:
+def motors(planar: Planar) -> list[ModelMotor]:
     """What may drive a model, the likeliest first: the one motor, then every actuator of another joint of its tree."""
     first, m, found = motor(planar), planar.model, []
     pins = {pin.joint: pin for pin in planar.pins if pin.joint >= 0}
@@ -84,11 +84,11 @@ def motors(planar: Planar) -> list[Motor]:
         if joint in pins and joint not in taken:
             pin = pins[joint]
             taken.add(joint)
-            found.append(Motor(pin, _commanded(planar, i, pin) or _turning(planar, pin, joint)))
+            found.append(ModelMotor(pin, _commanded(planar, i, pin) or _turning(planar, pin, joint)))
     return found if first is None else [first, *found]
 
 
-def flywheel(planar: Planar, pin: Pin) -> bool:
+def flywheel(planar: Planar, pin: PlanarPin) -> bool:
     """Whether a joint has so large an armature that it moves on as it does, whatever the linkage does."""
     m = planar.model
     links = planar.links[1:]
@@ -98,14 +98,14 @@ def flywheel(planar: Planar, pin: Pin) -> bool:
     return bool(m.dof_armature[m.jnt_dofadr[pin.joint]] > FLYWHEEL * whole)
 
 
-def _turning(planar: Planar, pin: Pin, joint: int) -> float | None:
+def _turning(planar: Planar, pin: PlanarPin, joint: int) -> float | None:
     """How fast a hinge turns in the first keyframe in which it does."""
     m = planar.model
     speeds = m.key_qvel[:, m.jnt_dofadr[joint]] if m.nkey else np.zeros(0)
     return next((_driven_by(pin) * float(v) for v in speeds if v), None)
 
 
-def _driven_by(pin: Pin) -> float:
+def _driven_by(pin: PlanarPin) -> float:
     """What a joint's speed is times: of a hinge on the ground for the link's, else for the second link's relative to
     the first's.
     """
@@ -114,7 +114,7 @@ def _driven_by(pin: Pin) -> float:
     return -pin.turn if pin.links[1] == 0 else pin.turn
 
 
-def _commanded(planar: Planar, i: int, pin: Pin) -> float | None:
+def _commanded(planar: Planar, i: int, pin: PlanarPin) -> float | None:
     """The speed at which a velocity servo gives no force: that of the first keyframe whose command moves it, or of
     control 0 where its range, or a constant force of its own, moves that.
     """

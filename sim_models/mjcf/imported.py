@@ -18,7 +18,7 @@ from sim_models.mjcf.compiled import AT_JOINT
 from sim_models.mjcf.drive import (
     ASSUMED,
     ASSUMED_SLIDE,
-    Motor,
+    ModelMotor,
     Push,
     flywheel,
     gravity,
@@ -31,7 +31,7 @@ from sim_models.mjcf.drive import (
 from sim_models.mjcf.errors import MjcfError
 from sim_models.mjcf.known import unknown
 from sim_models.mjcf.laws import PointSpring, TendonLaw, acts, coefficients, law, point_spring
-from sim_models.mjcf.parts import Frames, Pin
+from sim_models.mjcf.parts import Frames, PlanarPin
 from sim_models.mjcf.planar import Planar, read
 from sim_models.mjcf.plane import actuator_words, body_words, joint_words
 from sim_models.mujoco.engine import no_log_file
@@ -47,14 +47,14 @@ NEAREST_POINT = 1e-9  # of the same: a point that is nearer to another is that o
 
 
 @dataclass(frozen=True)
-class Imported:
+class ImportedFile:
     """A mechanism read from a file, and in ``notes`` what of the file it leaves out, takes on or assumes."""
 
     mechanism: Mechanism
     notes: tuple[str, ...]
 
 
-def imported(path: str | Path) -> Imported:
+def imported(path: str | Path) -> ImportedFile:
     """The mechanism of an MJCF file.  Raises MjcfError with file, place, value and remedy in one sentence."""
     with no_log_file():
         return _Writer(read(Path(path))).imported()
@@ -70,7 +70,7 @@ class _Writer:
         self.springs: list[PointSpring] = []
         self.points: list[dict[str, tuple[float, float]]] = [{} for _ in planar.links]
 
-    def imported(self) -> Imported:
+    def imported(self) -> ImportedFile:
         p = self.p
         self.refuse()
         for pin in p.pins:
@@ -91,7 +91,7 @@ class _Writer:
             raise MjcfError(f"{p.said}: {_reason(error)}") from None
         self.notes += [*left_out(p), *unknown(self.m)]
         self.notes.append("not in MJCF, and left out: sections, moduli of elasticity, clearances")
-        return Imported(mechanism, tuple(self.notes))
+        return ImportedFile(mechanism, tuple(self.notes))
 
     # ------------------------------------------------------------------ parts
 
@@ -128,7 +128,7 @@ class _Writer:
             "inertia": inertia,
         }
 
-    def rotor(self, pin: Pin) -> float:
+    def rotor(self, pin: PlanarPin) -> float:
         """What the armature of a hinge on the ground adds to a link's inertia (kg.m^2); a motor's adds nothing."""
         armature = float(self.m.dof_armature[self.m.jnt_dofadr[pin.joint]])
         if not armature or pin.slides or flywheel(self.p, pin):
@@ -138,7 +138,7 @@ class _Writer:
         )
         return armature
 
-    def _joint(self, pin: Pin) -> dict[str, Any]:
+    def _joint(self, pin: PlanarPin) -> dict[str, Any]:
         fields: dict[str, Any] = {
             "name": pin.name,
             "type": "prismatic" if pin.slides else "revolute",
@@ -157,7 +157,7 @@ class _Writer:
         ]
         return fields | self.together(pin, [each for each in laws if each])
 
-    def together(self, pin: Pin, laws: list[dict[str, float]]) -> dict[str, float]:
+    def together(self, pin: PlanarPin, laws: list[dict[str, float]]) -> dict[str, float]:
         """The laws of a joint as one.  Raises MjcfError for two springs with different rests."""
         if len({each["rest_angle"] for each in laws if "rest_angle" in each}) > 1:
             raise MjcfError(f"{self.p.said}: joint {pin.name!r} has two springs that rest apart; give it one")
@@ -188,7 +188,7 @@ class _Writer:
         some = {name: value for name, value in law.items() if value and name not in off}
         return some | ({"rest_angle": law.get("rest_angle", 0.0)} if "stiffness" in some else {})
 
-    def laws(self, pin: Pin) -> dict[str, float]:
+    def laws(self, pin: PlanarPin) -> dict[str, float]:
         """Damping, friction and spring of a tree's joint."""
         m, dof = self.m, int(self.m.jnt_dofadr[pin.joint])
         words = joint_words(m, pin.joint)
@@ -204,7 +204,7 @@ class _Writer:
             law |= {"stiffness": stiffness, "rest_angle": _tidy(rest)}
         return self.acting(law)
 
-    def _driving(self) -> tuple[list[Motor], list[str]]:
+    def _driving(self) -> tuple[list[ModelMotor], list[str]]:
         """The motors that drive it, of several as many as it has freedoms, and the joints that then move freely: those
         nearest to the ground.
         """
@@ -219,7 +219,7 @@ class _Writer:
         free = structure(Mechanism.model_validate(linkage | {"drive": held})).free_joints
         return drives, [name for name in free if name not in {one.pin.name for one in drives}]
 
-    def _drives(self, driving: Sequence[Motor], free: Sequence[str]) -> list[dict[str, Any]]:
+    def _drives(self, driving: Sequence[ModelMotor], free: Sequence[str]) -> list[dict[str, Any]]:
         """The drives, free ones where nothing drives; what is assumed of them is noted."""
         if free and driving:
             self.notes.append(
@@ -239,7 +239,7 @@ class _Writer:
         moved = [{"joint": one.pin.name, "speed": _speed(one)} for one in driving]
         return moved + [{"joint": name, "speed": "free"} for name in free]
 
-    def _loads(self, driving: Sequence[Motor]) -> list[dict[str, Any]]:
+    def _loads(self, driving: Sequence[ModelMotor]) -> list[dict[str, Any]]:
         """Constant forces by actuators; every other actuator is noted.  Raises MjcfError for a force that a joint may
         take part of.
         """
@@ -341,7 +341,7 @@ class _Writer:
                 )
 
 
-def _speed(driving: Motor) -> float:
+def _speed(driving: ModelMotor) -> float:
     """How fast a motor moves (rad/s, m/s), as its file says, or as is assumed."""
     if driving.speed is not None:
         return driving.speed

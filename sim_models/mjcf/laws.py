@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from sim_models.mjcf.parts import Pin, Site
+from sim_models.mjcf.parts import PlanarPin, Site
 from sim_models.mjcf.planar import LOOP_CLOSED, Planar, positioned
 
 OVER_JOINTS, FROM_SITE = int(mujoco.mjtWrap.mjWRAP_JOINT), int(mujoco.mjtWrap.mjWRAP_SITE)
@@ -23,7 +23,7 @@ class TendonLaw:
     """A tendon that acts in a joint: its length is ``scale`` times the joint's angle or travel, but for a constant."""
 
     tendon: int
-    pin: Pin
+    pin: PlanarPin
     scale: float
 
 

@@ -26,7 +26,7 @@ from sim_models.mjcf.compiled import AT_JOINT
 from sim_models.mjcf.drive import AT_SITE, flywheel, gravity, steady_force, switched_off, throttled
 from sim_models.mjcf.laws import TendonLaw, acts, law, point_spring
 from sim_models.mjcf.match import Match, match
-from sim_models.mjcf.parts import Frames, Pin
+from sim_models.mjcf.parts import Frames, PlanarPin
 from sim_models.mjcf.planar import Planar
 from sim_models.run.path import assembled
 
@@ -193,7 +193,7 @@ class TheirLinkage:
         """A body's angle (rad) from its link's."""
         return angle + cmath.phase(self.match.frames[body].turn) - cmath.phase(self.match.frames[GROUND].turn)
 
-    def apart(self, pin: Pin, wanted: Mapping[int, tuple[complex, float]]) -> float:
+    def apart(self, pin: PlanarPin, wanted: Mapping[int, tuple[complex, float]]) -> float:
         """A joint's angle (rad) or travel (m) for links so placed."""
         (at, angle), (other, turned) = (wanted[k] for k in pin.links)
         if not pin.slides:
@@ -256,7 +256,7 @@ class TheirLinkage:
         damper = 0.0 if off & NO_DAMPERS else float(m.tendon_damping[t] * d.ten_velocity[t])
         return -spring - damper
 
-    def between(self, pin: Pin, pushed: list[tuple[int, complex, float]]) -> tuple[complex, float]:
+    def between(self, pin: PlanarPin, pushed: list[tuple[int, complex, float]]) -> tuple[complex, float]:
         """Force (N) of a joint's first link on its second, and moment (N.m) about the plane's origin."""
         m, d, plane = self.model, self.data, self.planar.plane
         if pin.joint < 0:
@@ -314,7 +314,7 @@ class TheirLinkage:
             out |= self.pose_of(name, body, frames, velocity)
         return out
 
-    def gap(self, pin: Pin, frames: Frames) -> complex:
+    def gap(self, pin: PlanarPin, frames: Frames) -> complex:
         """The first link's pin centre less the second's (m)."""
         if pin.joint >= 0:
             return 0j

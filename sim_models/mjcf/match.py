@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from analytic.mechanism import GROUND, Joint, Mechanism
 from analytic.mechanism.parts import Body
 from sim_models.engine import Unsupported
-from sim_models.mjcf.parts import Pin
+from sim_models.mjcf.parts import PlanarPin
 from sim_models.mjcf.planar import Planar
 
 LENGTHS_ALIKE = 1e-6  # of the linkage's size, or rad: lengths and angles that differ by more are others
@@ -41,7 +41,7 @@ class Match:
     """Links by body, joints by joint, and frames by body, the ground among them."""
 
     links: Mapping[str, int]
-    pins: Mapping[str, Pin]
+    pins: Mapping[str, PlanarPin]
     frames: Mapping[str, Frame]
 
     def swapped(self, joint: Joint) -> bool:
@@ -101,8 +101,8 @@ class _Matcher:
     # ------------------------------------------------------------------ the graph
 
     def ways(
-        self, links: dict[str, int], pins: dict[str, Pin], near: float
-    ) -> Iterator[tuple[dict[str, int], dict[str, Pin]]]:
+        self, links: dict[str, int], pins: dict[str, PlanarPin], near: float
+    ) -> Iterator[tuple[dict[str, int], dict[str, PlanarPin]]]:
         """Every way to match the joints from the next one on, those of the same names first."""
         if len(pins) == len(self.order):
             yield dict(links), dict(pins)
@@ -121,14 +121,14 @@ class _Matcher:
                 if all(self.rigid(body, wider, more, near) for body in joint.bodies):
                     yield from self.ways(wider, more, near)
 
-    def ends(self, pin: Pin, joint: Joint) -> list[tuple[int, int]]:
+    def ends(self, pin: PlanarPin, joint: Joint) -> list[tuple[int, int]]:
         """The links of a pin as a joint's first and second, the way their names have it first."""
         both = [pin.links, (pin.links[1], pin.links[0])]
         return sorted(both, key=lambda ends: -sum(
             self.planar.links[k].name == body for k, body in zip(ends, joint.bodies, strict=True)
         ))  # fmt: skip
 
-    def rigid(self, body: str, links: Mapping[str, int], pins: Mapping[str, Pin], near: float) -> bool:
+    def rigid(self, body: str, links: Mapping[str, int], pins: Mapping[str, PlanarPin], near: float) -> bool:
         """Whether the pins that are matched lie as far apart in the body as in its link."""
         return next(self.unlike(self.spots(body, links, pins), near), None) is None
 
@@ -140,7 +140,7 @@ class _Matcher:
                 if abs(abs(one.ours - other.ours) - abs(one.theirs - other.theirs)) > near:
                     yield other, one
 
-    def spots(self, body: str, links: Mapping[str, int], pins: Mapping[str, Pin]) -> list[_Spot]:
+    def spots(self, body: str, links: Mapping[str, int], pins: Mapping[str, PlanarPin]) -> list[_Spot]:
         """The matched joints of a body."""
         found = []
         for joint in self.m.joints:
@@ -158,7 +158,7 @@ class _Matcher:
 
     # ------------------------------------------------------------------ the frames
 
-    def frames(self, links: Mapping[str, int], pins: Mapping[str, Pin]) -> dict[str, Frame] | None:
+    def frames(self, links: Mapping[str, int], pins: Mapping[str, PlanarPin]) -> dict[str, Frame] | None:
         """How each body's frame lies in its link's; None where one does not fit."""
         found: dict[str, Frame] = {}
         bodies = dict.fromkeys([GROUND, *(b for j in self.order for b in j.bodies)])
@@ -177,7 +177,7 @@ class _Matcher:
         off = abs(frame.of(part.centre) - self.planar.links[link].centre)
         return off if off > self.near else 0.0
 
-    def fits(self, body: str, links: Mapping[str, int], pins: Mapping[str, Pin]) -> list[Frame]:
+    def fits(self, body: str, links: Mapping[str, int], pins: Mapping[str, PlanarPin]) -> list[Frame]:
         """The frames in which a body's joints sit where its link has them."""
         spots = self.spots(body, links, pins)
         still = [s for s in spots if not s.along]
@@ -224,7 +224,12 @@ class _Matcher:
         return parallel and abs((off * spot.theirs_along.conjugate()).imag) <= self.near
 
     def held(
-        self, body: str, frame: Frame, known: Mapping[str, Frame], pins: Mapping[str, Pin], links: Mapping[str, int]
+        self,
+        body: str,
+        frame: Frame,
+        known: Mapping[str, Frame],
+        pins: Mapping[str, PlanarPin],
+        links: Mapping[str, int],
     ) -> bool:
         """Whether the slides to bodies whose frames are known hold it at the angle that the mechanism has."""
         for joint in self.m.joints:

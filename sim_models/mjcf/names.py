@@ -11,7 +11,7 @@ import mujoco
 
 from analytic.mechanism import GROUND
 from analytic.mechanism.parts import LONGEST_NAME
-from sim_models.mjcf.parts import Frames, Pin, Site
+from sim_models.mjcf.parts import Frames, PlanarPin, Site
 
 Points = tuple[complex, complex]
 TAKEN = {GROUND, "world", "com"}
@@ -56,7 +56,7 @@ class Names:
         return free(plain(self.m.body(body).name) or f"link{body}", self.bodies)
 
     def of_pins(
-        self, sites: Sequence[Site], pins: Sequence[Pin], frames: Frames, near: float
+        self, sites: Sequence[Site], pins: Sequence[PlanarPin], frames: Frames, near: float
     ) -> list[tuple[tuple[str, ...], Points | None]]:
         """Every name that each joint goes by, the one that it gets first; and where two sites of that name place it.
 
@@ -81,7 +81,7 @@ class Names:
         ]
 
 
-def _candidates(in_link: Mapping[int, Sequence[Site]], pin: Pin, near: float) -> list[str]:
+def _candidates(in_link: Mapping[int, Sequence[Site]], pin: PlanarPin, near: float) -> list[str]:
     """A joint's own name, and those of the sites at it."""
     at = [
         site.name.split(":")[0]
@@ -92,7 +92,7 @@ def _candidates(in_link: Mapping[int, Sequence[Site]], pin: Pin, near: float) ->
     return [name for name in dict.fromkeys(map(plain, (*pin.names, *at))) if name]
 
 
-def _looped(pin: Pin, pins: Sequence[Pin]) -> bool:
+def _looped(pin: PlanarPin, pins: Sequence[PlanarPin]) -> bool:
     """Whether a joint is in a loop: its links hang together without it."""
     others, near = [other for other in pins if other is not pin], {pin.links[0]}
     while more := {k for other in others if near & set(other.links) for k in other.links} - near:
@@ -101,7 +101,7 @@ def _looped(pin: Pin, pins: Sequence[Pin]) -> bool:
 
 
 def _pair(
-    in_link: Mapping[int, Sequence[Site]], pin: Pin, frames: Frames, near: float, looped: bool
+    in_link: Mapping[int, Sequence[Site]], pin: PlanarPin, frames: Frames, near: float, looped: bool
 ) -> tuple[str, Points | None] | None:
     """The name that two sites ``name:link`` give a joint which they sit in, one in each of its links; and their points,
     but for a slide in no loop whose points they would set apart.
@@ -119,7 +119,7 @@ def _pair(
     return None
 
 
-def _off(pin: Pin, frames: Frames, points: Points) -> tuple[float, float]:
+def _off(pin: PlanarPin, frames: Frames, points: Points) -> tuple[float, float]:
     """How far (m) two points, one in each link, are from being a joint's: together, and on the line of its slide."""
     if not pin.slides:
         off = max(abs(p - own) for p, own in zip(points, pin.points, strict=True))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Pin:
+class PlanarPin:
     """A joint of the linkage: number of its ``links``, where it sits in each (m, link frames), and its own laws.
 
     A slide's two points lie together in the initial pose, where a mechanism's slide that no loop holds begins; or they

@@ -21,7 +21,7 @@ from analytic.mechanism import GROUND
 from sim_models.mjcf.compiled import compiled
 from sim_models.mjcf.errors import MjcfError
 from sim_models.mjcf.names import Names
-from sim_models.mjcf.parts import Frames, Pin, Site
+from sim_models.mjcf.parts import Frames, PlanarPin, Site
 from sim_models.mjcf.plane import SLIDE, Plane, body_words, joint_words, plane_of
 
 EQ = mujoco.mjtEq
@@ -39,7 +39,7 @@ COUPLINGS = {
 
 
 @dataclass(frozen=True)
-class Link:
+class PlanarLink:
     """A rigid link: its MuJoCo bodies, of which ``root`` gives it its frame.
 
     ``axis`` (3,) is the direction in the root's frame that is the link's x; ``centre`` (m, link frame, x + iy) the
@@ -64,8 +64,8 @@ class Planar:
     model: mujoco.MjModel
     plane: Plane
     pose: np.ndarray
-    links: list[Link]
-    pins: list[Pin]
+    links: list[PlanarLink]
+    pins: list[PlanarPin]
     link_of: list[int]  # by MuJoCo body
     sites: list[Site]
     size: float  # m
@@ -100,7 +100,7 @@ class Planar:
             known.add(there)
         return found
 
-    def relative(self, pin: Pin, frames: Frames) -> float:
+    def relative(self, pin: PlanarPin, frames: Frames) -> float:
         """A joint's angle (rad, second link less first) or travel (m)."""
         first, second = pin.links
         if not pin.slides:
@@ -153,7 +153,7 @@ class _Reader:
             raise MjcfError(f"{self.said}: no joint is left between its links; give it hinges that can turn")
         return self.found
 
-    def named(self, pin: Pin, names: tuple[str, ...], points: tuple[complex, complex] | None) -> Pin:
+    def named(self, pin: PlanarPin, names: tuple[str, ...], points: tuple[complex, complex] | None) -> PlanarPin:
         return replace(pin, names=names, points=points or pin.points)
 
     # ------------------------------------------------------------------ what there is
@@ -282,14 +282,14 @@ class _Reader:
             return int(m.site_bodyid[ends[0]]), int(m.site_bodyid[ends[1]])
         return ends
 
-    def link(self, k: int) -> Link:
+    def link(self, k: int) -> PlanarLink:
         """A link with its frame and inertia."""
         m, d, plane = self.m, self.data, self.plane
         bodies = tuple(b for b in range(m.nbody) if self.link_of[b] == k)
         root = bodies[0]
         axis = self.x_axis(d.xmat[root].reshape(3, 3))
         if not k:
-            return Link(GROUND, 0, bodies, axis)
+            return PlanarLink(GROUND, 0, bodies, axis)
         mass = float(m.body_mass[list(bodies)].sum())
         if not mass > 0:
             raise MjcfError(f"{self.said}: {body_words(m, root)} has no mass; give it a geom with mass, or an inertial")
@@ -303,7 +303,7 @@ class _Reader:
             inertia += float(along**2 @ m.body_inertia[b]) + m.body_mass[b] * abs(p - com) ** 2
         turned = d.xmat[root].reshape(3, 3) @ axis
         centre = (com - plane.flat(d.xpos[root])) * plane.flat(turned).conjugate()
-        return Link(self.names.body(root), root, bodies, axis, mass, centre, inertia)
+        return PlanarLink(self.names.body(root), root, bodies, axis, mass, centre, inertia)
 
     def x_axis(self, turned: np.ndarray) -> np.ndarray:
         """The axis of a body's frame that is its link's x: the one that is the ground's in the world's frame, if it
@@ -323,7 +323,7 @@ class _Reader:
 
     # ------------------------------------------------------------------ joints
 
-    def tree(self) -> Iterator[Pin]:
+    def tree(self) -> Iterator[PlanarPin]:
         """The tree's hinges and slides."""
         m, d = self.m, self.data
         for j in range(m.njnt):
@@ -336,7 +336,7 @@ class _Reader:
             slides = bool(m.jnt_type[j] == SLIDE)
             along = self.plane.flat(axis) if slides else 0j
             angles = self.frames.angles
-            yield Pin(
+            yield PlanarPin(
                 names=(m.joint(j).name,),
                 links=(first, second),
                 points=(self.frames.within(first, place), self.frames.within(second, place)),
@@ -347,7 +347,7 @@ class _Reader:
                 turn=math.copysign(1.0, float(axis @ self.plane.normal)),
             )
 
-    def loops(self) -> Iterator[Pin]:
+    def loops(self) -> Iterator[PlanarPin]:
         """The active connects."""
         m, d = self.m, self.data
         for e in self.active:
@@ -366,4 +366,4 @@ class _Reader:
                 )
             flat = self.plane.flat
             points = self.frames.within(first, flat(at)), self.frames.within(second, flat(on))
-            yield Pin((m.equality(e).name,), (first, second), points, equality=e)
+            yield PlanarPin((m.equality(e).name,), (first, second), points, equality=e)

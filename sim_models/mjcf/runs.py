@@ -15,10 +15,10 @@ from sim_models.engine import Cause, Request, SettingValue, SimulationError, Tra
 from sim_models.mjcf.linkage import EQUALITY, TheirLinkage
 from sim_models.mjcf.planar import Planar
 from sim_models.mjcf.start import DRY, rest
-from sim_models.mjcf.steering import Steering
+from sim_models.mjcf.steering import ModelSteering
 from sim_models.run.grid import StepGrid
 from sim_models.run.path import MotorPath, Path
-from sim_models.run.run import Observed, Run, columns_of
+from sim_models.run.run import EngineRun, Observed, columns_of
 
 STENCIL_SPACING = 1e-3  # rad between the places whose poses give the rates of the ideal linkage
 CRANK_STENCIL = np.arange(-2, 3)  # those places
@@ -34,7 +34,7 @@ LIMIT_ROWS = (int(mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT), int(mujoco.mjtConst
 RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
 
 
-class TheirRun(Run):
+class TheirRun(EngineRun):
     """One request on its way to a trace, in a file's own model.  Raises AssemblyError where the linkage cannot follow
     its courses.
     """
@@ -89,7 +89,7 @@ class TheirRun(Run):
         lead = self.lead() if path.held else 0.0
         begin = path.begin - lead
         q, v = self.steady(begin) if path.held else self.ideal(begin)[:2]
-        columns = self.stepped(q, v, times - begin, Steering(self.link, self.motors, begin, self.lag))
+        columns = self.stepped(q, v, times - begin, ModelSteering(self.link, self.motors, begin, self.lag))
         how: dict[str, SettingValue] = {
             "time_step": self.timestep,
             "start": "equilibrium" if path.held else "released",
@@ -149,13 +149,15 @@ class TheirRun(Run):
         """Coordinates, velocities and accelerations of the ideal linkage at a time (s), as if nothing moved freely."""
         q = np.array([self.link.placed(self.path.poses(time + x)) for x in STENCIL_SPACING / self.pace * CRANK_STENCIL])
         v, a = FIRST_SLOPE @ q * self.pace, SECOND_SLOPE @ q * self.pace**2
-        steering = Steering(self.link, self.motors, time)
+        steering = ModelSteering(self.link, self.motors, time)
         v[self.link.dofs], a[self.link.dofs] = (steering.at(np.zeros(1), order)[0] for order in (1, 2))
         return q[2], v, a
 
     # ------------------------------------------------------------------ steps
 
-    def stepped(self, q: np.ndarray, v: np.ndarray, times: np.ndarray, steering: Steering) -> dict[str, np.ndarray]:
+    def stepped(
+        self, q: np.ndarray, v: np.ndarray, times: np.ndarray, steering: ModelSteering
+    ) -> dict[str, np.ndarray]:
         """Signals (N,) at times (N,) s after the begin of a run, at true velocities v (nv,): those at the steps around
         each, joined by a cubic.
 

@@ -15,7 +15,7 @@ from sim_models.mjcf.linkage import TheirLinkage
 EFFORT_PASSES = 3  # at a state, until the motors' efforts are those of that state
 
 
-class Steering:
+class ModelSteering:
     """A linkage's motors, by position of their joints, from ``begin`` (s) of their clock on, in the model's own steps.
 
     ``lag`` (s) is how much older MuJoCo's velocities are than its positions.  Without motors nothing is put anywhere.

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from sim_models.engine import Cause, SimulationError
-from sim_models.mujoco.model import Block, MujocoLinkage
+from sim_models.mujoco.model import MujocoBlock, MujocoLinkage
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class Seat:
     tilt: float
 
 
-def seat(link: MujocoLinkage, block: Block) -> Seat:
+def seat(link: MujocoLinkage, block: MujocoBlock) -> Seat:
     """Where a block is, as the data's positions have it."""
     first, second = block.joint.bodies
     x, q = link.data.site_xpos, link.data.qpos
@@ -67,7 +67,7 @@ def touch_walls(link: MujocoLinkage, always: bool = False) -> None:
             link.touching.append(block.key(k))
 
 
-def ease(link: MujocoLinkage, block: Block) -> float:
+def ease(link: MujocoLinkage, block: MujocoBlock) -> float:
     """Largest acceleration (1/kg) of a corner against its wall by a unit force between them, as bodies now are."""
     m, d, here = link.model, link.data, seat(link, block)
     found = []

@@ -18,7 +18,7 @@ from analytic.mechanism import GROUND
 from sim_models.common.contact_laws import pressed_to
 from sim_models.common.failed_starts import check_stiff_enough, no_start, why_no_equilibrium
 from sim_models.engine import Cause, Request, SimulationError
-from sim_models.mujoco.laws import Contact
+from sim_models.mujoco.laws import WallContact
 from sim_models.mujoco.mjcf import Setting
 from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.passive import felt
@@ -46,7 +46,7 @@ SLIP_STANDSTILL = 2e-8  # of TURN_ASIDE: a joint that turns no farther around wh
 
 
 @dataclass(frozen=True)
-class Balance:
+class StateEquations:
     """Newton's equations at a state: ``load`` (nv,) = ``push``^T f, and rows ``goal`` (k,) = ``softness`` f."""
 
     load: np.ndarray
@@ -56,7 +56,9 @@ class Balance:
     rows: np.ndarray
 
 
-def balance(link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, slip: Mapping[str, float]) -> Balance:
+def balance(
+    link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, slip: Mapping[str, float]
+) -> StateEquations:
     """What joint forces f must satisfy for the linkage to have this position, velocity and acceleration.
 
     Every joint with clearance counts as pressed; ``slip`` is the sign of its relative angular velocity, against which
@@ -91,7 +93,7 @@ def balance(link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, sl
     gained = jacobian @ a
     older = link.setting.step / 2 if link.setting.stepped else 0.0  # s: a run's rows are damped by velocities of then
     goal = d.efc_aref + parting - gained + damping * (older * gained + np.where(rigid, d.efc_vel, 0.0))
-    return Balance(load, push[rows], goal[rows], d.efc_R[rows].copy(), np.flatnonzero(rows))
+    return StateEquations(load, push[rows], goal[rows], d.efc_R[rows].copy(), np.flatnonzero(rows))
 
 
 def along(link: MujocoLinkage, name: str, slip: Mapping[str, float]) -> float:
@@ -101,14 +103,16 @@ def along(link: MujocoLinkage, name: str, slip: Mapping[str, float]) -> float:
 
 
 @dataclass(frozen=True)
-class Rest:
+class RestState:
     """A state without transients: coordinates (nq,), forces of all constraint rows (nefc,)."""
 
     q: np.ndarray
     force: np.ndarray
 
 
-def rest(link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, slip: Mapping[str, float]) -> Rest | None:
+def rest(
+    link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, slip: Mapping[str, float]
+) -> RestState | None:
     """Solve :func:`balance` for coordinates and forces, the motors held; None where Newton's method finds no solution.
 
     Forces are unknowns of their own: however stiff the rows, a step along the rim of a clearance circle does not
@@ -153,11 +157,11 @@ def rest(link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, slip:
                     every[row + 1] = along(link, name, slip) * every[row]
             link.data.qacc[:], link.data.efc_force[:] = a, every
             mujoco.mj_rnePostConstraint(link.model, link.data)
-            return Rest(q, every)
+            return RestState(q, every)
     return None
 
 
-class Equilibria:
+class MujocoEquilibria:
     """Equilibria of a request's mechanism, near the crank angle theta (rad) of a path, or its time (s) on courses.
 
     ``step`` (s) sets how rigid the rigid rows are.  ``forces`` are the sizes (N) of the ideal linkage's reactions at
@@ -168,7 +172,7 @@ class Equilibria:
         self,
         request: Request,
         path: Path,
-        laws: Mapping[str, Contact],
+        laws: Mapping[str, WallContact],
         theta: float,
         step: float,
     ) -> None:
@@ -197,7 +201,7 @@ class Equilibria:
             name: math.copysign(1.0, x) if abs(x) > SLIP_STANDSTILL * TURN_ASIDE else 0.0 for name, x in moves.items()
         }
 
-    def torques(self, link: MujocoLinkage, state: Rest, slip: Mapping[str, float]) -> dict[str, float]:
+    def torques(self, link: MujocoLinkage, state: RestState, slip: Mapping[str, float]) -> dict[str, float]:
         """Friction of the equilibrium that was found last (see :func:`sim_models.mujoco.state.friction_torques`)."""
         dry = {
             joint.name: joint.dry(float(form @ link.data.qvel)) + joint.load_friction(link.loads.get(joint.name, 0.0))
@@ -205,13 +209,13 @@ class Equilibria:
         }
         return {name: -size * slip[name] for name, size in dry.items()} | corner_friction(link, state.force)
 
-    def signals(self, link: MujocoLinkage, state: Rest, slip: Mapping[str, float]) -> dict[str, float]:
+    def signals(self, link: MujocoLinkage, state: RestState, slip: Mapping[str, float]) -> dict[str, float]:
         """All signals of the equilibrium that was found last."""
         return signals(link, joint_forces(link, state.force), self.torques(link, state, slip))
 
     def rest(
         self, link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, slip: Mapping[str, float]
-    ) -> Rest | None:
+    ) -> RestState | None:
         """The state without transients, with the friction that its reactions give."""
         for _ in range(FRICTION_LOOKS):
             state = rest(link, q, v, a, slip)

@@ -17,9 +17,9 @@ from analytic.mechanism import Joint
 from sim_models.common.export_files import expected, lines, written
 from sim_models.common.simulate import simulate
 from sim_models.engine import Cause, Engine, Request, Trace
-from sim_models.mujoco.equilibrium import Equilibria, rest
+from sim_models.mujoco.equilibrium import MujocoEquilibria, rest
 from sim_models.mujoco.mjcf import Setting
-from sim_models.mujoco.model import Drive, MujocoLinkage
+from sim_models.mujoco.model import MujocoLinkage, TreeDrive
 from sim_models.mujoco.motor import SHORTEST_CUBIC_STEP
 from sim_models.mujoco.runs import STATIC_STEP, MujocoRun
 from sim_models.mujoco.state import contact_rows
@@ -161,7 +161,7 @@ def _meaning(link: MujocoLinkage) -> dict[str, Any]:
     }
 
 
-def _drive(drive: Drive | None) -> dict[str, Any] | None:
+def _drive(drive: TreeDrive | None) -> dict[str, Any] | None:
     """What a motor between a body and its parent gives its joint: the signal, its sign, and the axis of a slide."""
     if drive is None:
         return None
@@ -246,7 +246,7 @@ def _equilibria(run: MujocoRun) -> tuple[MujocoLinkage, dict[str, Any]]:
     return link, {"equilibria": [_state(near, at) | ({"time": at} if angles is None else {}) for at in places]}
 
 
-def _state(near: Equilibria, theta: float) -> dict[str, Any]:
+def _state(near: MujocoEquilibria, theta: float) -> dict[str, Any]:
     """Coordinates of one equilibrium, and dry friction: as generalised forces, and as torque or share of the normal
     force by joint.
     """

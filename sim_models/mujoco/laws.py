@@ -27,7 +27,7 @@ RUBBING_DAMPING = (
 
 
 @dataclass(frozen=True)
-class Contact:
+class WallContact:
     """Law of a clearance joint: stiffness (N/m) and damping (N.s/m), or ``hard``: period/2 pi (s) and damping ratio of
     a bounce.
 
@@ -51,7 +51,7 @@ class Contact:
         return f"hard, bounces at damping ratio {self.hard[1]:.3g}"
 
 
-def contact_laws(request: Request) -> dict[str, Contact]:
+def contact_laws(request: Request) -> dict[str, WallContact]:
     """The law of each joint with clearance; none for ideal joints.
 
     ``contact`` in a driven run is hard (it bounces as its restitution says, whatever mass it carries) unless the
@@ -72,18 +72,18 @@ def contact_laws(request: Request) -> dict[str, Contact]:
             joint = joint.model_copy(update={"contact_law": "kelvin-voigt"})
         named = named_law(request.mechanism, joint, request.motion) if struck else None
         if named is not None:
-            laws[name] = Contact(named.stiffness, named.damping, named=named)
+            laws[name] = WallContact(named.stiffness, named.damping, named=named)
             continue
         hard = None
         if request.joint_model == "contact" and request.motion == "driven" and not stated:
             ratio = DAMPING_RATIO if joint.restitution is None else damping_ratio(joint.restitution)
             hard = math.sqrt(lighter_mass(request.mechanism, joint) / law.stiffness), ratio
-        laws[name] = Contact(law.stiffness, law.damping, hard)
+        laws[name] = WallContact(law.stiffness, law.damping, hard)
     return laws
 
 
 def spring(
-    law: Contact | KelvinVoigt | Flanks, invweight: float, impedance: float = SOFT
+    law: WallContact | KelvinVoigt | Flanks, invweight: float, impedance: float = SOFT
 ) -> tuple[list[float], list[float]]:
     """solref and solimp of a row whose force is K d + C d'; the factor cancels MuJoCo's scaling by impedance, mass.
 
@@ -94,7 +94,7 @@ def spring(
     return [-law.stiffness * scale, -law.damping * scale], [impedance, impedance, 1e-3, 0.5, 2]
 
 
-def law_settings(request: Request, laws: Mapping[str, Contact]) -> dict[str, SettingValue]:
+def law_settings(request: Request, laws: Mapping[str, WallContact]) -> dict[str, SettingValue]:
     """What the joints with clearance were made of: the law in words, the softest stiffness, each joint's damping, a
     hard one's longest bounce (s) and, in a watched run, how far (m) before the rim it begins; of laws by name the
     restitution that is asked for, and delivered.

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from sim_models.engine import SMALLER_STEP, Cause, Request, SimulationError
-from sim_models.mujoco.laws import Contact
+from sim_models.mujoco.laws import WallContact
 from sim_models.mujoco.model import MujocoLinkage
 
 DEEPEST_PENETRATION = (
@@ -51,7 +51,7 @@ def check_closed(request: Request, turn: float, step: float) -> None:
 
 def check_depth(
     request: Request,
-    laws: Mapping[str, Contact],
+    laws: Mapping[str, WallContact],
     gaps: Mapping[str, Sequence[complex]],
     forces: Mapping[str, Sequence[float]],
 ) -> None:

@@ -28,7 +28,7 @@ from sim_models.mujoco.state import (
     pushes,
     signals,
 )
-from sim_models.mujoco.watch import Watch
+from sim_models.mujoco.watch import MujocoWatch
 
 MOST_STEPS_IN_MUJOCO = 5_000_000  # of a run that MuJoCo steps by itself: half a minute
 AGEINGS = 40  # each leaves half of the error at most: the time constant of a rigid row is two steps
@@ -128,7 +128,7 @@ def march(
     span, room = lead + float(marks[-1] - marks[0]), room_apart(request, link)
     intervals = [*np.diff(marks, prepend=time).tolist(), *([beyond] if beyond else [])]
     stages = [substeps(each, link.setting.step) if each > 0 else (0, link.setting.step) for each in intervals]
-    watch = Watch(link, float(marks[0]), stages[1:]) if request.watched and link.setting.stepped else None
+    watch = MujocoWatch(link, float(marks[0]), stages[1:]) if request.watched and link.setting.stepped else None
     for k, (interval, (count, m.opt.timestep)) in enumerate(zip(intervals, stages, strict=True)):
         link.watch, told = watch if k else None, k < marks.size
         if half:

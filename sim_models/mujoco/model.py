@@ -18,11 +18,11 @@ from sim_models.common.guide import Guide
 from sim_models.common.start import Pose
 from sim_models.common.tree import Branch
 from sim_models.engine import Unsupported
-from sim_models.mujoco.laws import RUBBING_DAMPING, Contact, spring
+from sim_models.mujoco.laws import RUBBING_DAMPING, WallContact, spring
 from sim_models.mujoco.mjcf import RIGID_IMPEDANCE, Description, Setting
 from sim_models.mujoco.passive import Passive
 from sim_models.mujoco.rim import Rim, memory
-from sim_models.mujoco.striking import Striking
+from sim_models.mujoco.striking import MujocoStriking
 
 LIGHT = 1e2  # 1/kg times the lighter link's mass: makes the virtual mass of such a row 1e-6 of that link's
 
@@ -48,7 +48,7 @@ class Friction:
 
 
 @dataclass(frozen=True)
-class Drive:
+class TreeDrive:
     """A motor between a body and its parent in the tree: the signal of what it gives its joint, and that joint."""
 
     signal: str
@@ -57,7 +57,7 @@ class Drive:
 
 
 @dataclass(frozen=True)
-class Part:
+class TreePart:
     """What the balance of one body needs, by MuJoCo's numbers."""
 
     name: str
@@ -71,11 +71,11 @@ class Part:
     inertia: float  # kg.m^2
     fixed_angle: float  # rad
     form: np.ndarray  # angle less fixed_angle, over qpos
-    drive: Drive | None  # of the motor between it and its parent
+    drive: TreeDrive | None  # of the motor between it and its parent
 
 
 @dataclass
-class Block:
+class MujocoBlock:
     """The block of a joint: its guide, the law of its corners, and MuJoCo's contact of each of these.
 
     ``pressed`` are the corners that touch where all that has clearance counts as pressed.
@@ -83,7 +83,7 @@ class Block:
 
     joint: Joint
     guide: Guide
-    law: Contact
+    law: WallContact
     contacts: list[mujoco.MjContact]
     pressed: tuple[int, ...] = field(default=())
 
@@ -106,7 +106,7 @@ class MujocoLinkage:
     """
 
     def __init__(
-        self, mechanism: Mechanism, contacts: Mapping[str, Contact], pose: Mapping[str, Pose], setting: Setting
+        self, mechanism: Mechanism, contacts: Mapping[str, WallContact], pose: Mapping[str, Pose], setting: Setting
     ) -> None:
         self.mechanism, self.setting = mechanism, setting
         self.contacts = {name: law for name, law in contacts.items() if not mechanism.joint(name).prismatic}
@@ -127,7 +127,7 @@ class MujocoLinkage:
         keys = [(block, block.key(k)) for block in self.blocks.values() for k in range(4)]
         self.rubs |= {key: block.joint.rough for block, key in keys}
         self.striking |= {
-            key: Striking(block.law.named, lighter_mass(mechanism, block.joint), block.joint.friction)
+            key: MujocoStriking(block.law.named, lighter_mass(mechanism, block.joint), block.joint.friction)
             for block, key in keys
             if block.law.named is not None
         }
@@ -194,7 +194,7 @@ class MujocoLinkage:
         self.depth: dict[str, float] = {}  # m, of each block's corner in its wall; negative where it is off
         self.rubs = {n: self.setting.rows == "contact" and self.mechanism.joint(n).friction > 0 for n in self.contacts}
         self.striking = {
-            name: Striking(law.named, lighter_mass(self.mechanism, j), j.friction if self.rubs[name] else 0.0)
+            name: MujocoStriking(law.named, lighter_mass(self.mechanism, j), j.friction if self.rubs[name] else 0.0)
             for name, law in self.contacts.items()
             for j in [self.mechanism.joint(name)]
             if law.named is not None
@@ -204,26 +204,26 @@ class MujocoLinkage:
         self.radii = {n: (j.clearance, j.rim + j.clearance) for n in self.contacts for j in [self.mechanism.joint(n)]}
         self.rubbing = [(j, self.between(j)) for j in joints if j.rubs]  # each with the form of its coordinate
 
-    def _drives(self) -> dict[str, Drive]:
+    def _drives(self) -> dict[str, TreeDrive]:
         """The motors, by the body of the two that is farther out."""
         if self.setting.driven is None:
-            return {self.driven: Drive("drive_torque", self.mechanism.drive_joint, 1.0)} if self.driven else {}
+            return {self.driven: TreeDrive("drive_torque", self.mechanism.drive_joint, 1.0)} if self.driven else {}
         driven = self.description.driven
         names = [signal.name for signal in driving([joint for joint, _ in driven])] if driven else []
         crank = self.mechanism.crank_sign
         return {
-            b.body.name: Drive(name, joint, crank * (1.0 if b.body.name == joint.bodies[1] else -1.0))
+            b.body.name: TreeDrive(name, joint, crank * (1.0 if b.body.name == joint.bodies[1] else -1.0))
             for name, (joint, b) in zip(names, driven, strict=True)
         }
 
-    def _part(self, b: Branch) -> Part:
+    def _part(self, b: Branch) -> TreePart:
         name = b.body.name
         joint = "" if b.joint is None else b.joint.name
         sign = 1.0 if b.is_second else -1.0
         slides = b.joint is not None and b.joint.prismatic
         marker = self.model.site(f"marker of {name}").id
         inertia = b.body.moment_of_inertia
-        return Part(
+        return TreePart(
             name,
             b.parent,
             joint,
@@ -300,14 +300,14 @@ class MujocoLinkage:
     def _spring(self, name: str, invweight: float) -> tuple[list[float], list[float]]:
         return spring(self.contacts[name], invweight)
 
-    def _block(self, name: str, law: Contact) -> Block:
+    def _block(self, name: str, law: WallContact) -> MujocoBlock:
         """The block of a prismatic joint with clearance."""
         joint = self.mechanism.joint(name)
         guide = Guide.of(joint)
         assert guide is not None  # a mechanism with clearance in a prismatic joint has it
-        return Block(joint, guide, law, [self._touch(name, law) for _ in guide.corners])
+        return MujocoBlock(joint, guide, law, [self._touch(name, law) for _ in guide.corners])
 
-    def _touch(self, name: str, law: Contact) -> mujoco.MjContact:
+    def _touch(self, name: str, law: WallContact) -> mujoco.MjContact:
         m, j = self.model, self.mechanism.joint(name)
         con = mujoco.MjContact()
         friction = j.friction

@@ -17,7 +17,7 @@ import numpy as np
 
 from analytic.mechanism import Joint
 from sim_models.engine import Cause, SimulationError
-from sim_models.mujoco.laws import HARD, SOFT, Contact, spring
+from sim_models.mujoco.laws import HARD, SOFT, WallContact, spring
 from sim_models.mujoco.striking import mean_of_touch
 
 
@@ -39,7 +39,7 @@ class Rim:
         d: mujoco.MjData,
         joint: Joint,
         sites: tuple[int, int],
-        law: Contact,
+        law: WallContact,
         contact: mujoco.MjContact,
     ) -> None:
         self.name, self.contact, self.law, self._model, self._data = joint.name, contact, law, m, d

@@ -14,7 +14,7 @@ from analytic.mechanism import Mechanism
 from sim_models.common.backlash import HOLDS, INSTANTS_FELT, Felt, Flanks, side
 from sim_models.common.free_share import free_share
 from sim_models.engine import Cause, Request, SettingValue, SimulationError
-from sim_models.mujoco.equilibrium import Equilibria
+from sim_models.mujoco.equilibrium import MujocoEquilibria
 from sim_models.mujoco.laws import contact_laws, law_settings
 from sim_models.mujoco.march import Log, march
 from sim_models.mujoco.mjcf import Setting
@@ -23,7 +23,7 @@ from sim_models.mujoco.motor import INSTANTS_AROUND, TURN_BETWEEN_INSTANTS, Alon
 from sim_models.mujoco.state import friction_torques, joint_forces, look, mobility, on_track, signals, stiffest_law
 from sim_models.mujoco.steady import ANGLES_AROUND, Revolution, derivative
 from sim_models.run.path import Gaps
-from sim_models.run.run import Observed, Run, columns_of
+from sim_models.run.run import EngineRun, Observed, columns_of
 
 STATIC_STEP = 1.25e-5  # s; nothing steps in statics, but it makes the rigid rows stiff
 LARGEST_STEP = 4e-4  # s
@@ -56,7 +56,7 @@ class Start:
     kind: str
 
 
-class MujocoRun(Run):
+class MujocoRun(EngineRun):
     """One request on its way to a trace.  Raises AssemblyError where the linkage cannot follow its courses."""
 
     engine = package = "mujoco"
@@ -69,9 +69,9 @@ class MujocoRun(Run):
         self.steering = steering(self.motor, self.path)
         self.laws = contact_laws(request)
 
-    def near(self, place: float, step: float = STATIC_STEP) -> Equilibria:
+    def near(self, place: float, step: float = STATIC_STEP) -> MujocoEquilibria:
         """Equilibria near a place on the path, with rows as rigid as at this step (s)."""
-        return Equilibria(self.request, self.path, self.laws, place, step)
+        return MujocoEquilibria(self.request, self.path, self.laws, place, step)
 
     def setting(self, rows: str, step: float = STATIC_STEP) -> Setting:
         """How the linkage is modelled in motion, its loose joints closed by these rows, at this longest step (s)."""
@@ -101,7 +101,7 @@ class MujocoRun(Run):
         columns = columns_of([rows[place] for place in places.tolist()])
         return self.observed(columns, log, {"step": None, "start": "equilibrium"})
 
-    def at_rest(self, near: Equilibria, place: float) -> dict[str, float]:
+    def at_rest(self, near: MujocoEquilibria, place: float) -> dict[str, float]:
         """Signals of the equilibrium with the motors where they are at a place on the path; a crank with backlash rests
         on one of its flanks.  Raises SimulationError.
         """
@@ -148,7 +148,7 @@ class MujocoRun(Run):
             return self.repeating(start, self.steering)
         return start
 
-    def settled(self, near: Equilibria, places: np.ndarray, instants: np.ndarray, here: int) -> Start:
+    def settled(self, near: MujocoEquilibria, places: np.ndarray, instants: np.ndarray, here: int) -> Start:
         """A start without transients: from the places (n,) on the path at instants (s), it being number ``here``."""
         rate = derivative(instants)
         q = np.array([near.place(near.ideal, place) for place in places])
@@ -200,7 +200,7 @@ class MujocoRun(Run):
             v[pressed.motors] = self.steering.rates(pressed, begin)
         return Start(q, v, self.longest_step(near, q), "released")
 
-    def gaps_at_release(self, near: Equilibria) -> Gaps:
+    def gaps_at_release(self, near: MujocoEquilibria) -> Gaps:
         """Gaps (m) along the ideal linkage's reactions as it is let go; centred at zero, and x where there is none."""
         if self.centred:
             return {}
@@ -218,7 +218,7 @@ class MujocoRun(Run):
         """Whether pins start in the middle of their bearings."""
         return self.request.start == "centred" and bool(self.laws)
 
-    def longest_step(self, near: Equilibria, q: np.ndarray) -> float:
+    def longest_step(self, near: MujocoEquilibria, q: np.ndarray) -> float:
         """A step (s) that resolves the crank's turning, each contact's bounce, its pin's swing on the rim, and the
         joint laws.
         """
@@ -260,7 +260,7 @@ class MujocoRun(Run):
         last = float(schedule.time.max()) if self.motor else motor.begin + 1.0
         times = np.linspace(motor.begin, last, INSTANTS_FELT)
         on_spring = replace(self.request, mechanism=_on_spring(m, 1.0), joint_model="ideal")
-        near = Equilibria(on_spring, self.path, {}, motor.position(motor.begin), STATIC_STEP)
+        near = MujocoEquilibria(on_spring, self.path, {}, motor.position(motor.begin), STATIC_STEP)
         felt = np.array([near.felt(*at) for at in zip(*(motor.positions(times, n) for n in range(3)), strict=True)])
         self.flanks = Flanks.of(m, Felt(times, *felt.T), motor.top_speed or 1.0)
         rigid = float(np.abs(felt[:, 0]).max()) / FLANK_GIVE

@@ -16,7 +16,7 @@ from sim_models.common.rates import rate_columns
 from sim_models.engine import Cause, SimulationError
 from sim_models.mujoco.block import ease as ease_of_corner
 from sim_models.mujoco.block import played, touch_walls
-from sim_models.mujoco.model import LEAST_FRICTION, ROW, Drive, MujocoLinkage, Part
+from sim_models.mujoco.model import LEAST_FRICTION, ROW, MujocoLinkage, TreeDrive, TreePart
 from sim_models.mujoco.passive import felt, friction_rows
 from sim_models.mujoco.striking import GRIP
 
@@ -345,7 +345,9 @@ def applied(link: MujocoLinkage) -> Iterator[tuple[str, complex, float]]:
         yield m.driven, 0j, m.periodic_torque.at(link.angle(m.driven))
 
 
-def effort(link: MujocoLinkage, drive: Drive, force: complex, beyond: float, friction: Mapping[str, float]) -> float:
+def effort(
+    link: MujocoLinkage, drive: TreeDrive, force: complex, beyond: float, friction: Mapping[str, float]
+) -> float:
     """What a motor gives its joint's second body: of the ``force`` (N) that the outer body has of the joint what is
     along a slide, less its law and what rubs a block's corners; in a pin the torque (N.m) ``beyond`` joint and law.
     """
@@ -364,7 +366,7 @@ def effort(link: MujocoLinkage, drive: Drive, force: complex, beyond: float, fri
 class Carried:
     """What a body has of its parent in the tree: ``force`` (N) and ``moment`` (N.m, about the ground's origin)."""
 
-    part: Part
+    part: TreePart
     force: complex
     moment: float
 

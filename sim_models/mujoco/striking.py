@@ -27,7 +27,7 @@ def mean_of_touch(depth: float, since: float, step: float = 1.0) -> tuple[float,
 
 
 @dataclass
-class Striking:
+class MujocoStriking:
     """A pin under a law, from step to step; ``mass`` (kg) is that of the lighter link, ``friction`` Coulomb's.
 
     ``seen`` are the last three instants (s), the latest first, and how deep (m; negative: off the wall) it was then.

@@ -14,7 +14,7 @@ from sim_models.mujoco.state import wall_rows
 from sim_models.run.track import Track
 
 
-class Watch:
+class MujocoWatch:
     """Steps as they are taken: M instants, of which ``done`` are known.
 
     A step begins at an instant with the coordinates of that, and ends with velocities that semi-implicit Euler has half

@@ -16,7 +16,7 @@ SLIDE_X, SLIDE_Y, HINGE = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
-class Link:
+class TreeLink:
     """A link of a Bullet multibody and the place of its com (m, in the body's frame)."""
 
     body: int

@@ -7,6 +7,6 @@ from sim_models.pybullet.world import BulletWorld
 
 
 class BulletRun(LeapfrogRun):
-    """See :class:`sim_models.run.run.Run`."""
+    """See :class:`sim_models.run.run.EngineRun`."""
 
     engine, package, world_class = "pybullet", "pybullet", BulletWorld

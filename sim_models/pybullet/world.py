@@ -28,7 +28,7 @@ from sim_models.common.tree import Branch
 from sim_models.engine import Cause, Request, SettingValue, SimulationError
 from sim_models.leapfrog.bodies import LeapfrogWorld
 from sim_models.leapfrog.parts import coordinates, moving_body
-from sim_models.pybullet.parts import HINGE, Link, Planned, Strut, Tie, carried, flat, floating, strut_links
+from sim_models.pybullet.parts import HINGE, Planned, Strut, Tie, TreeLink, carried, flat, floating, strut_links
 from sim_models.run.path import Path
 
 SOLVER_ITERATIONS = 200  # of the direct solver, at most; a residual of 1e-20 ends them sooner
@@ -74,7 +74,7 @@ class BulletWorld(LeapfrogWorld):
         self.multibodies: list[int] = []
         self.freedoms: list[tuple[int, int]] = []  # Bullet's joints, body and link
         self.own: dict[str, list[int]] = {}  # numbers of the freedoms of each body and strut
-        self.links = {GROUND: Link(-1, -1)}
+        self.links = {GROUND: TreeLink(-1, -1)}
         self._plant()
         self.ties = {j.name: self._tie(j.name, *j.bodies) for j in ideal if j in rest or j not in trunk}
         self.struts = {
@@ -114,7 +114,7 @@ class BulletWorld(LeapfrogWorld):
             number = self.grow(links)
             for branch, first in grown:
                 last = first + (2 if branch.joint is None else 0)
-                self.links[branch.child] = Link(number, last, self.points[branch.child, MASS_CENTRE])
+                self.links[branch.child] = TreeLink(number, last, self.points[branch.child, MASS_CENTRE])
                 self.own[branch.child] = [self.freedoms.index((number, k)) for k in range(first, last + 1)]
 
     def _links_of(self, branch: Branch, parent: int, number: int) -> list[Planned]:
@@ -175,7 +175,7 @@ class BulletWorld(LeapfrogWorld):
         at = [self.points[name, point] for name in (first, second)]
         return self.tie(self.links[first], at[0], self.links[second], at[1])
 
-    def tie(self, first: Link, p: complex, second: Link, q: complex) -> Tie:
+    def tie(self, first: TreeLink, p: complex, second: TreeLink, q: complex) -> Tie:
         """Hold point p of one link and point q of another together."""
         sign = 1
         if first.body < 0:
@@ -207,8 +207,8 @@ class BulletWorld(LeapfrogWorld):
             self.p.changeDynamics(number, 3, jointLowerLimit=lower, jointUpperLimit=upper, physicsClientId=self.client)
         first, second = pin.joint.bodies
         at, beside = (self.points[body, name] for body in (first, second))
-        self.tie(self.links[first], at, Link(number, 2), 0j)
-        tie = self.tie(Link(number, len(links) - 1), tip, self.links[second], beside)
+        self.tie(self.links[first], at, TreeLink(number, 2), 0j)
+        tie = self.tie(TreeLink(number, len(links) - 1), tip, self.links[second], beside)
         own = list(range(begin, len(self.freedoms)))
         return Strut(pin, (at, beside), mass, number, len(links), own, tie)
 

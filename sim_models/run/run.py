@@ -2,8 +2,8 @@
 
 What every engine does alike is written here once: the places that a linkage passes, in the order in which it passes
 them; steps that are halved while rigid joints come apart; and the trace, in the order in which it was asked for.  An
-engine says how its linkage rests at these places (:meth:`Run.rest`), and how it starts and goes from report to report
-(:meth:`Run.march`).
+engine says how its linkage rests at these places (:meth:`EngineRun.rest`), and how it starts and goes from report to
+report (:meth:`EngineRun.march`).
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def columns_of(rows: Sequence[Mapping[str, float]]) -> dict[str, np.ndarray]:
     return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
 
-class Run:
+class EngineRun:
     """One request on its way to a trace.  Raises AssemblyError where the linkage cannot follow its courses."""
 
     engine: str
