@@ -256,7 +256,8 @@ def test_a_drive_that_is_left_free_is_named(tmp_path: Path) -> None:
 def test_zeros_of_each_run_say_of_which_encoder_they_are() -> None:
     values = {f"offset@run{k}": Estimate(value=x, low=x, high=x, unit="rad") for k, x in enumerate((-0.006, 0.003))}
     result = SimpleNamespace(mechanism=load("five-bar"), runs=())
-    own = own_values(result, SmallError(name="encoder_offset", where="position_E", parameters=values))  # type: ignore[arg-type]
+    error = SmallError(name="encoder_offset", where="position_E", parameters=values)
+    own = own_values(result, error)  # type: ignore[arg-type]
     assert own is not None
     assert own.called == "encoder zero for E position"
 

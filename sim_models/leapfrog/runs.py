@@ -27,7 +27,7 @@ from sim_models.leapfrog.probe import PROBE, drive_inertia, forces_at
 from sim_models.leapfrog.steps import longest_step
 from sim_models.leapfrog.watch import LeapfrogWatch
 from sim_models.run.grid import StepGrid
-from sim_models.run.path import MotorPath, Path
+from sim_models.run.path import MotorPath
 from sim_models.run.run import EngineRun, Observed, columns_of
 
 JOURNAL_SAMPLES = 4000  # at least, where a run has as many steps
@@ -41,16 +41,12 @@ HELD = 1e-3  # of the largest reaction: what one-sided pins and rods may differ 
 class LeapfrogRun(EngineRun):
     """One request on its way to a trace, in worlds of an engine's own.  Raises what :class:`EngineRun` does."""
 
+    crank_by_time = True
     world_class: ClassVar[type[LeapfrogWorld]]
     world: LeapfrogWorld
     equilibria: LeapfrogEquilibria
     rods: LeapfrogEquilibria | None  # of rods of the clearance's length in place of pins that may leave their rims
     by_rods = False  # whether what was last seen of such pins is that of the rods
-
-    def make_path(self) -> Path:
-        schedule = self.request.schedule
-        moves = schedule.crank is not None and not schedule.at_rest
-        return MotorPath.of(self.request, self.assembly) if moves else super().make_path()
 
     def attempt(self) -> Trace:
         request, m = self.request, self.mechanism

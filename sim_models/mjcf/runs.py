@@ -17,7 +17,7 @@ from sim_models.mjcf.planar import Planar
 from sim_models.mjcf.start import DRY, rest
 from sim_models.mjcf.steering import ModelSteering
 from sim_models.run.grid import StepGrid
-from sim_models.run.path import MotorPath, Path
+from sim_models.run.path import MotorPath
 from sim_models.run.run import EngineRun, Observed, columns_of
 
 STENCIL_SPACING = 1e-3  # rad between the places whose poses give the rates of the ideal linkage
@@ -40,6 +40,7 @@ class TheirRun(EngineRun):
     """
 
     package = "mujoco"
+    crank_by_time = True
 
     def __init__(self, name: str, request: Request, planar: Planar) -> None:
         super().__init__(replace(request, lead_in=0.0))  # how it leads in it finds itself
@@ -54,11 +55,6 @@ class TheirRun(EngineRun):
         self.most_contacts, self.most_limits, self.open = 0, 0, 0.0
         # how fast (rad/s) the stencil of a crank's angles is passed, to be one of instants
         self.pace = max(self.path.top_speed, SPACINGS_PER_KNOT * STENCIL_SPACING / self.path.knot_spacing) or 1.0
-
-    def make_path(self) -> Path:
-        schedule = self.request.schedule
-        moves = schedule.crank is not None and not schedule.at_rest
-        return MotorPath.of(self.request, self.assembly) if moves else super().make_path()
 
     def attempt(self) -> Trace:
         return replace(super().attempt(), version=f"in MuJoCo {mujoco.__version__}")

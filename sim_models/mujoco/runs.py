@@ -236,9 +236,8 @@ class MujocoRun(EngineRun):
             if name not in link.blocks:  # a block does not swing on its wall
                 limits.append(0.6 / math.sqrt(max(near.forces.get(name, 0.0) * ease / clearance, 1e-12)))
             if law.hard:
-                sag = (
-                    near.forces.get(name, 0.0) * ease * law.hard[0] ** 2
-                )  # under the load that it starts with, were it a spring
+                # under the load that it starts with, were it a spring
+                sag = near.forces.get(name, 0.0) * ease * law.hard[0] ** 2
                 self.laws[name] = replace(law, margin=min(sag, 0.05 * clearance))
                 limits.append((FINE_BOUNCE if asked else BOUNCE_PER_STEP) * law.hard[0])
             elif self.request.joint_model != "massless-link":

@@ -7,6 +7,7 @@ path, with their joints' gaps taken up.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 
 import numpy as np
@@ -21,9 +22,8 @@ from sim_models.common.start import Pose
 from sim_models.engine import Request
 
 TURN_ASIDE = 1e-4  # rad of a crank, or of what turns fastest: to where the linkage comes from and goes
-TURN_BESIDE = (
-    1e-3  # rad, or longest bodies, of the fastest drive (s of one that is slower than 1/s): to neighbours, for rates
-)
+# rad, or longest bodies, of the fastest drive (s of one that is slower than 1/s): to neighbours, for rates
+TURN_BESIDE = 1e-3
 PLACES_BESIDE = np.arange(-2, 3)  # those neighbours
 SLOPE_OF_QUARTIC = np.array([1, -8, 0, 8, -1]) / 12  # of the rate of the quartic through values there
 MOTOR_STANDSTILL = 1e-9  # of a course's largest rate or acceleration: nothing
@@ -34,7 +34,7 @@ Gaps = Mapping[str, complex | BlockRest]  # by joint: a pin's gap (m), first min
 NO_GAPS: Gaps = {}
 
 
-class Path:
+class Path(ABC):
     """A motion, told by one number: a crank's angle (rad), or a time (s).
 
     ``driven`` are the joints that follow courses, None where a crank is turned; ``held`` says that nothing is left to
@@ -51,9 +51,9 @@ class Path:
     def __init__(self, assembly: Assembly) -> None:
         self.assembly = assembly
 
+    @abstractmethod
     def inputs(self, at: np.ndarray, beside: np.ndarray | float = 0.0) -> np.ndarray:
         """Inputs (n_inputs, N) at places (N,), each ``beside`` (N,) it by so much of what moves fastest."""
-        raise NotImplementedError(f"{type(self).__name__} has to say where its inputs are")
 
     def near(self, at: np.ndarray) -> Walk | None:
         """The ideal linkage's coordinates at places (N,), where more is known than the inputs say."""

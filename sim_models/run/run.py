@@ -8,6 +8,7 @@ report (:meth:`EngineRun.march`).
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -18,7 +19,7 @@ from sim_models.common.failed_starts import own_start
 from sim_models.common.rates import part_rates
 from sim_models.common.travel import told_by, with_positions
 from sim_models.engine import Cause, Request, SettingValue, SimulationError, Trace, Watched, installed_version
-from sim_models.run.path import CoursePath, CrankPath, Path, RestingPath
+from sim_models.run.path import CoursePath, CrankPath, MotorPath, Path, RestingPath
 
 HALVINGS_IF_APART = 5  # of the step, before a run with rigid joints coming apart is given up
 
@@ -43,11 +44,12 @@ def columns_of(rows: Sequence[Mapping[str, float]]) -> dict[str, np.ndarray]:
     return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
 
-class EngineRun:
+class EngineRun(ABC):
     """One request on its way to a trace.  Raises AssemblyError where the linkage cannot follow its courses."""
 
     engine: str
     package: str
+    crank_by_time = False  # whether the path of a crank that moves is told by time, not by the crank's angle
     step: float | None = None  # s, of a march that has begun
 
     def __init__(self, request: Request) -> None:
@@ -59,16 +61,17 @@ class EngineRun:
         """Where the linkage is at each place: a crank's angle (rad), or a time (s) of its courses."""
         schedule = self.request.schedule
         if schedule.crank is not None:
-            return CrankPath.of(self.request, self.assembly)
+            kind = MotorPath if self.crank_by_time and not schedule.at_rest else CrankPath
+            return kind.of(self.request, self.assembly)
         return (RestingPath if schedule.at_rest else CoursePath)(self.request, self.assembly)
 
+    @abstractmethod
     def rest(self, places: np.ndarray) -> Observed:
         """Equilibria with the drives where they are at places (N,) on the path.  Raises SimulationError."""
-        raise NotImplementedError(f"{type(self).__name__} has to say how its linkage rests")
 
+    @abstractmethod
     def march(self, times: np.ndarray) -> Observed:
         """The motion, from its start through reports at times (N,) s.  Raises SimulationError."""
-        raise NotImplementedError(f"{type(self).__name__} has to say how its linkage moves")
 
     def trace(self) -> Trace:
         """Run the request, in steps that are halved while rigid joints come apart, unless it says which.
