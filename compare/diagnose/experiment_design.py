@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,6 +22,7 @@ from compare.quantities import amount
 
 ENOUGH = 8.0  # sigmas between two explanations that separate them
 USEFUL = 3.0
+NONE_WOULD = "none of what was tried would"
 SAMPLES = 90  # of a run that is tried
 SHARE = 0.005  # of a signal's peak: the noise taken for a sensor that is not there yet
 TYPICAL: dict[SiUnit, float] = {"rad": 5e-5, "rad/s": 1e-3, "m": 2e-5}  # the same for motions
@@ -52,8 +53,14 @@ def would_separate(model: Model, noise: dict[tuple[str, str], float], one: Fit, 
     rig = model.rig
     best: tuple[float, str] = (0.0, "")
     tried: list[str] = []
+    first = _with_every_sensor(model.measured.runs[0], rig.mechanism)
+    known = None
     for trial in _trials(rig, model.measured):
-        sigmas, sigma = _apart(model, noise, one, other, trial.run)
+        if trial.sensor:
+            foretold = known = known or Foretold.of(model, one, other, first)
+        else:
+            foretold = Foretold.of(model, one, other, trial.run)
+        sigmas, sigma = foretold.apart(noise, trial.run)
         given = ""
         if sigmas and trial.sensor:
             given = f", if its noise is {amount(sigma[trial.sensor], rig.known[trial.sensor].unit)}"
@@ -67,7 +74,7 @@ def would_separate(model: Model, noise: dict[tuple[str, str], float], one: Fit, 
         return best[1]
     drive = " or ".join(dict.fromkeys(effort.component for effort in model.mechanism.efforts))
     sensors = f"a run like the first with any further sensor of a position, an angle, a reaction or the drive {drive}"
-    return f"none of what was tried would: {'; '.join([*tried, sensors])}"
+    return f"{NONE_WOULD}: {'; '.join([*tried, sensors])}"
 
 
 def _trials(rig: Rig, measured: Measured) -> Iterator[Trial]:
@@ -76,11 +83,17 @@ def _trials(rig: Rig, measured: Measured) -> Iterator[Trial]:
     if driven:
         yield from Variations(max(driven, key=lambda r: r.time.size), rig, {r.speed for r in driven}).all()
     for base in measured.runs[:1]:
-        for signal in _sensors(rig.mechanism):
-            if signal.name not in rig.signals:
-                channel = Channel(signal, np.zeros(base.time.size), 0.0, False, "")
-                more = replace(base, channels={**base.channels, signal.name: channel})
-                yield Trial(f"measure {signal.name} too, in a run like {base.name!r}", more, signal.name)
+        every = _with_every_sensor(base, rig.mechanism).channels
+        for name, channel in every.items():
+            if name not in rig.signals:
+                more = replace(base, channels={**base.channels, name: channel})
+                yield Trial(f"measure {name} too, in a run like {base.name!r}", more, name)
+
+
+def _with_every_sensor(run: MeasuredRun, mechanism: Mechanism) -> MeasuredRun:
+    """A run in which everything is measured that can be."""
+    more = {s.name: Channel(s, np.zeros(run.time.size), 0.0, False, "") for s in _sensors(mechanism)}
+    return replace(run, channels={**more, **run.channels})
 
 
 @dataclass(frozen=True)
@@ -148,39 +161,55 @@ def _sensors(mechanism: Mechanism) -> list[Signal]:
     return [*poses, *mechanism.efforts, *cells]
 
 
-def _apart(
-    model: Model, noise: dict[tuple[str, str], float], one: Fit, other: Fit, run: MeasuredRun
-) -> tuple[float, dict[str, float]]:
-    """Sigmas between two fits if the run were made too, after the second has been fitted to data and run again; the
-    noise taken for it.
+@dataclass(frozen=True)
+class Foretold:
+    """What two fits say of a run: the first, the second, and the second with each of its coordinates a step further;
+    None where one is impossible.
     """
-    trial = Model(replace(model.measured, runs=(run,)), model.rig, model.mechanism, model.courses)
-    scale = [np.asarray(t.effect.scales(model.rig, t.where, t.variant), float) for t in other.terms]
-    points = [list(other.x)]
-    for i, x in enumerate(other.x):
-        points += [[*other.x[:i], x + step, *other.x[i + 1 :]] for step in np.diag(scale[i])]
-    found = trial([hypothesis(model.rig, one.terms, one.x), *(hypothesis(model.rig, other.terms, p) for p in points)])
-    if found[0] is None or found[1] is None:
-        return 0.0, {}
-    single = {s: _noise(channel.signal, found[0][0][s], noise) for s, channel in run.channels.items()}
-    longest = max(r.time.size for r in model.measured.runs)
-    coarse = math.sqrt(run.time.size / longest)  # fewer samples than the run would have
-    sigma = {s: coarse * size for s, size in single.items()}
 
-    def difference(a: Readings, b: Readings) -> np.ndarray:
-        """Of two predictions of the run, over the noise; angles modulo a turn."""
-        parts = [c.signal.apart(bridged(a[s]), bridged(b[s])) / sigma[s] for s, c in run.channels.items()]
-        return np.concatenate(parts)
+    model: Model
+    one: Fit
+    other: Fit
+    steps: np.ndarray
+    readings: Sequence[Sequence[Readings] | None]
 
-    new = difference(found[0][0], found[1][0])
-    steps = np.concatenate(scale or [np.zeros(0)])
-    columns = [
-        np.zeros(new.size) if f is None else difference(f[0], found[1][0]) / h
-        for f, h in zip(found[2:], steps, strict=True)
-    ]
-    apart = np.concatenate([other.residual - one.residual, new])
-    jacobian = np.concatenate([other.jacobian, -np.column_stack(columns) if columns else np.zeros((new.size, 0))])
-    return float(np.linalg.norm(without_columns(apart, jacobian)[-new.size :])), single
+    @classmethod
+    def of(cls, model: Model, one: Fit, other: Fit, run: MeasuredRun) -> Foretold:
+        """Of this run."""
+        trial = Model(replace(model.measured, runs=(run,)), model.rig, model.mechanism, model.courses)
+        scale = [np.asarray(t.effect.scales(model.rig, t.where, t.variant), float) for t in other.terms]
+        points = [list(other.x)]
+        for i, x in enumerate(other.x):
+            points += [[*other.x[:i], x + step, *other.x[i + 1 :]] for step in np.diag(scale[i])]
+        asked = [hypothesis(model.rig, one.terms, one.x), *(hypothesis(model.rig, other.terms, p) for p in points)]
+        return cls(model, one, other, np.concatenate(scale or [np.zeros(0)]), trial(asked))
+
+    def apart(self, noise: dict[tuple[str, str], float], run: MeasuredRun) -> tuple[float, dict[str, float]]:
+        """Sigmas between the two fits if the run were made too, with its sensors, after the second has been fitted to
+        data and run again; the noise taken for it.
+        """
+        one, other, *stepped = self.readings
+        if one is None or other is None:
+            return 0.0, {}
+        single = {s: _noise(channel.signal, one[0][s], noise) for s, channel in run.channels.items()}
+        longest = max(r.time.size for r in self.model.measured.runs)
+        coarse = math.sqrt(run.time.size / longest)  # fewer samples than the run would have
+        sigma = {s: coarse * size for s, size in single.items()}
+
+        def difference(a: Readings, b: Readings) -> np.ndarray:
+            """Of two predictions of the run, over the noise; angles modulo a turn."""
+            parts = [c.signal.apart(bridged(a[s]), bridged(b[s])) / sigma[s] for s, c in run.channels.items()]
+            return np.concatenate(parts)
+
+        new = difference(one[0], other[0])
+        columns = [
+            np.zeros(new.size) if f is None else difference(f[0], other[0]) / h
+            for f, h in zip(stepped, self.steps, strict=True)
+        ]
+        apart = np.concatenate([self.other.residual - self.one.residual, new])
+        beside = -np.column_stack(columns) if columns else np.zeros((new.size, 0))
+        jacobian = np.concatenate([self.other.jacobian, beside])
+        return float(np.linalg.norm(without_columns(apart, jacobian)[-new.size :])), single
 
 
 def _noise(signal: Signal, values: np.ndarray, noise: dict[tuple[str, str], float]) -> float:

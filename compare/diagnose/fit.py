@@ -151,6 +151,32 @@ class Fitter:
             self._fits[key] = self._fit(key, points[int(np.argmin(sizes))])
         return self._fits[key]
 
+    def likeliest(
+        self, sizes: Mapping[Term, np.ndarray], starts: Sequence[Mapping[Term, np.ndarray]], rough: float = ROUGHLY
+    ) -> Fit | None:
+        """The fit of terms that are of about these sizes (1 sigma of each coordinate; infinite: any), from the start
+        with the smallest residual; None where none is possible.  It is not kept.
+        """
+        key, n = _sorted(sizes), self.data.size
+        space, size = Space(key, self.rig, self.bounds), joined([sizes[t] for t in key])
+
+        def residual(point: np.ndarray) -> np.ndarray | None:
+            found = self.residuals(key, [space.parted(point)])[0]
+            return None if found is None else np.concatenate([found, point / size])
+
+        def jacobian(point: np.ndarray, here: np.ndarray) -> np.ndarray:
+            return np.vstack([self.jacobian(space, point, here[:n]), np.diag(1 / size)])
+
+        points = [joined(self._within(key, [np.array(start[t], float) for t in key])) for start in starts]
+        tried = [residual(point) for point in points] if len(points) > 1 else [np.zeros(1)]
+        squares = [np.inf if r is None else float(r[:n] @ r[:n]) for r in tried]
+        settled = (LEAP if rough else LAST_LEAP) if any(t.effect.leaps for t in key) else SETTLED
+        descent = Descent(residual, jacobian, space.low, space.high, space.scale, space.group, rough, settled)
+        found = descent.from_point(points[int(np.argmin(squares))])
+        if found is None:
+            return None
+        return Fit(key, tuple(space.parted(found.point)), found.residual[:n], found.jacobian[:n], found.bound)
+
     def _within(self, terms: Sequence[Term], x: Sequence[np.ndarray]) -> list[np.ndarray]:
         """Coordinates moved within their bounds."""
         return [np.clip(xi, *self.bounds(t)) for t, xi in zip(terms, x, strict=True)]

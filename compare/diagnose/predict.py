@@ -32,6 +32,7 @@ from compare.diagnose.effects.effect import LANDING, Effect, Parameter, Readings
 from compare.judge.signals import with_derived
 
 TABLES = 500  # linkages whose freedom is kept
+ALTERED = 4000  # mechanisms that are kept
 CACHED = 400  # runs whose signals are kept
 ANYWHERE = Turning(np.array([0.3, 1.7, 3.2, 4.9]), np.ones(4), np.zeros(4))  # readings by which motors are told apart
 STIFF = 1e-3  # of the shortest link: bearings that give less are told by their first order
@@ -117,6 +118,7 @@ class Model:
     ) -> None:
         self.measured, self.rig, self.mechanism = measured, rig, mechanism
         self.courses = courses
+        self._altered: dict[object, Mechanism] = {}
         self._tables: dict[object, tuple[Assembly, Freedom] | None] = {}
         self._turned: dict[object, Turning] = {}
         self._followed: dict[object, Walk] = {}
@@ -124,8 +126,22 @@ class Model:
         self._swung: OrderedDict[object, Reactions | None] = OrderedDict()
 
     def altered(self, run: MeasuredRun, hypothesis: Hypothesis) -> Mechanism:
-        """The mechanism of a run with the effects of a hypothesis.  Raises Impossible."""
-        return altered(self.mechanism if run.loads is None else self.mechanism.replace(loads=run.loads), hypothesis)
+        """The mechanism of a run with the effects of a hypothesis.  Raises Impossible.
+
+        What is common to many hypotheses, their first effects, is made once: to check a mechanism takes long.
+        """
+        key: tuple[object, ...] = (run.loads,)
+        if key not in self._altered:
+            if len(self._altered) > ALTERED:
+                self._altered.clear()
+            self._altered[key] = self.mechanism if run.loads is None else self.mechanism.replace(loads=run.loads)
+        mechanism = self._altered[key]
+        for term, values in hypothesis:
+            key = (*key, term.key, term.variant, *values.values())
+            if key not in self._altered:
+                self._altered[key] = altered(mechanism, [(term, values)])
+            mechanism = self._altered[key]
+        return mechanism
 
     def __call__(self, hypotheses: Sequence[Hypothesis]) -> list[list[dict[str, np.ndarray]] | None]:
         """For each hypothesis the readings of every run, (N,) by signal; None where it is impossible.

@@ -112,6 +112,8 @@ class Data:
         )
         # whitens what the sensors' errors have in common
         self._basis, self._less = basis, 1 / np.sqrt(1 + spread**2) - 1
+        self._root: np.ndarray | None = None
+        self._errors: tuple[np.ndarray, np.ndarray] | None = None
 
     def _records(self) -> np.ndarray:
         """Columns (size, k) of what all samples of a record have in common: where its noise had wandered to when it
@@ -141,6 +143,30 @@ class Data:
             if part.signal in self.colours:
                 out[part.place] = self.colours[part.signal].innovations(residual[part.place])
         return out
+
+    def plain(self) -> Data:
+        """The same data, every sample over its noise and beside nothing else."""
+        return Data(self.measured, self.noise)
+
+    def beside(self, errors: np.ndarray) -> Data:
+        """The same data, to whose noise errors (size, k) belong that change its residual by these columns."""
+        other = copy(self)
+        basis, spread, _ = np.linalg.svd(errors, full_matrices=False)
+        other._errors = basis, 1 / np.sqrt(1 + spread**2) - 1
+        other.shift = _without(self.shift, *other._errors)
+        return other
+
+    def weighed(self, weights: np.ndarray) -> Data:
+        """The same data, of which the squares of samples count so much (size,)."""
+        other = copy(self)
+        other._root = np.sqrt(weights)
+        other.shift = self.shift * other._root
+        return other
+
+    def seen_beside(self, residual: np.ndarray) -> np.ndarray:
+        """A residual (size,), or columns (size, k), as samples count, without what errors in the noise may do."""
+        residual = residual if self._root is None else (residual.T * self._root).T
+        return residual if self._errors is None else _without(residual, *self._errors)
 
     def coloured(self, colours: Mapping[str, Colour]) -> Data:
         """The same data, the noise of these sensors of these colours."""
@@ -198,17 +224,19 @@ class Data:
             landing = readings[part.run].get(LANDING)
             if landing is not None and self.sudden[part.signal]:
                 left[part.place] = _spared(left[part.place], landing[part.used])
-        return self._white(self._told(left)) - self.shift
+        return self.seen_beside(self._white(self._told(left))) - self.shift
 
     def columns(self, changes: np.ndarray) -> np.ndarray:
         """What columns (size, k) of readings over their noise do to the residual, but for the sign."""
-        return self._white(self._told(changes))
+        return self.seen_beside(self._white(self._told(changes)))
 
     def _white(self, residual: np.ndarray) -> np.ndarray:
-        if not self._less.size:
-            return residual
-        shared = (self._basis.T @ residual).T * self._less
-        return np.asarray(residual + self._basis @ shared.T)
+        return _without(residual, self._basis, self._less) if self._less.size else residual
+
+
+def _without(residual: np.ndarray, basis: np.ndarray, less: np.ndarray) -> np.ndarray:
+    """A residual (size,), or columns (size, k), of which directions (size, m) count less."""
+    return np.asarray(residual + basis @ ((basis.T @ residual).T * less).T)
 
 
 def _sudden(signal: Signal) -> bool:

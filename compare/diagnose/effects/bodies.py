@@ -10,6 +10,8 @@ from analytic.mechanism import GROUND, Body, Mechanism
 from compare.diagnose.effects.effect import Draw, Effect, Growth, Hiding, Parameter, Rig, Values
 
 CENTRE = "its centre of mass along its x axis"
+LIGHT = 0.1  # of its moments over a third of the body's length: a mass from which a fit finds one nearer by
+LIGHTEST = 1e-3  # of a hundredth of the body's mass
 HEAVY = 0.3  # of a body's mass: a payload from which a fit finds one of any mass
 
 
@@ -58,6 +60,7 @@ class Payload(Effect):
         Parameter("along", "m", "position", more=f"ahead of {CENTRE}", less=f"behind {CENTRE}"),
         Parameter("normal", "m", "position", more="to the left of it", less="to the right of it"),
     )
+    sized = 1
 
     def places(self, rig: Rig) -> Sequence[str]:
         return bodies(rig)
@@ -81,6 +84,23 @@ class Payload(Effect):
         if share <= 0:
             return np.array([0.0, 0.0, 0.0])
         return np.array([m * share, a * (coefficients[1] - coefficients[2]) / share, n * coefficients[3] / share])
+
+    def combined(self, answers: np.ndarray) -> np.ndarray:
+        """By a mass, its two first moments and its second one alone."""
+        even, odd = (answers[:, 1] + answers[:, 2]) / 2, (answers[:, 1] - answers[:, 2]) / 2
+        return np.column_stack([answers[:, 0], odd, answers[:, 3] - even, even - answers[:, 0]])
+
+    def amounts(self, rig: Rig, where: str, size: np.ndarray, variant: float = 0.0) -> np.ndarray:
+        m, a, n = self.scales(rig, where)
+        return np.asarray(size[0] / m * np.array([1.0, size[1] / a, size[2] / n, (size[1] / a) ** 2 / 2]))
+
+    def never_negative(self, rig: Rig, where: str, low: np.ndarray, variant: float = 0.0) -> np.ndarray:
+        return np.array([True, False, False, True])
+
+    def from_amounts(self, rig: Rig, where: str, amounts: np.ndarray, variant: float = 0.0) -> np.ndarray:
+        m, a, n = self.scales(rig, where)
+        share = max(float(amounts[0]), *(LIGHT * np.abs(amounts[1:3])), LIGHTEST)
+        return np.array([m * share, a * amounts[1] / share, n * amounts[2] / share])
 
     def other_start(self, rig: Rig, where: str, x: np.ndarray) -> np.ndarray | None:
         return np.array([max(float(x[0]), HEAVY * body_of(rig.mechanism, where).mass), 0.0, 0.0])

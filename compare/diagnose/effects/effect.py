@@ -204,6 +204,8 @@ class Effect(ABC):
     asked_for: ClassVar[bool] = False  # looked for only where it is asked for by its name
     # how many of its scales careful work leaves as errors on every rig; 0 where it is no matter of workmanship
     workmanship: ClassVar[float] = 0.0
+    # how many of its first natural coordinates say how much there is of it, where the others say how or where it is
+    sized: ClassVar[int | None] = None
     hiding: ClassVar[Hiding] = Hiding()
 
     # ---------------------------------------------------------------- in words
@@ -258,6 +260,31 @@ class Effect(ABC):
     def probes(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
         """(k, n) natural coordinates whose predictions, less the nominal's, span what this effect can do when small."""
         return np.diag(self.scales(rig, where, variant))
+
+    def combined(self, answers: np.ndarray) -> np.ndarray:
+        """What the data see of independent amounts of the effect (size, k), from their answers to its probes."""
+        return answers
+
+    def amounts(self, rig: Rig, where: str, size: np.ndarray, variant: float = 0.0) -> np.ndarray:
+        """How large (k,) these amounts are, in the probes' own, where natural coordinates are of a size (n,)."""
+        main, each = self._main(rig, where, size, variant)
+        return np.asarray(size[main] / each)
+
+    def never_negative(self, rig: Rig, where: str, low: np.ndarray, variant: float = 0.0) -> np.ndarray:
+        """Which of these amounts (k,) cannot be negative, where natural coordinates have these bounds (n,)."""
+        main, _ = self._main(rig, where, np.asarray(self.scales(rig, where, variant), float), variant)
+        alone = np.count_nonzero(self.probes(rig, where, variant), axis=1).max() == 1
+        return np.asarray((low[main] >= 0) & alone)
+
+    def from_amounts(self, rig: Rig, where: str, amounts: np.ndarray, variant: float = 0.0) -> np.ndarray:
+        """Natural coordinates (n,) of so much (k,) of each of these amounts."""
+        return self.start(rig, where, amounts, variant)
+
+    def _main(self, rig: Rig, where: str, size: np.ndarray, variant: float) -> tuple[np.ndarray, np.ndarray]:
+        """The natural coordinate that each probe (k,) is mostly of, and how much of it."""
+        probes = self.probes(rig, where, variant)
+        main = np.abs(probes / size).argmax(axis=1)
+        return main, np.abs(probes[np.arange(len(probes)), main])
 
     def start(self, rig: Rig, where: str, coefficients: np.ndarray, variant: float = 0.0) -> np.ndarray:
         """Natural coordinates (n,) to start a fit from, given how much (k,) of each probe the data want."""

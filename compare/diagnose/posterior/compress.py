@@ -1,0 +1,201 @@
+"""The linear problem of all effects about a fit, compressed into products: what every set is judged by.
+
+About a fit the whitened residual is r = sum J_g b_g + noise over groups g: an effect at a place in one of its variants.
+Rows count a little less where the fit is far off, by what a linear forecast then misses.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from compare.diagnose.fit import Fit, Fitter
+from compare.diagnose.posterior.prior import SLIGHT, Prior
+from compare.diagnose.predict import Term
+from compare.diagnose.sensitivities import Sensitivity
+
+FORECAST = 0.12  # of a fit's residual: what a linear forecast of it misses
+LOOSE = 1e-12  # of a column's own square, that keeps products positive
+
+
+@dataclass(frozen=True)
+class Group:
+    """Columns that are there together: an effect at a place.
+
+    ``at`` are its columns among all, each over its natural ``size`` (k,); ``offset`` is the column of what its variant
+    does by itself, -1 where it does nothing.
+    """
+
+    key: tuple[str, str]
+    family: tuple[str, str]  # of which a set has one at most
+    term: Term
+    at: np.ndarray
+    size: np.ndarray
+    log_odds: float
+    positive: np.ndarray
+    offset: int = -1
+    fitted: bool = False  # columns are derivatives by natural coordinates, not answers to probes
+
+    @property
+    def name(self) -> tuple[str, str, float]:
+        """What tells a group from all others."""
+        return (*self.key, self.term.variant)
+
+
+@dataclass(frozen=True)
+class Products:
+    """Products of all groups' columns (n, n), with the residual (n,) and of that with itself, where errors everywhere
+    of one size are part of the noise; ``log_volume`` is what that costs.
+    """
+
+    gram: np.ndarray = field(repr=False)
+    wanted: np.ndarray = field(repr=False)
+    square: float
+    log_volume: float
+
+
+class Compressed:
+    """All groups about a fit; ``slight`` (size, d) is what errors of workmanship 1 do."""
+
+    def __init__(self, fitter: Fitter, fit: Fit, prior: Prior, found: Mapping[Term, Sensitivity]) -> None:
+        self.fit, self.prior, self.data = fit, prior, fitter.data
+        self.groups: list[Group] = []
+        self._columns: list[np.ndarray] = []
+        slight, residual = [], fit.residual.copy()
+        own = {fit.terms[i]: fit.jacobian[:, fit.columns(i)] for i in fit.named()}
+        for term, columns in own.items():
+            change, turned = columns @ fit.x[fit.terms.index(term)], _by_itself(fitter, fit, term)
+            offset = None if turned is None else turned - change
+            residual -= change if turned is None else turned
+            size, odds, positive = prior.size(term), prior.log_odds(term), prior.positive(term)
+            self._add(term.key, term, columns, size, odds, positive, offset, fitted=True)
+            kept = term.effect.sized
+            slight += [columns[:, :kept] * prior.slight(term)[:kept]] if term.effect.name in SLIGHT else []
+        for term, sensitivity in found.items():
+            if term not in own:
+                slight += self._added(term, sensitivity)
+        # a forecast is as far off as the fit is: its rows count a little less
+        self._forecast = np.ones(residual.size)
+        for part in self.data.parts:
+            square = float(np.mean(fit.residual[part.place] ** 2)) if part.used.size else 1.0
+            self._forecast[part.place] = 1 / (1 + FORECAST**2 * max(square - 1, 0.0))
+        self.slight = np.column_stack([np.zeros((residual.size, 0)), *slight])
+        count = sum(c.shape[1] for c in self._columns)
+        every = np.column_stack([*self._columns, self.slight, -residual])
+        always = [fit.jacobian[:, fit.columns(i)] for i in range(len(fit.terms)) if i not in fit.named()]
+        if always:
+            basis = np.linalg.qr(np.column_stack(always))[0]
+            every -= basis @ (basis.T @ every)
+        self._count, self._every = count, every
+
+    def _add(
+        self,
+        key: tuple[str, str],
+        term: Term,
+        columns: np.ndarray,
+        size: np.ndarray,
+        log_odds: float,
+        positive: np.ndarray,
+        offset: np.ndarray | None = None,
+        fitted: bool = False,
+    ) -> None:
+        at = sum(c.shape[1] for c in self._columns)
+        places = np.arange(at, at + columns.shape[1])
+        self._columns.append(columns * size)
+        by_itself = -1
+        if offset is not None and offset.any():
+            self._columns.append(offset[:, None])
+            by_itself = at + columns.shape[1]
+        self.groups.append(
+            Group(key, self.prior.family(term), term, places, size, log_odds, positive, by_itself, fitted)
+        )
+
+    def _added(self, term: Term, sensitivity: Sensitivity) -> list[np.ndarray]:
+        """A term that the fit has not, by its answers to probes; what workmanship leaves of it (size, d)."""
+        prior, effect = self.prior, term.effect
+        columns = effect.combined(sensitivity.columns)
+        place = prior.rig, term.where
+        amounts = effect.amounts(*place, prior.size(term), term.variant)
+        positive = effect.never_negative(*place, prior.bounds(term)[0], term.variant)
+        self._add(term.key, term, columns, amounts, prior.log_odds(term), positive, sensitivity.offset)
+        if effect.name not in SLIGHT:
+            return []
+        slight = effect.amounts(*place, prior.slight(term), term.variant)[: effect.sized]
+        return [columns[:, : effect.sized] * slight]
+
+    def products(self, weights: np.ndarray) -> Callable[[float], Products]:
+        """Of all groups, where samples count so much (size,), by the size of errors everywhere."""
+        every = self._products(weights)
+        n, last = self._count, len(every) - 1
+        kept, out = np.r_[0:n, last], np.arange(n, last)
+
+        def beside(workmanship: float) -> Products:
+            inside, volume = every[np.ix_(kept, kept)], 0.0
+            if workmanship and out.size:
+                factor = self._factor(every, workmanship)
+                across = np.linalg.solve(factor, every[np.ix_(out, kept)])
+                inside = inside - across.T @ across
+                volume = 2 * float(np.log(np.diag(factor)).sum()) + 2 * out.size * math.log(workmanship)
+            return Products(inside[:n, :n], inside[:n, n], float(inside[n, n]), volume)
+
+        return beside
+
+    def _products(self, weights: np.ndarray) -> np.ndarray:
+        scaled = self._every * np.sqrt(weights * self._forecast)[:, None]
+        return scaled.T @ scaled
+
+    def _factor(self, every: np.ndarray, workmanship: float) -> np.ndarray:
+        """Triangle of the products of errors everywhere."""
+        out = np.arange(self._count, len(every) - 1)
+        return np.linalg.cholesky(every[np.ix_(out, out)] + np.diag(1 / workmanship**2 + LOOSE * every[out, out]))
+
+    def left(self, amounts: Mapping[int, np.ndarray], workmanship: float, weights: np.ndarray) -> np.ndarray:
+        """What is left (size,) beside a set with so much of its groups' columns, and beside errors everywhere."""
+        coefficients = np.zeros(self._every.shape[1])
+        coefficients[-1] = -1.0
+        for i, amount in amounts.items():
+            group = self.groups[i]
+            coefficients[group.at] = amount
+            if group.offset >= 0:
+                coefficients[group.offset] = 1.0
+        out = np.arange(self._count, coefficients.size - 1)
+        if workmanship and out.size:
+            every = self._products(weights)
+            factor = self._factor(every, workmanship)
+            wanted = np.linalg.solve(factor, -every[out] @ coefficients)
+            coefficients[out] = np.linalg.solve(factor.T, wanted)
+        return np.asarray(self._every @ coefficients)
+
+    def alone(self) -> dict[Term, tuple[float, np.ndarray]]:
+        """Decrease of chi^2 that each term would bring by itself, whatever its size and its sign, and its natural
+        coordinates then.
+        """
+        products, found = self.products(np.ones(self.data.size))(0.0), {}
+        for group in self.groups:
+            gram, wanted = products.gram[np.ix_(group.at, group.at)], products.wanted[group.at]
+            gained = 0.0
+            if group.offset >= 0:
+                gained = float(2 * products.wanted[group.offset] - products.gram[group.offset, group.offset])
+                wanted = wanted - products.gram[group.at, group.offset]
+            solved = np.linalg.solve(gram + np.diag(LOOSE * gram.diagonal() + 1e-300), wanted)
+            found[group.term] = gained + float(wanted @ solved), self.coordinates(group, solved)
+        return found
+
+    def coordinates(self, group: Group, coefficients: np.ndarray) -> np.ndarray:
+        """Natural coordinates (n,) that belong to coefficients (k,) of a group's columns over their sizes."""
+        t, amounts = group.term, coefficients * group.size
+        if group.fitted:
+            return amounts
+        return t.effect.from_amounts(self.prior.rig, t.where, amounts, t.variant)
+
+
+def _by_itself(fitter: Fitter, fit: Fit, term: Term) -> np.ndarray | None:
+    """What a term of a fit does in all (size,), where its variant does something whatever its coordinates are."""
+    if not term.effect.acts_by_itself(term.variant):
+        return None
+    others = {t: x for t, x in zip(fit.terms, fit.x, strict=True) if t != term}
+    (found,) = fitter.residuals(list(others), [list(others.values())])
+    return None if found is None else fit.residual - found

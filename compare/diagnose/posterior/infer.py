@@ -1,0 +1,395 @@
+"""Which sets are probable: a linear problem about a fit, its best sets fitted in full, and again until stable."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.special import logsumexp
+
+from compare.diagnose.fit import Fit, Fitter
+from compare.diagnose.noise import CLOSED, rms, sample_weights
+from compare.diagnose.posterior.compress import Compressed, Group
+from compare.diagnose.posterior.prior import CREDIBLE, WIDTH_ODDS, WIDTHS, WORKMANSHIP, WORKMANSHIP_ODDS, Prior
+from compare.diagnose.posterior.sets import Set, Sets
+from compare.diagnose.predict import Term
+from compare.diagnose.residuals import Data
+from compare.diagnose.sensitivities import Sensitivity, sensitivities
+
+ROUNDS = 12  # linear problems
+PLAIN = 2  # of them, after which what is left counts as noise though sets still change
+FITTED = 3  # of the best sets of each, fitted in full
+WITHIN = 8.0  # log: sets that are less probable than the best by more are not
+EVEN = 1.0  # log: of sets as probable as the best, but for this, the one is told of which most is there
+ALIKE = 0.1  # of a weight, that makes no difference
+LAYER = 8.0  # log: sizes of errors everywhere that are less probable by more are left aside
+LIKELY = 12.0  # log: what is in no set that is within this of the best keeps its first signature
+STRAYED = 0.3  # of the noise (rms), by which a fit may move before signatures are taken anew
+Name = tuple[str, str, float]  # of a group
+Names = frozenset[Name]
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """A set of effects fitted in full, with the sizes that its values were expected to have, and its log probability up
+    to a constant.
+    """
+
+    names: Names
+    fit: Fit
+    sizes: Mapping[Term, np.ndarray] = field(repr=False)
+    log: float
+
+
+Key = tuple[str, str]  # an effect's name and place
+Keys = frozenset[Key]
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """What the data make of sets of effects.
+
+    ``best`` is the most probable set, fitted in ``fitter``'s data, of which samples count by their ``weights``, and to
+    whose noise errors everywhere of the size ``workmanship`` belong; ``judged`` is its fit where samples count alike,
+    ``base`` the nominal mechanism's there.  ``sets`` are the probabilities of sets; ``rivals`` fits with another effect
+    in the place of one of the best.
+    """
+
+    nominal: Fit  # before anything is explained
+    base: Fit
+    judged: Fit
+    judge: Fitter
+    best: Fit
+    fitter: Fitter
+    sets: Mapping[Keys, float]
+    workmanship: float
+    weights: np.ndarray = field(repr=False)
+    rivals: Mapping[tuple[Key, Key], Fit] = field(repr=False)
+    leaders: Sequence[Fit] = field(repr=False)  # other sets that were fitted, the most probable first
+    evidence: float  # log of the probability of these data, up to a constant
+    signatures: Mapping[Term, Sensitivity] = field(repr=False)
+
+    @property
+    def keys(self) -> Keys:
+        """The most probable set."""
+        return keys_of(self.best)
+
+    def probability(self, key: Key) -> float:
+        """Of an effect at a place."""
+        return min(sum(share for keys, share in self.sets.items() if key in keys), 1.0)
+
+    def term(self, key: Key) -> Term:
+        """A term of an effect at a place."""
+        return next(t for t in (*self.best.terms, *self.signatures) if t.key == key)
+
+    def instead(self, key: Key) -> dict[Key, float]:
+        """What shares the probability of an effect of the best set: how probable each other is in its place, beyond how
+        probable it is beside it.
+        """
+        return instead(self.sets, self.keys, key)
+
+
+def keys_of(fit: Fit) -> Keys:
+    """The effects of a fit."""
+    return frozenset(fit.terms[i].key for i in fit.named())
+
+
+def instead(sets: Mapping[Keys, float], best: Keys, key: Key) -> dict[Key, float]:
+    """Of each effect outside the best set how probable it is in the place of one of it, the most probable first."""
+    there, lost = 0.0, 0.0
+    beside, place = dict[Key, float](), dict[Key, float]()
+    for keys, share in sets.items():
+        there, lost = (there + share, lost) if key in keys else (there, lost + share)
+        for other in keys - best:
+            side = beside if key in keys else place
+            side[other] = side.get(other, 0.0) + share
+    odds = lost / there if there else 0.0
+    found = {other: share - odds * beside.get(other, 0.0) for other, share in place.items()}
+    return dict(sorted(found.items(), key=lambda item: -item[1]))
+
+
+class Inference:
+    """The way to the posterior of some data."""
+
+    def __init__(
+        self,
+        fitter: Fitter,
+        base: Fit,
+        sought: Sequence[Term],
+        late: Callable[[], bool] = lambda: False,
+        tell: Callable[[int], None] = lambda sets: None,
+        known: Mapping[Term, Sensitivity] | None = None,
+    ) -> None:
+        self.plain, self.fitter, self.base, self.sought = fitter, fitter, base, sought
+        self.late, self.tell = late, tell
+        self.prior = Prior.of(fitter.rig, fitter.bounds, sought)
+        # signatures over each sample's noise alone, which stay true in other colours
+        self.bare = Fitter(fitter.model, fitter.data.plain(), fitter.rig, fitter.bounds)
+        self.signatures: dict[Term, Sensitivity] = dict(known or {})
+        self.found: dict[Term, Sensitivity] = self._seen(self.signatures)
+        self.surveyed: Fit | None = base if known else None
+        self.weighed: dict[Names, Weighed] = {}
+        self.workmanship = 0.0
+        self.weights = np.ones(fitter.data.size)
+        # decrease of chi^2 by each term of the nominal model, whatever its size, and its natural coordinates then
+        self.alone: Mapping[Term, tuple[float, np.ndarray]] = {}
+
+    def posterior(self, first: Sequence[Fit] = ()) -> Posterior:
+        """The posterior; ``first`` are fits that may be near the best."""
+        fit, names = self.base, Names()
+        for begun in first:
+            again = self.plain.at(begun.terms, dict(zip(begun.terms, begun.x, strict=True)))
+            if again is not None and again.chi2 < fit.chi2:
+                fit, names = again, self._names(again)
+        likely: set[Name] = set()
+        thorough = False
+        for k in range(ROUNDS):
+            compressed = self.survey(fit, likely)
+            layers = self._explored(compressed, names, thorough)
+            sets = layers[self.workmanship]
+            likely = {compressed.groups[i].name for s in sets.known for i in s if sets.known[s] > sets.top - LIKELY}
+            candidates = self._candidates(sets, compressed)
+            new = [c for c in candidates if self._named(compressed, c) not in self.weighed]
+            for chosen in new:
+                self._weigh(compressed, sets, chosen, fit)
+                self.tell(len(self.weighed))
+            if self.late():
+                break
+            best = max(self.weighed.values(), key=lambda w: w.log)
+            stable = best.names == names and not new
+            fit, names = self._in_plain(best.fit), best.names
+            if stable or (k >= PLAIN and not thorough):
+                # what the best set leaves counts as noise, as large and as slow as it is, and sets are looked at again
+                left = self._noise(compressed, self.workmanship).seen_beside(fit.residual)
+                if not self._counted(compressed, sample_weights(self.plain.data, left)) and thorough:
+                    break
+                thorough = True
+        return self._concluded(compressed, layers)
+
+    # ---------------------------------------------------------------- signatures
+
+    def survey(self, fit: Fit, likely: Collection[Name] = ()) -> Compressed:
+        """The linear problem about a fit, with signatures that are taken anew if the last ones were taken far from it:
+        once of all terms, then of ``likely`` ones.
+        """
+        if self.surveyed is None or rms(fit.residual - self.surveyed.residual) >= STRAYED:
+            free = len(fit.named()) < len(fit.terms)
+            about = [t for t in self.sought if t not in fit.terms and not self._contradicts(t, fit)]
+            about = [t for t in about if not (t.effect.scatters and rms(self.base.residual) <= CLOSED)]
+            if self.surveyed is not None and not free:
+                about = [t for t in about if (*t.key, t.variant) in likely]
+            bare = self.bare.at(fit.terms, dict(zip(fit.terms, fit.x, strict=True))) or fit
+            new = sensitivities(self.bare, bare, about)
+            self.signatures = new if free else {**self.signatures, **new}
+            self.found = self._seen(new) if free else {**self.found, **self._seen(new)}
+            self.surveyed = fit
+        known = {t: s for t, s in self.found.items() if t not in fit.terms}
+        compressed = Compressed(self.plain, fit, self.prior, known)
+        self.alone = self.alone or compressed.alone()
+        return compressed
+
+    def _seen(self, signatures: Mapping[Term, Sensitivity]) -> dict[Term, Sensitivity]:
+        """Signatures as these data have them."""
+        data = self.plain.data
+        return {t: Sensitivity(t, data.columns(s.offset), data.columns(s.columns)) for t, s in signatures.items()}
+
+    def _contradicts(self, term: Term, fit: Fit) -> bool:
+        """Whether a fit has another variant or form of a term, in whose presence it cannot be probed."""
+        families = {self.prior.family(fit.terms[i]) for i in fit.named()}
+        return self.surveyed is not None and self.prior.family(term) in families
+
+    # ---------------------------------------------------------------- sets
+
+    def _explored(self, compressed: Compressed, names: Names, thorough: bool) -> dict[float, Sets]:
+        """Sets looked at for each size of errors everywhere, from the best of the last."""
+        start = tuple(i for i, g in enumerate(compressed.groups) if g.name in names)
+        every = WORKMANSHIP.tolist() if compressed.slight.shape[1] else [0.0]
+        layers, size = self._climbed(compressed, every, start)
+        if size != self.workmanship:
+            self.workmanship = size
+            self._renew(compressed)
+        if thorough:
+            least = layers[size].top + self._odds[size] - LAYER
+            layers = {each: sets for each, sets in layers.items() if sets.top + self._odds[each] > least}
+            for sets in layers.values():
+                sets.survey(sets.climb(sets.best()[0], thorough=True))
+        return layers
+
+    def _climbed(self, compressed: Compressed, every: Sequence[float], start: Set) -> tuple[dict[float, Sets], float]:
+        """Sets looked at for each of these sizes of errors everywhere, and the size with the most probable one."""
+        products = compressed.products(self.weights)
+        layers: dict[float, Sets] = {}
+        for size in every:
+            layers[size] = sets = Sets(compressed.groups, products(size), self.late)
+            start = sets.climb(start, thorough=False)
+        return layers, max(layers, key=lambda each: layers[each].top + self._odds[each])
+
+    _odds: Mapping[float, float] = dict(zip(WORKMANSHIP.tolist(), WORKMANSHIP_ODDS.tolist(), strict=True))
+
+    def _counted(self, compressed: Compressed, weights: np.ndarray) -> bool:
+        """Let samples count so much from now on; whether that makes a difference."""
+        if np.abs(weights / self.weights - 1).max() < ALIKE:
+            return False
+        self.weights = weights
+        self._renew(compressed)
+        return True
+
+    def _renew(self, compressed: Compressed) -> None:
+        """Sets are to be fitted in full anew, with the noise as it is now."""
+        data = self._noise(compressed, self.workmanship, self.weights)
+        self.fitter, self.weighed = Fitter(self.plain.model, data, self.plain.rig, self.plain.bounds), {}
+
+    def _noise(self, compressed: Compressed, workmanship: float, weights: np.ndarray | None = None) -> Data:
+        """The data, with errors everywhere of this size in their noise, and samples that count so much."""
+        data = self.plain.data if weights is None else self.plain.data.weighed(weights)
+        return data.beside(data.seen_beside(compressed.slight * workmanship)) if workmanship else data
+
+    def _candidates(self, sets: Sets, compressed: Compressed) -> list[Set]:
+        """The best sets, which are to be fitted in full, beside the empty one, of which a linear problem about another
+        says little; from the nominal model every effect that leaps too.
+        """
+        sets.score(())
+        best = sets.best(FITTED)
+        chosen = [*(s for s in best if sets.known[s] > sets.known[best[0]] - WITHIN), ()]
+        if rms(self.base.residual) > CLOSED and len(self.weighed) == 0:
+            leaping = [i for i, g in enumerate(compressed.groups) if g.term.effect.leaps]
+            for i in leaping:
+                alone = (i,)
+                sets.score(alone)
+                chosen.append(alone)
+        return list(dict.fromkeys(chosen))
+
+    @staticmethod
+    def _named(compressed: Compressed, chosen: Set) -> Names:
+        return frozenset(compressed.groups[i].name for i in chosen)
+
+    def _names(self, fit: Fit) -> Names:
+        return frozenset((*fit.terms[i].key, fit.terms[i].variant) for i in fit.named())
+
+    # ---------------------------------------------------------------- fits
+
+    def _weigh(self, compressed: Compressed, sets: Sets, chosen: Set, about: Fit) -> None:
+        """Fit a set in full, from where the linear problem has it, and keep it with its probability by Laplace."""
+        groups = [compressed.groups[i] for i in chosen]
+        coefficients, widths = sets.coefficients(chosen), sets.widths[chosen]
+        now = dict(zip(about.terms, about.x, strict=True))
+        always = {t: now[t] for t in self.base.terms}
+        starts, sizes = dict(always), {t: np.full(len(x), np.inf) for t, x in always.items()}
+        for i, group in zip(chosen, groups, strict=True):
+            starts[group.term] = compressed.coordinates(group, coefficients[i])
+            sizes[group.term] = self._size(group, float(WIDTHS[widths[i]]))
+        tried: list[Mapping[Term, np.ndarray]] = [starts]
+        tried += [starts | {t: now.get(t, np.zeros(len(x))) for t, x in starts.items()}]
+        other = {t: x for t in starts if (x := t.effect.other_start(self.plain.rig, t.where, starts[t])) is not None}
+        tried += [starts | other] if other else []
+        tried += [starts | dict(zip(self.base.terms, self.base.x, strict=True))] if always else []
+        fit = self.fitter.likeliest(sizes, tried)
+        if fit is None:
+            return
+        names = self._named(compressed, chosen)
+        log = sum(g.log_odds for g in groups) + sum(WIDTH_ODDS[widths[i]] for i in chosen)
+        log += 0.0 if chosen else Prior.nothing(np.array([g.log_odds for g in compressed.groups]))
+        log += self._evidence(fit, sizes)
+        self.weighed[names] = Weighed(names, fit, sizes, log)
+
+    def _size(self, group: Group, width: float) -> np.ndarray:
+        """Size (n,) of each natural coordinate of a group's term at a width; how or where it is does not go with it."""
+        size, kept = self.prior.size(group.term), group.term.effect.sized
+        size[:kept] *= width
+        return size
+
+    def _evidence(self, fit: Fit, sizes: Mapping[Term, np.ndarray]) -> float:
+        """Log evidence of a fit by Laplace: what it leaves, how far its values are from nothing, and how much of what
+        they might have been is ruled out.
+        """
+        log, parts = -fit.chi2 / 2, [np.zeros((self.plain.data.size, 0))]
+        for i in fit.named():
+            size = sizes[fit.terms[i]]
+            log -= float(np.sum((fit.x[i] / size) ** 2)) / 2
+            parts.append(fit.jacobian[:, fit.columns(i)] * size)
+        scaled = np.column_stack(parts)
+        return log - float(np.linalg.slogdet(np.eye(scaled.shape[1]) + scaled.T @ scaled)[1]) / 2
+
+    def _in_plain(self, fit: Fit) -> Fit:
+        """A fit with errors everywhere left out of the noise."""
+        if self.fitter is self.plain:
+            return fit
+        return self.plain.at(fit.terms, dict(zip(fit.terms, fit.x, strict=True))) or fit
+
+    # ---------------------------------------------------------------- conclusion
+
+    def _concluded(self, compressed: Compressed, layers: Mapping[float, Sets]) -> Posterior:
+        best = max(self.weighed.values(), key=lambda w: w.log)
+        sets, evidence = self._probabilities(compressed, layers, best)
+
+        def right(weighed: Weighed) -> float:
+            """How many more of its effects are there than not, as far as one can expect."""
+            there = keys_of(weighed.fit)
+            return sum(share * (2 * len(keys & there) - len(there)) for keys, share in sets.items())
+
+        best = max((w for w in self.weighed.values() if w.log > best.log - EVEN), key=right)
+        x = dict(zip(best.fit.terms, best.fit.x, strict=True))
+        best = replace(best, fit=self.fitter.likeliest(best.sizes, [x], rough=0.0) or best.fit)
+        noise = self._noise(compressed, self.workmanship)
+        judge = Fitter(self.plain.model, noise, self.plain.rig, self.plain.bounds)
+        base, judged = (judge.at(f.terms, dict(zip(f.terms, f.x, strict=True))) or f for f in (self.base, best.fit))
+        leaders = [w.fit for w in sorted(self.weighed.values(), key=lambda w: -w.log) if w.names != best.names]
+        return Posterior(
+            self.base,
+            base,
+            judged,
+            judge,
+            best.fit,
+            self.fitter,
+            sets,
+            self.workmanship,
+            self.weights,
+            self._rivals(compressed, layers[self.workmanship], sets, best.fit),
+            leaders,
+            evidence,
+            self.signatures,
+        )
+
+    def _probabilities(
+        self, compressed: Compressed, layers: Mapping[float, Sets], best: Weighed
+    ) -> tuple[dict[Keys, float], float]:
+        """Of every set that was looked at: by the linear problem, and of those that were fitted in full as they then
+        stand against the best; and the log evidence of them all.
+        """
+        plain = layers[self.workmanship].known
+        linear = {self._named(compressed, chosen): log for chosen, log in plain.items()}
+        top = linear.get(best.names, best.log)
+        more = {names: top + w.log - best.log - linear[names] for names, w in self.weighed.items() if names in linear}
+        logs: dict[Keys, list[float]] = {}
+        for size, sets in layers.items():
+            for chosen, log in sets.known.items():
+                names = self._named(compressed, chosen)
+                keys = frozenset((name, where) for name, where, _ in names)
+                logs.setdefault(keys, []).append(log + more.get(names, 0.0) + self._odds[size])
+        total = {keys: float(logsumexp(each)) for keys, each in logs.items()}
+        norm = float(logsumexp(list(total.values())))
+        return {keys: math.exp(log - norm) for keys, log in total.items()}, norm
+
+    def _rivals(
+        self, compressed: Compressed, sets: Sets, shares: Mapping[Keys, float], best: Fit
+    ) -> dict[tuple[Key, Key], Fit]:
+        """Fits of the best sets with what shares an effect's probability in its place."""
+        found: dict[tuple[Key, Key], Fit] = {}
+        there, by_log = keys_of(best), sorted(sets.known, key=lambda chosen: -sets.known[chosen])
+        for key in there:
+            for other, share in instead(shares, there, key).items():
+                if share < CREDIBLE or self.late():
+                    break
+                chosen = next(c for c in by_log if (k := self._keys(compressed, c)) and other in k and key not in k)
+                names = self._named(compressed, chosen)
+                if names not in self.weighed:
+                    self._weigh(compressed, sets, chosen, best)
+                if names in self.weighed:
+                    found[key, other] = self.weighed[names].fit
+        return found
+
+    @staticmethod
+    def _keys(compressed: Compressed, chosen: Set) -> Keys:
+        return frozenset(compressed.groups[i].key for i in chosen)

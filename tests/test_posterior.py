@@ -1,0 +1,223 @@
+"""Probabilities of sets of effects: held to the densities of whole vectors of samples, which are computed at length."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.special import logsumexp
+from scipy.stats import multivariate_normal, norm
+
+from compare.diagnose.effects.vocabulary import VOCABULARY
+from compare.diagnose.posterior.compress import Group, Products
+from compare.diagnose.posterior.infer import Inference, Posterior, instead
+from compare.diagnose.posterior.prior import WIDTH_ODDS, WIDTHS, Prior
+from compare.diagnose.posterior.sets import Sets
+from compare.diagnose.predict import Term
+from compare.diagnose.problem import Options, Problem
+from compare.diagnose.residuals import Data
+from compare.diagnose.sensitivities import candidates
+from diagnosis_rigs import experiment, four_bar, played, turn, wrong
+from tests.evidence.scoreboard.sizes import Planted
+
+SIZE = 40
+NAMES = ("coulomb_friction", "viscous_friction", "drag", "load_friction")
+
+
+def never() -> bool:
+    return False
+
+
+class Linear:
+    """A linear problem of groups with so many columns each, some of one positive coordinate."""
+
+    def __init__(self, seed: int, counts: tuple[int, ...] = (1, 1, 2), positive: tuple[int, ...] = ()) -> None:
+        rng = np.random.default_rng(seed)
+        ends = np.cumsum([0, *counts])
+        self.columns = rng.standard_normal((SIZE, ends[-1])) * rng.uniform(0.3, 3, ends[-1])
+        self.residual = self.columns[:, 0] * 1.3 + rng.standard_normal(SIZE)
+        self.groups = [
+            Group(
+                (NAMES[k], "B"),
+                (NAMES[k], "B"),
+                Term(VOCABULARY[NAMES[k]], "B"),
+                np.arange(ends[k], ends[k + 1]),
+                np.ones(count),
+                -1.0 - k,
+                np.full(count, k in positive),
+            )
+            for k, count in enumerate(counts)
+        ]
+        gram, wanted = self.columns.T @ self.columns, self.columns.T @ self.residual
+        self.sets = Sets(self.groups, Products(gram, wanted, float(self.residual @ self.residual), 0.0), never)
+
+    def density(self, chosen: tuple[int, ...], widths: tuple[float, ...]) -> float:
+        """Log density of the residual where each group of a set is normally distributed with its width."""
+        covariance = np.eye(SIZE)
+        for i, width in zip(chosen, widths, strict=True):
+            own = self.columns[:, self.groups[i].at] * width
+            covariance += own @ own.T
+        return float(multivariate_normal(np.zeros(SIZE), covariance).logpdf(self.residual))
+
+    def summed(self, chosen: tuple[int, ...]) -> float:
+        """The same summed over all widths, with the odds of the groups, over that of noise alone."""
+        each = [
+            self.density(chosen, tuple(WIDTHS[list(at)])) + WIDTH_ODDS[list(at)].sum()
+            for at in itertools.product(range(len(WIDTHS)), repeat=len(chosen))
+        ]
+        every = np.array([group.log_odds for group in self.groups])
+        odds = sum(every[list(chosen)]) if chosen else Prior.nothing(every)
+        return float(logsumexp(each)) + odds + SIZE / 2 * math.log(2 * math.pi)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_group_alone_is_as_probable_as_the_density_of_all_samples_says(seed: int) -> None:
+    linear = Linear(seed)
+    for chosen in ((), (0,), (1,), (2,)):
+        assert linear.sets.score(chosen) == pytest.approx(linear.summed(chosen), abs=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_widths_of_several_groups_are_summed_nearly_as_all_of_them_are(seed: int) -> None:
+    """About their common mode, one after the other: a tenth of a unit of log is a tenth of the odds."""
+    linear = Linear(seed)
+    for chosen in ((0, 1), (0, 2), (0, 1, 2)):
+        assert linear.sets.score(chosen) == pytest.approx(linear.summed(chosen), abs=0.1)
+
+
+@pytest.mark.parametrize("wanted", [1.3, -0.05, -0.4])
+def test_a_coordinate_that_is_never_negative_has_the_half_of_its_prior_that_is_not(wanted: float) -> None:
+    linear = Linear(1, (1,), positive=(0,))
+    column, rng = linear.columns[:, 0], np.random.default_rng(7)
+    linear.residual = column * wanted + rng.standard_normal(SIZE)
+    products = Products(
+        np.array([[column @ column]]),
+        np.array([column @ linear.residual]),
+        float(linear.residual @ linear.residual),
+        0.0,
+    )
+    sets = Sets(linear.groups, products, never)
+
+    def likelihood(amount: float, width: float) -> float:
+        left = linear.residual - column * amount
+        return (
+            math.exp(-(left @ left - linear.residual @ linear.residual) / 2)
+            * 2
+            * float(norm.pdf(amount / width))
+            / width
+        )
+
+    total = sum(
+        math.exp(odds) * quad(likelihood, 0, 12 * width, args=(width,), points=[max(wanted, 0.0)], limit=200)[0]
+        for width, odds in zip(WIDTHS, WIDTH_ODDS, strict=True)
+    )
+    told = sets.score((0,)) + linear.residual @ linear.residual / 2 - linear.groups[0].log_odds
+    assert told == pytest.approx(math.log(total), abs=2e-3)
+
+
+def test_a_further_group_is_as_probable_as_the_set_with_it_but_for_widths_that_it_would_change() -> None:
+    linear = Linear(2)
+    log, _ = linear.sets.additions(())
+    np.testing.assert_allclose(log, [linear.sets.score((i,)) for i in range(3)], atol=1e-9)
+    for chosen in ((0,), (2,)):
+        log, _ = linear.sets.additions(chosen)
+        for i in set(range(3)) - set(chosen):
+            with_it = linear.sets.score(tuple(sorted((*chosen, i))))
+            assert with_it - 3 < log[i] < with_it + 0.1
+
+
+def test_the_way_from_set_to_set_ends_at_the_most_probable_of_all() -> None:
+    for seed in range(6):
+        linear = Linear(seed, (1, 1, 2, 1))
+        every = [s for n in range(5) for s in itertools.combinations(range(4), n)]
+        best = max(every, key=linear.sets.score)
+        assert Linear(seed, (1, 1, 2, 1)).sets.climb((), thorough=True) == best
+
+
+def test_samples_that_count_less_and_errors_that_belong_to_the_noise_are_whitened() -> None:
+    rig = experiment(turn("slow", 4.0), sensors={"drive_torque": 1e-3, "coupler_x": 1e-5})
+    measured = rig.measured()
+    data = Data(measured, {(r.name, s): c.noise for r in measured.runs for s, c in r.channels.items()})
+    rng = np.random.default_rng(2)
+    weights, errors = rng.uniform(0.1, 1.0, data.size), rng.standard_normal((data.size, 3)) * 2
+    weighed = data.weighed(weights)
+    both = weighed.beside(weighed.seen_beside(errors))
+    covariance = np.diag(1 / weights) + errors @ errors.T
+    one, other = rng.standard_normal((2, data.size))
+    product = both.seen_beside(one) @ both.seen_beside(other)
+    assert product == pytest.approx(one @ np.linalg.solve(covariance, other), rel=1e-9)
+
+
+def test_what_is_in_the_place_of_an_effect_is_told_from_what_is_there_beside_it() -> None:
+    friction, drag, bias, gain = (("coulomb_friction", "B"), ("drag", "B"), ("sensor_bias", "x"), ("sensor_gain", "x"))
+    sets = {
+        frozenset({friction, bias}): 0.4,
+        frozenset({friction}): 0.2,
+        frozenset({drag, bias}): 0.2,
+        frozenset({drag}): 0.1,
+        frozenset({bias, gain}): 0.1,
+    }
+    shares = instead(sets, frozenset({friction}), friction)
+    assert shares[drag] == pytest.approx(0.3)
+    assert shares[bias] < 0.05, "it is there as often beside friction"
+
+
+def test_nothing_is_missing_as_often_as_something_is_before_any_data() -> None:
+    odds = np.array([-3.0, -4.0, -2.0])
+    every = [sum(odds[list(s)]) for n in range(4) for s in itertools.combinations(range(3), n)]
+    assert logsumexp(every[1:]) == pytest.approx(every[0] + Prior.nothing(odds))
+
+
+def test_a_value_a_run_and_a_richer_law_are_less_probable_beforehand() -> None:
+    rig = experiment(*(turn(f"run-{k}", 4.0 + k) for k in range(3)), sensors={"drive_torque": 1e-3}).rig
+    terms = candidates(rig, VOCABULARY)
+    prior = Prior.of(rig, lambda t: (np.full(3, -np.inf), np.full(3, np.inf)), terms)
+    odds = {(t.label, t.variant): prior.log_odds(t) for t in terms}
+    assert odds["sensor_bias@drive_torque", 1.0] < odds["sensor_bias@drive_torque", 0.0]
+    rich = next(t for t in terms if t.label == "stribeck_friction@B")
+    plain = next(t for t in terms if t.label == "coulomb_friction@B")
+    assert prior.log_odds(rich) < prior.log_odds(plain)
+    assert prior.family(rich) == prior.family(plain) == plain.key, "a set has one of them"
+    assert sum(1 / (1 + math.exp(-o)) for (_, variant), o in odds.items() if variant == 0) < 3, "few are expected"
+
+
+# ---------------------------------------------------------------- sets that one step of a search leads astray
+
+RUNS = (turn("slow", 4.0), turn("middle", 7.0), turn("fast", 11.0), turn("reverse", -6.0))
+NOISE = {"crank_angle": 5e-4, "follower_angle": 5e-4, "drive_torque": 0.02}
+
+
+def posterior_of(*truth: Planted, late: bool = False) -> Posterior:
+    """Of what the rig's sensors read, simulated by another engine."""
+    measured = played(experiment(*RUNS, sensors=NOISE), *truth)
+    problem = Problem.of(measured, four_bar(), Options("mujoco", others=False, workers=1))
+    return Inference(problem.fitter, problem.base, problem.sought, lambda: late).posterior()
+
+
+def test_friction_beside_a_length_is_not_a_tare_in_each_run() -> None:
+    """Four tares of the torque sensor take more in one step than one friction does, and explain no more with it."""
+    found = posterior_of(
+        wrong("link_length", "follower", length_error=6.6e-3),
+        wrong("coulomb_friction", "D", friction_torque=0.345),
+        wrong("viscous_friction", "D", damping=2e-3),
+    )
+    assert {("link_length", "follower"), ("coulomb_friction", "D")} <= found.keys
+    assert not any(found.best.terms[i].effect.sensor for i in found.best.named())
+    assert found.probability(("coulomb_friction", "D")) > 0.9
+    friction = next(k for k, t in enumerate(found.best.terms) if t.effect.name == "coulomb_friction")
+    assert found.best.x[friction][0] == pytest.approx(0.345, rel=0.05)
+
+
+def test_probabilities_are_of_all_sets() -> None:
+    found = posterior_of(wrong("viscous_friction", "B", damping=0.05))
+    assert sum(found.sets.values()) == pytest.approx(1.0)
+    assert found.keys == {("viscous_friction", "B")}
+    assert found.probability(("viscous_friction", "B")) > 0.9
+
+
+def test_a_search_without_time_says_what_it_has() -> None:
+    found = posterior_of(wrong("viscous_friction", "B", damping=0.05), late=True)
+    assert sum(found.sets.values()) == pytest.approx(1.0)
