@@ -157,25 +157,11 @@ class Fitter:
         """The fit of terms that are of about these sizes (1 sigma of each coordinate; infinite: any), from the start
         with the smallest residual; None where none is possible.  It is not kept.
         """
-        key, n = _sorted(sizes), self.data.size
-        space, size = Space(key, self.rig, self.bounds), joined([sizes[t] for t in key])
-
-        def residual(point: np.ndarray) -> np.ndarray | None:
-            found = self.residuals(key, [space.parted(point)])[0]
-            return None if found is None else np.concatenate([found, point / size])
-
-        def jacobian(point: np.ndarray, here: np.ndarray) -> np.ndarray:
-            return np.vstack([self.jacobian(space, point, here[:n]), np.diag(1 / size)])
-
-        points = [joined(self._within(key, [np.array(start[t], float) for t in key])) for start in starts]
-        tried = [residual(point) for point in points] if len(points) > 1 else [np.zeros(1)]
-        squares = [np.inf if r is None else float(r[:n] @ r[:n]) for r in tried]
-        settled = (LEAP if rough else LAST_LEAP) if any(t.effect.leaps for t in key) else SETTLED
-        descent = Descent(residual, jacobian, space.low, space.high, space.scale, space.group, rough, settled)
-        found = descent.from_point(points[int(np.argmin(squares))])
-        if found is None:
-            return None
-        return Fit(key, tuple(space.parted(found.point)), found.residual[:n], found.jacobian[:n], found.bound)
+        key = _sorted(sizes)
+        points = [self._within(key, [np.array(start[t], float) for t in key]) for start in starts]
+        tried = self.residuals(key, points) if len(points) > 1 else [np.zeros(1)]
+        best = int(np.argmin([np.inf if r is None else float(r @ r) for r in tried]))
+        return self._fit(key, points[best], rough=rough, size=joined([sizes[t] for t in key]))
 
     def _within(self, terms: Sequence[Term], x: Sequence[np.ndarray]) -> list[np.ndarray]:
         """Coordinates moved within their bounds."""
@@ -209,14 +195,18 @@ class Fitter:
         steps: int = STEPS,
         rough: float = ROUGHLY,
         slopes: np.ndarray | None = None,
+        size: np.ndarray | None = None,
     ) -> Fit | None:
-        space = Space(terms, self.rig, self.bounds)
+        """The fit from a start; ``size`` is how large (1 sigma) coordinates (n,) are expected to be, None: any."""
+        space, n = Space(terms, self.rig, self.bounds), self.data.size
 
         def residual(point: np.ndarray) -> np.ndarray | None:
-            return self.residuals(terms, [space.parted(point)])[0]
+            found = self.residuals(terms, [space.parted(point)])[0]
+            return found if found is None or size is None else np.concatenate([found, point / size])
 
         def jacobian(point: np.ndarray, here: np.ndarray) -> np.ndarray:
-            return self.jacobian(space, point, here)
+            columns = self.jacobian(space, point, here[:n])
+            return columns if size is None else np.vstack([columns, np.diag(1 / size)])
 
         settled = (LEAP if rough else LAST_LEAP) if any(t.effect.leaps for t in terms) else SETTLED
         found = Descent(residual, jacobian, space.low, space.high, space.scale, space.group, rough, settled).from_point(
@@ -224,7 +214,7 @@ class Fitter:
         )
         if found is None:
             return None
-        return Fit(terms, tuple(space.parted(found.point)), found.residual, found.jacobian, found.bound)
+        return Fit(terms, tuple(space.parted(found.point)), found.residual[:n], found.jacobian[:n], found.bound)
 
     def jacobian(self, space: Space, point: np.ndarray, residual: np.ndarray) -> np.ndarray:
         """Derivatives (size, n) of the residual by forward differences (backward at an upper bound).

@@ -32,7 +32,7 @@ from compare.diagnose.effects.effect import LANDING, Effect, Parameter, Readings
 from compare.judge.signals import with_derived
 
 TABLES = 500  # linkages whose freedom is kept
-ALTERED = 4000  # mechanisms that are kept
+ALTERED = 1000  # mechanisms that are kept
 CACHED = 400  # runs whose signals are kept
 ANYWHERE = Turning(np.array([0.3, 1.7, 3.2, 4.9]), np.ones(4), np.zeros(4))  # readings by which motors are told apart
 STIFF = 1e-3  # of the shortest link: bearings that give less are told by their first order
@@ -131,9 +131,9 @@ class Model:
         What is common to many hypotheses, their first effects, is made once: to check a mechanism takes long.
         """
         key: tuple[object, ...] = (run.loads,)
+        if len(self._altered) > ALTERED:
+            self._altered.clear()
         if key not in self._altered:
-            if len(self._altered) > ALTERED:
-                self._altered.clear()
             self._altered[key] = self.mechanism if run.loads is None else self.mechanism.replace(loads=run.loads)
         mechanism = self._altered[key]
         for term, values in hypothesis:

@@ -152,38 +152,6 @@ class Compressed:
         out = np.arange(self._count, len(every) - 1)
         return np.linalg.cholesky(every[np.ix_(out, out)] + np.diag(1 / workmanship**2 + LOOSE * every[out, out]))
 
-    def left(self, amounts: Mapping[int, np.ndarray], workmanship: float, weights: np.ndarray) -> np.ndarray:
-        """What is left (size,) beside a set with so much of its groups' columns, and beside errors everywhere."""
-        coefficients = np.zeros(self._every.shape[1])
-        coefficients[-1] = -1.0
-        for i, amount in amounts.items():
-            group = self.groups[i]
-            coefficients[group.at] = amount
-            if group.offset >= 0:
-                coefficients[group.offset] = 1.0
-        out = np.arange(self._count, coefficients.size - 1)
-        if workmanship and out.size:
-            every = self._products(weights)
-            factor = self._factor(every, workmanship)
-            wanted = np.linalg.solve(factor, -every[out] @ coefficients)
-            coefficients[out] = np.linalg.solve(factor.T, wanted)
-        return np.asarray(self._every @ coefficients)
-
-    def alone(self) -> dict[Term, tuple[float, np.ndarray]]:
-        """Decrease of chi^2 that each term would bring by itself, whatever its size and its sign, and its natural
-        coordinates then.
-        """
-        products, found = self.products(np.ones(self.data.size))(0.0), {}
-        for group in self.groups:
-            gram, wanted = products.gram[np.ix_(group.at, group.at)], products.wanted[group.at]
-            gained = 0.0
-            if group.offset >= 0:
-                gained = float(2 * products.wanted[group.offset] - products.gram[group.offset, group.offset])
-                wanted = wanted - products.gram[group.at, group.offset]
-            solved = np.linalg.solve(gram + np.diag(LOOSE * gram.diagonal() + 1e-300), wanted)
-            found[group.term] = gained + float(wanted @ solved), self.coordinates(group, solved)
-        return found
-
     def coordinates(self, group: Group, coefficients: np.ndarray) -> np.ndarray:
         """Natural coordinates (n,) that belong to coefficients (k,) of a group's columns over their sizes."""
         t, amounts = group.term, coefficients * group.size

@@ -12,7 +12,7 @@ from scipy.special import logsumexp
 from compare.diagnose.fit import Fit, Fitter
 from compare.diagnose.noise import CLOSED, rms, sample_weights
 from compare.diagnose.posterior.compress import Compressed, Group
-from compare.diagnose.posterior.prior import CREDIBLE, WIDTH_ODDS, WIDTHS, WORKMANSHIP, WORKMANSHIP_ODDS, Prior
+from compare.diagnose.posterior.prior import WIDTH_ODDS, WIDTHS, WORKMANSHIP, WORKMANSHIP_ODDS, Prior
 from compare.diagnose.posterior.sets import Set, Sets
 from compare.diagnose.predict import Term
 from compare.diagnose.residuals import Data
@@ -52,23 +52,16 @@ class Posterior:
     """What the data make of sets of effects.
 
     ``best`` is the most probable set, fitted in ``fitter``'s data, of which samples count by their ``weights``, and to
-    whose noise errors everywhere of the size ``workmanship`` belong; ``judged`` is its fit where samples count alike,
-    ``base`` the nominal mechanism's there.  ``sets`` are the probabilities of sets; ``rivals`` fits with another effect
-    in the place of one of the best.
+    whose noise errors everywhere of the size ``workmanship`` belong; ``judged`` is its fit where samples count alike.
+    ``sets`` are the probabilities of sets.
     """
 
-    nominal: Fit  # before anything is explained
-    base: Fit
-    judged: Fit
-    judge: Fitter
     best: Fit
     fitter: Fitter
+    judged: Fit
     sets: Mapping[Keys, float]
     workmanship: float
     weights: np.ndarray = field(repr=False)
-    rivals: Mapping[tuple[Key, Key], Fit] = field(repr=False)
-    leaders: Sequence[Fit] = field(repr=False)  # other sets that were fitted, the most probable first
-    evidence: float  # log of the probability of these data, up to a constant
     signatures: Mapping[Term, Sensitivity] = field(repr=False)
 
     @property
@@ -79,10 +72,6 @@ class Posterior:
     def probability(self, key: Key) -> float:
         """Of an effect at a place."""
         return min(sum(share for keys, share in self.sets.items() if key in keys), 1.0)
-
-    def term(self, key: Key) -> Term:
-        """A term of an effect at a place."""
-        return next(t for t in (*self.best.terms, *self.signatures) if t.key == key)
 
     def instead(self, key: Key) -> dict[Key, float]:
         """What shares the probability of an effect of the best set: how probable each other is in its place, beyond how
@@ -119,11 +108,10 @@ class Inference:
         base: Fit,
         sought: Sequence[Term],
         late: Callable[[], bool] = lambda: False,
-        tell: Callable[[int], None] = lambda sets: None,
         known: Mapping[Term, Sensitivity] | None = None,
     ) -> None:
         self.plain, self.fitter, self.base, self.sought = fitter, fitter, base, sought
-        self.late, self.tell = late, tell
+        self.late = late
         self.prior = Prior.of(fitter.rig, fitter.bounds, sought)
         # signatures over each sample's noise alone, which stay true in other colours
         self.bare = Fitter(fitter.model, fitter.data.plain(), fitter.rig, fitter.bounds)
@@ -133,8 +121,6 @@ class Inference:
         self.weighed: dict[Names, Weighed] = {}
         self.workmanship = 0.0
         self.weights = np.ones(fitter.data.size)
-        # decrease of chi^2 by each term of the nominal model, whatever its size, and its natural coordinates then
-        self.alone: Mapping[Term, tuple[float, np.ndarray]] = {}
 
     def posterior(self, first: Sequence[Fit] = ()) -> Posterior:
         """The posterior; ``first`` are fits that may be near the best."""
@@ -154,7 +140,6 @@ class Inference:
             new = [c for c in candidates if self._named(compressed, c) not in self.weighed]
             for chosen in new:
                 self._weigh(compressed, sets, chosen, fit)
-                self.tell(len(self.weighed))
             if self.late():
                 break
             best = max(self.weighed.values(), key=lambda w: w.log)
@@ -186,9 +171,7 @@ class Inference:
             self.found = self._seen(new) if free else {**self.found, **self._seen(new)}
             self.surveyed = fit
         known = {t: s for t, s in self.found.items() if t not in fit.terms}
-        compressed = Compressed(self.plain, fit, self.prior, known)
-        self.alone = self.alone or compressed.alone()
-        return compressed
+        return Compressed(self.plain, fit, self.prior, known)
 
     def _seen(self, signatures: Mapping[Term, Sensitivity]) -> dict[Term, Sensitivity]:
         """Signatures as these data have them."""
@@ -322,7 +305,7 @@ class Inference:
 
     def _concluded(self, compressed: Compressed, layers: Mapping[float, Sets]) -> Posterior:
         best = max(self.weighed.values(), key=lambda w: w.log)
-        sets, evidence = self._probabilities(compressed, layers, best)
+        sets = self._probabilities(compressed, layers, best)
 
         def right(weighed: Weighed) -> float:
             """How many more of its effects are there than not, as far as one can expect."""
@@ -332,31 +315,14 @@ class Inference:
         best = max((w for w in self.weighed.values() if w.log > best.log - EVEN), key=right)
         x = dict(zip(best.fit.terms, best.fit.x, strict=True))
         best = replace(best, fit=self.fitter.likeliest(best.sizes, [x], rough=0.0) or best.fit)
-        noise = self._noise(compressed, self.workmanship)
-        judge = Fitter(self.plain.model, noise, self.plain.rig, self.plain.bounds)
-        base, judged = (judge.at(f.terms, dict(zip(f.terms, f.x, strict=True))) or f for f in (self.base, best.fit))
-        leaders = [w.fit for w in sorted(self.weighed.values(), key=lambda w: -w.log) if w.names != best.names]
-        return Posterior(
-            self.base,
-            base,
-            judged,
-            judge,
-            best.fit,
-            self.fitter,
-            sets,
-            self.workmanship,
-            self.weights,
-            self._rivals(compressed, layers[self.workmanship], sets, best.fit),
-            leaders,
-            evidence,
-            self.signatures,
-        )
+        x = dict(zip(best.fit.terms, best.fit.x, strict=True))
+        judge = Fitter(self.plain.model, self._noise(compressed, self.workmanship), self.plain.rig, self.plain.bounds)
+        judged = judge.at(best.fit.terms, x) or best.fit
+        return Posterior(best.fit, self.fitter, judged, sets, self.workmanship, self.weights, self.signatures)
 
-    def _probabilities(
-        self, compressed: Compressed, layers: Mapping[float, Sets], best: Weighed
-    ) -> tuple[dict[Keys, float], float]:
+    def _probabilities(self, compressed: Compressed, layers: Mapping[float, Sets], best: Weighed) -> dict[Keys, float]:
         """Of every set that was looked at: by the linear problem, and of those that were fitted in full as they then
-        stand against the best; and the log evidence of them all.
+        stand against the best.
         """
         plain = layers[self.workmanship].known
         linear = {self._named(compressed, chosen): log for chosen, log in plain.items()}
@@ -370,26 +336,4 @@ class Inference:
                 logs.setdefault(keys, []).append(log + more.get(names, 0.0) + self._odds[size])
         total = {keys: float(logsumexp(each)) for keys, each in logs.items()}
         norm = float(logsumexp(list(total.values())))
-        return {keys: math.exp(log - norm) for keys, log in total.items()}, norm
-
-    def _rivals(
-        self, compressed: Compressed, sets: Sets, shares: Mapping[Keys, float], best: Fit
-    ) -> dict[tuple[Key, Key], Fit]:
-        """Fits of the best sets with what shares an effect's probability in its place."""
-        found: dict[tuple[Key, Key], Fit] = {}
-        there, by_log = keys_of(best), sorted(sets.known, key=lambda chosen: -sets.known[chosen])
-        for key in there:
-            for other, share in instead(shares, there, key).items():
-                if share < CREDIBLE or self.late():
-                    break
-                chosen = next(c for c in by_log if (k := self._keys(compressed, c)) and other in k and key not in k)
-                names = self._named(compressed, chosen)
-                if names not in self.weighed:
-                    self._weigh(compressed, sets, chosen, best)
-                if names in self.weighed:
-                    found[key, other] = self.weighed[names].fit
-        return found
-
-    @staticmethod
-    def _keys(compressed: Compressed, chosen: Set) -> Keys:
-        return frozenset(compressed.groups[i].key for i in chosen)
+        return {keys: math.exp(log - norm) for keys, log in total.items()}

@@ -16,6 +16,7 @@ from pathlib import Path
 
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.posterior.infer import Inference, Posterior
+from compare.diagnose.posterior.prior import CREDIBLE
 from compare.diagnose.prepare import on_one_turn
 from compare.diagnose.problem import RECOLOURED, Options, Problem
 from compare.diagnose.validation import parted
@@ -25,7 +26,6 @@ from tests.evidence.scoreboard.record import make_set
 from tests.evidence.scoreboard.score import of_sensor, opened
 
 LIKELY = 0.5  # probability from which on an effect of the best set counts as named
-CREDIBLE = 0.05  # probability from which on something may be in its place
 
 
 @dataclass(frozen=True)
