@@ -249,7 +249,7 @@ def _yielding(world: RecordedWorld) -> dict[str, Any]:
     steady = world.request.motor
     course = _course(world, world.mechanism.drive_joint.name)
     if isinstance(steady, Steady):
-        course = {"times": [0.0], "cubics": [[0.0, 0.0, steady.speed, steady.position]]}
+        course = {"times": [0.0], "cubics": [[0.0, 0.0, steady.speed, steady.start]]}
     return {"stiffness": world.drive_stiffness, "course": course}
 
 

@@ -285,7 +285,7 @@ def table(path: Path) -> dict[str, np.ndarray]:
 
 def columns(trace: Trace, request: Request) -> dict[str, np.ndarray]:
     """The trace in the order of passing, as it is exported: where a crank tells where the linkage is, without the
-    joints' positions.  PyBullet's moving linkage passes each instant once.
+    joints' positions.  PyBullet's linkage at rest is in the order of its angle; moving, it passes each instant once.
     """
     crank = request.schedule.crank is not None
     told = {"crank_angle": trace.crank_angle} if crank else {}
@@ -293,7 +293,7 @@ def columns(trace: Trace, request: Request) -> dict[str, np.ndarray]:
     every = {**told, **({} if trace.time is None else {"time": trace.time}), **own}
     order = np.arange(trace.crank_angle.size) if trace.time is None else np.argsort(trace.time, kind="stable")
     if trace.simulator == "pybullet" and trace.time is None:
-        order = np.argsort(trace.crank_angle * np.sign(request.mechanism.speed or 1.0), kind="stable")
+        order = np.argsort(trace.crank_angle, kind="stable")
     if trace.simulator == "pybullet" and trace.motion == "driven":
         order = np.unique(trace.time, return_index=True)[1]
     return {name: values[order] for name, values in every.items()}
