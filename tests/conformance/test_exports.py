@@ -388,7 +388,12 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Scripts:
     return folder
 
 
-QUICK = [("mujoco", "paper, contact, driven"), ("mujoco", "3-rpr, contact"), ("exudyn", "paper, contact, static")]
+QUICK = [
+    ("mujoco", "paper, contact, driven"),
+    ("mujoco", "3-rpr, contact"),
+    ("exudyn", "paper, contact, static"),
+    ("pybullet", "compliant drive"),
+]
 
 
 @pytest.mark.parametrize(("name", "title"), QUICK)
