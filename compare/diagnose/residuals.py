@@ -107,6 +107,7 @@ class Data:
         self.size = at
         self.shared = np.zeros((at, 0)) if shared is None else shared
         self.shift = np.zeros(at)  # what an engine's differing from the model takes off the residual
+        self.log_volume = 0.0  # log of the determinant of what errors in the noise add to it
         basis, spread, _ = np.linalg.svd(
             self._told(np.column_stack([self.shared, self._records()])), full_matrices=False
         )
@@ -153,6 +154,7 @@ class Data:
         other = copy(self)
         basis, spread, _ = np.linalg.svd(errors, full_matrices=False)
         other._errors = basis, 1 / np.sqrt(1 + spread**2) - 1
+        other.log_volume = float(np.log1p(spread**2).sum())
         other.shift = _without(self.shift, *other._errors)
         return other
 

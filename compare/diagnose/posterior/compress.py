@@ -7,23 +7,25 @@ Rows count a little less where the fit is far off, by what a linear forecast the
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from compare.diagnose.fit import Fit, Fitter
+from compare.diagnose.posterior.nameless import Nameless
 from compare.diagnose.posterior.prior import SLIGHT, Prior
 from compare.diagnose.predict import Term
 from compare.diagnose.sensitivities import Sensitivity
 
 FORECAST = 0.12  # of a fit's residual: what a linear forecast of it misses
+ANY = ("unknown", "")  # the family of all unknowns: what two of them do, one at a third place does about as well
 LOOSE = 1e-12  # of a column's own square, that keeps products positive
 
 
 @dataclass(frozen=True)
 class Group:
-    """Columns that are there together: an effect at a place.
+    """Columns that are there together: an effect at a place, or an unknown (no ``term``) at one.
 
     ``at`` are its columns among all, each over its natural ``size`` (k,); ``offset`` is the column of what its variant
     does by itself, -1 where it does nothing.
@@ -31,7 +33,7 @@ class Group:
 
     key: tuple[str, str]
     family: tuple[str, str]  # of which a set has one at most
-    term: Term
+    term: Term | None
     at: np.ndarray
     size: np.ndarray
     log_odds: float
@@ -42,7 +44,7 @@ class Group:
     @property
     def name(self) -> tuple[str, str, float]:
         """What tells a group from all others."""
-        return (*self.key, self.term.variant)
+        return (*self.key, 0.0 if self.term is None else self.term.variant)
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,14 @@ class Products:
 class Compressed:
     """All groups about a fit; ``slight`` (size, d) is what errors of workmanship 1 do."""
 
-    def __init__(self, fitter: Fitter, fit: Fit, prior: Prior, found: Mapping[Term, Sensitivity]) -> None:
+    def __init__(
+        self,
+        fitter: Fitter,
+        fit: Fit,
+        prior: Prior,
+        found: Mapping[Term, Sensitivity],
+        unknown: Sequence[Nameless] = (),
+    ) -> None:
         self.fit, self.prior, self.data = fit, prior, fitter.data
         self.groups: list[Group] = []
         self._columns: list[np.ndarray] = []
@@ -77,6 +86,8 @@ class Compressed:
         for term, sensitivity in found.items():
             if term not in own:
                 slight += self._added(term, sensitivity)
+        for place in unknown:
+            self._without_name(place, prior.nameless(len(unknown)))
         # a forecast is as far off as the fit is: its rows count a little less
         self._forecast = np.ones(residual.size)
         for part in self.data.parts:
@@ -126,6 +137,18 @@ class Compressed:
         slight = effect.amounts(*place, prior.slight(term), term.variant)[: effect.sized]
         return [columns[:, : effect.sized] * slight]
 
+    def _without_name(self, place: Nameless, log_odds: float) -> None:
+        at, count = sum(c.shape[1] for c in self._columns), place.columns.shape[1]
+        self._columns.append(place.columns)
+        kept, size, positive = np.arange(at, at + count), np.ones(count), np.zeros(count, bool)
+        self.groups.append(Group(place.key, ANY, None, kept, size, log_odds, positive))
+
+    def columns(self, group: Group) -> np.ndarray:
+        """What a group does (size, k), each column over its natural size."""
+        at = np.cumsum([0, *(c.shape[1] for c in self._columns)])
+        (i,) = np.flatnonzero(at == group.at[0])[-1:]
+        return self._columns[i]
+
     def products(self, weights: np.ndarray) -> Callable[[float], Products]:
         """Of all groups, where samples count so much (size,), by the size of errors everywhere."""
         every = self._products(weights)
@@ -155,7 +178,7 @@ class Compressed:
     def coordinates(self, group: Group, coefficients: np.ndarray) -> np.ndarray:
         """Natural coordinates (n,) that belong to coefficients (k,) of a group's columns over their sizes."""
         t, amounts = group.term, coefficients * group.size
-        if group.fitted:
+        if t is None or group.fitted:
             return amounts
         return t.effect.from_amounts(self.prior.rig, t.where, amounts, t.variant)
 

@@ -11,10 +11,12 @@ from scipy.special import logsumexp
 
 from compare.diagnose.fit import Fit, Fitter
 from compare.diagnose.noise import CLOSED, rms, sample_weights
-from compare.diagnose.posterior.compress import Compressed, Group
+from compare.diagnose.posterior.compress import Compressed
+from compare.diagnose.posterior.nameless import Nameless, nameless
 from compare.diagnose.posterior.prior import WIDTH_ODDS, WIDTHS, WORKMANSHIP, WORKMANSHIP_ODDS, Prior
 from compare.diagnose.posterior.sets import Set, Sets
-from compare.diagnose.predict import Term
+from compare.diagnose.predict import Model, Term
+from compare.diagnose.propose.scene import Scene
 from compare.diagnose.residuals import Data
 from compare.diagnose.sensitivities import Sensitivity, sensitivities
 
@@ -34,11 +36,12 @@ Names = frozenset[Name]
 @dataclass(frozen=True)
 class Weighed:
     """A set of effects fitted in full, with the sizes that its values were expected to have, and its log probability up
-    to a constant.
+    to a constant; what its unknown may do (size, k) is part of the noise.
     """
 
     names: Names
     fit: Fit
+    unknown: np.ndarray = field(repr=False)
     sizes: Mapping[Term, np.ndarray] = field(repr=False)
     log: float
 
@@ -53,10 +56,12 @@ class Posterior:
 
     ``best`` is the most probable set, fitted in ``fitter``'s data, of which samples count by their ``weights``, and to
     whose noise errors everywhere of the size ``workmanship`` belong; ``judged`` is its fit where samples count alike.
-    ``sets`` are the probabilities of sets.
+    ``sets`` are the probabilities of sets.  An ``unknown`` at a place may belong to the best: what it may do is in the
+    noise of its fit, not of ``judged``.
     """
 
     best: Fit
+    unknown: Key | None
     fitter: Fitter
     judged: Fit
     sets: Mapping[Keys, float]
@@ -67,7 +72,7 @@ class Posterior:
     @property
     def keys(self) -> Keys:
         """The most probable set."""
-        return keys_of(self.best)
+        return keys_of(self.best) | ({self.unknown} if self.unknown else set())
 
     def probability(self, key: Key) -> float:
         """Of an effect at a place."""
@@ -118,6 +123,7 @@ class Inference:
         self.signatures: dict[Term, Sensitivity] = dict(known or {})
         self.found: dict[Term, Sensitivity] = self._seen(self.signatures)
         self.surveyed: Fit | None = base if known else None
+        self.unknown: Sequence[Nameless] | None = None
         self.weighed: dict[Names, Weighed] = {}
         self.workmanship = 0.0
         self.weights = np.ones(fitter.data.size)
@@ -144,10 +150,10 @@ class Inference:
                 break
             best = max(self.weighed.values(), key=lambda w: w.log)
             stable = best.names == names and not new
-            fit, names = self._in_plain(best.fit), best.names
+            fit, names = self._in_plain(best), best.names
             if stable or (k >= PLAIN and not thorough):
                 # what the best set leaves counts as noise, as large and as slow as it is, and sets are looked at again
-                left = self._noise(compressed, self.workmanship).seen_beside(fit.residual)
+                left = self._noise(compressed, self.workmanship, unknown=best.unknown).seen_beside(fit.residual)
                 if not self._counted(compressed, sample_weights(self.plain.data, left)) and thorough:
                     break
                 thorough = True
@@ -169,9 +175,21 @@ class Inference:
             new = sensitivities(self.bare, bare, about)
             self.signatures = new if free else {**self.signatures, **new}
             self.found = self._seen(new) if free else {**self.found, **self._seen(new)}
-            self.surveyed = fit
+            self.surveyed, self.unknown = fit, None
+        if self.unknown is None:
+            self.unknown = self._nameless(fit)
         known = {t: s for t, s in self.found.items() if t not in fit.terms}
-        return Compressed(self.plain, fit, self.prior, known)
+        return Compressed(self.plain, fit, self.prior, known, self.unknown)
+
+    def _nameless(self, fit: Fit) -> list[Nameless]:
+        """Unknowns beside what a fit names, as these data have them; none where the nominal model leaves no gap."""
+        model, data = self.plain.model, self.plain.data
+        if rms(self.base.residual) <= CLOSED or not isinstance(model, Model):
+            return []
+        if any(run.drive == "free" for run in data.measured.runs):
+            return []  # TODO
+        scene = Scene.of(model, self.bare, fit)
+        return [replace(u, columns=data.columns(u.columns)) for u in nameless(scene)] if scene else []
 
     def _seen(self, signatures: Mapping[Term, Sensitivity]) -> dict[Term, Sensitivity]:
         """Signatures as these data have them."""
@@ -198,7 +216,18 @@ class Inference:
             layers = {each: sets for each, sets in layers.items() if sets.top + self._odds[each] > least}
             for sets in layers.values():
                 sets.survey(sets.climb(sets.best()[0], thorough=True))
+        self._climb_named(layers[size])
         return layers
+
+    def _climb_named(self, sets: Sets) -> None:
+        """Where an unknown is in the best set, look at sets without too: an effect that leaps or is far from linear may
+        explain in full what a linear problem gives to an unknown.
+        """
+        if sets.named(sets.best()[0]):
+            return
+        sets.named_only = True
+        sets.climb(max((s for s in sets.best(named=True)), key=sets.score, default=()), thorough=False)
+        sets.named_only = False
 
     def _climbed(self, compressed: Compressed, every: Sequence[float], start: Set) -> tuple[dict[float, Sets], float]:
         """Sets looked at for each of these sizes of errors everywhere, and the size with the most probable one."""
@@ -224,10 +253,20 @@ class Inference:
         data = self._noise(compressed, self.workmanship, self.weights)
         self.fitter, self.weighed = Fitter(self.plain.model, data, self.plain.rig, self.plain.bounds), {}
 
-    def _noise(self, compressed: Compressed, workmanship: float, weights: np.ndarray | None = None) -> Data:
-        """The data, with errors everywhere of this size in their noise, and samples that count so much."""
+    def _noise(
+        self,
+        compressed: Compressed,
+        workmanship: float,
+        weights: np.ndarray | None = None,
+        unknown: np.ndarray | None = None,
+    ) -> Data:
+        """The data, with errors everywhere of this size and what an unknown may do (size, k) in their noise, and
+        samples that count so much.
+        """
         data = self.plain.data if weights is None else self.plain.data.weighed(weights)
-        return data.beside(data.seen_beside(compressed.slight * workmanship)) if workmanship else data
+        errors = [compressed.slight * workmanship] if workmanship else []
+        errors += [unknown] if unknown is not None and unknown.size else []
+        return data.beside(data.seen_beside(np.column_stack(errors))) if errors else data
 
     def _candidates(self, sets: Sets, compressed: Compressed) -> list[Set]:
         """The best sets, which are to be fitted in full, beside the empty one, of which a linear problem about another
@@ -236,8 +275,9 @@ class Inference:
         sets.score(())
         best = sets.best(FITTED)
         chosen = [*(s for s in best if sets.known[s] > sets.known[best[0]] - WITHIN), ()]
+        chosen += [] if sets.named(best[0]) else sets.best(FITTED, named=True)
         if rms(self.base.residual) > CLOSED and len(self.weighed) == 0:
-            leaping = [i for i, g in enumerate(compressed.groups) if g.term.effect.leaps]
+            leaping = [i for i, g in enumerate(compressed.groups) if g.term is not None and g.term.effect.leaps]
             for i in leaping:
                 alone = (i,)
                 sets.score(alone)
@@ -260,26 +300,39 @@ class Inference:
         now = dict(zip(about.terms, about.x, strict=True))
         always = {t: now[t] for t in self.base.terms}
         starts, sizes = dict(always), {t: np.full(len(x), np.inf) for t, x in always.items()}
+        unknown = np.zeros((self.plain.data.size, 0))
         for i, group in zip(chosen, groups, strict=True):
+            width = float(WIDTHS[widths[i]])
+            if group.term is None:
+                unknown = compressed.columns(group) * width
+                continue
             starts[group.term] = compressed.coordinates(group, coefficients[i])
-            sizes[group.term] = self._size(group, float(WIDTHS[widths[i]]))
+            sizes[group.term] = self._size(group.term, width)
         tried: list[Mapping[Term, np.ndarray]] = [starts]
         tried += [starts | {t: now.get(t, np.zeros(len(x))) for t, x in starts.items()}]
         other = {t: x for t in starts if (x := t.effect.other_start(self.plain.rig, t.where, starts[t])) is not None}
         tried += [starts | other] if other else []
         tried += [starts | dict(zip(self.base.terms, self.base.x, strict=True))] if always else []
-        fit = self.fitter.likeliest(sizes, tried)
+        fitter = self._fitter(compressed, unknown)
+        fit = fitter.likeliest(sizes, tried)
         if fit is None:
             return
         names = self._named(compressed, chosen)
         log = sum(g.log_odds for g in groups) + sum(WIDTH_ODDS[widths[i]] for i in chosen)
         log += 0.0 if chosen else Prior.nothing(np.array([g.log_odds for g in compressed.groups]))
-        log += self._evidence(fit, sizes)
-        self.weighed[names] = Weighed(names, fit, sizes, log)
+        log += self._evidence(fit, sizes) - (fitter.data.log_volume - self.fitter.data.log_volume) / 2
+        self.weighed[names] = Weighed(names, fit, unknown, sizes, log)
 
-    def _size(self, group: Group, width: float) -> np.ndarray:
-        """Size (n,) of each natural coordinate of a group's term at a width; how or where it is does not go with it."""
-        size, kept = self.prior.size(group.term), group.term.effect.sized
+    def _fitter(self, compressed: Compressed, unknown: np.ndarray) -> Fitter:
+        """Fits beside what an unknown may do (size, k)."""
+        if not unknown.size:
+            return self.fitter
+        data = self._noise(compressed, self.workmanship, self.weights, unknown)
+        return Fitter(self.plain.model, data, self.plain.rig, self.plain.bounds)
+
+    def _size(self, term: Term, width: float) -> np.ndarray:
+        """Size (n,) of each natural coordinate of a term at a width; how or where it is does not go with it."""
+        size, kept = self.prior.size(term), term.effect.sized
         size[:kept] *= width
         return size
 
@@ -295,9 +348,10 @@ class Inference:
         scaled = np.column_stack(parts)
         return log - float(np.linalg.slogdet(np.eye(scaled.shape[1]) + scaled.T @ scaled)[1]) / 2
 
-    def _in_plain(self, fit: Fit) -> Fit:
-        """A fit with errors everywhere left out of the noise."""
-        if self.fitter is self.plain:
+    def _in_plain(self, best: Weighed) -> Fit:
+        """A fit with errors everywhere and an unknown left out of the noise."""
+        fit = best.fit
+        if self.fitter is self.plain and not best.unknown.size:
             return fit
         return self.plain.at(fit.terms, dict(zip(fit.terms, fit.x, strict=True))) or fit
 
@@ -309,16 +363,19 @@ class Inference:
 
         def right(weighed: Weighed) -> float:
             """How many more of its effects are there than not, as far as one can expect."""
-            there = keys_of(weighed.fit)
+            there = frozenset((name, where) for name, where, _ in weighed.names)
             return sum(share * (2 * len(keys & there) - len(there)) for keys, share in sets.items())
 
         best = max((w for w in self.weighed.values() if w.log > best.log - EVEN), key=right)
         x = dict(zip(best.fit.terms, best.fit.x, strict=True))
-        best = replace(best, fit=self.fitter.likeliest(best.sizes, [x], rough=0.0) or best.fit)
+        fitter = self._fitter(compressed, best.unknown)
+        best = replace(best, fit=fitter.likeliest(best.sizes, [x], rough=0.0) or best.fit)
         x = dict(zip(best.fit.terms, best.fit.x, strict=True))
         judge = Fitter(self.plain.model, self._noise(compressed, self.workmanship), self.plain.rig, self.plain.bounds)
         judged = judge.at(best.fit.terms, x) or best.fit
-        return Posterior(best.fit, self.fitter, judged, sets, self.workmanship, self.weights, self.signatures)
+        named = {t.key for t in best.fit.terms}
+        unknown = next(((name, where) for name, where, _ in best.names if (name, where) not in named), None)
+        return Posterior(best.fit, unknown, fitter, judged, sets, self.workmanship, self.weights, self.signatures)
 
     def _probabilities(self, compressed: Compressed, layers: Mapping[float, Sets], best: Weighed) -> dict[Keys, float]:
         """Of every set that was looked at: by the linear problem, and of those that were fitted in full as they then

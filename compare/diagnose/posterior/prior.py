@@ -21,6 +21,7 @@ EXPECTED = {
     False: 1.0,
 }  # faults of sensors, effects of the rig: zeros and gains are off more often than links
 MOST = 6  # effects of the rig at once: of one that is expected, seven or more are there once in 10,000 times
+NAMELESS = 0.1  # unknowns at a place: on one rig of ten something is at work that no effect describes
 NOTHING = 0.5  # probability that the model is right, and nothing is missing
 EACH_RUN = 0.3  # of a sensor's faults of one value, that one of several, one a run, is as likely as
 RICHER = 0.1  # of its simple form: a law with further parameters
@@ -111,6 +112,12 @@ class Prior:
         odds += math.log(EACH_RUN if in_each_run(term.effect, term.variant) else 1 / max(self.variants[term.key], 1))
         odds += math.log(RICHER) if term in self.simple_of else 0.0
         return odds + (math.log(SCATTERING) if term.effect.scatters else 0.0)
+
+    @staticmethod
+    def nameless(places: int) -> float:
+        """Log odds of an unknown at one of so many places."""
+        share = NAMELESS / places
+        return math.log(share / (1 - share))
 
     @staticmethod
     def nothing(log_odds: np.ndarray) -> float:

@@ -57,7 +57,9 @@ class Sets:
         self._log_odds = np.array([g.log_odds for g in groups])
         self._nothing = Prior.nothing(self._log_odds)
         families = {family: k for k, family in enumerate({g.family for g in groups})}
-        self._of_rig = np.array([not g.term.effect.sensor for g in groups], bool)
+        self._of_rig = np.array([g.term is None or not g.term.effect.sensor for g in groups], bool)
+        self._nameless = np.array([g.term is None for g in groups], bool)
+        self.named_only = False  # whether sets with an unknown are passed over
         self._families = np.array([families[g.family] for g in groups], int)
         by_count: dict[int, list[int]] = {}
         for i, group in enumerate(groups):
@@ -169,6 +171,8 @@ class Sets:
         log[np.isin(self._families, self._families[list(chosen)])] = -np.inf
         if self._of_rig[list(chosen)].sum() >= MOST:
             log[self._of_rig] = -np.inf
+        if self.named_only:
+            log[self._nameless] = -np.inf
         for i in np.flatnonzero(log > self.top - WORTH):
             self.known.setdefault(with_group(chosen, int(i)), float(log[i]))
         return log, width
@@ -240,9 +244,14 @@ class Sets:
             for each, other in self.neighbours(chosen, 3, 6):
                 heapq.heappush(heap, (-each, other))
 
-    def best(self, most: int = 1) -> list[Set]:
-        """The most probable sets that were taken in full."""
-        return sorted(self.widths, key=lambda chosen: -self.known[chosen])[:most]
+    def named(self, chosen: Set) -> bool:
+        """Whether nothing of a set is an unknown."""
+        return not self._nameless[list(chosen)].any()
+
+    def best(self, most: int = 1, named: bool = False) -> list[Set]:
+        """The most probable sets that were taken in full, of all or of those without an unknown."""
+        taken = [chosen for chosen in self.widths if self.named(chosen)] if named else list(self.widths)
+        return sorted(taken, key=lambda chosen: -self.known[chosen])[:most]
 
 
 def summed(logs: np.ndarray) -> np.ndarray:

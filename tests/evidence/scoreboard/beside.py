@@ -36,12 +36,13 @@ class Told:
     of: int
     false: tuple[str, ...]
     named: dict[str, float]
+    unknown: str
     seconds: float
 
     def __str__(self) -> str:
         named = ", ".join(f"{label} {share:.2f}" for label, share in self.named.items()) or "nothing"
         false = f"; false: {', '.join(self.false)}" if self.false else ""
-        return f"{self.found} of {self.of} in {self.seconds:.1f} s: {named}{false}"
+        return f"{self.found} of {self.of} in {self.seconds:.1f} s: {named}{self.unknown}{false}"
 
 
 def posterior_of(data: Path, truth: Truth) -> Posterior:
@@ -70,12 +71,14 @@ def told(data: Path, truth: Truth) -> Told:
     tied = {key: {other for other, share in each.items() if share >= CREDIBLE} for key, each in shares.items()}
     named = {key for key in found.keys if not nothing and found.probability(key) + sum(shares[key].values()) >= LIKELY}
     said = named.union(*(tied[key] for key in named))
+    named.discard(found.unknown or ("", ""))
     false = [key for key in named if not of_sensor(key[0]) and not ({key} | tied[key]) & (true | slight)]
     return Told(
         len(true & said),
         len(true),
         tuple("@".join(key) for key in false),
         {"@".join(key): found.probability(key) for key in sorted(named)},
+        f" and {'@'.join(found.unknown)} {found.probability(found.unknown):.2f}" if found.unknown else "",
         time.process_time() - began,
     )
 
