@@ -23,13 +23,15 @@ from compare.diagnose.fit import Fit, Fitter
 from compare.diagnose.inverse import beginnings
 from compare.diagnose.locate import Stretch, locate, rms_difference, spread
 from compare.diagnose.noise import CLOSED, rms
+from compare.diagnose.posterior.infer import Inference, Posterior
 from compare.diagnose.predict import SLOW, Model, Term, altered
 from compare.diagnose.rattle.contact import lawless
 from compare.diagnose.rattle.statistics import ALIKE
 from compare.diagnose.residuals import Data
 from compare.diagnose.search import Search, costs
-from compare.diagnose.sensitivities import candidates, sensitivities
+from compare.diagnose.sensitivities import Sensitivity, candidates, sensitivities
 from compare.diagnose.simulate import Simulated
+from compare.diagnose.verdict import explained
 from compare.progress import Progress
 from compare.quantities import amount
 from compare.report.words.measured import NOISE
@@ -57,7 +59,8 @@ class Options:
 
     ``simulator`` is the chosen engine; ``only`` and ``exclude`` are ``effect`` or ``effect@where``; ``own`` are effects
     beside the vocabulary; with ``others`` every installed engine simulates too, in as many processes as ``workers``.
-    The search ends ``budget`` seconds after it ``began`` (None: when it is done), with the best so far.
+    ``posterior`` decides by probabilities of sets of effects, which are to take the place of the search.  The search
+    ends ``budget`` seconds after it ``began`` (None: when it is done), with the best so far.
     """
 
     simulator: str
@@ -68,6 +71,7 @@ class Options:
     workers: int | None = None
     progress: Progress = silent
     budget: float | None = None
+    posterior: bool = False
     began: float = field(default_factory=time.monotonic)
 
     def late(self) -> bool:
@@ -137,6 +141,7 @@ class Problem:
     notes: list[str] = field(default_factory=list)
     nominal: Callable[[], dict[str, Simulated]] = dict  # what the other engines say of the nominal mechanism
     search: Search | None = None
+    inference: Posterior | None = None
     complete: bool = True  # whether the search ended by itself, not by its budget
     remembered: list[tuple[list[tuple[Term, dict[str, float]]], Simulated]] = field(default_factory=list)
 
@@ -174,6 +179,36 @@ class Problem:
     def simulator(self) -> str:
         """The chosen engine."""
         return self.options.simulator
+
+    @property
+    def signatures(self) -> Mapping[Term, Sensitivity]:
+        """How these data's residual answers to each effect that they can see."""
+        if self.inference is None:
+            assert self.search is not None
+            return self.search.sensitivities
+        data = self.judged
+        return {
+            t: Sensitivity(t, data.columns(s.offset), data.columns(s.columns))
+            for t, s in self.inference.signatures.items()
+        }
+
+    @property
+    def judged(self) -> Data:
+        """The data by which a gap is closed: errors that careful work leaves on every rig belong to their noise."""
+        return self.data if self.inference is None else self.data.beside(self.inference.errors)
+
+    @property
+    def noise_floor(self) -> float:
+        """What noise and errors that careful work leaves on every rig make of a gap (rms), over the noise."""
+        errors = 0.0 if self.inference is None else float(np.sum(self.inference.errors**2))
+        return math.sqrt(1 + errors / self.data.size)
+
+    @property
+    def sought_in(self) -> Fitter | None:
+        """Fits in the data in which effects were looked for; None before."""
+        if self.inference is not None:
+            return self.inference.plain
+        return None if self.search is None else self.search.fitter
 
     @property
     def sought(self) -> list[Term]:
@@ -279,6 +314,8 @@ class Problem:
         if self.overstated:
             self.complete = not self.options.late()
             return self.quiet()
+        if self.options.posterior:
+            return self.inferred()
         fit = self.best_fit(self.data)
         for _ in range(RECOLOURED):
             if self.options.late() or not self.coloured(fit):
@@ -310,6 +347,33 @@ class Problem:
         found = explain(self.search, fit)
         self.complete = not self.options.late()  # late, it does not look for ties either
         return found
+
+    def inferred(self) -> Explanation:
+        """What the data say sample by sample, by the posterior over sets of effects."""
+        found = self.posterior(self.data)
+        for _ in range(RECOLOURED):
+            if self.options.late() or not self.coloured(found.judged):
+                break
+            found = self.posterior(self.data, found)
+        shift = np.zeros(self.data.size)
+        for _ in range(REFITS):
+            difference = None if self.options.late() else self.difference(found.judged)
+            if difference is None or self.largest_rms(difference - shift) < EQUIVALENT:
+                break
+            shift = difference
+            found = self.posterior(self.data.shifted(difference), found)
+        self.note_colours()
+        self.inference = found
+        self.complete = not self.options.late()
+        return explained(found, self.base, self.options.late)
+
+    def posterior(self, data: Data, before: Posterior | None = None) -> Posterior:
+        """The posterior over sets of effects in these data, from the best of another one."""
+        fitter = Fitter(self.model_of(data), data, self.rig, self.fitter.bounds)
+        base = fitter.at(self.base.terms, dict(zip(self.base.terms, self.base.x, strict=True))) or self.base
+        known = None if before is None else before.signatures
+        inference = Inference(fitter, base, self.sought, self.options.late, known)
+        return inference.posterior([] if before is None else [before.best.fit])
 
     def coloured(self, fit: Fit) -> bool:
         """Whether what a fit leaves is noise that is not white, of colours that were not known; from then on they
@@ -476,7 +540,7 @@ class Problem:
                 hypothesis = fit.values(self.rig)
         readings = chosen["after"].readings
         enough = CLOSED if explanation.statistics is None else ALIKE
-        closed = readings is not None and self.gap(explanation, readings) <= enough
+        closed = readings is not None and self.gap(explanation, readings, self.judged) <= enough
         if explanation.verdict in ("explained", "ambiguous") and not closed:
             explanation = replace(explanation, verdict="partly explained")
         if self.engines[1:]:
@@ -494,12 +558,14 @@ class Problem:
             explanation, explained, before, after, agreement, self.agreement(before[self.simulator], begin), stretches
         )
 
-    def gap(self, explanation: Explanation, readings: Sequence[Mapping[str, np.ndarray]]) -> float:
+    def gap(
+        self, explanation: Explanation, readings: Sequence[Mapping[str, np.ndarray]], data: Data | None = None
+    ) -> float:
         """How far readings are from the measured ones: sample by sample over the noise (rms), or where the rig rattles
         in their statistics.
         """
         by = explanation.statistics
-        return rms(self.data.residual(readings)) if by is None else by.gap(readings)
+        return rms((data or self.data).residual(readings)) if by is None else by.gap(readings)
 
     def withdrawn(self, explanation: Explanation, before: float, after: float) -> Explanation:
         """An explanation whose effects make the simulated gap larger: nothing is named, and what was tried is told."""

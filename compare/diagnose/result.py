@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import platform
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise, zip_longest
 from typing import TYPE_CHECKING
 
@@ -31,6 +32,7 @@ from compare.results.diagnosis import (
     DiagnosedRun,
     Diagnosis,
     Effect,
+    EffectSet,
     Elsewhere,
     EngineGaps,
     Estimate,
@@ -51,13 +53,12 @@ if TYPE_CHECKING:
     from compare.diagnose.locate import Stretch
     from compare.diagnose.problem import Problem, Verified
     from compare.diagnose.residuals import Part
-    from compare.diagnose.search import Search
-    from compare.diagnose.sensitivities import Screen
     from compare.diagnose.simulate import Simulated
     from compare.diagnose.validation import Validated, Validation
 
 INSEPARABLE = 0.999  # cosine between two sensitivities
 LISTED = 40  # pairs
+SETS = 20  # of effects that are listed
 
 
 def as_document(
@@ -102,6 +103,7 @@ def as_document(
         mechanism=problem.measured.mechanism,
         explained=found.explained,
         steps=(),
+        sets=_sets(e),
         notes=(*problem.notes, *([words.CRANK_LANDS.format(count(landed, "sample"))] if landed else [])),
         assumed=(*assumed(problem.measured.mechanism), *problem.measured.assumed),
         complete=problem.complete,
@@ -110,6 +112,17 @@ def as_document(
     told = {"statement": words.statement(result, e, failure) + cut, "candidates": _candidates(problem, found, result)}
     result = result.model_copy(update=told)
     return result.model_copy(update={"steps": words.steps(result, e, found.agreement_before, problem.notes)})
+
+
+def _sets(e: Explanation) -> tuple[EffectSet, ...]:
+    """The most probable sets of effects, and how probable all others are together."""
+    ranked = sorted(e.sets.items(), key=lambda item: -item[1])[:SETS]
+    told = [
+        EffectSet(effects=tuple(sorted(f"{name}@{where}" for name, where in keys)), probability=share)
+        for keys, share in ranked
+    ]
+    rest = 1.0 - sum(share for _, share in ranked)
+    return (*told, EffectSet(effects=("rest",), probability=max(rest, 0.0))) if told else ()
 
 
 def _still_faults(problem: Problem, e: Explanation) -> list[RecordedFault]:
@@ -154,7 +167,7 @@ def _closing(
     return Closing(
         before=gap[0],
         after=gap[1],
-        noise_floor=1.0,
+        noise_floor=problem.noise_floor,
         explained=min((gap[0] ** 2 - gap[1] ** 2) / excess, 1.0) if excess > 0 else None,
         by_signal={
             name: _by_signal(
@@ -254,6 +267,7 @@ def _effect(problem: Problem, e: Explanation, n: Named, noise: dict[tuple[str, s
         kind=_kind(n.term),
         share=n.share,
         evidence=e.statistics.says() if e.statistics is not None else "",
+        probability=n.probability,
     )
 
 
@@ -266,18 +280,15 @@ def _separating(problem: Problem, e: Explanation, n: Named, noise: dict[tuple[st
 
 def _candidates(problem: Problem, found: Verified, result: Diagnosis) -> tuple[ConsideredEffect, ...]:
     """Every effect that was considered, what the data thought of it, and why it was not named."""
-    search, e = problem.search, found.explanation
-    assert search is not None
-    screen = search.screen(search.base)
+    e = found.explanation
     chosen = {n.term.key: n for n in e.named}
     tied = {t.key: n for n in e.named for t, _ in n.ties}
     failed = {a.term.key: a.failed for a in e.attempts}
     nearest = _nearest(problem, e.fit, [n.term for n in e.named])
-    best: dict[tuple[str, str], tuple[float, Term]] = {}
-    for i, term in enumerate(screen.terms):
-        gain = screen.gain([i])[0]
-        if term.key not in best or gain > best[term.key][0]:
-            best[term.key] = gain, term
+    best: dict[tuple[str, str], Alone] = {}
+    for each in alone(problem, e.base):
+        if each.term.key not in best or each.gain > best[each.term.key].gain:
+            best[each.term.key] = each
     rows: dict[tuple[str, str], ConsideredEffect] = {}
     for term in problem.terms:
         if term.key in rows:
@@ -289,17 +300,17 @@ def _candidates(problem: Problem, found: Verified, result: Diagnosis) -> tuple[C
         elif term.key not in best:
             status, why = _unseen(result, chosen.get(term.key))
         else:
-            gain, shown = best[term.key]
-            sigmas = math.sqrt(max(gain, 0.0))
+            shown = best[term.key]
+            sigmas = math.sqrt(max(shown.gain, 0.0))
             if term.key in chosen:
                 rival, remaining = nearest[chosen[term.key].term]
                 status, why = "named", words.named(result, chosen[term.key])
             elif term.key in tied:
                 status, why = "tied", words.why_tied(result, tied[term.key])
-            elif _unphysical(screen, shown, problem):
+            elif _unphysical(shown, problem):
                 status, why = "not physical", words.WRONG_SIGN
             else:
-                status, why = "not needed", failed.get(term.key) or _not_needed(search, e, shown, sigmas)
+                status, why = "not needed", failed.get(term.key) or _not_needed(problem, e, shown.term, sigmas)
         rows[term.key] = ConsideredEffect(
             name=term.effect.name,
             where=term.where,
@@ -319,10 +330,13 @@ def _unseen(result: Diagnosis, n: Named | None) -> tuple[CandidateStatus, str]:
     return "invisible", words.NOT_SHOWN
 
 
-def _not_needed(search: Search, e: Explanation, term: Term, sigmas: float) -> str:
+def _not_needed(problem: Problem, e: Explanation, term: Term, sigmas: float) -> str:
     """Why an effect that would take so many sigmas alone is not named, where no attempt says it."""
-    left = beside(e, search.sensitivities[term].columns) if term in search.sensitivities else 0.0
-    luck, candidates = math.sqrt(search.cost[term]), len({t.key for t in search.cost})
+    if problem.search is None:
+        return words.improbable(sigmas, sum(share for keys, share in e.sets.items() if term.key in keys))
+    left = beside(e, problem.signatures[term].columns) if term in problem.signatures else 0.0
+    cost = problem.search.cost
+    luck, candidates = math.sqrt(cost[term]), len({t.key for t in cost})
     return words.not_needed(sigmas, luck, candidates, math.sqrt(e.base.chi2), left if e.named else None)
 
 
@@ -337,19 +351,38 @@ def beside(e: Explanation, columns: np.ndarray) -> float:
     return math.sqrt(max(float(left @ left) - float(np.sum(without_columns(left, more) ** 2)), 0.0))
 
 
-def _unphysical(screen: Screen, term: Term, problem: Problem) -> bool:
+@dataclass(frozen=True)
+class Alone:
+    """An effect alone: the decrease of chi^2 that it would bring to first order, and its natural coordinates (n,)."""
+
+    term: Term
+    gain: float
+    x: np.ndarray
+
+
+def alone(problem: Problem, base: Fit) -> list[Alone]:
+    """Every effect that the data can see, alone beside the nominal mechanism."""
+    basis = np.linalg.qr(base.jacobian)[0]
+    found = []
+    for term, s in problem.signatures.items():
+        columns, residual = (v - basis @ (basis.T @ v) for v in (s.columns, base.residual + s.offset))
+        coefficients = -np.linalg.lstsq(columns, residual, rcond=1e-10)[0]
+        left = residual + columns @ coefficients
+        found.append(Alone(term, base.chi2 - float(left @ left), s.start(problem.rig, coefficients)))
+    return found
+
+
+def _unphysical(shown: Alone, problem: Problem) -> bool:
     """Whether the data want a value beyond the physical."""
-    start = screen.starts([screen.terms.index(term)])[term]
-    low, _ = problem.fitter.bounds(term)
-    return start.size == low.size and bool(np.any(start < low - 1e-12 * np.abs(low)))
+    low, _ = problem.fitter.bounds(shown.term)
+    return shown.x.size == low.size and bool(np.any(shown.x < low - 1e-12 * np.abs(low)))
 
 
 def _nearest(problem: Problem, fit: Fit, named: Sequence[Term]) -> dict[Term, tuple[str | None, float]]:
     """By named effect the rival that resembles it most, and the sigmas of its signature that remain beside that
     rival.
     """
-    assert problem.search is not None
-    rivals = {t: s.columns for t, s in problem.search.sensitivities.items() if t not in fit.terms}
+    rivals = {t: s.columns for t, s in problem.signatures.items() if t not in fit.terms}
     columns = np.column_stack([fit.jacobian, *rivals.values()])
     norm = np.linalg.norm(columns, axis=0)
     norm[norm == 0] = 1.0
@@ -380,10 +413,7 @@ def _nearest(problem: Problem, fit: Fit, named: Sequence[Term]) -> dict[Term, tu
 
 def _inseparable(problem: Problem) -> tuple[tuple[str, str, float], ...]:
     """Pairs of one-parameter effects whose sensitivities are the same on these data."""
-    assert problem.search is not None
-    single = {
-        t: s.columns[:, 0] for t, s in problem.search.sensitivities.items() if s.columns.shape[1] == 1 and not t.variant
-    }
+    single = {t: s.columns[:, 0] for t, s in problem.signatures.items() if s.columns.shape[1] == 1 and not t.variant}
     terms = list(single)
     if not terms:
         return ()

@@ -137,11 +137,11 @@ def proposed(problem: Problem, found: Verified) -> Proposal | None:
     """
     e = found.explanation
     if (
-        problem.options.late() or problem.search is None or not problem.mechanism.cranked
+        problem.options.late() or problem.sought_in is None or not problem.mechanism.cranked
     ):  # its laws are of a crank's angle
         return None
     if e.statistics is not None:  # nothing can be solved for sample by sample
         return None
     if e.verdict in ("unexplained", "partly explained"):
-        return proposal(problem.model, problem.search.fitter, e.fit)
-    return simpler(problem.model, problem.search.fitter, e.fit) if len(e.named) >= MANY else None
+        return proposal(problem.model, problem.sought_in, e.fit)
+    return simpler(problem.model, problem.sought_in, e.fit) if len(e.named) >= MANY else None

@@ -120,9 +120,24 @@ class Effect(EffectPlace):
         ),
     ] = ""
 
+    probability: Annotated[
+        Amount,
+        Field(description="That it is there, summed over the sets of effects that have it; null where none were."),
+    ] = None
+
     def __repr__(self) -> str:
         values = ", ".join(f"{name} {p.value:.4g} {p.unit}" for name, p in self.parameters.items())
         return f"Effect({self.key}: {values})"
+
+
+class EffectSet(Part):
+    """A set of effects that may be what is missing."""
+
+    effects: Annotated[
+        tuple[str, ...],
+        Field(description="name@where; none where nothing is missing; rest: all sets that are not listed."),
+    ]
+    probability: Annotated[FiniteFloat, Field(ge=0, le=1.000001)]
 
 
 class TriedEffect(EffectPlace):
@@ -385,6 +400,9 @@ class Diagnosis(Document):
     explained: Annotated[Mechanism, Field(description="The linkage with the named effects.")]
     steps: Annotated[tuple[Step, ...], Field(description="How the verdict was come to, in order.")]
     notes: Annotated[tuple[str, ...], Field(description="What was assumed, and found of the noise, in sentences.")] = ()
+    sets: Annotated[
+        tuple[EffectSet, ...], Field(description="Sets of effects that may be what is missing, the likeliest first.")
+    ] = ()
     assumed: Filled = ()
     complete: Annotated[bool, Field(description="false: the budget ended the search, and this is the best so far.")] = (
         True

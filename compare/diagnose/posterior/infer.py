@@ -13,7 +13,7 @@ from compare.diagnose.fit import Fit, Fitter
 from compare.diagnose.noise import CLOSED, rms, sample_weights
 from compare.diagnose.posterior.compress import Compressed
 from compare.diagnose.posterior.nameless import Nameless, nameless
-from compare.diagnose.posterior.prior import WIDTH_ODDS, WIDTHS, WORKMANSHIP, WORKMANSHIP_ODDS, Prior
+from compare.diagnose.posterior.prior import CREDIBLE, WIDTH_ODDS, WIDTHS, WORKMANSHIP, WORKMANSHIP_ODDS, Prior
 from compare.diagnose.posterior.sets import Set, Sets
 from compare.diagnose.predict import Model, Term
 from compare.diagnose.propose.scene import Scene
@@ -23,6 +23,7 @@ from compare.diagnose.sensitivities import Sensitivity, sensitivities
 ROUNDS = 12  # linear problems
 PLAIN = 2  # of them, after which what is left counts as noise though sets still change
 FITTED = 3  # of the best sets of each, fitted in full
+RIVALS = 12  # of the last one's
 WITHIN = 8.0  # log: sets that are less probable than the best by more are not
 EVEN = 1.0  # log: of sets as probable as the best, but for this, the one is told of which most is there
 ALIKE = 0.1  # of a weight, that makes no difference
@@ -31,6 +32,8 @@ LIKELY = 12.0  # log: what is in no set that is within this of the best keeps it
 STRAYED = 0.3  # of the noise (rms), by which a fit may move before signatures are taken anew
 Name = tuple[str, str, float]  # of a group
 Names = frozenset[Name]
+Key = tuple[str, str]  # an effect's name and place
+Keys = frozenset[Key]
 
 
 @dataclass(frozen=True)
@@ -45,49 +48,56 @@ class Weighed:
     sizes: Mapping[Term, np.ndarray] = field(repr=False)
     log: float
 
+    @property
+    def keys(self) -> Keys:
+        """Its effects at their places, an unknown among them."""
+        return frozenset((name, where) for name, where, _ in self.names)
 
-Key = tuple[str, str]  # an effect's name and place
-Keys = frozenset[Key]
+    @property
+    def nameless(self) -> Key | None:
+        """Its unknown, if there is one."""
+        return next(iter(self.keys - {term.key for term in self.fit.terms}), None)
 
 
 @dataclass(frozen=True)
 class Posterior:
     """What the data make of sets of effects.
 
-    ``best`` is the most probable set, fitted in ``fitter``'s data, of which samples count by their ``weights``, and to
-    whose noise errors everywhere of the size ``workmanship`` belong; ``judged`` is its fit where samples count alike.
-    ``sets`` are the probabilities of sets.  An ``unknown`` at a place may belong to the best: what it may do is in the
-    noise of its fit, not of ``judged``.
+    ``best`` is the most probable set, fitted in ``fitter``'s data: of these, samples count by their weights, and what
+    an unknown of the set and ``errors`` (size, k) everywhere may do is in the noise.  ``judged`` is the same fit where
+    samples count alike and an unknown is no noise, in ``judge``'s data; ``plain`` has neither.  ``sets`` are the
+    probabilities of sets, ``fitted`` those that were fitted in full.
     """
 
-    best: Fit
-    unknown: Key | None
+    best: Weighed
     fitter: Fitter
     judged: Fit
+    judge: Fitter
+    plain: Fitter
     sets: Mapping[Keys, float]
-    workmanship: float
-    weights: np.ndarray = field(repr=False)
+    fitted: Sequence[Weighed]
+    errors: np.ndarray = field(repr=False)
     signatures: Mapping[Term, Sensitivity] = field(repr=False)
 
     @property
     def keys(self) -> Keys:
         """The most probable set."""
-        return keys_of(self.best) | ({self.unknown} if self.unknown else set())
+        return self.best.keys
 
     def probability(self, key: Key) -> float:
         """Of an effect at a place."""
         return min(sum(share for keys, share in self.sets.items() if key in keys), 1.0)
+
+    @property
+    def nothing(self) -> float:
+        """Probability that nothing is missing."""
+        return self.sets.get(Keys(), 0.0)
 
     def instead(self, key: Key) -> dict[Key, float]:
         """What shares the probability of an effect of the best set: how probable each other is in its place, beyond how
         probable it is beside it.
         """
         return instead(self.sets, self.keys, key)
-
-
-def keys_of(fit: Fit) -> Keys:
-    """The effects of a fit."""
-    return frozenset(fit.terms[i].key for i in fit.named())
 
 
 def instead(sets: Mapping[Keys, float], best: Keys, key: Key) -> dict[Key, float]:
@@ -359,12 +369,13 @@ class Inference:
 
     def _concluded(self, compressed: Compressed, layers: Mapping[float, Sets]) -> Posterior:
         best = max(self.weighed.values(), key=lambda w: w.log)
+        self._weigh_rivals(compressed, layers[self.workmanship], self._in_plain(best), best)
+        best = max(self.weighed.values(), key=lambda w: w.log)
         sets = self._probabilities(compressed, layers, best)
 
         def right(weighed: Weighed) -> float:
             """How many more of its effects are there than not, as far as one can expect."""
-            there = frozenset((name, where) for name, where, _ in weighed.names)
-            return sum(share * (2 * len(keys & there) - len(there)) for keys, share in sets.items())
+            return sum(share * (2 * len(keys & weighed.keys) - len(weighed.keys)) for keys, share in sets.items())
 
         best = max((w for w in self.weighed.values() if w.log > best.log - EVEN), key=right)
         x = dict(zip(best.fit.terms, best.fit.x, strict=True))
@@ -373,9 +384,17 @@ class Inference:
         x = dict(zip(best.fit.terms, best.fit.x, strict=True))
         judge = Fitter(self.plain.model, self._noise(compressed, self.workmanship), self.plain.rig, self.plain.bounds)
         judged = judge.at(best.fit.terms, x) or best.fit
-        named = {t.key for t in best.fit.terms}
-        unknown = next(((name, where) for name, where, _ in best.names if (name, where) not in named), None)
-        return Posterior(best.fit, unknown, fitter, judged, sets, self.workmanship, self.weights, self.signatures)
+        errors = compressed.slight * self.workmanship
+        fitted = list(self.weighed.values())
+        return Posterior(best, fitter, judged, judge, self.plain, sets, fitted, errors, self.signatures)
+
+    def _weigh_rivals(self, compressed: Compressed, sets: Sets, about: Fit, best: Weighed) -> None:
+        """Fit in full what would share the best set's probability, as far as the linear problem says."""
+        own = [log for chosen, log in sets.known.items() if self._named(compressed, chosen) == best.names]
+        least = max(own, default=sets.top) + math.log(CREDIBLE)
+        for chosen in [each for each in sets.best(RIVALS) if sets.known[each] > least]:
+            if self._named(compressed, chosen) not in self.weighed and not self.late():
+                self._weigh(compressed, sets, chosen, about)
 
     def _probabilities(self, compressed: Compressed, layers: Mapping[float, Sets], best: Weighed) -> dict[Keys, float]:
         """Of every set that was looked at: by the linear problem, and of those that were fitted in full as they then

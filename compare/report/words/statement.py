@@ -174,6 +174,20 @@ def not_needed(alone: float, luck: float, candidates: int, gap: float, left: flo
     return f"{text}; beside the named effects {rest} left for it"
 
 
+def improbable(alone: float, probability: float) -> str:
+    """Why an effect that would take so many sigmas ``alone`` is not named: how probable it is among all sets."""
+    return f"alone it would take {plainly(alone, 2)} {SIGMA}; that it is there has a chance of {chance(probability)}"
+
+
+def chance(probability: float) -> str:
+    """A probability as people say it: 19 in 20, 1 in 500."""
+    rare = min(probability, 1 - probability)
+    if rare < 1e-3:
+        return "more than 999 in 1000" if probability > 0.5 else "less than 1 in 1000"
+    of = round(1 / rare) if rare < 0.3 else 10
+    return f"{round(probability * of)} in {of}"
+
+
 def why_tied(result: Diagnosis, n: Named) -> str:
     """Why an effect is only tied with a named one."""
     return f"explains the data as well as {called(result, n.term.label)}"
