@@ -205,10 +205,10 @@ def test_friction_beside_a_length_is_not_a_tare_in_each_run() -> None:
         wrong("viscous_friction", "D", damping=2e-3),
     )
     assert {("link_length", "follower"), ("coulomb_friction", "D")} <= found.keys
-    assert not any(found.best.terms[i].effect.sensor for i in found.best.named())
+    assert not any(found.best.fit.terms[i].effect.sensor for i in found.best.fit.named())
     assert found.probability(("coulomb_friction", "D")) > 0.9
-    friction = next(k for k, t in enumerate(found.best.terms) if t.effect.name == "coulomb_friction")
-    assert found.best.x[friction][0] == pytest.approx(0.345, rel=0.05)
+    friction = next(k for k, t in enumerate(found.best.fit.terms) if t.effect.name == "coulomb_friction")
+    assert found.best.fit.x[friction][0] == pytest.approx(0.345, rel=0.05)
 
 
 def test_probabilities_are_of_all_sets() -> None:

@@ -23,7 +23,7 @@ from compare.diagnose.fit import Fit, Fitter
 from compare.diagnose.inverse import beginnings
 from compare.diagnose.locate import Stretch, locate, rms_difference, spread
 from compare.diagnose.noise import CLOSED, rms
-from compare.diagnose.posterior.infer import Inference, Posterior
+from compare.diagnose.posterior.infer import Inference, Posterior, seen
 from compare.diagnose.predict import SLOW, Model, Term, altered
 from compare.diagnose.rattle.contact import lawless
 from compare.diagnose.rattle.statistics import ALIKE
@@ -187,10 +187,7 @@ class Problem:
             assert self.search is not None
             return self.search.sensitivities
         data = self.judged
-        return {
-            t: Sensitivity(t, data.columns(s.offset), data.columns(s.columns))
-            for t, s in self.inference.signatures.items()
-        }
+        return {t: seen(data, s) for t, s in self.inference.surveyed.signatures.items()}
 
     @property
     def judged(self) -> Data:
@@ -371,8 +368,7 @@ class Problem:
         """The posterior over sets of effects in these data, from the best of another one."""
         fitter = Fitter(self.model_of(data), data, self.rig, self.fitter.bounds)
         base = fitter.at(self.base.terms, dict(zip(self.base.terms, self.base.x, strict=True))) or self.base
-        known = None if before is None else before.signatures
-        inference = Inference(fitter, base, self.sought, self.options.late, known)
+        inference = Inference(fitter, base, self.sought, self.options.late, before)
         return inference.posterior([] if before is None else [before.best.fit])
 
     def coloured(self, fit: Fit) -> bool:

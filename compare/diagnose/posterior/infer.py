@@ -60,6 +60,15 @@ class Weighed:
 
 
 @dataclass(frozen=True)
+class Surveyed:
+    """Signatures of all terms and unknowns, over each sample's noise alone, and the fit about which they were taken."""
+
+    about: Fit
+    signatures: Mapping[Term, Sensitivity]
+    unknown: Sequence[Nameless]
+
+
+@dataclass(frozen=True)
 class Posterior:
     """What the data make of sets of effects.
 
@@ -77,7 +86,7 @@ class Posterior:
     sets: Mapping[Keys, float]
     fitted: Sequence[Weighed]
     errors: np.ndarray = field(repr=False)
-    signatures: Mapping[Term, Sensitivity] = field(repr=False)
+    surveyed: Surveyed = field(repr=False)
 
     @property
     def keys(self) -> Keys:
@@ -98,6 +107,11 @@ class Posterior:
         probable it is beside it.
         """
         return instead(self.sets, self.keys, key)
+
+
+def seen(data: Data, signature: Sensitivity) -> Sensitivity:
+    """A signature as these data have it."""
+    return Sensitivity(signature.term, data.columns(signature.offset), data.columns(signature.columns))
 
 
 def instead(sets: Mapping[Keys, float], best: Keys, key: Key) -> dict[Key, float]:
@@ -123,17 +137,18 @@ class Inference:
         base: Fit,
         sought: Sequence[Term],
         late: Callable[[], bool] = lambda: False,
-        known: Mapping[Term, Sensitivity] | None = None,
+        before: Posterior | None = None,
     ) -> None:
         self.plain, self.fitter, self.base, self.sought = fitter, fitter, base, sought
         self.late = late
         self.prior = Prior.of(fitter.rig, fitter.bounds, sought)
         # signatures over each sample's noise alone, which stay true in other colours
         self.bare = Fitter(fitter.model, fitter.data.plain(), fitter.rig, fitter.bounds)
-        self.signatures: dict[Term, Sensitivity] = dict(known or {})
-        self.found: dict[Term, Sensitivity] = self._seen(self.signatures)
-        self.surveyed: Fit | None = base if known else None
-        self.unknown: Sequence[Nameless] | None = None
+        self.surveyed: Surveyed | None = None
+        if before is not None:
+            about = before.surveyed.about
+            there = fitter.at(about.terms, dict(zip(about.terms, about.x, strict=True)))
+            self.surveyed = None if there is None else replace(before.surveyed, about=there)
         self.weighed: dict[Names, Weighed] = {}
         self.workmanship = 0.0
         self.weights = np.ones(fitter.data.size)
@@ -175,7 +190,7 @@ class Inference:
         """The linear problem about a fit, with signatures that are taken anew if the last ones were taken far from it:
         once of all terms, then of ``likely`` ones.
         """
-        if self.surveyed is None or rms(fit.residual - self.surveyed.residual) >= STRAYED:
+        if self.surveyed is None or rms(fit.residual - self.surveyed.about.residual) >= STRAYED:
             free = len(fit.named()) < len(fit.terms)
             about = [t for t in self.sought if t not in fit.terms and not self._contradicts(t, fit)]
             about = [t for t in about if not (t.effect.scatters and rms(self.base.residual) <= CLOSED)]
@@ -183,28 +198,21 @@ class Inference:
                 about = [t for t in about if (*t.key, t.variant) in likely]
             bare = self.bare.at(fit.terms, dict(zip(fit.terms, fit.x, strict=True))) or fit
             new = sensitivities(self.bare, bare, about)
-            self.signatures = new if free else {**self.signatures, **new}
-            self.found = self._seen(new) if free else {**self.found, **self._seen(new)}
-            self.surveyed, self.unknown = fit, None
-        if self.unknown is None:
-            self.unknown = self._nameless(fit)
-        known = {t: s for t, s in self.found.items() if t not in fit.terms}
-        return Compressed(self.plain, fit, self.prior, known, self.unknown)
+            kept = {} if self.surveyed is None or free else self.surveyed.signatures
+            self.surveyed = Surveyed(fit, {**kept, **new}, self._nameless(fit))
+        data = self.plain.data
+        known = {t: seen(data, s) for t, s in self.surveyed.signatures.items() if t not in fit.terms}
+        unknown = [replace(u, columns=data.columns(u.columns)) for u in self.surveyed.unknown]
+        return Compressed(self.plain, fit, self.prior, known, unknown)
 
     def _nameless(self, fit: Fit) -> list[Nameless]:
-        """Unknowns beside what a fit names, as these data have them; none where the nominal model leaves no gap."""
-        model, data = self.plain.model, self.plain.data
-        if rms(self.base.residual) <= CLOSED or not isinstance(model, Model):
+        """Unknowns beside what a fit names; none where the nominal model leaves no gap, or runs are free."""
+        model, runs = self.plain.model, self.plain.data.measured.runs
+        free = any(run.drive == "free" for run in runs)
+        if free or rms(self.base.residual) <= CLOSED or not isinstance(model, Model):
             return []
-        if any(run.drive == "free" for run in data.measured.runs):
-            return []  # TODO
         scene = Scene.of(model, self.bare, fit)
-        return [replace(u, columns=data.columns(u.columns)) for u in nameless(scene)] if scene else []
-
-    def _seen(self, signatures: Mapping[Term, Sensitivity]) -> dict[Term, Sensitivity]:
-        """Signatures as these data have them."""
-        data = self.plain.data
-        return {t: Sensitivity(t, data.columns(s.offset), data.columns(s.columns)) for t, s in signatures.items()}
+        return [] if scene is None else list(nameless(scene))
 
     def _contradicts(self, term: Term, fit: Fit) -> bool:
         """Whether a fit has another variant or form of a term, in whose presence it cannot be probed."""
@@ -386,7 +394,8 @@ class Inference:
         judged = judge.at(best.fit.terms, x) or best.fit
         errors = compressed.slight * self.workmanship
         fitted = list(self.weighed.values())
-        return Posterior(best, fitter, judged, judge, self.plain, sets, fitted, errors, self.signatures)
+        assert self.surveyed is not None
+        return Posterior(best, fitter, judged, judge, self.plain, sets, fitted, errors, self.surveyed)
 
     def _weigh_rivals(self, compressed: Compressed, sets: Sets, about: Fit, best: Weighed) -> None:
         """Fit in full what would share the best set's probability, as far as the linear problem says."""

@@ -151,7 +151,11 @@ class Sets:
             both = dtrtrs(solved.factor, np.column_stack([gram[solved.at], solved.wanted[solved.at]]), lower=1)[0]
             inside, wanted = both[:, :-1], solved.wanted - both[:, :-1].T @ both[:, -1]
         log, width = np.full(len(self.groups), -np.inf), np.zeros(len(self.groups), int)
-        for ids, at in self._blocks:
+        barred = self._barred(chosen)
+        for every, places in self._blocks:
+            ids, at = every[~barred[every]], places[~barred[every]]
+            if not ids.size:
+                continue
             left, mine = gram[at[:, :, None], at[:, None, :]], wanted[at]
             if inside is not None:
                 across = inside[:, at]
@@ -168,14 +172,16 @@ class Sets:
             by_width = profiles(left, mine, np.stack([self.groups[i].positive for i in ids]))
             log[ids] = before + summed(by_width) + self._log_odds[ids] + gained
             width[ids] = by_width.argmax(axis=1)
-        log[np.isin(self._families, self._families[list(chosen)])] = -np.inf
-        if self._of_rig[list(chosen)].sum() >= MOST:
-            log[self._of_rig] = -np.inf
-        if self.named_only:
-            log[self._nameless] = -np.inf
         for i in np.flatnonzero(log > self.top - WORTH):
             self.known.setdefault(with_group(chosen, int(i)), float(log[i]))
         return log, width
+
+    def _barred(self, chosen: Set) -> np.ndarray:
+        """Which groups (groups,) cannot be added to a set."""
+        barred = np.isin(self._families, self._families[list(chosen)])
+        if self._of_rig[list(chosen)].sum() >= MOST:
+            barred |= self._of_rig
+        return barred | self._nameless if self.named_only else barred
 
     def grown(self, chosen: Set, most: int) -> list[tuple[float, Set]]:
         """A set with one further group, the best of these taken in full."""

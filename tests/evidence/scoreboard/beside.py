@@ -55,8 +55,8 @@ def posterior_of(data: Path, truth: Truth) -> Posterior:
     for _ in range(RECOLOURED):
         if not problem.coloured(found.judged):
             break
-        again = Inference(problem.fitter, problem.base, problem.sought, known=found.signatures)
-        found = again.posterior([found.best])
+        again = Inference(problem.fitter, problem.base, problem.sought, before=found)
+        found = again.posterior([found.best.fit])
     return found
 
 
@@ -71,14 +71,16 @@ def told(data: Path, truth: Truth) -> Told:
     tied = {key: {other for other, share in each.items() if share >= CREDIBLE} for key, each in shares.items()}
     named = {key for key in found.keys if not nothing and found.probability(key) + sum(shares[key].values()) >= LIKELY}
     said = named.union(*(tied[key] for key in named))
-    named.discard(found.unknown or ("", ""))
+    named.discard(found.best.nameless or ("", ""))
     false = [key for key in named if not of_sensor(key[0]) and not ({key} | tied[key]) & (true | slight)]
     return Told(
         len(true & said),
         len(true),
         tuple("@".join(key) for key in false),
         {"@".join(key): found.probability(key) for key in sorted(named)},
-        f" and {'@'.join(found.unknown)} {found.probability(found.unknown):.2f}" if found.unknown else "",
+        f" and {'@'.join(found.best.nameless)} {found.probability(found.best.nameless):.2f}"
+        if found.best.nameless
+        else "",
         time.process_time() - began,
     )
 
