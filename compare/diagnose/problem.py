@@ -12,6 +12,7 @@ import numpy as np
 
 from analytic.mechanism import Mechanism
 from compare.diagnose import prepare
+from compare.diagnose.beginnings import begin
 from compare.diagnose.colour import colours
 from compare.diagnose.data.quality import suspicious_swaps, suspicious_units
 from compare.diagnose.data.recording import Measured, MeasuredError, MeasuredRun
@@ -44,6 +45,7 @@ FAR = 2.0  # times the gap of the analytic model: an engine with a larger one mo
 LATE = 1.5  # of its noise: an encoder that scatters more has lines that are not read when their stamps say
 OVERSTATED = 0.9  # of the noise: a smaller gap says that the noise is less than stated
 RECOLOURED = 2  # times that the colours of noise are estimated anew
+LEADERS = 3  # sets of effects of a first part of free runs, from which its next is explained
 REMEMBERED = 3  # simulations of all runs that are kept beside the last
 REFITS = 2  # to the engine's own difference from the analytic model
 Noise = Mapping[tuple[str, str], float]  # 1-sigma, SI, by run and signal
@@ -347,7 +349,7 @@ class Problem:
 
     def inferred(self) -> Explanation:
         """What the data say sample by sample, by the posterior over sets of effects."""
-        found = self.posterior(self.data)
+        found = self.posterior(self.data, first=self.led_to())
         for _ in range(RECOLOURED):
             if self.options.late() or not self.coloured(found.judged):
                 break
@@ -364,12 +366,32 @@ class Problem:
         self.complete = not self.options.late()
         return explained(found, self.base, self.options.late)
 
-    def posterior(self, data: Data, before: Posterior | None = None) -> Posterior:
-        """The posterior over sets of effects in these data, from the best of another one."""
+    def led_to(self) -> list[Fit]:
+        """Fits of free runs where sets of effects are to be sought from: a free motion answers linearly only at first,
+        so its first part is explained first.
+        """
+        if not self.base.terms:
+            return []
+        data = self.data.until(HORIZONS[0])
+        fitter = Fitter(self.model_of(data), data, self.rig, self.fitter.bounds)
+        leading = []
+        for beginning in begin(self.model, self.fitter.bounds, self.sought):
+            x = {t: beginning.starts[t.where] for t in self.base.terms} | dict(beginning.effects)
+            fit = fitter.fit(list(x), x)
+            leading += [] if fit is None else [fit]
+        for share in HORIZONS if not self.close(self.data, leading) else ():
+            if self.options.late():
+                break
+            early = self.posterior(self.data.until(share), first=leading)
+            leading = [w.fit for w in sorted(early.fitted, key=lambda w: -w.log)[:LEADERS]]
+        return leading
+
+    def posterior(self, data: Data, before: Posterior | None = None, first: Sequence[Fit] = ()) -> Posterior:
+        """The posterior over sets of effects in these data, from the best of another one or of these."""
         fitter = Fitter(self.model_of(data), data, self.rig, self.fitter.bounds)
         base = fitter.at(self.base.terms, dict(zip(self.base.terms, self.base.x, strict=True))) or self.base
         inference = Inference(fitter, base, self.sought, self.options.late, before)
-        return inference.posterior([] if before is None else [before.best.fit])
+        return inference.posterior(first if before is None else [before.best.fit])
 
     def coloured(self, fit: Fit) -> bool:
         """Whether what a fit leaves is noise that is not white, of colours that were not known; from then on they

@@ -206,10 +206,10 @@ class Inference:
         return Compressed(self.plain, fit, self.prior, known, unknown)
 
     def _nameless(self, fit: Fit) -> list[Nameless]:
-        """Unknowns beside what a fit names; none where the nominal model leaves no gap, or runs are free."""
+        """Unknowns beside what a fit names; none where the nominal model leaves no gap, or where no crank is driven."""
         model, runs = self.plain.model, self.plain.data.measured.runs
-        free = any(run.drive == "free" for run in runs)
-        if free or rms(self.base.residual) <= CLOSED or not isinstance(model, Model):
+        driven = self.plain.rig.mechanism.cranked and all(run.drive != "free" for run in runs)
+        if not driven or rms(self.base.residual) <= CLOSED or not isinstance(model, Model):
             return []
         scene = Scene.of(model, self.bare, fit)
         return [] if scene is None else list(nameless(scene))
