@@ -151,7 +151,12 @@ class Inference:
             self.surveyed = None if there is None else replace(before.surveyed, about=there)
         self.weighed: dict[Names, Weighed] = {}
         self.workmanship = 0.0
-        self.weights = np.ones(fitter.data.size)
+        self.counted = [np.ones(fitter.data.size)]  # how much samples did, now at last
+
+    @property
+    def weights(self) -> np.ndarray:
+        """How much samples count (size,)."""
+        return self.counted[-1]
 
     def posterior(self, first: Sequence[Fit] = ()) -> Posterior:
         """The posterior; ``first`` are fits that may be near the best."""
@@ -171,7 +176,7 @@ class Inference:
             new = [c for c in candidates if self._named(compressed, c) not in self.weighed]
             for chosen in new:
                 self._weigh(compressed, sets, chosen, fit)
-            if self.late():
+            if self.late() or k == ROUNDS - 1:
                 break
             best = max(self.weighed.values(), key=lambda w: w.log)
             stable = best.names == names and not new
@@ -233,8 +238,9 @@ class Inference:
             least = layers[size].top + self._odds[size] - LAYER
             layers = {each: sets for each, sets in layers.items() if sets.top + self._odds[each] > least}
             for sets in layers.values():
-                sets.survey(sets.climb(sets.best()[0], thorough=True))
-        self._climb_named(layers[size])
+                sets.climb(sets.best()[0], thorough=True)
+        else:
+            self._climb_named(layers[size])
         return layers
 
     def _climb_named(self, sets: Sets) -> None:
@@ -259,10 +265,10 @@ class Inference:
     _odds: Mapping[float, float] = dict(zip(WORKMANSHIP.tolist(), WORKMANSHIP_ODDS.tolist(), strict=True))
 
     def _counted(self, compressed: Compressed, weights: np.ndarray) -> bool:
-        """Let samples count so much from now on; whether that makes a difference."""
-        if np.abs(weights / self.weights - 1).max() < ALIKE:
+        """Let samples count so much from now on; whether they never counted so before."""
+        if any(np.abs(weights / before - 1).max() < ALIKE for before in self.counted):
             return False
-        self.weights = weights
+        self.counted.append(weights)
         self._renew(compressed)
         return True
 
@@ -294,12 +300,9 @@ class Inference:
         best = sets.best(FITTED)
         chosen = [*(s for s in best if sets.known[s] > sets.known[best[0]] - WITHIN), ()]
         chosen += [] if sets.named(best[0]) else sets.best(FITTED, named=True)
-        if rms(self.base.residual) > CLOSED and len(self.weighed) == 0:
-            leaping = [i for i, g in enumerate(compressed.groups) if g.term is not None and g.term.effect.leaps]
-            for i in leaping:
-                alone = (i,)
-                sets.score(alone)
-                chosen.append(alone)
+        if compressed.fit is self.base and rms(self.base.residual) > CLOSED:
+            leaping = [(i,) for i, g in enumerate(compressed.groups) if g.term is not None and g.term.effect.leaps]
+            chosen += [alone for alone in leaping if math.isfinite(sets.score(alone))]
         return list(dict.fromkeys(chosen))
 
     @staticmethod
@@ -377,6 +380,8 @@ class Inference:
 
     def _concluded(self, compressed: Compressed, layers: Mapping[float, Sets]) -> Posterior:
         best = max(self.weighed.values(), key=lambda w: w.log)
+        for each in layers.values():
+            each.survey(each.best()[0])
         self._weigh_rivals(compressed, layers[self.workmanship], self._in_plain(best), best)
         best = max(self.weighed.values(), key=lambda w: w.log)
         sets = self._probabilities(compressed, layers, best)
