@@ -30,6 +30,7 @@ from compare.diagnose.posterior.infer import Posterior, Weighed
 from compare.diagnose.posterior.prior import CREDIBLE
 from compare.diagnose.predict import Term
 
+TIED = 0.01  # probability from which on something may be in an effect's place
 LIKELY = 0.5  # probability from which on an effect, with what may be in its place, is named
 TOLD = 6  # effects that are not named, of which it is told how probable they are
 
@@ -54,11 +55,11 @@ def explained(found: Posterior, base: Fit, late: Callable[[], bool]) -> Explanat
     base = judge.at(base.terms, dict(zip(base.terms, base.x, strict=True))) or base
     standing = stood(found, base)
     fit, weights = standing.judged, np.ones(judge.data.size)
-    named = [] if late() else [named_effect(found, standing, base, i) for i in fit.named()]
+    named = [named_effect(found, standing, base, i) for i in fit.named()]
     ordered = shared_out(judge, base, fit, sorted(named, key=lambda n: -n.chi2_gain))
     structured = has_structure(judge.data, fit.residual, MODEL if named else SLIGHT)
     said = verdict(fit, ordered, structured)
-    attempts: list[Attempt] = [] if said in ("no gap", "explained") else left_out(found, standing, base)
+    attempts = [] if said in ("no gap", "explained") or late() else left_out(found, standing, base)
     return Explanation(base, fit, ordered, said, weights, structured, tuple(attempts), sets=found.sets)
 
 
@@ -150,7 +151,7 @@ def tied(found: Posterior, standing: Standing, term: Term) -> list[tuple[Term, W
     ties = []
     for key, share in found.instead(term.key).items():
         having = [w for w in found.fitted if key in w.keys and term.key not in w.keys]
-        if share < CREDIBLE or key in others or not having:
+        if share < TIED or key in others or not having:
             continue
         best = max(having, key=lambda w: w.log)
         rival = next((t for t in best.fit.terms if t.key == key), None)

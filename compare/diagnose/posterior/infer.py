@@ -13,7 +13,7 @@ from compare.diagnose.fit import Fit, Fitter
 from compare.diagnose.noise import CLOSED, rms, sample_weights
 from compare.diagnose.posterior.compress import Compressed
 from compare.diagnose.posterior.nameless import Nameless, nameless
-from compare.diagnose.posterior.prior import CREDIBLE, WIDTH_ODDS, WIDTHS, WORKMANSHIP, WORKMANSHIP_ODDS, Prior
+from compare.diagnose.posterior.prior import WIDTH_ODDS, WIDTHS, WORKMANSHIP, WORKMANSHIP_ODDS, Prior
 from compare.diagnose.posterior.sets import Set, Sets
 from compare.diagnose.predict import Model, Term
 from compare.diagnose.propose.scene import Scene
@@ -405,25 +405,24 @@ class Inference:
     def _weigh_rivals(self, compressed: Compressed, sets: Sets, about: Fit, best: Weighed) -> None:
         """Fit in full what would share the best set's probability, as far as the linear problem says."""
         own = [log for chosen, log in sets.known.items() if self._named(compressed, chosen) == best.names]
-        least = max(own, default=sets.top) + math.log(CREDIBLE)
+        least = max(own, default=sets.top) - WITHIN
         for chosen in [each for each in sets.best(RIVALS) if sets.known[each] > least]:
             if self._named(compressed, chosen) not in self.weighed and not self.late():
                 self._weigh(compressed, sets, chosen, about)
 
     def _probabilities(self, compressed: Compressed, layers: Mapping[float, Sets], best: Weighed) -> dict[Keys, float]:
-        """Of every set that was looked at: by the linear problem, and of those that were fitted in full as they then
-        stand against the best.
+        """Of every set that was looked at, for all sizes of errors everywhere: by the linear problem, and of those that
+        were fitted in full as they then stand against the best, whatever that size.
         """
-        plain = layers[self.workmanship].known
-        linear = {self._named(compressed, chosen): log for chosen, log in plain.items()}
-        top = linear.get(best.names, best.log)
-        more = {names: top + w.log - best.log - linear[names] for names, w in self.weighed.items() if names in linear}
-        logs: dict[Keys, list[float]] = {}
+        logs: dict[Names, list[float]] = {}
         for size, sets in layers.items():
             for chosen, log in sets.known.items():
-                names = self._named(compressed, chosen)
-                keys = frozenset((name, where) for name, where, _ in names)
-                logs.setdefault(keys, []).append(log + more.get(names, 0.0) + self._odds[size])
-        total = {keys: float(logsumexp(each)) for keys, each in logs.items()}
-        norm = float(logsumexp(list(total.values())))
-        return {keys: math.exp(log - norm) for keys, log in total.items()}
+                logs.setdefault(self._named(compressed, chosen), []).append(log + self._odds[size])
+        linear = {names: float(logsumexp(each)) for names, each in logs.items()}
+        top = linear.get(best.names, 0.0)
+        linear |= {names: top + w.log - best.log for names, w in self.weighed.items()}
+        total: dict[Keys, list[float]] = {}
+        for names, log in linear.items():
+            total.setdefault(frozenset((name, where) for name, where, _ in names), []).append(log)
+        norm = float(logsumexp(list(linear.values())))
+        return {keys: math.exp(float(logsumexp(each)) - norm) for keys, each in total.items()}
