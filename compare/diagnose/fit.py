@@ -178,15 +178,20 @@ class Fitter:
 
     def settled(self, fit: Fit) -> Fit:
         """A fit taken to its very minimum; it replaces the one that was close enough to be compared."""
+        start = self.nearby(fit)
+        found = self._fit(fit.terms, [start[t] for t in fit.terms], rough=0.0) or fit
+        self._fits[fit.terms] = found
+        return found
+
+    def nearby(self, fit: Fit) -> dict[Term, np.ndarray]:
+        """The coordinates of a fit, or some that are nearby and leave less: leaps end a descent before its time."""
         starts = [list(fit.x)]
         for k, term in enumerate(fit.terms):
-            if term.effect.leaps:  # leaps end a descent before its time
+            if term.effect.leaps:
                 starts += [[x * share if i == k else x for i, x in enumerate(fit.x)] for share in NEARBY]
         tried = self.residuals(fit.terms, starts) if len(starts) > 1 else [fit.residual]
         sizes = [np.inf if r is None else float(r @ r) for r in tried]
-        found = self._fit(fit.terms, starts[int(np.argmin(sizes))], rough=0.0) or fit
-        self._fits[fit.terms] = found
-        return found
+        return dict(zip(fit.terms, starts[int(np.argmin(sizes))], strict=True))
 
     def _fit(
         self,

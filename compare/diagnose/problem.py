@@ -12,7 +12,6 @@ import numpy as np
 
 from analytic.mechanism import Mechanism
 from compare.diagnose import prepare
-from compare.diagnose.beginnings import begin
 from compare.diagnose.colour import colours
 from compare.diagnose.data.quality import suspicious_swaps, suspicious_units
 from compare.diagnose.data.recording import Measured, MeasuredError, MeasuredRun
@@ -45,7 +44,6 @@ FAR = 2.0  # times the gap of the analytic model: an engine with a larger one mo
 LATE = 1.5  # of its noise: an encoder that scatters more has lines that are not read when their stamps say
 OVERSTATED = 0.9  # of the noise: a smaller gap says that the noise is less than stated
 RECOLOURED = 2  # times that the colours of noise are estimated anew
-LEADERS = 3  # sets of effects of a first part of free runs, from which its next is explained
 REMEMBERED = 3  # simulations of all runs that are kept beside the last
 REFITS = 2  # to the engine's own difference from the analytic model
 Noise = Mapping[tuple[str, str], float]  # 1-sigma, SI, by run and signal
@@ -61,8 +59,7 @@ class Options:
 
     ``simulator`` is the chosen engine; ``only`` and ``exclude`` are ``effect`` or ``effect@where``; ``own`` are effects
     beside the vocabulary; with ``others`` every installed engine simulates too, in as many processes as ``workers``.
-    ``posterior`` decides by probabilities of sets of effects, which are to take the place of the search.  The search
-    ends ``budget`` seconds after it ``began`` (None: when it is done), with the best so far.
+    The search ends ``budget`` seconds after it ``began`` (None: when it is done), with the best so far.
     """
 
     simulator: str
@@ -73,7 +70,6 @@ class Options:
     workers: int | None = None
     progress: Progress = silent
     budget: float | None = None
-    posterior: bool = False
     began: float = field(default_factory=time.monotonic)
 
     def late(self) -> bool:
@@ -313,7 +309,7 @@ class Problem:
         if self.overstated:
             self.complete = not self.options.late()
             return self.quiet()
-        if self.options.posterior:
+        if not self.base.terms:
             return self.inferred()
         fit = self.best_fit(self.data)
         for _ in range(RECOLOURED):
@@ -330,15 +326,10 @@ class Problem:
                 break
             self.options.progress(f"search with {self.simulator}'s difference", 2, 4)
             first = not shift.any()
-            closed = first and rms(fit.residual) <= CLOSED and not has_structure(self.data, fit.residual)
+            closed = first and closes(self.data, fit)
             if first:
-                self.notes.append(
-                    f"With these effects {self.simulator} differs from the analytic model by up to {change:.2g} of a"
-                    f" sensor's noise (rms). That difference was taken off the data, and"
-                    f" {'they were fitted' if closed else 'the search was made'} again."
-                )
+                self.note_difference(change, closed)
             shift, data = difference, self.data.shifted(difference)
-            # where these effects close the gap, what more the difference asks for is the engine's, not the rig's
             assert self.search is not None
             fit = self.best_fit(data, [fit], again=closed, before=self.search.fitter)
         assert self.search is not None
@@ -349,7 +340,7 @@ class Problem:
 
     def inferred(self) -> Explanation:
         """What the data say sample by sample, by the posterior over sets of effects."""
-        found = self.posterior(self.data, first=self.led_to())
+        found = self.posterior(self.data)
         for _ in range(RECOLOURED):
             if self.options.late() or not self.coloured(found.judged):
                 break
@@ -359,39 +350,34 @@ class Problem:
             difference = None if self.options.late() else self.difference(found.judged)
             if difference is None or self.largest_rms(difference - shift) < EQUIVALENT:
                 break
+            closed = not shift.any() and closes(found.judge.data, found.judged)
+            if not shift.any():
+                self.note_difference(self.largest_rms(difference), closed)
+            found = (
+                found.shifted(difference - shift) if closed else self.posterior(self.data.shifted(difference), found)
+            )
             shift = difference
-            found = self.posterior(self.data.shifted(difference), found)
         self.note_colours()
         self.inference = found
         self.complete = not self.options.late()
         return explained(found, self.base, self.options.late)
 
-    def led_to(self) -> list[Fit]:
-        """Fits of free runs where sets of effects are to be sought from: a free motion answers linearly only at first,
-        so its first part is explained first.
-        """
-        if not self.base.terms:
-            return []
-        data = self.data.until(HORIZONS[0])
-        fitter = Fitter(self.model_of(data), data, self.rig, self.fitter.bounds)
-        leading = []
-        for beginning in begin(self.model, self.fitter.bounds, self.sought):
-            x = {t: beginning.starts[t.where] for t in self.base.terms} | dict(beginning.effects)
-            fit = fitter.fit(list(x), x)
-            leading += [] if fit is None else [fit]
-        for share in HORIZONS if not self.close(self.data, leading) else ():
-            if self.options.late():
-                break
-            early = self.posterior(self.data.until(share), first=leading)
-            leading = [w.fit for w in sorted(early.fitted, key=lambda w: -w.log)[:LEADERS]]
-        return leading
-
-    def posterior(self, data: Data, before: Posterior | None = None, first: Sequence[Fit] = ()) -> Posterior:
-        """The posterior over sets of effects in these data, from the best of another one or of these."""
+    def posterior(self, data: Data, before: Posterior | None = None) -> Posterior:
+        """The posterior over sets of effects in these data, from the best of another one."""
         fitter = Fitter(self.model_of(data), data, self.rig, self.fitter.bounds)
         base = fitter.at(self.base.terms, dict(zip(self.base.terms, self.base.x, strict=True))) or self.base
         inference = Inference(fitter, base, self.sought, self.options.late, before)
-        return inference.posterior(first if before is None else [before.best.fit])
+        return inference.posterior([] if before is None else [before.best.fit])
+
+    def note_difference(self, size: float, closed: bool) -> None:
+        """Note by how much (noise, rms) the chosen engine differs from the analytic model, and what was done about it:
+        where the effects close the gap, what more the difference asks for is the engine's, not the rig's.
+        """
+        self.notes.append(
+            f"With these effects {self.simulator} differs from the analytic model by up to {size:.2g} of a sensor's"
+            f" noise (rms). That difference was taken off the data, and {'they were fitted' if closed else 'sought'}"
+            " again."
+        )
 
     def coloured(self, fit: Fit) -> bool:
         """Whether what a fit leaves is noise that is not white, of colours that were not known; from then on they
@@ -644,6 +630,11 @@ class Problem:
             assert found is not None
             return found.motion.theta
         return np.atleast_2d(self.model.motor(run, self.mechanism).at(run.time).theta)[0]
+
+
+def closes(data: Data, fit: Fit) -> bool:
+    """Whether a fit leaves no more than noise."""
+    return rms(fit.residual) <= CLOSED and not has_structure(data, fit.residual)
 
 
 def in_contact(fit: Fit) -> bool:

@@ -222,11 +222,20 @@ class Data:
         difference = self.values - predicted
         difference[self.turning] = wrapped(difference[self.turning])
         left = difference / self.sigma
+        lands = self.lands(readings)
         for part in self.parts:
-            landing = readings[part.run].get(LANDING)
-            if landing is not None and self.sudden[part.signal]:
-                left[part.place] = _spared(left[part.place], landing[part.used])
+            if lands[part.place].any():
+                left[part.place] = _spared(left[part.place], lands[part.place])
         return self.seen_beside(self._white(self._told(left))) - self.shift
+
+    def lands(self, readings: Sequence[Mapping[str, np.ndarray]]) -> np.ndarray:
+        """Which samples (size,) are of a crank that lands, by a sensor that this makes jump."""
+        landing = np.zeros(self.size, bool)
+        for part in self.parts:
+            lands = readings[part.run].get(LANDING)
+            if lands is not None and self.sudden[part.signal]:
+                landing[part.place] = lands[part.used]
+        return landing
 
     def columns(self, changes: np.ndarray) -> np.ndarray:
         """What columns (size, k) of readings over their noise do to the residual, but for the sign."""

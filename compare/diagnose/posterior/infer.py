@@ -29,6 +29,7 @@ EVEN = 1.0  # log: of sets as probable as the best, but for this, the one is tol
 ALIKE = 0.1  # of a weight, that makes no difference
 LAYER = 8.0  # log: sizes of errors everywhere that are less probable by more are left aside
 LIKELY = 12.0  # log: what is in no set that is within this of the best keeps its first signature
+NEXT_TO_NOTHING = 1e-4  # of a sample
 STRAYED = 0.3  # of the noise (rms), by which a fit may move before signatures are taken anew
 Name = tuple[str, str, float]  # of a group
 Names = frozenset[Name]
@@ -93,6 +94,20 @@ class Posterior:
         """The most probable set."""
         return self.best.keys
 
+    def shifted(self, difference: np.ndarray) -> Posterior:
+        """The same sets in data less a difference (size,) in units of noise: the best one is fitted anew."""
+
+        def moved(fitter: Fitter) -> Fitter:
+            data = fitter.data.shifted(fitter.data.seen_beside(difference))
+            return Fitter(fitter.model, data, fitter.rig, fitter.bounds)
+
+        fitter, judge = moved(self.fitter), moved(self.judge)
+        fit = self.best.fit
+        fit = fitter.likeliest(self.best.sizes, [dict(zip(fit.terms, fit.x, strict=True))], rough=0.0) or fit
+        judged = judge.at(fit.terms, dict(zip(fit.terms, fit.x, strict=True))) or fit
+        best = replace(self.best, fit=fit)
+        return replace(self, best=best, fitter=fitter, judged=judged, judge=judge, plain=moved(self.plain))
+
     def probability(self, key: Key) -> float:
         """Of an effect at a place."""
         return min(sum(share for keys, share in self.sets.items() if key in keys), 1.0)
@@ -151,6 +166,7 @@ class Inference:
             self.surveyed = None if there is None else replace(before.surveyed, about=there)
         self.weighed: dict[Names, Weighed] = {}
         self.workmanship = 0.0
+        self.foretold: np.ndarray | None = None  # of samples, as how much those count that nothing foretells
         self.counted = [np.ones(fitter.data.size)]  # how much samples did, now at last
 
     @property
@@ -181,6 +197,8 @@ class Inference:
             best = max(self.weighed.values(), key=lambda w: w.log)
             stable = best.names == names and not new
             fit, names = self._in_plain(best), best.names
+            if self._spares(compressed, fit):
+                continue
             if stable or (k >= PLAIN and not thorough):
                 # what the best set leaves counts as noise, as large and as slow as it is, and sets are looked at again
                 left = self._noise(compressed, self.workmanship, unknown=best.unknown).seen_beside(fit.residual)
@@ -266,11 +284,24 @@ class Inference:
 
     def _counted(self, compressed: Compressed, weights: np.ndarray) -> bool:
         """Let samples count so much from now on; whether they never counted so before."""
+        weights = weights if self.foretold is None else weights * self.foretold
         if any(np.abs(weights / before - 1).max() < ALIKE for before in self.counted):
             return False
         self.counted.append(weights)
         self._renew(compressed)
         return True
+
+    def _spares(self, compressed: Compressed, fit: Fit) -> bool:
+        """Let samples in which a crank lands, by a fit, count for nothing from now on: how hard it lands nobody
+        foretells, and what it leaves there is no sign of anything else.
+        """
+        if self.foretold is not None or not any(t.effect.leaps for t in fit.terms):
+            return False
+        readings = self.plain.model([fit.values(self.plain.rig)])[0]
+        self.foretold = np.ones(self.plain.data.size)
+        if readings is not None:
+            self.foretold[self.plain.data.lands(readings)] = NEXT_TO_NOTHING
+        return self._counted(compressed, np.ones(self.plain.data.size))
 
     def _renew(self, compressed: Compressed) -> None:
         """Sets are to be fitted in full anew, with the noise as it is now."""
@@ -334,7 +365,7 @@ class Inference:
         other = {t: x for t in starts if (x := t.effect.other_start(self.plain.rig, t.where, starts[t])) is not None}
         tried += [starts | other] if other else []
         tried += [starts | dict(zip(self.base.terms, self.base.x, strict=True))] if always else []
-        fitter = self._fitter(compressed, unknown)
+        fitter = self._fitter(compressed, unknown) if unknown.size else self.fitter
         fit = fitter.likeliest(sizes, tried)
         if fit is None:
             return
@@ -346,8 +377,6 @@ class Inference:
 
     def _fitter(self, compressed: Compressed, unknown: np.ndarray) -> Fitter:
         """Fits beside what an unknown may do (size, k)."""
-        if not unknown.size:
-            return self.fitter
         data = self._noise(compressed, self.workmanship, self.weights, unknown)
         return Fitter(self.plain.model, data, self.plain.rig, self.plain.bounds)
 
@@ -391,11 +420,14 @@ class Inference:
             return sum(share * (2 * len(keys & weighed.keys) - len(weighed.keys)) for keys, share in sets.items())
 
         best = max((w for w in self.weighed.values() if w.log > best.log - EVEN), key=right)
-        x = dict(zip(best.fit.terms, best.fit.x, strict=True))
-        fitter = self._fitter(compressed, best.unknown)
-        best = replace(best, fit=fitter.likeliest(best.sizes, [x], rough=0.0) or best.fit)
-        x = dict(zip(best.fit.terms, best.fit.x, strict=True))
         judge = Fitter(self.plain.model, self._noise(compressed, self.workmanship), self.plain.rig, self.plain.bounds)
+        start = judge.nearby(best.fit)
+        if self.foretold is not None:  # a landing moves with the gap, and then tells how large that is
+            self.counted.append(self.counted[-1] / self.foretold)
+            self.foretold = None
+        fitter = self._fitter(compressed, best.unknown)
+        best = replace(best, fit=fitter.likeliest(best.sizes, [start], rough=0.0) or best.fit)
+        x = dict(zip(best.fit.terms, best.fit.x, strict=True))
         judged = judge.at(best.fit.terms, x) or best.fit
         errors = compressed.slight * self.workmanship
         fitted = list(self.weighed.values())
