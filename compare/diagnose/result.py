@@ -23,6 +23,7 @@ from compare.diagnose.noise import rms
 from compare.diagnose.predict import Term
 from compare.diagnose.residuals import FOLDS, SEGMENTS
 from compare.report.words import statement as words
+from compare.report.words.effects import REST
 from compare.results.crosscheck import Simulator
 from compare.results.diagnosis import (
     SIDES,
@@ -122,7 +123,7 @@ def _sets(e: Explanation) -> tuple[EffectSet, ...]:
         for keys, share in ranked
     ]
     rest = 1.0 - sum(share for _, share in ranked)
-    return (*told, EffectSet(effects=("rest",), probability=max(rest, 0.0))) if told else ()
+    return (*told, EffectSet(effects=(REST,), probability=max(rest, 0.0))) if told else ()
 
 
 def _still_faults(problem: Problem, e: Explanation) -> list[RecordedFault]:

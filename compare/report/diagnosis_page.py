@@ -19,7 +19,9 @@ from compare.report.words import diagnosis as words
 from compare.report.words import proposals
 from compare.report.words.effects import (
     called,
+    competing,
     headline,
+    how_sure,
     of_effect,
     own_values,
     phrase,
@@ -100,6 +102,8 @@ def _shared(result: Diagnosis) -> dict[str, object]:
         "own": partial(own_values, result),
         "parameters": of_effect,
         "small_errors": partial(small_errors, result),
+        "how_sure": how_sure,
+        "competing": competing(result),
         "rival": partial(rival_words, result),
         "percent": _percent,
         "ties": ties,

@@ -18,6 +18,7 @@ from compare.report.words.diagnosis import (
 from compare.report.words.effects import (
     errors_in_words,
     headline,
+    how_sure,
     own_values,
     phrase,
     rival_odds,
@@ -74,6 +75,7 @@ def _effect_lines(result: Diagnosis, group: Sequence[EffectPlace]) -> list[str]:
         said = headline(result, effect) if own else phrase(result, effect.name, effect.where)
         odds = rival_odds(result, group, effect)
         tail = [f", {values}"] if values and not own else [f" (odds {odds})"] if i and odds else []
+        tail += [f"; {sure.rstrip('.').lower()}"] if (sure := how_sure(effect)) else []
         out.append(f"{lead}: {said}" + "".join(tail))
     small = errors_in_words(result, group[0]) if isinstance(group[0], Effect) else ""
     out += [f"or small errors of the rig together: {small}"] if small else []

@@ -31,6 +31,10 @@ OWN_OF_RUNS = {  # what each run has of its own where an effect has a value for 
     "stamp_jitter": "jitter of the time stamps",
 }
 ParameterRow = tuple[str, str, str]  # a parameter's name, its value and its 95 % interval
+RAREST = 1e-3  # probability that is still told by its number
+REST = "rest"  # all sets that are not listed
+SETS_LISTED = 8  # of effects, on a page
+FLOOR_SHOWN = 1.05  # of the noise: a floor that is worth a sentence
 NEARLY_ODDS, FAINT_ODDS = 0.2, 0.01  # odds below which a tie does nearly as well, or can only not be ruled out
 
 
@@ -196,6 +200,46 @@ def small_errors(result: Diagnosis, effect: Effect) -> str:
         return ""
     errors, instead = errors_in_words(result, effect), phrase(result, effect.name, effect.where)
     return f"Small errors of the rig together would explain these data as well as {instead}: {errors}."
+
+
+def chance(probability: float) -> str:
+    """A probability as people say it: ``19 in 20``, ``1 in 500``."""
+    rare = min(probability, 1 - probability)
+    if rare < RAREST:
+        return (
+            f"more than {1 / RAREST - 1:.0f} in {1 / RAREST:.0f}"
+            if probability > 0.5
+            else f"less than 1 in {1 / RAREST:.0f}"
+        )
+    of = round(1 / rare) if rare < 0.3 else 10
+    return f"{round(probability * of)} in {of}"
+
+
+def how_sure(effect: EffectPlace) -> str:
+    """How sure it is that a named effect is there, in a sentence; empty where that is not known."""
+    if not isinstance(effect, Effect) or effect.probability is None:
+        return ""
+    return f"Its chance of being there: {chance(effect.probability)}."
+
+
+def competing(result: Diagnosis) -> list[tuple[str, str]]:
+    """The sets of effects that may be what is missing, the likeliest first, each with its chance, and all others."""
+    listed = [each for each in result.sets if each.effects != (REST,)][:SETS_LISTED]
+    rows = [
+        (enumerated([called(result, key) for key in each.effects]) or "nothing", chance(each.probability))
+        for each in listed
+        if each.probability >= RAREST
+    ]
+    rest = 1 - sum(each.probability for each in listed[: len(rows)])
+    return [*rows, ("any other set of effects", chance(rest))] if rows else []
+
+
+def floor_means(result: Diagnosis) -> str:
+    """What a noise floor above the noise is, in a sentence; empty where it is the noise."""
+    if result.gap.noise_floor < FLOOR_SHOWN:
+        return ""
+    floor = plainly(result.gap.noise_floor)
+    return f"Noise and the small errors that careful work leaves on every rig would make {floor} of these sensors."
 
 
 def headline(result: Diagnosis, effect: EffectPlace) -> str:

@@ -9,7 +9,7 @@ from analytic.mechanism.one_line import capital, count, enumerated, in_words
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.quantities import plainly
 from compare.report.words.diagnosis import SIGMA, separation
-from compare.report.words.effects import called, own_values, small_errors, spoken, values_of
+from compare.report.words.effects import called, chance, floor_means, own_values, small_errors, spoken, values_of
 from compare.report.words.located import located
 from compare.report.words.measured import data_sentences, explained_to, validation_sentences
 from compare.results.diagnosis import Diagnosis, EngineGaps, Step
@@ -35,6 +35,7 @@ def statement(result: Diagnosis, e: Explanation, failure: str = "") -> str:
     """The verdict in a paragraph; ``failure`` says why the simulator could not confirm it."""
     before, after = result.gap.before, result.gap.after
     measure = f"Measured and simulated differ by {plainly(before)} times the noise before and {plainly(after)} after."
+    measure += f" {floor}" if (floor := floor_means(result)) else ""
     if e.statistics is not None:
         measure = (
             f"This is known {e.statistics.says()}: those of measurement and simulation are {plainly(before)} times as"
@@ -176,16 +177,7 @@ def not_needed(alone: float, luck: float, candidates: int, gap: float, left: flo
 
 def improbable(alone: float, probability: float) -> str:
     """Why an effect that would take so many sigmas ``alone`` is not named: how probable it is among all sets."""
-    return f"alone it would take {plainly(alone, 2)} {SIGMA}; that it is there has a chance of {chance(probability)}"
-
-
-def chance(probability: float) -> str:
-    """A probability as people say it: 19 in 20, 1 in 500."""
-    rare = min(probability, 1 - probability)
-    if rare < 1e-3:
-        return "more than 999 in 1000" if probability > 0.5 else "less than 1 in 1000"
-    of = round(1 / rare) if rare < 0.3 else 10
-    return f"{round(probability * of)} in {of}"
+    return f"alone it would take {plainly(alone, 2)} {SIGMA}; its chance of being there is {chance(probability)}"
 
 
 def why_tied(result: Diagnosis, n: Named) -> str:
