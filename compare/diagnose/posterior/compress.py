@@ -14,7 +14,7 @@ import numpy as np
 
 from compare.diagnose.fit import Fit, Fitter
 from compare.diagnose.posterior.nameless import Nameless
-from compare.diagnose.posterior.prior import SLIGHT, Prior
+from compare.diagnose.posterior.prior import SLIGHT, WIDTH_ODDS, Prior
 from compare.diagnose.predict import Term
 from compare.diagnose.sensitivities import Sensitivity
 
@@ -38,6 +38,7 @@ class Group:
     size: np.ndarray
     log_odds: float
     positive: np.ndarray
+    widths: np.ndarray = field(default_factory=WIDTH_ODDS.copy)  # log odds of each width
     offset: int = -1
     fitted: bool = False  # columns are derivatives by natural coordinates, not answers to probes
 
@@ -121,7 +122,18 @@ class Compressed:
             self._columns.append(offset[:, None])
             by_itself = at + columns.shape[1]
         self.groups.append(
-            Group(key, self.prior.family(term), term, places, size, log_odds, positive, by_itself, fitted)
+            Group(
+                key,
+                self.prior.family(term),
+                term,
+                places,
+                size,
+                log_odds,
+                positive,
+                self.prior.widths(term),
+                by_itself,
+                fitted,
+            )
         )
 
     def _added(self, term: Term, sensitivity: Sensitivity) -> list[np.ndarray]:

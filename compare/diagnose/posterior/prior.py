@@ -135,6 +135,10 @@ class Prior:
         size = scales * np.resize(np.asarray(NATURAL.get(term.effect.name, OTHERWISE), float), scales.size)
         return np.minimum(size, self._most(term))
 
+    def widths(self, term: Term) -> np.ndarray:
+        """Log odds of each width, of which none is beyond what a term's bounds allow."""
+        return np.where(WIDTHS[:, None] * self.size(term) <= self._most(term), WIDTH_ODDS[:, None], -np.inf).min(axis=1)
+
     def slight(self, term: Term) -> np.ndarray:
         """Sizes (n,) that careful work leaves of an effect on every rig."""
         scales = np.asarray(term.effect.scales(self.rig, term.where, term.variant), float)

@@ -18,7 +18,7 @@ from scipy.linalg.lapack import dpotrf, dtrtri, dtrtrs
 from scipy.special import log_ndtr
 
 from compare.diagnose.posterior.compress import Group, Products
-from compare.diagnose.posterior.prior import MOST, WIDTH_ODDS, WIDTHS, Prior
+from compare.diagnose.posterior.prior import MOST, WIDTHS, Prior
 
 MIDDLE = 5  # of the widths, from which their mode is sought
 SETTLE = 4  # rounds of widths
@@ -55,6 +55,7 @@ class Sets:
         self.widths: dict[Set, Widths] = {}
         self.top = -math.inf
         self._log_odds = np.array([g.log_odds for g in groups])
+        self._widths = np.stack([g.widths for g in groups]) if groups else np.zeros((0, WIDTHS.size))
         self._nothing = Prior.nothing(self._log_odds)
         families = {family: k for k, family in enumerate({g.family for g in groups})}
         self._of_rig = np.array([g.term is None or not g.term.effect.sensor for g in groups], bool)
@@ -119,9 +120,10 @@ class Sets:
             width = np.array([widths[chosen[k]] for k in each])
             alone = precision - np.eye(count) / (WIDTHS[width] ** 2)[:, None, None]
             positive = np.stack([self.groups[chosen[k]].positive for k in each])
-            by_width = profiles(alone, np.einsum("nkl,nl->nk", precision, average), positive)
+            odds = self._widths[[chosen[k] for k in each]]
+            by_width = profiles(alone, np.einsum("nkl,nl->nk", precision, average), positive, odds)
             row = np.arange(len(each))
-            log += float((summed(by_width) - by_width[row, width] + WIDTH_ODDS[width]).sum())
+            log += float((summed(by_width) - by_width[row, width] + odds[row, width]).sum())
             if positive.any():
                 ratio = average / np.sqrt(np.einsum("nkk->nk", block))
                 log += float((math.log(2) + log_ndtr(ratio[positive])).sum())
@@ -169,7 +171,7 @@ class Sets:
                     )
                     own = gram[offset, offset] - (inside[:, offset] @ inside[:, offset] if inside is not None else 0)
                     gained[row], mine[row] = wanted[offset] - own / 2, mine[row] - shift
-            by_width = profiles(left, mine, np.stack([self.groups[i].positive for i in ids]))
+            by_width = profiles(left, mine, np.stack([self.groups[i].positive for i in ids]), self._widths[ids])
             log[ids] = before + summed(by_width) + self._log_odds[ids] + gained
             width[ids] = by_width.argmax(axis=1)
         for i in np.flatnonzero(log > self.top - WORTH):
@@ -266,9 +268,9 @@ def summed(logs: np.ndarray) -> np.ndarray:
     return np.asarray(np.log(np.exp(logs - top).sum(axis=-1)) + top[..., 0])
 
 
-def profiles(left: np.ndarray, wanted: np.ndarray, positive: np.ndarray) -> np.ndarray:
+def profiles(left: np.ndarray, wanted: np.ndarray, positive: np.ndarray, odds: np.ndarray) -> np.ndarray:
     """Log (n, widths) of what each of n groups adds by its width, from what others leave of its products (n, k, k) and
-    (n, k); which coordinates are positive, (n, k) bool.
+    (n, k); which coordinates are positive, (n, k) bool, and the log odds of widths (n, widths).
     """
     if wanted.shape[1] == 1:
         values, turned = np.maximum(left[:, 0], 0.0), wanted
@@ -276,7 +278,7 @@ def profiles(left: np.ndarray, wanted: np.ndarray, positive: np.ndarray) -> np.n
         values, vectors = np.linalg.eigh(left)
         values, turned = np.maximum(values, 0.0), np.einsum("nkl,nk->nl", vectors, wanted)
     curved = values[:, None] + 1 / WIDTHS[:, None] ** 2
-    log = (turned[:, None] ** 2 / curved - np.log(curved * WIDTHS[:, None] ** 2)).sum(axis=2) / 2 + WIDTH_ODDS
+    log = (turned[:, None] ** 2 / curved - np.log(curved * WIDTHS[:, None] ** 2)).sum(axis=2) / 2 + odds
     if not positive.any():
         return np.asarray(log)
     mean, variance = turned[:, None] / curved, 1 / curved
