@@ -443,8 +443,9 @@ class Inference:
                 self._weigh(compressed, sets, chosen, about)
 
     def _probabilities(self, compressed: Compressed, layers: Mapping[float, Sets], best: Weighed) -> dict[Keys, float]:
-        """Of every set that was looked at, for all sizes of errors everywhere: by the linear problem, and of those that
-        were fitted in full as they then stand against the best, whatever that size.
+        """Of every set that was looked at, for all sizes of errors everywhere: of those that were fitted in full as
+        they then stand against the best, whatever that size; of others by the linear problem, corrected as the largest
+        set in them that was fitted in full.
         """
         logs: dict[Names, list[float]] = {}
         for size, sets in layers.items():
@@ -452,7 +453,12 @@ class Inference:
                 logs.setdefault(self._named(compressed, chosen), []).append(log + self._odds[size])
         linear = {names: float(logsumexp(each)) for names, each in logs.items()}
         top = linear.get(best.names, 0.0)
-        linear |= {names: top + w.log - best.log for names, w in self.weighed.items()}
+        full = {names: top + w.log - best.log for names, w in self.weighed.items()}
+        known = {names: log - linear[names] for names, log in full.items() if names in linear}
+        parts = sorted(known, key=lambda names: (-len(names), known[names]))
+        for names in linear:
+            linear[names] += next((known[part] for part in parts if part and part <= names), 0.0)
+        linear |= full
         total: dict[Keys, list[float]] = {}
         for names, log in linear.items():
             total.setdefault(frozenset((name, where) for name, where, _ in names), []).append(log)
