@@ -59,7 +59,8 @@ class Options:
 
     ``simulator`` is the chosen engine; ``only`` and ``exclude`` are ``effect`` or ``effect@where``; ``own`` are effects
     beside the vocabulary; with ``others`` every installed engine simulates too, in as many processes as ``workers``.
-    The search ends ``budget`` seconds after it ``began`` (None: when it is done), with the best so far.
+    ``posterior`` decides by the probabilities of sets of effects, which are to take the place of the search, where no run
+    is free.  The search ends ``budget`` seconds after it ``began`` (None: when it is done), with the best so far.
     """
 
     simulator: str
@@ -70,6 +71,7 @@ class Options:
     workers: int | None = None
     progress: Progress = silent
     budget: float | None = None
+    posterior: bool = False
     began: float = field(default_factory=time.monotonic)
 
     def late(self) -> bool:
@@ -309,7 +311,7 @@ class Problem:
         if self.overstated:
             self.complete = not self.options.late()
             return self.quiet()
-        if not self.base.terms:
+        if self.options.posterior and not self.base.terms:
             return self.inferred()
         fit = self.best_fit(self.data)
         for _ in range(RECOLOURED):

@@ -181,6 +181,7 @@ class Inference:
             again = self.plain.at(begun.terms, dict(zip(begun.terms, begun.x, strict=True)))
             if again is not None and again.chi2 < fit.chi2:
                 fit, names = again, self._names(again)
+        fit, names = self._leapt(fit, names)
         likely: set[Name] = set()
         thorough = False
         for k in range(ROUNDS):
@@ -206,6 +207,28 @@ class Inference:
                     break
                 thorough = True
         return self._concluded(compressed, layers)
+
+    def _leapt(self, fit: Fit, names: Names) -> tuple[Fit, Names]:
+        """The fit, or that of an effect under which samples leap, alone, if it explains more than any other alone
+        would: no linear problem about a rig without it tells what it does.
+        """
+        leaping = any(t.effect.leaps for t in self.sought)
+        if names or not leaping or rms(self.base.residual) <= CLOSED:
+            return fit, names
+        compressed = self.survey(fit)
+        sets = Sets(compressed.groups, compressed.products(self.weights)(0.0), self.late)
+        sets.named_only = True
+        least = sets.additions(())[0].max(initial=-math.inf)
+        for i, group in enumerate(compressed.groups):
+            if group.term is not None and group.term.effect.leaps:
+                sets.score((i,))
+                self._weigh(compressed, sets, (i,), fit)
+        best = max(self.weighed.values(), key=lambda w: w.log, default=None)
+        if best is None or best.log <= least:
+            return fit, names
+        fit, names = self._in_plain(best), best.names
+        self._spares(compressed, fit)
+        return fit, names
 
     # ---------------------------------------------------------------- signatures
 
@@ -325,15 +348,12 @@ class Inference:
 
     def _candidates(self, sets: Sets, compressed: Compressed) -> list[Set]:
         """The best sets, which are to be fitted in full, beside the empty one, of which a linear problem about another
-        says little; from the nominal model every effect that leaps too.
+        says little.
         """
         sets.score(())
         best = sets.best(FITTED)
         chosen = [*(s for s in best if sets.known[s] > sets.known[best[0]] - WITHIN), ()]
         chosen += [] if sets.named(best[0]) else sets.best(FITTED, named=True)
-        if compressed.fit is self.base and rms(self.base.residual) > CLOSED:
-            leaping = [(i,) for i, g in enumerate(compressed.groups) if g.term is not None and g.term.effect.leaps]
-            chosen += [alone for alone in leaping if math.isfinite(sets.score(alone))]
         return list(dict.fromkeys(chosen))
 
     @staticmethod
