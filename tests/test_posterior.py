@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from scipy.integrate import quad
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
 
+from compare.diagnose.data.measured import load_measured
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.posterior.compress import Group, Products
 from compare.diagnose.posterior.infer import Inference, Posterior, instead
@@ -20,7 +23,13 @@ from compare.diagnose.predict import Term
 from compare.diagnose.problem import Options, Problem
 from compare.diagnose.residuals import Data
 from compare.diagnose.sensitivities import candidates
+from compare.diagnose.workflow import diagnosis_of
+from compare.report.diagnosis_page import diagnosis_html
+from compare.report.words.effects import chance
+from compare.results.diagnosis import Diagnosis
 from diagnosis_rigs import experiment, four_bar, played, turn, wrong
+from tests.evidence.scoreboard.hidden import FIRST, draw
+from tests.evidence.scoreboard.record import recorded, with_noise, write_data
 from tests.evidence.scoreboard.sizes import Planted
 
 SIZE = 40
@@ -197,18 +206,73 @@ def posterior_of(*truth: Planted, late: bool = False) -> Posterior:
     return Inference(problem.fitter, problem.base, problem.sought, lambda: late).posterior()
 
 
+def diagnosed(*truth: Planted, tolerance: dict[str, float] | None = None, exclude: tuple[str, ...] = ()) -> Diagnosis:
+    """What the posterior says of it from end to end."""
+    measured = replace(played(experiment(*RUNS, sensors=NOISE), *truth), tolerance=tolerance or {})
+    options = Options("mujoco", exclude=exclude, others=False, workers=1, posterior=True)
+    return diagnosis_of(measured, options)[0]
+
+
 def test_friction_beside_a_length_is_not_a_tare_in_each_run() -> None:
     """Four tares of the torque sensor take more in one step than one friction does, and explain no more with it."""
-    found = posterior_of(
+    result = diagnosed(
         wrong("link_length", "follower", length_error=6.6e-3),
         wrong("coulomb_friction", "D", friction_torque=0.345),
         wrong("viscous_friction", "D", damping=2e-3),
     )
-    assert {("link_length", "follower"), ("coulomb_friction", "D")} <= found.keys
-    assert not any(found.best.fit.terms[i].effect.sensor for i in found.best.fit.named())
-    assert found.probability(("coulomb_friction", "D")) > 0.9
-    friction = next(k for k, t in enumerate(found.best.fit.terms) if t.effect.name == "coulomb_friction")
-    assert found.best.fit.x[friction][0] == pytest.approx(0.345, rel=0.05)
+    named = {effect.key: effect for effect in result.effects}
+    assert {"link_length@follower", "coulomb_friction@D"} <= set(named), result.statement
+    assert all(effect.kind == "rig" for effect in result.effects)
+    friction = named["coulomb_friction@D"]
+    assert friction.probability is not None
+    assert friction.probability > 0.9
+    assert friction.parameters["friction_torque"].value == pytest.approx(0.345, rel=0.05)
+    assert sum(each.probability for each in result.sets) == pytest.approx(1.0)
+    assert set(result.sets[0].effects) == set(named)
+    assert "Its chance of being there: more than 999 in 1000." in diagnosis_html(result)
+
+
+LONGER = wrong("link_length", "follower", length_error=4e-3)
+
+
+def test_what_has_no_name_is_an_unknown_at_its_place_and_no_pile_of_effects() -> None:
+    result = diagnosed(LONGER, exclude=("link_length", "pivot_position", "encoder_offset"))
+    assert result.verdict in ("unexplained", "partly explained"), result.statement
+    assert [effect.key for effect in result.effects if effect.kind == "rig"] == []
+    assert "unknown_length@follower" in result.sets[0].effects
+    assert ("length", "follower") in {(p.unknown, p.place) for p in result.proposed}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tolerance", [{"length": 1e-5}, {"link_length.length_error": 1e-5}])
+def test_a_length_beyond_its_tolerance_is_no_answer(tolerance: dict[str, float]) -> None:
+    result = diagnosed(LONGER, tolerance=tolerance)
+    assert "link_length@follower" not in {effect.key for effect in result.effects}
+    assert result.verdict in ("unexplained", "partly explained")
+
+
+@pytest.mark.slow
+def test_a_gap_of_the_drive_is_told_beside_landings_that_nobody_foretells(tmp_path: Path) -> None:
+    """Where samples in which the crank lands counted, an unknown lag and half a dozen effects were found in them."""
+    hidden = draw(FIRST["machines"] + 6, 0)
+    hidden = replace(hidden, truth=(replace(hidden.truth[0], values={"half_gap": 2e-4}),))
+    clean = [recorded(hidden, plan) for plan in hidden.experiment.plans]
+    write_data(hidden, with_noise(hidden, clean, np.random.default_rng([hidden.seed, 0, 1])), tmp_path)
+    options = Options("mujoco", others=False, workers=1, posterior=True)
+    (effect,) = diagnosis_of(load_measured(tmp_path / "measured.toml"), options)[0].effects
+    assert effect.key == "drive_backlash@drive"
+    assert effect.parameters["half_gap"].value == pytest.approx(2e-4, rel=0.02)
+
+
+def test_a_chance_is_said_as_people_say_it() -> None:
+    said = {
+        0.95: "19 in 20",
+        0.5: "5 in 10",
+        0.002: "1 in 500",
+        0.9999: "more than 999 in 1000",
+        0.0: "less than 1 in 1000",
+    }
+    assert {share: chance(share) for share in said} == said
 
 
 def test_probabilities_are_of_all_sets() -> None:

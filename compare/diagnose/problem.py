@@ -59,7 +59,7 @@ class Options:
 
     ``simulator`` is the chosen engine; ``only`` and ``exclude`` are ``effect`` or ``effect@where``; ``own`` are effects
     beside the vocabulary; with ``others`` every installed engine simulates too, in as many processes as ``workers``.
-    ``posterior`` decides by the probabilities of sets of effects, which are to take the place of the search, where no run
+    ``posterior`` decides by probabilities of sets of effects, which are to take the place of the search, where no run
     is free.  The search ends ``budget`` seconds after it ``began`` (None: when it is done), with the best so far.
     """
 

@@ -68,12 +68,12 @@ def diagnose(question: DiagnoseQuestion) -> Diagnosis:
             question.budget,
         )
         data = measured if isinstance(measured, Measured) else load_measured(path(measured, "measured"))
-        return _with_adopted(data, options) if question.adopt else _diagnosed(data, options)[0]
+        return _with_adopted(data, options) if question.adopt else diagnosis_of(data, options)[0]
 
 
 def _with_adopted(data: Measured, options: Options) -> Diagnosis:
     """A diagnosis, made again with what the first one proposes."""
-    first, best = _diagnosed(data, options)
+    first, best = diagnosis_of(data, options)
     if best is None:
         return first.model_copy(update={"notes": (*first.notes, "Nothing is proposed that could be adopted.")})
     try:
@@ -81,7 +81,7 @@ def _with_adopted(data: Measured, options: Options) -> Diagnosis:
     except Unadoptable as error:
         return _marked(first, not_adopted=str(error))
     only = (*options.only, effect.name) if options.only else ()
-    again = _diagnosed(data, replace(options, own=(*options.own, effect), only=only))[0]
+    again = diagnosis_of(data, replace(options, own=(*options.own, effect), only=only))[0]
     if effect.name not in {e.name for e in again.effects}:
         return _marked(first, not_adopted="as an effect among the others it does not pass their tests")
     return again.model_copy(update={"proposed": (*_marked(first, adopted=True).proposed, *again.proposed)})
@@ -92,7 +92,7 @@ def _marked(result: Diagnosis, **said: object) -> Diagnosis:
     return result.model_copy(update={"proposed": tuple(p.model_copy(update=said) for p in result.proposed)})
 
 
-def _diagnosed(data: Measured, options: Options) -> tuple[Diagnosis, Proposal | None]:
+def diagnosis_of(data: Measured, options: Options) -> tuple[Diagnosis, Proposal | None]:
     """A diagnosis, and what it proposes as an object."""
     data, unfitted = parted(on_one_turn(data))
     rigid = data.mechanism.rigid()
