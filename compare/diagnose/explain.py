@@ -17,7 +17,7 @@ from scipy.stats import chi2
 
 from compare.diagnose import workmanship
 from compare.diagnose.admission import foretold, held_out, tried
-from compare.diagnose.fit import Fit, rank_of, without_columns
+from compare.diagnose.fit import Fit, Fitter, rank_of, without_columns
 from compare.diagnose.leaps import plausible
 from compare.diagnose.least_squares import UNSEEN
 from compare.diagnose.noise import CLOSED, rms, sample_weights
@@ -215,7 +215,7 @@ def beside(search: Search, fit: Fit, weights: np.ndarray, known: Collection[tupl
         share = (fit.chi2 - more.chi2) / max(search.base.chi2, 1e-300)
         gap = rms(fit.residual), rms(more.residual)
         why = trial.failed or "with it, another of the effects would no longer be needed"
-        found.append(Attempt(screen.terms[k], intervals(search, more, i, weights), share, gap, why))
+        found.append(Attempt(screen.terms[k], intervals(search.fitter, more, i, weights), share, gap, why))
     return found
 
 
@@ -257,7 +257,7 @@ def admitted(search: Search, fit: Fit, weights: np.ndarray) -> Judged:
         less = search.with_terms(fit, screen, without(fit, i)) or search.base
         trial = tried(search, fit, less, i, weights, told)
         gap = rms(less.residual), rms(fit.residual)
-        parameters = intervals(search, fit, i, weights)
+        parameters = intervals(search.fitter, fit, i, weights)
         if trial.failed:
             share = (less.chi2 - fit.chi2) / max(search.base.chi2, 1e-300)
             failing.append((trial.gain, i, Attempt(fit.terms[i], parameters, share, gap, trial.failed)))
@@ -266,12 +266,12 @@ def admitted(search: Search, fit: Fit, weights: np.ndarray) -> Judged:
     return found, failing
 
 
-def intervals(search: Search, fit: Fit, i: int, weights: np.ndarray) -> dict[str, Interval]:
+def intervals(fitter: Fitter, fit: Fit, i: int, weights: np.ndarray) -> dict[str, Interval]:
     """95 % intervals of a term's reported parameters, from the curvature of chi^2 in natural coordinates, and from its
     staircase where samples leap.
     """
     term, x, at = fit.terms[i], fit.x[i], fit.columns(i)
-    sizes = np.concatenate([np.asarray(t.effect.scales(search.rig, t.where, t.variant), float) for t in fit.terms])
+    sizes = np.concatenate([np.asarray(t.effect.scales(fitter.rig, t.where, t.variant), float) for t in fit.terms])
     scaled = fit.jacobian * np.sqrt(weights)[:, None] * (sizes * np.linalg.norm(fit.jacobian, axis=0) > UNSEEN)
     norm = np.linalg.norm(scaled, axis=0)
     norm[norm == 0] = 1.0
@@ -282,15 +282,15 @@ def intervals(search: Search, fit: Fit, i: int, weights: np.ndarray) -> dict[str
     covariance = spread[at, at]
 
     def reported(point: np.ndarray) -> dict[str, float]:
-        return term.effect.values(search.rig, term.where, point, term.variant)
+        return term.effect.values(fitter.rig, term.where, point, term.variant)
 
     def interval(parameter: str, value: float, ends: Sequence[float], open_ended: bool) -> Interval:
         low, high = (-math.inf, math.inf) if open_ended else (min(*ends, value), max(*ends, value))
-        return Interval(value, low, high, term.effect.unit(search.rig, term.where, parameter))
+        return Interval(value, low, high, term.effect.unit(fitter.rig, term.where, parameter))
 
     best = reported(x)
-    low, high = search.fitter.bounds(term)
-    scale = np.asarray(term.effect.scales(search.rig, term.where, term.variant), float)
+    low, high = fitter.bounds(term)
+    scale = np.asarray(term.effect.scales(fitter.rig, term.where, term.variant), float)
     step = np.maximum(1e-4 * np.abs(x), 1e-3 * scale)
     slopes = [reported(x + s) for s in np.diag(step)]
     out = {}
@@ -306,7 +306,7 @@ def intervals(search: Search, fit: Fit, i: int, weights: np.ndarray) -> dict[str
         half = 1.96 * math.sqrt(max(float(slope @ covariance @ slope), 0.0))
         out[p] = interval(p, v, [v - half, v + half], bool((blind & (slope != 0)).any()))
     if term.effect.leaps:
-        less, more = (reported(x * share) for share in plausible(search.fitter, fit, i, weights))
+        less, more = (reported(x * share) for share in plausible(fitter, fit, i, weights))
         out = {p: replace(o, low=min(o.low, less[p]), high=max(o.high, more[p])) for p, o in out.items()}
     return out
 
@@ -421,7 +421,7 @@ def widened(search: Search, weights: np.ndarray, named: Sequence[Named]) -> list
         known = dict(n.parameters)
         for rival in (rival for other in named if other is not n for _, rival in other.ties):
             if n.term in rival.terms:
-                there = intervals(search, rival, rival.terms.index(n.term), weights)
+                there = intervals(search.fitter, rival, rival.terms.index(n.term), weights)
                 for p, v in known.items():
                     known[p] = replace(v, low=min(v.low, there[p].low), high=max(v.high, there[p].high))
         out.append(replace(n, parameters=known))
@@ -435,7 +435,7 @@ def with_bundle(search: Search, fit: Fit, weights: np.ndarray, named: Named) -> 
     if large or workmanship.size_of(search, fit, named.term) <= 1:
         return named
     terms, found = workmanship.bundle(search, fit, weights, named.term, TIE)
-    values = tuple((t, intervals(search, found, found.terms.index(t), weights)) for t in terms)
+    values = tuple((t, intervals(search.fitter, found, found.terms.index(t), weights)) for t in terms)
     return replace(named, small_errors=values)
 
 

@@ -1,0 +1,205 @@
+"""How much some runs and sensors would tell of what is missing: expected information, by draws of whole outcomes.
+
+One effect at a place is missing, or a sensor errs, or nothing is wrong, as the prior has it; an effect is as large as
+the prior has it, and errors of careful work are everywhere.  All that data y say of suspects with columns J over the
+noise N stands in t = J' N^-1 y, of which the products G = J' N^-1 J are all that needs to be known: under a suspect
+with columns a and amounts b, t is normal about G[:, a] b with covariance G, and its evidence against nothing is closed.
+So an outcome is drawn without its samples, and judged exactly as a diagnosis with this prior would judge it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.special import log_ndtr, logsumexp
+
+from compare.diagnose.plan.pool import Pool, Suspect
+from compare.diagnose.posterior.prior import EXPECTED, NOTHING, WIDTH_ODDS, WIDTHS, WORKMANSHIP, WORKMANSHIP_ODDS
+
+Key = tuple[str, str]  # an effect's name and place
+Design = Mapping[int, None] | tuple[int, ...]
+# root mean square of the prior's sizes of errors everywhere
+CAREFUL = math.sqrt(float(np.exp(WORKMANSHIP_ODDS - logsumexp(WORKMANSHIP_ODDS)) @ WORKMANSHIP**2))
+DRAWS = 8  # outcomes of each effect at a place, one in each part of its sizes
+MOST_COLUMNS = 256  # of a suspect
+ROUNDING = 1e-9  # of a column's own square, that keeps products positive
+
+
+@dataclass(frozen=True)
+class Products:
+    """Products of the columns of suspects with errors of careful work in the noise.
+
+    ``suspects`` have their columns ``at`` in ``gram`` (n, n); ``probability`` (suspects,) is the prior's that each is
+    what is wrong.  Of suspects that these runs or sensors do not show there is none.
+    """
+
+    suspects: tuple[Suspect, ...]
+    at: tuple[np.ndarray, ...]
+    gram: np.ndarray = field(repr=False)
+    probability: np.ndarray = field(repr=False)
+
+    @property
+    def keys(self) -> tuple[Key, ...]:
+        """Every effect of the rig at its place, once."""
+        return tuple(dict.fromkeys(s.term.key for s in self.suspects if s.rig))
+
+
+def products(pool: Pool, runs: Sequence[int], sensors: Sequence[str], careful: float = CAREFUL) -> Products:
+    """Of some runs, each with these sensors; errors of careful work are so large (1: as the prior's table has them)."""
+    each = [sum_of(pool, run, sensors) for run in runs]
+    whole = np.sum(each, axis=0)
+    count = len(whole) - pool.slight
+    places, shown = [], []
+    locals_: list[tuple[int, int]] = []  # run and column of values that each run has of its own
+    seen = np.diag(whole) > 0
+    for suspect in pool.suspects:
+        if suspect.split:
+            own = [(k, int(suspect.at[0])) for k in range(len(runs)) if each[k][suspect.at[0], suspect.at[0]] > 0]
+            if len(own) > 1:
+                places.append(np.arange(len(whole) + len(locals_), len(whole) + len(locals_) + len(own)))
+                locals_ += own
+                shown.append(suspect)
+        elif seen[suspect.at].all():
+            places.append(suspect.at)
+            shown.append(suspect)
+    across = np.column_stack([np.zeros((len(whole), 0)), *(each[k][:, column] for k, column in locals_)])
+    inner = np.array([[each[k][i, j] * (k == m) for m, j in locals_] for k, i in locals_]).reshape(2 * (len(locals_),))
+    gram = np.block([[whole, across], [across.T, inner]])
+    kept = np.concatenate([np.zeros(0, int), *places])
+    small = np.arange(count, len(whole))
+    small = small[seen[small]] if careful else small[:0]
+    inside = gram[np.ix_(kept, kept)]
+    if small.size:
+        noise = gram[np.ix_(small, small)] + np.eye(small.size) / careful**2
+        inside = inside - gram[np.ix_(kept, small)] @ np.linalg.solve(noise, gram[np.ix_(small, kept)])
+    ends = np.cumsum([0, *(p.size for p in places)])
+    at = tuple(np.arange(*ends[k : k + 2]) for k in range(len(places)))
+    return Products(tuple(shown), at, (inside + inside.T) / 2, _probabilities(shown))
+
+
+def sum_of(pool: Pool, run: int, sensors: Sequence[str]) -> np.ndarray:
+    """Products of all columns in a run with some sensors."""
+    return np.asarray(sum(pool.gram[run, sensor] for sensor in sensors))
+
+
+def _probabilities(suspects: Sequence[Suspect]) -> np.ndarray:
+    """Of each suspect (suspects,) being what is wrong; what is of the rig, and what is of sensors, together as probable
+    as the prior expects of them, however many there are.
+    """
+    odds, rig = np.array([s.odds for s in suspects]), np.array([s.rig for s in suspects], bool)
+    found = np.zeros(odds.size)
+    for sensor, expected in EXPECTED.items():
+        these = rig != sensor
+        if these.any():
+            share = expected / sum(EXPECTED.values())
+            found[these] = (1 - NOTHING) * share * odds[these] / odds[these].sum()
+    return found
+
+
+@dataclass(frozen=True)
+class Outcomes:
+    """What is expected: ``bits`` of information about which effect of the rig is missing, of ``possible`` ones;
+    ``named`` (keys + 1, keys + 1) is how probable the data then make each of the ``keys``, and last none of them, where
+    one of them, or none, is true.
+    """
+
+    keys: tuple[Key, ...]
+    bits: float
+    possible: float
+    named: np.ndarray = field(repr=False)
+
+    @property
+    def told(self) -> float:
+        """How probable the data make the effect of the rig that is missing, averaged over all."""
+        return float(np.mean(np.diag(self.named)[:-1])) if self.keys else 0.0
+
+
+def outcomes(these: Products, draws: int = DRAWS, widths: Sequence[float] | None = None, seed: int = 0) -> Outcomes:
+    """What is expected of the data of some runs; effects have these sizes, over their natural ones, or (None) those of
+    the prior.  The same seed draws alike for all runs and sensors, so that these can be compared.
+    """
+    keys = these.keys
+    owner = np.array([keys.index(s.term.key) if s.rig else len(keys) for s in these.suspects], int)
+    prior = np.append(np.bincount(owner, these.probability, len(keys) + 1), 0.0)[: len(keys) + 1]
+    prior[-1] += 1 - these.probability.sum()
+    truth, weight, t = _drawn(these, draws, widths, seed)
+    log = np.column_stack([_evidence(these, t) + np.log(these.probability), np.full(len(t), math.log(_left(these)))])
+    log -= log.max(axis=1, keepdims=True)
+    posterior = np.exp(log)
+    posterior /= posterior.sum(axis=1, keepdims=True)
+    classes = np.zeros((len(t), len(keys) + 1))
+    np.add.at(classes.T, np.append(owner, len(keys)), posterior.T)
+    true = np.append(owner, len(keys))[truth]
+    gain = np.log2(np.maximum(classes[np.arange(len(t)), true], 1e-300) / prior[true])
+    mass = np.bincount(true, weight, len(keys) + 1)
+    named = np.array([np.bincount(true, weight * each, len(keys) + 1) for each in classes.T]).T / mass[:, None]
+    share = prior[prior > 0]
+    return Outcomes(keys, float(weight @ gain), float(-share @ np.log2(share)), named)
+
+
+def _left(these: Products) -> float:
+    """Probability that nothing is wrong."""
+    return float(1 - these.probability.sum())
+
+
+def _drawn(
+    these: Products, draws: int, widths: Sequence[float] | None, seed: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Outcomes: what is true (N,), index of a suspect or their number for nothing; how much each counts (N,); and what
+    its data say (N, n).
+    """
+    chances = np.cumsum(np.exp(WIDTH_ODDS - logsumexp(WIDTH_ODDS)))
+    of_key: dict[Key, list[int]] = {}
+    for i, s in enumerate(these.suspects):
+        of_key.setdefault(s.term.key, []).append(i)
+    n = len(these.gram)
+    truth, weight, means = [], [], []
+    for key, members in of_key.items():
+        rng = np.random.default_rng([seed, *key[0].encode(), *key[1].encode()])
+        shares = these.probability[members]
+        for k in range(draws):
+            i = members[int(np.searchsorted(np.cumsum(shares), (k + 0.5) / draws * shares.sum()))]
+            part = (k * 5 % draws + rng.random()) / draws  # sizes in another order than members
+            width = float(WIDTHS[np.searchsorted(chances, part)]) if widths is None else widths[k % len(widths)]
+            b = rng.standard_normal(MOST_COLUMNS)[: these.at[i].size]
+            b = np.where(these.suspects[i].never_negative(b.size), np.abs(b), b)
+            truth.append(i)
+            weight.append(shares.sum() / draws)
+            means.append(these.gram[:, these.at[i]] @ (width * b))
+    nothing = 4 * draws
+    truth += [len(these.suspects)] * nothing
+    weight += [_left(these) / nothing] * nothing
+    mean = np.vstack([np.reshape(means, (-1, n)), np.zeros((nothing, n))])
+    root = np.linalg.cholesky(these.gram + np.diag(ROUNDING * np.diag(these.gram)))
+    noise = np.random.default_rng(seed).standard_normal(mean.shape) @ root.T
+    return np.array(truth), np.array(weight), mean + noise
+
+
+def _evidence(these: Products, t: np.ndarray) -> np.ndarray:
+    """Log of how much more probable each suspect (N, suspects) makes outcomes (N, n) than nothing does, summed over its
+    sizes.
+    """
+    found = np.empty((len(t), len(these.suspects)))
+    sizes = np.array([a.size for a in these.at])
+    odds = WIDTH_ODDS - logsumexp(WIDTH_ODDS)
+    for size in np.unique(sizes):
+        which = np.flatnonzero(sizes == size)
+        at = np.array([these.at[i] for i in which])
+        values, vectors = np.linalg.eigh(these.gram[at[:, :, None], at[:, None, :]])
+        turned = np.einsum("gkl,ngk->ngl", vectors, t[:, at])
+        positive = np.array([these.suspects[i].never_negative(size) for i in which])
+        logs = []
+        for width, log_odds in zip(WIDTHS, odds, strict=True):
+            curved = np.maximum(values, 0.0) + 1 / width**2
+            log = ((turned**2 / curved).sum(2) - np.log(curved * width**2).sum(1)) / 2 + log_odds
+            if positive.any():
+                some = positive.any(axis=1)
+                mean = np.einsum("gkl,ngl->ngk", vectors[some], turned[:, some] / curved[some])
+                spread = np.sqrt(np.einsum("gkl,gl->gk", vectors[some] ** 2, 1 / curved[some]))
+                log[:, some] += np.where(positive[some], math.log(2) + log_ndtr(mean / spread), 0.0).sum(2)
+            logs.append(log)
+        found[:, which] = logsumexp(logs, axis=0)
+    return found
