@@ -42,7 +42,9 @@ def files(result: Plan) -> dict[str, str]:
         "steps": [words.step_row(result, step) for step in result.steps],
         "growth": Markup(draw(growth(result))),
         "effect_heads": EFFECT_HEADS,
-        "effects": [words.effect_row(result, effect) for effect in result.effects],
+        "effects": [
+            words.effect_row(result, effect) for effect in sorted(result.effects, key=lambda e: e.told_if_usual)
+        ],
         "groups": [words.group(result, group) for group in result.groups],
         "combinations": [words.combination(result, one) for one in result.combinations],
         "hidden": ", ".join(words.phrase(result, place) for place in result.hidden),
@@ -85,7 +87,11 @@ def print_table(result: Plan, console: Console) -> None:
     rows = [words.sensor_row(result, sensor) for sensor in result.sensors]
     console.print(terminal_table(SENSOR_HEADS, rows, folded=SENSOR_HEADS))
     console.print(terminal_table(STEP_HEADS, [words.step_row(result, step) for step in result.steps]))
-    say(console, words.headline(result), *(f"hardly told apart: {words.group(result, one)}" for one in result.groups))
+    say(
+        console,
+        words.headline(result),
+        *(f"hardly told apart: {words.group(result, one, words.LISTED)}" for one in result.groups),
+    )
     say(console, *words.notes(result))
 
 

@@ -6,7 +6,7 @@ import difflib
 import math
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -24,6 +24,8 @@ from compare.quantities import amount
 
 SPEEDS = (0.5, 1.0, 2.0)  # times the drive's own, where no speeds are given
 LONGEST = 1000.0  # turns of the crank in a run
+A_TURN = 180  # samples of a turn of the crank, where no rate is given
+LEAST = 12  # samples of a run
 Quantity = float | str
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
@@ -61,6 +63,7 @@ class RigTable(_Part):
     reverse: bool = True
     turns: Annotated[float, Field(gt=0, le=LONGEST)] = 2.0
     rate: Positive | None = None
+    samples: Annotated[int, Field(ge=LEAST, le=10**7)] | None = None
     run_price: Positive = 1.0
     budget: Positive | None = None
     as_drawn: bool = True
@@ -98,9 +101,10 @@ class Loading:
 
 @dataclass(frozen=True)
 class Bench:
-    """What a rig can do: speeds (rad/s, above 0), both directions or one, loads, how long a run is (turns of the crank)
-    and how often it is sampled (1/s; None: so many samples a run), sensors, prices and the budget; ``assumed`` says
-    what nobody gave.
+    """What a rig can do: speeds (rad/s, above 0), both directions or one, loads, sensors, prices and the budget.
+
+    A run is so many ``turns`` of the crank, sampled at a ``rate`` (1/s), or ``samples`` times in all; where neither is
+    given, A_TURN times a turn.  ``assumed`` says what nobody gave.
     """
 
     mechanism: Mechanism
@@ -111,6 +115,7 @@ class Bench:
     reverse: bool = True
     turns: float = 2.0
     rate: float | None = None
+    samples: int | None = None
     run_price: float = 1.0
     tolerance: Mapping[str, float] = field(default_factory=dict)
     assumed: tuple[str, ...] = ()
@@ -181,8 +186,10 @@ def _checked(
     used = _sensors(where, mechanism, rig, sensors)
     if rig.budget is None and budget is None:
         assumed.append(f"budget: {default_budget:g}")
-    if rig.rate is None:
-        assumed.append("samples: 180 a turn of the crank")
+    if rig.rate is None and rig.samples is None:
+        assumed.append(f"samples: {A_TURN} a turn of the crank")
+    if rig.rate is not None and rig.samples is not None:
+        raise ArgumentError("rig", f"{where}rig.rate and rig.samples exclude each other; keep one")
     bench = Bench(
         mechanism,
         tuple(sorted(dict.fromkeys(speeds))),
@@ -192,11 +199,15 @@ def _checked(
         rig.reverse,
         rig.turns,
         rig.rate,
+        rig.samples,
         rig.run_price,
         tolerance,
         tuple(assumed),
     )
     _affordable(bench)
+    names = [loading.name for loading in bench.loadings]
+    if len(set(names)) < len(names):
+        raise ArgumentError("rig", f"{where}two rig.loading have one name; give each its own: {', '.join(names)}")
     return bench
 
 
@@ -248,8 +259,3 @@ def _affordable(bench: Bench) -> None:
         raise ArgumentError(
             "budget", f"{bench.budget:g} buys no run: one with one sensor costs {least:g}; give that much or more"
         )
-
-
-def with_sensors(bench: Bench, names: tuple[str, ...]) -> Bench:
-    """The same with only these sensors."""
-    return replace(bench, sensors=tuple(sensor for sensor in bench.sensors if sensor.signal in names))

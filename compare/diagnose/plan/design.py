@@ -85,7 +85,7 @@ class Chooser:
                     gained[part] = max(rate, gained.get(part, rate))
             if not rates:
                 break
-            parts |= max(rates, key=rates.__getitem__)
+            parts |= max(rates.items(), key=lambda each: each[1])[0]
         return parts, gained
 
     def _affordable(self, parts: Parts, among: Iterable[Part]) -> Iterator[Parts]:

@@ -10,17 +10,18 @@ So an outcome is drawn without its samples, and judged exactly as a diagnosis wi
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.linalg import solve_triangular
 from scipy.special import log_ndtr, logsumexp
 
 from compare.diagnose.plan.pool import Pool, Suspect
 from compare.diagnose.posterior.prior import EXPECTED, NOTHING, WIDTH_ODDS, WIDTHS, WORKMANSHIP, WORKMANSHIP_ODDS
+from compare.diagnose.posterior.sets import summed
 
 Key = tuple[str, str]  # an effect's name and place
-Design = Mapping[int, None] | tuple[int, ...]
 # root mean square of the prior's sizes of errors everywhere
 CAREFUL = math.sqrt(float(np.exp(WORKMANSHIP_ODDS - logsumexp(WORKMANSHIP_ODDS)) @ WORKMANSHIP**2))
 DRAWS = 8  # outcomes of each effect at a place, one in each part of its sizes
@@ -49,7 +50,7 @@ class Products:
 
 def products(pool: Pool, runs: Sequence[int], sensors: Sequence[str], careful: float = CAREFUL) -> Products:
     """Of some runs, each with these sensors; errors of careful work are so large (1: as the prior's table has them)."""
-    each = [sum_of(pool, run, sensors) for run in runs]
+    each = [np.sum([pool.gram[run, sensor] for sensor in sensors], axis=0) for run in runs]
     whole = np.sum(each, axis=0)
     count = len(whole) - pool.slight
     places, shown = [], []
@@ -71,18 +72,22 @@ def products(pool: Pool, runs: Sequence[int], sensors: Sequence[str], careful: f
     kept = np.concatenate([np.zeros(0, int), *places])
     small = np.arange(count, len(whole))
     small = small[seen[small]] if careful else small[:0]
-    inside = gram[np.ix_(kept, kept)]
-    if small.size:
-        noise = gram[np.ix_(small, small)] + np.eye(small.size) / careful**2
-        inside = inside - gram[np.ix_(kept, small)] @ np.linalg.solve(noise, gram[np.ix_(small, kept)])
+    inside = _beside(gram[np.ix_(kept, kept)], gram[np.ix_(small, kept)], gram[np.ix_(small, small)], careful)
     ends = np.cumsum([0, *(p.size for p in places)])
     at = tuple(np.arange(*ends[k : k + 2]) for k in range(len(places)))
-    return Products(tuple(shown), at, (inside + inside.T) / 2, _probabilities(shown))
+    return Products(tuple(shown), at, inside, _probabilities(shown))
 
 
-def sum_of(pool: Pool, run: int, sensors: Sequence[str]) -> np.ndarray:
-    """Products of all columns in a run with some sensors."""
-    return np.asarray(sum(pool.gram[run, sensor] for sensor in sensors))
+def _beside(inside: np.ndarray, across: np.ndarray, small: np.ndarray, careful: float) -> np.ndarray:
+    """Products (n, n) of columns where others (k,), each of the size ``careful``, are part of the noise."""
+    if not small.size:
+        return inside
+    size = np.sqrt(np.diag(small) + careful**-2)
+    noise = (small + np.eye(len(small)) / careful**2) / np.outer(size, size) + ROUNDING * np.eye(len(small))
+    reduced = solve_triangular(np.linalg.cholesky(noise), across / size[:, None], lower=True)
+    left = inside - reduced.T @ reduced
+    kept = np.diag(left) > ROUNDING * np.diag(inside)  # the rest is no more than rounding
+    return np.where(np.outer(kept, kept), left, 0.0)
 
 
 def _probabilities(suspects: Sequence[Suspect]) -> np.ndarray:
@@ -173,9 +178,21 @@ def _drawn(
     truth += [len(these.suspects)] * nothing
     weight += [_left(these) / nothing] * nothing
     mean = np.vstack([np.reshape(means, (-1, n)), np.zeros((nothing, n))])
-    root = np.linalg.cholesky(these.gram + np.diag(ROUNDING * np.diag(these.gram)))
-    noise = np.random.default_rng(seed).standard_normal(mean.shape) @ root.T
+    noise = np.random.default_rng(seed).standard_normal(mean.shape) @ _root(these.gram).T
     return np.array(truth), np.array(weight), mean + noise
+
+
+def _root(gram: np.ndarray) -> np.ndarray:
+    """What noise becomes noise of this covariance by."""
+    size = np.sqrt(np.diag(gram))
+    size[size == 0] = 1.0
+    alike = gram / np.outer(size, size)
+    try:
+        root = np.linalg.cholesky(alike + ROUNDING * np.eye(len(gram)))
+    except np.linalg.LinAlgError:  # products of columns that are nearly the same, less by rounding than they can be
+        values, vectors = np.linalg.eigh(alike)
+        root = vectors * np.sqrt(np.maximum(values, 0.0))
+    return np.asarray(root * size[:, None])
 
 
 def _evidence(these: Products, t: np.ndarray) -> np.ndarray:
@@ -201,5 +218,5 @@ def _evidence(these: Products, t: np.ndarray) -> np.ndarray:
                 spread = np.sqrt(np.einsum("gkl,gl->gk", vectors[some] ** 2, 1 / curved[some]))
                 log[:, some] += np.where(positive[some], math.log(2) + log_ndtr(mean / spread), 0.0).sum(2)
             logs.append(log)
-        found[:, which] = logsumexp(logs, axis=0)
+        found[:, which] = summed(np.moveaxis(np.array(logs), 0, -1))
     return found

@@ -18,17 +18,15 @@ from compare.diagnose.effects.effect import Rig
 from compare.diagnose.effects.sensors import in_each_run
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.fit import Fitter
-from compare.diagnose.plan.bench import Bench, Loading
+from compare.diagnose.plan.bench import A_TURN, LEAST, Bench, Loading
 from compare.diagnose.posterior.prior import SLIGHT, Prior
 from compare.diagnose.predict import Model, Term
 from compare.diagnose.residuals import Data
 from compare.diagnose.sensitivities import candidates, sensitivities
 from compare.faults import ArgumentError
 
-A_TURN = 180  # samples of a turn of the crank, where no rate is given
 DENSE = 60  # samples of a turn, and
 MOST = 239  # of a run, that stand for all of it; a prime number, with which no harmonic of the crank repeats itself
-LEAST = 12  # samples of a run
 RUNS = 120  # that a plan chooses from, at most
 
 
@@ -155,7 +153,7 @@ def _runs(bench: Bench) -> tuple[CandidateRun, ...]:
             for way in directions:
                 duration = (high - low) / speed
                 rate = bench.rate or A_TURN * speed / (2 * math.pi)
-                samples = int(duration * rate + 1e-9) + 1
+                samples = bench.samples or int(duration * rate + 1e-9) + 1
                 if samples < LEAST:
                     raise ArgumentError(
                         "rig",
@@ -163,8 +161,7 @@ def _runs(bench: Bench) -> tuple[CandidateRun, ...]:
                         f" of it; give {LEAST} or more: a higher rate, or more turns",
                     )
                 few = min(samples, MOST, max(LEAST, math.ceil(DENSE * (high - low) / (2 * math.pi))))
-                pace = f"{speed * 30 / math.pi:.4g}rpm{'' if way > 0 else '-reverse'}"
-                name = f"{pace}-{loading.name}" if loading.name else pace
+                name = "-".join(filter(None, [_pace(speed), "reverse" if way < 0 else "", loading.name]))
                 angle = start if around else low if way > 0 else high
                 run = MeasuredRun(
                     name, np.linspace(0.0, duration, few), {}, "speed", way * speed, float(angle), {}, loading.loads,
@@ -176,6 +173,12 @@ def _runs(bench: Bench) -> tuple[CandidateRun, ...]:
             "rig", f"there are {len(found)} runs to choose from; give fewer speeds or loads: {RUNS} runs"
         )
     return tuple(found)
+
+
+def _pace(speed: float) -> str:
+    """A speed (rad/s) in the name of a run: ``60rpm``."""
+    rpm = speed * 30 / math.pi
+    return f"{rpm:.0f}rpm" if rpm >= 1000 or abs(rpm - round(rpm)) < 1e-6 * rpm else f"{rpm:.4g}rpm"
 
 
 def _as_if_measured(bench: Bench, runs: Sequence[CandidateRun]) -> tuple[Measured, Model, Rig]:

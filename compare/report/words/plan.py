@@ -5,24 +5,27 @@ from __future__ import annotations
 import math
 
 from analytic.mechanism.one_line import capital, count, enumerated
-from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.quantities import amount, plainly, quantities
 from compare.report.words.effects import parameter
 from compare.report.words.preview import called
 from compare.results.diagnosis import EffectPlace, Estimate
 from compare.results.plan import CombinedEffect, Foretold, Plan, PlannedEffect, PlannedRun, PlannedSensor, PlanStep
 
-OF = 20  # times, of which a probability is said
-LIKE = {"length": "longer", "x": "", "y": ""}
+OF = 20  # cases, of which a probability is said
+LISTED = 4  # effects of a group that are named where there is little room
 UNSEEN = "too small to be seen"
 
 
 def chance(share: float) -> str:
     """A probability as one says it: ``19 in 20``."""
     times = round(OF * share)
-    if times == OF:
-        return f"more than 19 in {OF}" if share < 1 - 1e-9 else f"{OF} in {OF}"
-    return f"{times} in {OF}" if times else f"less than 1 in {OF}"
+    return {0: "hardly ever", OF: "nearly always"}.get(times, f"{times} in {OF}")
+
+
+def cases(share: float) -> str:
+    """The same within a sentence: ``in 19 of 20 cases``."""
+    times = round(OF * share)
+    return {0: "hardly ever", OF: "nearly always"}.get(times, f"in {times} of {OF} cases")
 
 
 def headline(result: Plan) -> str:
@@ -32,8 +35,8 @@ def headline(result: Plan) -> str:
     buy = f" Buy the sensor{'s' * (len(bought) > 1)} for {enumerated(bought)}." if bought else ""
     return (
         f"Make {count(len(result.runs), 'run')} and read {sensors}.{buy} If one thing of the rig is then missing from"
-        f" the model and is of its usual size, the data will name it {chance(result.told_if_usual)} times; of any size,"
-        f" small ones among them, {chance(result.told)} times."
+        f" the model and is of its usual size, the data name it {cases(result.told_if_usual)}; of any size, small ones"
+        f" among them, {cases(result.told)}."
     )
 
 
@@ -86,13 +89,13 @@ def effect_row(result: Plan, effect: PlannedEffect) -> tuple[str, str, str, str]
         capital(phrase(result, effect)),
         chance(effect.told_if_usual),
         "; ".join(others) or "nothing else",
-        "; ".join(precision(name, p) for name, p in effect.parameters.items()) or "not foretold",
+        "; ".join(precision(name, p) for name, p in effect.parameters.items()) or "it is not foretold how well",
     )
 
 
 def precision(name: str, p: Foretold) -> str:
-    """A parameter of about its usual size with how well it would be known: ``length error 1.2 mm, to within 0.2 µm;
-    50 µm if the rig is only made with care``.
+    """A parameter of its usual size with how well it would be known, beside errors of careful work in brackets:
+    ``length error 1.2 mm ± 0.2 µm (50 µm)``.
     """
     words, value, _ = parameter(name, Estimate(value=p.value, unit=p.unit, low=None, high=None))
     alone, careful = half(p.low, p.high), half(p.careful_low, p.careful_high)
@@ -107,12 +110,13 @@ def half(low: float | None, high: float | None) -> float | None:
     return None if low is None or high is None else (high - low) / 2
 
 
-def group(result: Plan, places: tuple[EffectPlace, ...]) -> str:
-    """Effects that may be taken for each other, in a sentence."""
-    told = {e.key: e for e in result.effects}
-    right = min(told[place.key].told_if_usual for place in places)
-    names = enumerated([phrase(result, place) for place in places])
-    return f"{capital(names)}: the right one of them is named {chance(right)} times or more."
+def group(result: Plan, places: tuple[EffectPlace, ...], most: int | None = None) -> str:
+    """Effects that may be taken for each other, in a sentence that names so many of them."""
+    told = {e.key: e.told_if_usual for e in result.effects}
+    right = sum(told[place.key] for place in places) / len(places)
+    names = [phrase(result, place) for place in places[:most]]
+    names += [f"{len(places) - len(names)} more"] if len(places) > len(names) else []
+    return f"{capital(enumerated(names))}: if one of them is missing, the right one is named {cases(right)}."
 
 
 def combination(result: Plan, parts: tuple[CombinedEffect, ...]) -> str:
@@ -126,10 +130,10 @@ def combination(result: Plan, parts: tuple[CombinedEffect, ...]) -> str:
 
 def notes(result: Plan) -> list[str]:
     """What the numbers are of."""
-    effects = sum(len(VOCABULARY[e.name].parameters) > 0 for e in result.effects)
+    spent = f"{plainly(result.spent)} of {plainly(result.budget)} spent"
     return [
-        f"{count(effects, 'effect')} of the rig that may be missing, chosen from {count(result.possible_runs, 'run')};"
-        f" {plainly(result.spent)} of {plainly(result.budget)} spent; {result.bits:.2f} of {result.possible_bits:.2f}"
-        " bits of what there is to tell",
+        f"{count(len(result.effects), 'effect')} of the rig that may be missing, chosen from"
+        f" {count(result.possible_runs, 'run')}; {spent}; {result.bits:.2f} of {result.possible_bits:.2f} bits of what"
+        " there is to tell",
         *(f"taken as given, {each}" for each in result.taken),
     ]
