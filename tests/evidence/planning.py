@@ -4,7 +4,9 @@ A rig is drawn as the scoreboard draws one, with two or three runs such as an en
 as many runs, of the same speeds in both directions and with or without the loads, with as many samples.  The same
 effect is then hidden in both, played by another engine, and diagnosed.
 
-``python -m tests.evidence.planning FIRST COUNT FOLDER`` writes a JSON file for each seed.
+With ``usual`` the effect is as large as the plan takes it to be, and hidden in the planned runs alone.
+
+``python -m tests.evidence.planning FIRST COUNT FOLDER [usual]`` writes a JSON file for each seed.
 """
 
 from __future__ import annotations
@@ -69,22 +71,22 @@ class Compared:
     careful: Mapping[str, float]
     told_if_usual: float
     seconds: float  # that the plan took
-    usual: Told
+    usual: Told | None
     planned: Told
-    possible: float  # sigmas that its best rival leaves in all runs together that could have been made
+    possible: float | None  # sigmas that its best rival leaves in all runs together that could have been made
 
 
-def compared(seed: int) -> Compared:
+def compared(seed: int, of_usual_size: bool = False) -> Compared:
     """The set of a seed.  Raises Rejected where no attempt makes one."""
     for attempt in range(ATTEMPTS):
         try:
-            return _attempted(seed, np.random.default_rng([seed, attempt, 36]))
+            return _attempted(seed, np.random.default_rng([seed, attempt, 36]), of_usual_size)
         except (Rejected, SimulationError, AssemblyError):
             continue
     raise Rejected(f"seed {seed}: none of {ATTEMPTS} attempts made a usable set")
 
 
-def _attempted(seed: int, rng: np.random.Generator) -> Compared:
+def _attempted(seed: int, rng: np.random.Generator, of_usual_size: bool) -> Compared:
     own = [e for kind in ("effects", "machines") for e in hidden_in(kind) if not e.sensor]
     effect = own[seed % len(own)]
     cases = [case for case in CASES if effect.hiding.cases is None or case in effect.hiding.cases]
@@ -95,14 +97,22 @@ def _attempted(seed: int, rng: np.random.Generator) -> Compared:
     seconds = time.monotonic() - began
     sizer = Sizer(rig)
     one = placed(effect, rig, sizer.rig, rng, [])
-    values = sizer.grown(one, draw_log(rng, SMALLEST, LARGEST))
-    hidden = Planted(effect.name, one.term.where, values)
-    source = draw_source(rng, DIAGNOSING, [effect])
-    better = replace(rig, plans=tuple(_run(rig, run) for run in planned.runs))
-    usual, told = (_told(e, hidden, source, one.term, seed) for e in (rig, better))
-    possible = Sizer(replace(rig, plans=every)).judged([(one.term, values)])[0].distinct
     foretold = next((e for e in planned.effects if (e.name, e.where) == one.term.key), None)
     parameters = foretold.parameters if foretold else {}
+    source = draw_source(rng, DIAGNOSING, [effect])
+    better = replace(rig, plans=tuple(_run(rig, run) for run in planned.runs))
+    usual, possible = None, None
+    if of_usual_size:
+        if not parameters:
+            raise Rejected(f"{one.term.label} is not foretold")
+        values: Mapping[str, float] = {name: p.value for name, p in parameters.items()}
+        hidden = Planted(effect.name, one.term.where, values)
+    else:
+        values = sizer.grown(one, draw_log(rng, SMALLEST, LARGEST))
+        hidden = Planted(effect.name, one.term.where, values)
+        usual = _told(rig, hidden, source, one.term, seed)
+        possible = Sizer(replace(rig, plans=every)).judged([(one.term, values)])[0].distinct
+    told = _told(better, hidden, source, replace(one.term, variant=values.get("harmonic", one.term.variant)), seed)
     return Compared(
         seed, rig.case, one.term.key, dict(values), source,
         {name: _half(one.term, name, p.low, p.high) for name, p in parameters.items()},
@@ -185,7 +195,7 @@ if __name__ == "__main__":
         if (folder / f"{k}.json").exists():
             continue
         try:
-            text = json.dumps(asdict(compared(k)), default=str)
+            text = json.dumps(asdict(compared(k, sys.argv[4:] == ["usual"])), default=str)
         except Rejected as error:
             text = json.dumps({"seed": k, "rejected": str(error)})
         (folder / f"{k}.json").write_text(text, encoding="utf-8")

@@ -62,9 +62,7 @@ def _at_size(pool: Pool, fitter: Fitter, term: Term) -> Mapping[str, Interval] |
     fit = fitter.at((term,), {term: np.clip(pool.prior.size(term), *fitter.bounds(term))})
     if fit is None:
         return None
-    every = intervals(fitter, fit, 0, np.ones(fitter.data.size))
-    discrete = {p.name for p in term.effect.parameters if p.discrete}
-    return {name: one for name, one in every.items() if name not in discrete}
+    return intervals(fitter, fit, 0, np.ones(fitter.data.size))
 
 
 def _errors(pool: Pool, fitter: Fitter, terms: Sequence[Term]) -> np.ndarray:

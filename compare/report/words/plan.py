@@ -99,6 +99,8 @@ def precision(name: str, p: Foretold) -> str:
     """
     words, value, _ = parameter(name, Estimate(value=p.value, unit=p.unit, low=None, high=None))
     alone, careful = half(p.low, p.high), half(p.careful_low, p.careful_high)
+    if alone == 0:
+        return f"{words} {value}"
     if alone is None:
         return f"{words} {value}, not known by these data"
     beside = f" ({amount(careful, p.unit, 2)})" if careful is not None else " (open)"
