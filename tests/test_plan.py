@@ -36,7 +36,9 @@ from compare.report.words import plan as words
 from compare.results.plan import Plan
 from diagnosis_rigs import diagnosed, experiment, four_bar, named, played, wrong
 from document_faults import faults
+from marks import slow
 from measured_files import csv_text
+from tests.evidence.planning import compared
 from tests.evidence.scoreboard import rigs
 
 NOISE = {"crank_angle": 5e-5, "follower_angle": 5e-5, "drive_torque": 1e-3}
@@ -249,6 +251,14 @@ def test_a_sensor_is_bought_where_it_tells_more_than_a_run_for_its_price() -> No
     assert Chooser(pool(dear), quiet).best().sensors == ("drive_torque",)
 
 
+def test_what_no_sensor_shows_may_be_missing_all_the_same(every: Pool) -> None:
+    """The encoder alone sees next to nothing of the rig; what is to be told stays as much."""
+    one, more = (outcomes(products(every, (0, 2), sensors)) for sensors in (["crank_angle"], list(NOISE)))
+    assert (one.keys, one.possible) == (more.keys, pytest.approx(more.possible))
+    assert one.bits < 0.2 < more.bits
+    assert one.told < 0.1
+
+
 def test_where_no_sensor_is_there_yet_one_is_bought_with_the_first_run() -> None:
     sensors = (Sensor("drive_torque", 1e-3, 1.0), Sensor("follower_angle", 5e-5, 1.0))
     best = Chooser(pool(replace(bench(), sensors=sensors)), quiet).best()
@@ -403,3 +413,16 @@ def test_the_command_ends_with_its_status_and_prints_json_alone(folder: Path, tm
     refused = compare("plan", str(folder / "plan.toml"), "--sensors", "drive_torque=x", cwd=tmp_path)
     assert (refused.returncode, refused.stdout) == (2, "")
     assert refused.stderr.startswith("compare: --sensors drive_torque=x: 'x' is not a number")
+
+
+# ---------------------------------------------------------------- evidence
+
+
+@pytest.mark.parametrize("seed", slow(0, 2, 3, 7, 8, 12))
+def test_an_effect_hidden_in_planned_runs_is_named_and_known_as_foretold(seed: int) -> None:
+    """On rigs drawn at random, played by another engine than the one that diagnoses."""
+    found = compared(seed, of_usual_size=False)
+    assert found.seconds < 60
+    assert found.truth in found.planned.named
+    first = next(iter(found.foretold))
+    assert 1 / 1.3 < found.planned.attained[first] / found.foretold[first] < 1.3

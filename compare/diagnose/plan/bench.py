@@ -6,7 +6,7 @@ import difflib
 import math
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,13 +19,14 @@ from analytic.mechanism.reading import ReadingError, read_toml
 from analytic.mechanism.units import QuantityKind, UnitError, dimension, factor, readable
 from compare.diagnose.data.measured_file import tolerances
 from compare.diagnose.data.recording import MeasuredError
-from compare.faults import ArgumentError
+from compare.faults import ArgumentError, OptionError
 from compare.quantities import amount
 
 SPEEDS = (0.5, 1.0, 2.0)  # times the drive's own, where no speeds are given
 LONGEST = 1000.0  # turns of the crank in a run
 A_TURN = 180  # samples of a turn of the crank, where no rate is given
 LEAST = 12  # samples of a run
+LISTED = 8  # signals that a message names
 Quantity = float | str
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
@@ -161,40 +162,16 @@ def _checked(
     default_budget: float,
 ) -> Bench:
     """What the rig can do, proven; what nobody gave is filled in and said."""
-    where = f"{source}: " if source else ""
+    where, assumed = f"{source}: " if source else "", list[str]()
     if not mechanism.cranked or mechanism.several:
-        raise ArgumentError(
-            "rig", f"{mechanism.name} is not moved by one crank; a plan is of linkages that one crank turns"
-        )
-    assumed = []
-    speeds = tuple(_si(f"{where}rig.speeds", speed, "angular velocity") for speed in rig.speeds or ())
-    if not speeds:
-        if not mechanism.speed:
-            raise ArgumentError(
-                "rig",
-                f"the drive of {mechanism.name} has no constant speed; give it one, or say in a plan.toml what the rig"
-                ' can do: [rig] speeds = ["60 rpm"]',
-            )
-        speeds = tuple(share * abs(mechanism.speed) for share in SPEEDS)
-        assumed.append(f"speeds: half, once and twice the drive's own, {amount(abs(mechanism.speed), 'rad/s')}")
-    if rig.loadings or not mechanism.loads:
-        loadings = tuple(Loading(each.name, each.loads, each.price) for each in rig.loadings)
-    else:
-        loadings = (Loading("no-load", ()),)
-        assumed.append("loads: those of the mechanism, or none")
-    own = (Loading("", None),) if rig.as_drawn or not loadings else ()
-    used = _sensors(where, mechanism, rig, sensors)
-    if rig.budget is None and budget is None:
-        assumed.append(f"budget: {default_budget:g}")
-    if rig.rate is None and rig.samples is None:
-        assumed.append(f"samples: {A_TURN} a turn of the crank")
+        raise OptionError(f"{mechanism.name} is not moved by one crank; a plan is of linkages that one crank turns")
     if rig.rate is not None and rig.samples is not None:
-        raise ArgumentError("rig", f"{where}rig.rate and rig.samples exclude each other; keep one")
+        raise OptionError(f"{where}rig.rate and rig.samples exclude each other; keep one")
     bench = Bench(
         mechanism,
-        tuple(sorted(dict.fromkeys(speeds))),
-        used,
-        (*own, *loadings),
+        _speeds(where, mechanism, rig, assumed),
+        _sensors(where, mechanism, rig, sensors),
+        _loadings(where, mechanism, rig, assumed),
         budget or rig.budget or default_budget,
         rig.reverse,
         rig.turns,
@@ -202,13 +179,44 @@ def _checked(
         rig.samples,
         rig.run_price,
         tolerance,
-        tuple(assumed),
     )
+    if rig.budget is None and budget is None:
+        assumed.append(f"budget: {default_budget:g}")
+    if rig.rate is None and rig.samples is None:
+        assumed.append(f"samples: {A_TURN} a turn of the crank")
     _affordable(bench)
-    names = [loading.name for loading in bench.loadings]
+    return replace(bench, assumed=tuple(assumed))
+
+
+def _speeds(where: str, mechanism: Mechanism, rig: RigTable, assumed: list[str]) -> tuple[float, ...]:
+    """Speeds (rad/s) of the crank, each once; noted where they are ``assumed``.  Raises OptionError."""
+    if rig.speeds is not None:
+        given = (_si(f"{where}rig.speeds", speed, "angular velocity") for speed in rig.speeds)
+        return tuple(sorted(dict.fromkeys(given)))
+    if not mechanism.speed:
+        raise OptionError(
+            f"the drive of {mechanism.name} has no constant speed; give it one, or say in a plan.toml what the rig can"
+            ' do: [rig] speeds = ["60 rpm"]'
+        )
+    assumed.append(f"speeds: half, once and twice the drive's own, {amount(abs(mechanism.speed), 'rad/s')}")
+    return tuple(share * abs(mechanism.speed) for share in SPEEDS)
+
+
+def _loadings(where: str, mechanism: Mechanism, rig: RigTable, assumed: list[str]) -> tuple[Loading, ...]:
+    """Loads that runs may carry; noted where they are ``assumed``.  Raises OptionError."""
+    for each in rig.loadings:
+        try:
+            mechanism.replace(loads=each.loads)
+        except MechanismError as error:
+            raise OptionError(f"{where}rig.loading {each.name!r}: {error}") from None
+    names = [each.name for each in rig.loadings]
     if len(set(names)) < len(names):
-        raise ArgumentError("rig", f"{where}two rig.loading have one name; give each its own: {', '.join(names)}")
-    return bench
+        raise OptionError(f"{where}two rig.loading have one name; give each its own: {', '.join(names)}")
+    others = tuple(Loading(each.name, each.loads, each.price) for each in rig.loadings)
+    if not others and mechanism.loads and rig.as_drawn:
+        assumed.append("loads: those of the mechanism, or none")
+        others = (Loading("no-load", ()),)
+    return (*((Loading("", None),) if rig.as_drawn or not others else ()), *others)
 
 
 def _sensors(where: str, mechanism: Mechanism, rig: RigTable, given: Mapping[str, float] | None) -> tuple[Sensor, ...]:
@@ -229,7 +237,9 @@ def _sensors(where: str, mechanism: Mechanism, rig: RigTable, given: Mapping[str
     for name, entry in entries.items():
         if name not in known:
             close = difflib.get_close_matches(name, known, n=1)
-            remedy = f"did you mean {close[0]!r}" if close else "see: compare show, or the reference of signals"
+            remedy = (
+                f"did you mean {close[0]!r}" if close else f"its signals are {', '.join(list(known)[:LISTED])}, ..."
+            )
             raise ArgumentError("sensors", f"{where}{name!r} is no signal of {mechanism.name}; {remedy}")
         noise = _si(f"{where}sensors {name}", entry.noise, dimension(known[name]))
         found.append(Sensor(name, noise, entry.price))
@@ -245,9 +255,9 @@ def _si(where: str, given: Quantity, kind: QuantityKind) -> float:
         value = float(number) * (factor(unit.strip(), kind) if unit else 1.0)
     except (ValueError, UnitError) as error:
         why = error if isinstance(error, UnitError) else "give a number (SI), or a text with a unit, such as '60 rpm'"
-        raise ArgumentError("rig", f"{where} = {quoted(given)}: {why}") from None
+        raise OptionError(f"{where} = {quoted(given)}: {why}") from None
     if not 0 < value < math.inf:
-        raise ArgumentError("rig", f"{where} = {quoted(given)}: give a number above 0")
+        raise OptionError(f"{where} = {quoted(given)}: give a number above 0")
     return value
 
 

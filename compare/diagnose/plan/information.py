@@ -34,7 +34,7 @@ class Products:
     """Products of the columns of suspects with errors of careful work in the noise.
 
     ``suspects`` have their columns ``at`` in ``gram`` (n, n); ``probability`` (suspects,) is the prior's that each is
-    what is wrong.  Of suspects that these runs or sensors do not show there is none.
+    what is wrong.  Faults of sensors that are not there are left out.
     """
 
     suspects: tuple[Suspect, ...]
@@ -63,7 +63,7 @@ def products(pool: Pool, runs: Sequence[int], sensors: Sequence[str], careful: f
                 places.append(np.arange(len(whole) + len(locals_), len(whole) + len(locals_) + len(own)))
                 locals_ += own
                 shown.append(suspect)
-        elif seen[suspect.at].all():
+        elif suspect.rig or seen[suspect.at].any():  # a sensor that is not there has no faults
             places.append(suspect.at)
             shown.append(suspect)
     across = np.column_stack([np.zeros((len(whole), 0)), *(each[k][:, column] for k, column in locals_)])

@@ -23,7 +23,7 @@ from compare.diagnose.posterior.prior import SLIGHT, Prior
 from compare.diagnose.predict import Model, Term
 from compare.diagnose.residuals import Data
 from compare.diagnose.sensitivities import candidates, sensitivities
-from compare.faults import ArgumentError
+from compare.faults import ArgumentError, OptionError
 
 DENSE = 60  # samples of a turn, and
 MOST = 239  # of a run, that stand for all of it; a prime number, with which no harmonic of the crank repeats itself
@@ -84,7 +84,7 @@ class Pool:
     noise: Mapping[tuple[str, str], float]  # by run and signal, of samples that stand for more
     rig: Rig
     prior: Prior
-    hidden: tuple[Term, ...]  # what no sample of any of these runs would show
+    hidden: tuple[Term, ...]  # effects of the rig that no sample of any of these runs would show
 
 
 def pool(bench: Bench) -> Pool:
@@ -122,12 +122,16 @@ def pool(bench: Bench) -> Pool:
         if effect.name in SLIGHT:
             small = effect.amounts(*place, prior.slight(term), term.variant)[: effect.sized]
             slight.append(seen_columns[:, : effect.sized] * small)
-    every = np.column_stack([*columns, *slight])
+    hidden = [t for t in common if not t.effect.sensor and t.key not in {known.key for known in found}]
+    for term in hidden:  # what nothing shows may be missing all the same
+        columns.append(np.zeros((fitter.data.size, 1)))
+        suspects.append(Suspect(term, np.array([count]), math.exp(prior.log_odds(term)), np.zeros(1, bool)))
+        count += 1
+    every = np.column_stack([np.zeros((fitter.data.size, 0)), *columns, *slight])
     gram = {}
     for part in fitter.data.parts:
         own = every[part.place]
         gram[part.run, part.signal] = own.T @ own
-    hidden = [t for t in terms if t.key not in {known.key for known in found}]
     return Pool(
         bench, runs, tuple(suspects), gram, every.shape[1] - count, measured, thinned, rig, prior, tuple(hidden)
     )
@@ -139,12 +143,12 @@ def _runs(bench: Bench) -> tuple[CandidateRun, ...]:
     try:
         assembly = Assembly(m)
     except (AssemblyError, StructureError) as error:
-        raise ArgumentError("rig", f"{m.name}: {error}") from None
+        raise OptionError(f"{m.name}: {error}") from None
     around = turns_fully(assembly)
     angles = usual_angles(assembly)
     low, high = (float(angles[0]), float(angles[-1])) if not around else (0.0, 2 * math.pi * bench.turns)
     if not high > low:
-        raise ArgumentError("rig", f"the crank of {m.name} cannot move from where it is assembled")
+        raise OptionError(f"the crank of {m.name} cannot move from where it is assembled")
     start = m.assembly[m.driven]
     directions = (1, -1) if bench.reverse else (1,)
     found = []
@@ -155,8 +159,7 @@ def _runs(bench: Bench) -> tuple[CandidateRun, ...]:
                 rate = bench.rate or A_TURN * speed / (2 * math.pi)
                 samples = bench.samples or int(duration * rate + 1e-9) + 1
                 if samples < LEAST:
-                    raise ArgumentError(
-                        "rig",
+                    raise OptionError(
                         f"a run at {speed:g} rad/s takes {duration:.3g} s, and rate = {rate:g} makes {samples} samples"
                         f" of it; give {LEAST} or more: a higher rate, or more turns",
                     )

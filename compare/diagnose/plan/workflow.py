@@ -60,9 +60,9 @@ def _document(every: Pool, best: Chosen, warned: tuple[str, ...], told: Progress
     these = products(every, best.runs, best.sensors)
     any_size, usual = outcomes(these, THOROUGH), outcomes(these, THOROUGH, USUAL)
     terms = [_likeliest(these.suspects, key) for key in these.keys]
-    intervals = known(every, best.runs, best.sensors, terms)
+    intervals = known(every, best.runs, best.sensors, [t for t in terms if t not in every.hidden])
     effects = [_effect(term, i, any_size, usual, intervals.get(term)) for i, term in enumerate(terms)]
-    hidden = [t.key for t in every.hidden if not t.effect.sensor]
+    hidden = [t.key for t in every.hidden]
     return Plan(
         case=bench.mechanism.name,
         mechanism=bench.mechanism,
