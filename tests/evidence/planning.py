@@ -6,7 +6,9 @@ effect is then hidden in both, played by another engine, and diagnosed.
 
 With ``usual`` the effect is as large as the plan takes it to be, and hidden in the planned runs alone.
 
-``python -m tests.evidence.planning FIRST COUNT FOLDER [usual]`` writes a JSON file for each seed.
+With ``pairs`` no engine plays and nothing is diagnosed: it is told how many sigmas of an effect its best rival leaves.
+
+``python -m tests.evidence.planning FIRST COUNT FOLDER [usual | pairs]`` writes a JSON file for each seed.
 """
 
 from __future__ import annotations
@@ -28,6 +30,10 @@ from analytic.mechanism.file import dumps
 from compare.diagnose import prepare
 from compare.diagnose.explain import intervals
 from compare.diagnose.fit import Fitter
+from compare.diagnose.plan.bench import read_bench
+from compare.diagnose.plan.design import Chooser
+from compare.diagnose.plan.information import Products, products
+from compare.diagnose.plan.pool import pool
 from compare.diagnose.plan.workflow import plan
 from compare.diagnose.predict import Term
 from compare.diagnose.residuals import Data
@@ -41,6 +47,8 @@ from tests.evidence.scoreboard.rigs import CASES, Experiment, Plan, Rejected, dr
 from tests.evidence.scoreboard.sizes import LARGEST, SMALLEST, Planted, Sizer
 
 ATTEMPTS = 60
+DRAWN = 10  # sets of runs at random
+CLEAR = (15.0, 150.0)  # sigmas of an effect whose rivals are asked for
 DIAGNOSING = "mujoco"
 Key = tuple[str, str]
 
@@ -121,22 +129,73 @@ def _attempted(seed: int, rng: np.random.Generator, of_usual_size: bool) -> Comp
     )  # fmt: skip
 
 
+@dataclass(frozen=True)
+class Left:
+    """Sigmas of an effect that its best rival leaves, to first order: in as many forward runs with the loads as drawn,
+    in as many drawn at random (each of DRAWN draws), in planned ones, and in all that could have been made.
+    """
+
+    truth: Key
+    plain: float
+    random: tuple[float, ...]
+    planned: float
+    possible: float
+
+
+def pairs(seed: int) -> list[Left]:
+    """What the best rivals of every effect leave of it in a rig, each as large as shows by CLEAR in the plain runs."""
+    rng = np.random.default_rng([seed, 37])
+    rig = _drawn_rig(rng)
+    with tempfile.TemporaryDirectory() as folder:
+        bench = read_bench(_written(rig, Path(folder)), None, None, 0.0)
+    every = pool(bench)
+    best = Chooser(every, lambda *_: None).best()
+    count, sensors = len(best.runs), best.sensors
+    forward = [i for i, run in enumerate(every.runs) if run.loading.loads is None and (run.run.speed or 0) > 0]
+    designs = [forward[-count:], best.runs, range(len(every.runs))]
+    designs += [rng.choice(len(every.runs), count, replace=False).tolist() for _ in range(DRAWN)]
+    made = [products(every, tuple(design), sensors, careful=0.0) for design in designs]
+    found = []
+    for key in made[0].keys:
+        amounts = {s.term: rng.standard_normal(s.at.size) for s in every.suspects if s.term.key == key and not s.split}
+        term = list(amounts)[int(rng.integers(len(amounts)))]
+        total, plain = left_of(made[0], term, amounts[term])
+        if total > 0:
+            size = draw_log(rng, *CLEAR) / total
+            planned, possible, *random = (size * left_of(one, term, amounts[term])[1] for one in made[1:])
+            found.append(Left(key, size * plain, tuple(random), planned, possible))
+    return found
+
+
+def left_of(these: Products, term: Term, amounts: np.ndarray) -> tuple[float, float]:
+    """Sigmas of an amount of an effect, and what the best rival at another place or of another name leaves of it."""
+    own = next((i for i, s in enumerate(these.suspects) if s.term == term and not s.split), None)
+    if own is None:
+        return 0.0, 0.0
+    at = these.at[own]
+    total, least = float(amounts @ these.gram[np.ix_(at, at)] @ amounts), math.inf
+    for i, s in enumerate(these.suspects):
+        if s.term.key != term.key and not s.term.extends(term):
+            inside = these.gram[np.ix_(these.at[i], these.at[i])]
+            inside = inside + 1e-10 * np.diag(np.diag(inside)) + 1e-300 * np.eye(len(inside))
+            across = these.gram[np.ix_(these.at[i], at)] @ amounts
+            least = min(least, total - float(across @ np.linalg.solve(inside, across)))
+    return math.sqrt(max(total, 0.0)), math.sqrt(max(least, 0.0))
+
+
+def _drawn_rig(rng: np.random.Generator) -> Experiment:
+    while True:
+        try:
+            return draw_experiment(rng, list(CASES), ("encoder", "torque"), False, False)
+        except Rejected:
+            continue
+
+
 def chosen(rig: Experiment) -> tuple[Planned, tuple[Plan, ...]]:
     """As many runs as an experiment has, as planned; and every run that could have been made."""
-    turns = max(1.0, abs(rig.plans[0].speed) * float(rig.plans[0].time[-1]) / (2 * math.pi))
-    table = {
-        "speeds": sorted({abs(run.speed) for run in rig.plans}),
-        "turns": turns,
-        "samples": rig.plans[0].time.size,
-        "budget": float(len(rig.plans)),
-        "sensors": rig.noise,
-        **({"loading": [{"name": "no-load", "load": []}]} if rig.nominal.loads else {}),
-    }
     with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / "nominal.toml").write_text(dumps(rig.nominal), encoding="utf-8")
-        text = tomli_w.dumps({"mechanism": "nominal.toml", "rig": table})
-        (Path(folder) / "plan.toml").write_text(text, encoding="utf-8")
-        found = plan(Path(folder) / "plan.toml")
+        found = plan(_written(rig, Path(folder)))
+    turns = _turns(rig)
     n = rig.plans[0].time.size
     every = [
         Plan(f"{i}-{way}-{loads is None}", way * speed, 0.3, np.linspace(0, turns * 2 * math.pi / speed, n), loads)
@@ -145,6 +204,27 @@ def chosen(rig: Experiment) -> tuple[Planned, tuple[Plan, ...]]:
         for loads in ([None, ()] if rig.nominal.loads else [None])
     ]
     return found, tuple(every)
+
+
+def _turns(rig: Experiment) -> float:
+    """Turns of the crank in a run."""
+    return max(1.0, abs(rig.plans[0].speed) * float(rig.plans[0].time[-1]) / (2 * math.pi))
+
+
+def _written(rig: Experiment, folder: Path) -> Path:
+    """A plan.toml of what a rig can do, in a folder."""
+    table = {
+        "speeds": sorted({abs(run.speed) for run in rig.plans}),
+        "turns": _turns(rig),
+        "samples": rig.plans[0].time.size,
+        "budget": float(len(rig.plans)),
+        "sensors": rig.noise,
+        **({"loading": [{"name": "no-load", "load": []}]} if rig.nominal.loads else {}),
+    }
+    (folder / "nominal.toml").write_text(dumps(rig.nominal), encoding="utf-8")
+    text = tomli_w.dumps({"mechanism": "nominal.toml", "rig": table})
+    (folder / "plan.toml").write_text(text, encoding="utf-8")
+    return folder / "plan.toml"
 
 
 def _run(rig: Experiment, run: PlannedRun) -> Plan:
@@ -195,7 +275,10 @@ if __name__ == "__main__":
         if (folder / f"{k}.json").exists():
             continue
         try:
-            text = json.dumps(asdict(compared(k, sys.argv[4:] == ["usual"])), default=str)
+            if sys.argv[4:] == ["pairs"]:
+                text = json.dumps([asdict(each) for each in pairs(k)])
+            else:
+                text = json.dumps(asdict(compared(k, sys.argv[4:] == ["usual"])), default=str)
         except Rejected as error:
             text = json.dumps({"seed": k, "rejected": str(error)})
         (folder / f"{k}.json").write_text(text, encoding="utf-8")
