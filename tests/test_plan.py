@@ -194,7 +194,7 @@ def test_information_is_that_of_whole_vectors_of_samples() -> None:
     assert found.bits == pytest.approx(gains.mean(), abs=margin)
     assert margin < 0.2 < found.bits < found.possible
     for k in range(len(linear.columns)):
-        assert found.named[k] == pytest.approx(posterior[true == k].mean(axis=0), abs=0.1)
+        assert np.delete(found.named[k], -2) == pytest.approx(posterior[true == k].mean(axis=0), abs=0.1)
 
 
 def test_what_tells_nothing_has_no_information_and_what_tells_all_has_it_all() -> None:

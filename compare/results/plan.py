@@ -72,7 +72,8 @@ class PlannedEffect(EffectPlace):
 
     told: Annotated[Share, Field(description="How probable the data make it where it is true, of any size.")]
     told_if_usual: Annotated[Share, Field(description="The same where it is of its usual size.")]
-    unseen: Annotated[Share, Field(description="How probable nothing of the rig seems then, at its usual size.")]
+    of_sensor: Annotated[Share, Field(description="How probable a fault of a sensor seems then, at its usual size.")]
+    unseen: Annotated[Share, Field(description="How probable it seems then that nothing is missing.")]
     instead: Annotated[tuple[Instead, ...], Field(description="What it may be taken for, at its usual size.")]
     parameters: Annotated[Mapping[str, Foretold], Field(description="At its usual size.")]
 

@@ -106,9 +106,11 @@ def _probabilities(suspects: Sequence[Suspect]) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Outcomes:
-    """What is expected: ``bits`` of information about which effect of the rig is missing, of ``possible`` ones;
-    ``named`` (keys + 1, keys + 1) is how probable the data then make each of the ``keys``, and last none of them, where
-    one of them, or none, is true.
+    """What is expected: ``bits`` of information about which effect of the rig is missing, if any is, of ``possible``
+    ones.
+
+    ``named`` (keys + 2, keys + 2) is how probable the data make each of the ``keys``, then a fault of a sensor, then
+    nothing, on average where one of these is true.
     """
 
     keys: tuple[Key, ...]
@@ -119,35 +121,32 @@ class Outcomes:
     @property
     def told(self) -> float:
         """How probable the data make the effect of the rig that is missing, averaged over all."""
-        return float(np.mean(np.diag(self.named)[:-1])) if self.keys else 0.0
+        return float(np.mean(np.diag(self.named)[: len(self.keys)])) if self.keys else 0.0
 
 
 def outcomes(these: Products, draws: int = DRAWS, widths: Sequence[float] | None = None, seed: int = 0) -> Outcomes:
     """What is expected of the data of some runs; effects have these sizes, over their natural ones, or (None) those of
     the prior.  The same seed draws alike for all runs and sensors, so that these can be compared.
     """
-    keys = these.keys
-    owner = np.array([keys.index(s.term.key) if s.rig else len(keys) for s in these.suspects], int)
-    prior = np.append(np.bincount(owner, these.probability, len(keys) + 1), 0.0)[: len(keys) + 1]
-    prior[-1] += 1 - these.probability.sum()
+    keys, left = these.keys, float(1 - these.probability.sum())
+    sensor, nothing = len(keys), len(keys) + 1
+    owner = np.array([*(keys.index(s.term.key) if s.rig else sensor for s in these.suspects), nothing])
+    prior = np.bincount(owner, np.append(these.probability, left), nothing + 1)
     truth, weight, t = _drawn(these, draws, widths, seed)
-    log = np.column_stack([_evidence(these, t) + np.log(these.probability), np.full(len(t), math.log(_left(these)))])
-    log -= log.max(axis=1, keepdims=True)
-    posterior = np.exp(log)
+    log = np.column_stack([_evidence(these, t) + np.log(these.probability), np.full(len(t), math.log(left))])
+    posterior = np.exp(log - log.max(axis=1, keepdims=True))
     posterior /= posterior.sum(axis=1, keepdims=True)
-    classes = np.zeros((len(t), len(keys) + 1))
-    np.add.at(classes.T, np.append(owner, len(keys)), posterior.T)
-    true = np.append(owner, len(keys))[truth]
-    gain = np.log2(np.maximum(classes[np.arange(len(t)), true], 1e-300) / prior[true])
-    mass = np.bincount(true, weight, len(keys) + 1)
-    named = np.array([np.bincount(true, weight * each, len(keys) + 1) for each in classes.T]).T / mass[:, None]
-    share = prior[prior > 0]
-    return Outcomes(keys, float(weight @ gain), float(-share @ np.log2(share)), named)
-
-
-def _left(these: Products) -> float:
-    """Probability that nothing is wrong."""
-    return float(1 - these.probability.sum())
+    shares = np.zeros((nothing + 1, len(t)))
+    np.add.at(shares, owner, posterior.T)
+    true = owner[truth]
+    mass = np.maximum(np.bincount(true, weight, nothing + 1), 1e-300)
+    named = np.array([np.bincount(true, weight * share, nothing + 1) / mass for share in shares]).T
+    # of the rig it is asked: a fault of a sensor, and nothing, are one answer
+    rig, before = np.minimum(true, sensor), np.append(prior[:sensor], prior[sensor:].sum())
+    after = np.vstack([shares[:sensor], shares[sensor:].sum(axis=0)])[rig, np.arange(len(t))]
+    gain = np.log2(np.maximum(after, 1e-300) / before[rig])
+    before = before[before > 0]
+    return Outcomes(keys, float(weight @ gain), abs(float(before @ np.log2(before))), named)
 
 
 def _drawn(
@@ -174,9 +173,9 @@ def _drawn(
             truth.append(i)
             weight.append(shares.sum() / draws)
             means.append(these.gram[:, these.at[i]] @ (width * b))
-    nothing = 4 * draws
+    nothing, left = 4 * draws, float(1 - these.probability.sum())
     truth += [len(these.suspects)] * nothing
-    weight += [_left(these) / nothing] * nothing
+    weight += [left / nothing] * nothing
     mean = np.vstack([np.reshape(means, (-1, n)), np.zeros((nothing, n))])
     noise = np.random.default_rng(seed).standard_normal(mean.shape) @ _root(these.gram).T
     return np.array(truth), np.array(weight), mean + noise

@@ -119,12 +119,13 @@ def _likeliest(suspects: Sequence[Suspect], key: tuple[str, str]) -> Term:
 def _effect(term: Term, i: int, any_size: Outcomes, usual: Outcomes, one: Known | None) -> results.PlannedEffect:
     """What the planned data would make of an effect at a place."""
     shares = usual.named[i]
-    rivals = [j for j in np.argsort(-shares[:-1]).tolist() if j != i and shares[j] >= CREDIBLE]
+    rivals = [j for j in np.argsort(-shares[:-2]).tolist() if j != i and shares[j] >= CREDIBLE]
     return results.PlannedEffect(
         name=term.effect.name,
         where=term.where,
         told=_share(any_size.named[i, i]),
         told_if_usual=_share(shares[i]),
+        of_sensor=_share(shares[-2]),
         unseen=_share(shares[-1]),
         instead=tuple(
             results.Instead(name=usual.keys[j][0], where=usual.keys[j][1], share=_share(shares[j])) for j in rivals

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from analytic.mechanism.one_line import capital, count, enumerated
+from compare.diagnose.posterior.prior import CREDIBLE
 from compare.quantities import amount, plainly, quantities
 from compare.report.words.effects import parameter
 from compare.report.words.preview import called
@@ -13,7 +14,7 @@ from compare.results.plan import CombinedEffect, Foretold, Plan, PlannedEffect, 
 
 OF = 20  # cases, of which a probability is said
 LISTED = 4  # effects of a group that are named where there is little room
-UNSEEN = "too small to be seen"
+UNSEEN, SENSOR = "too small to be seen", "a fault of a sensor"
 
 
 def chance(share: float) -> str:
@@ -84,7 +85,8 @@ def step_row(result: Plan, step: PlanStep) -> tuple[str, str, str, str]:
 def effect_row(result: Plan, effect: PlannedEffect) -> tuple[str, str, str, str]:
     """An effect: how often it is named at its usual size, what else it is taken for, and how well it is known then."""
     others = [f"{phrase(result, other)} ({chance(other.share)})" for other in effect.instead]
-    others += [f"{UNSEEN} ({chance(effect.unseen)})"] if effect.unseen >= 0.05 else []
+    for share, what in ((effect.of_sensor, SENSOR), (effect.unseen, UNSEEN)):
+        others += [f"{what} ({chance(share)})"] if share >= CREDIBLE else []
     return (
         capital(phrase(result, effect)),
         chance(effect.told_if_usual),
