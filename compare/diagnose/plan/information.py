@@ -4,7 +4,8 @@ One effect at a place is missing, or a sensor errs, or nothing is wrong, as the 
 the prior has it, and errors of careful work are everywhere.  All that data y say of suspects with columns J over the
 noise N stands in t = J' N^-1 y, of which the products G = J' N^-1 J are all that needs to be known: under a suspect
 with columns a and amounts b, t is normal about G[:, a] b with covariance G, and its evidence against nothing is closed.
-So an outcome is drawn without its samples, and judged exactly as a diagnosis with this prior would judge it.
+So an outcome is drawn without its samples, and judged exactly as a diagnosis with this prior would judge it.  (The
+closed bound by pairs of Kolchinsky and Tracey, 2017, says nothing here: mixtures over three decades of size overlap.)
 """
 
 from __future__ import annotations
