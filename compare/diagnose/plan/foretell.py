@@ -37,12 +37,18 @@ def known(pool: Pool, runs: Sequence[int], sensors: Sequence[str], terms: Sequen
     """How well each of some terms would be known in some runs with these sensors; those that the model cannot make at
     their natural size are left out.
     """
-    whole = fitter_of(pool, runs, sensors)
-    found = {term: one for term in terms if (one := _at_size(pool, whole, term)) is not None}
-    errors = _errors(pool, whole, [t for t in (s.term for s in pool.suspects) if t.effect.name in SLIGHT])
-    noisy = Fitter(whole.model, whole.data.beside(errors), whole.rig, whole.bounds)
-    careful = {term: _at_size(pool, noisy, term) for term in found}
-    return {term: Known(one, careful[term] or {}) for term, one in found.items()}
+    fitter = fitter_of(pool, runs, sensors)
+    errors = _errors(pool, fitter, [t for t in (s.term for s in pool.suspects) if t.effect.name in SLIGHT])
+    careful, alike = fitter.data.beside(errors), np.ones(fitter.data.size)
+    found = {}
+    for term in terms:
+        size = np.clip(pool.prior.size(term), *fitter.bounds(term))
+        # the interval of what leaps is looked for in data
+        fit = None if term.effect.leaps else fitter.at((term,), {term: size})
+        if fit is not None:
+            beside = replace(fit, jacobian=careful.seen_beside(fit.jacobian))
+            found[term] = Known(intervals(fitter, fit, 0, alike), intervals(fitter, beside, 0, alike))
+    return found
 
 
 def fitter_of(pool: Pool, runs: Sequence[int], sensors: Sequence[str]) -> Fitter:
@@ -53,16 +59,6 @@ def fitter_of(pool: Pool, runs: Sequence[int], sensors: Sequence[str]) -> Fitter
     noise = {key: size for key, size in pool.noise.items() if key in measured.sensors}
     model = Model(measured, pool.rig, measured.mechanism, {})
     return Fitter(model, Data(measured, noise), pool.rig, prepare.bounds(pool.rig, pool.bench.tolerance))
-
-
-def _at_size(pool: Pool, fitter: Fitter, term: Term) -> Mapping[str, Interval] | None:
-    """Intervals of a term at its natural size."""
-    if term.effect.leaps:  # the interval of what leaps is looked for in data
-        return None
-    fit = fitter.at((term,), {term: np.clip(pool.prior.size(term), *fitter.bounds(term))})
-    if fit is None:
-        return None
-    return intervals(fitter, fit, 0, np.ones(fitter.data.size))
 
 
 def _errors(pool: Pool, fitter: Fitter, terms: Sequence[Term]) -> np.ndarray:
