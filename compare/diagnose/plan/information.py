@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -26,6 +27,7 @@ Key = tuple[str, str]  # an effect's name and place
 # root mean square of the prior's sizes of errors everywhere
 CAREFUL = math.sqrt(float(np.exp(WORKMANSHIP_ODDS - logsumexp(WORKMANSHIP_ODDS)) @ WORKMANSHIP**2))
 DRAWS = 8  # outcomes of each effect at a place, one in each part of its sizes
+NOTHINGS = 12  # times as many outcomes in which nothing is wrong
 MOST_COLUMNS = 256  # of a suspect
 ROUNDING = 1e-9  # of a column's own square, that keeps products positive
 
@@ -53,30 +55,28 @@ def products(pool: Pool, runs: Sequence[int], sensors: Sequence[str], careful: f
     """Of some runs, each with these sensors; errors of careful work are so large (1: as the prior's table has them)."""
     each = [np.sum([pool.gram[run, sensor] for sensor in sensors], axis=0) for run in runs]
     whole = np.sum(each, axis=0)
-    count = len(whole) - pool.slight
-    places, shown = [], []
-    locals_: list[tuple[int, int]] = []  # run and column of values that each run has of its own
     seen = np.diag(whole) > 0
-    for suspect in pool.suspects:
-        if suspect.split:
-            own = [(k, int(suspect.at[0])) for k in range(len(runs)) if each[k][suspect.at[0], suspect.at[0]] > 0]
-            if len(own) > 1:
-                places.append(np.arange(len(whole) + len(locals_), len(whole) + len(locals_) + len(own)))
-                locals_ += own
-                shown.append(suspect)
-        elif suspect.rig or seen[suspect.at].any():  # a sensor that is not there has no faults
-            places.append(suspect.at)
-            shown.append(suspect)
-    across = np.column_stack([np.zeros((len(whole), 0)), *(each[k][:, column] for k, column in locals_)])
-    inner = np.array([[each[k][i, j] * (k == m) for m, j in locals_] for k, i in locals_]).reshape(2 * (len(locals_),))
+    own: list[tuple[int, int]] = []  # run and column of values that each run has of its own, behind all others
+    shown: list[tuple[Suspect, np.ndarray]] = []
+    for s in sorted(pool.suspects, key=lambda s: not s.rig):  # what is of the rig is drawn alike whatever is read
+        if s.split:
+            some = [(k, int(s.at[0])) for k, one in enumerate(each) if one[s.at[0], s.at[0]] > 0]
+            at = np.arange(len(some)) + len(whole) + len(own)
+            own += some if len(some) > 1 else []
+            shown += [(s, at)] if len(some) > 1 else []
+        elif s.rig or seen[s.at].any():  # a sensor that is not there has no faults
+            shown.append((s, s.at))
+    across = np.column_stack([np.zeros((len(whole), 0)), *(each[k][:, i] for k, i in own)])
+    inner = np.array([[each[k][i, j] * (k == m) for m, j in own] for k, i in own]).reshape(len(own), len(own))
     gram = np.block([[whole, across], [across.T, inner]])
-    kept = np.concatenate([np.zeros(0, int), *places])
-    small = np.arange(count, len(whole))
-    small = small[seen[small]] if careful else small[:0]
+    kept = np.concatenate([np.zeros(0, int), *(at for _, at in shown)])
+    small = np.arange(len(whole) - pool.slight, len(whole))
+    small = small[seen[small] & (careful > 0)]
     inside = _beside(gram[np.ix_(kept, kept)], gram[np.ix_(small, kept)], gram[np.ix_(small, small)], careful)
-    ends = np.cumsum([0, *(p.size for p in places)])
-    at = tuple(np.arange(*ends[k : k + 2]) for k in range(len(places)))
-    return Products(tuple(shown), at, inside, _probabilities(shown))
+    ends = np.cumsum([0, *(at.size for _, at in shown)])
+    suspects = tuple(s for s, _ in shown)
+    at_ = tuple(np.arange(*ends[k : k + 2]) for k in range(len(shown)))
+    return Products(suspects, at_, inside, _probabilities(suspects))
 
 
 def _beside(inside: np.ndarray, across: np.ndarray, small: np.ndarray, careful: float) -> np.ndarray:
@@ -143,11 +143,14 @@ def outcomes(these: Products, draws: int = DRAWS, widths: Sequence[float] | None
     mass = np.maximum(np.bincount(true, weight, nothing + 1), 1e-300)
     named = np.array([np.bincount(true, weight * share, nothing + 1) / mass for share in shares]).T
     # of the rig it is asked: a fault of a sensor, and nothing, are one answer
-    rig, before = np.minimum(true, sensor), np.append(prior[:sensor], prior[sensor:].sum())
-    after = np.vstack([shares[:sensor], shares[sensor:].sum(axis=0)])[rig, np.arange(len(t))]
-    gain = np.log2(np.maximum(after, 1e-300) / before[rig])
-    before = before[before > 0]
-    return Outcomes(keys, float(weight @ gain), abs(float(before @ np.log2(before))), named)
+    asked = np.vstack([shares[:sensor], shares[sensor:].sum(axis=0)])
+    possible = float(_entropy(np.append(prior[:sensor], prior[sensor:].sum())))
+    return Outcomes(keys, possible - float(weight @ _entropy(asked)), possible, named)
+
+
+def _entropy(shares: np.ndarray) -> np.ndarray:
+    """What is not known (bits), where probabilities are these (n,), or (n, N)."""
+    return np.asarray(-(shares * np.log2(np.maximum(shares, 1e-300))).sum(axis=0))
 
 
 def _drawn(
@@ -174,12 +177,18 @@ def _drawn(
             truth.append(i)
             weight.append(shares.sum() / draws)
             means.append(these.gram[:, these.at[i]] @ (width * b))
-    nothing, left = 4 * draws, float(1 - these.probability.sum())
+    nothing, left = NOTHINGS * draws, float(1 - these.probability.sum())
     truth += [len(these.suspects)] * nothing
     weight += [left / nothing] * nothing
     mean = np.vstack([np.reshape(means, (-1, n)), np.zeros((nothing, n))])
-    noise = np.random.default_rng(seed).standard_normal(mean.shape) @ _root(these.gram).T
-    return np.array(truth), np.array(weight), mean + noise
+    noise = _noise(seed, 256 * (1 + n // 256), 1024 * (1 + len(mean) // 1024))[:n, : len(mean)]
+    return np.array(truth), np.array(weight), mean + (_root(these.gram) @ noise).T
+
+
+@lru_cache(maxsize=8)
+def _noise(seed: int, columns: int, outcomes: int) -> np.ndarray:
+    """Noise of unit size, in which a column's is the same however many others there are."""
+    return np.random.default_rng(seed).standard_normal((columns, outcomes))
 
 
 def _root(gram: np.ndarray) -> np.ndarray:

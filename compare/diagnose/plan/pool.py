@@ -88,53 +88,55 @@ class Pool:
 
 
 def pool(bench: Bench) -> Pool:
-    """Every run that a rig could make.  Raises ArgumentError where it can make none, or too many."""
+    """Every run that a rig could make.  Raises ArgumentError or OptionError where it can make none, or too many."""
     runs = _runs(bench)
     measured, model, rig = _as_if_measured(bench, runs)
-    few = [run.run.time.size for run in runs]
-    thinned = {
-        (run.run.name, s.signal): s.noise * math.sqrt(n / run.samples)
-        for run, n in zip(runs, few, strict=True)
+    noise = {
+        (run.run.name, s.signal): s.noise * math.sqrt(run.run.time.size / run.samples)
+        for run in runs
         for s in bench.sensors
     }
-    fitter = Fitter(model, Data(measured, thinned), rig, prepare.bounds(rig, bench.tolerance))
+    fitter = Fitter(model, Data(measured, noise), rig, prepare.bounds(rig, bench.tolerance))
     terms = prepare.allowed(candidates(rig, VOCABULARY), bench.tolerance, fitter.bounds)
-    first = rig.runs[0]
-    prior = Prior.of(rig, fitter.bounds, [t for t in terms if t.effect.place != "run" or t.where == first])
-    base = fitter.at((), {})
+    terms = [t for t in terms if not t.effect.acts_by_itself(t.variant)]
+    prior = Prior.of(rig, fitter.bounds, [t for t in terms if t.effect.place != "run" or t.where == rig.runs[0]])
+    suspects, columns, slight = _signatures(fitter, prior, terms)
+    every = np.hstack([columns, slight])
+    gram = {(p.run, p.signal): every[p.place].T @ every[p.place] for p in fitter.data.parts}
+    hidden = tuple(s.term for s in suspects if s.rig and not columns[:, s.at].any())
+    return Pool(bench, runs, tuple(suspects), gram, slight.shape[1], measured, noise, rig, prior, hidden)
+
+
+def _signatures(fitter: Fitter, prior: Prior, terms: Sequence[Term]) -> tuple[list[Suspect], np.ndarray, np.ndarray]:
+    """The suspects, all their columns (size, n), and what errors of careful work do (size, k)."""
+    base, rig = fitter.at((), {}), prior.rig
     assert base is not None  # the nominal mechanism has made the runs
-    common = [t for t in terms if not in_each_run(t.effect, t.variant) and not t.effect.acts_by_itself(t.variant)]
+    common = [t for t in terms if not in_each_run(t.effect, t.variant)]
     found = sensitivities(fitter, base, common)
+    each_run = {t.key: t for t in terms if in_each_run(t.effect, t.variant)}
     suspects: list[Suspect] = []
-    columns, slight, count = [], [], 0
-    for term, seen in found.items():
-        effect, place = term.effect, (rig, term.where)
-        seen_columns = effect.combined(seen.columns)
-        amounts = effect.amounts(*place, prior.size(term), term.variant)
-        at = np.arange(count, count := count + amounts.size)
-        columns.append(seen_columns * amounts)
-        odds = prior.log_odds(replace(term, where=first) if effect.place == "run" else term)
-        positive = effect.never_negative(*place, fitter.bounds(term)[0], term.variant)
+    columns, slight = [np.zeros((fitter.data.size, 0))], [np.zeros((fitter.data.size, 0))]
+
+    def add(term: Term, own: np.ndarray, positive: np.ndarray) -> None:
+        at = np.arange(own.shape[1]) + sum(c.shape[1] for c in columns)
+        columns.append(own)
+        odds = prior.log_odds(replace(term, where=rig.runs[0]) if term.effect.place == "run" else term)
         suspects.append(Suspect(term, at, math.exp(odds), positive))
-        each = next((t for t in terms if t.key == term.key and in_each_run(t.effect, t.variant)), None)
-        if each is not None:
+        if (each := each_run.get(term.key)) is not None:
             suspects.append(Suspect(each, at, math.exp(prior.log_odds(each)), positive, split=True))
+
+    for term, seen in found.items():
+        effect, answers = term.effect, term.effect.combined(seen.columns)
+        amounts = effect.amounts(rig, term.where, prior.size(term), term.variant)
+        add(term, answers * amounts, effect.never_negative(rig, term.where, fitter.bounds(term)[0], term.variant))
         if effect.name in SLIGHT:
-            small = effect.amounts(*place, prior.slight(term), term.variant)[: effect.sized]
-            slight.append(seen_columns[:, : effect.sized] * small)
-    hidden = [t for t in common if not t.effect.sensor and t.key not in {known.key for known in found}]
-    for term in hidden:  # what nothing shows may be missing all the same
-        columns.append(np.zeros((fitter.data.size, 1)))
-        suspects.append(Suspect(term, np.array([count]), math.exp(prior.log_odds(term)), np.zeros(1, bool)))
-        count += 1
-    every = np.column_stack([np.zeros((fitter.data.size, 0)), *columns, *slight])
-    gram = {}
-    for part in fitter.data.parts:
-        own = every[part.place]
-        gram[part.run, part.signal] = own.T @ own
-    return Pool(
-        bench, runs, tuple(suspects), gram, every.shape[1] - count, measured, thinned, rig, prior, tuple(hidden)
-    )
+            small = effect.amounts(rig, term.where, prior.slight(term), term.variant)
+            slight.append((answers * small)[:, : effect.sized])
+    shown = {term.key for term in found}
+    for term in common:  # what nothing shows may be missing all the same
+        if not term.effect.sensor and term.key not in shown:
+            add(term, np.zeros((fitter.data.size, 1)), np.zeros(1, bool))
+    return suspects, np.hstack(columns), np.hstack(slight)
 
 
 def _runs(bench: Bench) -> tuple[CandidateRun, ...]:
@@ -172,9 +174,7 @@ def _runs(bench: Bench) -> tuple[CandidateRun, ...]:
                 )  # fmt: skip
                 found.append(CandidateRun(run, loading, bench.run_price + loading.price, samples))
     if len(found) > RUNS:
-        raise ArgumentError(
-            "rig", f"there are {len(found)} runs to choose from; give fewer speeds or loads: {RUNS} runs"
-        )
+        raise OptionError(f"there are {len(found)} runs to choose from; give fewer speeds or loads: {RUNS} runs")
     return tuple(found)
 
 
