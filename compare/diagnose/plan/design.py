@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
@@ -76,16 +77,23 @@ class Chooser:
         return self.cost(parts) <= self.pool.bench.budget * (1 + 1e-9)
 
     def _added(self, parts: Parts, among: Iterable[Part]) -> tuple[Parts, dict[Part, float]]:
-        """Parts with more of others, as far as the budget goes; and what each gained at best for its price."""
-        among, gained = list(among), dict[Part, float]()
+        """Parts with more of others, as far as the budget goes; and what each gained at best for its price.
+
+        A part gains the less the more there are: of those that gained less before than another does now, none is tried.
+        """
+        among, rates = list(among), dict[Parts, float]()
+        gained = dict[Part, float]()
         while self._usable(parts):
-            rates = {more: self._rate(parts, more) for more in self._affordable(parts, among)}
-            for more, rate in rates.items():
-                for part in more:
-                    gained[part] = max(rate, gained.get(part, rate))
-            if not rates:
+            best: Parts = frozenset()
+            for more in sorted(self._affordable(parts, among), key=lambda more: -rates.get(more, math.inf)):
+                if best and rates[best] >= rates.get(more, math.inf):
+                    break
+                rates[more] = self._rate(parts, more)
+                gained |= {part: max(rates[more], gained.get(part, 0.0)) for part in more}
+                best = more if not best or rates[more] > rates[best] else best
+            if not best:
                 break
-            parts |= max(rates.items(), key=lambda each: each[1])[0]
+            parts |= best
         return parts, gained
 
     def _affordable(self, parts: Parts, among: Iterable[Part]) -> Iterator[Parts]:

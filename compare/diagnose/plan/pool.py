@@ -27,7 +27,7 @@ from compare.faults import ArgumentError, OptionError
 
 DENSE = 60  # samples of a turn, and
 MOST = 239  # of a run, that stand for all of it; a prime number, with which no harmonic of the crank repeats itself
-RUNS = 120  # that a plan chooses from, at most
+RUNS = 60  # that a plan chooses from, at most
 
 
 @dataclass(frozen=True)
