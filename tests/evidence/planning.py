@@ -96,6 +96,7 @@ def compared(seed: int, of_usual_size: bool = False) -> Compared:
 
 def _attempted(seed: int, rng: np.random.Generator, of_usual_size: bool) -> Compared:
     own = [e for kind in ("effects", "machines") for e in hidden_in(kind) if not e.sensor]
+    own = [e for e in own if not (e.leaps and of_usual_size)]  # whose intervals are not foretold
     effect = own[seed % len(own)]
     cases = [case for case in CASES if effect.hiding.cases is None or case in effect.hiding.cases]
     rig = draw_experiment(rng, cases, ("encoder", "torque", *effect.hiding.sensors), effect.hiding.in_contact, False)
