@@ -49,7 +49,7 @@ Key = tuple[str, str]
 def bench(**fields: Any) -> Bench:
     """A four-bar that turns at two speeds both ways, one turn a run."""
     sensors = tuple(Sensor(name, noise) for name, noise in NOISE.items())
-    given = {"loadings": (Loading("", None),), "budget": 2.0, "turns": 1.0, "sensors": sensors, **fields}
+    given = {"loadings": (Loading(),), "budget": 2.0, "turns": 1.0, "sensors": sensors, **fields}
     return Bench(four_bar(), (SLOW, FAST), **given)
 
 

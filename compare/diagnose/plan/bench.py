@@ -33,7 +33,7 @@ NotNegative = Annotated[float, Field(ge=0)]
 
 
 class _Part(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, populate_by_name=True)
 
 
 def _as_tuple(value: Any) -> Any:
@@ -47,11 +47,13 @@ class SensorEntry(_Part):
     price: NotNegative = 0.0
 
 
-class LoadingEntry(_Part):
-    """A ``[[rig.loading]]``: loads that a run may carry in place of the mechanism's own."""
+class Loading(_Part):
+    """A ``[[rig.loading]]``: loads that a run may carry, and what that costs beside the run; None are the mechanism's
+    own.
+    """
 
-    name: Annotated[str, Field(min_length=1, max_length=100, pattern=r"^[^@\s\p{Cc}]+$")]
-    loads: Annotated[tuple[Load, ...], BeforeValidator(_as_tuple), Field(alias="load")]
+    name: Annotated[str, Field(max_length=100, pattern=r"^[^@\s\p{Cc}]*$")] = ""
+    loads: Annotated[tuple[Load, ...] | None, BeforeValidator(_as_tuple), Field(alias="load")] = None
     price: NotNegative = 0.0
 
 
@@ -69,9 +71,7 @@ class RigTable(_Part):
     budget: Positive | None = None
     as_drawn: bool = True
     sensors: Mapping[str, Quantity | SensorEntry] = Field(default_factory=dict)
-    loadings: Annotated[
-        tuple[LoadingEntry, ...], BeforeValidator(_as_tuple), Field(alias="loading", max_length=20)
-    ] = ()
+    loadings: Annotated[tuple[Loading, ...], BeforeValidator(_as_tuple), Field(alias="loading", max_length=20)] = ()
 
 
 class PlanFile(_Part):
@@ -88,15 +88,6 @@ class Sensor:
 
     signal: str
     noise: float
-    price: float = 0.0
-
-
-@dataclass(frozen=True)
-class Loading:
-    """Loads that a run may carry, and what that costs beside the run; None are the mechanism's own."""
-
-    name: str
-    loads: tuple[Load, ...] | None
     price: float = 0.0
 
 
@@ -206,17 +197,18 @@ def _loadings(where: str, mechanism: Mechanism, rig: RigTable, assumed: list[str
     """Loads that runs may carry; noted where they are ``assumed``.  Raises OptionError."""
     for each in rig.loadings:
         try:
-            mechanism.replace(loads=each.loads)
+            mechanism.replace(loads=each.loads or ())
         except MechanismError as error:
             raise OptionError(f"{where}rig.loading {each.name!r}: {error}") from None
-    names = [each.name for each in rig.loadings]
-    if len(set(names)) < len(names):
-        raise OptionError(f"{where}two rig.loading have one name; give each its own: {', '.join(names)}")
-    others = tuple(Loading(each.name, each.loads, each.price) for each in rig.loadings)
+    others = rig.loadings
     if not others and mechanism.loads and rig.as_drawn:
         assumed.append("loads: those of the mechanism, or none")
-        others = (Loading("no-load", ()),)
-    return (*((Loading("", None),) if rig.as_drawn or not others else ()), *others)
+        others = (Loading(name="no-load", loads=()),)
+    found = (*((Loading(),) if rig.as_drawn or not others else ()), *others)
+    names = [each.name for each in found]
+    if len(set(names)) < len(names):
+        raise OptionError(f"{where}two rig.loading have one name; give each its own: {', '.join(map(repr, names))}")
+    return found
 
 
 def _sensors(where: str, mechanism: Mechanism, rig: RigTable, given: Mapping[str, float] | None) -> tuple[Sensor, ...]:
