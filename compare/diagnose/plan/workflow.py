@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import warnings
 from collections.abc import Sequence
 
@@ -139,17 +138,18 @@ def _share(value: float) -> float:
 
 
 def _parameters(one: Known) -> dict[str, results.Foretold]:
-    """Intervals as the document has them; open ends are none."""
-    found = {}
-    for name, alone in one.alone.items():
-        careful = one.careful.get(name)
-        ends = (alone.low, alone.high, *((careful.low, careful.high) if careful else (math.inf, math.inf)))
-        low, high, careful_low, careful_high = (end if math.isfinite(end) else None for end in ends)
-        found[name] = results.Foretold(
-            value=alone.value, unit=alone.unit or "1", low=low, high=high, careful_low=careful_low,
-            careful_high=careful_high,
-        )  # fmt: skip
-    return found
+    """Intervals as the document has them."""
+    return {
+        name: results.Foretold(
+            value=alone.value,
+            unit=alone.unit or "1",
+            low=alone.low,
+            high=alone.high,
+            careful_low=one.careful[name].low,
+            careful_high=one.careful[name].high,
+        )
+        for name, alone in one.alone.items()
+    }
 
 
 def _run(candidate: CandidateRun) -> results.PlannedRun:
