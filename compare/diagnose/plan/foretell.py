@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -126,10 +127,11 @@ def _hidden_by(gram: np.ndarray, c: int, keys: Sequence[Key]) -> dict[int, float
         left = _left(gram, c, chosen, free)
         chosen.append(free[int(np.argmin(left))])
         if left.min() < SEEN:
-            amounts = -np.linalg.solve(_stiffened(gram[np.ix_(chosen, chosen)]), gram[chosen, c])
-            return (
-                {c: 1.0, **dict(zip(chosen, amounts.tolist(), strict=True))} if abs(amounts).max() <= LARGEST else None
-            )
+            shares = -np.linalg.solve(_stiffened(gram[np.ix_(chosen, chosen)]), gram[chosen, c])
+            needed = {
+                i: share for i, share in zip(chosen, shares.tolist(), strict=True) if share**2 * gram[i, i] > SEEN
+            }
+            return {c: 1.0, **needed} if max(map(abs, needed.values()), default=math.inf) <= LARGEST else None
     return None
 
 

@@ -125,11 +125,11 @@ def group(result: Plan, places: tuple[EffectPlace, ...], most: int | None = None
 
 def combination(result: Plan, parts: tuple[CombinedEffect, ...]) -> str:
     """Effects that hide each other, with the ratio in which they do."""
-    said = [
-        f"{phrase(result, part)} {part.parameter.replace('_', ' ')} {amount(part.value, part.unit, 3, True)}"
+    first, *others = (
+        f"{phrase(result, part)} ({part.parameter.replace('_', ' ')} {amount(part.value, part.unit, 3, True)})"
         for part in parts
-    ]
-    return capital(" with ".join([said[0], " and ".join(said[1:])]))
+    )
+    return capital(f"{first} with {enumerated(others)}")
 
 
 def notes(result: Plan) -> list[str]:
