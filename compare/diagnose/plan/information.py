@@ -194,8 +194,8 @@ def _noise(seed: int, columns: int, outcomes: int) -> np.ndarray:
 def _root(gram: np.ndarray) -> np.ndarray:
     """What noise becomes noise of this covariance by."""
     size = np.sqrt(np.diag(gram))
-    size[size == 0] = 1.0
-    alike = gram / np.outer(size, size)
+    unit = np.where(size > 0, size, 1.0)
+    alike = gram / np.outer(unit, unit)
     try:
         root = np.linalg.cholesky(alike + ROUNDING * np.eye(len(gram)))
     except np.linalg.LinAlgError:  # products of columns that are nearly the same, less by rounding than they can be
