@@ -23,6 +23,7 @@ RESULT_KINDS: Mapping[str, Kind] = {
     "accuracy.json": "accuracy",
     "validity.json": "validity",
     "data.json": "data",
+    "plan.json": "plan",
 }
 WITH_VERDICT = ("cross-check", "diagnosis")  # kinds that have a verdict
 DEEPEST_FOLDER = 4  # folders below the one that is asked for

@@ -15,7 +15,7 @@ from analytic.mechanism.one_line import enumerated
 from analytic.mechanism.parts import MechanismPart
 from sim_models.engine import JOINT_MODELS, TOUCHING, JointModel, Motion, SettingValue
 
-Command = Literal["analyse", "accuracy", "compare", "simulate", "check", "validity", "export", "diagnose"]
+Command = Literal["analyse", "accuracy", "compare", "simulate", "check", "validity", "export", "diagnose", "plan"]
 AT_SPEED = ("contact_damping", "restitution", "contact_law")
 AT_STATIC = "dry friction at rest is static_torque"
 CONTACT_FIELDS = tuple(f"joint.{field}" for field in ("contact_stiffness", *AT_SPEED))

@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from compare.crosscheck import crosscheck as crosscheck
     from compare.diagnose.begin import begin as begin
     from compare.diagnose.data.measured import load_measured
+    from compare.diagnose.plan.workflow import plan as plan
     from compare.diagnose.preview import preview as preview
     from compare.diagnose.workflow import diagnose as diagnose
     from compare.domain_map.validity import validity as validity
@@ -80,6 +81,7 @@ _WHERE = {
     "export": "compare.export",
     "import_mjcf": "compare.imported",
     "load": "analytic.mechanism.file",
+    "plan": "compare.diagnose.plan.workflow",
     "platform_accuracy": "compare.platform",
     "preview": "compare.diagnose.preview",
     "read_measured": "compare.diagnose.data.measured:load_measured",

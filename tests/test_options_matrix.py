@@ -41,6 +41,7 @@ from compare.questions.check import CheckQuestion
 from compare.questions.crosscheck import CrosscheckQuestion
 from compare.questions.diagnose import DiagnoseQuestion
 from compare.questions.listing import ImportQuestion, RunsQuestion
+from compare.questions.plan import PlanQuestion
 from compare.questions.question import Question, arguments, option_of
 from compare.questions.question import options as of_question
 from compare.questions.show import ShowQuestion
@@ -107,6 +108,7 @@ def _along(command: str, base: dict[str, Any], more: dict[str, Any]) -> list[Row
     return [(command, option, {**one, **more}, change) for option, one, change in shared]
 
 
+PLAN = {"rig": "crank-rocker", "sensors": {"drive_torque": 1e-2}, "budget": 1.0}
 PLAIN = {"mechanism": "paper", "motion": "static", **AT}
 IDEAL = {"joint_model": "ideal"}
 OPTIONS_MATTER: list[Row] = [
@@ -220,6 +222,10 @@ OPTIONS_MATTER: list[Row] = [
     ("validity", "large", {**SPEEDS, "clearances": 0.05, "large": True}, Refused(large=False)),
     ("validity", "simulators", SPEEDS, Refused(simulators="no-engine")),
     ("validity", "restitutions", SPEEDS, Refused(restitutions=0.3)),  # of pins that never leave
+    ("plan", "rig", PLAN, {"rig": "slider-crank"}),
+    ("plan", "sensors", PLAN, {"sensors": {"crank_angle": 1e-4}}),
+    ("plan", "budget", PLAN, {"budget": 2.0}),
+    ("plan", "budget", PLAN, Refused(budget=0.5)),
     ("show", "result", {"signal": "drive_torque", "at": 0.5}, Refused(result="results/simulation.json")),
     ("show", "signal", {"signal": "drive_torque", "at": 0.5}, {"signal": "reaction_B_angle"}),
     ("show", "at", {"signal": "drive_torque", "at": 0.5}, {"at": 1.0}),
@@ -262,6 +268,7 @@ QUESTIONS: dict[str, tuple[type[Question], ...]] = {
     "accuracy": (AccuracyQuestion, PlatformQuestion),
     "validity": (ValidityQuestion,),
     "diagnose": (DiagnoseQuestion,),
+    "plan": (PlanQuestion,),
     "show": (ShowQuestion,),
     "baseline check": (BaselinesQuestion,),
     "baseline update": (BaselinesQuestion,),
@@ -280,6 +287,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "accuracy": lc.accuracy,
     "platform": lc.platform_accuracy,
     "validity": lc.validity,
+    "plan": lc.plan,
     "show": lc.show,
     "baseline check": check_baselines,
     "baseline update": update_baselines,

@@ -17,6 +17,7 @@ from compare.cli.export import export
 from compare.cli.imported import import_
 from compare.cli.listing import cases, effects, runs, simulators
 from compare.cli.pipe import reader_may_go
+from compare.cli.plan import plan
 from compare.cli.show import show
 from compare.cli.typed import CommandLine, Shown, Where, command
 from compare.cli.validity import validity
@@ -94,6 +95,6 @@ for listed in (accuracy, analyse, cases, check, diagnose, effects, export):
     app.command()(listed)
 app.command("import")(import_)
 app.command("list")(runs)
-for listed in (simulate, simulators, validity, show):
+for listed in (plan, simulate, simulators, validity, show):
     app.command()(listed)
 app.add_typer(baseline, name="baseline")

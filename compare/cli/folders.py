@@ -25,7 +25,7 @@ NOT_ASKED = {
 }  # where and how an answer is given, and not which
 WRITTEN_FILES = {"out", "junit"}  # files that a command writes, and does not read
 MODEL_SCHEMES = ("mjcf:", "fmu:")  # before a file among the engines
-STEM = {"case", "measured", "results"}  # whose mechanism a name begins with
+STEM = {"case", "measured", "results", "rig"}  # whose mechanism a name begins with
 BARE = {"simulator", "clearance"}  # options whose value says in a name what it is
 LONGEST_NAME = 150  # characters of a name; file systems take 255 bytes
 REMEDY = "choose another folder with --out, or add --overwrite"

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum, StrEnum
 from itertools import pairwise
@@ -187,14 +188,22 @@ class Angle(RealNumber):
         return math.radians(word)
 
 
-class Seconds(RealNumber):
-    """A stretch of time (s)."""
+class AboveZero(RealNumber):
+    """A number above 0."""
+
+    accepted: ClassVar[str] = "a number above 0"
 
     def check(self, given: object, called: str) -> float:
         """More than nothing."""
         if isinstance(given, Real) and not isinstance(given, bool) and 0 < float(given) < math.inf:
             return float(given)
-        raise unusable(called, given, "a number of seconds above 0")
+        raise unusable(called, given, self.accepted)
+
+
+class Seconds(AboveZero):
+    """A stretch of time (s)."""
+
+    accepted: ClassVar[str] = "a number of seconds above 0"
 
 
 class Listed(ArgumentKind[str]):
@@ -237,6 +246,7 @@ class ByJoint(ArgumentKind[str]):
     """Numbers by joint, ``B=1e-4,E=2e-4``; that the linkage has these joints is for the function to prove."""
 
     each: str = "JOINT=metres, such as B=1e-4"
+    place: ClassVar[str] = "joint"
 
     def parse(self, word: str, called: str) -> dict[str, float]:
         """The numbers, each joint once."""
@@ -244,9 +254,25 @@ class ByJoint(ArgumentKind[str]):
         for part in word.split(","):
             name, _, value = part.partition("=")
             if name in sizes:
-                raise ArgumentError(called, f"joint {name} is there twice; give each joint once")
+                raise ArgumentError(called, f"{self.place} {name} is there twice; give each {self.place} once")
             sizes[name] = _number(value, called, f"give {self.each}")
         return sizes
+
+
+class BySignal(ByJoint):
+    """Numbers above 0 by signal, ``drive_torque=0.05``; that there are these signals is for the function to prove."""
+
+    place: ClassVar[str] = "signal"
+
+    def check(self, given: object, called: str) -> dict[str, float]:
+        """The numbers by signal."""
+        accepted = f"a number above 0 by signal: {self.each}"
+        if not isinstance(given, Mapping) or not given:
+            raise unusable(called, given, accepted)
+        for name, size in given.items():
+            if not isinstance(size, Real) or isinstance(size, bool) or not 0 < float(size) < math.inf:
+                raise ArgumentError(called, f"{name} = {size!r} cannot be used; give {accepted}")
+        return {str(name): float(size) for name, size in given.items()}
 
 
 class IncreasingNumbers(ArgumentKind[str]):

@@ -13,6 +13,7 @@ MODULES = {
     "CrossCheck": "crosscheck",
     "Diagnosis": "diagnosis",
     "Measured": "measured",
+    "Plan": "plan",
     "PlatformAccuracy": "platform",
     "Preview": "preview",
     "Provenance": "provenance",

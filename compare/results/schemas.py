@@ -28,6 +28,7 @@ MODULES = (
     "provenance",
     "residuals",
     "preview",
+    "plan",
     "baselines",
 )
 FOLDER = Path(__file__).parents[1] / "schemas"

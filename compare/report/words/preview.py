@@ -9,19 +9,20 @@ import numpy as np
 from analytic.mechanism.one_line import count
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.quantities import amount, number, quantities, shown
+from compare.results.plan import Plan
 from compare.results.preview import Preview, RunPreview, Visible
 
 RIVALS_LISTED = 4  # effects that look alike, by name; the others are counted
 DRIVES = {"speed": "at a commanded speed", "measured": "follows its encoder", "free": "let go"}
 
 
-def spoken(result: Preview, signal: str) -> str:
+def spoken(result: Preview | Plan, signal: str) -> str:
     """A signal as one says it."""
     what = quantities(result.mechanism).get(signal)
     return signal if what is None else what.label
 
 
-def called(result: Preview, name: str, where: str) -> str:
+def called(result: Preview | Plan, name: str, where: str) -> str:
     """An effect at its place."""
     effect = VOCABULARY[name]
     return effect.called(spoken(result, where) if effect.place == "signal" else where)

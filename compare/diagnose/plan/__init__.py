@@ -1,0 +1,1 @@
+"""Before any data exist: which runs and which sensors would tell what a model lacks."""
