@@ -420,9 +420,14 @@ def test_the_command_ends_with_its_status_and_prints_json_alone(folder: Path, tm
 
 @pytest.mark.parametrize("seed", slow(0, 2, 3, 7, 8, 12))
 def test_an_effect_hidden_in_planned_runs_is_named_and_known_as_foretold(seed: int) -> None:
-    """On rigs drawn at random, played by another engine than the one that diagnoses."""
+    """On rigs drawn at random, played by another engine than the one that diagnoses; what no run that could be made
+    parts from another by 8 sigma may be a tie.
+    """
     found = compared(seed, of_usual_size=False)
     assert found.seconds < 60
-    assert found.truth in found.planned.named
+    told = found.planned
+    assert found.possible is not None
+    assert found.truth in (told.named if found.possible > 8.0 else (*told.named, *told.ties))
     first = next(iter(found.foretold))
-    assert 1 / 1.3 < found.planned.attained[first] / found.foretold[first] < 1.3
+    assert 1 / 1.3 < told.fitted[first] / found.foretold[first] < 1.3
+    assert 1 / 1.3 < told.attained.get(first, found.foretold[first]) / found.foretold[first] < 1.3
