@@ -40,6 +40,10 @@ def _as_tuple(value: Any) -> Any:
     return tuple(value) if isinstance(value, list) else value
 
 
+def _with_noise(value: Any) -> Any:
+    return {"noise": value} if isinstance(value, int | float | str) else value
+
+
 class SensorEntry(_Part):
     """A sensor that could be used: its noise (1 sigma) and its price."""
 
@@ -70,7 +74,7 @@ class RigTable(_Part):
     run_price: Positive = 1.0
     budget: Positive | None = None
     as_drawn: bool = True
-    sensors: Mapping[str, Quantity | SensorEntry] = Field(default_factory=dict)
+    sensors: Mapping[str, Annotated[SensorEntry, BeforeValidator(_with_noise)]] = Field(default_factory=dict)
     loadings: Annotated[tuple[Loading, ...], BeforeValidator(_as_tuple), Field(alias="loading", max_length=20)] = ()
 
 
@@ -214,12 +218,7 @@ def _loadings(where: str, mechanism: Mechanism, rig: RigTable, assumed: list[str
 def _sensors(where: str, mechanism: Mechanism, rig: RigTable, given: Mapping[str, float] | None) -> tuple[Sensor, ...]:
     """The sensors that could be used.  Raises ArgumentError or MeasuredError."""
     known = readable(mechanism)
-    entries = {name: SensorEntry(noise=noise) for name, noise in (given or {}).items()}
-    if given is None:
-        entries = {
-            name: each if isinstance(each, SensorEntry) else SensorEntry(noise=each)
-            for name, each in rig.sensors.items()
-        }
+    entries = rig.sensors if given is None else {name: SensorEntry(noise=noise) for name, noise in given.items()}
     if not entries:
         raise ArgumentError(
             "sensors",
