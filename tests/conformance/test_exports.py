@@ -329,12 +329,32 @@ def undone(asked: Request, folder: Path) -> float:
     return 2 * float(np.finfo(float).epsneg) * sum(body.mass for body in asked.mechanism.bodies) / step**2
 
 
+def places(trace: Mapping[str, np.ndarray]) -> list[np.ndarray]:
+    """Where bodies are (m), along x."""
+    return [values for name, values in trace.items() if name.endswith("_x") and name.count("_") == 1]
+
+
+def wall(asked: Request, folder: Path, trace: Mapping[str, np.ndarray]) -> float:
+    """What MuJoCo's hard contacts take to push a pin back by a last digit of either body's place: m/(time constant x
+    damping ratio)^2 times it, as a share of the largest force.
+
+    The last digit depends on the processor (4.6e-11 of the paper's case along a course on AMD's, 0 on Intel's).
+    """
+    contacts = json.loads((folder / "start.json").read_text(encoding="utf-8")).get("contacts", {})
+    hard = [law["solref"] for law in contacts.values() if law["solref"][0] > 0.0]  # negative: a spring's N/m
+    stiffest = max((1.0 / (time * damping) ** 2 for time, damping in hard), default=0.0)
+    force = max(float(np.abs(values).max()) for name, values in trace.items() if name.startswith("reaction"))
+    digit = (
+        2 * float(np.finfo(float).epsneg) * max((float(np.abs(values).max()) for values in places(trace)), default=0.0)
+    )
+    return digit * sum(body.mass for body in asked.mechanism.bodies) * stiffest / force
+
+
 def by_kind(found: Mapping[str, np.ndarray], truth: Mapping[str, np.ndarray], force: float) -> float:
     """Largest difference, of forces beyond ``force`` (N): of forces, torques and clearances in the largest of their
     kind; of others in their largest value, at least 1.
     """
-    far = [values for name, values in truth.items() if name.endswith("_x") and name.count("_") == 1]  # where bodies are
-    span = max(1.0, *(float(np.abs(values).max()) for values in far))
+    span = max(1.0, *(float(np.abs(values).max()) for values in places(truth)))
     worst = 0.0
     for name, values in truth.items():
         kind = next((k for k in ("reaction", "clearance") if name.startswith(k) and not name.endswith("moment")), name)
@@ -357,7 +377,8 @@ def assert_same(name: str, title: str, folder: Path) -> None:
     if name == "mujoco":
         at_rest = 2e-8 if "without friction" in title else 1e-8  # its loads are light
         rounding = 10 * ROUNDING if asked.motion == "static" else ROUNDING
-        assert difference(found, expected, rounding) < (at_rest if asked.motion == "static" else 3e-11)
+        moving = max(3e-11, wall(asked, folder, expected))
+        assert difference(found, expected, rounding) < (at_rest if asked.motion == "static" else moving)
     elif name == "exudyn":
         assert apart(found, expected) < REPEATS.get(title, 1e-12)
     else:
