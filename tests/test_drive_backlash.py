@@ -19,7 +19,7 @@ from analytic.kinematics.schedule import Steady, Turning
 from analytic.mechanism import Mechanism
 from analytic.paper.kinetostatics import kinetostatics
 from asked import request_of
-from compare.diagnose.effects.effect import LANDING
+from compare.diagnose.effects.effect import landing_in
 from compare.diagnose.residuals import SPIKE, Data
 from compare.diagnose.workflow import diagnose
 from diagnosis_rigs import START, assert_recovered, diagnosed, experiment, four_bar, named, played, turn, wrong
@@ -176,7 +176,7 @@ def test_a_jolt_of_a_landing_weighs_no_more_than_a_few_usual_residuals_and_nothi
     landing = np.zeros(100, bool)
     landing[[10, 11]] = True
     still = {s: np.zeros(100) for s in LIT}
-    plain, spared = data.residual([still]), data.residual([still | {LANDING: landing}])
+    plain, spared = data.residual([still]), data.residual([still | {landing_in(s): landing for s in still}])
     place = {part.signal: part.place for part in data.parts}
     assert np.array_equal(plain[place["follower_angle"]], spared[place["follower_angle"]])
     torque = spared[place["drive_torque"]]

@@ -61,9 +61,7 @@ def test_a_richer_form_that_a_search_ended_with_and_that_brings_nothing_is_its_s
 ) -> None:
     measured = played(experiment(*RUNS, sensors=NOISE), hidden)
     problem = Problem.of(measured, measured.mechanism, Options("mujoco", others=False, workers=1))
-    problem.explanation()
-    search = problem.search
-    assert search is not None
+    search = problem.prepare_search()
     term = next(t for t in search.cost if (t.effect.name, t.where) == (rich, hidden.where))
     start = {term: term.effect.natural(problem.rig, term.where, {**hidden.values, **beyond}, term.variant)}
     ended = search.fitter.fit([term], start)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from compare.diagnose.data.recording import MeasuredRun
-from compare.diagnose.effects.effect import LANDING
+from compare.diagnose.effects.effect import landing_in
 from compare.diagnose.predict import Hypothesis, Model, Term
 from compare.diagnose.simulate import Simulated, Task, lacking, simulate
 from compare.sweep import spread
@@ -102,7 +102,9 @@ class Engines:
         )
         said = self.model([hypothesis])[0] if lands else None
         if said is not None:
-            readings = [r | {LANDING: w[LANDING]} if LANDING in w else r for r, w in zip(readings, said, strict=True)]
+            readings = [
+                r | {key: w[key] for key in map(landing_in, r) if key in w} for r, w in zip(readings, said, strict=True)
+            ]
         return Simulated(name, whole[0][1], readings, settings=tuple(o[2] for o in whole), added=tuple(lacks))
 
     def completed(

@@ -28,7 +28,7 @@ from analytic.paper.frame import ComplianceError
 from analytic.paper.kinetostatics import Reactions, kinetostatics
 from analytic.paper.superposition import superposed
 from compare.diagnose.data.recording import Measured, MeasuredRun
-from compare.diagnose.effects.effect import LANDING, Effect, Parameter, Readings, Rig, Values
+from compare.diagnose.effects.effect import LANDING, Effect, Parameter, Readings, Rig, Values, landing_in
 from compare.judge.signals import with_derived
 
 TABLES = 500  # linkages whose freedom is kept
@@ -146,7 +146,7 @@ class Model:
     def __call__(self, hypotheses: Sequence[Hypothesis]) -> list[list[dict[str, np.ndarray]] | None]:
         """For each hypothesis the readings of every run, (N,) by signal; None where it is impossible.
 
-        Beside them is LANDING: at which samples a crank lands in the gap of its drive, where it has one.
+        Beside them is at which samples a crank lands in the gap of its drive, where it has one (``landing_in``).
         """
         moved = {run.name: self.released(run, hypotheses) for run in self.measured.runs if run.drive == "free"}
         return [self._under(h, {run: each[i] for run, each in moved.items()}) for i, h in enumerate(hypotheses)]
@@ -174,9 +174,10 @@ class Model:
             sensed(hypothesis, run, {s: mixed(each, {a: seen[r, a] for _, a in each}, s) for s, each in echoes.items()})
             for r, (run, echoes) in enumerate(zip(self.measured.runs, heard_by, strict=True))
         ]
-        for (r, _), signals in seen.items():
-            if LANDING in signals:
-                readings[r][LANDING] = readings[r].get(LANDING, False) | signals[LANDING]
+        for r, echoes in enumerate(heard_by):
+            for signal, each in echoes.items():
+                landings = [seen[r, age][LANDING] for _, age in each if LANDING in seen[r, age]]
+                readings[r] |= {landing_in(signal): np.any(landings, axis=0)} if landings else {}
         return readings
 
     # ---------------------------------------------------------------- driven runs

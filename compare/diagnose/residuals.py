@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 from analytic.mechanism import Mechanism
 from analytic.mechanism.signals import Signal, wrapped
 from compare.diagnose.data.recording import Measured, MeasuredRun
-from compare.diagnose.effects.effect import LANDING
+from compare.diagnose.effects.effect import landing_in
 
 FOLDS = 6
 SEGMENTS = 18  # of a run; every FOLDS-th one is held out together
@@ -232,7 +232,7 @@ class Data:
         """Which samples (size,) are of a crank that lands, by a sensor that this makes jump."""
         landing = np.zeros(self.size, bool)
         for part in self.parts:
-            lands = readings[part.run].get(LANDING)
+            lands = readings[part.run].get(landing_in(part.signal))
             if lands is not None and self.sudden[part.signal]:
                 landing[part.place] = lands[part.used]
         return landing

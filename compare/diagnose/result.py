@@ -15,7 +15,7 @@ from analytic.mechanism.assumed import assumed
 from analytic.mechanism.one_line import count
 from compare.diagnose.data.recording import Fault as RecordedFault
 from compare.diagnose.data.recording import MeasuredRun
-from compare.diagnose.effects.effect import LANDING
+from compare.diagnose.effects.effect import landing_in
 from compare.diagnose.experiment_design import would_separate
 from compare.diagnose.explain import Attempt, Explanation, Interval, Named
 from compare.diagnose.fit import Fit, without_columns
@@ -155,7 +155,12 @@ def _landings(problem: Problem, found: Verified) -> list[np.ndarray]:
     """At which samples of each run, (N,) bool, the crank lands in the gap of its drive, by what is named."""
     after = found.after[problem.simulator].readings
     still = [np.zeros(run.time.size, bool) for run in problem.measured.runs]
-    return still if after is None else [np.asarray(r.get(LANDING, s)) for r, s in zip(after, still, strict=True)]
+    if after is None:
+        return still
+    return [
+        np.any([s, *(r[landing_in(name)] for name in run.channels if landing_in(name) in r)], axis=0)
+        for s, r, run in zip(still, after, problem.measured.runs, strict=True)
+    ]
 
 
 def _closing(

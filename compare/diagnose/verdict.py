@@ -1,8 +1,8 @@
 """What a posterior says: the effects that stand, how probable and how large each is, what may be in its place, and the
 verdict.
 
-An effect is named where it, or what shares its probability, is likelier than not; where nothing missing is credible
-none is.  Prediction of data left out can veto.
+An effect is named where it, or what shares its probability, is likelier than not.  Prediction of data left out can
+veto.
 """
 
 from __future__ import annotations
@@ -69,9 +69,6 @@ def explained(found: Posterior, base: Fit, late: Callable[[], bool]) -> Explanat
 def stood(found: Posterior, base: Fit) -> Standing:
     """The most probable set without what is not likely, is nothing at its bound, or does not foretell data left out."""
     standing = Standing(found.best.fit, found.judged)
-    if found.nothing > CREDIBLE:
-        words = f"that nothing is missing has the probability {found.nothing:.2g}"
-        return fallen(found, base, standing, [(t, words) for t in standing.named])
     unlikely = []
     for term in standing.named:
         together = found.probability(term.key) + sum(found.instead(term.key).values())

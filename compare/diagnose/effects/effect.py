@@ -28,10 +28,16 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.signals import Signal, named
 from sim_models.engine import Engine
 
-LANDING = "landing"  # beside the readings of a run: at which samples (N,) bool a crank lands in the gap of its drive
+LANDING = "landing"  # beside the signals of a run: at which samples (N,) bool a crank lands in the gap of its drive
 Place = Literal["linkage", "body", "ground point", "joint", "drive", "signal", "run"]
 Values = Mapping[str, float]
 Readings = Mapping[str, np.ndarray]
+
+
+def landing_in(signal: str) -> str:
+    """Beside the readings of a run: at which samples (N,) bool a landing shows in a signal, which may be late."""
+    return f"{LANDING} in {signal}"
+
 
 STOPS = 73  # of a slide's travel, at which one looks where the joints are
 ROCKS = 6.0  # rad: a joint whose angle changes by more in a turn of the crank turns around

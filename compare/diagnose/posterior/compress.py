@@ -21,14 +21,16 @@ from compare.diagnose.sensitivities import Sensitivity
 FORECAST = 0.12  # of a fit's residual: what a linear forecast of it misses
 ANY = ("unknown", "")  # the family of all unknowns: what two of them do, one at a third place does about as well
 LOOSE = 1e-12  # of a column's own square, that keeps products positive
+Name = tuple[str, str, float, tuple[int, ...]]  # of a group: effect, place, variant, coordinates
 
 
 @dataclass(frozen=True)
 class Group:
     """Columns that are there together: an effect at a place, or an unknown (no ``term``) at one.
 
-    ``at`` are its columns among all, each over its natural ``size`` (k,); ``offset`` is the column of what its variant
-    does by itself, -1 where it does nothing.
+    ``at`` are its columns among all, each over its natural ``size`` (k,); ``along`` says which of the effect's
+    coordinates they are, () where it has all; ``offset`` is the column of what its variant does by itself, -1 where it
+    does nothing.
     """
 
     key: tuple[str, str]
@@ -41,11 +43,12 @@ class Group:
     widths: np.ndarray = field(default_factory=WIDTH_ODDS.copy)  # log odds of each width
     offset: int = -1
     fitted: bool = False  # columns are derivatives by natural coordinates, not answers to probes
+    along: tuple[int, ...] = ()
 
     @property
-    def name(self) -> tuple[str, str, float]:
+    def name(self) -> Name:
         """What tells a group from all others."""
-        return (*self.key, 0.0 if self.term is None else self.term.variant)
+        return (*self.key, 0.0 if self.term is None else self.term.variant, self.along)
 
 
 @dataclass(frozen=True)
@@ -121,20 +124,24 @@ class Compressed:
         if offset is not None and offset.any():
             self._columns.append(offset[:, None])
             by_itself = at + columns.shape[1]
-        self.groups.append(
-            Group(
-                key,
-                self.prior.family(term),
-                term,
-                places,
-                size,
-                log_odds,
-                positive,
-                self.prior.widths(term),
-                by_itself,
-                fitted,
+        family, widths = self.prior.family(term), self.prior.widths(term)
+        for along, odds in self.prior.along(term).items():
+            own = list(along) or slice(None)
+            self.groups.append(
+                Group(
+                    key,
+                    family,
+                    term,
+                    places[own],
+                    size[own],
+                    log_odds + odds,
+                    positive[own],
+                    widths,
+                    by_itself,
+                    fitted,
+                    along,
+                )
             )
-        )
 
     def _added(self, term: Term, sensitivity: Sensitivity) -> list[np.ndarray]:
         """A term that the fit has not, by its answers to probes; what workmanship leaves of it (size, d)."""
@@ -190,6 +197,9 @@ class Compressed:
     def coordinates(self, group: Group, coefficients: np.ndarray) -> np.ndarray:
         """Natural coordinates (n,) that belong to coefficients (k,) of a group's columns over their sizes."""
         t, amounts = group.term, coefficients * group.size
+        if t is not None and group.along:
+            amounts = np.zeros(self.prior.size(t).size)
+            amounts[list(group.along)] = coefficients * group.size
         if t is None or group.fitted:
             return amounts
         return t.effect.from_amounts(self.prior.rig, t.where, amounts, t.variant)

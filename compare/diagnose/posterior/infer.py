@@ -11,7 +11,7 @@ from scipy.special import logsumexp
 
 from compare.diagnose.fit import Fit, Fitter
 from compare.diagnose.noise import CLOSED, rms, sample_weights
-from compare.diagnose.posterior.compress import Compressed
+from compare.diagnose.posterior.compress import Compressed, Name
 from compare.diagnose.posterior.nameless import Nameless, nameless
 from compare.diagnose.posterior.prior import WIDTH_ODDS, WIDTHS, WORKMANSHIP, WORKMANSHIP_ODDS, Prior
 from compare.diagnose.posterior.sets import Set, Sets
@@ -31,7 +31,6 @@ LAYER = 8.0  # log: sizes of errors everywhere that are less probable by more ar
 LIKELY = 12.0  # log: what is in no set that is within this of the best keeps its first signature
 NEXT_TO_NOTHING = 1e-4  # of a sample
 STRAYED = 0.3  # of the noise (rms), by which a fit may move before signatures are taken anew
-Name = tuple[str, str, float]  # of a group
 Names = frozenset[Name]
 Key = tuple[str, str]  # an effect's name and place
 Keys = frozenset[Key]
@@ -52,7 +51,7 @@ class Weighed:
     @property
     def keys(self) -> Keys:
         """Its effects at their places, an unknown among them."""
-        return frozenset((name, where) for name, where, _ in self.names)
+        return frozenset((name, where) for name, where, *_ in self.names)
 
     @property
     def nameless(self) -> Key | None:
@@ -241,7 +240,7 @@ class Inference:
             about = [t for t in self.sought if t not in fit.terms and not self._contradicts(t, fit)]
             about = [t for t in about if not (t.effect.scatters and rms(self.base.residual) <= CLOSED)]
             if self.surveyed is not None and not free:
-                about = [t for t in about if (*t.key, t.variant) in likely]
+                about = [t for t in about if (*t.key, t.variant) in {name[:3] for name in likely}]
             bare = self.bare.at(fit.terms, dict(zip(fit.terms, fit.x, strict=True))) or fit
             new = sensitivities(self.bare, bare, about)
             kept = {} if self.surveyed is None or free else self.surveyed.signatures
@@ -361,7 +360,7 @@ class Inference:
         return frozenset(compressed.groups[i].name for i in chosen)
 
     def _names(self, fit: Fit) -> Names:
-        return frozenset((*fit.terms[i].key, fit.terms[i].variant) for i in fit.named())
+        return frozenset((*fit.terms[i].key, fit.terms[i].variant, ()) for i in fit.named())
 
     # ---------------------------------------------------------------- fits
 
@@ -379,7 +378,7 @@ class Inference:
                 unknown = compressed.columns(group) * width
                 continue
             starts[group.term] = compressed.coordinates(group, coefficients[i])
-            sizes[group.term] = self._size(group.term, width)
+            sizes[group.term] = self._size(group.term, group.along, width)
         tried: list[Mapping[Term, np.ndarray]] = [starts]
         tried += [starts | {t: now.get(t, np.zeros(len(x))) for t, x in starts.items()}]
         other = {t: x for t in starts if (x := t.effect.other_start(self.plain.rig, t.where, starts[t])) is not None}
@@ -400,11 +399,13 @@ class Inference:
         data = self._noise(compressed, self.workmanship, self.weights, unknown)
         return Fitter(self.plain.model, data, self.plain.rig, self.plain.bounds)
 
-    def _size(self, term: Term, width: float) -> np.ndarray:
-        """Size (n,) of each natural coordinate of a term at a width; how or where it is does not go with it."""
+    def _size(self, term: Term, along: tuple[int, ...], width: float) -> np.ndarray:
+        """Size (n,) of each natural coordinate of a term at a width; how or where it is does not go with it.  Those
+        that it does not have are next to nothing.
+        """
         size, kept = self.prior.size(term), term.effect.sized
         size[:kept] *= width
-        return size
+        return size if not along else np.where(np.isin(np.arange(size.size), along), size, NEXT_TO_NOTHING * size)
 
     def _evidence(self, fit: Fit, sizes: Mapping[Term, np.ndarray]) -> float:
         """Log evidence of a fit by Laplace: what it leaves, how far its values are from nothing, and how much of what
@@ -481,6 +482,6 @@ class Inference:
         linear |= full
         total: dict[Keys, list[float]] = {}
         for names, log in linear.items():
-            total.setdefault(frozenset((name, where) for name, where, _ in names), []).append(log)
+            total.setdefault(frozenset((name, where) for name, where, *_ in names), []).append(log)
         norm = float(logsumexp(list(linear.values())))
         return {keys: math.exp(float(logsumexp(each)) - norm) for keys, each in total.items()}

@@ -27,6 +27,9 @@ EACH_RUN = 0.3  # of a sensor's faults of one value, that one of several, one a 
 RICHER = 0.1  # of its simple form: a law with further parameters
 SCATTERING = 0.1  # of others: what only scatters looks like noise that is larger than thought
 
+ALONE = 0.5  # of what has a direction, that it is along one axis alone: a height is off, and nothing across
+DIRECTED = {"pivot_position", "com_offset", "external_force"}
+
 # natural size (1 sigma) of each natural coordinate, in the small amounts that the effect itself states (``scales``)
 NATURAL: Mapping[str, float | tuple[float, ...]] = {
     "gravity": 100.0,  # 10 m/s^2: forgotten altogether
@@ -112,6 +115,13 @@ class Prior:
         odds += math.log(EACH_RUN if in_each_run(term.effect, term.variant) else 1 / max(self.variants[term.key], 1))
         odds += math.log(RICHER) if term in self.simple_of else 0.0
         return odds + (math.log(SCATTERING) if term.effect.scatters else 0.0)
+
+    def along(self, term: Term) -> dict[tuple[int, ...], float]:
+        """Which coordinates a term may have, () of all, with the log of how likely that is of one that is there."""
+        count = self.size(term).size if term.effect.name in DIRECTED else 1
+        if count == 1:
+            return {(): 0.0}
+        return {(): math.log(1 - ALONE)} | {(k,): math.log(ALONE / count) for k in range(count)}
 
     @staticmethod
     def nameless(places: int) -> float:
