@@ -48,30 +48,40 @@ class Trial:
         )
 
 
-def would_separate(model: Model, noise: dict[tuple[str, str], float], one: Fit, other: Fit) -> str:
-    """The first run or sensor that would tell two fits apart by ENOUGH sigmas, or what came nearest."""
+def would_separate(model: Model, noise: dict[tuple[str, str], float], one: Fit, others: Sequence[Fit]) -> str:
+    """The first run or sensor that would tell a fit from every one of others by ENOUGH sigmas, or else what would tell
+    it from most of them, or what came nearest to that.
+    """
     rig = model.rig
-    best: tuple[float, str] = (0.0, "")
+    best: tuple[tuple[int, float], str] = ((0, 0.0), "")
     tried: list[str] = []
     first = _with_every_sensor(model.measured.runs[0], rig.mechanism)
-    known = None
+    known: list[Foretold] = []
     for trial in _trials(rig, model.measured):
         if trial.sensor:
-            foretold = known = known or Foretold.of(model, one, other, first)
+            foretold = known = known or [Foretold.of(model, one, other, first) for other in others]
         else:
-            foretold = Foretold.of(model, one, other, trial.run)
-        sigmas, sigma = foretold.apart(noise, trial.run)
+            foretold = [Foretold.of(model, one, other, trial.run) for other in others]
+        found = [each.apart(noise, trial.run) for each in foretold]
+        sigmas = sorted((apart for apart, _ in found), reverse=True)
+        parted = sum(each > ENOUGH for each in sigmas)
+        least = sigmas[max(parted, 1) - 1]
         given = ""
-        if sigmas and trial.sensor:
-            given = f", if its noise is {amount(sigma[trial.sensor], rig.known[trial.sensor].unit)}"
-        if sigmas > ENOUGH:
-            return f"{trial.words} (would part them by {sigmas:.0f} sigma{given}):\n{trial.as_toml(model.measured)}"
+        if least and trial.sensor:
+            sigma = max(found, key=lambda each: each[0])[1][trial.sensor]
+            given = f", if its noise is {amount(sigma, rig.known[trial.sensor].unit)}"
+        whom = "them" if parted == len(others) else f"{parted} of {len(others)}"
+        says = f" (would part {whom} by {least:.0f} sigma{given})"
+        says = says if parted else f", though only by {least:.0f} sigma{given}"
+        rank = parted, 0.0 if parted else least
+        if rank > best[0]:
+            best = rank, f"{trial.words}{says}:\n{trial.as_toml(model.measured)}"
+        if parted == len(others):
+            break
         tried += [trial.words] if not trial.sensor else []
-        best = max(
-            best, (sigmas, f"{trial.words}, though only by {sigmas:.0f} sigma{given}:\n{trial.as_toml(model.measured)}")
-        )
-    if best[0] > USEFUL:
-        return best[1]
+    (parted, least), says = best
+    if parted or least > USEFUL:
+        return says
     drive = " or ".join(dict.fromkeys(effort.component for effort in model.mechanism.efforts))
     sensors = f"a run like the first with any further sensor of a position, an angle, a reaction or the drive {drive}"
     return f"{NONE_WOULD}: {'; '.join([*tried, sensors])}"

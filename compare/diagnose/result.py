@@ -278,10 +278,12 @@ def _effect(problem: Problem, e: Explanation, n: Named, noise: dict[tuple[str, s
 
 
 def _separating(problem: Problem, e: Explanation, n: Named, noise: dict[tuple[str, str], float]) -> str:
-    """What would tell an effect from the first of its rivals."""
+    """What would tell an effect from its rivals."""
     if not n.ties:
         return ""
-    return words.LONGER_RUN if e.statistics is not None else would_separate(problem.model, noise, e.fit, n.ties[0][1])
+    if e.statistics is not None:
+        return words.LONGER_RUN
+    return would_separate(problem.model, noise, e.fit, [fit for _, fit in n.ties])
 
 
 def _candidates(problem: Problem, found: Verified, result: Diagnosis) -> tuple[ConsideredEffect, ...]:

@@ -52,7 +52,7 @@ class Standing:
 def explained(found: Posterior, base: Fit, late: Callable[[], bool]) -> Explanation:
     """The explanation of data by the most probable set; ``base`` is the nominal model's fit."""
     judge = found.judge
-    base = judge.at(base.terms, dict(zip(base.terms, base.x, strict=True))) or base
+    base = at_judge(found, base)
     standing = stood(found, base)
     fit, weights = standing.judged, np.ones(judge.data.size)
     named = [named_effect(found, standing, base, i) for i in fit.named()]
@@ -118,7 +118,12 @@ def refitted(found: Posterior, base: Fit, fit: Fit, kept: Collection[Term]) -> t
     best = found.fitter.likeliest({t: found.best.sizes[t] for t in terms}, [{t: now[t] for t in terms}])
     if best is None:
         return found.fitter.at(base.terms, dict(zip(base.terms, base.x, strict=True))) or base, base
-    return best, found.judge.at(best.terms, dict(zip(best.terms, best.x, strict=True))) or best
+    return best, at_judge(found, best)
+
+
+def at_judge(found: Posterior, fit: Fit) -> Fit:
+    """A fit where samples count alike."""
+    return found.judge.at(fit.terms, dict(zip(fit.terms, fit.x, strict=True))) or fit
 
 
 # ---------------------------------------------------------------- what is said of an effect
@@ -136,7 +141,7 @@ def named_effect(found: Posterior, standing: Standing, base: Fit, i: int) -> Nam
         less.chi2 - judged.chi2,
         (rms(less.residual), rms(judged.residual)),
         (rms(held_out(data, less)), rms(held_out(data, judged))),
-        tuple((rival, each.fit) for rival, each, _ in rivals),
+        tuple((rival, at_judge(found, each.fit)) for rival, each, _ in rivals),
         odds=tuple(share / max(found.probability(term.key), 1e-12) for _, _, share in rivals),
         probability=found.probability(term.key),
     )

@@ -165,22 +165,34 @@ def cases() -> str:
 # ---------------------------------------------------------------- the numbers that decide a diagnosis
 
 DECISIONS = (
-    ("Probability that noise alone names anything at all", "search.CHANCE"),
-    ("Effects of the rig at once, at most", "search.MOST"),
-    ("Faults of sensors beside them, at most", "search.FAULTS"),
-    ("Chi-squared that each value of a fault that differs from run to run must bring more", "search.ANEW"),
-    ("Chi-squared that an effect must gain on data that it was not fitted to", "admission.HELD_OUT"),
-    ("Share of the whole excess that an effect must remove where something else remains", "admission.WHOLE"),
-    ("And the share of what the others leave, all samples alike", "admission.HARDLY"),
-    ("Or the share of what the others leave, or of a sensor's excess", "admission.HALF"),
-    ("... in so many runs", "admission.TWICE"),
+    ("Probability, before any data, that nothing is missing", "posterior.prior.NOTHING"),
+    ("Effects of the rig in a set, at most", "posterior.prior.MOST"),
+    ("Share of rigs on which something is at work that has no name", "posterior.prior.NAMELESS"),
+    ("How usual a value per run is beside one value, of a fault of a sensor", "posterior.prior.EACH_RUN"),
+    ("How usual a richer form of an effect is beside its simple one", "posterior.prior.RICHER"),
+    ("How usual it is that what has a direction is along one axis alone", "posterior.prior.ALONE"),
+    ("Probability from which on an effect is named, with what may be in its place", "verdict.LIKELY"),
+    ("Probability from which on something may be in its place", "verdict.TIED"),
+    ("Probability of a set from which on its intervals count", "posterior.prior.CREDIBLE"),
+    ("Search: probability that noise alone names anything at all", "search.CHANCE"),
+    ("Search: effects of the rig at once, at most", "search.MOST"),
+    ("Search: faults of sensors beside them, at most", "search.FAULTS"),
+    ("Search: chi-squared that each value of a fault that differs from run to run must bring more", "search.ANEW"),
+    ("Search: chi-squared that an effect must gain on data that it was not fitted to", "admission.HELD_OUT"),
+    ("Search: share of the whole excess that an effect must remove where something else remains", "admission.WHOLE"),
+    ("Search: and the share of what the others leave, all samples alike", "admission.HARDLY"),
+    ("Search: or the share of what the others leave, or of a sensor's excess", "admission.HALF"),
+    ("Search: ... in so many runs", "admission.TWICE"),
     ("Runs from which on whole runs are left out", "admission.RUNS"),
     ("Gap, in noise floors, below which the noise is overstated and nothing is named", "problem.OVERSTATED"),
-    ("Noise (rms) by which a linear forecast may miss a fit before all effects are screened again", "search.STRAYED"),
+    (
+        "Search: noise (rms) by which a linear forecast may miss a fit before all effects are screened again",
+        "search.STRAYED",
+    ),
     ("Gain of twice the log likelihood from which on noise has a colour", "colour.GAINED"),
     ("Chi-squared that the mains' hum must bring in a sensor", "colour.HUM"),
     ("Standard deviations of correlation between two sensors from which on it is no noise", "colour.ALIKE"),
-    ("Chi-squared within which two explanations tie (four standard deviations)", "explain.TIE"),
+    ("Search: chi-squared within which two explanations tie (four standard deviations)", "explain.TIE"),
     ("Standard deviations by which a proposed run must part two explanations", "experiment_design.ENOUGH"),
     ("Gap, in noise floors, up to which it counts as closed", "noise.CLOSED"),
     ("Standard deviations of a stretch that is listed", "locate.SURE"),
@@ -193,7 +205,7 @@ def decisions() -> str:
     """The thresholds of the diagnosis, with where they stand."""
     rows = []
     for meaning, place in DECISIONS:
-        module, _, constant = place.partition(".")
+        module, _, constant = place.rpartition(".")
         value = getattr(import_module(f"compare.diagnose.{module}"), constant)
         rows.append([meaning, f"{value:g}", f"`compare.diagnose.{place}`"])
     return table(["what", "value", "in the code"], rows)

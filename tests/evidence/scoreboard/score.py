@@ -186,8 +186,8 @@ def is_special_case(simple: Key, rich: Key) -> bool:
 
 
 def _alias(truth: Truth, diagnosis: Diagnosis, found: Mapping[Key, set[Key]], true: set[Key]) -> Outcome:
-    """Clearance or length of the follower: both while the load never reverses, with "reverse the load"; else clearance
-    only.
+    """Clearance or length of the follower: both while the load never reverses, with the advice to reverse it or to take
+    it off; else clearance only.
     """
     reached = set(found) | set().union(*found.values())
     length = (LinkLength.name, "follower") in reached
@@ -195,7 +195,7 @@ def _alias(truth: Truth, diagnosis: Diagnosis, found: Mapping[Key, set[Key]], tr
         return "wrong"
     if truth.reversed_load:
         return "wrong" if length else "exact" if set(found) == true else "tie"
-    advised = any("revers" in e.would_separate for e in diagnosis.effects)
+    advised = any(way in e.would_separate for e in diagnosis.effects for way in ("reverse the load", "load off"))
     return "tie" if diagnosis.verdict == "ambiguous" and length and advised else "incomplete"
 
 
