@@ -499,7 +499,7 @@ def said(
             "where": w,
             "parameters": {"bias": {"value": 1.02, "unit": "m", "low": low, "high": high}},
             "ambiguous_with": [{"name": a, "where": b} for a, b in ties],
-            "would_separate": "a run with the load reversed" if ties else "",
+            "would_separate": "reverse the load (would part them by 9 sigma)" if ties else "",
         }
         for (n, w), ties in named
     ]
