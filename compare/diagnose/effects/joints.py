@@ -179,6 +179,7 @@ class StribeckFriction(Effect):
     label = "Stribeck friction in joint {}"
     meaning = "joint {} has dry friction that grows as it slows down"
     needs = frozenset({"coulomb_friction", "stribeck_friction"})
+    sized = 2
     hiding = Hiding(sets="machines")
     parameters = (
         Parameter("friction_torque", "N.m", "torque", 0.0),
@@ -398,6 +399,7 @@ class NonlinearSpring(Effect):
     label = "a spring in joint {} that is not linear"
     meaning = "a spring that is not linear acts in joint {}"
     needs = frozenset({"joint_spring", "nonlinear_spring"})
+    sized = 2
     hiding = Hiding(sets="machines")
     parameters = (
         Parameter("stiffness", "N.m/rad", "stiffness", 0.0),

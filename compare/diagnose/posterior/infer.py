@@ -11,10 +11,10 @@ from scipy.special import logsumexp
 
 from compare.diagnose.fit import Fit, Fitter
 from compare.diagnose.noise import CLOSED, rms, sample_weights
-from compare.diagnose.posterior.compress import Compressed, Name
+from compare.diagnose.posterior.compress import Compressed, Group, Name
 from compare.diagnose.posterior.nameless import Nameless, nameless
 from compare.diagnose.posterior.prior import WIDTH_ODDS, WIDTHS, WORKMANSHIP, WORKMANSHIP_ODDS, Prior
-from compare.diagnose.posterior.sets import Set, Sets
+from compare.diagnose.posterior.sets import Set, Sets, with_group, without
 from compare.diagnose.predict import Model, Term
 from compare.diagnose.propose.scene import Scene
 from compare.diagnose.residuals import Data
@@ -346,14 +346,21 @@ class Inference:
         return data.beside(data.seen_beside(np.column_stack(errors))) if errors else data
 
     def _candidates(self, sets: Sets, compressed: Compressed) -> list[Set]:
-        """The best sets, which are to be fitted in full, beside the empty one, of which a linear problem about another
-        says little.
+        """The best sets, which are to be fitted in full, beside the empty one and, of the best, those with a richer
+        form of an effect, of which a linear problem about another says little.
         """
         sets.score(())
         best = sets.best(FITTED)
         chosen = [*(s for s in best if sets.known[s] > sets.known[best[0]] - WITHIN), ()]
         chosen += [] if sets.named(best[0]) else sets.best(FITTED, named=True)
+        for i in best[0]:
+            richer = [k for k, g in enumerate(compressed.groups) if self._enriches(g, compressed.groups[i])]
+            chosen += [with_group(without(best[0], i), k) for k in richer]
         return list(dict.fromkeys(chosen))
+
+    def _enriches(self, rich: Group, simple: Group) -> bool:
+        poor = None if rich.term is None else self.prior.simple_of.get(rich.term)
+        return poor is not None and poor == simple.term
 
     @staticmethod
     def _named(compressed: Compressed, chosen: Set) -> Names:
