@@ -229,7 +229,30 @@ def test_friction_beside_a_length_is_not_a_tare_in_each_run() -> None:
     assert friction.parameters["friction_torque"].value == pytest.approx(0.345, rel=0.05)
     assert sum(each.probability for each in result.sets) == pytest.approx(1.0)
     assert set(result.sets[0].effects) == set(named)
+    assert result.covariance is not None
+    known = {f"{e.key}.{name}": p for e in result.effects for name, p in e.parameters.items()}
+    assert set(result.covariance.names) == set(known)
+    for k, name in enumerate(result.covariance.names):  # intervals hold in every credible set
+        variance, (low, high) = result.covariance.values[k][k], (known[name].low, known[name].high)
+        assert variance is not None
+        assert 1.96 * math.sqrt(variance) < 1.1 * ((math.inf if high is None else high) - (low or 0.0)) / 2
     assert "Its chance of being there: more than 999 in 1000." in diagnosis_html(result)
+
+
+@pytest.mark.slow
+def test_values_of_other_draws_of_noise_scatter_together_as_their_covariance_says() -> None:
+    """A spring in D and one in E turn nearly alike, and what one has too much the other has too little."""
+    truth = [wrong("joint_spring", "D", stiffness=0.3, rest_angle=1.0), wrong("viscous_friction", "E", damping=0.05)]
+    off, runs = list[float](), 24
+    for seed in range(runs):
+        options = Options("mujoco", only=tuple(f"{t.name}@{t.where}" for t in truth), others=False, workers=1)
+        found = diagnosis_of(played(experiment(*RUNS, sensors=NOISE), *truth, seed=seed), options)[0]
+        assert found.covariance is not None
+        values = {f"{e.key}.{name}": p.value for e in found.effects for name, p in e.parameters.items()}
+        true = {f"{t.name}@{t.where}.{name}": value for t in truth for name, value in t.values.items()}
+        error = np.array([values[name] - true[name] for name in found.covariance.names])
+        off.append(float(error @ np.linalg.solve(np.array(found.covariance.values, float), error)))
+    assert np.mean(off) == pytest.approx(3, abs=3 * math.sqrt(2 * 3 / runs))  # chi-squared of three values
 
 
 LONGER = wrong("link_length", "follower", length_error=4e-3)

@@ -17,9 +17,8 @@ from scipy.stats import chi2
 
 from compare.diagnose import workmanship
 from compare.diagnose.admission import foretold, held_out, tried
-from compare.diagnose.fit import Fit, Fitter, rank_of, without_columns
-from compare.diagnose.leaps import plausible
-from compare.diagnose.least_squares import UNSEEN
+from compare.diagnose.fit import Fit, rank_of, without_columns
+from compare.diagnose.intervals import Covariance, Interval, covariance, intervals
 from compare.diagnose.noise import CLOSED, rms, sample_weights
 from compare.diagnose.odds import odds_of
 from compare.diagnose.predict import Term
@@ -40,16 +39,6 @@ STRUCTURE = 1e-6  # chance of as much structure in noise alone
 BINS = 24
 SLIGHT = 0.3  # of the noise: structure that is accepted
 MODEL = 1.0  # the same beside named effects: models of contact and bending are not exact to the last micrometre
-
-
-@dataclass(frozen=True)
-class Interval:
-    """A reported parameter in SI with its 95 % interval; an open end is infinite."""
-
-    value: float
-    low: float
-    high: float
-    unit: str
 
 
 @dataclass(frozen=True)
@@ -97,6 +86,7 @@ class Explanation:
     attempts: tuple[Attempt, ...] = ()  # what was tried and not named, best first
     statistics: Statistics | None = None  # by which a rig that rattles is judged, in place of its samples
     sets: Mapping[frozenset[tuple[str, str]], float] = field(default_factory=dict)  # how probable sets of effects are
+    covariance: Covariance | None = field(default=None, repr=False)  # of all named parameters
 
     @cached_property
     def gap(self) -> tuple[float, float]:
@@ -138,7 +128,8 @@ def explain(search: Search, fit: Fit) -> Explanation:
     for attempt in sorted(attempts, key=lambda a: -a.share):
         if attempt.term.key not in named_keys:
             best.setdefault(attempt.term.key, attempt)
-    return Explanation(search.base, fit, named, said, weights, structured, tuple(best.values()))
+    together = covariance(search.fitter, fit, weights)
+    return Explanation(search.base, fit, named, said, weights, structured, tuple(best.values()), covariance=together)
 
 
 def pruned(search: Search, fit: Fit) -> tuple[Fit, np.ndarray, list[Named], list[Attempt]]:
@@ -266,51 +257,6 @@ def admitted(search: Search, fit: Fit, weights: np.ndarray) -> Judged:
         held = rms(held_out(data, less)), held_with
         found.append(Named(fit.terms[i], parameters, trial.gain, gap, held))
     return found, failing
-
-
-def intervals(fitter: Fitter, fit: Fit, i: int, weights: np.ndarray) -> dict[str, Interval]:
-    """95 % intervals of a term's reported parameters, from the curvature of chi^2 in natural coordinates, and from its
-    staircase where samples leap.
-    """
-    term, x, at = fit.terms[i], fit.x[i], fit.columns(i)
-    sizes = np.concatenate([np.asarray(t.effect.scales(fitter.rig, t.where, t.variant), float) for t in fit.terms])
-    scaled = fit.jacobian * np.sqrt(weights)[:, None] * (sizes * np.linalg.norm(fit.jacobian, axis=0) > UNSEEN)
-    norm = np.linalg.norm(scaled, axis=0)
-    norm[norm == 0] = 1.0
-    values, vectors = np.linalg.eigh((scaled / norm).T @ (scaled / norm))
-    known = values > 1e-9
-    spread = (vectors[:, known] / values[known]) @ vectors[:, known].T / np.outer(norm, norm)
-    blind = (np.abs(vectors[:, ~known]) > 1e-3).any(axis=1)[at] if (~known).any() else np.zeros(x.size, bool)
-    covariance = spread[at, at]
-
-    def reported(point: np.ndarray) -> dict[str, float]:
-        return term.effect.values(fitter.rig, term.where, point, term.variant)
-
-    def interval(parameter: str, value: float, ends: Sequence[float], open_ended: bool) -> Interval:
-        low, high = (-math.inf, math.inf) if open_ended else (min(*ends, value), max(*ends, value))
-        return Interval(value, low, high, term.effect.unit(fitter.rig, term.where, parameter))
-
-    best = reported(x)
-    low, high = fitter.bounds(term)
-    scale = np.asarray(term.effect.scales(fitter.rig, term.where, term.variant), float)
-    step = np.maximum(1e-4 * np.abs(x), 1e-3 * scale)
-    slopes = [reported(x + s) for s in np.diag(step)]
-    out = {}
-    for p, v in best.items():
-        slope = np.array([(m[p] - v) / h for m, h in zip(slopes, step, strict=True)])
-        alone = np.flatnonzero(slope)
-        if alone.size == 1:  # of one coordinate, which may be bent and have an end
-            nudge = np.zeros(x.size)
-            nudge[alone] = 1.96 * math.sqrt(max(float(covariance[alone[0], alone[0]]), 0.0))
-            ends = [reported(np.clip(x + side * nudge, low, high))[p] for side in (-1, 1)]
-            out[p] = interval(p, v, ends, bool(blind[alone[0]]))
-            continue
-        half = 1.96 * math.sqrt(max(float(slope @ covariance @ slope), 0.0))
-        out[p] = interval(p, v, [v - half, v + half], bool((blind & (slope != 0)).any()))
-    if term.effect.leaps:
-        less, more = (reported(x * share) for share in plausible(fitter, fit, i, weights))
-        out = {p: replace(o, low=min(o.low, less[p]), high=max(o.high, more[p])) for p, o in out.items()}
-    return out
 
 
 # ------------------------------------------------------------------ rivals

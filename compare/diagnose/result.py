@@ -17,8 +17,9 @@ from compare.diagnose.data.recording import Fault as RecordedFault
 from compare.diagnose.data.recording import MeasuredRun
 from compare.diagnose.effects.effect import landing_in
 from compare.diagnose.experiment_design import would_separate
-from compare.diagnose.explain import Attempt, Explanation, Interval, Named
+from compare.diagnose.explain import Attempt, Explanation, Named
 from compare.diagnose.fit import Fit, without_columns
+from compare.diagnose.intervals import Interval
 from compare.diagnose.noise import rms
 from compare.diagnose.predict import Term
 from compare.diagnose.residuals import FOLDS, SEGMENTS
@@ -37,6 +38,7 @@ from compare.results.diagnosis import (
     Elsewhere,
     EngineGaps,
     Estimate,
+    JointCovariance,
     Kind,
     Located,
     Proposed,
@@ -105,6 +107,7 @@ def as_document(
         explained=found.explained,
         steps=(),
         sets=_sets(e),
+        covariance=_covariance(e),
         notes=(*problem.notes, *([words.CRANK_LANDS.format(count(landed, "sample"))] if landed else [])),
         assumed=(*assumed(problem.measured.mechanism), *problem.measured.assumed),
         complete=problem.complete,
@@ -124,6 +127,14 @@ def _sets(e: Explanation) -> tuple[EffectSet, ...]:
     ]
     rest = 1.0 - sum(share for _, share in ranked)
     return (*told, EffectSet(effects=(REST,), probability=max(rest, 0.0))) if told else ()
+
+
+def _covariance(e: Explanation) -> JointCovariance | None:
+    """The covariance of all named parameters; none where nothing is named, or a rig rattles."""
+    if e.covariance is None or not e.covariance.names:
+        return None
+    rows = tuple(tuple(float(v) if math.isfinite(v) else None for v in row) for row in e.covariance.values)
+    return JointCovariance(names=e.covariance.names, values=rows)
 
 
 def _still_faults(problem: Problem, e: Explanation) -> list[RecordedFault]:

@@ -17,13 +17,12 @@ from compare.diagnose.explain import (
     SLIGHT,
     Attempt,
     Explanation,
-    Interval,
     Named,
     has_structure,
-    intervals,
     verdict,
 )
 from compare.diagnose.fit import Fit, Fitter
+from compare.diagnose.intervals import Interval, covariance, intervals
 from compare.diagnose.noise import rms
 from compare.diagnose.posterior.infer import Posterior, Weighed
 from compare.diagnose.posterior.prior import CREDIBLE
@@ -59,7 +58,10 @@ def explained(found: Posterior, base: Fit, late: Callable[[], bool]) -> Explanat
     structured = has_structure(judge.data, fit.residual, MODEL if named else SLIGHT)
     said = verdict(fit, ordered, structured)
     attempts = [] if said in ("no gap", "explained") or late() else left_out(found, standing, base)
-    return Explanation(base, fit, ordered, said, weights, structured, tuple(attempts), sets=found.sets)
+    together = covariance(found.fitter, standing.fit, weights)
+    return Explanation(
+        base, fit, ordered, said, weights, structured, tuple(attempts), sets=found.sets, covariance=together
+    )
 
 
 # ---------------------------------------------------------------- what stands

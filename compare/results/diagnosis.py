@@ -140,6 +140,16 @@ class EffectSet(Part):
     probability: Annotated[FiniteFloat, Field(ge=0, le=1.000001)]
 
 
+class JointCovariance(Part):
+    """How well all named parameters are known together."""
+
+    names: Annotated[tuple[str, ...], Field(description="name@where.parameter of each named parameter.")]
+    values: Annotated[
+        tuple[tuple[FiniteFloat | None, ...], ...],
+        Field(description="Covariance of each with each, SI; null where the data leave one open."),
+    ]
+
+
 class TriedEffect(EffectPlace):
     """An effect that takes a part of the gap away and is not named."""
 
@@ -403,6 +413,9 @@ class Diagnosis(Document):
     sets: Annotated[
         tuple[EffectSet, ...], Field(description="Sets of effects that may be what is missing, the likeliest first.")
     ] = ()
+    covariance: Annotated[
+        JointCovariance | None, Field(description="Of all named parameters; null where nothing is named.")
+    ] = None
     assumed: Filled = ()
     complete: Annotated[bool, Field(description="false: the budget ended the search, and this is the best so far.")] = (
         True

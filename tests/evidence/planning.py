@@ -28,8 +28,8 @@ import tomli_w
 from analytic.kinematics.assembly import AssemblyError
 from analytic.mechanism.file import dumps
 from compare.diagnose import prepare
-from compare.diagnose.explain import intervals
 from compare.diagnose.fit import Fitter
+from compare.diagnose.intervals import intervals
 from compare.diagnose.plan.bench import read_bench
 from compare.diagnose.plan.design import Chooser
 from compare.diagnose.plan.information import Products, products

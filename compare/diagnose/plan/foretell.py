@@ -10,8 +10,8 @@ import numpy as np
 
 from compare.diagnose import prepare
 from compare.diagnose.data.recording import Measured
-from compare.diagnose.explain import Interval, intervals
 from compare.diagnose.fit import Fitter
+from compare.diagnose.intervals import Interval, intervals
 from compare.diagnose.plan.information import CAREFUL, Key, Outcomes, Products
 from compare.diagnose.plan.pool import Pool, Suspect
 from compare.diagnose.posterior.prior import CREDIBLE, SLIGHT

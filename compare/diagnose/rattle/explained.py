@@ -14,8 +14,9 @@ from compare.diagnose.data.recording import MeasuredRun
 from compare.diagnose.effects.effect import Values
 from compare.diagnose.effects.joints import JointClearance
 from compare.diagnose.engines import Engines
-from compare.diagnose.explain import Attempt, Explanation, Interval, Named
+from compare.diagnose.explain import Attempt, Explanation, Named
 from compare.diagnose.fit import Fit
+from compare.diagnose.intervals import Interval
 from compare.diagnose.predict import Hypothesis, Model, Term
 from compare.diagnose.problem import Problem
 from compare.diagnose.rattle.contact import SILENT, Found, asked
