@@ -369,12 +369,12 @@ def test_a_payload_on_a_platform_and_a_pin_s_damping_are_named(case: str, maker:
 @pytest.mark.exudyn
 @pytest.mark.mujoco
 def test_a_faint_zero_of_an_encoder_is_among_all_that_a_platform_s_legs_might_be(tmp_path: Path) -> None:
-    """Some twenty lengths, pivots, clearances and zeros of its three legs move a platform as far."""
+    """Some twenty lengths, pivots, clearances and zeros of its three legs move a platform as far, some less likely."""
     result = diagnosed(bench(tmp_path, "3-rrr", "exudyn", load("3-rrr"), {"A1": -3e-5}, ("platform_y",), WAYS[1:]))
     (effect,) = result.effects
     same = {(effect.name, effect.where), *((tie.name, tie.where) for tie in effect.ambiguous_with)}
     assert ("encoder_offset", "position_A1") in same, result.statement
-    assert len(same) > 10
+    assert len(same) > 5
 
 
 @pytest.mark.slow

@@ -311,7 +311,7 @@ class Problem:
         if self.overstated:
             self.complete = not self.options.late()
             return self.quiet()
-        if self.options.posterior and self.mechanism.cranked and not self.base.terms:
+        if self.options.posterior and not self.base.terms:
             return self.inferred()
         fit = self.best_fit(self.data)
         for _ in range(RECOLOURED):
