@@ -237,9 +237,9 @@ class Problem:
         return found is not None and max(rms(difference[p.place]) for p in self.data.parts) > SHOWS
 
     def price(self, explanation: Explanation) -> float:
-        """chi^2 that an explanation leaves, and what its effects cost."""
-        assert self.search is not None
-        return explanation.fit.chi2 + self.search.price(explanation.fit)
+        """chi^2 that an explanation leaves, and what its effects and small errors everywhere cost."""
+        cost, fit = costs(self.sought, self.rig, self.data.size), explanation.fit
+        return fit.chi2 + self.judged.log_volume + sum(cost[fit.terms[i]] for i in fit.named())
 
     def raise_noise_floor(self, noise: Noise) -> None:
         """Simulate the nominal mechanism and let the noise floor take in what the engine and the analytic model differ
