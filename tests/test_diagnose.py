@@ -23,6 +23,7 @@ from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.measured_file import read_file
 from compare.diagnose.data.recording import Measured, MeasuredError
 from compare.diagnose.effects.effect import Effect, Parameter, Readings, Rig, Values
+from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.experiment_design import as_toml
 from compare.diagnose.locate import locate
 from compare.diagnose.prepare import thinned
@@ -216,6 +217,17 @@ def test_a_coordinate_that_these_data_do_not_show_stays_where_it_is() -> None:
     assert alone["y"]["value"] == pytest.approx(2e-3, rel=0.03)
     either = one(diagnosed(seen, only=["pivot_position"]))
     assert {either["where"], *(tie["where"] for tie in either["ambiguous_with"])} == {"O", "S"}
+
+
+@pytest.mark.parametrize("bends", [True, False], ids=["used", "left out"])
+def test_stated_moduli_of_elasticity_are_used_where_the_rig_bends(bends: bool) -> None:
+    soft = wrong("link_flexibility", "linkage", youngs_modulus=3e10)
+    stated = VOCABULARY[soft.name].on_mechanism(four_bar(), soft.where, soft.values)
+    seen = replace(played(experiment(), *([soft] if bends else [])), mechanism=stated)
+    result = diagnosed(seen)
+    assert (result["verdict"], result["effects"]) == ("no gap", [])
+    said = "used" if bends else "left out"
+    assert any(f"moduli of elasticity are {said}: that explains the data" in note for note in result["notes"])
 
 
 def test_data_that_are_thinned_for_the_search_are_said_to_be() -> None:
