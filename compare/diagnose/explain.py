@@ -60,7 +60,7 @@ class Named:
 @dataclass(frozen=True)
 class Attempt:
     """An effect that takes something of the gap away and is not named; ``failed`` says which test it failed, by how
-    much.
+    much, and nothing where it is only improbable.
     """
 
     term: Term
@@ -87,6 +87,10 @@ class Explanation:
     statistics: Statistics | None = None  # by which a rig that rattles is judged, in place of its samples
     sets: Mapping[frozenset[tuple[str, str]], float] = field(default_factory=dict)  # how probable sets of effects are
     covariance: Covariance | None = field(default=None, repr=False)  # of all named parameters
+
+    def probability(self, key: tuple[str, str]) -> float:
+        """Of an effect at a place, summed over sets."""
+        return sum(share for keys, share in self.sets.items() if key in keys)
 
     @cached_property
     def gap(self) -> tuple[float, float]:

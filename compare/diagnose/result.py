@@ -98,7 +98,7 @@ def as_document(
             for f in (*_still_faults(problem, e), *validation.faults)
         ),
         candidates=(),
-        attempts=tuple(_attempt(a) for a in e.attempts),
+        attempts=tuple(_attempt(e, a) for a in e.attempts),
         proposed=proposed,
         inseparable=_inseparable(problem),
         engines=_engines(problem, found),
@@ -236,7 +236,7 @@ def _kind(term: Term) -> Kind:
     return "sensor" if term.effect.sensor else "rig"
 
 
-def _attempt(a: Attempt) -> TriedEffect:
+def _attempt(e: Explanation, a: Attempt) -> TriedEffect:
     return TriedEffect(
         name=a.term.effect.name,
         where=a.term.where,
@@ -245,7 +245,7 @@ def _attempt(a: Attempt) -> TriedEffect:
         share=a.share,
         gap_before=a.gap[0],
         gap_after=a.gap[1],
-        failed=a.failed,
+        failed=a.failed or words.unlikely(e.probability(a.term.key)),
     )
 
 
@@ -352,7 +352,7 @@ def _unseen(result: Diagnosis, n: Named | None) -> tuple[CandidateStatus, str]:
 def _not_needed(problem: Problem, e: Explanation, term: Term, sigmas: float) -> str:
     """Why an effect that would take so many sigmas alone is not named, where no attempt says it."""
     if problem.search is None:
-        return words.improbable(sigmas, sum(share for keys, share in e.sets.items() if term.key in keys))
+        return words.improbable(sigmas, e.probability(term.key))
     left = beside(e, problem.signatures[term].columns) if term in problem.signatures else 0.0
     cost = problem.search.cost
     luck, candidates = math.sqrt(cost[term]), len({t.key for t in cost})

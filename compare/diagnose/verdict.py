@@ -30,6 +30,7 @@ from compare.diagnose.predict import Term
 
 TIED = 0.01  # probability from which on something may be in an effect's place
 LIKELY = 5 / 6  # from which on an effect, with what may be in its place, is named: a false name costs as five missed
+UNLIKELY = ""  # what an effect fails that is not named because it is improbable
 TOLD = 6  # effects that are not named, of which it is told how probable they are
 
 
@@ -74,7 +75,7 @@ def stood(found: Posterior, base: Fit) -> Standing:
     for term in standing.named:
         together = found.probability(term.key) + sum(found.instead(term.key).values())
         if together < LIKELY:
-            unlikely.append((term, f"its probability is {found.probability(term.key):.2g}"))
+            unlikely.append((term, UNLIKELY))
     standing = fallen(found, base, standing, unlikely)
     while True:
         idle = [(t, "the data want it to be nothing, or beyond the physical") for t in at_nothing(standing.fit)]
@@ -200,7 +201,7 @@ def left_out(found: Posterior, standing: Standing, base: Fit) -> list[Attempt]:
             term = weighed.fit.terms[i]
             if term.key not in told and len(attempts) < TOLD:
                 told.add(term.key)
-                why = f"its probability is {found.probability(term.key):.2g}"
+                why = UNLIKELY
                 attempts.append(attempt(found, standing, base, weighed, term, why))
     return attempts
 

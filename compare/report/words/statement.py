@@ -177,7 +177,12 @@ def not_needed(alone: float, luck: float, candidates: int, gap: float, left: flo
 
 def improbable(alone: float, probability: float) -> str:
     """Why an effect that would take so many sigmas ``alone`` is not named: how probable it is among all sets."""
-    return f"alone it would take {plainly(alone, 2)} {SIGMA}; its chance of being there is {chance(probability)}"
+    return f"alone it would take {plainly(alone, 2)} {SIGMA}; {unlikely(probability)}"
+
+
+def unlikely(probability: float) -> str:
+    """Why an effect is not named that no test excludes."""
+    return f"its chance of being there is {chance(probability)}"
 
 
 def why_tied(result: Diagnosis, n: Named) -> str:
