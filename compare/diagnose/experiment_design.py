@@ -71,9 +71,9 @@ def would_separate(model: Model, noise: dict[tuple[str, str], float], one: Fit, 
             sigma = max(found, key=lambda each: each[0])[1][trial.sensor]
             given = f", if its noise is {amount(sigma, rig.known[trial.sensor].unit)}"
         whom = "them" if parted == len(others) else f"{parted} of {len(others)}"
-        says = f" (would part {whom} by {least:.0f} sigma{given})"
-        says = says if parted else f", though only by {least:.0f} sigma{given}"
-        rank = parted, 0.0 if parted else least
+        by = f"by {least:.0f} sigma{given}"
+        says = f" (would part {whom} {by})" if parted else f", though only {by}"
+        rank = parted, 0.0 if parted else least  # of runs that part as many the first, which is the easiest to make
         if rank > best[0]:
             best = rank, f"{trial.words}{says}:\n{trial.as_toml(model.measured)}"
         if parted == len(others):

@@ -88,10 +88,6 @@ class Explanation:
     sets: Mapping[frozenset[tuple[str, str]], float] = field(default_factory=dict)  # how probable sets of effects are
     covariance: Covariance | None = field(default=None, repr=False)  # of all named parameters
 
-    def probability(self, key: tuple[str, str]) -> float:
-        """Of an effect at a place, summed over sets."""
-        return sum(share for keys, share in self.sets.items() if key in keys)
-
     @cached_property
     def gap(self) -> tuple[float, float]:
         """Root mean square residual in units of noise, before and after."""

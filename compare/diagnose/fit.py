@@ -176,6 +176,10 @@ class Fitter:
         key = _sorted(terms)
         return self._fit(key, [np.array(x[t], float) for t in key], steps=0)
 
+    def again(self, fit: Fit) -> Fit | None:
+        """A fit of other data as it stands in these; None where it is impossible."""
+        return self.at(fit.terms, dict(zip(fit.terms, fit.x, strict=True)))
+
     def settled(self, fit: Fit) -> Fit:
         """A fit taken to its very minimum; it replaces the one that was close enough to be compared."""
         start = self.nearby(fit)

@@ -157,7 +157,7 @@ def _visible(
         rig,
         prepare.bounds(rig, few.tolerance),
     )
-    start = fitter.at(base.terms, dict(zip(base.terms, base.x, strict=True)))
+    start = fitter.again(base)
     terms = prepare.allowed(candidates(rig, VOCABULARY), few.tolerance, fitter.bounds)
     found = sensitivities(fitter, start, terms) if start is not None else {}
     clearest: dict[tuple[str, str], Sensitivity] = {}

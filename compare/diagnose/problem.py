@@ -59,8 +59,8 @@ class Options:
 
     ``simulator`` is the chosen engine; ``only`` and ``exclude`` are ``effect`` or ``effect@where``; ``own`` are effects
     beside the vocabulary; with ``others`` every installed engine simulates too, in as many processes as ``workers``.
-    ``posterior`` decides by probabilities of sets of effects, which are to take the place of the search, where no run
-    is free.  The search ends ``budget`` seconds after it ``began`` (None: when it is done), with the best so far.
+    Probabilities of sets of effects decide where no run is free; without ``posterior`` a search does, to be held beside
+    them.  Either ends ``budget`` seconds after it ``began`` (None: when it is done), with the best so far.
     """
 
     simulator: str
@@ -268,7 +268,7 @@ class Problem:
         raised = Data(self.measured, floor)
         self.data = Data(self.measured, floor, self.data.shared * (self.data.sigma / raised.sigma)[:, None])
         self.fitter = Fitter(self.model, self.data, self.rig, self.fitter.bounds)
-        self.base = self.fitter.at(self.base.terms, dict(zip(self.base.terms, self.base.x, strict=True))) or self.base
+        self.base = self.fitter.again(self.base) or self.base
 
     def line_errors(self) -> dict[tuple[str, str], float]:
         """By run and signal, what readings are off (rms, SI) where only the encoder says when their line was read: in
@@ -367,7 +367,7 @@ class Problem:
     def posterior(self, data: Data, before: Posterior | None = None) -> Posterior:
         """The posterior over sets of effects in these data, from the best of another one."""
         fitter = Fitter(self.model_of(data), data, self.rig, self.fitter.bounds)
-        base = fitter.at(self.base.terms, dict(zip(self.base.terms, self.base.x, strict=True))) or self.base
+        base = fitter.again(self.base) or self.base
         inference = Inference(fitter, base, self.sought, self.options.late, before)
         return inference.posterior([] if before is None else [before.best.fit])
 
@@ -394,7 +394,7 @@ class Problem:
             return False
         self.data = plain.coloured(found)
         self.fitter = Fitter(self.model, self.data, self.rig, self.fitter.bounds)
-        self.base = self.fitter.at(self.base.terms, dict(zip(self.base.terms, self.base.x, strict=True))) or self.base
+        self.base = self.fitter.again(self.base) or self.base
         self.search = None
         return True
 
@@ -652,7 +652,7 @@ def begun(model: Model, fitter: Fitter) -> Fit:
     starts = prepare.starts(model.measured)
     first = Model(early.measured, fitter.rig, model.mechanism, model.courses)
     begun = Fitter(first, early, fitter.rig, fitter.bounds).fit(list(starts), starts)
-    base = begun and fitter.at(begun.terms, dict(zip(begun.terms, begun.x, strict=True)))
+    base = begun and fitter.again(begun)
     if base is None:
         raise MeasuredError(
             f"{model.measured.source}: the nominal mechanism cannot make these runs; check drive_angle, start and"

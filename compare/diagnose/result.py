@@ -21,6 +21,7 @@ from compare.diagnose.explain import Attempt, Explanation, Named
 from compare.diagnose.fit import Fit, without_columns
 from compare.diagnose.intervals import Interval
 from compare.diagnose.noise import rms
+from compare.diagnose.posterior.infer import probability
 from compare.diagnose.predict import Term
 from compare.diagnose.residuals import FOLDS, SEGMENTS
 from compare.report.words import statement as words
@@ -245,7 +246,7 @@ def _attempt(e: Explanation, a: Attempt) -> TriedEffect:
         share=a.share,
         gap_before=a.gap[0],
         gap_after=a.gap[1],
-        failed=a.failed or words.unlikely(e.probability(a.term.key)),
+        failed=a.failed or words.unlikely(probability(e.sets, a.term.key)),
     )
 
 
@@ -352,7 +353,7 @@ def _unseen(result: Diagnosis, n: Named | None) -> tuple[CandidateStatus, str]:
 def _not_needed(problem: Problem, e: Explanation, term: Term, sigmas: float) -> str:
     """Why an effect that would take so many sigmas alone is not named, where no attempt says it."""
     if problem.search is None:
-        return words.improbable(sigmas, e.probability(term.key))
+        return words.improbable(sigmas, probability(e.sets, term.key))
     left = beside(e, problem.signatures[term].columns) if term in problem.signatures else 0.0
     cost = problem.search.cost
     luck, candidates = math.sqrt(cost[term]), len({t.key for t in cost})

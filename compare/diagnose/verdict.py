@@ -119,13 +119,13 @@ def refitted(found: Posterior, base: Fit, fit: Fit, kept: Collection[Term]) -> t
     terms = [t for t in fit.terms if t in base.terms or t in kept]
     best = found.fitter.likeliest({t: found.best.sizes[t] for t in terms}, [{t: now[t] for t in terms}])
     if best is None:
-        return found.fitter.at(base.terms, dict(zip(base.terms, base.x, strict=True))) or base, base
+        return found.fitter.again(base) or base, base
     return best, at_judge(found, best)
 
 
 def at_judge(found: Posterior, fit: Fit) -> Fit:
     """A fit where samples count alike."""
-    return found.judge.at(fit.terms, dict(zip(fit.terms, fit.x, strict=True))) or fit
+    return found.judge.again(fit) or fit
 
 
 # ---------------------------------------------------------------- what is said of an effect
@@ -201,8 +201,7 @@ def left_out(found: Posterior, standing: Standing, base: Fit) -> list[Attempt]:
             term = weighed.fit.terms[i]
             if term.key not in told and len(attempts) < TOLD:
                 told.add(term.key)
-                why = UNLIKELY
-                attempts.append(attempt(found, standing, base, weighed, term, why))
+                attempts.append(attempt(found, standing, base, weighed, term, UNLIKELY))
     return attempts
 
 

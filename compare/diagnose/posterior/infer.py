@@ -103,18 +103,13 @@ class Posterior:
         fitter, judge = moved(self.fitter), moved(self.judge)
         fit = self.best.fit
         fit = fitter.likeliest(self.best.sizes, [dict(zip(fit.terms, fit.x, strict=True))], rough=0.0) or fit
-        judged = judge.at(fit.terms, dict(zip(fit.terms, fit.x, strict=True))) or fit
+        judged = judge.again(fit) or fit
         best = replace(self.best, fit=fit)
         return replace(self, best=best, fitter=fitter, judged=judged, judge=judge, plain=moved(self.plain))
 
     def probability(self, key: Key) -> float:
         """Of an effect at a place."""
-        return min(sum(share for keys, share in self.sets.items() if key in keys), 1.0)
-
-    @property
-    def nothing(self) -> float:
-        """Probability that nothing is missing."""
-        return self.sets.get(Keys(), 0.0)
+        return probability(self.sets, key)
 
     def instead(self, key: Key) -> dict[Key, float]:
         """What shares the probability of an effect of the best set: how probable each other is in its place, beyond how
@@ -126,6 +121,11 @@ class Posterior:
 def seen(data: Data, signature: Sensitivity) -> Sensitivity:
     """A signature as these data have it."""
     return Sensitivity(signature.term, data.columns(signature.offset), data.columns(signature.columns))
+
+
+def probability(sets: Mapping[Keys, float], key: Key) -> float:
+    """Of an effect at a place, summed over the sets that have it."""
+    return min(sum(share for keys, share in sets.items() if key in keys), 1.0)
 
 
 def instead(sets: Mapping[Keys, float], best: Keys, key: Key) -> dict[Key, float]:
@@ -161,7 +161,7 @@ class Inference:
         self.surveyed: Surveyed | None = None
         if before is not None:
             about = before.surveyed.about
-            there = fitter.at(about.terms, dict(zip(about.terms, about.x, strict=True)))
+            there = fitter.again(about)
             self.surveyed = None if there is None else replace(before.surveyed, about=there)
         self.weighed: dict[Names, Weighed] = {}
         self.workmanship = 0.0
@@ -177,7 +177,7 @@ class Inference:
         """The posterior; ``first`` are fits that may be near the best."""
         fit, names = self.base, Names()
         for begun in first:
-            again = self.plain.at(begun.terms, dict(zip(begun.terms, begun.x, strict=True)))
+            again = self.plain.again(begun)
             if again is not None and again.chi2 < fit.chi2:
                 fit, names = again, self._names(again)
         fit, names = self._leapt(fit, names)
@@ -241,7 +241,7 @@ class Inference:
             about = [t for t in about if not (t.effect.scatters and rms(self.base.residual) <= CLOSED)]
             if self.surveyed is not None and not free:
                 about = [t for t in about if (*t.key, t.variant) in {name[:3] for name in likely}]
-            bare = self.bare.at(fit.terms, dict(zip(fit.terms, fit.x, strict=True))) or fit
+            bare = self.bare.again(fit) or fit
             new = sensitivities(self.bare, bare, about)
             kept = {} if self.surveyed is None or free else self.surveyed.signatures
             self.surveyed = Surveyed(fit, {**kept, **new}, self._nameless(fit))
@@ -431,7 +431,7 @@ class Inference:
         fit = best.fit
         if self.fitter is self.plain and not best.unknown.size:
             return fit
-        return self.plain.at(fit.terms, dict(zip(fit.terms, fit.x, strict=True))) or fit
+        return self.plain.again(fit) or fit
 
     # ---------------------------------------------------------------- conclusion
 

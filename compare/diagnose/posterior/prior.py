@@ -64,7 +64,7 @@ NATURAL: Mapping[str, float | tuple[float, ...]] = {
     "sensor_lag": 30.0,
     "sensor_drift": 5.0,  # times the noise in the time of a radian
 }
-# the same of errors that careful work leaves on every rig; the search that still decides has its own in the effects
+# the same of errors that careful work leaves on every rig; the search in released runs has its own in the effects
 SLIGHT: Mapping[str, float] = {
     "link_length": 100.0,  # 0.1 % of the longest link
     "pivot_position": 100.0,

@@ -1,8 +1,8 @@
-"""The posterior over sets of effects beside the search that decides today: both on the same hidden sets.
+"""The posterior over sets of effects beside the search, which decides in released runs: both on the same hidden sets.
 
 ``python -m tests.evidence.scoreboard.beside SEED [SEED ...]`` draws and records each set, has both diagnose it, scores
-both, and prints a line for each: outcome, what is named with its probability, and processor time.  The posterior takes
-the place of the search when it is worse on no kind of set.
+both, and prints a line for each: outcome, what is named with its probability, and processor time.  The
+search goes when the posterior is no worse in released runs.
 """
 
 from __future__ import annotations
