@@ -18,7 +18,7 @@ from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.posterior.compress import Group, Products
 from compare.diagnose.posterior.infer import Inference, Posterior, instead
 from compare.diagnose.posterior.prior import WIDTH_ODDS, WIDTHS, Prior
-from compare.diagnose.posterior.sets import Sets
+from compare.diagnose.posterior.sets import LOOKED_AT, Sets
 from compare.diagnose.predict import Term
 from compare.diagnose.problem import Options, Problem
 from compare.diagnose.residuals import Data
@@ -144,6 +144,21 @@ def test_the_way_from_set_to_set_ends_at_the_most_probable_of_all() -> None:
         every = [s for n in range(5) for s in itertools.combinations(range(4), n)]
         best = max(every, key=linear.sets.score)
         assert Linear(seed, (1, 1, 2, 1)).sets.climb((), thorough=True) == best
+
+
+def test_what_a_positive_coordinate_rules_out_does_not_stay_probable_because_it_was_looked_at_only_nearly() -> None:
+    linear = Linear(3, (1, 1, 1), positive=(0,))
+    twin = linear.columns[:, 0] + 0.3 * linear.columns[:, 1]
+    linear.columns[:, 1] = twin
+    linear.residual = 12 * twin - 6 * linear.columns[:, 0] + np.random.default_rng(0).standard_normal(SIZE)
+    gram, wanted = linear.columns.T @ linear.columns, linear.columns.T @ linear.residual
+    sets = Sets(linear.groups, Products(gram, wanted, float(linear.residual @ linear.residual), 0.0), never)
+    nearly = sets.additions((0,))[0][1]
+    assert sets.known[0, 1] == nearly > sets.score((1,)) > sets.score((0,))
+    sets.survey((1,))
+    assert {chosen for chosen, log in sets.known.items() if log > sets.top - LOOKED_AT} <= set(sets.widths)
+    assert sets.known[0, 1] < nearly - 10
+    assert max(sets.known, key=lambda chosen: sets.known[chosen]) == (1,)
 
 
 def test_samples_that_count_less_and_errors_that_belong_to_the_noise_are_whitened() -> None:

@@ -1,4 +1,6 @@
-"""How noisy a residual is, and how much its samples count: less where they are noisier than stated, or correlated."""
+"""How noisy a residual is, and how much its samples count: less where they are noisier than stated, correlated, or
+come back cycle after cycle.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +8,7 @@ import math
 
 import numpy as np
 
-from compare.diagnose.residuals import Data
+from compare.diagnose.residuals import Data, cycles
 
 CLOSED = 1.1  # of the noise floor: a gap that is closed
 NOISY = 1.15  # mean square of a sensor's residual, above which it is more than its noise
@@ -26,8 +28,27 @@ def sample_weights(data: Data, residual: np.ndarray) -> np.ndarray:
         r = residual[part.place]
         mean_square = float(np.mean(r**2)) if r.size else 0.0
         if mean_square > NOISY:
-            out[part.place] = 1 / (mean_square * correlation_time(r))
+            run = data.measured.runs[part.run]
+            cycle = cycles(run, data.measured.mechanism)
+            again = 1.0 if cycle is None else recurrence(r, cycle[part.used])
+            out[part.place] = 1 / (mean_square * correlation_time(r) * again)
     return out
+
+
+def recurrence(r: np.ndarray, cycle: np.ndarray) -> float:
+    """Cycles per independent cycle: the mean square of the mean cycle of a residual (n,), over what that of independent
+    cycles would be; ``cycle`` (n,) are how many were made.
+    """
+    if cycle.size < 2:
+        return 1.0
+    whole = range(math.ceil(max(cycle.min(), 0.0)), math.floor(cycle.max() + max(np.median(np.diff(cycle)), 0.0)))
+    each = [np.flatnonzero((cycle >= k) & (cycle < k + 1)) for k in whole]
+    fewest = min((at.size for at in each), default=0)
+    if len(each) < 2 or fewest < 2:
+        return 1.0
+    phase = (np.arange(fewest) + 0.5) / fewest
+    folded = np.stack([np.interp(phase, cycle[at] - k, r[at]) for k, at in zip(whole, each, strict=True)])
+    return max(1.0, len(each) * float(np.mean(folded.mean(axis=0) ** 2) / max(np.mean(folded**2), 1e-300)))
 
 
 def correlation_time(r: np.ndarray) -> float:

@@ -273,6 +273,26 @@ def turned(run: MeasuredRun, mechanism: Mechanism) -> np.ndarray | None:
     return bridged(run.channels[mechanism.encoder.name].values)
 
 
+def cycles(run: MeasuredRun, mechanism: Mechanism) -> np.ndarray | None:
+    """How many cycles (N,) a driven run has made: turns of its crank, or ways of its first motor to and fro, of whole
+    ones (-1 before and after); None of less than two, or where that is not known.
+    """
+    angle = turned(run, mechanism)
+    if angle is not None and abs(angle[-1] - angle[0]) >= 4 * np.pi:
+        return np.asarray(np.abs(angle - angle[0]) / (2 * np.pi))
+    encoder = mechanism.encoders[0].name if mechanism.drives else ""
+    if run.drive == "free" or encoder not in run.channels:
+        return None
+    place = bridged(run.channels[encoder].values)
+    share = (place - place.min()) / max(float(np.ptp(place)), 1e-300)
+    ends = np.flatnonzero(np.abs(share - 0.5) > 0.25)  # its outer quarters, which noise does not cross twice
+    upper = share[ends] > 0.5
+    begun = ends[1:][upper[1:] & ~upper[:-1]]
+    if begun.size < 3:
+        return None
+    return np.interp(np.arange(place.size), begun, np.arange(begun.size), left=-1.0, right=-1.0)
+
+
 def bridged(values: np.ndarray) -> np.ndarray:
     """Values (N,) with straight lines across NaN; without any number, a huge one that nothing fits."""
     known = np.isfinite(values)

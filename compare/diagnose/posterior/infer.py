@@ -203,7 +203,11 @@ class Inference:
                 # what the best set leaves counts as noise, as large and as slow as it is, and sets are looked at again
                 left = self._noise(compressed, self.workmanship, unknown=best.unknown).seen_beside(fit.residual)
                 if not self._counted(compressed, sample_weights(self.plain.data, left)) and thorough:
-                    break
+                    self._doubt(compressed, sets, fit)
+                    better = max(self.weighed.values(), key=lambda w: w.log)
+                    if better.names == names:
+                        break
+                    fit, names = self._in_plain(better), better.names
                 thorough = True
         return self._concluded(compressed, layers)
 
@@ -357,6 +361,17 @@ class Inference:
             richer = [k for k, g in enumerate(compressed.groups) if self._enriches(g, compressed.groups[i])]
             chosen += [with_group(without(best[0], i), k) for k in richer]
         return list(dict.fromkeys(chosen))
+
+    def _doubt(self, compressed: Compressed, sets: Sets, fit: Fit) -> None:
+        """Fit in full, of the best set, the best without each of its effects: no linear problem about a fit with it
+        decides alone.
+        """
+        for i in sets.best()[0]:
+            key = compressed.groups[i].key
+            without_it = [chosen for chosen in sets.widths if key not in {compressed.groups[k].key for k in chosen}]
+            chosen = max(without_it, key=lambda each: sets.known[each])
+            if self._named(compressed, chosen) not in self.weighed and not self.late():
+                self._weigh(compressed, sets, chosen, fit)
 
     def _enriches(self, rich: Group, simple: Group) -> bool:
         poor = None if rich.term is None else self.prior.simple_of.get(rich.term)

@@ -251,6 +251,19 @@ class Sets:
             done.add(chosen)
             for each, other in self.neighbours(chosen, 3, 6):
                 heapq.heappush(heap, (-each, other))
+        self._settle()
+
+    def _settle(self) -> None:
+        """Take in full what was looked at only nearly and would be probable: a further effect may turn a coordinate
+        of another to where it cannot be.
+        """
+        while not self.late():
+            nearly = [chosen for chosen, log in self.known.items() if log > self.top - LOOKED_AT]
+            nearly = [chosen for chosen in nearly if chosen not in self.widths]
+            if not nearly:
+                return
+            for chosen in nearly:
+                self.score(chosen)
 
     def named(self, chosen: Set) -> bool:
         """Whether nothing of a set is an unknown."""
