@@ -9,10 +9,14 @@ import numpy as np
 
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import along
+from analytic.kinematics.output import Output
 from analytic.kinematics.reach import turns_fully
+from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from analytic.mechanism.assumed import assumed
 from analytic.mechanism.signals import position
+from analytic.paper.envelope import condition, transmission
+from analytic.paper.superposition import accuracy as cycle_accuracy
 from compare.arguments import (
     idle,
     linkage,
@@ -33,12 +37,12 @@ from compare.judge.signals import with_derived
 from compare.omissions import Asked, omitted, rigid_walls
 from compare.questions.analyse import AnalyseQuestion, SimulateQuestion
 from compare.questions.question import answers
-from compare.results.analysis import Analysis, Simulation
+from compare.results.analysis import Analysis, OutputError, Simulation
 from compare.results.crosscheck import PinPath, Simulator
 from compare.schedules import scheduled
 from sim_models.common.contact_laws import assumed_of_contact
 from sim_models.common.simulate import answered
-from sim_models.engine import Request, engine
+from sim_models.engine import Motion, Request, engine
 
 
 @answers(AnalyseQuestion)
@@ -69,7 +73,8 @@ def analyse(question: AnalyseQuestion) -> Analysis:
         side = reference(assembly, schedule, model, m.clearances)
         if compliance:
             side = with_flexible_links(side, assembly, schedule)
-    optional: dict[str, Any] = {} if schedule.crank_angle is not None else {"time": schedule.time}
+    optional = {} if compliance else _of_outputs(assembly, schedule, motion)
+    optional |= {} if schedule.crank_angle is not None else {"time": schedule.time}
     return Analysis(
         case=m.name,
         mechanism=m,
@@ -85,6 +90,31 @@ def analyse(question: AnalyseQuestion) -> Analysis:
         assumed=assumed(m),
         **optional,
     )
+
+
+def _of_outputs(assembly: Assembly, schedule: Schedule, motion: Motion) -> dict[str, Any]:
+    """The transmission angle at a crank's angles, and what clearance does to each body there, joint by joint; nothing
+    of what no crank moves.
+    """
+    m, theta = assembly.mechanism, schedule.crank_angle
+    if theta is None:
+        return {}
+    if not m.clearances:
+        return {"transmission": transmission(condition(along(assembly, schedule)))}
+    outputs = [Output(body.name, axis) for body in m.bodies for axis in ("x", "y", "angle")]
+    cycle = cycle_accuracy(assembly, theta, outputs, m.clearances, m.speed or 1.0, motion == "driven")
+    return {
+        "transmission": transmission(cycle.condition),
+        "errors": {
+            d.name: OutputError(
+                unit=d.unit,
+                equilibrium=cycle.equilibrium(d),
+                worst_case=cycle.worst_case(d),
+                by_joint={joint: part for joint, part in cycle.by_joint(d).items() if m.clearances.get(joint)},
+            )
+            for d in outputs
+        },
+    }
 
 
 def _along(m: Mechanism, side: Reference) -> np.ndarray:

@@ -43,7 +43,9 @@ def test_a_slow_residual_has_as_many_samples_as_its_correlation_leaves() -> None
 
 
 def test_samples_of_a_turning_crank_count_by_size_slowness_and_turns() -> None:
-    rig = experiment(replace(turn("slow", 4.0), time=np.linspace(0.0, 2.5 * math.pi, 600)), sensors={"drive_torque": 1e-3})
+    rig = experiment(
+        replace(turn("slow", 4.0), time=np.linspace(0.0, 2.5 * math.pi, 600)), sensors={"drive_torque": 1e-3}
+    )
     measured = rig.measured()
     (run,) = measured.runs
     data = Data(measured, {(run.name, s): c.noise for s, c in run.channels.items()})

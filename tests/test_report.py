@@ -331,7 +331,7 @@ def test_the_page_asks_for_nothing_outside_itself(report: Path) -> None:
     outside = [
         url
         for url in re.findall(r"""(?:src|href|url)\s*[=(]\s*["']?([^"')\s>]+)""", page)
-        if not url.startswith(("#", "data:", "URL.createObjectURL"))  # the last is a file made in the page itself
+        if not url.startswith(("#", "data:", "`data:", "URL.createObjectURL"))  # the last two are made in the page
     ]
     assert outside == []
     assert "default-src 'none'" in page

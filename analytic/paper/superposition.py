@@ -155,6 +155,12 @@ class AccuracyAnalysis:
         """
         return displacement(self.unit_reactions[d], self.clearances[:, None] * self.directions)
 
+    def by_joint(self, d: Output) -> dict[str, np.ndarray]:
+        """What each joint's clearance does alone of :meth:`nominal`, R . c F/|F| (N,)."""
+        gaps = self.clearances[:, None] * self.directions
+        parts = (displacement(self.unit_reactions[d][[k]], gaps[[k]]) for k in range(len(self.pins)))
+        return dict(zip(self.pins, parts, strict=True))
+
     def equilibrium(self, d: Output) -> np.ndarray:
         """Displacement by finite gaps, each along the reaction of the linkage that they displace; NaN where flagged."""
         moved = self.total.clearance

@@ -15,7 +15,7 @@ def analyse(line: CommandLine) -> None:
     with line.complaints() as caught:
         from compare.analyse import analyse
 
-        folder = line.folder(f"{line.stem}-analysis", "analysis.json", "signals.csv")
+        folder = line.folder(f"{line.stem}-analysis", "analysis.json", "analysis.html", "signals.csv")
         line.answer(lambda: line.ask(analyse, AnalyseQuestion), caught, folder)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import os.path
 import shlex
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from enum import Enum
 from pathlib import Path
 from typing import Any
@@ -52,6 +52,18 @@ def named_after(file: str | Path) -> str:
     """The name of a default folder: a shipped case, a file's stem, the folder of a measured.toml."""
     path = Path(file).absolute()
     return path.stem if path.name != "measured.toml" else path.parent.name or path.stem
+
+
+def spelled_out(words: Sequence[str], commands: Collection[str]) -> list[str]:
+    """The words of a command line; those that begin with a mechanism file, or with a shipped case that no command is
+    called like, ask for its analysis.
+    """
+    if not words or words[0].startswith("-") or words[0] in commands:
+        return list(words)
+    from analytic.mechanism.file import shipped_cases
+
+    linkage = words[0].endswith(".toml") or words[0] in shipped_cases()
+    return ["analyse", "--case", *words] if linkage else list(words)
 
 
 def same_question(context: typer.Context) -> Callable[[str | None], bool]:
@@ -126,6 +138,7 @@ def _asked(context: typer.Context, line: str) -> tuple[str, dict[str, str]] | No
         return None
     root = context.find_root().command
     commands = getattr(root, "commands", {})
+    words = spelled_out(words, commands)
     name = words[0] if words and words[0] in commands else ""
     command, words = (commands[name], words[1:]) if name else (root, words)
     return name, _question(command.make_context(name, words, resilient_parsing=True).params)

@@ -43,7 +43,7 @@ def render(
         f"{result.case}: {words.VERDICT_WORDS[summary.verdict]} {DASH} cross-check",
         PageSection("crosscheck/header.html.j2", context),
         [PageSection(f"crosscheck/{name}.html.j2", context) for name in sections],
-        script=Script(("chart.js", "explorer.js"), moved),
+        script=Script(("chart.js", "linkage.js", "explorer.js"), moved),
         skip_to="the differences" if summary.runs else "its provenance",
         footer="All values come from result.json beside this page, which needs no network.",
     )

@@ -9,6 +9,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Mapping, Sequence
+from typing import Protocol
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from analytic.mechanism import GROUND, Mechanism
 from compare.quantities import Quantity, number
 from compare.report.crosscheck_figures import beside, difference, same_turn
 from compare.report.figure import Axis, Figure, Mark, Numbers, Series, scaled
-from compare.report.summary import ShownRun, Summary, abscissa
+from compare.report.summary import Sampled, ShownRun, Summary, abscissa
 from compare.results.crosscheck import CrossCheck, Run
 from compare.results.document import listed
 
@@ -60,7 +61,14 @@ def typical_length(mechanism: Mechanism) -> float:
     return min((length for length in lengths if length > 0), default=1.0)
 
 
-def exaggeration(mechanism: Mechanism, run: Run) -> int:
+class Loose(Sampled, Protocol):
+    """The same of a linkage with these radial clearances (m) by joint."""
+
+    @property
+    def clearance(self) -> Mapping[str, float]: ...
+
+
+def exaggeration(mechanism: Mechanism, run: Loose) -> int:
     """The roundest factor at which the run's largest gap is seen, 1 without gaps and in a free drive."""
     largest = max(run.clearance.values(), default=0.0)
     if not largest or abscissa(run, mechanism).of_time:
@@ -75,21 +83,25 @@ def ideal_poses(result: CrossCheck, run: Run) -> Poses | None:
     over = abscissa(run, result.mechanism)
     for other in result.runs:
         if other.joint_model == "ideal" and abscissa(other, result.mechanism) == over:
-            return _poses(result.mechanism, other.analytic)
-    if over.of_time:
-        return None
+            return poses_of(result.mechanism, other.analytic)
+    return None if over.of_time else assembled(result.mechanism, run.crank_angle)
+
+
+def assembled(mechanism: Mechanism, crank_angle: np.ndarray) -> Poses | None:
+    """Poses of the linkage without clearance at crank angles (N,) rad; None where it cannot be assembled at one."""
     try:
-        motion = kinematics(Assembly(result.mechanism.with_clearances({})), run.crank_angle)
+        motion = kinematics(Assembly(mechanism.with_clearances({})), crank_angle)
     except AssemblyError:  # somewhere on the grid is a change point; the drawing then does without
         return None
     signals: dict[str, np.ndarray] = {}
-    for body in (b.name for b in result.mechanism.bodies):
+    for body in (b.name for b in mechanism.bodies):
         com = motion.position(body)
         signals |= {f"{body}_x": com.real, f"{body}_y": com.imag, f"{body}_angle": motion.angle(body)}
-    return _poses(result.mechanism, signals)
+    return poses_of(mechanism, signals)
 
 
-def _poses(mechanism: Mechanism, signals: Mapping[str, np.ndarray]) -> Poses | None:
+def poses_of(mechanism: Mechanism, signals: Mapping[str, np.ndarray]) -> Poses | None:
+    """Every body's pose as signals have it; None where one is not among them."""
     names = [body.name for body in mechanism.bodies]
     if any(f"{name}_{part}" not in signals for name in names for part in ("x", "y", "angle")):
         return None
@@ -111,9 +123,9 @@ def _explored(summary: Summary, shown: ShownRun) -> dict[str, object]:
         "clearance": dict(run.clearance),
         "factor": exaggeration(result.mechanism, run),
         "ideal": ideal,
-        "analytic": _beside(_poses(result.mechanism, run.analytic), ideal),
+        "analytic": in_turn_of(poses_of(result.mechanism, run.analytic), ideal),
         "analytic_model": run.analytic_model.replace("_", " "),
-        "simulated": _beside(_poses(result.mechanism, run.simulated), ideal),
+        "simulated": in_turn_of(poses_of(result.mechanism, run.simulated), ideal),
         "gaps": {joint: _gap(run, joint) for joint in run.clearance},
         "readout": [
             _read(quantity, run, result.runs[0].analytic.get(quantity.signal, np.zeros(0)))
@@ -155,7 +167,7 @@ def _read(quantity: Quantity, run: Run, first: np.ndarray) -> dict[str, object]:
     }
 
 
-def _beside(poses: Poses | None, ideal: Poses | None) -> Poses | None:
+def in_turn_of(poses: Poses | None, ideal: Poses | None) -> Poses | None:
     """Poses whose angles are in the turn of the ideal linkage's, as a drawing multiplies their difference."""
     if not poses or not ideal:
         return poses
@@ -179,20 +191,20 @@ def linkage_figure(result: CrossCheck) -> Figure | None:
         return None
     run = next((run for run in result.runs if run.clearance), result.runs[0])
     over, ideal = abscissa(run, result.mechanism), ideal_poses(result, run)
-    displaced = _beside(_poses(result.mechanism, run.analytic), ideal)
+    displaced = in_turn_of(poses_of(result.mechanism, run.analytic), ideal)
     if displaced is None:
         return None
-    usable = [k for k in range(run.crank_angle.size) if _pose(displaced, k) and (ideal is None or _pose(ideal, k))]
+    usable = [k for k in range(run.crank_angle.size) if pose_at(displaced, k) and (ideal is None or pose_at(ideal, k))]
     if not usable:
         return None
     nearest = min(usable, key=lambda i: abs(run.crank_angle[i] - PRINTED_ANGLE))
     k = usable[len(usable) // 2] if over.of_time else nearest
     times = exaggeration(result.mechanism, run) if ideal else 1
     gaps = {joint: times * size for joint, size in run.clearance.items()}
-    series = _drawn(result.mechanism, _pose(ideal, k), "ideal linkage", "ideal-line") if ideal and gaps else []
+    series = configuration(result.mechanism, pose_at(ideal, k), "ideal linkage", "ideal-line") if ideal and gaps else []
     model = run.analytic_model.replace("_", " ")
-    pose = _between(_pose(ideal, k), _pose(displaced, k), times)
-    series += _drawn(result.mechanism, pose, f"displaced ({model})" if gaps else "analytic", "analytic", gaps)
+    pose = displaced_by(pose_at(ideal, k), pose_at(displaced, k), times)
+    series += configuration(result.mechanism, pose, f"displaced ({model})" if gaps else "analytic", "analytic", gaps)
     title = f"The linkage at {over.label} {number(over.values[k], 4)} {over.unit}"
     title += f", gaps drawn {times} times as large" if gaps and times > 1 else ""
     sizes = ", ".join(f"{joint} {number(1e3 * size)} mm" for joint, size in run.clearance.items()) or "none"
@@ -203,7 +215,7 @@ def linkage_figure(result: CrossCheck) -> Figure | None:
 Pose = dict[str, tuple[complex, float]]
 
 
-def _pose(poses: Poses | None, k: int) -> Pose:
+def pose_at(poses: Poses | None, k: int) -> Pose:
     """Every body's com (m) and angle (rad) at sample k; empty if any is unknown."""
     pose: Pose = {}
     for body, values in (poses or {}).items():
@@ -214,7 +226,8 @@ def _pose(poses: Poses | None, k: int) -> Pose:
     return pose
 
 
-def _between(ideal: Pose, displaced: Pose, factor: float) -> Pose:
+def displaced_by(ideal: Pose, displaced: Pose, factor: float) -> Pose:
+    """The ideal pose plus ``factor`` times the way to the displaced one; the latter itself where there is no ideal."""
     if not ideal:
         return displaced
     return {
@@ -223,7 +236,7 @@ def _between(ideal: Pose, displaced: Pose, factor: float) -> Pose:
     }
 
 
-def _drawn(
+def configuration(
     mechanism: Mechanism, pose: Pose, name: str, role: str, gaps: Mapping[str, float] | None = None
 ) -> list[Series]:
     """Links, slides, clearance circles, pivots and labelled joints of one configuration (mm)."""

@@ -8,7 +8,7 @@ from compare.presentation import LEFT_OVER, PRESENTATIONS
 
 MODULES = {
     "Accuracy": "accuracy",
-    "Analysis": "sides",
+    "Analysis": "analysis",
     "Baselines": "baselines",
     "CrossCheck": "crosscheck",
     "Diagnosis": "diagnosis",

@@ -11,8 +11,8 @@ from rich.console import Console
 
 from analytic.mechanism.one_line import count
 from compare.presentation import Presentation
-from compare.quantities import assumptions, drive_signals, plain, quantities
-from compare.report.summary import by_reason
+from compare.quantities import assumptions, drive_signals, quantities
+from compare.report.peaks import over, peaks, unanswered
 from compare.report.tables import html_table, say, terminal_table
 from compare.results.analysis import Analysis, Simulation
 
@@ -27,41 +27,35 @@ def files(result: OneSide) -> dict[str, str]:
     return {"signals.csv": result.to_csv()}
 
 
-def _ranges(result: OneSide) -> list[tuple[str, str, str, str]]:
-    """Each signal's name, unit, smallest and largest value."""
-    known, rows = quantities(result.mechanism), []
-    for name, values in result.signals.items():
-        quantity = known.get(name)
-        if quantity is None or not np.isfinite(values).any():
-            continue
-        low, high = (quantity.factor * float(f(values)) for f in (np.nanmin, np.nanmax))
-        rows.append((quantity.label, quantity.unit.replace("·", "."), plain(low, 4), plain(high, 4)))
-    return rows
-
-
-def _said(result: OneSide) -> Iterator[str]:
+def said(result: OneSide) -> Iterator[str]:
     """What was filled in, and each reason why there is no answer."""
     yield from (f"assumed: {line}" for line in assumptions(result.assumed))
     if isinstance(result, Analysis):
-        for why, at in by_reason(result.flags).items():
-            angle = f"{np.degrees(result.crank_angle[at[0]]):.4g} deg"
-            where = angle if result.time is None else f"{result.time[at[0]]:.4g} s"
-            yield f"no answer at {count(len(at), 'sample')}, first {where}: {why}"
+        for at, why in unanswered(result):
+            yield f"no answer at {count(len(at), 'sample')}, first {over(result).at(at[0])}: {why}"
 
 
-RANGE_HEADS = ("signal", "unit", "smallest", "largest")
+PEAK_HEADS = ("signal", "unit", "highest", "at", "lowest", "at")
+
+
+def print_peaks(result: OneSide, console: Console) -> None:
+    """Print the peaks with their places, in degrees and millimetres; ASCII."""
+    rows = [[cell.replace("·", ".") for cell in peak.row(over(result))] for peak in peaks(result)]
+    if rows:
+        console.print(terminal_table(PEAK_HEADS, rows, left=("signal", "unit")))
 
 
 def print_table(result: OneSide, console: Console) -> None:
-    """Print the range of each signal, in degrees and millimetres."""
-    console.print(terminal_table(RANGE_HEADS, _ranges(result), left=("signal", "unit")))
-    say(console, *_said(result), repr(result))
+    """Print the peaks, then what was filled in."""
+    print_peaks(result, console)
+    say(console, *said(result), repr(result))
 
 
 def summary_html(result: OneSide) -> str:
-    """The range of each signal, what was filled in, and why there is no answer."""
-    said = "".join(f"<li>{html.escape(line)}</li>" for line in _said(result))
-    return f"{html_table(_ranges(result), RANGE_HEADS, repr(result))}<ul>{said}</ul>"
+    """The peaks with their places, what was filled in, and why there is no answer."""
+    lines = "".join(f"<li>{html.escape(line)}</li>" for line in said(result))
+    rows = [peak.row(over(result)) for peak in peaks(result)]
+    return f"{html_table(rows, PEAK_HEADS, repr(result))}<ul>{lines}</ul>"
 
 
 def plot(result: OneSide, figure: Figure) -> None:

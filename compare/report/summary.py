@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
@@ -41,6 +42,16 @@ class Abscissa:
     def at(self, sample: int) -> str:
         """Where a sample is: ``30 deg``."""
         return f"{plain(self.values[sample], 4)} {self.unit}"
+
+
+class Sampled(Protocol):
+    """What has a value for each crank angle (N,) rad, or time (N,) s."""
+
+    @property
+    def crank_angle(self) -> np.ndarray: ...
+
+    @property
+    def time(self) -> np.ndarray | None: ...
 
 
 @dataclass(frozen=True)
@@ -183,7 +194,7 @@ def by_reason(flags: Mapping[str, str]) -> dict[str, list[int]]:
     }
 
 
-def abscissa(run: Run, mechanism: Mechanism) -> Abscissa:
+def abscissa(run: Sampled, mechanism: Mechanism) -> Abscissa:
     """What a run's samples are plotted over."""
     if run.time is not None and mechanism.speed is None:
         return Abscissa("time", "s", run.time.tolist())

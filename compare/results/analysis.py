@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -14,7 +14,7 @@ from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal, named
 from analytic.paper.clearance import Model
 from compare.results.crosscheck import Index, MetresByJoint, OrderDifference, PinPath, Signals, Simulator
-from compare.results.document import Document, Filled, Grid, Mechanism, Row, Share, Text
+from compare.results.document import Document, Filled, Grid, Mechanism, Part, Row, Series, Share, Text
 from sim_models.engine import JointModel, Motion, SettingValue
 
 
@@ -70,6 +70,18 @@ class _Side(Document):
         return over + (f", clearance {sizes}" if sizes else "")
 
 
+class OutputError(Part):
+    """What clearance does to a coordinate of a body's centre of mass, or to its angle (m or rad)."""
+
+    unit: Literal["m", "rad"]
+    equilibrium: Annotated[Series, Field(description="Displacement with finite gaps, every pin along its reaction.")]
+    worst_case: Annotated[Series, Field(description="Largest displacement to either side, wherever the pins lie.")]
+    by_joint: Annotated[
+        Mapping[str, Series],
+        Field(description="First-order displacement by the clearance of each joint alone, its pin along its reaction."),
+    ]
+
+
 class Analysis(_Side):
     """The analytic model of a linkage: kinetostatics, clearance and, where asked for, compliance.  SI units and
     radians.
@@ -77,8 +89,8 @@ class Analysis(_Side):
 
     file: ClassVar[str] = "analysis.json"
     remedy: ClassVar[str] = "give the analysis.json of compare analyse"
-    opens: ClassVar[str] = "signals.csv"
-    opened: ClassVar[str] = "signals"
+    opens: ClassVar[str] = "analysis.html"
+    opened: ClassVar[str] = "page"
 
     analytic_model: Model
     compliance: Annotated[bool, Field(description="Whether links and joints yield as well (Eqs. 1-7, Fig. 7c).")]
@@ -89,6 +101,14 @@ class Analysis(_Side):
     order_difference: Annotated[
         Mapping[str, OrderDifference], Field(description="The paper's first order minus the equilibrium, by signal.")
     ]
+    transmission: Annotated[
+        Series | None,
+        Field(description="Sine of the transmission angle, the least over all loops; of a linkage that a crank moves."),
+    ] = None
+    errors: Annotated[
+        Mapping[str, OutputError],
+        Field(description="By output (<body>_x, _y, _angle) what clearance does to it; of a crank and loose joints."),
+    ] = {}
 
     def __repr__(self) -> str:
         flagged = f", {len(self.flags)} without an answer" if self.flags else ""

@@ -179,10 +179,26 @@ class Chart {
     this.markLine = svg("path", {class: "mark"}, area);
     if (this.marked !== null) this.mark(this.marked);
     for (const s of this.shown()) this.drawSeries(s, area, x, y);
-    for (const s of this.shown()) (s.labels ?? []).forEach((name, i) => svg("text", {x: x(s.x[i]) - 11, y: y(s.y[i]) - 10, "text-anchor": "end", class: "label"}, area, name));
+    this.labelled = [];
+    for (const s of this.shown()) (s.labels ?? []).forEach((name, i) => this.label(name, x(s.x[i]), y(s.y[i]), s.mark === "marker", area));
     this.over = svg("g", {}, this.svg);
     this.listen();
     if (active) this.svg.focus({preventScroll: true});
+  }
+
+  // A name beside a joint, or what a peak is; within the area, a peak's below those that are there.
+  label(name, px, py, peak, area) {
+    const {x, y} = this.scales, room = peak ? 6.2 * name.length + 12 : 30;
+    const starts = peak ? px + room < x.end : px - room < x.start;
+    let up = py - (peak ? 8 : 10);
+    if (up < y.end + 12) up = py + 18;
+    if (peak) {
+      const [from, to] = starts ? [px + 8, px + room] : [px - room, px - 8];
+      const there = () => this.labelled.some((other) => other.from < to && from < other.to && Math.abs(other.up - up) < 13);
+      while (there()) up += 3;
+      this.labelled.push({from, to, up});
+    }
+    svg("text", {x: px + (starts ? 8 : peak ? -8 : -11), y: up, "text-anchor": starts ? "start" : "end", class: peak ? "peak" : "label"}, area, name);
   }
 
   axes(x, y, width, height) {
@@ -339,15 +355,39 @@ class Chart {
   }
 }
 
-// A figure as a file: its drawing as it stands in the page, or all of its points, a row for each.
+// The charts of a page: each figure in its place, with its files and its data as a table.
+function figuresOf(page, figures) {
+  return [...page.querySelectorAll("[data-figure]")].map((place) => {
+    const figure = figures[Number(place.dataset.figure)], details = place.parentElement.querySelector("details");
+    for (const button of details.closest("figure").querySelectorAll("[data-download]")) button.addEventListener("click", () => download(button, figure));
+    details.addEventListener("toggle", () => details.open && !details.querySelector("table") && tabulate(details, figure));
+    return new Chart(place, figure);
+  });
+}
+
+// A figure as a file: its drawing as on paper (SVG, or twice as large in pixels), or all of its points, a row for each.
 function download(button, figure) {
-  const drawing = button.closest("figure").querySelector("noscript").textContent;
-  const svg = button.dataset.download === "svg";
-  const url = URL.createObjectURL(new Blob([svg ? drawing : points(figure)], {type: svg ? "image/svg+xml" : "text/csv"}));
-  const link = html("a", {href: url, download: button.dataset.name}, document.body);
+  const drawing = button.closest("figure").querySelector("noscript").textContent.trim(), kind = button.dataset.download;
+  if (kind === "png") return pixels(drawing, (url) => save(url, button.dataset.name));
+  const url = URL.createObjectURL(new Blob([kind === "svg" ? drawing : points(figure)], {type: kind === "svg" ? "image/svg+xml" : "text/csv"}));
+  save(url, button.dataset.name);
+  setTimeout(() => URL.revokeObjectURL(url), 1000);
+}
+
+function save(url, name) {
+  const link = html("a", {href: url, download: name}, document.body);
   link.click();
   link.remove();
-  setTimeout(() => URL.revokeObjectURL(url), 1000);
+}
+
+function pixels(drawing, done) {
+  const image = new Image();
+  image.addEventListener("load", () => {
+    const canvas = html("canvas", {width: 2 * image.width, height: 2 * image.height}, null);
+    canvas.getContext("2d").drawImage(image, 0, 0, canvas.width, canvas.height);
+    done(canvas.toDataURL("image/png"));
+  });
+  image.src = `data:image/svg+xml,${encodeURIComponent(drawing)}`;
 }
 
 function points(figure) {

@@ -3,12 +3,11 @@
 
 class Explorer {
   constructor(root, data, onMove) {
-    Object.assign(this, {root, data, onMove, parts: data.parts});
+    Object.assign(this, {root, data, onMove, linkage: new Linkage(data.parts)});
     this.find = (name) => root.querySelector(`[data-${name}]`);
     this.slider = this.find("slider");
     this.factor = this.find("factor");
     this.model = this.find("model");
-    this.bodies = Object.fromEntries(this.parts.bodies.map((b) => [b.name, b]));
     const mm = {label: "x", unit: "mm"};
     this.chart = new Chart(this.find("linkage"), this.figure("The linkage", [], mm), {tallest: 400});
     this.rims = [];
@@ -69,54 +68,11 @@ class Explorer {
   // ------------------------------------------------------------------ the linkage
 
   pose(which, i) {
-    const found = {};
-    for (const [body, values] of Object.entries(this.run[which] ?? {})) {
-      const [x, y, angle] = [values.x[i], values.y[i], values.angle[i]];
-      if (![x, y, angle].every(known)) return null;
-      found[body] = {x, y, angle};
-    }
-    return Object.keys(found).length ? found : null;
+    return this.linkage.pose(this.run[which], i);
   }
 
-  // Ideal pose plus the magnified way from there to the displaced one.
   magnified(pose, ideal) {
-    if (!pose || !ideal || this.magnify === 1) return pose;
-    const part = (body, key) => ideal[body][key] + this.magnify * (pose[body][key] - ideal[body][key]);
-    return Object.fromEntries(Object.keys(pose).map((b) => [b, {x: part(b, "x"), y: part(b, "y"), angle: part(b, "angle")}]));
-  }
-
-  point(pose, body, name) {
-    if (body === "ground") return this.parts.ground[name];
-    const {x, y, angle} = pose[body], [u, v] = this.bodies[body].points[name];
-    return [x + u * Math.cos(angle) - v * Math.sin(angle), y + u * Math.sin(angle) + v * Math.cos(angle)];
-  }
-
-  drawn(pose, name, role, gaps) {
-    const series = [], links = [];
-    const add = (points, mark, extra = {}) => series.push({name: "", x: points.map((p) => p && 1e3 * p[0]), y: points.map((p) => p && 1e3 * p[1]), role, mark, level: 0, scale: true, labels: [], ...extra});
-    for (const body of this.parts.bodies) {
-      const corners = Object.keys(body.points).map((p) => this.point(pose, body.name, p));
-      if (corners.length === 1) corners.push([pose[body.name].x, pose[body.name].y]);
-      links.push(...corners, ...(corners.length > 2 ? [corners[0]] : []), null);
-    }
-    add(links, role === "ideal-line" ? "dashed" : "link", {name});
-    for (const joint of this.parts.joints.filter((j) => j.axis)) {
-      const [first, second] = joint.bodies, turn = first === "ground" ? 0 : pose[first].angle;
-      const angle = Math.atan2(joint.axis[1], joint.axis[0]) + turn, size = 0.2 * this.parts.size;
-      const [cx, cy] = this.point(pose, second, joint.name);
-      const at = (u, v) => [cx + size * (u * Math.cos(angle) - v * Math.sin(angle)), cy + size * (u * Math.sin(angle) + v * Math.cos(angle))];
-      add([at(-4, 0), at(4, 0)], "dashed", {role: "frame"});
-      add([at(1, 0.6), at(-1, 0.6), at(-1, -0.6), at(1, -0.6), at(1, 0.6)], "line", role === "analytic" ? {labels: [joint.name]} : {});
-    }
-    for (const [joint, gap] of Object.entries(gaps)) {
-      const [cx, cy] = this.point(pose, this.parts.joints.find((j) => j.name === joint).bodies[1], joint);
-      add(circle(cx, cy, gap), "line");
-    }
-    const pins = this.parts.joints.filter((j) => !j.axis);
-    const label = role === "analytic" ? {labels: pins.map((j) => j.name)} : {};
-    if (role === "analytic") add(pins.filter((j) => j.bodies.includes("ground")).map((j) => this.parts.ground[j.name]), "pivot", {role: "frame"});
-    add(pins.map((j) => this.point(pose, j.bodies[0], j.name)), "joint", label);
-    return series;
+    return this.linkage.magnified(pose, ideal, this.magnify);
   }
 
   drawLinkage(i) {
@@ -125,25 +81,19 @@ class Explorer {
     const ideal = this.pose("ideal", i), gaps = Object.fromEntries(Object.entries(clearance).map(([j, c]) => [j, c * this.magnify]));
     const series = [];
     const sets = [["ideal", ideal, "ideal linkage", "ideal-line", {}], ["analytic", this.magnified(this.pose("analytic", i), ideal), Object.keys(clearance).length ? `analytic, ${analytic_model}` : "analytic", "analytic", gaps], ["simulated", this.magnified(this.pose("simulated", i), ideal), title, role, gaps]];
-    for (const [which, pose, name, colour, rims] of sets) if (pose && wanted(which)) series.push(...this.drawn(pose, name, colour, rims));
+    for (const [which, pose, name, colour, rims] of sets) if (pose && wanted(which)) series.push(...this.linkage.drawn(pose, name, colour, rims));
     this.chart.options.range = this.range();
     const at = `${this.run.label} ${number(this.run.x[i])} ${this.run.unit}`;
     this.chart.update({...this.figure(`The linkage at ${at}`, series), summary: `Gaps drawn ${this.magnify} times as large.`});
   }
 
-  // One frame for the whole motion, so that the drawing does not jump.
   range() {
     if (this.framed?.run === this.run && this.framed.magnify === this.magnify) return this.framed;
-    const points = Object.values(this.parts.ground);
-    for (let i = 0; i < this.run.x.length; i++) {
+    const poses = this.run.x.flatMap((_, i) => {
       const ideal = this.pose("ideal", i);
-      for (const pose of [ideal, this.magnified(this.pose("analytic", i), ideal), this.magnified(this.pose("simulated", i), ideal)]) {
-        if (pose) for (const b of this.parts.bodies) for (const p of Object.keys(b.points)) points.push(this.point(pose, b.name, p));
-      }
-    }
-    const [left, right] = extent(points.map((p) => 1e3 * p[0]), 0), [low, high] = extent(points.map((p) => 1e3 * p[1]), 0);
-    const spare = 0.08 * Math.max(right - left, high - low);
-    this.framed = {run: this.run, magnify: this.magnify, x: [left - spare, right + spare], y: [low - spare, high + spare]};
+      return [ideal, this.magnified(this.pose("analytic", i), ideal), this.magnified(this.pose("simulated", i), ideal)];
+    });
+    this.framed = {run: this.run, magnify: this.magnify, ...this.linkage.frame(poses)};
     return this.framed;
   }
 
@@ -196,21 +146,10 @@ class Explorer {
   }
 }
 
-function circle(cx, cy, radius) {
-  return Array.from({length: 61}, (_, k) => [cx + radius * Math.cos((k * Math.PI) / 30), cy + radius * Math.sin((k * Math.PI) / 30)]);
-}
-
 // ---------------------------------------------------------------------- the page
 
 const data = JSON.parse(document.getElementById("data").textContent);
-const charts = [];
-document.querySelectorAll("[data-figure]").forEach((place, i) => {
-  const figure = data.figures[Number(place.dataset.figure)];
-  charts.push(new Chart(place, figure));
-  const details = place.parentElement.querySelector("details");
-  for (const button of details.closest("figure").querySelectorAll("[data-download]")) button.addEventListener("click", () => download(button, figure));
-  details.addEventListener("toggle", () => details.open && !details.querySelector("table") && tabulate(details, figure));
-});
+const charts = figuresOf(document, data.figures);
 const root = document.getElementById("explorer");
 if (root) new Explorer(root, data.explorer, (x, unit) => charts.forEach((c) => c.figure.x.unit === unit && c.mark(x)));
 document.documentElement.classList.add("ready");

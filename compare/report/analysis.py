@@ -1,0 +1,32 @@
+"""A linkage by itself, shown: its page, the peaks for a terminal or a notebook, the curves."""
+
+from __future__ import annotations
+
+from rich.console import Console
+
+from compare.presentation import Presentation
+from compare.quantities import plain
+from compare.report.analysis_page import files
+from compare.report.peaks import GOOD, error_peaks, poor
+from compare.report.sides import plot, print_peaks, said, summary_html
+from compare.report.tables import say, terminal_table
+from compare.results.analysis import Analysis
+
+ERROR_HEADS = ("error by clearance", "unit", "largest", "at", "mostly by", "worst case", "at")
+
+
+def print_table(result: Analysis, console: Console) -> None:
+    """Print the peaks with their places, the error of each output by clearance, and what to beware of; ASCII."""
+    print_peaks(result, console)
+    rows = [
+        (e.name, e.unit, plain(e.equilibrium, 3, True), e.at, e.mostly, plain(e.worst), e.worst_at)
+        for e in error_peaks(result)
+    ]
+    if rows:
+        console.print(terminal_table(ERROR_HEADS, rows, left=("error by clearance", "unit", "mostly by")))
+    if poor(result):
+        say(console, f"transmission angle below {GOOD:g} deg at {poor(result)}")
+    say(console, *said(result), repr(result))
+
+
+PRESENTATION = Presentation(summary_html, print_table, files, plot)

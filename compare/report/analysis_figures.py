@@ -1,0 +1,229 @@
+"""The figures of a linkage by itself: reactions over the turn and as vectors, drive, motion, errors, transmission."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.kinematics.motion import Motion, kinematics
+from analytic.mechanism import GROUND
+from compare.quantities import drive_signals, number, quantities, shown
+from compare.report.figure import Axis, Figure, Series, scaled
+from compare.report.peaks import GOOD, NOTHING, over, parts_of, transmission_angle
+from compare.results.analysis import Analysis, Simulation
+
+ROLES = ("massless-link", "spring-damper", "contact", "ideal", "force-3", "analytic")  # six colours of the pages
+MOST = len(ROLES)  # curves of a figure
+
+
+def figures(result: Analysis | Simulation) -> list[Figure]:
+    """All of them, those first that are looked at first."""
+    found = [*_reactions(result), *_drive(result), *_vectors(result)]
+    if isinstance(result, Analysis):
+        found += [*_errors(result), *_transmission(result)]
+    return [*found, *_positions(result), *_rates(result)]
+
+
+def curves(
+    result: Analysis | Simulation,
+    name: str,
+    title: str,
+    axis: Axis,
+    lines: Mapping[str, np.ndarray],
+    peaks: bool = True,
+    more: Sequence[Series] = (),
+) -> Figure:
+    """Values (N,) in the axis' unit over the crank angle or time, the largest of each labelled."""
+    x = over(result)
+    across = scaled(x.values)
+    series, marks, said = list[Series](), list[Series](), list[str]()
+    for k, (label, values) in enumerate(lines.items()):
+        role = ROLES[k % MOST]
+        series.append(Series(label, across, scaled(values), role))
+        if peaks and np.isfinite(values).any():
+            at = int(np.nanargmax(np.abs(values)))
+            peak = (
+                f"{label} " * (len(lines) > 1)
+                + f"{number(float(values[at]), 4)} at {number(x.values[at], 4)}{'°' if x.unit == 'deg' else ' s'}"
+            )
+            marks.append(Series("", (across[at],), (float(values[at]),), role, "marker", labels=(peak,)))
+            said.append(f"{label} {number(float(values[at]), 4)} {axis.unit} at {x.at(at)}")
+    text = f"{title} over {x.label}. Largest: {'; '.join(said)}." if said else f"{title} over {x.label}."
+    return Figure(name, title, text, Axis(x.label, x.unit), axis, (*series, *more, *marks))
+
+
+def _there(result: Analysis | Simulation, names: Mapping[str, str]) -> dict[str, np.ndarray]:
+    """Signals by label that the result has and that are not zero throughout, in a reader's unit."""
+    known = quantities(result.mechanism)
+    found = {
+        label: known[name].factor * result.signals[name] for label, name in names.items() if name in result.signals
+    }
+    return {label: values for label, values in found.items() if np.nanmax(np.abs(values), initial=0.0) > 0}
+
+
+def _in_sixes(
+    result: Analysis | Simulation,
+    name: str,
+    title: str,
+    axis: Axis,
+    lines: Mapping[str, np.ndarray],
+    peaks: bool = True,
+) -> Iterator[Figure]:
+    """One figure of these curves, or several of six."""
+    named = list(lines.items())
+    chunks = [named[k : k + MOST] for k in range(0, len(named), MOST)]
+    for k, chunk in enumerate(chunks):
+        part = f" ({k + 1} of {len(chunks)})" if len(chunks) > 1 else ""
+        yield curves(result, name if k == 0 else f"{name}_{k + 1}", title + part, axis, dict(chunk), peaks)
+
+
+def _reactions(result: Analysis | Simulation) -> Iterator[Figure]:
+    joints = {joint.name: f"reaction_{joint.name}_magnitude" for joint in result.mechanism.joints}
+    lines = _there(result, joints)
+    largest = max((np.nanmax(v) for v in lines.values()), default=0.0)
+    lines = {name: values for name, values in lines.items() if np.nanmax(values) > NOTHING * largest}
+    yield from _in_sixes(result, "reactions", "Reaction force of each joint", Axis("force", "N"), lines)
+
+
+def _drive(result: Analysis | Simulation) -> Iterator[Figure]:
+    mechanism = result.mechanism
+    known = quantities(mechanism)
+    for unit in ("N·m", "N"):
+        names = {known[s].place or "drive": s for s in drive_signals(mechanism) if known[s].unit == unit}
+        what = "torque" if unit == "N·m" else "force"
+        yield from _in_sixes(result, f"drive_{what}", f"Drive {what}", Axis(what, unit), _there(result, names))
+    speed = result.signals.get(f"{mechanism.driven}_angular_velocity") if mechanism.cranked else None
+    torque = result.signals.get("drive_torque")
+    if speed is not None and torque is not None and np.nanmax(np.abs(torque * speed), initial=0.0) > 0:
+        yield curves(result, "drive_power", "Drive power", Axis("power", "W"), {"power": torque * speed})
+
+
+def _vectors(result: Analysis | Simulation) -> Iterator[Figure]:
+    """The force on the second body of each joint as a vector, in the ground's frame and in that body's own."""
+    signals = result.signals
+    for joint in result.mechanism.joints:
+        x, y = (signals.get(f"reaction_{joint.name}_{axis}") for axis in "xy")
+        if x is None or y is None or not np.nanmax(np.hypot(x, y), initial=0.0) > 0:
+            continue
+        force, body = x + 1j * y, joint.bodies[1] if joint.bodies[1] != GROUND else joint.bodies[0]
+        seen = {"in the ground's frame": force}
+        if f"{body}_angle" in signals:
+            seen[f"in the frame of {body}"] = force * np.exp(-1j * signals[f"{body}_angle"])
+        series = [Series(n, scaled(f.real), scaled(f.imag), ROLES[k]) for k, (n, f) in enumerate(seen.items())]
+        marks, at = list[Series](), int(np.nanargmax(np.abs(force)))
+        for k, f in enumerate(seen.values()):
+            tip, role = f[at], ROLES[k]
+            label = f"{number(float(abs(tip)), 4)} N at {number(over(result).values[at], 4)}"
+            label += "°" if over(result).unit == "deg" else " s"
+            marks.append(Series("", (0.0, float(tip.real)), (0.0, float(tip.imag)), role, "dashed"))
+            marks.append(
+                Series("", (float(tip.real),), (float(tip.imag),), role, "marker", labels=(label,) if not k else ())
+            )
+        origin = Series("", (0.0,), (0.0,), "ideal", "marker")
+        title = f"Reaction at {joint.name} as a vector: on {joint.bodies[1]}"
+        text = f"{title}, over the motion; largest {number(float(abs(force[at])), 4)} N at {over(result).at(at)}."
+        axes = Axis("force x", "N"), Axis("force y", "N")
+        yield Figure(f"vector_{joint.name}", title, text, *axes, (*series, *marks, origin), "plane")
+
+
+def _errors(result: Analysis) -> Iterator[Figure]:
+    """What clearance does to each output: in equilibrium, by each joint, and at most."""
+    for name, error in result.errors.items():
+        unit, factor = shown(error.unit)
+        worst = factor * error.worst_case
+        if not np.nanmax(worst, initial=0.0) > NOTHING:
+            continue
+        parts = {f"by {joint} alone": factor * part for joint, part in parts_of(error).items()}
+        lines = {"equilibrium": factor * error.equilibrium} | (parts if 1 < len(parts) < MOST else {})
+        x = scaled(over(result).values)
+        bounds = [
+            Series("worst case" if sign > 0 else "", x, scaled(sign * worst), "frame", "dashed") for sign in (1, -1)
+        ]
+        yield curves(
+            result, f"error_{name}", f"Error of {name} by clearance", Axis("displacement", unit), lines, False, bounds
+        )
+
+
+def _transmission(result: Analysis) -> Iterator[Figure]:
+    angle = transmission_angle(result)
+    if angle is None or np.nanmin(angle) > 89.9:
+        return
+    x = over(result)
+    limit = Series("40 deg: poor below", (x.values[0], x.values[-1]), (GOOD, GOOD), "frame", "dashed")
+    at = int(np.nanargmin(angle))
+    least = Series(
+        "",
+        (x.values[at],),
+        (float(angle[at]),),
+        ROLES[0],
+        "marker",
+        labels=(f"{number(float(angle[at]), 3)}° at {number(x.values[at], 4)}°",),
+    )
+    title = "Transmission angle, the worst loop's"
+    yield curves(
+        result,
+        "transmission",
+        title,
+        Axis("transmission angle", "deg"),
+        {"transmission angle": angle},
+        False,
+        (limit, least),
+    )
+
+
+def _positions(result: Analysis | Simulation) -> Iterator[Figure]:
+    mechanism = result.mechanism
+    driven = mechanism.driven if mechanism.cranked else ""
+    angles = _there(result, {body.name: f"{body.name}_angle" for body in mechanism.bodies if body.name != driven})
+    yield from _in_sixes(result, "angles", "Angles of the bodies", Axis("angle", "deg"), angles, peaks=False)
+    slides = _there(result, {j.name: f"position_{j.name}" for j in mechanism.joints if j.prismatic})
+    yield from _in_sixes(result, "travel", "Travel of the slides", Axis("position", "mm"), slides)
+    paths = []
+    for k, body in enumerate(mechanism.bodies):
+        x, y = (result.signals.get(f"{body.name}_{axis}") for axis in "xy")
+        if x is not None and y is not None and k < MOST:
+            paths.append(Series(body.name, scaled(x, 1e3), scaled(y, 1e3), ROLES[k % MOST]))
+    if paths:
+        title = "Paths of the centres of mass"
+        yield Figure("paths", title, f"{title}.", Axis("x", "mm"), Axis("y", "mm"), tuple(paths), "plane")
+
+
+def _rates(result: Analysis | Simulation) -> Iterator[Figure]:
+    """Velocities and accelerations of the ideal linkage that an even crank moves."""
+    motion = _moved(result)
+    if motion is None:
+        return
+    bodies = [body.name for body in result.mechanism.bodies]
+    kinds = (
+        ("angular_velocity", "Angular velocity", Axis("angular velocity", "rad/s"), motion.angular_velocity),
+        (
+            "angular_acceleration",
+            "Angular acceleration",
+            Axis("angular acceleration", "rad/s²"),
+            motion.angular_acceleration,
+        ),
+        ("speed", "Speed of the centres of mass", Axis("speed", "m/s"), lambda b: np.abs(motion.velocity(b))),
+        (
+            "acceleration",
+            "Acceleration of the centres of mass",
+            Axis("acceleration", "m/s²"),
+            lambda b: np.abs(motion.acceleration(b)),
+        ),
+    )
+    for name, title, axis, of in kinds:
+        lines = {body: np.asarray(of(body)) for body in bodies}
+        largest = max((float(np.max(np.abs(v))) for v in lines.values()), default=0.0)
+        lines = {body: v for body, v in lines.items() if np.max(np.abs(v)) > NOTHING * largest}
+        yield from _in_sixes(result, name, title, axis, lines)
+
+
+def _moved(result: Analysis | Simulation) -> Motion | None:
+    m = result.mechanism
+    if result.motion != "driven" or m.speed is None or not isinstance(result, Analysis) or result.time is not None:
+        return None
+    try:
+        return kinematics(Assembly(m.with_clearances({})), result.crank_angle, m.speed)
+    except AssemblyError:  # at a change point on the grid; the figures then do without
+        return None

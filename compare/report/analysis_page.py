@@ -1,0 +1,141 @@
+"""The page of a linkage by itself: it moves, with its reactions, peaks, errors by joint and figures; no engine."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+
+import numpy as np
+from markupsafe import Markup
+
+from analytic.mechanism.one_line import count
+from compare.quantities import DASH, assumptions, number, plain, quantities, shown
+from compare.report.analysis_figures import ROLES, figures
+from compare.report.figure import Figure, scaled
+from compare.report.linkage import assembled, exaggeration, in_turn_of, parts, poses_of
+from compare.report.moving_picture import moving_picture
+from compare.report.pages import PageSection, Script, page
+from compare.report.peaks import error_peaks, over, peaks, poor, transmission_angle, unanswered
+from compare.report.svg import draw
+from compare.results.analysis import Analysis
+from compare.results.document import as_written
+
+LEFT_OUT = "left out: "
+WHOLE_TURN = 360.0 - 1e-6  # deg
+
+
+def files(result: Analysis) -> dict[str, str]:
+    """The page, its figures as drawings, the linkage as a drawing that moves, and every signal as a table."""
+    shown_figures = figures(result)
+    drawings = {figure.name: draw(figure) for figure in shown_figures}
+    moving = moving_picture(result)
+    texts = {"analysis.html": render(result, shown_figures, drawings, moving), "signals.csv": result.to_csv()}
+    texts |= {"linkage.svg": moving} if moving else {}
+    return texts | {f"{name}.svg": drawing for name, drawing in drawings.items()}
+
+
+def render(result: Analysis, drawn: Sequence[Figure], drawings: dict[str, str], moving: str) -> str:
+    """The page (HTML, self-contained)."""
+    x = over(result)
+    left_out = [text.removeprefix(LEFT_OUT) for text in result.warnings if text.startswith(LEFT_OUT)]
+    context = {
+        "result": result,
+        "warnings": [text for text in result.warnings if not text.startswith(LEFT_OUT)],
+        "left_out": left_out,
+        "facts": _facts(result),
+        "peaks": [peak.row(x) for peak in peaks(result)],
+        "errors": list(error_peaks(result)),
+        "flags": [(count(len(at), "sample"), x.at(at[0]), why) for at, why in unanswered(result)],
+        "figures": drawn,
+        "drawings": [Markup(drawings[figure.name]) for figure in drawn],
+        "moving": Markup(moving),
+        "loose": bool(result.clearance),
+        "assumed": assumptions(result.assumed),
+        "mechanism": json.dumps(as_written(result.mechanism), indent=2, ensure_ascii=False),
+    }
+    sections = ["linkage", "peaks", *["errors"] * bool(context["errors"]), "figures", "provenance"]
+    sections = sections if moving else sections[1:]
+    return page(
+        f"{result.case} {DASH} reactions, torque and motion",
+        PageSection("analysis/header.html.j2", context),
+        [PageSection(f"analysis/{name}.html.j2", context) for name in sections],
+        script=Script(
+            ("chart.js", "linkage.js", "mover.js"),
+            {"figures": [asdict(figure) for figure in drawn], "motion": _motion(result) if moving else None},
+        ),
+        skip_to="the linkage" if moving else "the peaks",
+        footer="All values come from analysis.json beside this page, which needs no network.",
+    )
+
+
+def _facts(result: Analysis) -> dict[str, str]:
+    """What the page is about, in a line."""
+    m, x = result.mechanism, over(result)
+    speed = f"{number(m.speed * 30 / np.pi, 4)} rpm ({number(m.speed, 4)} rad/s)" if m.speed else DASH
+    sizes = ", ".join(f"{joint} {plain(1e3 * size)} mm" for joint, size in result.clearance.items())
+    facts = {"Speed of the crank": speed} if m.speed and result.motion == "driven" else {}
+    facts["Motion"] = "in motion, with inertia forces" if result.motion == "driven" else "at rest in each position"
+    facts[x.label.capitalize()] = f"{plain(x.values[0], 4)} to {x.at(-1)}, {count(len(x.values), 'sample')}"
+    facts["Radial clearance"] = sizes or "none"
+    angle = transmission_angle(result)
+    if angle is not None and np.nanmin(angle) < 89.9:
+        at = int(np.nanargmin(angle))
+        below = f"; below 40 deg at {poor(result)}" if poor(result) else ""
+        facts["Least transmission angle"] = f"{number(float(angle[at]), 3)} deg at {x.at(at)}{below}"
+    return facts
+
+
+def _motion(result: Analysis) -> dict[str, object]:
+    """The linkage as ``mover.js`` moves it: poses (m, rad), forces (N), and what is read at each sample."""
+    m, x = result.mechanism, over(result)
+    ideal = None if x.of_time else assembled(m, result.crank_angle)
+    displaced = in_turn_of(poses_of(m, result.signals), ideal)
+    forces = {
+        joint.name: {
+            "x": scaled(result.signals[f"reaction_{joint.name}_x"]),
+            "y": scaled(result.signals[f"reaction_{joint.name}_y"]),
+            "role": ROLES[k % len(ROLES)],
+        }
+        for k, joint in enumerate(m.joints)
+        if f"reaction_{joint.name}_x" in result.signals
+    }
+    sizes = [result.signals[f"reaction_{name}_magnitude"] for name in forces]
+    return {
+        "parts": parts(m),
+        "label": x.label,
+        "unit": x.unit,
+        "x": scaled(x.values),
+        "opens": int(np.argmin(np.abs(np.asarray(x.values) - 30.0))) if not x.of_time else 0,
+        "round": not x.of_time and _whole(x.values),
+        "ideal": ideal or displaced,
+        "displaced": displaced,
+        "factor": exaggeration(m, result),
+        "clearance": dict(result.clearance),
+        "flags": dict(result.flags),
+        "forces": forces,
+        "largest": max((float(np.nanmax(size, initial=0.0)) for size in sizes), default=0.0) or 1.0,
+        "readout": _readout(result),
+    }
+
+
+def _whole(degrees: Sequence[float]) -> bool:
+    """Whether the step after the last crank angle would close a turn."""
+    return len(degrees) > 1 and abs(degrees[-1] - degrees[0]) + abs(degrees[1] - degrees[0]) >= WHOLE_TURN
+
+
+def _readout(result: Analysis) -> list[dict[str, object]]:
+    """What the page lists at each sample: size and direction of each reaction, the drive, angles and slides."""
+    known = quantities(result.mechanism)
+    first = [peak.quantity.signal for peak in peaks(result)]
+    names = [n for s in first for n in (s, s.replace("_magnitude", "_angle")) if n in result.signals]
+    listed = [known[name] for name in dict.fromkeys(names)]
+    return [
+        {"label": q.label, "unit": q.unit, "values": scaled(q.factor * _within(result.signals[q.signal], q.unit))}
+        for q in listed
+    ]
+
+
+def _within(values: np.ndarray, unit: str) -> np.ndarray:
+    """Angles (N,) rad in (-pi, pi], all else as it is."""
+    return np.angle(np.exp(1j * values)) if unit == shown("rad")[0] else values

@@ -1,0 +1,296 @@
+"""``compare LINKAGE.toml``: the linkage's own page, its peaks and errors, held to closed forms."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import sys
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import linkage_crosscheck as lc
+from analytic.mechanism import Mechanism
+from analytic.mechanism.file import dumps, load, loads
+from compare.cli.app import app
+from compare.report.analysis_figures import figures
+from compare.report.moving_picture import moving_picture
+from compare.report.peaks import error_peaks, over, peaks, poor, transmission_angle
+from compare.results.analysis import Analysis
+from test_report_browser import CHROMIUM, Browser, browser, no_errors
+
+FIXTURES = (browser, no_errors)
+MASS, REACH, SPEED, GRAVITY = 2.0, 0.3, 10.0, 9.81
+ARM = f"""
+name = "arm"
+gravity = [0.0, {-GRAVITY}]
+
+[ground]
+points = {{ D = [0.0, 0.0] }}
+
+[[body]]
+name = "arm"
+points = {{ D = [0.0, 0.0] }}
+mass = {MASS}
+com = [{REACH}, 0.0]
+inertia = 0.01
+
+[[joint]]
+name = "D"
+type = "revolute"
+bodies = ["ground", "arm"]
+
+[drive]
+joint = "D"
+speed = {SPEED}
+
+[assembly]
+arm = 0.0
+"""
+NEEDS_CHROMIUM = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-get install chromium")
+ROOT = Path(__file__).resolve().parents[1]
+TURN = np.radians(np.arange(0.0, 360.0, 5.0))
+
+
+@pytest.fixture(scope="module")
+def loose() -> Analysis:
+    """The crank-rocker with clearance, where its equilibrium has an answer at each angle."""
+    return lc.analyse(
+        "crank-rocker",
+        clearance={"B": 1e-4, "E": 5e-5},
+        angles=np.radians(np.arange(90.0, 200.0, 5.0)),
+        motion="driven",
+    )
+
+
+def test_peaks_of_an_arm_are_its_weight_and_centrifugal_force_where_they_add_up() -> None:
+    result = lc.analyse(loads(ARM), angles=TURN)
+    found = {peak.quantity.signal: peak for peak in peaks(result)}
+    at = over(result).at
+    reaction, torque = found["reaction_D_magnitude"], found["drive_torque"]
+    centrifugal, weight = MASS * SPEED**2 * REACH, MASS * GRAVITY
+    assert reaction.values[reaction.highest] == pytest.approx(centrifugal + weight)
+    assert reaction.values[reaction.lowest] == pytest.approx(centrifugal - weight)
+    assert (at(reaction.highest), at(reaction.lowest)) == ("270 deg", "90 deg")
+    assert torque.values[torque.highest] == pytest.approx(weight * REACH)
+    assert (at(torque.highest), at(torque.lowest)) == ("0 deg", "180 deg")
+    assert set(found) == {"reaction_D_magnitude", "drive_torque"}  # the arm turns round, and there is no slide
+    (power,) = (figure for figure in figures(result) if figure.name == "drive_power")
+    assert max(v for v in power.series[0].y if v is not None) == pytest.approx(weight * REACH * SPEED, rel=1e-6)
+
+
+def test_what_is_zero_throughout_is_no_peak() -> None:
+    still = loads(ARM.replace(f"{-GRAVITY}", "0.0"))
+    assert list(peaks(lc.analyse(still, angles=TURN, motion="static"))) == []
+    assert [p.quantity.signal for p in peaks(lc.analyse(still, angles=TURN))] == ["reaction_D_magnitude"]
+
+
+def test_the_pins_own_frame_turns_with_its_body() -> None:
+    """The centrifugal force of an even turn stands still in the arm."""
+    result = lc.analyse(loads(ARM.replace(f"{-GRAVITY}", "0.0")), angles=TURN)
+    (vector,) = (figure for figure in figures(result) if figure.name == "vector_D")
+    ground, own = vector.series[:2]
+    assert (ground.name, own.name) == ("in the ground's frame", "in the frame of arm")
+    force = MASS * SPEED**2 * REACH
+    np.testing.assert_allclose(own.x, -force, rtol=1e-6)
+    np.testing.assert_allclose(own.y, 0.0, atol=1e-9 * force)
+    np.testing.assert_allclose(ground.x, -force * np.cos(TURN), rtol=1e-6, atol=1e-9 * force)
+
+
+def test_the_transmission_angle_is_that_of_the_cosine_law() -> None:
+    result = lc.analyse("crank-rocker", angles=TURN)
+    crank, coupler, follower, ground = 0.05, 0.12, 0.10, 0.12
+    diagonal = crank**2 + ground**2 - 2 * crank * ground * np.cos(TURN)
+    mu = np.degrees(np.arccos((coupler**2 + follower**2 - diagonal) / (2 * coupler * follower)))
+    angle = transmission_angle(result)
+    assert angle is not None
+    np.testing.assert_allclose(angle, np.minimum(mu, 180 - mu), rtol=1e-6)
+    assert poor(result) == "0 to 20 deg, 340 to 355 deg"
+    assert lc.analyse("five-bar").transmission is None
+
+
+def test_what_joints_do_alone_adds_up_to_first_order_and_is_what_each_alone_does(loose: Analysis) -> None:
+    whole = lc.accuracy("crank-rocker", clearance=loose.clearance, angles=loose.crank_angle, samples=10)
+    for name, error in loose.errors.items():
+        np.testing.assert_allclose(
+            sum(error.by_joint.values()), whole.outputs[name].nominal, rtol=1e-9, atol=1e-15, err_msg=name
+        )
+        np.testing.assert_allclose(error.worst_case, whole.outputs[name].worst_case, rtol=1e-9, err_msg=name)
+    only = lc.accuracy("crank-rocker", clearance={"B": 1e-4}, angles=loose.crank_angle, samples=10)
+    found = loose.errors["follower_angle"].by_joint["B"]
+    np.testing.assert_allclose(found, only.outputs["follower_angle"].nominal, rtol=1e-9)
+    assert set(loose.errors["follower_angle"].by_joint) == {"B", "E"}
+
+
+def test_the_largest_error_is_told_with_its_place_and_the_joint_that_has_most_of_it(loose: Analysis) -> None:
+    found = {peak.name: peak for peak in error_peaks(loose)}
+    assert "crank_angle" not in found  # nothing displaces it
+    peak, error = found["follower_angle"], loose.errors["follower_angle"]
+    k = int(np.nanargmax(np.abs(error.equilibrium)))
+    assert peak.equilibrium == pytest.approx(math.degrees(error.equilibrium[k]))
+    assert peak.at == f"{math.degrees(loose.crank_angle[k]):g} deg"
+    joint = max(error.by_joint, key=lambda name: abs(error.by_joint[name][k]))
+    assert peak.parts[0] == (joint, pytest.approx(math.degrees(error.by_joint[joint][k])))
+    assert peak.mostly.startswith(f"{joint} ")
+
+
+@pytest.mark.parametrize("case", ["paper", "crank-rocker", "slider-crank", "six-bar", "five-bar", "3-rpr", "2r-arm"])
+def test_every_shipped_case_has_a_page_and_a_drawing_that_moves(case: str) -> None:
+    result = lc.analyse(case)
+    files = result.files()
+    assert {"analysis.json", "analysis.html", "signals.csv", "linkage.svg", "reactions.svg"} <= set(files)
+    assert not re.search(r"\b(?:nan|inf|None)\b", files["analysis.html"].split("<footer>")[0])
+    for name, text in files.items():
+        if name.endswith(".svg"):
+            ElementTree.fromstring(text)
+    again = Analysis.model_validate_json(files["analysis.json"])
+    assert again.files()["analysis.html"] == files["analysis.html"]
+
+
+def test_the_drawing_that_moves_keeps_its_links_as_long_as_they_are() -> None:
+    drawing = moving_picture(lc.analyse("crank-rocker", angles=TURN))
+    links, *others = re.findall(r'<animate attributeName="d" values="([^"]*)"', drawing)
+    frames = links.split(";")
+    assert frames[0] == frames[-1]
+    assert len(frames) == TURN.size + 1
+    lengths = []
+    for frame in frames:
+        crank = frame.split("M")[1]
+        (x0, y0), (x1, y1) = ((float(v) for v in point.split()) for point in crank.split("L"))
+        lengths.append(math.hypot(x1 - x0, y1 - y0))
+    np.testing.assert_allclose(lengths, np.mean(lengths), atol=0.2)  # px, of tenths
+    assert others  # the pins move, too
+
+
+def test_the_drawing_in_the_readme_is_the_one_that_the_command_makes() -> None:
+    there = (ROOT / "docs" / "crank-rocker.svg").read_text(encoding="utf-8")
+    made = moving_picture(lc.analyse("crank-rocker"))
+    number = re.compile(r"-?\d+(?:\.\d+)?")
+    assert number.sub("", there) == number.sub("", made)
+    np.testing.assert_allclose(
+        [float(v) for v in number.findall(there)], [float(v) for v in number.findall(made)], atol=0.11
+    )  # px; a processor's last digit may round a tenth the other way
+
+
+def run(line: str, monkeypatch: pytest.MonkeyPatch) -> tuple[int, str]:
+    words = line.split()
+    monkeypatch.setattr(sys, "argv", ["compare", *words])
+    done = CliRunner().invoke(app, words)
+    return done.exit_code, done.stdout
+
+
+def test_a_file_or_a_case_alone_asks_for_its_analysis(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text(ARM, encoding="utf-8")
+    status, said = run("mine.toml --angles 0:355:5", monkeypatch)
+    (folder,) = (tmp_path / "reports").iterdir()
+    assert status == 0
+    assert said.splitlines()[0].split() == ["signal", "unit", "highest", "at", "lowest", "at"]
+    assert said.splitlines()[-1] == f"page: reports/{folder.name}/analysis.html"
+    assert not re.search(r"[^\x00-\x7f]", said)
+    written = json.loads((folder / "analysis.json").read_text(encoding="utf-8"))
+    assert written["command"] == "compare mine.toml --angles 0:355:5"
+    assert run("analyse --case mine.toml --angles 0:355:5", monkeypatch)[0] == 0  # the same question: it may replace it
+    assert run("mine.toml --angles 0:355:5", monkeypatch)[0] == 0
+    assert [f.name for f in (tmp_path / "reports").iterdir()] == [folder.name]
+    assert run("paper --quiet", monkeypatch) == (0, "")
+    assert run("nowhere.toml", monkeypatch)[0] == 2
+    assert run("nothing", monkeypatch)[0] == 2
+    assert run("mine.toml --simulator mujoco", monkeypatch)[0] == 2
+
+
+def test_the_page_says_where_there_is_no_answer_and_what_is_left_out() -> None:
+    result = lc.analyse("crank-rocker", clearance={"B": 2e-4, "E": 1e-4}, angles=TURN)
+    html = result.files()["analysis.html"]
+    off = len(result.flags)
+    assert off > 10
+    told = [int(n) for n in re.findall(r"No answer at (\d+) sample", html)]
+    assert sum(told) == off
+    assert len(told) == 2  # a line for each joint, not one for each angle
+    assert html.index("<h3>Left out</h3>") > html.index('id="provenance"')
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory, loose: Analysis) -> Path:
+    out = tmp_path_factory.mktemp("page")
+    loose.write(out)
+    return out / "analysis.html"
+
+
+CRANK = "document.querySelector('#mover svg.chart .series.link path').getAttribute('d').split('M')[1]"
+GO = (
+    "(v) => { const s = document.querySelector('[data-slider]'); s.value = v; s.dispatchEvent(new Event('input',"
+    " {bubbles: true})); }"
+)
+
+
+@pytest.mark.slow
+@NEEDS_CHROMIUM
+def test_the_linkage_plays_stops_and_is_moved(browser: Browser, page: Path) -> None:
+    browser.open(page)
+    press = "document.querySelector('[data-play]').click()"
+    before = browser.run(CRANK)
+    browser.run(press)
+    browser.run("new Promise((done) => setTimeout(done, 900))")
+    browser.run(press)
+    played = browser.run(CRANK)
+    assert played != before
+    browser.run("new Promise((done) => setTimeout(done, 400))")
+    assert browser.run(CRANK) == played  # it has stopped
+    browser.run(f"({GO})(3)")
+    assert browser.run("document.querySelector('[data-slider]').getAttribute('aria-valuetext')") == "105 deg"
+    assert browser.run("document.querySelectorAll('#figures .mark[d]').length") > 5  # the curves say where it is
+    drawn = "document.querySelectorAll('#mover svg.chart .series path').length"
+    every = browser.run(drawn)
+    browser.run("document.querySelector('[data-show=forces]').click()")
+    assert browser.run(drawn) == every - 4  # an arrow for each joint
+
+
+@pytest.mark.slow
+@NEEDS_CHROMIUM
+def test_peaks_are_written_at_the_curves_and_inside_the_figure(browser: Browser, page: Path, loose: Analysis) -> None:
+    browser.open(page)
+    found = browser.run(
+        """[...document.querySelectorAll('#plot-0 svg.chart')].map((s) => [...s.querySelectorAll('.peak')].map((t) => {
+        const [a, b] = [t.getBoundingClientRect(), s.getBoundingClientRect()];
+        return [t.textContent, a.left >= b.left && a.right <= b.right && a.top >= b.top && a.bottom <= b.bottom];
+        }))[0]"""
+    )
+    assert len(found) == 4
+    assert all(inside for _, inside in found)
+    largest = np.nanmax(loose["reaction_D_magnitude"])
+    assert any(text.startswith(f"D {largest:.4g} at ") for text, _ in found)
+
+
+@pytest.mark.slow
+@NEEDS_CHROMIUM
+def test_a_figure_is_downloaded_as_pixels(browser: Browser, page: Path) -> None:
+    browser.open(page)
+    made = browser.run(
+        """new Promise((done) => {
+        HTMLAnchorElement.prototype.click = function () { done([this.download, this.href.slice(0, 40)]); };
+        document.querySelector('#figures [data-download=png]').click();
+        })"""
+    )
+    assert made[0] == "reactions.png"
+    assert made[1].startswith("data:image/png;base64,iVBOR")
+
+
+@pytest.mark.slow
+@NEEDS_CHROMIUM
+@pytest.mark.parametrize(("width", "scheme"), [(360, "dark"), (420, "light"), (1400, "light")])
+def test_the_page_fits_every_screen_and_asks_for_nothing(browser: Browser, page: Path, width: int, scheme: str) -> None:
+    browser.open(page, width, 800, scheme)
+    assert browser.run("document.documentElement.scrollWidth") <= width
+    assert [url for url in browser.requests if not url.startswith("data:")] == [page.as_uri()]
+
+
+def test_hostile_names_are_text() -> None:
+    mechanism: Mechanism = load("crank-rocker")
+    hostile = loads(dumps(mechanism).replace('name = "crank-rocker"', 'name = "</script><b>x"'))
+    html = lc.analyse(hostile, angles=TURN).files()["analysis.html"]
+    assert "</script><b>" not in html
