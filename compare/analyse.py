@@ -102,7 +102,8 @@ def _of_outputs(assembly: Assembly, schedule: Schedule, motion: Motion) -> dict[
     if not m.clearances:
         return {"transmission": transmission(condition(along(assembly, schedule)))}
     outputs = [Output(body.name, axis) for body in m.bodies for axis in ("x", "y", "angle")]
-    cycle = cycle_accuracy(assembly, theta, outputs, m.clearances, m.speed or 1.0, motion == "driven")
+    stiff = m.rigid().replace(joints=[j.model_copy(update={"elasticity": None}) for j in m.joints])
+    cycle = cycle_accuracy(Assembly(stiff), theta, outputs, m.clearances, m.speed or 1.0, motion == "driven")
     return {
         "transmission": transmission(cycle.condition),
         "errors": {

@@ -24,7 +24,7 @@ from analytic.mechanism import Joint, Mechanism
 from analytic.mechanism.errors import MechanismError, quoted
 from analytic.mechanism.file import load
 from analytic.paper.clearance import Model
-from compare.faults import ArgumentError, DegreesWarning, no_pin, unusable
+from compare.faults import EVERY_PIN, ArgumentError, DegreesWarning, no_pin, unusable
 from compare.judge.tolerances import Tolerances, load_tolerances
 from sim_models.engine import (
     MAPPED,
@@ -48,8 +48,8 @@ Names = str | Sequence[str]
 """One name, or several."""
 ToleranceFile = Tolerances | str | PathLike[str]
 """Tolerances, or a file of them."""
-Metres = Mapping[str, float]
-"""Radial clearance (m) by joint."""
+Metres = Mapping[str, float] | float
+"""Radial clearance (m) by joint, or one for every pin."""
 
 CAPACITY = 1_000_000  # crank angles, and samples of a Monte Carlo: what a memory holds
 SMALL_CLEARANCE = 0.1  # of a body's length: a clearance up to this is small, as the paper's displacements are
@@ -182,6 +182,10 @@ def jamming(mechanism: Mechanism) -> list[Joint]:
 def metres(given: object, mechanism: Mechanism, called: str) -> dict[str, float]:
     """Lengths (m) by joint that may have clearance, checked.  Raises ArgumentError."""
     pins = [j.name for j in mechanism.joints if not j.prismatic]
+    if isinstance(given, Real) and not isinstance(given, bool):
+        given = {EVERY_PIN: given}
+    if isinstance(given, Mapping) and EVERY_PIN in given:
+        given = {**dict.fromkeys(pins, given[EVERY_PIN]), **{j: c for j, c in given.items() if j != EVERY_PIN}}
     if not isinstance(given, Mapping):
         example = {(pins or ["B"])[-1]: 1e-4}
         raise unusable(called, given, f"metres by joint, such as {example}")

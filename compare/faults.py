@@ -18,6 +18,7 @@ from compare.recorded.errors import first_faults
 if TYPE_CHECKING:
     from analytic.mechanism import Mechanism
 
+EVERY_PIN = "*"  # in place of a joint's name, where a number goes for every revolute one
 LONGEST_SENTENCE = 1000  # characters of a sentence; what is longer repeats somebody's file
 
 

@@ -33,7 +33,7 @@ Feature = Literal[
     "prismatic", "coulomb_friction", "stribeck_friction", "load_friction", "guide_friction", "viscous_friction", "drag",
     "joint_spring", "nonlinear_spring", "contact_friction", "drive_compliance", "backlash", "periodic_torque",
     "soft_bearing", "course", "released", "several_drives", "point_spring",
-    "contact_law", "guide_clearance",
+    "contact_law", "guide_clearance", "varying_load",
 ]  # fmt: skip
 Pair = tuple[JointModel, Motion]
 SettingValue = str | bool | int | float | None | Mapping[str, float]
@@ -61,6 +61,7 @@ IN_WORDS: Mapping[Feature, str] = {
     "point_spring": "springs between points",
     "contact_law": "contact laws by name",
     "guide_clearance": "clearance in prismatic joints",
+    "varying_load": "loads that vary over the motion",
 }
 MOVING: frozenset[Feature] = frozenset(
     {"viscous_friction", "drag", "course", "released", "contact_law"}
@@ -609,6 +610,8 @@ def needed(request: Request) -> dict[Feature, str]:
         asked_for["backlash"] = f"drive.half_gap = {m.half_gap:g}"
     if m.periodic_torque is not None:
         asked_for["periodic_torque"] = f"drive.periodic_torque.amplitude = {m.periodic_torque.amplitude:g}"
+    if m.varying_load is not None:
+        asked_for["varying_load"] = f"over = {m.varying_load.over!r} of the load on {m.varying_load.body!r}"
     if m.springs:
         asked_for["point_spring"] = f"the [[spring]] between {' and '.join(m.springs[0].bodies)}"
     if request.schedule.crank is None:

@@ -183,6 +183,9 @@ YIELDING = {"joint.B.elasticity": {"translation": 1e7, "rotation": 1e4}}
 RIPPLE = {"drive.ripple": {"amplitude": 0.05, "harmonic": 2, "phase": 0.0}}
 COGGING = {"drive.stiffness": 2000.0, "drive.periodic_torque": {"amplitude": 0.5, "harmonic": 3, "phase": 0.0}}
 
+STROKE = {"load.0.over": "crank_angle", "load.0.from": 0.0, "load.0.to": 6.28}
+TABLED = {"load.0.over": "crank_angle", "load.0.table": [[0.0, 0.2], [6.0, 1.0]]}
+
 CHANGES: dict[str, Change] = {
     "Mechanism.name": Change({"name": "another"}),
     "Mechanism.gravity": Change({"gravity": [3.0, -20.0]}),
@@ -259,6 +262,10 @@ CHANGES: dict[str, Change] = {
     "Load.point": Change({"load.0.point": "com"}),
     "Load.force": Change({"load.0.force": [-100.0, -150.0]}),
     "Load.torque": Change({"load.0.torque": 5.0}),
+    "Load.over": Change({"load.0.over": "coupler_angle"}, TABLED),
+    "Load.start": Change({"load.0.from": 3.0}, STROKE),
+    "Load.end": Change({"load.0.to": 1.0}, STROKE),
+    "Load.table": Change({"load.0.table": [[0.0, 0.5], [6.0, 1.2]]}, TABLED),
     "Spring.bodies": Change({"spring.0.bodies": ["ground", "rocker"], "spring.0.points": ["P", "C"]}),
     "Spring.points": Change({"spring.0.points": ["D", "P"]}),
     "Spring.stiffness": Change({"spring.0.stiffness": 500.0}),

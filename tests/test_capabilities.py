@@ -49,6 +49,7 @@ KNOTS = np.linspace(0.0, 0.03, 7)  # s
 COURSE = FIRST + 5.0 * KNOTS + 60.0 * KNOTS**2  # rad
 COMPLIANCE = 400.0  # N.m/rad
 HALF_GAP = 2e-3  # rad
+RISING = [[0.0, 0.0], [3.0, 2.0]]  # rad, times a load
 SPRING = {"stiffness": 300.0, "length": 0.2, "damping": 2.0}  # N/m, m, N.s/m
 
 
@@ -76,8 +77,12 @@ def mechanism(model: JointModel, feature: Feature | None) -> Mechanism:
     laws["stribeck_friction"] = {"friction_torque": 0.1, "static_torque": 0.3, "stribeck_speed": SPEED}
     laws["drag"] = {"drag": 0.01}
     laws["soft_bearing"] = {"radial_stiffness": 1e5}
-    if feature == "point_spring":
-        return m.replace(springs=[{"bodies": ("crank", "follower"), "points": ("A", "E"), **SPRING}])
+    parts = {
+        "point_spring": {"springs": [{"bodies": ("crank", "follower"), "points": ("A", "E"), **SPRING}]},
+        "varying_load": {"loads": [{"body": "follower", "torque": -0.5, "over": "crank_angle", "table": RISING}]},
+    }
+    if feature in parts:
+        return m.replace(**parts[feature])
     laws["guide_friction"] = {"friction": 0.3}
     if feature in laws:
         return m.with_joint("S" if feature == "guide_friction" else "A", **laws[feature])

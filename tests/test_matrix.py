@@ -212,6 +212,7 @@ def names_it(sentence: str, name: str) -> bool:
     """Whether a sentence names a field, or that of which it is a part."""
     part, word = name.split(".")
     within = {"Ripple": "ripple", "PeriodicTorque": "periodic_torque", "Elasticity": "elasticity"}.get(part, word)
+    within = "over" if name in ("Load.start", "Load.end", "Load.table") else within
     return re.search(rf"\b({word}|{within})\b", sentence) is not None
 
 

@@ -627,6 +627,10 @@ def of_encoder(**fields: Any) -> Callable[[dict[str, Any]], None]:
     return lambda said: said["columns"]["enc"].update(fields)
 
 
+STROKE = {"over": "crank_angle", "from": 0.0, "to": 4.0}
+TABLED = {"over": "crank_angle", "table": [[0.0, 0.5], [6.0, 1.0]]}
+
+
 def of_load(**fields: Any) -> Callable[[dict[str, Any]], None]:
     return lambda said: said["run"][0]["load"][0].update(fields)
 
@@ -664,6 +668,10 @@ FIELDS: list[Any] = [  # field, what to begin with, what to change, and with whi
     ("run.load.point", SAME, of_load(point="B"), ""),
     ("run.load.force", SAME, of_load(force=[0.0, 41.0]), ""),
     ("run.load.torque", SAME, of_load(torque=0.3), ""),
+    ("run.load.over", of_load(**TABLED), of_load(over="coupler_angle"), ""),
+    ("run.load.table", of_load(**TABLED), of_load(table=[[0.0, 0.0], [6.0, 1.0]]), ""),
+    ("run.load.from", of_load(**STROKE), of_load(**{"from": 2.0}), ""),
+    ("run.load.to", of_load(**STROKE), of_load(to=2.0), ""),
     ("run.noise", SAME, lambda said: said["run"][0]["noise"].update(follower_angle=3e-5), ""),
     ("run.noise", SAME, lambda said: said["run"][0]["noise"].update(reaction_B_x=3e-5), "noise.reaction_B_x is"),
     ("run.from_rest", SAME, in_run(from_rest=True), ""),

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from analytic.mechanism.parts import GROUND, SMALLEST_NUMBER, Body, Drive, Ground, Joint, Load, Spring
 from analytic.mechanism.signals import signals
@@ -170,8 +170,8 @@ def _check_plain(drive: Drive, where: str) -> None:
             )
 
 
-def check_loads(loads: Iterable[Load], bodies: Mapping[str, Body]) -> None:
-    """Loads name moving bodies and points that exist."""
+def check_loads(loads: Iterable[Load], bodies: Mapping[str, Body], quantities: Collection[str]) -> None:
+    """Loads name moving bodies and points that exist, and vary over what there is."""
     for load in loads:
         body = bodies.get(load.body)
         if body is None:
@@ -179,6 +179,11 @@ def check_loads(loads: Iterable[Load], bodies: Mapping[str, Body]) -> None:
         if load.point != "com" and load.point not in body.points:
             raise ValueError(
                 f"load.point = {load.point!r} is not a point of {load.body!r}; use com, {', '.join(body.points)}"
+            )
+        if load.over and load.over not in quantities:
+            raise ValueError(
+                f"load.over = {load.over!r} is nothing that a load of this linkage varies over; they are"
+                f" {', '.join(quantities)}"
             )
 
 

@@ -16,6 +16,8 @@ from pydantic import ValidationError
 from analytic.mechanism import Mechanism
 from analytic.mechanism.errors import MechanismError, brief, describe, quoted
 from analytic.mechanism.reading import ReadingError, parse_toml, read_toml
+from analytic.mechanism.units import UnitError
+from analytic.mechanism.written import in_si
 
 
 def shipped_cases() -> list[str]:
@@ -64,7 +66,9 @@ def loads(text: str, source: str = "mechanism") -> Mechanism:
 
 def _checked(fields: Mapping[str, object], source: str) -> Mechanism:
     try:
-        return Mechanism.model_validate(fields)
+        return Mechanism.model_validate(in_si(fields))
+    except UnitError as error:
+        raise MechanismError(f"{source}: {error}") from None
     except ValidationError as error:
         raise MechanismError(f"{source}: {'; '.join(describe(error, fields, Mechanism))}") from None
 

@@ -30,6 +30,7 @@ from analytic.mechanism.one_line import clearances, count, one_line
 from analytic.mechanism.parts import (
     FARTHEST_ANGLE,
     GROUND,
+    Amount,
     Body,
     Drive,
     Ground,
@@ -45,6 +46,7 @@ from analytic.mechanism.parts import (
     titled,
 )
 from analytic.mechanism.signals import Signal, driving, position
+from analytic.mechanism.varying import Angle, Point, Quantity, quantities
 
 P = TypeVar("P", Body, Joint)
 ONE_CRANK = "what is asked for is of linkages with one drive, which turns a crank on the ground"
@@ -191,6 +193,23 @@ class Mechanism(MechanismPart):
     def drive_stiffness(self) -> float | None:
         """Stiffness (N.m/rad) between motor and crank; None where the crank is rigidly on its motor, or has none."""
         return None if not self.drives or self.drives[0].speed == "free" else self.drives[0].stiffness
+
+    @property
+    def varying_load(self) -> Load | None:
+        """The first load that acts over part of the motion only; None where every load is constant."""
+        return next((load for load in self.loads if load.varies), None)
+
+    @property
+    def load_quantities(self) -> Mapping[str, Quantity]:
+        """What a load may vary with, by name."""
+        return dict(quantities(self.driven if self.cranked else "", self.bodies, self.joints))
+
+    def load_share(self, load: Load, angle: Angle[Amount], point: Point) -> Amount | float:
+        """How much of a load acts, one or (N,), where bodies have these angles and points these places."""
+        if not load.varies:
+            return 1.0
+        quantity = self.load_quantities[load.over]
+        return load.share(quantity.value(angle, point), quantity.kind == "angle")
 
     @property
     def half_gap(self) -> float:
@@ -351,7 +370,7 @@ class Mechanism(MechanismPart):
         for joint in self.joints:
             check_joint(joint, self.parts)
         check_drives(self.drives, self.joints)
-        check_loads(self.loads, self.moving)
+        check_loads(self.loads, self.moving, self.load_quantities)
         check_springs(self.springs, self.parts, self.joints)
         check_assembly(self.assembly, self.moving, self.driven if self.cranked else None)
         object.__setattr__(self, "joints", _in_their_turns(self.joints, self.assembly))

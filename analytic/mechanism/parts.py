@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from itertools import pairwise
 from typing import Annotated, Literal, TypeVar
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from analytic.mechanism.errors import MechanismError, describe
 
@@ -405,12 +406,56 @@ class Drive(MechanismPart):
 
 
 class Load(MechanismPart):
-    """A force (N, ground frame, fixed in direction) at a point of a body, or a torque (N.m) on it."""
+    """A force (N, ground frame, fixed in direction) at a point of a body, or a torque (N.m) on it.
+
+    It acts always, or ``over`` a quantity of the motion: ``crank_angle``, ``<body>_angle`` (rad, every turn alike),
+    ``<body>_x``, ``<body>_y`` or ``position_<slide>`` (m).  Then it acts ``from`` one value ``to`` another, or as many
+    times as a ``table`` says: pairs of value and factor with straight lines between them, beyond them the nearest.
+    """
 
     body: PartName
     point: PartName = "com"
     force: Vector = (0.0, 0.0)
     torque: SiNumber = 0.0
+    over: str = ""
+    start: Annotated[SiNumber | None, Field(alias="from")] = None  # rad or m
+    end: Annotated[SiNumber | None, Field(alias="to")] = None
+    table: Annotated[tuple[Vector, ...], BeforeValidator(as_tuple)] = ()
+
+    @model_validator(mode="after")
+    def _check(self) -> Load:
+        ends = (self.start is not None) + (self.end is not None)
+        if ends == 1:
+            raise ValueError("a load acts from one value to another: give both from and to")
+        if bool(self.over) != bool(ends or self.table) or (ends and self.table):
+            raise ValueError(
+                "a load that varies has over and either from and to, or a table of pairs of value and factor"
+            )
+        values = [value for value, _ in self.table]
+        if self.table and (len(values) < 2 or any(b <= a for a, b in pairwise(values))):
+            raise ValueError("table has two pairs of value and factor at least, values in increasing order")
+        return self
+
+    @property
+    def varies(self) -> bool:
+        """Whether it acts over part of the motion only, or here more and there less."""
+        return bool(self.over)
+
+    def share(self, value: Amount, angular: bool) -> Amount:
+        """How much of it acts at values of its quantity, every turn alike of one that is ``angular``."""
+        turn = 2 * math.pi
+        if self.table:
+            values, factors = zip(*self.table, strict=True)
+            return np.interp(value, values, factors, period=turn if angular else None)
+        start, end = self.start or 0.0, self.end or 0.0
+        if angular and end - start < turn:
+            return 1.0 * ((value - start) % turn <= (end - start) % turn)
+        return 1.0 * ((start <= value) & (value <= end) | angular)
+
+    def scaled(self, length: float) -> Load:
+        """The same with its quantity, a length, in units of ``length`` (m)."""
+        ends = {name: None if at is None else at / length for name, at in (("start", self.start), ("end", self.end))}
+        return self.model_copy(update=ends | {"table": tuple((at / length, factor) for at, factor in self.table)})
 
 
 class Spring(MechanismPart):

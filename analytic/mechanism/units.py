@@ -66,19 +66,30 @@ def readable(mechanism: Mechanism) -> dict[str, Signal]:
 
 def factor(unit: str, kind: QuantityKind) -> float:
     """What a number in ``unit`` is multiplied by to be SI.  Raises UnitError."""
-    if unit == SI[kind]:
-        return 1.0
     *units, last = OFFERED[kind]
     accepted = f"{_article(kind)} {kind} is given in {', '.join(units)} or {last}"
     if not unit:
         raise UnitError(f"no unit; {accepted}")
+    return _factor(unit, SI[kind], accepted)
+
+
+def factor_to_si(unit: str, si: str) -> float:
+    """What a number in ``unit`` is multiplied by to be in an SI unit.  Raises UnitError."""
+    kind = next((kind for kind, each in SI.items() if each == si), None)
+    offered = [si] if kind is None else OFFERED[kind]
+    return _factor(unit, si, f"give it in {', '.join(offered[:-1])} or {offered[-1]}" if kind else f"give it in {si}")
+
+
+def _factor(unit: str, si: str, accepted: str) -> float:
+    if unit == si:
+        return 1.0
     if not _UNIT.fullmatch(unit):
         raise UnitError(f"unit {shown(unit)}, which cannot be read; {accepted}")
     try:
         quantity = _in_base_units(re.sub(r"[.·⋅ ]|-(?!\d)", "*", unit))
-    except (_pint().PintError, ValueError):  # such as of nan, which is a number
+    except (_pint().PintError, ValueError, TypeError):  # such as of nan, which is a number
         raise UnitError(f"unit {unit!r}, which is unknown; {accepted}") from None
-    wanted = _in_base_units(SI[kind].replace(".", "*"))
+    wanted = _in_base_units(si.replace(".", "*"))
     if (
         quantity.units != wanted.units
     ):  # base units keep radians apart from plain numbers: neither % nor Hz passes for an angle or a speed

@@ -27,7 +27,7 @@ from analytic.kinematics.motion import (
     solve_forces,
 )
 from analytic.kinematics.structure import Group, Structure
-from analytic.mechanism import MASS_CENTRE, Joint, Spring
+from analytic.mechanism import MASS_CENTRE, Joint, Load, Spring
 from analytic.mechanism.one_line import angles, largest, one_line
 from analytic.mechanism.signals import Signal, driving, position
 from analytic.paper.friction import Rubbing, friction
@@ -382,11 +382,16 @@ def _work_of_forces(motion: Motion, inertia: bool, work: np.ndarray) -> None:
             force = force - body.mass * motion.acceleration(body.name, MASS_CENTRE)
         add(body.name, MASS_CENTRE, force)
     for load in m.loads:
-        add(load.body, load.point, complex(*load.force))
+        add(load.body, load.point, complex(*load.force) * load_share(motion, load))
     for spring in m.springs:
         (near, far), pull = spring.ends, spring_pull(motion, spring, inertia)
         add(*near, pull)
         add(*far, -pull)
+
+
+def load_share(motion: Motion, load: Load) -> np.ndarray | float:
+    """How much of a load acts, (N,), or the whole of it throughout."""
+    return motion.structure.mechanism.load_share(load, motion.angle, motion.position)
 
 
 def spring_pull(motion: Motion, spring: Spring, moving: bool) -> np.ndarray:
@@ -404,7 +409,7 @@ def _torques(motion: Motion, inertia: bool, grip: np.ndarray | float) -> np.ndar
         if inertia:
             torque[s.body_column(body.name)] -= body.moment_of_inertia * motion.angular_acceleration(body.name)
     for load in s.mechanism.loads:
-        torque[s.body_column(load.body)] += load.torque
+        torque[s.body_column(load.body)] += load.torque * load_share(motion, load)
     periodic = s.mechanism.periodic_torque
     if periodic is not None:
         torque[s.body_column(s.mechanism.driven)] += periodic.at(motion.theta)

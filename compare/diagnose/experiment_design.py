@@ -162,7 +162,7 @@ class Variations:
 def _turned(load: Load, by: complex) -> Load:
     force = complex(*load.force) * by
     torque = load.torque * (by.real if by.imag == 0 else -1.0)
-    return Load(body=load.body, point=load.point, force=(force.real, force.imag), torque=torque)
+    return load.model_copy(update={"force": (force.real, force.imag), "torque": torque})
 
 
 def _sensors(mechanism: Mechanism) -> list[Signal]:

@@ -232,7 +232,8 @@ class WatchedRun:
         power = sum((b.mass * dot(w.velocity[b.name], complex(*m.gravity)) for b in m.bodies), np.zeros(self.time.size))
         for load in m.loads:
             at = self.velocity(load.body, self.arm(load.body, load.point))
-            power = power + dot(at, complex(*load.force)) + load.torque * self.spin(load.body)
+            share = m.load_share(load, self.angle, self.place)
+            power = power + dot(at, complex(*load.force) * share) + load.torque * share * self.spin(load.body)
         for spring in m.springs:
             near, far = spring.ends
             moving = [self.velocity(body, self.arm(body, point)) for body, point in (near, far)]

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Generic, TypeVar, cast
 
 from analytic.errors import Error
-from compare.faults import ArgumentError, unusable
+from compare.faults import EVERY_PIN, ArgumentError, unusable
 
 if TYPE_CHECKING:
     import numpy as np
@@ -243,19 +243,25 @@ class RepeatedNames(ArgumentKind[list[str]]):
 
 @dataclass(frozen=True)
 class ByJoint(ArgumentKind[str]):
-    """Numbers by joint, ``B=1e-4,E=2e-4``; that the linkage has these joints is for the function to prove."""
+    """Lengths by joint, ``B=1e-4,E=0.2mm``, or one for every pin, ``0.1mm``; that the linkage has these joints is for
+    the function to prove.
+    """
 
-    each: str = "JOINT=metres, such as B=1e-4"
+    each: str = "JOINT=metres, such as B=1e-4 or B=0.1mm, or one for every pin"
     place: ClassVar[str] = "joint"
+    unit: ClassVar[str] = "m"
+    every: ClassVar[str] = EVERY_PIN
 
     def parse(self, word: str, called: str) -> dict[str, float]:
         """The numbers, each joint once."""
         sizes: dict[str, float] = {}
         for part in word.split(","):
-            name, _, value = part.partition("=")
+            name, given, value = part.partition("=")
+            if not given and self.every:
+                name, value = self.every, part
             if name in sizes:
                 raise ArgumentError(called, f"{self.place} {name} is there twice; give each {self.place} once")
-            sizes[name] = _number(value, called, f"give {self.each}")
+            sizes[name] = _amount(value, self.unit, called, f"give {self.each}")
         return sizes
 
 
@@ -263,6 +269,8 @@ class BySignal(ByJoint):
     """Numbers above 0 by signal, ``drive_torque=0.05``; that there are these signals is for the function to prove."""
 
     place: ClassVar[str] = "signal"
+    unit: ClassVar[str] = ""
+    every: ClassVar[str] = ""
 
     def check(self, given: object, called: str) -> dict[str, float]:
         """The numbers by signal."""
@@ -463,6 +471,18 @@ def _range(typed: str, word: str, example: str) -> tuple[float, float, float]:
     except ValueError:
         raise GridError(f"{typed}: give start:stop:step in {example}") from None
     return start, stop, step
+
+
+def _amount(text: str, unit: str, called: str, remedy: str) -> float:
+    """A number, in this SI unit where it is written with one."""
+    from analytic.mechanism.units import UnitError
+    from analytic.mechanism.written import quantity
+
+    try:
+        found = quantity(text, unit) if unit else None
+    except UnitError as error:
+        raise ArgumentError(called, f"{text!r} has {error}") from None
+    return _number(text, called, remedy) if found is None else found
 
 
 def _number(text: str, called: str, remedy: str) -> float:

@@ -313,6 +313,13 @@ MEANS = {
     ("Load", "point"): 'a point of the body, or `"com"`: its marker',
     ("Load", "force"): "N, ground frame, fixed in direction",
     ("Load", "torque"): "N.m",
+    (
+        "Load",
+        "over",
+    ): "what it varies over: `crank_angle`, `<body>_angle`, `<body>_x`, `<body>_y` or `position_<slide>`",
+    ("Load", "from"): "rad or m, of what it varies over: from where on it acts",
+    ("Load", "to"): "rad or m: up to where it acts",
+    ("Load", "table"): "pairs of value (rad or m) and factor of the load, straight lines between them",
 }  # of fields beside which the code has no comment, or hardly one
 
 

@@ -81,9 +81,10 @@ def balance(linkage: TracedLinkage, body: Body) -> tuple[Sum, Sum]:
     moment.add(-body.moment_of_inertia * rates.angular_acceleration)
     for load in m.loads:
         if load.body == name:
-            push, arm = complex(*load.force), linkage.arm(name, load.point)
+            share, arm = m.load_share(load, linkage.angle, linkage.place), linkage.arm(name, load.point)
+            push, turn = complex(*load.force) * share, load.torque * share
             force.add(push)
-            moment.add(cross(arm, push) + load.torque, np.abs(arm) * abs(push) + abs(load.torque))
+            moment.add(cross(arm, push) + turn, np.abs(arm) * np.abs(push) + np.abs(turn))
     for end, point, pull in linkage.springs():
         if end == name:
             lever = linkage.place(end, point) - centre
@@ -120,8 +121,9 @@ def power(linkage: TracedLinkage) -> Sum:
         flow.add(body.mass * dot(rates.velocity, complex(*m.gravity)))
         flow.add(-body.moment_of_inertia * rates.angular_acceleration * linkage.spin(body.name))
     for load in m.loads:
-        flow.add(dot(linkage.velocity(load.body, linkage.arm(load.body, load.point)), complex(*load.force)))
-        flow.add(load.torque * linkage.spin(load.body))
+        share = m.load_share(load, linkage.angle, linkage.place)
+        flow.add(dot(linkage.velocity(load.body, linkage.arm(load.body, load.point)), complex(*load.force) * share))
+        flow.add(load.torque * share * linkage.spin(load.body))
     for turned, torque in linkage.driving().items():
         flow.add(torque * linkage.spin(turned))
     for end, point, push in linkage.springs():

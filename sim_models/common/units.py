@@ -167,6 +167,11 @@ class Units:
                 scaled["periodic_torque"] = d.periodic_torque.model_copy(update={"amplitude": torque})
             return d.model_copy(update=scaled)
 
+        def load_in(load: Load) -> Load:
+            long = load.varies and m.load_quantities[load.over].kind != "angle"
+            scaled = load.scaled(self.length) if long else load
+            return scaled.model_copy(update=fields(load, {"force": FORCE_DIMENSION, "torque": TORQUE_DIMENSION}))
+
         return m.replace(
             gravity=self.from_si(m.gravity, ACCELERATION),
             ground=m.ground.model_copy(update={"points": points(m.ground.points)}),
@@ -174,10 +179,7 @@ class Units:
             joints=tuple(joint(j) for j in m.joints),
             drives=tuple(drive(d) for d in m.drives),
             springs=tuple(s.model_copy(update=fields(s, SPRING)) for s in m.springs),
-            loads=tuple(
-                load.model_copy(update=fields(load, {"force": FORCE_DIMENSION, "torque": TORQUE_DIMENSION}))
-                for load in m.loads
-            ),
+            loads=tuple(load_in(load) for load in m.loads),
         )
 
     def request(self, r: Request) -> Request:

@@ -29,8 +29,9 @@ from sim_models.exudyn.settings import console_off
 
 RUNS: tuple[Pair, ...] = tuple((model, motion) for model in JOINT_MODELS for motion in MOTIONS)
 BENDING: tuple[Pair, ...] = tuple((model, motion) for model in ("ideal", "contact") for motion in MOTIONS)
-# No law of a joint sees another's reaction; one-sided laws between a motor and its crank would be slow in Python.
-HAS: frozenset[Feature] = frozenset(FEATURES) - {"load_friction", "guide_friction", "backlash"}
+# No law of a joint sees another's reaction; one-sided laws between a motor and its crank, and loads that are asked for
+# in each step, would be slow in Python.
+HAS: frozenset[Feature] = frozenset(FEATURES) - {"load_friction", "guide_friction", "backlash", "varying_load"}
 # What an exported script does, each by name: functions of the run's own are no part of a model file.
 WRITTEN: frozenset[Feature] = frozenset({
     "prismatic", "coulomb_friction", "stribeck_friction", "viscous_friction", "drag",

@@ -308,10 +308,11 @@ class LeapfrogWorld(ABC):
     def _load(self) -> None:
         """Apply loads, joint laws and clearance forces at the positions now."""
         for load in self.mechanism.loads:
+            share = float(self.mechanism.load_share(load, self.angle, self.place_of))
             if load.force != (0.0, 0.0):
-                self.push(load.body, self.points[load.body, load.point], complex(*load.force))
+                self.push(load.body, self.points[load.body, load.point], complex(*load.force) * share)
             if load.torque:
-                self.turn(load.body, load.torque)
+                self.turn(load.body, load.torque * share)
         for joint in self.laws.joints:
             self._apply_law(joint)
         for spring in self.mechanism.springs:
@@ -423,6 +424,10 @@ class LeapfrogWorld(ABC):
         pull = spring.pull(far - near, 0j if self.static else far_rate - near_rate)
         for (body, point), force in zip(spring.ends, (pull, -pull), strict=True):
             self.push(body, self.points[body, point], force)
+
+    def place_of(self, body: str, point: str) -> complex:
+        """Place (m) of a body's point, or of the ground's, now."""
+        return self._point(body, point)[0]
 
     def _point(self, body: str, point: str) -> tuple[complex, complex]:
         """Place (m) and velocity (m/s) of a body's point, now."""

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Protocol
 
 import mujoco
@@ -144,8 +145,11 @@ class MujocoLinkage:
         self.growing = {self.laws[j.name]: (j, j.load_coefficient) for j in rows}
         for t, (j, _) in self.growing.items():
             m.tendon_frictionloss[t] = max(j.stiction, LEAST_FRICTION)
-        passive = Passive(laws, self.loads, mechanism.periodic_torque, self.fixed_angle[crank], self.form[crank])
-        self.passive = passive if laws or mechanism.periodic_torque else None
+        varying = {m.actuator(f"load{i}").id: load for i, load in enumerate(mechanism.loads) if load.varies}
+        shares = {k: partial(mechanism.load_share, load, self.angle, self.place) for k, load in varying.items()}
+        angle, form = self.fixed_angle[crank], self.form[crank]
+        passive = Passive(laws, self.loads, mechanism.periodic_torque, angle, form, shares)
+        self.passive = passive if laws or mechanism.periodic_torque or shares else None
         self.present: np.ndarray | None = None  # velocities of this instant, where the data's are older
         self.watch: Watching | None = None
 
@@ -180,6 +184,7 @@ class MujocoLinkage:
             for name in (*(j.name for j in (*self.description.closing, *self.description.soft)), *bars)
         }  # of equalities
         self.soft = {j.name: bearing(self.mechanism, j) for j in self.description.soft}
+        self.markers = {b.name: m.site(f"marker of {b.name}").id for b in self.mechanism.bodies}
         self.load_sites = [m.site(f"load{i}").id for i in range(len(self.mechanism.loads))]
         self.springs = [
             (spring, m.tendon(f"spring:{i}").id, [m.site(f"spring:{i}:{body}").id for body in spring.bodies])
@@ -221,7 +226,6 @@ class MujocoLinkage:
         joint = "" if b.joint is None else b.joint.name
         sign = 1.0 if b.is_second else -1.0
         slides = b.joint is not None and b.joint.prismatic
-        marker = self.model.site(f"marker of {name}").id
         inertia = b.body.moment_of_inertia
         return TreePart(
             name,
@@ -230,7 +234,7 @@ class MujocoLinkage:
             sign,
             slides,
             self.body_id[name],
-            marker,
+            self.markers[name],
             b.body.mass,
             inertia,
             self.fixed_angle[name],
@@ -245,6 +249,14 @@ class MujocoLinkage:
     def angle(self, body: str) -> float:
         """A body's angle (rad)."""
         return self.fixed_angle[body] + float(self.form[body] @ self.data.qpos)
+
+    def place(self, body: str, point: str) -> complex:
+        """Where (m) a body's marker is, ``com``, or its point at a joint, or the ground's."""
+        if point == "com":
+            site = self.markers[body]
+        else:
+            site = self.sites[point][self.mechanism.joint(point).bodies.index(body)]
+        return complex(*self.data.site_xpos[site, :2].tolist())
 
     def placed(self, pose: Mapping[str, Pose]) -> np.ndarray:
         """Coordinates (nq,) in a pose."""

@@ -6,7 +6,7 @@ MuJoCo has one passive callback for all models; ours is set while a linkage that
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import mujoco
@@ -18,8 +18,9 @@ from analytic.mechanism import Joint, PeriodicTorque
 @dataclass(frozen=True)
 class Passive:
     """What acts in a model: the laws of joints, by their tendon's number, each with the form (nv,) of its coordinate,
-    and the ``loads`` (N) of those whose friction grows with their reaction; and a torque over the angle of the driven
-    body, which is ``angle`` (rad) plus a ``form`` (nq,) of the coordinates.
+    and the ``loads`` (N) of those whose friction grows with their reaction; a torque over the angle of the driven body,
+    which is ``angle`` (rad) plus a ``form`` (nq,) of the coordinates; and, by the number of their actuators, what says
+    how much acts now of the loads that vary.
     """
 
     joints: Mapping[int, tuple[Joint, np.ndarray]]
@@ -27,6 +28,7 @@ class Passive:
     periodic: PeriodicTorque | None
     angle: float
     form: np.ndarray
+    shares: Mapping[int, Callable[[], float]]
 
     def __call__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Add to the passive forces, and give dry friction the size that it has at this rate and load."""
@@ -36,6 +38,8 @@ class Passive:
                 data.qfrc_passive[:] -= (joint.cubic * stretch**3 + joint.drag * abs(rate) * rate) * form
         if self.periodic is not None:
             data.qfrc_passive[:] += self.periodic.at(self.angle + float(self.form @ data.qpos)) * self.form
+        for actuator, share in self.shares.items():  # actuators come after what is passive
+            model.actuator_biasprm[actuator, 0] = share()
         self.rub(data)
 
     def rub(self, data: mujoco.MjData) -> None:

@@ -12,7 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
-from analytic.mechanism import Mechanism
+from analytic.mechanism import GROUND, Mechanism
 from sim_models.common.contact_laws import TOO_DEEP, longest, shortest_link
 from sim_models.common.failed_starts import who
 from sim_models.common.guide import Guide
@@ -118,6 +118,7 @@ class Judge:
         power = np.zeros(record.time.size)
         for name, motor in self.motors.items():
             power += record.drives[name] * motor.rate(record.time)
+        power += self._varying(record)
         supplied = np.concatenate([[0.0], np.cumsum(np.diff(record.time) * (power[1:] + power[:-1]) / 2)])
         surplus = kinetic + stored - supplied
         created = surplus - np.minimum.accumulate(surplus)
@@ -129,13 +130,27 @@ class Judge:
                 " turned over"
             )
 
+    def _varying(self, record: Record) -> np.ndarray:
+        """Power (M,) W of loads that vary over the motion, which have no potential energy."""
+        m, power = self.mechanism, np.zeros(record.time.size)
+
+        def point(body: str, name: str) -> complex | np.ndarray:
+            return m.ground.point(name) if body == GROUND else record.point(m, body, name)
+
+        for load in (load for load in m.loads if load.varies):
+            share = m.load_share(load, record.angle.__getitem__, point)
+            spin, arm = record.angular_velocity[load.body], point(load.body, load.point) - record.com[load.body]
+            moving = record.velocity[load.body] + 1j * spin * arm
+            power += share * (np.real(moving * np.conj(complex(*load.force))) + load.torque * spin)
+        return power
+
     def _stored(self, record: Record) -> np.ndarray:
         """Potential energy (M,) J of gravity, loads, springs, contacts and a compliant drive."""
         m = self.mechanism
         energy = np.zeros(record.time.size)
         for b in m.bodies:
             energy -= b.mass * np.real(record.com[b.name] * np.conj(complex(*m.gravity)))
-        for load in m.loads:
+        for load in (load for load in m.loads if not load.varies):
             at = record.point(m, load.body, load.point)
             energy -= np.real(at * np.conj(complex(*load.force))) + load.torque * record.angle[load.body]
         for j in m.joints:

@@ -1,0 +1,228 @@
+"""Numbers with their units in a mechanism file: each field in its own dimension, and what does not fit named."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+import pint
+import pytest
+
+import linkage_crosscheck as lc
+from analytic.mechanism import MechanismError
+from analytic.mechanism.file import dumps, load, loads
+from analytic.mechanism.parts import Body, Drive, Elasticity, Joint, Load, MechanismPart, Spring
+from analytic.mechanism.units import factor_to_si
+from analytic.mechanism.written import (
+    BODY,
+    DRIVE,
+    ELASTICITY,
+    JOINT,
+    LOAD,
+    PRISMATIC,
+    REVOLUTE,
+    SPRING,
+    in_si,
+    quantity,
+)
+from compare.faults import ArgumentError
+from compare.questions.option import ByJoint
+from sim_models.common import units as engine_units
+
+FILE = """
+name = "mine"
+gravity = ["0 m/s^2", "-981 cm/s^2"]
+
+[ground]
+points = { D = [0.0, 0.0], S = ["0 mm", "1 cm"] }
+
+[[body]]
+name = "crank"
+points = { D = [0.0, 0.0], A = ["50 mm", 0.0] }
+mass = "300 g"
+inertia = "1 kg.cm^2"
+youngs_modulus = "210 GPa"
+
+[[body]]
+name = "rod"
+points = { A = [0.0, 0.0], B = ["12 cm", 0.0] }
+mass = 0.21
+
+[[body]]
+name = "slider"
+points = { B = [0.0, 0.0], S = [0.0, 0.0] }
+mass = "0.3086471668 lb"
+
+[[joint]]
+name = "D"
+type = "revolute"
+bodies = ["ground", "crank"]
+friction_torque = "20 N.mm"
+damping = "3 mN.m.s/rad"
+
+[[joint]]
+name = "A"
+type = "revolute"
+bodies = ["crank", "rod"]
+clearance = "0.05 mm"
+
+[[joint]]
+name = "B"
+type = "revolute"
+bodies = ["rod", "slider"]
+stiffness = "2 N.m/deg"
+
+[[joint]]
+name = "S"
+type = "prismatic"
+bodies = ["ground", "slider"]
+axis = [1.0, 0.0]
+angle = "0 deg"
+damping = "25 N.s/m"
+friction_torque = "3 lbf"
+
+[drive]
+joint = "D"
+speed = "300 rpm"
+
+[[load]]
+body = "slider"
+force = ["-1 kN", 0.0]
+over = "position_S"
+table = [["70 mm", 0.9], ["17 cm", 0.0]]
+
+[[load]]
+body = "crank"
+torque = "2 N.m"
+over = "crank_angle"
+from = "200 deg"
+to = "340 deg"
+
+[assembly]
+crank = "30 deg"
+rod = "-12 deg"
+slider = 0.0
+"""
+
+
+def test_a_file_may_say_its_units() -> None:
+    m = loads(FILE)
+    crank, _, slider = m.bodies
+    assert m.gravity == (0.0, pytest.approx(-9.81))
+    assert m.ground.points["S"] == (0.0, pytest.approx(0.01))
+    assert crank.points["A"] == (pytest.approx(0.05), 0.0)
+    assert (crank.mass, crank.inertia, crank.youngs_modulus) == (0.3, pytest.approx(1e-4), pytest.approx(2.1e11))
+    assert slider.mass == pytest.approx(0.14, rel=1e-8)
+    assert (m.joint("D").friction_torque, m.joint("D").damping) == (pytest.approx(0.02), pytest.approx(3e-3))
+    assert m.joint("A").clearance == pytest.approx(5e-5)
+    assert m.joint("B").stiffness == pytest.approx(2 * 180 / math.pi)
+    assert (m.joint("S").damping, m.joint("S").friction_torque) == (25.0, pytest.approx(3 * 4.4482216152605))
+    assert m.drives[0].speed == pytest.approx(10 * math.pi)
+    gas, tool = m.loads
+    assert gas.force == (-1000.0, 0.0)
+    assert gas.table == ((pytest.approx(0.07), 0.9), (pytest.approx(0.17), 0.0))
+    assert (tool.start, tool.end) == (pytest.approx(math.radians(200)), pytest.approx(math.radians(340)))
+    assert m.assembly["crank"] == pytest.approx(math.radians(30))
+    assert '"' not in dumps(m).split("[drive]")[1].split("speed")[1].split("\n")[0]  # written back in SI
+    np.testing.assert_allclose(
+        lc.analyse(loads(dumps(m))).signals["drive_torque"], lc.analyse(m).signals["drive_torque"]
+    )
+
+
+def test_bare_numbers_are_si_and_words_stay_words() -> None:
+    fields = {"drive": {"joint": "D", "speed": "free"}, "body": [{"name": "12 m", "mass": 1.5}]}
+    assert in_si(fields) == fields
+
+
+WRONG = {
+    ('speed = "300 rpm"', 'speed = "300 rmp"'): "drive.speed = '300 rmp' has unit 'rmp', which is unknown; give",
+    ('speed = "300 rpm"', 'speed = "5 Hz"'): "'Hz', which is of another dimension; give it in rad/s, deg/s or rpm",
+    (
+        'mass = "300 g"',
+        'mass = "300 mm"',
+    ): r"body\[crank\]\.mass = '300 mm' has unit 'mm', which .* give it in kg",
+    ('["50 mm", 0.0]', '["50 N", 0.0]'): r"body\[crank\]\.points\.A = '50 N' has unit 'N'",
+    ('damping = "25 N.s/m"', 'damping = "25 N.m.s/rad"'): r"joint\[S\]\.damping .* give it in N.s/m",
+    ('from = "200 deg"', 'from = "2 mm"'): r"load\[crank\]\.from = '2 mm'",
+    ('["70 mm", 0.9]', '["70 deg", 0.9]'): r"load\[slider\]\.table = '70 deg'",
+    ('crank = "30 deg"', 'crank = "30 km"'): r"assembly\.crank = '30 km'",
+    ('mass = "300 g"', 'mass = "heavy"'): "mass = 'heavy'",
+}
+
+
+@pytest.mark.parametrize("change", WRONG)
+def test_a_unit_that_does_not_fit_is_named_with_its_field_and_what_would(change: tuple[str, str]) -> None:
+    assert change[0] in FILE
+    with pytest.raises(MechanismError, match=WRONG[change]):
+        loads(FILE.replace(*change))
+
+
+POWERS: Mapping[str, Mapping[str, engine_units.Dimension]] = {
+    "body": engine_units.BODY,
+    "joint": engine_units.JOINT_DIMENSIONS,
+    "revolute": engine_units.REVOLUTE,
+    "prismatic": engine_units.PRISMATIC,
+    "spring": engine_units.SPRING,
+}
+WRITTEN = {
+    "body": BODY,
+    "joint": JOINT | REVOLUTE,
+    "revolute": JOINT | REVOLUTE,
+    "prismatic": JOINT | PRISMATIC,
+    "spring": SPRING,
+}
+
+
+@pytest.mark.parametrize("part", POWERS)
+def test_the_units_of_fields_have_the_dimensions_by_which_engines_scale_them(part: str) -> None:
+    registry: pint.UnitRegistry[float] = pint.UnitRegistry()
+    for field, powers in POWERS[part].items():
+        dimension = registry.parse_units(WRITTEN[part][field].replace(".", "*")).dimensionality
+        assert tuple(int(dimension.get(f"[{d}]", 0)) for d in ("length", "mass", "time")) == tuple(powers), field
+
+
+PARTS: Mapping[type[MechanismPart], set[str]] = {
+    Body: set(BODY),
+    Joint: {*JOINT, *REVOLUTE, *PRISMATIC},
+    Elasticity: set(ELASTICITY),
+    Spring: set(SPRING),
+    Drive: {*DRIVE, "speed"},
+    Load: {*LOAD, "start", "end", "table"},
+}
+WITHOUT_UNIT = {
+    "name", "type", "bodies", "body", "joint", "point", "axis", "restitution", "contact_law", "elasticity",
+    "ripple", "periodic_torque", "over",
+}  # fmt: skip
+PLACES = {Spring: {"points"}}  # names of points
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_every_field_with_a_dimension_may_be_written_with_its_unit(part: type[MechanismPart]) -> None:
+    fields = set(part.model_fields) - WITHOUT_UNIT - PLACES.get(part, set())
+    assert fields - PARTS[part] == set()
+
+
+def test_an_exponent_is_no_unit_and_nothing_is_lost_in_si() -> None:
+    assert quantity("5e-5", "m") is None
+    assert quantity("5e-5 m", "m") == 5e-5
+    assert quantity("1e3mm", "m") == pytest.approx(1.0)
+    assert factor_to_si("N.m/rad", "N.m/rad") == 1.0
+
+
+def test_a_clearance_may_be_typed_with_its_unit_and_once_for_every_pin() -> None:
+    kind = ByJoint()
+    assert kind.parse("B=0.1mm,E=5e-5", "clearance") == {"B": pytest.approx(1e-4), "E": 5e-5}
+    assert kind.parse("0.1 mm,B=0", "clearance") == {"*": pytest.approx(1e-4), "B": 0.0}
+    for wrong, said in {"B=1kg": "another dimension", "B=x": "is not a number", "1mm,2mm": "is there twice"}.items():
+        with pytest.raises(ArgumentError, match=said):
+            kind.parse(wrong, "clearance")
+
+
+def test_one_clearance_is_every_pins_and_no_slides() -> None:
+    angles = np.radians([100.0, 110.0])
+    every = lc.analyse("slider-crank", clearance=1e-4, angles=angles)
+    assert every.clearance == {"O": 1e-4, "A": 1e-4, "B": 1e-4}
+    some = lc.analyse("slider-crank", clearance={"*": 1e-4, "B": 2e-4}, angles=angles)
+    assert some.clearance == {"O": 1e-4, "A": 1e-4, "B": 2e-4}
+    assert load("slider-crank").clearances == {}
