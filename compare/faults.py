@@ -118,6 +118,8 @@ def _as_typed(error: ArgumentError, context: typer.Context | None, names: Mappin
     why = re.sub(r"`(\w+)`", lambda other: option(other[1]), error.why)
     typed = "" if value in (None, True) else f" {','.join(map(str, value)) if isinstance(value, list) else value}"
     why = why.removeprefix(f"{typed.strip()}: ")  # the value is said once
+    if any(each.name == name and each.param_type_name == "argument" for each in context.command.params):
+        return f"{typed.strip()}: {why}"
     return f"{option(error.argument)}{typed}: {why}"
 
 

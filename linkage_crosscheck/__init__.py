@@ -55,6 +55,7 @@ if TYPE_CHECKING:
     from compare.export import export as export
     from compare.history import runs as runs
     from compare.imported import import_mjcf as import_mjcf
+    from compare.mechanism_fields import fields as fields
     from compare.platform import platform_accuracy as platform_accuracy
     from compare.show import show as show
 
@@ -79,6 +80,7 @@ _WHERE = {
     "diagnose": "compare.diagnose.workflow",
     "effects": "compare.catalogue",
     "export": "compare.export",
+    "fields": "compare.mechanism_fields",
     "import_mjcf": "compare.imported",
     "load": "analytic.mechanism.file",
     "plan": "compare.diagnose.plan.workflow",

@@ -80,6 +80,7 @@ JSON_OF = {  # what a command prints with --json
     "compare check": "result.json",
     "compare diagnose": "diagnosis.json",
     "compare effects": "effects.json",
+    "compare fields": "fields.json",
     "compare export": "export.json",
     "compare import": "import.json",
     "compare list": "runs.json",

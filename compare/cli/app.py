@@ -17,7 +17,8 @@ from compare.cli.diagnose import diagnose
 from compare.cli.export import export
 from compare.cli.folders import spelled_out
 from compare.cli.imported import import_
-from compare.cli.listing import cases, effects, runs, simulators
+from compare.cli.listing import cases, effects, fields, runs, simulators
+from compare.cli.new import new
 from compare.cli.pipe import reader_may_go
 from compare.cli.plan import plan
 from compare.cli.show import show
@@ -106,10 +107,10 @@ def compare(line: CommandLine) -> None:
         line.judge(lambda: line.ask(crosscheck, CrosscheckQuestion), caught, folder)
 
 
-for listed in (accuracy, analyse, cases, check, diagnose, effects, export):
+for listed in (accuracy, analyse, cases, check, diagnose, effects, export, fields):
     app.command()(listed)
 app.command("import")(import_)
 app.command("list")(runs)
-for listed in (plan, simulate, simulators, validity, show):
+for listed in (new, plan, simulate, simulators, validity, show):
     app.command()(listed)
 app.add_typer(baseline, name="baseline")

@@ -1,11 +1,12 @@
-"""``compare cases``, ``compare simulators`` and ``compare effects``: what there is, and what it supports; ``compare
-list``: what was found before.
+"""``compare cases``, ``simulators``, ``effects``, ``fields``: what there is, and what it supports.
+
+``compare list``: what was found before.
 """
 
 from __future__ import annotations
 
 from compare.cli.typed import CommandLine, Shown, command
-from compare.questions.listing import RunsQuestion
+from compare.questions.listing import FieldsQuestion, RunsQuestion
 
 
 @command(Shown)
@@ -33,6 +34,18 @@ def effects(line: CommandLine) -> None:
         from compare.catalogue import effects
 
         line.show(effects())
+
+
+@command(FieldsQuestion, Shown)
+def fields(line: CommandLine) -> None:
+    """List what a mechanism file, or a table of it, may hold: unit, default and meaning of each field.
+
+    Exit status: 0 listed, 2 there is no such table.
+    """
+    with line.complaints():
+        from compare.mechanism_fields import fields
+
+        line.show(line.ask(fields, FieldsQuestion))
 
 
 @command(RunsQuestion, Shown)

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
-from compare.questions.option import File, Option
+from compare.questions.option import Choice, File, Option
 from compare.questions.question import Question
 from compare.questions.shared import AnyPath
 
@@ -14,6 +14,45 @@ class RunsQuestion(Question):
     """Which earlier results are meant."""
 
     folder: Annotated[AnyPath, Option("Where reports are.", File(), positional=True)] = REPORTS
+
+
+TABLES = (
+    "mechanism",
+    "ground",
+    "body",
+    "joint",
+    "elasticity",
+    "drive",
+    "ripple",
+    "periodic_torque",
+    "spring",
+    "load",
+)
+
+
+class FieldsQuestion(Question):
+    """Which table of a mechanism file is meant."""
+
+    table: Annotated[str | None, Option(f"One of {', '.join(TABLES)} [all].", positional=True)] = None
+
+
+KINDS = {
+    "four-bar": "crank-rocker",
+    "slider-crank": "slider-crank",
+    "six-bar": "six-bar",
+    "five-bar": "five-bar",
+    "arm": "2r-arm",
+    "3-rrr": "3-rrr",
+    "3-rpr": "3-rpr",
+    "pendulum": "pendulum",
+}  # each with the shipped case that it begins as
+
+
+class NewQuestion(Question):
+    """Which linkage a mechanism file is to begin with."""
+
+    name: Annotated[str, Option("Name of the linkage; its file is NAME.toml.", positional=True)]
+    kind: Annotated[str, Option("What it is.", Choice(choices=tuple(KINDS)))] = "four-bar"
 
 
 class ImportQuestion(Question):

@@ -10,12 +10,20 @@ from rich.text import Text
 from analytic.mechanism.one_line import count
 from compare.presentation import LIST_HAS_NO_PICTURE, Presentation
 from compare.report.tables import html_table, say, terminal_table
-from compare.results.catalogue import Cases, Effects, Listing, Simulators
+from compare.results.catalogue import Cases, Effects, Fields, Listing, Simulators
 from compare.results.export import Exported
 from compare.results.history import Runs
 from compare.results.imported import Imported
 from sim_models.engine import JOINT_MODELS, SCHEMES
 
+HEADINGS = {  # of tables that there are not any number of
+    "mechanism": "the file itself",
+    "ground": "[ground]",
+    "drive": "[drive], or several [[drive]]",
+    "elasticity": "elasticity = { ... } of a joint",
+    "ripple": "ripple = { ... } of a drive",
+    "periodic_torque": "periodic_torque = { ... } of a drive",
+}
 TABLE_WIDTH = 130  # columns of a terminal that the table of engines takes
 
 
@@ -45,6 +53,20 @@ def print_effects(result: Effects, console: Console) -> None:
         values = ", ".join(f"{p.name} [{p.unit}]" for p in effect.parameters)
         said = f"{effect.name:<18} {effect.says}\n{'':<18} {values}; simulated by {', '.join(effect.simulators)}"
         say(console, said + (f"; tried only with --only {effect.name}" if effect.asked_for else ""))
+
+
+def print_fields(result: Fields, console: Console) -> None:
+    """Print the fields table by table; ASCII."""
+    for table in dict.fromkeys(field.table for field in result.fields):
+        say(console, HEADINGS.get(table, f"[[{table}]]"))
+        rows = [
+            (f"  {f.name}", f.default, f.means.replace("`", "").replace("\N{SUPERSCRIPT TWO}", "^2"))
+            for f in result.fields
+            if f.table == table
+        ]
+        heads = ("  field", "left out", "meaning")
+        console.print(terminal_table(heads, rows, folded=("meaning",), header_style=""))
+    say(console, 'bare numbers are SI; in quotes with their unit: "60 rpm", "25 mm", "30 deg"')
 
 
 def print_simulators(result: Simulators, console: Console) -> None:
@@ -115,6 +137,7 @@ def imported_html(result: Imported) -> str:
 
 CASES = Presentation(list_html, print_cases, list_files, no_picture=LIST_HAS_NO_PICTURE)
 EFFECTS = Presentation(list_html, print_effects, list_files, no_picture=LIST_HAS_NO_PICTURE)
+FIELDS = Presentation(list_html, print_fields, list_files, no_picture=LIST_HAS_NO_PICTURE)
 EXPORTED = Presentation(exported_html, print_exported, no_picture="is a list of files and has no picture; print it")
 IMPORTED = Presentation(
     imported_html,

@@ -21,7 +21,7 @@ MODULES = {
     "Simulation": "sides",
     "Validity": "validity",
 }
-LISTS = ("Cases", "Effects", "Exported", "Imported", "Runs", "Simulators")
+LISTS = ("Cases", "Effects", "Exported", "Fields", "Imported", "Runs", "Simulators")
 
 
 def _left_over(folder: Path, names: set[str]) -> set[str]:

@@ -122,3 +122,28 @@ class Effects(Listing):
 
     def __repr__(self) -> str:
         return f"Effects({len(self.effects)}: {', '.join(e.name for e in self.effects[:4])}, ...)"
+
+
+class KnownField(Part):
+    """A field of a mechanism file."""
+
+    table: Annotated[str, Field(description="Where it stands: body, joint, ...; mechanism is the top level.")]
+    name: str
+    default: Annotated[str, Field(description="What stands for it where it is left out; required, or empty.")]
+    means: Annotated[str, Field(description="Unit and meaning.")]
+
+
+class Fields(Listing):
+    """What a mechanism file may hold."""
+
+    file: ClassVar[str] = "fields.json"
+    remedy: ClassVar[str] = "give what compare fields --json prints"
+
+    fields: tuple[KnownField, ...]
+
+    def rows(self) -> list[Row]:
+        """A row for each field."""
+        return [{"table": f.table, "field": f.name, "default": f.default, "means": f.means} for f in self.fields]
+
+    def __repr__(self) -> str:
+        return f"Fields({len(self.fields)} of {', '.join(dict.fromkeys(f.table for f in self.fields))})"

@@ -5,15 +5,12 @@ Each function of :data:`CONTENTS` returns Markdown.  A page asks for one with a 
 
 from __future__ import annotations
 
-import ast
 import functools
 import html
 import inspect
-import io
 import json
 import pkgutil
 import re
-import tokenize
 from collections.abc import Callable, Iterator, Mapping
 from importlib import import_module, resources
 from pathlib import Path
@@ -30,8 +27,12 @@ def table(heads: list[str], rows: list[list[str]]) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in cells) + "\n"
 
 
-def escaped(text: str) -> str:
-    """Plain text as Markdown: angle brackets, stars, underscores and square brackets stand for themselves."""
+def escaped(text: str, code: bool = False) -> str:
+    """Plain text as Markdown: angle brackets, stars, underscores and square brackets stand for themselves, but for what
+    is ``code`` between backticks.
+    """
+    if code:
+        return "".join(part if k % 2 else escaped(part) for k, part in enumerate(re.split("(`[^`]*`)", text)))
     return re.sub(r"([*_\[\]])", r"\\\1", text.replace("<", "&lt;"))
 
 
@@ -268,119 +269,32 @@ def signals() -> str:
 # ---------------------------------------------------------------- mechanism files
 
 
-MEANS = {
-    ("Mechanism", "name"): "what reports call the linkage",
-    ("Mechanism", "gravity"): "m/s²; left out: none",
-    ("Mechanism", "ground"): "the fixed link, see below",
-    ("Mechanism", "body"): "`[[body]]`, one for each moving link",
-    ("Mechanism", "joint"): "`[[joint]]`, one for each joint",
-    ("Mechanism", "drive"): "`[drive]`, the motor, or `[[drive]]`, several; left out: none",
-    ("Mechanism", "spring"): "`[[spring]]`, any number",
-    ("Mechanism", "load"): "`[[load]]`, any number",
-    ("Mechanism", "assembly"): "rad by body: roughly the angles at which the linkage is assembled",
-    ("Ground", "points"): "m by joint, ground frame",
-    ("Body", "name"): "also the beginning of its signals' names",
-    ("Body", "points"): "m by joint, body frame",
-    ("Joint", "name"): "also the name of the point in both of its bodies",
-    ("Joint", "type"): '`"revolute"` or `"prismatic"`',
-    ("Joint", "bodies"): "the two bodies (or `ground`); the reaction is the force of the first on the second",
-    (
-        "Joint",
-        "guide",
-    ): "m, prismatic: length along the axis and height of the block, which is the second body's, about its"
-    " point; the guide's walls are on the first body, farther out by the clearance",
-    ("Joint", "restitution"): "share of its speed with which a pin leaves the wall, 0 to 1",
-    ("Joint", "elasticity"): "Eq. 4, see below; left out: rigid",
-    ("Elasticity", "translation"): "N/m along x, y and z",
-    ("Elasticity", "rotation"): "N.m/rad about x and y",
-    ("Drive", "joint"): "the joint that it moves; a single drive of a revolute joint on the ground turns a crank",
-    (
-        "Drive",
-        "speed",
-    ): 'rad/s (prismatic: m/s), constant; or `"free"` (released at the assembly angles) or `"measured"` (follows data).'
-    " A crank's own angular velocity, whichever body its joint names first; of any other drive that of the joint's"
-    " second body relative to its first",
-    ("Drive", "half_gap"): "rad, backlash: the crank's play behind the motor, and as much ahead of it",
-    ("Drive", "ripple"): "unevenness of the motor, see below",
-    ("Drive", "periodic_torque"): "on the driven body over its angle, see below",
-    ("PeriodicTorque", "amplitude"): "N.m",
-    ("PeriodicTorque", "harmonic"): "how often in a turn",
-    ("Ripple", "amplitude"): "rad",
-    ("Ripple", "harmonic"): "how often in a turn",
-    ("Spring", "bodies"): "the two bodies (or `ground`) that it joins",
-    ("Spring", "points"): 'a point of each, or `"com"`: its marker',
-    ("Load", "body"): "where it acts",
-    ("Load", "point"): 'a point of the body, or `"com"`: its marker',
-    ("Load", "force"): "N, ground frame, fixed in direction",
-    ("Load", "torque"): "N.m",
-    (
-        "Load",
-        "over",
-    ): "what it varies over: `crank_angle`, `<body>_angle`, `<body>_x`, `<body>_y` or `position_<slide>`",
-    ("Load", "from"): "rad or m, of what it varies over: from where on it acts",
-    ("Load", "to"): "rad or m: up to where it acts",
-    ("Load", "table"): "pairs of value (rad or m) and factor of the load, straight lines between them",
-}  # of fields beside which the code has no comment, or hardly one
-
-
-def _comments(model: type) -> dict[str, str]:
-    """The comment that stands beside each field of a class, by field."""
-    source = inspect.cleandoc("\n" + inspect.getsource(model))
-    said = {
-        token.start[0]: token.string.lstrip("# ")
-        for token in tokenize.generate_tokens(io.StringIO(source).readline)
-        if token.type == tokenize.COMMENT
-    }
-    found = {}
-    (node,) = ast.parse(source).body
-    assert isinstance(node, ast.ClassDef)
-    for line in node.body:
-        if isinstance(line, ast.AnnAssign) and isinstance(line.target, ast.Name):
-            beside = [said[n] for n in range(line.lineno, (line.end_lineno or line.lineno) + 1) if n in said]
-            found[line.target.id] = " ".join(beside)
-    return found
-
-
-def _default(field: Any) -> str:
-    if field.is_required():
-        return "required"
-    value = field.get_default(call_default_factory=True)
-    if value is None or value in ((), {}):
-        return "&ndash;"
-    return f"`{json.dumps(value)}`"
-
-
 def mechanism_file() -> str:
     """The fields of a mechanism file, table by table."""
-    from analytic.mechanism import model, parts
+    from compare.mechanism_fields import of_table
 
-    headings = (
-        ("Top level", model.Mechanism),
-        ("[ground]", parts.Ground),
-        ("[[body]]", parts.Body),
-        ("[[joint]]", parts.Joint),
-        ("elasticity of a joint", parts.Elasticity),
-        ("[drive]", parts.Drive),
-        ("ripple of a drive", parts.Ripple),
-        ("periodic_torque of a drive", parts.PeriodicTorque),
-        ("[[spring]]", parts.Spring),
-        ("[[load]]", parts.Load),
-    )
+    headings = {
+        "mechanism": "Top level",
+        "ground": "`[ground]`",
+        "body": "`[[body]]`",
+        "joint": "`[[joint]]`",
+        "elasticity": "elasticity of a joint",
+        "drive": "`[drive]`",
+        "ripple": "ripple of a drive",
+        "periodic_torque": "periodic_torque of a drive",
+        "spring": "`[[spring]]`",
+        "load": "`[[load]]`",
+    }
     out = []
-    for heading, part in headings:
-        comments = _comments(part)
-        rows = [
-            [
-                f"`{field.alias or name}`",
-                _default(field),
-                MEANS.get((part.__name__, field.alias or name)) or escaped(field.description or comments[name]),
-            ]
-            for name, field in part.model_fields.items()
-            if not field.exclude
-        ]
-        out.append(f"### `{heading}`\n" if heading.startswith("[") else f"### {heading}\n")
+    for name, heading in headings.items():
+        rows = [[f"`{f.name}`", _default(f.default), escaped(f.means, code=True)] for f in of_table(name)]
+        out.append(f"### {heading}\n")
         out.append(table(["field", "default", "meaning"], rows))
     return "\n".join(out)
+
+
+def _default(text: str) -> str:
+    return text if text == "required" else f"`{text}`" if text else "&ndash;"
 
 
 def left_out() -> str:

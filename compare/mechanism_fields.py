@@ -1,0 +1,144 @@
+"""The fields that a mechanism file may have, table by table: unit, default and meaning of each."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import io
+import json
+import tokenize
+from collections.abc import Mapping
+from functools import cache
+
+from pydantic.fields import FieldInfo
+
+from analytic.mechanism import model, parts
+from analytic.mechanism.parts import MechanismPart
+from compare.faults import ArgumentError
+from compare.questions.listing import TABLES, FieldsQuestion
+from compare.questions.question import answers
+from compare.results.catalogue import Fields, KnownField
+
+PARTS: Mapping[str, type[MechanismPart]] = {
+    "mechanism": model.Mechanism,
+    "ground": parts.Ground,
+    "body": parts.Body,
+    "joint": parts.Joint,
+    "elasticity": parts.Elasticity,
+    "drive": parts.Drive,
+    "ripple": parts.Ripple,
+    "periodic_torque": parts.PeriodicTorque,
+    "spring": parts.Spring,
+    "load": parts.Load,
+}
+MEANS = {
+    ("Mechanism", "name"): "what reports call the linkage",
+    ("Mechanism", "gravity"): "m/s²; left out: none",
+    ("Mechanism", "ground"): "the fixed link, see below",
+    ("Mechanism", "body"): "`[[body]]`, one for each moving link",
+    ("Mechanism", "joint"): "`[[joint]]`, one for each joint",
+    ("Mechanism", "drive"): "`[drive]`, the motor, or `[[drive]]`, several; left out: none",
+    ("Mechanism", "spring"): "`[[spring]]`, any number",
+    ("Mechanism", "load"): "`[[load]]`, any number",
+    ("Mechanism", "assembly"): "rad by body: roughly the angles at which the linkage is assembled",
+    ("Ground", "points"): "m by joint, ground frame",
+    ("Body", "name"): "also the beginning of its signals' names",
+    ("Body", "points"): "m by joint, body frame",
+    ("Joint", "name"): "also the name of the point in both of its bodies",
+    ("Joint", "type"): '`"revolute"` or `"prismatic"`',
+    ("Joint", "bodies"): "the two bodies (or `ground`); the reaction is the force of the first on the second",
+    (
+        "Joint",
+        "guide",
+    ): "m, prismatic: length along the axis and height of the block, which is the second body's, about its"
+    " point; the guide's walls are on the first body, farther out by the clearance",
+    ("Joint", "restitution"): "share of its speed with which a pin leaves the wall, 0 to 1",
+    ("Joint", "elasticity"): "Eq. 4, see below; left out: rigid",
+    ("Elasticity", "translation"): "N/m along x, y and z",
+    ("Elasticity", "rotation"): "N.m/rad about x and y",
+    ("Drive", "joint"): "the joint that it moves; a single drive of a revolute joint on the ground turns a crank",
+    (
+        "Drive",
+        "speed",
+    ): 'rad/s (prismatic: m/s), constant; or `"free"` (released at the assembly angles) or `"measured"` (follows data).'
+    " A crank's own angular velocity, whichever body its joint names first; of any other drive that of the joint's"
+    " second body relative to its first",
+    ("Drive", "half_gap"): "rad, backlash: the crank's play behind the motor, and as much ahead of it",
+    ("Drive", "ripple"): "unevenness of the motor, see below",
+    ("Drive", "periodic_torque"): "on the driven body over its angle, see below",
+    ("PeriodicTorque", "amplitude"): "N.m",
+    ("PeriodicTorque", "harmonic"): "how often in a turn",
+    ("Ripple", "amplitude"): "rad",
+    ("Ripple", "harmonic"): "how often in a turn",
+    ("Spring", "bodies"): "the two bodies (or `ground`) that it joins",
+    ("Spring", "points"): 'a point of each, or `"com"`: its marker',
+    ("Load", "body"): "where it acts",
+    ("Load", "point"): 'a point of the body, or `"com"`: its marker',
+    ("Load", "force"): "N, ground frame, fixed in direction",
+    ("Load", "torque"): "N.m",
+    (
+        "Load",
+        "over",
+    ): "what it varies over: `crank_angle`, `<body>_angle`, `<body>_x`, `<body>_y` or `position_<slide>`",
+    ("Load", "from"): "rad or m, of what it varies over: from where on it acts",
+    ("Load", "to"): "rad or m: up to where it acts",
+    ("Load", "table"): "pairs of value (rad or m) and factor of the load, straight lines between them",
+}  # of fields beside which the code has no comment, or hardly one
+
+
+@answers(FieldsQuestion)
+def fields(question: FieldsQuestion) -> Fields:
+    """What a table of a mechanism file may hold, or all of them: unit and meaning of each field, and what stands for it
+    where it is left out.
+
+    Raises ArgumentError for a table that there is not.
+    """
+    if question.table is not None and question.table not in PARTS:
+        raise ArgumentError("table", f"no table of a mechanism file; they are {', '.join(TABLES)}")
+    chosen = TABLES if question.table is None else (question.table,)
+    return Fields(fields=tuple(field for table in chosen for field in of_table(table)))
+
+
+def of_table(table: str) -> list[KnownField]:
+    """The fields of a table, in the order of its description."""
+    part = PARTS[table]
+    beside = comments(part)
+    return [
+        KnownField(
+            table=table,
+            name=field.alias or name,
+            default=_default(field),
+            means=MEANS.get((part.__name__, field.alias or name)) or field.description or beside[name],
+        )
+        for name, field in part.model_fields.items()
+        if not field.exclude
+    ]
+
+
+def _default(field: FieldInfo) -> str:
+    """What stands for a field where it is left out, as JSON; ``required`` of one that may not be, nothing of one
+    without.
+    """
+    if field.is_required():
+        return "required"
+    value = field.get_default(call_default_factory=True)
+    return "" if value is None or value in ((), {}, "") else json.dumps(value)
+
+
+@cache
+def comments(model: type) -> Mapping[str, str]:
+    """The comment that stands beside each field of a class, by field."""
+    source = inspect.cleandoc("\n" + inspect.getsource(model))
+    said = {
+        token.start[0]: token.string.lstrip("# ")
+        for token in tokenize.generate_tokens(io.StringIO(source).readline)
+        if token.type == tokenize.COMMENT
+    }
+    found = {}
+    (node,) = ast.parse(source).body
+    assert isinstance(node, ast.ClassDef)
+    for line in node.body:
+        if isinstance(line, ast.AnnAssign) and isinstance(line.target, ast.Name):
+            beside = [said[n] for n in range(line.lineno, (line.end_lineno or line.lineno) + 1) if n in said]
+            found[line.target.id] = " ".join(beside)
+    return found

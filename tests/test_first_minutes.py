@@ -1,0 +1,85 @@
+"""The first minutes of an engineer who has nothing yet: a file to begin with, and what its tables may hold."""
+
+from __future__ import annotations
+
+import sys
+from importlib import resources
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+import linkage_crosscheck as lc
+from analytic.mechanism.file import load, loads
+from compare.cli.app import app
+from compare.faults import ArgumentError
+from compare.mechanism_fields import MEANS, PARTS
+from compare.new import new
+from compare.questions.listing import KINDS, TABLES
+
+
+def run(words: list[str], monkeypatch: pytest.MonkeyPatch) -> tuple[int, str, str]:
+    monkeypatch.setattr(sys, "argv", ["compare", *words])
+    done = CliRunner().invoke(app, words)
+    return done.exit_code, done.stdout, done.stderr
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_new_file_is_a_linkage_of_its_kind_and_keeps_its_comments(kind: str) -> None:
+    text = new("mine", kind=kind)
+    shipped = load(KINDS[kind])
+    assert loads(text) == shipped.replace(name="mine")
+    assert text.startswith(f"# mine, begun as a {kind}")
+    shipped_text = resources.files("analytic.mechanism").joinpath("cases", f"{KINDS[kind]}.toml").read_text("utf-8")
+    beside = [line for line in shipped_text.splitlines() if "#" in line and not line.startswith("#")]
+    assert all(line in text for line in beside)
+
+
+def test_new_writes_a_file_that_the_next_command_shows_and_replaces_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run(["new", "press.toml", "--kind", "slider-crank"], monkeypatch)[:2] == (
+        0,
+        "written: press.toml; look at it with: compare press.toml\n",
+    )
+    assert run(["press.toml", "--quiet"], monkeypatch)[0] == 0
+    mine = (tmp_path / "press.toml").read_bytes()
+    status, _, said = run(["new", "press"], monkeypatch)
+    assert (status, said) == (2, "compare: press.toml: it is there already; choose another name, or add --overwrite\n")
+    assert (tmp_path / "press.toml").read_bytes() == mine
+    assert run(["new", "press", "--overwrite"], monkeypatch)[0] == 0
+    assert loads((tmp_path / "press.toml").read_text(encoding="utf-8")).name == "press"
+
+
+@pytest.mark.parametrize("name", ["../up", "a b", "", "3d", "x\ny", 'x"'])
+def test_a_name_that_is_no_file_s_is_refused(name: str) -> None:
+    with pytest.raises(ArgumentError, match="begins with a letter"):
+        new(name)
+
+
+def test_every_field_is_listed_with_its_meaning() -> None:
+    found = lc.fields()
+    assert list(PARTS) == list(TABLES) == list(dict.fromkeys(f.table for f in found.fields))
+    for table, part in PARTS.items():
+        names = {f.alias or name for name, f in part.model_fields.items() if not f.exclude}
+        assert {f.name for f in found.fields if f.table == table} == names
+    assert all(field.means for field in found.fields)
+    known = {(part.__name__, f.alias or name) for part in PARTS.values() for name, f in part.model_fields.items()}
+    assert set(MEANS) <= known  # no meaning of a field that is gone
+    (clearance,) = (f for f in lc.fields("joint").fields if f.name == "clearance")
+    assert (clearance.default, clearance.means) == ("0.0", "m, radial; prismatic: half the block's play")
+    (mass,) = (f for f in lc.fields("body").fields if f.name == "mass")
+    assert mass.default == "required"
+
+
+def test_a_table_is_printed_by_name_and_another_word_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    status, said, _ = run(["fields", "joint"], monkeypatch)
+    assert status == 0
+    assert said.startswith("[[joint]]\n")
+    assert "N.m (prismatic: N), constant Coulomb" in said
+    assert "[[body]]" not in said
+    assert not [c for c in run(["fields"], monkeypatch)[1] if ord(c) > 126]
+    status, _, why = run(["fields", "jiont"], monkeypatch)
+    assert status == 2
+    assert why.startswith("compare: jiont: no table of a mechanism file; they are mechanism, ground, body, joint,")
