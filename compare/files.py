@@ -129,12 +129,12 @@ def _locked(handle: int) -> bool:
     return True
 
 
-def write_atomically(path: Path, text: str) -> Path:
-    """Write text to a temporary neighbour and rename it, so that nobody ever sees half a file.  Raises OutputError."""
+def write_atomically(path: Path, text: str | bytes) -> Path:
+    """Write text or bytes to a temporary neighbour and rename it: nobody sees half a file.  Raises OutputError."""
     return write_together(path.parent, {path.name: text})[0]
 
 
-def write_together(folder: Path, texts: Mapping[str, str], gone: Iterable[str] = ()) -> list[Path]:
+def write_together(folder: Path, texts: Mapping[str, str | bytes], gone: Iterable[str] = ()) -> list[Path]:
     """Write files into a folder by their names: all of them, or none where one cannot be written, and never half of
     one; those that are to be ``gone`` go when all are there.
 
@@ -146,9 +146,9 @@ def write_together(folder: Path, texts: Mapping[str, str], gone: Iterable[str] =
         for name, text in texts.items():
             path = folder / name
             draft = path.parent / f".{path.name}.{secrets.token_hex(4)}"
-            with open(draft, "x", encoding="utf-8", newline="\n") as file:  # readable by whom the umask lets
+            with open(draft, "xb") as file:  # readable by whom the umask lets
                 drafts[path] = draft
-                file.write(text)
+                file.write(text if isinstance(text, bytes) else text.encode())
         for path in list(drafts):
             os.replace(drafts[path], path)
             del drafts[path]

@@ -203,6 +203,22 @@ def test_a_file_or_a_case_alone_asks_for_its_analysis(tmp_path: Path, monkeypatc
     assert run("mine.toml --simulator mujoco", monkeypatch)[0] == 2
 
 
+@pytest.mark.parametrize(("suffix", "begins"), [("svg", b"<?xml"), ("png", b"\x89PNG"), ("pdf", b"%PDF")])
+def test_a_command_draws_its_main_curves_into_a_file(
+    suffix: str, begins: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("matplotlib")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text(ARM, encoding="utf-8")
+    status, said = run(f"mine.toml --plot figures/curves.{suffix}", monkeypatch)
+    assert (status, said.splitlines()[-1]) == (0, f"plot: figures/curves.{suffix}")
+    assert (tmp_path / "figures" / f"curves.{suffix}").read_bytes().startswith(begins)
+    assert [folder.name for folder in (tmp_path / "reports").iterdir()] == ["mine-analysis"]  # the same question
+    assert run("mine.toml --plot curves.gif", monkeypatch)[0] == 2
+    assert run("mine.toml --plot mine.toml", monkeypatch)[0] == 2
+    assert (tmp_path / "mine.toml").read_text(encoding="utf-8") == ARM
+
+
 def test_the_page_says_where_there_is_no_answer_and_what_is_left_out() -> None:
     result = lc.analyse("crank-rocker", clearance={"B": 2e-4, "E": 1e-4}, angles=TURN)
     html = result.files()["analysis.html"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from compare.cli.typed import CommandLine, Shown, Where, command, option_names
+from compare.cli.typed import CommandLine, Plotted, Shown, Where, command, option_names
 from compare.faults import OptionError
 from compare.questions.accuracy import AccuracyQuestion, PlatformQuestion
 
@@ -10,7 +10,7 @@ OF_A_CRANK = [name for name in option_names(AccuracyQuestion) if name not in opt
 OF_SEVERAL = [name for name in option_names(PlatformQuestion) if name not in option_names(AccuracyQuestion)]
 
 
-@command(AccuracyQuestion, PlatformQuestion, Where, Shown)
+@command(AccuracyQuestion, PlatformQuestion, Where, Plotted, Shown)
 def accuracy(line: CommandLine) -> None:
     """Say how accurate a linkage with clearance can be: nominal, worst case, by joint, Monte Carlo, compliance.
 
@@ -27,9 +27,9 @@ def accuracy(line: CommandLine) -> None:
         files = ("accuracy.json", "accuracy.csv", "accuracy.html")
         folder = line.folder(f"{line.stem}-accuracy", *files)
         if not any(map(line.has, OF_SEVERAL)) and Assembly(linkage(line.case, large=True)).structure.by_crank:
-            line.answer(lambda: line.ask(accuracy, AccuracyQuestion), caught, folder)
+            line.drawn(lambda: line.ask(accuracy, AccuracyQuestion), caught, folder)
             return
         for name in filter(line.has, OF_A_CRANK):
             option = f"--{name.replace('_', '-')}"
             raise OptionError(f"{option} is of linkages that one crank moves, over its angle; leave it out")
-        line.answer(lambda: line.ask(platform_accuracy, PlatformQuestion), caught, folder)
+        line.drawn(lambda: line.ask(platform_accuracy, PlatformQuestion), caught, folder)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from compare.cli.typed import CommandLine, Shown, Where, command
+from compare.cli.typed import CommandLine, Plotted, Shown, Where, command
 from compare.questions.analyse import AnalyseQuestion, SimulateQuestion
 
 
-@command(AnalyseQuestion, Where, Shown)
+@command(AnalyseQuestion, Where, Plotted, Shown)
 def analyse(line: CommandLine) -> None:
-    """Compute reactions, drive torque, positions and the displacement by clearance; write signals.csv.
+    """Compute reactions, drive torque, positions and the displacement by clearance; write the linkage's page.
 
     Exit status: 0 computed, 2 bad input.
     """
@@ -16,10 +16,10 @@ def analyse(line: CommandLine) -> None:
         from compare.analyse import analyse
 
         folder = line.folder(f"{line.stem}-analysis", "analysis.json", "analysis.html", "signals.csv")
-        line.answer(lambda: line.ask(analyse, AnalyseQuestion), caught, folder)
+        line.drawn(lambda: line.ask(analyse, AnalyseQuestion), caught, folder)
 
 
-@command(SimulateQuestion, Where, Shown)
+@command(SimulateQuestion, Where, Plotted, Shown)
 def simulate(line: CommandLine) -> None:
     """Run one engine with one joint model; write signals.csv.
 
@@ -29,4 +29,4 @@ def simulate(line: CommandLine) -> None:
         from compare.analyse import simulate
 
         folder = line.folder(f"{line.stem}-simulation", "simulation.json", "signals.csv")
-        line.answer(lambda: line.ask(simulate, SimulateQuestion), caught, folder)
+        line.drawn(lambda: line.ask(simulate, SimulateQuestion), caught, folder)

@@ -16,6 +16,7 @@ from compare.files import OutputError, check_replaceable, file_name
 
 NOT_ASKED = {
     "out",
+    "plot",
     "overwrite",
     "json",
     "quiet",
@@ -23,7 +24,7 @@ NOT_ASKED = {
     "dask",
     "version",
 }  # where and how an answer is given, and not which
-WRITTEN_FILES = {"out", "junit"}  # files that a command writes, and does not read
+WRITTEN_FILES = {"out", "junit", "plot"}  # files that a command writes, and does not read
 MODEL_SCHEMES = ("mjcf:", "fmu:")  # before a file among the engines
 STEM = {"case", "measured", "results", "rig"}  # whose mechanism a name begins with
 BARE = {"simulator", "clearance"}  # options whose value says in a name what it is

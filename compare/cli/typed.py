@@ -1,6 +1,7 @@
 """Questions on a command line: their options for typer, the arguments that were typed, and where the answer goes."""
 
 import inspect
+import io
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import MISSING, Field, dataclass
@@ -10,10 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar, cast
 
 import typer
 
-from compare.cli.folders import named_after, result_folder
+from compare.cli.folders import named_after, refuse_inputs, result_folder
 from compare.cli.publish import finished, put, show
-from compare.faults import Exit, complaints
-from compare.files import alone_in, made_folder
+from compare.faults import Exit, OptionError, complaints
+from compare.files import alone_in, made_folder, write_atomically
 from compare.questions.option import LeftOut, Option, Switch, Whole, Written
 from compare.questions.question import Question, arguments, option_of
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 D = TypeVar("D", bound="Document")
 Q = TypeVar("Q", bound=Question)
 R = TypeVar("R")
+PICTURES = (".svg", ".png", ".pdf")
 TYPED = "COMMANDLINE"  # typer's word for what is not left out
 
 
@@ -42,6 +44,14 @@ class Overwrite(Question):
     """Whether files may be replaced."""
 
     overwrite: Annotated[bool, Option("Replace what another command has left in the folder.", Switch())] = False
+
+
+class Plotted(Question):
+    """Whether the main curves are drawn into a file."""
+
+    plot: Annotated[
+        Path | None, Option("Draw the main curves into this file as well: .svg, .png or .pdf.", Written("FILE"))
+    ] = None
 
 
 class Where(Overwrite):
@@ -95,6 +105,29 @@ class CommandLine:
             with alone_in(place):
                 put(document, place, self.asked(Overwrite).overwrite, self.context)
             self.show(document, place)
+        return document
+
+    def drawn(self, ask: Callable[[], D], caught: Sequence[str], folder: Path) -> D:
+        """The same, and its main curves in the file that is typed for them.  Raises OptionError where they cannot be
+        drawn.
+        """
+        file = self.asked(Plotted).plot
+        if file is None:
+            return self.answer(ask, caught, folder)
+        if file.suffix.lower() not in PICTURES:
+            raise OptionError(f"--plot {file}: a picture is {', '.join(PICTURES[:-1])} or {PICTURES[-1]}")
+        try:
+            import matplotlib  # noqa: F401 - before anything is computed
+        except ImportError:
+            raise OptionError(f"--plot {file} needs matplotlib; run: pip install 'linkage-crosscheck[plot]'") from None
+        refuse_inputs(self.context, [file], "--plot")
+        document = self.answer(ask, caught, folder)
+        picture = io.BytesIO()
+        document.plot().savefig(picture, format=file.suffix.lower()[1:])
+        with made_folder(file.parent):
+            write_atomically(file, picture.getvalue())
+        if not (self.asked(Shown).quiet or self.asked(Shown).json):
+            typer.echo(f"plot: {file}")
         return document
 
     def show(self, document: "Document", place: Path | None = None) -> None:

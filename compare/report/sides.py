@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 OneSide = Analysis | Simulation
+MOST = 6  # curves of a plot
 
 
 def files(result: OneSide) -> dict[str, str]:
@@ -59,23 +60,33 @@ def summary_html(result: OneSide) -> str:
 
 
 def plot(result: OneSide, figure: Figure) -> None:
-    """Size of each reaction, and the drive torque, over the crank angle (over time where the linkage swings)."""
-    known = quantities(result.mechanism)
-    time = result.time if result.mechanism.speed is None else None
-    x = np.degrees(result.crank_angle) if time is None else time
-    force, torque = figure.subplots(2, 1, sharex=True)
-    for joint in result.mechanism.joints:
-        force.plot(
-            x, result.signals[f"reaction_{joint.name}_magnitude"], label=known[f"reaction_{joint.name}_magnitude"].label
-        )
-    for name in drive_signals(result.mechanism):
-        if name in result.signals:
-            torque.plot(x, result.signals[name], label=known[name].label)
-    force.set_ylabel("reaction force (N)")
-    torque.set_ylabel("drive torque (N·m)" if all(not j.prismatic for j in result.mechanism.motors) else "drives")
-    torque.set_xlabel("crank angle (deg)" if time is None else "time (s)")
-    force.legend(fontsize="small")
-    force.set_title(repr(result))
+    """Size of each reaction, and what the drives give, over the crank angle (or time): the six largest, each with its
+    peak.
+    """
+    known, x = quantities(result.mechanism), over(result)
+    found = [peak.quantity.signal for peak in peaks(result)]
+    drives = [name for name in drive_signals(result.mechanism) if name in found]
+    reactions = sorted(
+        (f"reaction_{j.name}_magnitude" for j in result.mechanism.joints if f"reaction_{j.name}_magnitude" in found),
+        key=lambda name: -float(np.nanmax(result.signals[name])),
+    )
+    axes = figure.subplots(2, 1, sharex=True)
+    for axis, names in zip(axes, (reactions[:MOST], drives[:MOST]), strict=True):
+        for name in names:
+            values = known[name].factor * result.signals[name]
+            (line,) = axis.plot(x.values, values, label=known[name].place or known[name].name)
+            at = int(np.nanargmax(np.abs(values)))
+            axis.plot(x.values[at], values[at], "o", markersize=4, color=line.get_color())
+            axis.annotate(
+                f"{values[at]:.4g}", (x.values[at], values[at]), (4, 4), textcoords="offset points", fontsize=8
+            )
+        if names:
+            axis.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
+    axes[0].set_ylabel("reaction force (N)")
+    units = " or ".join(dict.fromkeys(known[name].unit for name in drives)) or "N·m"
+    axes[1].set_ylabel(f"drive ({units})")
+    axes[1].set_xlabel(f"{x.label} ({x.unit})")
+    figure.suptitle(repr(result), fontsize="medium", wrap=True)
 
 
 PRESENTATION = Presentation(summary_html, print_table, files, plot)
