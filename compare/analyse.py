@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from math import tau
 from typing import Any
 
 import numpy as np
 
-from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import along
 from analytic.kinematics.output import Output
 from analytic.kinematics.reach import turns_fully
@@ -15,6 +17,7 @@ from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from analytic.mechanism.assumed import assumed
 from analytic.mechanism.signals import position
+from analytic.paper.clearance import Model
 from analytic.paper.envelope import condition, transmission
 from analytic.paper.superposition import accuracy as cycle_accuracy
 from compare.arguments import (
@@ -35,14 +38,18 @@ from compare.judge.reference import (
 from compare.judge.reruns import too_soft
 from compare.judge.signals import with_derived
 from compare.omissions import Asked, omitted, rigid_walls
+from compare.quantities import plain, shown
 from compare.questions.analyse import AnalyseQuestion, SimulateQuestion
 from compare.questions.question import answers
-from compare.results.analysis import Analysis, OutputError, Simulation
+from compare.results.analysis import Analysis, Extremes, OutputError, Simulation
 from compare.results.crosscheck import PinPath, Simulator
 from compare.schedules import scheduled
 from sim_models.common.contact_laws import assumed_of_contact
 from sim_models.common.simulate import answered
 from sim_models.engine import Motion, Request, engine
+
+CLOSELY = np.radians(0.25)  # crank angle between looks for the highest and the lowest value
+FEWEST = 8  # crank angles between which they are looked for
 
 
 @answers(AnalyseQuestion)
@@ -73,7 +80,10 @@ def analyse(question: AnalyseQuestion) -> Analysis:
         side = reference(assembly, schedule, model, m.clearances)
         if compliance:
             side = with_flexible_links(side, assembly, schedule)
+        warned += _without_use(m, side, schedule)
     optional = {} if compliance else _of_outputs(assembly, schedule, motion)
+    if not compliance and schedule.crank_angle is not None:
+        optional["extremes"] = _extremes(assembly, schedule.crank_angle, motion, model)
     optional |= {} if schedule.crank_angle is not None else {"time": schedule.time}
     return Analysis(
         case=m.name,
@@ -116,6 +126,50 @@ def _of_outputs(assembly: Assembly, schedule: Schedule, motion: Motion) -> dict[
             for d in outputs
         },
     }
+
+
+def _without_use(m: Mechanism, side: Reference, schedule: Schedule) -> Iterator[str]:
+    """Loads that vary and act nowhere in this motion, each in a sentence."""
+    for load in (load for load in m.loads if load.varies):
+        values = schedule.crank_angle if load.over == "crank_angle" else side.signals.get(load.over)
+        if values is None or not np.isfinite(values).any():
+            continue
+        angular = m.load_quantities[load.over].kind == "angle"
+        if not np.any(np.nan_to_num(load.share(values, angular))):
+            low, high = (float(f(values)) for f in (np.nanmin, np.nanmax))
+            unit, factor = shown("rad" if angular else "m")
+            span = f"{plain(factor * low, 4)} to {plain(factor * high, 4)} {unit}"
+            yield f"{m.name}: the load on {load.body} acts nowhere: {load.over} goes from {span}"
+
+
+def _extremes(assembly: Assembly, theta: np.ndarray, motion: Motion, model: Model) -> dict[str, Extremes]:
+    """The highest and lowest value of each signal over the stretch of these crank angles (N,), or over the whole turn
+    that they make; nothing where there are too few, or where the linkage cannot be followed closely.
+    """
+    steps = np.diff(theta)
+    if theta.size < FEWEST or not (np.all(steps > 0) or np.all(steps < 0)):
+        return {}
+    low, high = theta.min(), theta.max()
+    whole = high - low + np.abs(steps).max() >= tau - 1e-9
+    high = max(high, low + tau) if whole else high
+    closely = np.unique([*np.linspace(low, high, math.ceil((high - low) / CLOSELY) + 1), *theta])
+    schedule = Schedule.at_angles(assembly.mechanism, closely, at_rest=motion == "static")
+    try:
+        side = reference(assembly, schedule, model, assembly.mechanism.clearances)
+    except AssemblyError:
+        return {}
+    return {name: _extreme(values, closely) for name, values in side.signals.items() if np.isfinite(values).any()}
+
+
+def _extreme(values: np.ndarray, theta: np.ndarray) -> Extremes:
+    high, low = int(np.nanargmax(values)), int(np.nanargmin(values))
+    return Extremes(
+        highest=float(values[high]),
+        highest_at=float(theta[high]),
+        lowest=float(values[low]),
+        lowest_at=float(theta[low]),
+        mean=float(np.trapezoid(values, theta) / (theta[-1] - theta[0])),
+    )
 
 
 def _along(m: Mechanism, side: Reference) -> np.ndarray:

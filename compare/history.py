@@ -20,6 +20,7 @@ from compare.results.history import EarlierRun, Kind, Runs
 RESULT_KINDS: Mapping[str, Kind] = {
     "result.json": "cross-check",
     "diagnosis.json": "diagnosis",
+    "analysis.json": "analysis",
     "accuracy.json": "accuracy",
     "validity.json": "validity",
     "data.json": "data",

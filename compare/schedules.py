@@ -59,7 +59,9 @@ def scheduled(assembly: Assembly, question: MovedQuestion, *, may_swing: bool = 
     if m.speed is not None or at_rest:
         return Schedule.at_angles(m, crank_angles(assembly, question.angles), at_rest=at_rest)
     if not may_swing:
-        raise ArgumentError("motion", f"the drive of {m.name} has no constant speed; ask for static motion")
+        raise ArgumentError(
+            "motion", f"the drive of {m.name} has no constant speed; give times, or ask for static motion"
+        )
     if question.angles is not None:
         raise ArgumentError("angles", f"{m.name} swings freely and is looked at over time; leave angles out")
     return Schedule.released(m, FREE_TIME)

@@ -40,7 +40,7 @@ from compare.questions.baseline import BaselinesQuestion
 from compare.questions.check import CheckQuestion
 from compare.questions.crosscheck import CrosscheckQuestion
 from compare.questions.diagnose import DiagnoseQuestion
-from compare.questions.listing import ImportQuestion, RunsQuestion
+from compare.questions.listing import FieldsQuestion, ImportQuestion, NewQuestion, RunsQuestion
 from compare.questions.plan import PlanQuestion
 from compare.questions.question import Question, arguments, option_of
 from compare.questions.question import options as of_question
@@ -257,6 +257,9 @@ ELSEWHERE = {  # options whose effect another test shows
     ("diagnose", "case"): "test_begin.py",
     ("baseline check", "junit"): "test_baseline.py",
     ("list", "folder"): "test_history.py",
+    ("fields", "table"): "test_first_minutes.py",
+    ("new", "name"): "test_first_minutes.py",
+    ("new", "kind"): "test_first_minutes.py",
 }
 OF_TYPER = {"install_completion", "show_completion"}
 QUESTIONS: dict[str, tuple[type[Question], ...]] = {
@@ -274,6 +277,8 @@ QUESTIONS: dict[str, tuple[type[Question], ...]] = {
     "baseline update": (BaselinesQuestion,),
     "list": (RunsQuestion,),
     "import": (ImportQuestion,),
+    "fields": (FieldsQuestion,),
+    "new": (NewQuestion,),
 }
 OF_A_COMMAND = {  # options that are no argument, but for where and how an answer is given
     ("diagnose", "check"), ("diagnose", "init"), ("diagnose", "case"), ("baseline check", "junit"),

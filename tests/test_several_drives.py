@@ -469,8 +469,8 @@ def test_a_reader_is_told_why_there_is_no_answer() -> None:
     still = m.replace(drives=tuple(drive.model_copy(update={"speed": 0.0}) for drive in m.drives))
     found, page = lc.analyse(still, times=[0.0, 0.1, 0.2]), io.StringIO()
     found.print_to(Console(file=page, width=110))
-    why = "no answer at 3 samples, first 0 s: the sliding at A stands or reverses here, and its friction has no"
-    why += " direction"
+    why = "no answer at 3 samples of 3, first 0 s: the sliding at A stands or reverses here, and its friction has no"
+    why += " direction; peaks are of the others"
     assert why in page.getvalue().splitlines()
     assert why in found._repr_html_()
 

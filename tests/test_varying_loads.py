@@ -70,6 +70,12 @@ def test_a_place_or_an_angle_of_a_body_will_do_as_well() -> None:
     np.testing.assert_allclose(extra("static", always), -1.0, atol=1e-12)
 
 
+def test_a_stretch_of_a_length_is_the_same_from_either_end() -> None:
+    for ends in ((0.1, 0.15), (0.15, 0.1)):
+        load_ = Load(body="slider", force=(-100.0, 0.0), over="position_S", start=ends[0], end=ends[1])
+        np.testing.assert_allclose(load_.share(np.array([0.09, 0.1, 0.12, 0.15, 0.16]), False), [0, 1, 1, 1, 0])
+
+
 def test_a_table_over_the_crank_goes_on_from_turn_to_turn() -> None:
     turned = Load(body="crank", torque=3.0, over="crank_angle", table=((1.0, 1.0), (5.0, 0.0)))
     gap = math.tau - 4.0
@@ -120,6 +126,15 @@ def test_every_engine_that_has_such_loads_agrees(name: str, model: JointModel, m
     assert np.ptp(torque) > 10  # the loads are felt
 
 
+@pytest.mark.mujoco
+def test_a_sample_at_which_a_load_begins_is_not_compared_and_says_why() -> None:
+    edges = np.radians([185.0, 200.0, 215.0, 355.0, 370.0, 385.0])  # the stroke is from 200 to 10 degrees
+    result = lc.crosscheck(press(TOOL, speed=12.0), simulators="mujoco", joint_model="ideal", angles=edges)
+    (run,) = result.runs
+    assert run.flags == dict.fromkeys(("1", "4"), "the load on crank begins or ends here")
+    assert run.verdict == "agrees"
+
+
 def test_an_engine_without_such_loads_says_which_it_would_leave_out() -> None:
     with pytest.raises(Unsupported, match=r"exudyn has no loads that vary .* over = 'position_S' of the load on 'slid"):
         lc.simulate(press(PUSH), "exudyn")
@@ -153,6 +168,9 @@ FAULTS = {
     'over = "position_B"\nfrom = 1.0\nto = 2.0': "nothing that a load of this linkage varies over; they are",
     'over = "crank_angle"\ntable = [[1.0, 0.0]]': "two pairs of value and factor at least",
     'over = "crank_angle"\ntable = [[1.0, 0.0], [1.0, 1.0]]': "in increasing order",
+    'over = "crank_angle"\ntable = [["90 deg", 0.0], ["500 deg", 1.0]]': "longer than a turn of crank_angle",
+    'over = "crank_angel"\nfrom = "20 deg"\nto = "30 deg"': "nothing that a load of this linkage varies over; they are",
+    'from = "20 deg"\nto = "30 deg"': "has over and either",
     'over = "crank_angle"\nfrom = 0.0\nto = 1.0\ntable = [[0.0, 1.0], [1.0, 1.0]]': "either from and to, or a table",
 }
 

@@ -203,6 +203,12 @@ def test_every_field_with_a_dimension_may_be_written_with_its_unit(part: type[Me
     assert fields - PARTS[part] == set()
 
 
+def test_a_power_may_be_written_as_results_print_it() -> None:
+    assert quantity("2 kg.m2", "kg.m^2") == quantity("2 kg.m^2", "kg.m^2") == 2.0
+    assert quantity("3 kg.mm2", "kg.m^2") == pytest.approx(3e-6)
+    assert quantity("981 cm/s2", "m/s^2") == pytest.approx(9.81)
+
+
 def test_an_exponent_is_no_unit_and_nothing_is_lost_in_si() -> None:
     assert quantity("5e-5", "m") is None
     assert quantity("5e-5 m", "m") == 5e-5

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from analytic.mechanism.parts import GROUND, SMALLEST_NUMBER, Body, Drive, Ground, Joint, Load, Spring
 from analytic.mechanism.signals import signals
+from analytic.mechanism.varying import Quantity
 
 LEAST_RESTITUTION = 0.01  # of a law with hysteresis, two of which divide by it, and of any in a map
 ROUGHEST = 5.0  # coefficient of friction at a block's corners: a larger one was meant in N
@@ -170,7 +171,7 @@ def _check_plain(drive: Drive, where: str) -> None:
             )
 
 
-def check_loads(loads: Iterable[Load], bodies: Mapping[str, Body], quantities: Collection[str]) -> None:
+def check_loads(loads: Iterable[Load], bodies: Mapping[str, Body], quantities: Mapping[str, Quantity]) -> None:
     """Loads name moving bodies and points that exist, and vary over what there is."""
     for load in loads:
         body = bodies.get(load.body)
@@ -185,6 +186,8 @@ def check_loads(loads: Iterable[Load], bodies: Mapping[str, Body], quantities: C
                 f"load.over = {load.over!r} is nothing that a load of this linkage varies over; they are"
                 f" {', '.join(quantities)}"
             )
+        if load.table and quantities[load.over].kind == "angle" and load.table[-1][0] - load.table[0][0] > 2 * math.pi:
+            raise ValueError(f"load.table is longer than a turn of {load.over}; give what is the same in every turn")
 
 
 def check_springs(springs: Iterable[Spring], parts: PartsByName, joints: Sequence[Joint]) -> None:

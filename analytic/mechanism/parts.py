@@ -442,15 +442,17 @@ class Load(MechanismPart):
         return bool(self.over)
 
     def share(self, value: Amount, angular: bool) -> Amount:
-        """How much of it acts at values of its quantity, every turn alike of one that is ``angular``."""
+        """How much of it acts at values of its quantity, every turn alike of one that is ``angular``; a stretch of a
+        length is the same from either end.
+        """
         turn = 2 * math.pi
         if self.table:
             values, factors = zip(*self.table, strict=True)
             return np.interp(value, values, factors, period=turn if angular else None)
         start, end = self.start or 0.0, self.end or 0.0
-        if angular and end - start < turn:
-            return 1.0 * ((value - start) % turn <= (end - start) % turn)
-        return 1.0 * ((start <= value) & (value <= end) | angular)
+        if not angular:
+            return 1.0 * ((min(start, end) <= value) & (value <= max(start, end)))
+        return 1.0 * ((value - start) % turn <= (end - start) % turn) if end - start < turn else value * 0.0 + 1.0
 
     def scaled(self, length: float) -> Load:
         """The same with its quantity, a length, in units of ``length`` (m)."""

@@ -86,7 +86,8 @@ def _factor(unit: str, si: str, accepted: str) -> float:
     if not _UNIT.fullmatch(unit):
         raise UnitError(f"unit {shown(unit)}, which cannot be read; {accepted}")
     try:
-        quantity = _in_base_units(re.sub(r"[.·⋅ ]|-(?!\d)", "*", unit))
+        powers = re.sub(r"(?<=[^\W\d_])(-?\d)", r"^\1", unit)  # kg.m2 as kg.m^2
+        quantity = _in_base_units(re.sub(r"[.·⋅ ]|-(?!\d)", "*", powers))
     except (_pint().PintError, ValueError, TypeError):  # such as of nan, which is a number
         raise UnitError(f"unit {unit!r}, which is unknown; {accepted}") from None
     wanted = _in_base_units(si.replace(".", "*"))

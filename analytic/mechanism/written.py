@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
 from analytic.mechanism.units import UnitError, factor_to_si
@@ -65,6 +65,8 @@ def in_si(fields: Mapping[str, object]) -> dict[str, object]:
     """
     out: dict[str, Any] = dict(fields)
     slides = {j.get("name") for j in _tables(out, "joint") if j.get("type") == "prismatic"}
+    lengths = {f"position_{name}" for name in slides}
+    lengths |= {f"{body.get('name')}_{axis}" for body in _tables(out, "body") for axis in "xy"}
     if "gravity" in out:
         out["gravity"] = _read(out["gravity"], "m/s^2", "gravity")
     if "assembly" in out:
@@ -76,7 +78,7 @@ def in_si(fields: Mapping[str, object]) -> dict[str, object]:
         "joint": lambda j: JOINT | (PRISMATIC if j.get("type") == "prismatic" else REVOLUTE),
         "drive": lambda d: DRIVE | {"speed": "m/s" if d.get("joint") in slides else "rad/s"},
         "spring": lambda _: SPRING,
-        "load": lambda load: LOAD | dict.fromkeys(("from", "to", "table"), _over(load)),
+        "load": lambda load: LOAD | dict.fromkeys(("from", "to", "table"), _over(load, lengths)),
     }
     for table, units in of_part.items():
         parts = out.get(table)
@@ -97,9 +99,10 @@ def _called(table: str, part: Mapping[str, Any]) -> str:
     return f"{table}[{name}]" if isinstance(name, str) else table
 
 
-def _over(load: Mapping[str, Any]) -> str:
-    over = str(load.get("over", ""))
-    return "rad" if over.endswith("angle") else "m"
+def _over(load: Mapping[str, Any], lengths: Collection[str]) -> str:
+    """The unit of what a load varies over; any, where that is nothing that there is, which is then what is wrong."""
+    over = load.get("over")
+    return "m" if over in lengths else "rad" if isinstance(over, str) and over.endswith("angle") else ""
 
 
 def _part(part: Mapping[str, Any], units: Units, called: str) -> dict[str, Any]:
@@ -137,8 +140,10 @@ def _read(value: Any, unit: str, called: str) -> Any:
 
 
 def quantity(text: str, unit: str) -> float | None:
-    """A number that is written with its unit, in this SI unit; None of what is no number with a unit.  Raises
-    UnitError.
+    """A number that is written with its unit, in this SI unit, or as it is where there is none; None of what is no
+    number with a unit.  Raises UnitError.
     """
     written = None if BARE.fullmatch(text) else NUMBER.fullmatch(text)
-    return None if written is None else float(written[1]) * factor_to_si(written[2], unit)
+    if written is None:
+        return None
+    return float(written[1]) * (factor_to_si(written[2], unit) if unit else 1.0)

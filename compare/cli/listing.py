@@ -50,7 +50,7 @@ def fields(line: CommandLine) -> None:
 
 @command(RunsQuestion, Shown)
 def runs(line: CommandLine) -> None:
-    """List earlier results, newest first: cross-checks, diagnoses, accuracy and validity, with the command of each.
+    """List earlier results, newest first: cross-checks, diagnoses and all others, with the command of each.
 
     Exit status: 0 listed, 2 there is no such folder.
     """

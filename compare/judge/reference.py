@@ -17,7 +17,7 @@ from analytic.kinematics.reach import usual_angles
 from analytic.kinematics.schedule import Schedule, Turning
 from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import count, one_line
-from analytic.mechanism.signals import Signal, driving, named
+from analytic.mechanism.signals import Signal, driving, named, wrapped
 from analytic.paper.clearance import Displaced, Model, displaced
 from analytic.paper.compliance import compliance
 from analytic.paper.envelope import condition
@@ -33,6 +33,7 @@ NEAR_SINGULAR = (
     " the loops is up to"
 )
 TURNS_BACK = "and its friction has no direction"  # in a flag
+AT_EDGE = 1e-3  # rad, or of the longest body: from where a load begins or ends
 REVERSAL = 5e-3  # rad of crank before and after a joint's sliding reverses, where simulations preslide or are in a step
 
 
@@ -235,6 +236,22 @@ def _still(assembly: Assembly, schedule: Schedule) -> frozenset[str]:
     standing = {name for name, course in schedule.courses.items() if np.ptp(course.values) == 0}
     moves = len(standing) < len(schedule.drives)
     return frozenset(standing if moves else (joint.name for joint in assembly.mechanism.joints))
+
+
+def without_load_edges(side: Reference, m: Mechanism) -> Reference:
+    """A side flagged where a load begins or ends: there rounding decides whether a simulation has it."""
+    flags: dict[int, str] = {}
+    for load in m.loads:
+        values = side.signals.get(f"{m.driven}_angle" if load.over == "crank_angle" else load.over)
+        if load.start is None or load.end is None or values is None:
+            continue
+        angular = m.load_quantities[load.over].kind == "angle"
+        near = AT_EDGE * (1.0 if angular else max(body.length for body in m.bodies) or 1.0)
+        for end in (load.start, load.end):
+            away = np.asarray(values - end)
+            for i in np.flatnonzero(np.abs(wrapped(away) if angular else away) < near):
+                flags.setdefault(int(i), f"the load on {load.body} begins or ends here")
+    return _without({i: why for i, why in flags.items() if i not in side.flags}, side) if flags else side
 
 
 def _at_rest(side: Reference) -> Reference:

@@ -12,18 +12,18 @@ from compare.report.sides import plot, print_peaks, said, summary_html
 from compare.report.tables import say, terminal_table
 from compare.results.analysis import Analysis
 
-ERROR_HEADS = ("error by clearance", "unit", "largest", "at", "mostly by", "worst case", "at")
+ERROR_HEADS = ("error by clearance", "unit", "largest", "at", "by joint, first order", "worst case", "at")
 
 
 def print_table(result: Analysis, console: Console) -> None:
     """Print the peaks with their places, the error of each output by clearance, and what to beware of; ASCII."""
     print_peaks(result, console)
     rows = [
-        (e.name, e.unit, plain(e.equilibrium, 3, True), e.at, e.mostly, plain(e.worst), e.worst_at)
+        (e.name, e.unit, plain(e.equilibrium, 3, True), e.at, e.by_joint, plain(e.worst), e.worst_at)
         for e in error_peaks(result)
     ]
     if rows:
-        console.print(terminal_table(ERROR_HEADS, rows, left=("error by clearance", "unit", "mostly by")))
+        console.print(terminal_table(ERROR_HEADS, rows, left=("error by clearance", "unit", "by joint, first order")))
     if poor(result):
         say(console, f"transmission angle below {GOOD:g} deg at {poor(result)}")
     say(console, *said(result), repr(result))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
@@ -10,8 +11,19 @@ from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import Motion, kinematics
 from analytic.mechanism import GROUND
 from compare.quantities import drive_signals, number, quantities, shown
-from compare.report.figure import Axis, Figure, Series, scaled
-from compare.report.peaks import GOOD, NOTHING, over, parts_of, transmission_angle
+from compare.report.figure import Axis, Figure, Numbers, Series, scaled
+from compare.report.peaks import (
+    GOOD,
+    NOTHING,
+    End,
+    acting,
+    over,
+    parts_of,
+    peaks,
+    power,
+    transmission_angle,
+    whole_turn,
+)
 from compare.results.analysis import Analysis, Simulation
 
 ROLES = ("massless-link", "spring-damper", "contact", "ideal", "force-3", "analytic")  # six colours of the pages
@@ -20,7 +32,7 @@ MOST = len(ROLES)  # curves of a figure
 
 def figures(result: Analysis | Simulation) -> list[Figure]:
     """All of them, those first that are looked at first."""
-    found = [*_reactions(result), *_drive(result), *_vectors(result)]
+    found = [*_reactions(result), *_drive(result), *_loads(result), *_vectors(result)]
     if isinstance(result, Analysis):
         found += [*_errors(result), *_transmission(result)]
     return [*found, *_positions(result), *_rates(result)]
@@ -32,26 +44,50 @@ def curves(
     title: str,
     axis: Axis,
     lines: Mapping[str, np.ndarray],
-    peaks: bool = True,
+    ends: Mapping[str, Sequence[End]] | None = None,
     more: Sequence[Series] = (),
 ) -> Figure:
-    """Values (N,) in the axis' unit over the crank angle or time, the largest of each labelled."""
+    """Values (N,) in the axis' unit over the crank angle or time, with a label at the ``ends`` of each; where none are
+    given at its largest sample, unless it is constant.
+    """
     x = over(result)
-    across = scaled(x.values)
     series, marks, said = list[Series](), list[Series](), list[str]()
     for k, (label, values) in enumerate(lines.items()):
         role = ROLES[k % MOST]
-        series.append(Series(label, across, scaled(values), role))
-        if peaks and np.isfinite(values).any():
-            at = int(np.nanargmax(np.abs(values)))
-            peak = (
-                f"{label} " * (len(lines) > 1)
-                + f"{number(float(values[at]), 4)} at {number(x.values[at], 4)}{'°' if x.unit == 'deg' else ' s'}"
-            )
-            marks.append(Series("", (across[at],), (float(values[at]),), role, "marker", labels=(peak,)))
-            said.append(f"{label} {number(float(values[at]), 4)} {axis.unit} at {x.at(at)}")
+        series.append(Series(label, *_closed(result, values), role))
+        for end in _largest(values, x.values) if ends is None else ends.get(label, ()):
+            text = f"{number(end.value, 4)} at {number(end.at, 4)}{'°' if x.unit == 'deg' else ' s'}"
+            text = f"{label} {text}" if len(lines) > 1 else text
+            marks.append(Series("", scaled([end.at]), scaled([end.value]), role, "marker", labels=(text,)))
+            said.append(text)
     text = f"{title} over {x.label}. Largest: {'; '.join(said)}." if said else f"{title} over {x.label}."
+    marks.sort(key=lambda mark: -(mark.y[0] or 0.0))  # labels that make room for each other keep their order
     return Figure(name, title, text, Axis(x.label, x.unit), axis, (*series, *more, *marks))
+
+
+def _largest(values: np.ndarray, x: Sequence[float]) -> list[End]:
+    """The sample that is largest in size, if the values vary."""
+    size = np.abs(values)
+    if not np.isfinite(size).any() or np.nanmax(values) - np.nanmin(values) <= NOTHING * np.nanmax(size):
+        return []
+    at = int(np.nanargmax(size))
+    return [End(float(values[at]), float(x[at]))]
+
+
+def _closed(result: Analysis | Simulation, values: np.ndarray) -> tuple[Numbers, Numbers]:
+    """A curve's x and y, with its first sample once more behind its last where the samples make a whole turn and it is
+    where it began.
+    """
+    x = over(result)
+    if not whole_turn(x) or abs(values[-1] - values[0]) > 3 * np.nanmax(np.abs(np.diff(values)), initial=0.0):
+        return scaled(x.values), scaled(values)
+    around = 360.0 if x.values[-1] > x.values[0] else -360.0
+    return scaled([*x.values, x.values[0] + around]), scaled([*values, values[0]])
+
+
+def _round(result: Analysis | Simulation, path: np.ndarray) -> np.ndarray:
+    """A path (N,) x + iy, closed where the samples make a whole turn."""
+    return np.append(path, path[:1]) if whole_turn(over(result)) else path
 
 
 def _there(result: Analysis | Simulation, names: Mapping[str, str]) -> dict[str, np.ndarray]:
@@ -69,35 +105,56 @@ def _in_sixes(
     title: str,
     axis: Axis,
     lines: Mapping[str, np.ndarray],
-    peaks: bool = True,
+    ends: Mapping[str, Sequence[End]] | None = None,
 ) -> Iterator[Figure]:
     """One figure of these curves, or several of six."""
     named = list(lines.items())
-    chunks = [named[k : k + MOST] for k in range(0, len(named), MOST)]
+    each = math.ceil(len(named) / max(math.ceil(len(named) / MOST), 1)) or 1
+    chunks = [named[k : k + each] for k in range(0, len(named), each)]
     for k, chunk in enumerate(chunks):
         part = f" ({k + 1} of {len(chunks)})" if len(chunks) > 1 else ""
-        yield curves(result, name if k == 0 else f"{name}_{k + 1}", title + part, axis, dict(chunk), peaks)
+        yield curves(result, name if k == 0 else f"{name}_{k + 1}", title + part, axis, dict(chunk), ends)
+
+
+def _lines(
+    result: Analysis | Simulation, names: Mapping[str, str]
+) -> tuple[dict[str, np.ndarray], dict[str, Sequence[End]]]:
+    """Signals by label in a reader's unit, those that are not zero throughout, and their ends."""
+    known, listed = quantities(result.mechanism), {each.quantity.signal: each for each in peaks(result)}
+    there = {label: name for label, name in names.items() if name in listed}
+    lines = {label: known[name].factor * result.signals[name] for label, name in there.items()}
+    return lines, {label: listed[name].ends for label, name in there.items()}
 
 
 def _reactions(result: Analysis | Simulation) -> Iterator[Figure]:
     joints = {joint.name: f"reaction_{joint.name}_magnitude" for joint in result.mechanism.joints}
-    lines = _there(result, joints)
-    largest = max((np.nanmax(v) for v in lines.values()), default=0.0)
-    lines = {name: values for name, values in lines.items() if np.nanmax(values) > NOTHING * largest}
-    yield from _in_sixes(result, "reactions", "Reaction force of each joint", Axis("force", "N"), lines)
+    yield from _in_sixes(
+        result, "reactions", "Reaction force of each joint", Axis("force", "N"), *_lines(result, joints)
+    )
+    slides = {joint.name: f"reaction_{joint.name}_moment" for joint in result.mechanism.joints if joint.prismatic}
+    yield from _in_sixes(
+        result, "moments", "Reaction moment of each slide", Axis("moment", "N·m"), *_lines(result, slides)
+    )
 
 
 def _drive(result: Analysis | Simulation) -> Iterator[Figure]:
-    mechanism = result.mechanism
-    known = quantities(mechanism)
-    for unit in ("N·m", "N"):
-        names = {known[s].place or "drive": s for s in drive_signals(mechanism) if known[s].unit == unit}
-        what = "torque" if unit == "N·m" else "force"
-        yield from _in_sixes(result, f"drive_{what}", f"Drive {what}", Axis(what, unit), _there(result, names))
-    speed = result.signals.get(f"{mechanism.driven}_angular_velocity") if mechanism.cranked else None
-    torque = result.signals.get("drive_torque")
-    if speed is not None and torque is not None and np.nanmax(np.abs(torque * speed), initial=0.0) > 0:
-        yield curves(result, "drive_power", "Drive power", Axis("power", "W"), {"power": torque * speed})
+    known = quantities(result.mechanism)
+    for unit, what in (("N·m", "torque"), ("N", "force")):
+        names = {known[s].place or "drive": s for s in drive_signals(result.mechanism) if known[s].unit == unit}
+        yield from _in_sixes(result, f"drive_{what}", f"Drive {what}", Axis(what, unit), *_lines(result, names))
+    watts = power(result)
+    if watts is not None:
+        x = over(result).values
+        extremes = [End(float(watts[k]), float(x[k])) for k in map(int, (np.nanargmax(watts), np.nanargmin(watts)))]
+        ends = {"power": [end for end in extremes if abs(end.value) > NOTHING * np.nanmax(np.abs(watts))]}
+        yield curves(result, "drive_power", "Drive power", Axis("power", "W"), {"power": watts}, ends)
+
+
+def _loads(result: Analysis | Simulation) -> Iterator[Figure]:
+    """What loads that vary do, where some of them do anything."""
+    for unit, what in (("N", "force"), ("N·m", "torque")):
+        lines = {each.label: each.size for each in acting(result) if each.unit == unit and each.load.varies}
+        yield from _in_sixes(result, f"load_{what}", f"Loads that vary: {what}", Axis(what, unit), lines, {})
 
 
 def _vectors(result: Analysis | Simulation) -> Iterator[Figure]:
@@ -111,7 +168,8 @@ def _vectors(result: Analysis | Simulation) -> Iterator[Figure]:
         seen = {"in the ground's frame": force}
         if f"{body}_angle" in signals:
             seen[f"in the frame of {body}"] = force * np.exp(-1j * signals[f"{body}_angle"])
-        series = [Series(n, scaled(f.real), scaled(f.imag), ROLES[k]) for k, (n, f) in enumerate(seen.items())]
+        rounds = {name: _round(result, f) for name, f in seen.items()}
+        series = [Series(n, scaled(f.real), scaled(f.imag), ROLES[k]) for k, (n, f) in enumerate(rounds.items())]
         marks, at = list[Series](), int(np.nanargmax(np.abs(force)))
         for k, f in enumerate(seen.values()):
             tip, role = f[at], ROLES[k]
@@ -137,12 +195,12 @@ def _errors(result: Analysis) -> Iterator[Figure]:
             continue
         parts = {f"by {joint} alone": factor * part for joint, part in parts_of(error).items()}
         lines = {"equilibrium": factor * error.equilibrium} | (parts if 1 < len(parts) < MOST else {})
-        x = scaled(over(result).values)
         bounds = [
-            Series("worst case" if sign > 0 else "", x, scaled(sign * worst), "frame", "dashed") for sign in (1, -1)
+            Series("worst case" if sign > 0 else "", *_closed(result, sign * worst), "frame", "dashed")
+            for sign in (1, -1)
         ]
         yield curves(
-            result, f"error_{name}", f"Error of {name} by clearance", Axis("displacement", unit), lines, False, bounds
+            result, f"error_{name}", f"Error of {name} by clearance", Axis("displacement", unit), lines, {}, bounds
         )
 
 
@@ -168,23 +226,24 @@ def _transmission(result: Analysis) -> Iterator[Figure]:
         title,
         Axis("transmission angle", "deg"),
         {"transmission angle": angle},
-        False,
+        {},
         (limit, least),
     )
 
 
 def _positions(result: Analysis | Simulation) -> Iterator[Figure]:
     mechanism = result.mechanism
-    driven = mechanism.driven if mechanism.cranked else ""
+    driven = mechanism.driven if mechanism.cranked and mechanism.motors else ""
     angles = _there(result, {body.name: f"{body.name}_angle" for body in mechanism.bodies if body.name != driven})
-    yield from _in_sixes(result, "angles", "Angles of the bodies", Axis("angle", "deg"), angles, peaks=False)
+    yield from _in_sixes(result, "angles", "Angles of the bodies", Axis("angle", "deg"), angles, {})
     slides = _there(result, {j.name: f"position_{j.name}" for j in mechanism.joints if j.prismatic})
     yield from _in_sixes(result, "travel", "Travel of the slides", Axis("position", "mm"), slides)
     paths = []
     for k, body in enumerate(mechanism.bodies):
         x, y = (result.signals.get(f"{body.name}_{axis}") for axis in "xy")
         if x is not None and y is not None and k < MOST:
-            paths.append(Series(body.name, scaled(x, 1e3), scaled(y, 1e3), ROLES[k % MOST]))
+            path = _round(result, x + 1j * y)
+            paths.append(Series(body.name, scaled(path.real, 1e3), scaled(path.imag, 1e3), ROLES[k % MOST]))
     if paths:
         title = "Paths of the centres of mass"
         yield Figure("paths", title, f"{title}.", Axis("x", "mm"), Axis("y", "mm"), tuple(paths), "plane")

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import asdict
 
 import numpy as np
 from markupsafe import Markup
 
+from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.one_line import count
 from compare.quantities import DASH, assumptions, number, plain, quantities, shown
 from compare.report.analysis_figures import ROLES, figures
@@ -16,13 +18,22 @@ from compare.report.figure import Figure, scaled
 from compare.report.linkage import assembled, exaggeration, in_turn_of, parts, poses_of
 from compare.report.moving_picture import moving_picture
 from compare.report.pages import PageSection, Script, page
-from compare.report.peaks import error_peaks, over, peaks, poor, transmission_angle, unanswered
+from compare.report.peaks import (
+    NOTHING,
+    acting,
+    error_peaks,
+    over,
+    peaks,
+    poor,
+    transmission_angle,
+    unanswered,
+    whole_turn,
+)
 from compare.report.svg import draw
 from compare.results.analysis import Analysis
 from compare.results.document import as_written
 
 LEFT_OUT = "left out: "
-WHOLE_TURN = 360.0 - 1e-6  # deg
 
 
 def files(result: Analysis) -> dict[str, str]:
@@ -44,7 +55,7 @@ def render(result: Analysis, drawn: Sequence[Figure], drawings: dict[str, str], 
         "warnings": [text for text in result.warnings if not text.startswith(LEFT_OUT)],
         "left_out": left_out,
         "facts": _facts(result),
-        "peaks": [peak.row(x) for peak in peaks(result)],
+        "peaks": [each.row(x.unit) for each in peaks(result)],
         "errors": list(error_peaks(result)),
         "flags": [(count(len(at), "sample"), x.at(at[0]), why) for at, why in unanswered(result)],
         "figures": drawn,
@@ -78,6 +89,12 @@ def _facts(result: Analysis) -> dict[str, str]:
     facts["Motion"] = "in motion, with inertia forces" if result.motion == "driven" else "at rest in each position"
     facts[x.label.capitalize()] = f"{plain(x.values[0], 4)} to {x.at(-1)}, {count(len(x.values), 'sample')}"
     facts["Radial clearance"] = sizes or "none"
+    torque = result.extremes.get("drive_torque")
+    if m.speed and result.motion == "driven" and whole_turn(x) and torque is not None and torque.mean is not None:
+        largest = max(abs(torque.highest or 0.0), abs(torque.lowest or 0.0))
+        mean = torque.mean if abs(torque.mean) > NOTHING * largest else 0.0
+        work = mean * 2 * np.pi * np.sign(m.speed)
+        facts["Mean power of the drive"] = f"{number(mean * m.speed, 4)} W, {number(work, 4)} J a turn"
     angle = transmission_angle(result)
     if angle is not None and np.nanmin(angle) < 89.9:
         at = int(np.nanargmin(angle))
@@ -107,27 +124,39 @@ def _motion(result: Analysis) -> dict[str, object]:
         "unit": x.unit,
         "x": scaled(x.values),
         "opens": int(np.argmin(np.abs(np.asarray(x.values) - 30.0))) if not x.of_time else 0,
-        "round": not x.of_time and _whole(x.values),
+        "round": whole_turn(x),
         "ideal": ideal or displaced,
         "displaced": displaced,
         "factor": exaggeration(m, result),
         "clearance": dict(result.clearance),
         "flags": dict(result.flags),
         "forces": forces,
+        "loads": [
+            {
+                "body": each.load.body,
+                "point": _arm(m, each.load),
+                "x": scaled(each.size * each.load.force[0] / math.hypot(*each.load.force)),
+                "y": scaled(each.size * each.load.force[1] / math.hypot(*each.load.force)),
+            }
+            for each in acting(result)
+            if each.unit == "N"
+        ],
         "largest": max((float(np.nanmax(size, initial=0.0)) for size in sizes), default=0.0) or 1.0,
         "readout": _readout(result),
     }
 
 
-def _whole(degrees: Sequence[float]) -> bool:
-    """Whether the step after the last crank angle would close a turn."""
-    return len(degrees) > 1 and abs(degrees[-1] - degrees[0]) + abs(degrees[1] - degrees[0]) >= WHOLE_TURN
+def _arm(m: Mechanism, load: Load) -> list[float]:
+    """Where (m) a force acts, from its body's marker, in the body's frame."""
+    body = m.moving[load.body]
+    arm = body.point(load.point) - body.point("com")
+    return [arm.real, arm.imag]
 
 
 def _readout(result: Analysis) -> list[dict[str, object]]:
     """What the page lists at each sample: size and direction of each reaction, the drive, angles and slides."""
     known = quantities(result.mechanism)
-    first = [peak.quantity.signal for peak in peaks(result)]
+    first = [each.quantity.signal for each in peaks(result)]
     names = [n for s in first for n in (s, s.replace("_magnitude", "_angle")) if n in result.signals]
     listed = [known[name] for name in dict.fromkeys(names)]
     return [

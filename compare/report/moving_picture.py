@@ -45,6 +45,9 @@ def moving_picture(result: Analysis | Simulation) -> str:
     frames = [configuration(m, pose, "", "analytic", gaps) for pose in poses]
     across, up, height = _scales(frames)
     body = [_moving([frame[k] for frame in frames], across, up) for k in range(len(frames[0]))]
+    if times > 1:
+        body.append(label(f"gaps drawn {times} times as large", WIDTH / 2, height + 2, "middle"))
+        height += 14.0
     title = f"{result.case}, moving over {x.at(0)} to {x.at(-1)}"
     title += f", gaps drawn {times} times as large" if times > 1 else ""
     return picture(WIDTH, height, title, body)

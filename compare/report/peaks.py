@@ -4,43 +4,68 @@ each body and slide moves, and the error by clearance with the joint that has mo
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
+from analytic.mechanism import Load
 from compare.quantities import Quantity, drive_signals, plain, quantities, shown
 from compare.report.summary import Abscissa, abscissa, by_reason
 from compare.results.analysis import Analysis, OutputError, Simulation
 
 NOTHING = 1e-9  # of what belongs to it (a reaction, a length): smaller is rounding
+SHOWN_PARTS = 3  # joints of an error on a terminal
 GOOD = 40.0  # deg: the transmission angle below which textbooks call a linkage poor (Norton, Design of Machinery)
 
 
 @dataclass(frozen=True)
+class End:
+    """A highest or lowest value of a signal in its quantity's unit, and where (deg, s) it is."""
+
+    value: float
+    at: float
+
+
+@dataclass(frozen=True)
 class Peak:
-    """The highest and the lowest value of a signal, in its quantity's unit, with the samples at which they are."""
+    """The highest and the lowest value of a signal."""
 
     quantity: Quantity
-    values: np.ndarray
+    highest: End
+    lowest: End
 
     @property
-    def highest(self) -> int:
-        """Sample of the highest value."""
-        return int(np.nanargmax(self.values))
+    def largest(self) -> End:
+        """That of the two which is larger in size."""
+        return max(self.highest, self.lowest, key=lambda end: abs(end.value))
 
     @property
-    def lowest(self) -> int:
-        """Sample of the lowest value."""
-        return int(np.nanargmin(self.values))
+    def ends(self) -> tuple[End, ...]:
+        """Both where the signal changes its sign, else the larger one."""
+        both = self.highest.value > 0 > self.lowest.value
+        return (self.highest, self.lowest) if both else (self.largest,)
 
-    def row(self, over: Abscissa) -> tuple[str, ...]:
-        """As a table has it: name, unit, highest and lowest value, each with its place."""
-        largest = np.nanmax(np.abs(self.values))
-        ends = ((self.values[k], over.at(k)) for k in (self.highest, self.lowest))
-        ends = ((0.0 if abs(v) < NOTHING * largest else v, at) for v, at in ends)
-        return self.quantity.label, self.quantity.unit, *(cell for v, at in ends for cell in (plain(float(v), 4), at))
+    def row(self, unit: str) -> tuple[str, ...]:
+        """As a table has it: name, unit, highest and lowest value, each with its place in a unit."""
+        least = NOTHING * abs(self.largest.value)
+        ends = ((0.0 if abs(end.value) < least else end.value, end.at) for end in (self.highest, self.lowest))
+        cells = (cell for value, at in ends for cell in (plain(value, 4), f"{plain(at, 4)} {unit}"))
+        return self.quantity.label, self.quantity.unit, *cells
+
+
+def peak(result: Analysis | Simulation, quantity: Quantity) -> Peak:
+    """The highest and lowest value of a signal, between the samples too where they were looked for there."""
+    found = result.extremes.get(quantity.signal) if isinstance(result, Analysis) else None
+    if found is not None and None not in (found.highest, found.highest_at, found.lowest, found.lowest_at):
+        ends = ((found.highest, found.highest_at), (found.lowest, found.lowest_at))
+        return Peak(quantity, *(End(quantity.factor * (v or 0.0), math.degrees(at or 0.0)) for v, at in ends))
+    values, x = quantity.factor * result.signals[quantity.signal], over(result).values
+    return Peak(
+        quantity, *(End(float(values[k]), x[k]) for k in map(int, (np.nanargmax(values), np.nanargmin(values))))
+    )
 
 
 def peaks(result: Analysis | Simulation) -> Iterator[Peak]:
@@ -52,15 +77,16 @@ def peaks(result: Analysis | Simulation) -> Iterator[Peak]:
     force = max((_size(result, name) for name in reactions), default=0.0)
     length = max((body.length for body in mechanism.bodies), default=0.0) or 1.0
     scale = {"N": force, "N·m": force * length, "mm": length, "deg": 1.0}
-    driven = mechanism.driven if mechanism.cranked else ""
+    moments = [f"reaction_{joint.name}_moment" for joint in mechanism.joints if joint.prismatic]
+    driven = mechanism.driven if mechanism.cranked and mechanism.motors else ""  # let go, it swings
     turning = [f"{body.name}_angle" for body in mechanism.bodies if body.name != driven]
     sliding = [f"position_{joint.name}" for joint in mechanism.joints if joint.prismatic]
-    for name in (*reactions, *drive_signals(mechanism)):
+    for name in (*reactions, *moments, *drive_signals(mechanism)):
         if _size(result, name) > NOTHING * scale[known[name].unit]:
-            yield Peak(known[name], known[name].factor * result.signals[name])
+            yield peak(result, known[name])
     for name in (*turning, *sliding):
         if _range(result, name) > NOTHING * scale[known[name].unit]:
-            yield Peak(known[name], known[name].factor * result.signals[name])
+            yield peak(result, known[name])
 
 
 def _size(result: Analysis | Simulation, name: str) -> float:
@@ -101,12 +127,9 @@ class ErrorPeak:
     parts: tuple[tuple[str, float], ...]
 
     @property
-    def mostly(self) -> str:
-        """The joint with the largest part, and that part."""
-        if not self.parts:
-            return "-"
-        joint, part = self.parts[0]
-        return f"{joint} {plain(part, 3, True)} {self.unit}"
+    def by_joint(self) -> str:
+        """The joints with the largest parts, and these."""
+        return ", ".join(f"{joint} {plain(part, 3, True)}" for joint, part in self.parts[:SHOWN_PARTS]) or "-"
 
 
 def error_peaks(result: Analysis) -> Iterator[ErrorPeak]:
@@ -150,3 +173,48 @@ def poor(result: Analysis) -> str:
 def parts_of(error: OutputError) -> dict[str, np.ndarray]:
     """What each joint does to an output, those that do anything."""
     return {joint: part for joint, part in error.by_joint.items() if np.nanmax(np.abs(part), initial=0.0) > 0}
+
+
+WHOLE_TURN = 360.0 - 1e-6  # deg
+
+
+def whole_turn(x: Abscissa) -> bool:
+    """Whether the step after the last crank angle would close a turn."""
+    at = x.values
+    return not x.of_time and len(at) > 2 and abs(at[-1] - at[0]) + abs(at[1] - at[0]) >= WHOLE_TURN
+
+
+def power(result: Analysis | Simulation) -> np.ndarray | None:
+    """What the motor of a crank gives (N,) W; None where none is driven, or where it gives nothing."""
+    m, signals = result.mechanism, result.signals
+    torque = signals.get("drive_torque")
+    if not m.cranked or m.speed is None or result.motion != "driven" or torque is None:
+        return None
+    watts = torque * signals.get(f"{m.driven}_angular_velocity", np.full(torque.shape, m.speed))
+    return watts if _size(result, "drive_torque") > 0 and np.isfinite(watts).any() else None
+
+
+@dataclass(frozen=True)
+class Acting:
+    """A load of the linkage: its size (N,) N or N.m over the motion, and, of a force, where and how it points."""
+
+    load: Load
+    label: str
+    unit: str
+    size: np.ndarray
+
+
+def acting(result: Analysis | Simulation) -> Iterator[Acting]:
+    """The loads, each with how much of it acts; those whose quantity the result has."""
+    m = result.mechanism
+    for load in m.loads:
+        share = np.ones(len(over(result).values))
+        if load.varies:
+            values = result.crank_angle if load.over == "crank_angle" else result.signals.get(load.over)
+            if values is None:
+                continue
+            share = np.asarray(load.share(values, m.load_quantities[load.over].kind == "angle"))
+        if any(load.force):
+            yield Acting(load, f"force on {load.body}", "N", math.hypot(*load.force) * share)
+        if load.torque:
+            yield Acting(load, f"torque on {load.body}", "N·m", load.torque * share)

@@ -29,11 +29,12 @@ def files(result: OneSide) -> dict[str, str]:
 
 
 def said(result: OneSide) -> Iterator[str]:
-    """What was filled in, and each reason why there is no answer."""
-    yield from (f"assumed: {line}" for line in assumptions(result.assumed))
+    """Each reason why there is no answer, and what was filled in."""
     if isinstance(result, Analysis):
         for at, why in unanswered(result):
-            yield f"no answer at {count(len(at), 'sample')}, first {over(result).at(at[0])}: {why}"
+            where = f"{count(len(at), 'sample')} of {len(over(result).values)}, first {over(result).at(at[0])}"
+            yield f"no answer at {where}: {why}; peaks are of the others"
+    yield from (f"assumed: {line}" for line in assumptions(result.assumed))
 
 
 PEAK_HEADS = ("signal", "unit", "highest", "at", "lowest", "at")
@@ -41,7 +42,7 @@ PEAK_HEADS = ("signal", "unit", "highest", "at", "lowest", "at")
 
 def print_peaks(result: OneSide, console: Console) -> None:
     """Print the peaks with their places, in degrees and millimetres; ASCII."""
-    rows = [[cell.replace("·", ".") for cell in peak.row(over(result))] for peak in peaks(result)]
+    rows = [[cell.replace("·", ".") for cell in each.row(over(result).unit)] for each in peaks(result)]
     if rows:
         console.print(terminal_table(PEAK_HEADS, rows, left=("signal", "unit")))
 
@@ -55,7 +56,7 @@ def print_table(result: OneSide, console: Console) -> None:
 def summary_html(result: OneSide) -> str:
     """The peaks with their places, what was filled in, and why there is no answer."""
     lines = "".join(f"<li>{html.escape(line)}</li>" for line in said(result))
-    rows = [peak.row(over(result)) for peak in peaks(result)]
+    rows = [each.row(over(result).unit) for each in peaks(result)]
     return f"{html_table(rows, PEAK_HEADS, repr(result))}<ul>{lines}</ul>"
 
 
@@ -64,7 +65,7 @@ def plot(result: OneSide, figure: Figure) -> None:
     peak.
     """
     known, x = quantities(result.mechanism), over(result)
-    found = [peak.quantity.signal for peak in peaks(result)]
+    found = [each.quantity.signal for each in peaks(result)]
     drives = [name for name in drive_signals(result.mechanism) if name in found]
     reactions = sorted(
         (f"reaction_{j.name}_magnitude" for j in result.mechanism.joints if f"reaction_{j.name}_magnitude" in found),
@@ -86,7 +87,7 @@ def plot(result: OneSide, figure: Figure) -> None:
     units = " or ".join(dict.fromkeys(known[name].unit for name in drives)) or "N·m"
     axes[1].set_ylabel(f"drive ({units})")
     axes[1].set_xlabel(f"{x.label} ({x.unit})")
-    figure.suptitle(repr(result), fontsize="medium", wrap=True)
+    figure.suptitle(result.case)
 
 
 PRESENTATION = Presentation(summary_html, print_table, files, plot)

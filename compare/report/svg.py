@@ -81,7 +81,8 @@ def exponent(largest: float) -> int:
 def extent(values: list[float], margin: float) -> tuple[float, float]:
     """The range of values with a margin, never empty."""
     low, high = min(values, default=0.0), max(values, default=1.0)
-    spare = margin * (high - low) or margin * abs(high) or margin
+    least = 1e-4 * max(abs(low), abs(high)) if margin else 0.0  # what rounding does is no curve
+    spare = max(margin * (high - low), least) or margin
     return low - spare, high + spare
 
 

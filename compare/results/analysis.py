@@ -14,7 +14,7 @@ from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal, named
 from analytic.paper.clearance import Model
 from compare.results.crosscheck import Index, MetresByJoint, OrderDifference, PinPath, Signals, Simulator
-from compare.results.document import Document, Filled, Grid, Mechanism, Part, Row, Series, Share, Text
+from compare.results.document import Document, Filled, Grid, Mechanism, Number, Part, Row, Series, Share, Text
 from sim_models.engine import JointModel, Motion, SettingValue
 
 
@@ -62,7 +62,7 @@ class _Side(Document):
     def _over(self) -> str:
         if not self.crank_angle.size:
             return "no crank angle"
-        if self.time is not None and not self.mechanism.cranked:
+        if self.time is not None and self.mechanism.speed is None:
             return f"{count(self.time.size, 'instant')} {self.time[0]:.4g} to {self.time[-1]:.4g} s"
         first, last = (math.degrees(self.crank_angle[k]) for k in (0, -1))
         sizes = ", ".join(f"{joint} {size:.4g} m" for joint, size in self.clearance.items())
@@ -80,6 +80,16 @@ class OutputError(Part):
         Mapping[str, Series],
         Field(description="First-order displacement by the clearance of each joint alone, its pin along its reaction."),
     ]
+
+
+class Extremes(Part):
+    """The highest and the lowest value of a signal over the crank angles, looked for between the samples too."""
+
+    highest: Number
+    highest_at: Annotated[Number, Field(description="Crank angle (rad).")]
+    lowest: Number
+    lowest_at: Annotated[Number, Field(description="Crank angle (rad).")]
+    mean: Annotated[Number, Field(description="Over the crank angle; null where there is a gap.")] = None
 
 
 class Analysis(_Side):
@@ -105,6 +115,10 @@ class Analysis(_Side):
         Series | None,
         Field(description="Sine of the transmission angle, the least over all loops; of a linkage that a crank moves."),
     ] = None
+    extremes: Annotated[
+        Mapping[str, Extremes],
+        Field(description="By signal, over closely spaced crank angles; of a linkage that a crank moves."),
+    ] = {}
     errors: Annotated[
         Mapping[str, OutputError],
         Field(description="By output (<body>_x, _y, _angle) what clearance does to it; of a crank and loose joints."),

@@ -53,7 +53,8 @@ function exponent(largest) {
 function extent(values, margin) {
   if (!values.length) return [0, 1];
   const low = values.reduce((a, b) => Math.min(a, b)), high = values.reduce((a, b) => Math.max(a, b));
-  const spare = margin * (high - low) || margin * Math.abs(high) || margin;
+  const least = margin ? 1e-4 * Math.max(Math.abs(low), Math.abs(high)) : 0; // what rounding does is no curve
+  const spare = Math.max(margin * (high - low), least) || margin;
   return [low - spare, high + spare];
 }
 

@@ -26,11 +26,11 @@ class Linkage {
   }
 
   // One frame (mm) for a whole motion, so that the drawing does not jump.
-  frame(poses) {
+  frame(poses, share = 0.08) {
     const points = Object.values(this.parts.ground);
     for (const pose of poses) if (pose) for (const b of this.parts.bodies) for (const p of Object.keys(b.points)) points.push(this.point(pose, b.name, p));
     const [left, right] = extent(points.map((p) => 1e3 * p[0]), 0), [low, high] = extent(points.map((p) => 1e3 * p[1]), 0);
-    const spare = 0.08 * Math.max(right - left, high - low);
+    const spare = share * Math.max(right - left, high - low);
     return {x: [left - spare, right + spare], y: [low - spare, high + spare]};
   }
 

@@ -2,7 +2,8 @@
 "use strict";
 
 const SECONDS = 4; // of one way through the motion as it opens
-const ARROW = 0.3; // of the drawing's height: the largest reaction
+const ARROW = 0.25; // of the drawing's height: the largest reaction
+const ROOM = 0.2; // of the linkage's size, around it for arrows
 
 class Mover {
   constructor(root, data, onMove) {
@@ -44,7 +45,7 @@ class Mover {
   }
 
   frame() {
-    const frame = this.linkage.frame(this.data.x.flatMap((_, i) => [this.linkage.pose(this.data.ideal, i), this.pose(i)]));
+    const frame = this.linkage.frame(this.data.x.flatMap((_, i) => [this.linkage.pose(this.data.ideal, i), this.pose(i)]), ROOM);
     this.height = frame.y[1] - frame.y[0];
     return frame;
   }
@@ -57,6 +58,7 @@ class Mover {
         const pose = this.pose(i);
         return pose && this.linkage.point(pose, joint.bodies[1] === "ground" ? joint.bodies[0] : joint.bodies[1], joint.name);
       });
+      if (this.data.round) points.push(points[0]);
       return {name: "", x: points.map((p) => p && 1e3 * p[0]), y: points.map((p) => p && 1e3 * p[1]), role: "frame", mark: "line", level: 0, scale: true, labels: []};
     });
   }
@@ -101,7 +103,7 @@ class Mover {
     if (pose) {
       const gaps = Object.fromEntries(Object.entries(clearance).map(([joint, c]) => [joint, c * this.times]));
       series.push(...this.linkage.drawn(pose, loose ? "with clearance" : "", "analytic", gaps, true));
-      if (this.shows("forces")) series.push(...parts.joints.flatMap((joint) => this.arrow(joint, pose, i)));
+      if (this.shows("forces")) series.push(...parts.joints.flatMap((joint) => this.arrow(joint, pose, i)), ...this.data.loads.flatMap((load) => this.pushed(load, pose, i)));
     }
     this.chart.update(this.figure(series));
     const said = `${number(x[i])} ${unit}`;
@@ -114,17 +116,30 @@ class Mover {
     this.onMove(x[i], unit);
   }
 
-  // The force on a joint's second body, from the joint on.
+  // The force on a joint's second body, from the joint on; a slide's from its block.
   arrow(joint, pose, i) {
     const force = this.data.forces[joint.name];
-    if (!force || !known(force.x[i]) || !known(force.y[i])) return [];
-    const per = (ARROW * this.height) / this.data.largest, [fx, fy] = [per * force.x[i], per * force.y[i]], size = Math.hypot(fx, fy);
-    if (size < 0.01 * this.height) return [];
-    const [x, y] = this.linkage.point(pose, joint.bodies[0], joint.name).map((v) => 1e3 * v);
+    const body = joint.axis && joint.bodies[1] !== "ground" ? joint.bodies[1] : joint.bodies[0];
+    return force ? this.arrowFrom(this.linkage.point(pose, body, joint.name), force, force.role, i) : [];
+  }
+
+  // A load, to where it acts.
+  pushed(load, pose, i) {
+    const {x, y, angle} = pose[load.body], [u, v] = load.point;
+    const at = [x + u * Math.cos(angle) - v * Math.sin(angle), y + u * Math.sin(angle) + v * Math.cos(angle)];
+    return this.arrowFrom(at, load, "bad", i, true);
+  }
+
+  arrowFrom(at, force, role, i, ends = false) {
+    if (!known(force.x[i]) || !known(force.y[i])) return [];
+    const per = (ARROW * this.height) / this.data.largest, whole = per * Math.hypot(force.x[i], force.y[i]);
+    const shorter = Math.min(1, (1.5 * ARROW * this.height) / whole), [fx, fy] = [shorter * per * force.x[i], shorter * per * force.y[i]], size = Math.hypot(fx, fy);
+    if (!(size >= 0.01 * this.height)) return [];
+    const [x, y] = at.map((v) => 1e3 * v), start = ends ? [x - fx, y - fy] : [x, y], tip = [start[0] + fx, start[1] + fy];
     const [ux, uy] = [fx / size, fy / size], head = Math.min(0.035 * this.height, size / 2);
-    const tip = [x + fx, y + fy], side = (s) => [tip[0] - head * (ux + s * 0.45 * uy), tip[1] - head * (uy - s * 0.45 * ux)];
-    const points = [[x, y], tip, side(1), tip, side(-1)];
-    return [{name: "", x: points.map((p) => p[0]), y: points.map((p) => p[1]), role: force.role, mark: "line", level: 0, scale: true, labels: []}];
+    const side = (s) => [tip[0] - head * (ux + s * 0.45 * uy), tip[1] - head * (uy - s * 0.45 * ux)];
+    const points = [start, tip, side(1), tip, side(-1)];
+    return [{name: "", x: points.map((p) => p[0]), y: points.map((p) => p[1]), role, mark: "line", level: 0, scale: true, labels: []}];
   }
 
   listReadout() {
