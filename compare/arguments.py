@@ -23,6 +23,8 @@ from analytic.kinematics.structure import StructureError
 from analytic.mechanism import Joint, Mechanism
 from analytic.mechanism.errors import MechanismError, quoted
 from analytic.mechanism.file import load
+from analytic.mechanism.units import UnitError
+from analytic.mechanism.written import quantity
 from analytic.paper.clearance import Model
 from compare.faults import EVERY_PIN, ArgumentError, DegreesWarning, no_pin, unusable
 from compare.judge.tolerances import Tolerances, load_tolerances
@@ -48,8 +50,8 @@ Names = str | Sequence[str]
 """One name, or several."""
 ToleranceFile = Tolerances | str | PathLike[str]
 """Tolerances, or a file of them."""
-Metres = Mapping[str, float] | float
-"""Radial clearance (m) by joint, or one for every pin."""
+Metres = Mapping[str, float | str] | float | str
+"""Radial clearance by joint, or one for every pin: metres, or a text with its unit."""
 
 CAPACITY = 1_000_000  # crank angles, and samples of a Monte Carlo: what a memory holds
 SMALL_CLEARANCE = 0.1  # of a body's length: a clearance up to this is small, as the paper's displacements are
@@ -182,6 +184,7 @@ def jamming(mechanism: Mechanism) -> list[Joint]:
 def metres(given: object, mechanism: Mechanism, called: str) -> dict[str, float]:
     """Lengths (m) by joint that may have clearance, checked.  Raises ArgumentError."""
     pins = [j.name for j in mechanism.joints if not j.prismatic]
+    given = _length(given, called) if isinstance(given, str) else given
     if isinstance(given, Real) and not isinstance(given, bool):
         given = {EVERY_PIN: given}
     if isinstance(given, Mapping) and EVERY_PIN in given:
@@ -193,10 +196,20 @@ def metres(given: object, mechanism: Mechanism, called: str) -> dict[str, float]
     for name, size in given.items():
         if name not in mechanism.may_be_loose:
             raise ArgumentError(called, no_pin(name, pins, mechanism))
+        size = _length(size, called) if isinstance(size, str) else size
         if not isinstance(size, Real) or isinstance(size, bool) or not 0 <= float(size) < math.inf:
             raise ArgumentError(called, f"{name} = {quoted(size)}; give metres, 0 or more")
         clearances[name] = float(size)
     return clearances
+
+
+def _length(written: str, called: str) -> float | str:
+    """A length (m) that is written with its unit; what is none as it is.  Raises ArgumentError."""
+    try:
+        found = quantity(written, "m")
+    except UnitError as error:
+        raise ArgumentError(called, f"{written!r} has {error}") from None
+    return written if found is None else found
 
 
 def engines(given: Simulators) -> tuple[tuple[str, ...], list[str]]:

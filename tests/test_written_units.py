@@ -27,7 +27,7 @@ from analytic.mechanism.written import (
     quantity,
 )
 from compare.faults import ArgumentError
-from compare.questions.option import ByJoint
+from compare.questions.option import ByJoint, Clearances
 from sim_models.common import units as engine_units
 
 FILE = """
@@ -231,4 +231,10 @@ def test_one_clearance_is_every_pins_and_no_slides() -> None:
     assert every.clearance == {"O": 1e-4, "A": 1e-4, "B": 1e-4}
     some = lc.analyse("slider-crank", clearance={"*": 1e-4, "B": 2e-4}, angles=angles)
     assert some.clearance == {"O": 1e-4, "A": 1e-4, "B": 2e-4}
+    written = lc.analyse("slider-crank", clearance={"*": "0.1 mm", "B": "0.2mm"}, angles=angles)
+    assert written.clearance == {"O": pytest.approx(1e-4), "A": pytest.approx(1e-4), "B": pytest.approx(2e-4)}
+    assert lc.analyse("slider-crank", clearance="0.1 mm", angles=angles).clearance["A"] == pytest.approx(1e-4)
+    with pytest.raises(ArgumentError, match=r"'0.1 kg' has unit 'kg'"):
+        lc.analyse("slider-crank", clearance={"B": "0.1 kg"}, angles=angles)
+    assert Clearances().parse("0.05mm,1e-4", "clearances") == [pytest.approx(5e-5), 1e-4]
     assert load("slider-crank").clearances == {}

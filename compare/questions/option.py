@@ -292,7 +292,8 @@ class IncreasingNumbers(ArgumentKind[str]):
         """The numbers, increasing, in the unit of the argument."""
         unit = self.units[0]
         remedy = f"give {self.accepted.format(unit)}, separated by commas"
-        typed = [_number(part, called, remedy) for part in listed_once(word, called)]
+        written = unit if unit == self.units[1] else ""  # in what is typed in the argument's own unit
+        typed = [_amount(part, written, called, remedy) for part in listed_once(word, called)]
         for value in typed:
             if not math.isfinite(value):
                 raise ArgumentError(called, f"{value:g} cannot be used; {remedy}")
