@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pint
@@ -13,7 +15,7 @@ import linkage_crosscheck as lc
 from analytic.mechanism import MechanismError
 from analytic.mechanism.file import dumps, load, loads
 from analytic.mechanism.parts import Body, Drive, Elasticity, Joint, Load, MechanismPart, Spring
-from analytic.mechanism.units import factor_to_si
+from analytic.mechanism.units import UnitError, factor_to_si
 from analytic.mechanism.written import (
     BODY,
     DRIVE,
@@ -25,7 +27,9 @@ from analytic.mechanism.written import (
     SPRING,
     in_si,
     quantity,
+    runs_in_si,
 )
+from compare.diagnose.data.measured_file import read_file
 from compare.faults import ArgumentError
 from compare.questions.option import ByJoint, Clearances
 from sim_models.common import units as engine_units
@@ -201,6 +205,26 @@ PLACES = {Spring: {"points"}}  # names of points
 def test_every_field_with_a_dimension_may_be_written_with_its_unit(part: type[MechanismPart]) -> None:
     fields = set(part.model_fields) - WITHOUT_UNIT - PLACES.get(part, set())
     assert fields - PARTS[part] == set()
+
+
+def test_runs_of_measured_data_may_say_their_units_too() -> None:
+    push = {"body": "coupler", "force": ["3 lbf", 0.0], "over": "crank_angle", "from": "10 deg", "to": "90 deg"}
+    given = {"name": "slow", "drive_speed": "-30 rpm", "drive_angle": "45 deg", "load": [push]}
+    (run,) = cast(list[dict[str, Any]], runs_in_si([given]))
+    assert (run["drive_speed"], run["drive_angle"]) == (pytest.approx(-math.pi), pytest.approx(math.pi / 4))
+    assert run["load"][0]["force"][0] == pytest.approx(3 * 4.4482216152605)
+    assert run["load"][0]["to"] == pytest.approx(math.pi / 2)
+    with pytest.raises(UnitError, match=r"run\[slow\]\.drive_speed = '30 mm' has unit 'mm', which is of another"):
+        runs_in_si([{"name": "slow", "drive_speed": "30 mm"}])
+    assert runs_in_si("nothing") == "nothing"
+
+
+def test_a_diagnosis_reads_a_speed_in_rpm(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("time [s],drive_torque [N.m]\n0,0\n0.1,1\n0.2,0\n0.3,1\n", encoding="utf-8")
+    (tmp_path / "m.toml").write_text(dumps(load("crank-rocker")), encoding="utf-8")
+    file = 'mechanism = "m.toml"\n[[run]]\nname = "a"\nfile = "a.csv"\ndrive_speed = "60 rpm"\n'
+    (tmp_path / "measured.toml").write_text(file, encoding="utf-8")
+    assert read_file(tmp_path / "measured.toml").runs[0].drive_speed == pytest.approx(2 * math.pi)
 
 
 def test_a_power_may_be_written_as_results_print_it() -> None:

@@ -89,6 +89,36 @@ def in_si(fields: Mapping[str, object]) -> dict[str, object]:
     return out
 
 
+def runs_in_si(runs: object) -> object:
+    """The ``[[run]]`` tables of measured data, speeds, angles and loads that are written with their unit as numbers in
+    SI.  Raises UnitError, which names the field.
+    """
+    if not isinstance(runs, list):
+        return runs
+    units = {"drive_speed": "rad/s", "drive_angle": "rad"}
+    out: list[object] = []
+    for run in runs:
+        if not isinstance(run, Mapping):
+            out.append(run)
+            continue
+        called = _called("run", run)
+        written = _part(run, units, called)
+        if isinstance(run.get("load"), list):
+            written["load"] = [_load(each, called) for each in run["load"]]
+        out.append(written)
+    return out
+
+
+def _load(load: Any, called: str) -> Any:
+    if not isinstance(load, Mapping):
+        return load
+    over = str(load.get("over", ""))
+    unit = (
+        "rad" if over.endswith("angle") else "m" if over.endswith(("_x", "_y")) or over.startswith("position_") else ""
+    )
+    return _part(load, LOAD | dict.fromkeys(("from", "to", "table"), unit), f"{called}.load")
+
+
 def _tables(fields: Mapping[str, Any], name: str) -> list[Mapping[str, Any]]:
     given = fields.get(name)
     return [each for each in given if isinstance(each, Mapping)] if isinstance(given, list) else []

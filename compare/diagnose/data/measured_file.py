@@ -13,6 +13,8 @@ from analytic.mechanism import Load
 from analytic.mechanism.columns import Layout
 from analytic.mechanism.errors import describe
 from analytic.mechanism.reading import ReadingError, read_toml
+from analytic.mechanism.units import UnitError
+from analytic.mechanism.written import runs_in_si
 from compare.diagnose.data.recording import MeasuredError
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.recorded.table import LARGEST_READING
@@ -80,7 +82,11 @@ def read_file(path: Path) -> MeasuredFile:
     fields: dict[str, Any] = {}
     try:
         fields = read_toml(path)
+        if "run" in fields:
+            fields["run"] = runs_in_si(fields["run"])
         return MeasuredFile.model_validate(fields)
+    except UnitError as error:
+        raise MeasuredError(f"{path.name}: {error}") from None
     except ValidationError as error:
         raise MeasuredError(f"{path.name}: {_described(error, fields)}") from None
     except ReadingError as error:
