@@ -208,12 +208,12 @@ def test_every_field_with_a_dimension_may_be_written_with_its_unit(part: type[Me
 
 
 def test_runs_of_measured_data_may_say_their_units_too() -> None:
-    push = {"body": "coupler", "force": ["3 lbf", 0.0], "over": "crank_angle", "from": "10 deg", "to": "90 deg"}
+    push = {"body": "coupler", "force": ["3 lbf", 0.0], "torque": "2 N.mm"}
     given = {"name": "slow", "drive_speed": "-30 rpm", "drive_angle": "45 deg", "load": [push]}
     (run,) = cast(list[dict[str, Any]], runs_in_si([given]))
     assert (run["drive_speed"], run["drive_angle"]) == (pytest.approx(-math.pi), pytest.approx(math.pi / 4))
     assert run["load"][0]["force"][0] == pytest.approx(3 * 4.4482216152605)
-    assert run["load"][0]["to"] == pytest.approx(math.pi / 2)
+    assert run["load"][0]["torque"] == pytest.approx(2e-3)
     with pytest.raises(UnitError, match=r"run\[slow\]\.drive_speed = '30 mm' has unit 'mm', which is of another"):
         runs_in_si([{"name": "slow", "drive_speed": "30 mm"}])
     assert runs_in_si("nothing") == "nothing"

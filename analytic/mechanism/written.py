@@ -90,8 +90,8 @@ def in_si(fields: Mapping[str, object]) -> dict[str, object]:
 
 
 def runs_in_si(runs: object) -> object:
-    """The ``[[run]]`` tables of measured data, speeds, angles and loads that are written with their unit as numbers in
-    SI.  Raises UnitError, which names the field.
+    """The ``[[run]]`` tables of measured data, their speeds, angles, forces and torques that are written with their
+    unit as numbers in SI.  Raises UnitError, which names the field.
     """
     if not isinstance(runs, list):
         return runs
@@ -104,19 +104,10 @@ def runs_in_si(runs: object) -> object:
         called = _called("run", run)
         written = _part(run, units, called)
         if isinstance(run.get("load"), list):
-            written["load"] = [_load(each, called) for each in run["load"]]
+            loads = [_part(each, LOAD, f"{called}.load") if isinstance(each, Mapping) else each for each in run["load"]]
+            written["load"] = loads
         out.append(written)
     return out
-
-
-def _load(load: Any, called: str) -> Any:
-    if not isinstance(load, Mapping):
-        return load
-    over = str(load.get("over", ""))
-    unit = (
-        "rad" if over.endswith("angle") else "m" if over.endswith(("_x", "_y")) or over.startswith("position_") else ""
-    )
-    return _part(load, LOAD | dict.fromkeys(("from", "to", "table"), unit), f"{called}.load")
 
 
 def _tables(fields: Mapping[str, Any], name: str) -> list[Mapping[str, Any]]:
@@ -144,7 +135,7 @@ def _part(part: Mapping[str, Any], units: Units, called: str) -> dict[str, Any]:
             out[name] = _part(value, ELASTICITY, where)
         elif name in ("ripple", "periodic_torque") and isinstance(value, Mapping):
             out[name] = _part(value, WAVE | ({"amplitude": "N.m"} if name == "periodic_torque" else {}), where)
-        elif name == "table" and isinstance(value, list):
+        elif name == "table" and name in units and isinstance(value, list):
             out[name] = [_pair(pair, units[name], where) for pair in value]
         elif name in units:
             out[name] = _read(value, units[name], where)
