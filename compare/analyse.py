@@ -50,6 +50,7 @@ from sim_models.engine import Motion, Request, engine
 
 CLOSELY = np.radians(0.25)  # crank angle between looks for the highest and the lowest value
 FEWEST = 8  # crank angles between which they are looked for
+MOST_TURNS = 4  # that are looked through so closely
 
 
 @answers(AnalyseQuestion)
@@ -152,6 +153,8 @@ def _extremes(assembly: Assembly, theta: np.ndarray, motion: Motion, model: Mode
     low, high = theta.min(), theta.max()
     whole = high - low + np.abs(steps).max() >= tau - 1e-9
     high = max(high, low + tau) if whole else high
+    if high - low > MOST_TURNS * tau:
+        return {}
     closely = np.unique([*np.linspace(low, high, math.ceil((high - low) / CLOSELY) + 1), *theta])
     schedule = Schedule.at_angles(assembly.mechanism, closely, at_rest=motion == "static")
     try:

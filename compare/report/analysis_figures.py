@@ -90,15 +90,6 @@ def _round(result: Analysis | Simulation, path: np.ndarray) -> np.ndarray:
     return np.append(path, path[:1]) if whole_turn(over(result)) else path
 
 
-def _there(result: Analysis | Simulation, names: Mapping[str, str]) -> dict[str, np.ndarray]:
-    """Signals by label that the result has and that are not zero throughout, in a reader's unit."""
-    known = quantities(result.mechanism)
-    found = {
-        label: known[name].factor * result.signals[name] for label, name in names.items() if name in result.signals
-    }
-    return {label: values for label, values in found.items() if np.nanmax(np.abs(values), initial=0.0) > 0}
-
-
 def _in_sixes(
     result: Analysis | Simulation,
     name: str,
@@ -233,11 +224,10 @@ def _transmission(result: Analysis) -> Iterator[Figure]:
 
 def _positions(result: Analysis | Simulation) -> Iterator[Figure]:
     mechanism = result.mechanism
-    driven = mechanism.driven if mechanism.cranked and mechanism.motors else ""
-    angles = _there(result, {body.name: f"{body.name}_angle" for body in mechanism.bodies if body.name != driven})
+    angles, _ = _lines(result, {body.name: f"{body.name}_angle" for body in mechanism.bodies})
     yield from _in_sixes(result, "angles", "Angles of the bodies", Axis("angle", "deg"), angles, {})
-    slides = _there(result, {j.name: f"position_{j.name}" for j in mechanism.joints if j.prismatic})
-    yield from _in_sixes(result, "travel", "Travel of the slides", Axis("position", "mm"), slides)
+    slides = _lines(result, {j.name: f"position_{j.name}" for j in mechanism.joints if j.prismatic})
+    yield from _in_sixes(result, "travel", "Travel of the slides", Axis("position", "mm"), *slides)
     paths = []
     for k, body in enumerate(mechanism.bodies):
         x, y = (result.signals.get(f"{body.name}_{axis}") for axis in "xy")
