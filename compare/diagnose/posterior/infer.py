@@ -24,6 +24,7 @@ ROUNDS = 12  # linear problems
 PLAIN = 2  # of them, after which what is left counts as noise though sets still change
 FITTED = 3  # of the best sets of each, fitted in full
 RIVALS = 12  # of the last one's
+DOUBTS = 3  # and of those without each effect of the best
 WITHIN = 8.0  # log: sets that are less probable than the best by more are not
 EVEN = 1.0  # log: of sets as probable as the best, but for this, the one is told of which most is there
 ALIKE = 0.1  # of a weight, that makes no difference
@@ -362,16 +363,16 @@ class Inference:
             chosen += [with_group(without(best[0], i), k) for k in richer]
         return list(dict.fromkeys(chosen))
 
-    def _doubt(self, compressed: Compressed, sets: Sets, fit: Fit) -> None:
-        """Fit in full, of the best set, the best without each of its effects: no linear problem about a fit with it
-        decides alone.
+    def _doubt(self, compressed: Compressed, sets: Sets, fit: Fit, most: int = 1) -> None:
+        """Fit in full, of the best set, the best sets without each of its effects, so many: no linear problem about a
+        fit with it decides alone.
         """
         for i in sets.best()[0]:
             key = compressed.groups[i].key
             without_it = [chosen for chosen in sets.widths if key not in {compressed.groups[k].key for k in chosen}]
-            chosen = max(without_it, key=lambda each: sets.known[each])
-            if self._named(compressed, chosen) not in self.weighed and not self.late():
-                self._weigh(compressed, sets, chosen, fit)
+            for chosen in sorted(without_it, key=lambda each: -sets.known[each])[:most]:
+                if self._named(compressed, chosen) not in self.weighed and not self.late():
+                    self._weigh(compressed, sets, chosen, fit)
 
     def _enriches(self, rich: Group, simple: Group) -> bool:
         poor = None if rich.term is None else self.prior.simple_of.get(rich.term)
@@ -484,6 +485,7 @@ class Inference:
         for chosen in [each for each in sets.best(RIVALS) if sets.known[each] > least]:
             if self._named(compressed, chosen) not in self.weighed and not self.late():
                 self._weigh(compressed, sets, chosen, about)
+        self._doubt(compressed, sets, about, DOUBTS)
 
     def _probabilities(self, compressed: Compressed, layers: Mapping[float, Sets], best: Weighed) -> dict[Keys, float]:
         """Of every set that was looked at, for all sizes of errors everywhere: of those that were fitted in full as

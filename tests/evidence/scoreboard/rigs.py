@@ -234,7 +234,7 @@ def draw_plans(
         if i and nominal.loads and rng.random() < 0.3:
             k = rng.uniform(0.4, 1.3)
             loads = tuple(
-                Load.model_validate({**x.model_dump(), "force": (k * x.force[0], k * x.force[1])})
+                Load(body=x.body, point=x.point, force=(k * x.force[0], k * x.force[1]), torque=x.torque)
                 for x in nominal.loads
             )
         pace = ("slow", "middle", "fast")[i] if count == 3 else ("slow", "fast")[i]
