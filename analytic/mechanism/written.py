@@ -8,7 +8,7 @@ from typing import Any
 
 from analytic.mechanism.units import UnitError, factor_to_si
 
-NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-zµμ°].*?)\s*")
+NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-zµμ°][\w.^/*·⋅ °-]*?)\s*")
 BARE = re.compile(r"[-+\d.eE\s]+")  # a number alone, whose e is no unit
 BODY = {
     "points": "m",
