@@ -17,7 +17,7 @@ from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from analytic.mechanism.assumed import assumed
 from analytic.mechanism.signals import position
-from analytic.paper.clearance import Model
+from analytic.paper.clearance import Model, displaced
 from analytic.paper.envelope import condition, transmission
 from analytic.paper.superposition import accuracy as cycle_accuracy
 from compare.arguments import (
@@ -84,7 +84,7 @@ def analyse(question: AnalyseQuestion) -> Analysis:
         warned += _without_use(m, side, schedule)
     optional = {} if compliance else _of_outputs(assembly, schedule, motion)
     if not compliance and schedule.crank_angle is not None:
-        optional["extremes"] = _extremes(assembly, schedule.crank_angle, motion, model)
+        optional["extremes"] = _extremes(assembly, schedule.crank_angle, motion == "driven", model)
     optional |= {} if schedule.crank_angle is not None else {"time": schedule.time}
     return Analysis(
         case=m.name,
@@ -143,7 +143,7 @@ def _without_use(m: Mechanism, side: Reference, schedule: Schedule) -> Iterator[
             yield f"{m.name}: the load on {load.body} acts nowhere: {load.over} goes from {span}"
 
 
-def _extremes(assembly: Assembly, theta: np.ndarray, motion: Motion, model: Model) -> dict[str, Extremes]:
+def _extremes(assembly: Assembly, theta: np.ndarray, inertia: bool, model: Model) -> dict[str, Extremes]:
     """The highest and lowest value of each signal over the stretch of these crank angles (N,), or over the whole turn
     that they make; nothing where there are too few, or where the linkage cannot be followed closely.
     """
@@ -156,12 +156,13 @@ def _extremes(assembly: Assembly, theta: np.ndarray, motion: Motion, model: Mode
     if high - low > MOST_TURNS * tau:
         return {}
     closely = np.unique([*np.linspace(low, high, math.ceil((high - low) / CLOSELY) + 1), *theta])
-    schedule = Schedule.at_angles(assembly.mechanism, closely, at_rest=motion == "static")
+    m = assembly.mechanism
     try:
-        side = reference(assembly, schedule, model, assembly.mechanism.clearances)
+        moved = displaced(assembly, closely, m.speed or 1.0, model=model, inertia=inertia, clearances=m.clearances)
     except AssemblyError:
         return {}
-    return {name: _extreme(values, closely) for name, values in side.signals.items() if np.isfinite(values).any()}
+    signals = with_derived(moved.signals(), m)
+    return {name: _extreme(values, closely) for name, values in signals.items() if np.isfinite(values).any()}
 
 
 def _extreme(values: np.ndarray, theta: np.ndarray) -> Extremes:

@@ -15,7 +15,7 @@ import linkage_crosscheck as lc
 from analytic.mechanism import MechanismError
 from analytic.mechanism.file import dumps, load, loads
 from analytic.mechanism.parts import Body, Drive, Elasticity, Joint, Load, MechanismPart, Spring
-from analytic.mechanism.units import UnitError, factor_to_si
+from analytic.mechanism.units import COMMON, UnitError, factor_to_si
 from analytic.mechanism.written import (
     BODY,
     DRIVE,
@@ -231,6 +231,14 @@ def test_a_power_may_be_written_as_results_print_it() -> None:
     assert quantity("2 kg.m2", "kg.m^2") == quantity("2 kg.m^2", "kg.m^2") == 2.0
     assert quantity("3 kg.mm2", "kg.m^2") == pytest.approx(3e-6)
     assert quantity("981 cm/s2", "m/s^2") == pytest.approx(9.81)
+
+
+@pytest.mark.parametrize(("unit", "si"), COMMON)
+def test_what_is_written_most_is_as_pint_has_it(unit: str, si: str) -> None:
+    registry: pint.UnitRegistry[float] = pint.UnitRegistry()
+    wanted, given = ((1.0 * registry.parse_units(each.replace(".", "*"))).to_base_units() for each in (si, unit))
+    assert given.units == wanted.units
+    assert COMMON[unit, si] == pytest.approx(given.magnitude / wanted.magnitude, rel=1e-14)
 
 
 def test_an_exponent_is_no_unit_and_nothing_is_lost_in_si() -> None:

@@ -5,6 +5,7 @@ pint knows the units; it is imported for the first column that is not in SI alre
 
 from __future__ import annotations
 
+import math
 import re
 from functools import cache
 from typing import TYPE_CHECKING, Any, Literal
@@ -45,6 +46,19 @@ OFFERED: dict[QuantityKind, tuple[str, ...]] = {
     "force": ("N", "kN", "mN", "kgf", "lbf"),
     "torque": ("N.m", "N.mm", "kN.m", "lbf.in"),
 }
+# What is written most, so that pint need not be loaded for it (a third of a second).
+COMMON: dict[tuple[str, str], float] = {
+    ("mm", "m"): 1e-3,
+    ("cm", "m"): 1e-2,
+    ("um", "m"): 1e-6,
+    ("deg", "rad"): math.pi / 180,
+    ("rpm", "rad/s"): math.pi / 30,
+    ("g", "kg"): 1e-3,
+    ("kN", "N"): 1e3,
+    ("N.mm", "N.m"): 1e-3,
+    ("GPa", "Pa"): 1e9,
+    ("MPa", "Pa"): 1e6,
+}
 _FACTOR = r"[A-Za-zµμ°]+(\^?-?\d)?"
 _UNIT = re.compile(rf"(1|{_FACTOR})([./*·⋅ -]{_FACTOR}){{0,3}}")  # no numbers and no towers of powers reach pint
 
@@ -83,6 +97,8 @@ def factor_to_si(unit: str, si: str) -> float:
 def _factor(unit: str, si: str, accepted: str) -> float:
     if unit == si:
         return 1.0
+    if (unit, si) in COMMON:
+        return COMMON[unit, si]
     if not _UNIT.fullmatch(unit):
         raise UnitError(f"unit {shown(unit)}, which cannot be read; {accepted}")
     try:
