@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from math import tau
 from typing import Any
@@ -20,6 +19,7 @@ from analytic.mechanism.signals import position
 from analytic.paper.clearance import Model, displaced
 from analytic.paper.envelope import condition, transmission
 from analytic.paper.superposition import accuracy as cycle_accuracy
+from analytic.paper.superposition import closely, whole_turn
 from compare.arguments import (
     idle,
     linkage,
@@ -48,7 +48,6 @@ from sim_models.common.contact_laws import assumed_of_contact
 from sim_models.common.simulate import answered
 from sim_models.engine import Motion, Request, engine
 
-CLOSELY = np.radians(0.25)  # crank angle between looks for the highest and the lowest value
 FEWEST = 8  # crank angles between which they are looked for
 MOST_TURNS = 4  # that are looked through so closely
 
@@ -81,7 +80,7 @@ def analyse(question: AnalyseQuestion) -> Analysis:
         side = reference(assembly, schedule, model, m.clearances)
         if compliance:
             side = with_flexible_links(side, assembly, schedule)
-        warned += _without_use(m, side, schedule)
+        warned += _without_use(m, side)
     optional = {} if compliance else _of_outputs(assembly, schedule, motion)
     if not compliance and schedule.crank_angle is not None:
         optional["extremes"] = _extremes(assembly, schedule.crank_angle, motion == "driven", model)
@@ -129,10 +128,10 @@ def _of_outputs(assembly: Assembly, schedule: Schedule, motion: Motion) -> dict[
     }
 
 
-def _without_use(m: Mechanism, side: Reference, schedule: Schedule) -> Iterator[str]:
+def _without_use(m: Mechanism, side: Reference) -> Iterator[str]:
     """Loads that vary and act nowhere in this motion, each in a sentence."""
     for load in (load for load in m.loads if load.varies):
-        values = schedule.crank_angle if load.over == "crank_angle" else side.signals.get(load.over)
+        values = m.load_values(load, side.signals)
         if values is None or not np.isfinite(values).any():
             continue
         angular = m.load_quantities[load.over].kind == "angle"
@@ -147,22 +146,17 @@ def _extremes(assembly: Assembly, theta: np.ndarray, inertia: bool, model: Model
     """The highest and lowest value of each signal over the stretch of these crank angles (N,), or over the whole turn
     that they make; nothing where there are too few, or where the linkage cannot be followed closely.
     """
-    steps = np.diff(theta)
-    if theta.size < FEWEST or not (np.all(steps > 0) or np.all(steps < 0)):
+    if theta.size < FEWEST or np.ptp(theta) > MOST_TURNS * tau:
         return {}
-    low, high = theta.min(), theta.max()
-    whole = high - low + np.abs(steps).max() >= tau - 1e-9
-    high = max(high, low + tau) if whole else high
-    if high - low > MOST_TURNS * tau:
-        return {}
-    closely = np.unique([*np.linspace(low, high, math.ceil((high - low) / CLOSELY) + 1), *theta])
+    ends = [theta.min() + tau] if whole_turn(theta) else []
+    close = np.unique([*closely(theta), *theta, *ends])
     m = assembly.mechanism
     try:
-        moved = displaced(assembly, closely, m.speed or 1.0, model=model, inertia=inertia, clearances=m.clearances)
+        moved = displaced(assembly, close, m.speed or 1.0, model=model, inertia=inertia, clearances=m.clearances)
     except AssemblyError:
         return {}
     signals = with_derived(moved.signals(), m)
-    return {name: _extreme(values, closely) for name, values in signals.items() if np.isfinite(values).any()}
+    return {name: _extreme(values, close) for name, values in signals.items() if np.isfinite(values).any()}
 
 
 def _extreme(values: np.ndarray, theta: np.ndarray) -> Extremes:

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from numbers import Real
 from typing import Annotated, TypeVar
 
+import numpy as np
 from pydantic import BeforeValidator, Field, ValidationError, field_serializer, model_validator
 
 from analytic.mechanism.checks import (
@@ -210,6 +211,10 @@ class Mechanism(MechanismPart):
             return 1.0
         quantity = self.load_quantities[load.over]
         return load.share(quantity.value(angle, point), quantity.kind == "angle")
+
+    def load_values(self, load: Load, signals: Mapping[str, np.ndarray]) -> np.ndarray | None:
+        """What a load varies over, (N,) rad or m, of these signals; None where they have it not."""
+        return signals.get(f"{self.driven}_angle" if load.over == "crank_angle" else load.over)
 
     @property
     def half_gap(self) -> float:

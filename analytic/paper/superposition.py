@@ -220,7 +220,7 @@ def accuracy(
     ComplianceError besides.
     """
     total = total_displacement(assembly, theta, omega, model="equilibrium", inertia=inertia, clearances=clearances)
-    sweep = _closely(theta)
+    sweep = closely(theta)
     path, m = assembly.path(sweep[0], sweep[-1]), assembly.mechanism
     sizes = {name: c for name, c in clearances.items() if not m.joint(name).prismatic}
     moved = total.clearance
@@ -228,7 +228,7 @@ def accuracy(
         kinetostatics(kinematics(assembly, sweep, omega, path=path), inertia, loose=loose_friction(m, sizes)),
         sizes,
         moved.faint,
-        _whole_turn(theta),
+        whole_turn(theta),
     )
     blocks = {name: GuidedBlock.of(m, name, c) for name, c in clearances.items() if c > 0 and m.joint(name).prismatic}
     pins = (*assembly.structure.pins, *blocks)
@@ -274,13 +274,13 @@ def _jumps(
     return {d: displacement(r[rows, range(len(rows))][None], gaps[None]) for d, r in at_changes.items()}
 
 
-def _whole_turn(theta: np.ndarray) -> bool:
+def whole_turn(theta: np.ndarray) -> bool:
     """Whether the step after theta's last crank angle would close a turn."""
     return bool(theta.size > 1 and np.ptp(theta) + np.diff(np.sort(theta)).max() >= 2 * np.pi - 1e-9)
 
 
-def _closely(theta: np.ndarray) -> np.ndarray:
+def closely(theta: np.ndarray) -> np.ndarray:
     """Crank angles SWEEP_STEP apart over theta's range, or over a whole turn less its closing angle."""
-    low, whole = theta.min(), _whole_turn(theta)
+    low, whole = theta.min(), whole_turn(theta)
     high = low + 2 * np.pi if whole else theta.max()
     return np.linspace(low, high, int(np.ceil((high - low) / SWEEP_STEP)) + (not whole), endpoint=not whole)

@@ -242,7 +242,7 @@ def without_load_edges(side: Reference, m: Mechanism) -> Reference:
     """A side flagged where a load begins or ends: there rounding decides whether a simulation has it."""
     flags: dict[int, str] = {}
     for load in m.loads:
-        values = side.signals.get(f"{m.driven}_angle" if load.over == "crank_angle" else load.over)
+        values = m.load_values(load, side.signals) if load.varies else None
         if load.start is None or load.end is None or values is None:
             continue
         angular = m.load_quantities[load.over].kind == "angle"

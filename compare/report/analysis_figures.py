@@ -17,12 +17,12 @@ from compare.report.peaks import (
     NOTHING,
     End,
     acting,
+    around,
     over,
     parts_of,
     peaks,
     power,
     transmission_angle,
-    whole_turn,
 )
 from compare.results.analysis import Analysis, Simulation
 
@@ -79,15 +79,15 @@ def _closed(result: Analysis | Simulation, values: np.ndarray) -> tuple[Numbers,
     where it began.
     """
     x = over(result)
-    if not whole_turn(x) or abs(values[-1] - values[0]) > 3 * np.nanmax(np.abs(np.diff(values)), initial=0.0):
+    if not around(result) or abs(values[-1] - values[0]) > 3 * np.nanmax(np.abs(np.diff(values)), initial=0.0):
         return scaled(x.values), scaled(values)
-    around = 360.0 if x.values[-1] > x.values[0] else -360.0
-    return scaled([*x.values, x.values[0] + around]), scaled([*values, values[0]])
+    turn = 360.0 if x.values[-1] > x.values[0] else -360.0
+    return scaled([*x.values, x.values[0] + turn]), scaled([*values, values[0]])
 
 
 def _round(result: Analysis | Simulation, path: np.ndarray) -> np.ndarray:
     """A path (N,) x + iy, closed where the samples make a whole turn."""
-    return np.append(path, path[:1]) if whole_turn(over(result)) else path
+    return np.append(path, path[:1]) if around(result) else path
 
 
 def _in_sixes(

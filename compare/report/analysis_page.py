@@ -15,19 +15,19 @@ from analytic.mechanism.one_line import count
 from compare.quantities import DASH, assumptions, number, plain, quantities, shown
 from compare.report.analysis_figures import ROLES, figures
 from compare.report.figure import Figure, scaled
-from compare.report.linkage import assembled, exaggeration, in_turn_of, parts, poses_of
+from compare.report.linkage import both_poses, exaggeration, parts
 from compare.report.moving_picture import moving_picture
 from compare.report.pages import PageSection, Script, page
 from compare.report.peaks import (
     NOTHING,
     acting,
+    around,
     error_peaks,
     over,
     peaks,
     poor,
     transmission_angle,
     unanswered,
-    whole_turn,
 )
 from compare.report.svg import draw
 from compare.results.analysis import Analysis
@@ -90,7 +90,7 @@ def _facts(result: Analysis) -> dict[str, str]:
     facts[x.label.capitalize()] = f"{plain(x.values[0], 4)} to {x.at(-1)}, {count(len(x.values), 'sample')}"
     facts["Radial clearance"] = sizes or "none"
     torque = result.extremes.get("drive_torque")
-    if m.speed and result.motion == "driven" and whole_turn(x) and torque is not None and torque.mean is not None:
+    if m.speed and result.motion == "driven" and around(result) and torque is not None and torque.mean is not None:
         largest = max(abs(torque.highest or 0.0), abs(torque.lowest or 0.0))
         mean = torque.mean if abs(torque.mean) > NOTHING * largest else 0.0
         work = mean * 2 * np.pi * np.sign(m.speed)
@@ -106,8 +106,7 @@ def _facts(result: Analysis) -> dict[str, str]:
 def _motion(result: Analysis) -> dict[str, object]:
     """The linkage as ``mover.js`` moves it: poses (m, rad), forces (N), and what is read at each sample."""
     m, x = result.mechanism, over(result)
-    ideal = None if x.of_time else assembled(m, result.crank_angle)
-    displaced = in_turn_of(poses_of(m, result.signals), ideal)
+    ideal, displaced = both_poses(result)
     forces = {
         joint.name: {
             "x": scaled(result.signals[f"reaction_{joint.name}_x"]),
@@ -124,7 +123,7 @@ def _motion(result: Analysis) -> dict[str, object]:
         "unit": x.unit,
         "x": scaled(x.values),
         "opens": int(np.argmin(np.abs(np.asarray(x.values) - 30.0))) if not x.of_time else 0,
-        "round": whole_turn(x),
+        "round": around(result),
         "ideal": ideal or displaced,
         "displaced": displaced,
         "factor": exaggeration(m, result),

@@ -100,6 +100,23 @@ def assembled(mechanism: Mechanism, crank_angle: np.ndarray) -> Poses | None:
     return poses_of(mechanism, signals)
 
 
+class Moved(Loose, Protocol):
+    """The same with its signals and its mechanism."""
+
+    @property
+    def mechanism(self) -> Mechanism: ...
+
+    @property
+    def signals(self) -> Mapping[str, np.ndarray]: ...
+
+
+def both_poses(side: Moved) -> tuple[Poses | None, Poses | None]:
+    """Poses without clearance, where they can be had, and as one side's signals have them, in the same turns."""
+    m = side.mechanism
+    ideal = None if abscissa(side, m).of_time else assembled(m, side.crank_angle)
+    return ideal, in_turn_of(poses_of(m, side.signals), ideal)
+
+
 def poses_of(mechanism: Mechanism, signals: Mapping[str, np.ndarray]) -> Poses | None:
     """Every body's pose as signals have it; None where one is not among them."""
     names = [body.name for body in mechanism.bodies]

@@ -7,17 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from compare.report.figure import Series
-from compare.report.linkage import (
-    Pose,
-    assembled,
-    configuration,
-    displaced_by,
-    exaggeration,
-    in_turn_of,
-    pose_at,
-    poses_of,
-)
-from compare.report.peaks import over
+from compare.report.linkage import Pose, both_poses, configuration, displaced_by, exaggeration, pose_at
+from compare.report.peaks import around, over
 from compare.report.svg import COLOURS, INK, PAPER, Scale, label, picture
 from compare.results.analysis import Analysis, Simulation
 
@@ -29,8 +20,7 @@ FRAMES = 120  # at most
 def moving_picture(result: Analysis | Simulation) -> str:
     """The SVG text; empty where the poses of the bodies are not known at two samples."""
     m, x = result.mechanism, over(result)
-    ideal = None if x.of_time else assembled(m, result.crank_angle)
-    displaced = in_turn_of(poses_of(m, result.signals), ideal)
+    ideal, displaced = both_poses(result)
     times = exaggeration(m, result) if ideal else 1
     poses: list[Pose] = []
     for k in np.unique(np.linspace(0, len(x.values) - 1, min(FRAMES, len(x.values))).astype(int)):
@@ -39,8 +29,7 @@ def moving_picture(result: Analysis | Simulation) -> str:
             poses.append(pose)
     if len(poses) < 2:
         return ""
-    whole = not x.of_time and abs(x.values[-1] - x.values[0]) > 350.0
-    poses = poses if whole else [*poses, *reversed(poses)]
+    poses = poses if around(result) else [*poses, *reversed(poses)]
     gaps = {joint: times * size for joint, size in result.clearance.items()}
     frames = [configuration(m, pose, "", "analytic", gaps) for pose in poses]
     across, up, height = _scales(frames)

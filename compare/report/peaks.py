@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analytic.mechanism import Load
+from analytic.paper.superposition import whole_turn
 from compare.quantities import Quantity, drive_signals, plain, quantities, shown
 from compare.report.summary import Abscissa, abscissa, by_reason
 from compare.results.analysis import Analysis, OutputError, Simulation
@@ -63,9 +64,8 @@ def peak(result: Analysis | Simulation, quantity: Quantity) -> Peak:
         ends = ((found.highest, found.highest_at), (found.lowest, found.lowest_at))
         return Peak(quantity, *(End(quantity.factor * (v or 0.0), math.degrees(at or 0.0)) for v, at in ends))
     values, x = quantity.factor * result.signals[quantity.signal], over(result).values
-    return Peak(
-        quantity, *(End(float(values[k]), x[k]) for k in map(int, (np.nanargmax(values), np.nanargmin(values))))
-    )
+    high, low = int(np.nanargmax(values)), int(np.nanargmin(values))
+    return Peak(quantity, End(float(values[high]), x[high]), End(float(values[low]), x[low]))
 
 
 def peaks(result: Analysis | Simulation) -> Iterator[Peak]:
@@ -175,13 +175,9 @@ def parts_of(error: OutputError) -> dict[str, np.ndarray]:
     return {joint: part for joint, part in error.by_joint.items() if np.nanmax(np.abs(part), initial=0.0) > 0}
 
 
-WHOLE_TURN = 360.0 - 1e-6  # deg
-
-
-def whole_turn(x: Abscissa) -> bool:
+def around(result: Analysis | Simulation) -> bool:
     """Whether the step after the last crank angle would close a turn."""
-    at = x.values
-    return not x.of_time and len(at) > 2 and abs(at[-1] - at[0]) + abs(at[1] - at[0]) >= WHOLE_TURN
+    return not over(result).of_time and whole_turn(result.crank_angle)
 
 
 def power(result: Analysis | Simulation) -> np.ndarray | None:
@@ -210,7 +206,7 @@ def acting(result: Analysis | Simulation) -> Iterator[Acting]:
     for load in m.loads:
         share = np.ones(len(over(result).values))
         if load.varies:
-            values = result.crank_angle if load.over == "crank_angle" else result.signals.get(load.over)
+            values = m.load_values(load, result.signals)
             if values is None:
                 continue
             share = np.asarray(load.share(values, m.load_quantities[load.over].kind == "angle"))
