@@ -11,6 +11,7 @@ from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.output import Output
 from analytic.mechanism import Mechanism
 from analytic.mechanism.assumed import assumed
+from analytic.mechanism.tolerances import Source
 from analytic.paper.envelope import transmission
 from analytic.paper.superposition import AccuracyAnalysis as CycleAccuracy
 from analytic.paper.superposition import accuracy as accuracy_of
@@ -27,7 +28,9 @@ from compare.questions.accuracy import DRAWS, AccuracyQuestion
 from compare.questions.question import answers
 from compare.results import accuracy as results
 from compare.results.accuracy import Accuracy, MonteCarlo, Point, Radius, SideChange, Spread
+from compare.results.toleranced import AccuracyByTolerance
 from compare.schedules import crank_angles
+from compare.toleranced import limited, of_outputs, states_tolerances, varying
 from compare.versions import versions
 from sim_models.engine import Motion
 
@@ -60,9 +63,36 @@ def accuracy(question: AccuracyQuestion) -> Accuracy:
             seed=seed,
             nonlinear=nonlinear,
         )
+        if states_tolerances(m) or question.limits is not None:
+            varied, told = varying(m, question.clearance is not None)
+            warned += told
+            result = result.model_copy(update={"tolerances": _by_tolerances(assembly, result, varied, question)})
     asked = {"samples": samples != DRAWS, "seed": seed != 0, "nonlinear": nonlinear}
-    unused = [f"{m.name}: {name} is of linkages with clearance; no joint has any" for name in asked if asked[name]]
-    return result.model_copy(update={"warnings": (*warned, *(() if m.clearances else unused))})
+    drawn = bool(m.clearances) or result.tolerances is not None
+    unused = [
+        f"{m.name}: {name} is of linkages with clearance or tolerances; this has neither"
+        for name in asked
+        if asked[name] and not (m.clearances if name == "nonlinear" else drawn)
+    ]
+    return result.model_copy(update={"warnings": (*warned, *unused)})
+
+
+def _by_tolerances(
+    assembly: Assembly, result: Accuracy, varied: tuple[Source, ...], question: AccuracyQuestion
+) -> AccuracyByTolerance | None:
+    """What tolerances do to a result's outputs; None where nothing varies.  Raises ArgumentError, AssemblyError."""
+    m, outputs = assembly.mechanism, named_outputs(question.outputs, assembly.mechanism)
+    limits = {} if question.limits is None else limited(question.limits, outputs)
+    if limits and not varied:
+        raise ArgumentError(
+            "limit",
+            f"{m.name} states no tolerance, so that all its linkages are alike; give [tolerances], or leave it out",
+        )
+    if not varied:
+        return None
+    inertia = result.motion == "driven"
+    cycle = accuracy_of(assembly, result.crank_angle, outputs, m.clearances, m.speed or 1.0, inertia)
+    return of_outputs(cycle, varied, result.samples, result.seed, limits)
 
 
 def named_outputs(names: Names | None, mechanism: Mechanism) -> list[Output]:

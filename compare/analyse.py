@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from math import tau
 from typing import Any
 
@@ -44,6 +44,7 @@ from compare.questions.question import answers
 from compare.results.analysis import Analysis, Extremes, OutputError, Simulation
 from compare.results.crosscheck import PinPath, Simulator
 from compare.schedules import scheduled
+from compare.toleranced import of_signals, states_tolerances, varying
 from sim_models.common.contact_laws import assumed_of_contact
 from sim_models.common.simulate import answered
 from sim_models.engine import Motion, Request, engine
@@ -77,14 +78,17 @@ def analyse(question: AnalyseQuestion) -> Analysis:
         schedule = scheduled(assembly, question, may_swing=False)
         if motion == "driven" and compliance:
             raise ArgumentError("compliance", "elastic displacement is found at rest; ask for static motion")
-        side = reference(assembly, schedule, model, m.clearances)
-        if compliance:
-            side = with_flexible_links(side, assembly, schedule)
+        side = _side(assembly, schedule, question)
         warned += _without_use(m, side)
     optional = {} if compliance else _of_outputs(assembly, schedule, motion)
     if not compliance and schedule.crank_angle is not None:
         optional["extremes"] = _extremes(assembly, schedule.crank_angle, motion == "driven", model)
     optional |= {} if schedule.crank_angle is not None else {"time": schedule.time}
+    if states_tolerances(m):
+        varied, told = varying(m, question.clearance is not None)
+        warned += told
+        if varied:
+            optional["tolerances"] = of_signals(m, varied, side.signals, _signals_of(question))
     return Analysis(
         case=m.name,
         mechanism=m,
@@ -100,6 +104,22 @@ def analyse(question: AnalyseQuestion) -> Analysis:
         assumed=assumed(m),
         **optional,
     )
+
+
+def _side(assembly: Assembly, schedule: Schedule, question: AnalyseQuestion) -> Reference:
+    """The model that a question asks for."""
+    side = reference(assembly, schedule, question.model, assembly.mechanism.clearances)
+    return with_flexible_links(side, assembly, schedule) if question.compliance else side
+
+
+def _signals_of(question: AnalyseQuestion) -> Callable[[Mechanism], Mapping[str, np.ndarray]]:
+    """What answers a question with the signals of a linkage."""
+
+    def signals(m: Mechanism) -> Mapping[str, np.ndarray]:
+        assembly = Assembly(m)
+        return _side(assembly, scheduled(assembly, question, may_swing=False), question).signals
+
+    return signals
 
 
 def _of_outputs(assembly: Assembly, schedule: Schedule, motion: Motion) -> dict[str, Any]:

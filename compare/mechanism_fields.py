@@ -30,6 +30,7 @@ PARTS: Mapping[str, type[MechanismPart]] = {
     "periodic_torque": parts.PeriodicTorque,
     "spring": parts.Spring,
     "load": parts.Load,
+    "tolerance": parts.Tolerance,
 }
 MEANS = {
     ("Mechanism", "name"): "what reports call the linkage",
@@ -41,6 +42,11 @@ MEANS = {
     ("Mechanism", "spring"): "`[[spring]]`, any number",
     ("Mechanism", "load"): "`[[load]]`, any number",
     ("Mechanism", "assembly"): "rad by body: roughly the angles at which the linkage is assembled",
+    (
+        "Mechanism",
+        "tolerances",
+    ): '`[tolerances]`, by the field that varies from one made linkage to another, in quotes: `"body.crank.mass"`;'
+    " [how](../how-to/tolerances-of-parts.md)",
     ("Ground", "points"): "m by joint, ground frame",
     ("Body", "name"): "also the beginning of its signals' names",
     ("Body", "points"): "m by joint, body frame",

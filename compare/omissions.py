@@ -201,7 +201,7 @@ OMISSIONS: tuple[Omission, ...] = (
         lambda asked, part: asked.command in ("compare", "validity"),
     ),
     Omission(
-        ("joint.clearance",),
+        ("joint.clearance", "joint.fit"),
         "`ideal` joints, and what swings freely",
         "joints are ideal here",
         lambda asked, part: asked.joint_models == ("ideal",),
@@ -214,9 +214,9 @@ OMISSIONS: tuple[Omission, ...] = (
     ),
     Omission(
         ("joint.pin_radius",),
-        "a joint without `friction`, and a prismatic one",
+        "a joint without `friction` and `fit`, and a prismatic one",
         "nothing rubs there",
-        lambda asked, part: _frictionless(asked, part) or (isinstance(part, Joint) and part.prismatic),
+        lambda asked, part: isinstance(part, Joint) and not part.fit and (not part.friction or part.prismatic),
     ),
     Omission(
         ("joint.friction", "joint.pin_radius"),
@@ -237,7 +237,7 @@ OMISSIONS: tuple[Omission, ...] = (
         lambda asked, part: isinstance(part, Joint) and not part.springy,
     ),
     Omission(
-        ("joint.clearance", "drive.speed"),
+        ("joint.clearance", "joint.fit", "drive.speed"),
         "`validity`",
         "a map has clearances and speeds of its own",
         lambda asked, part: asked.command == "validity",
@@ -271,6 +271,18 @@ OMISSIONS: tuple[Omission, ...] = (
         "a spring without `stiffness`",
         "it has no stiffness",
         lambda asked, part: isinstance(part, Spring) and not part.stiffness,
+    ),
+    Omission(
+        ("mechanism.tolerances",),
+        "all but `analyse`, and `accuracy` of a crank",
+        "every number is what the file says here",
+        lambda asked, part: asked.command not in ("accuracy", "analyse"),
+    ),
+    Omission(
+        ("joint.fit",),
+        "the same, a joint whose `clearance` is given",
+        "its clearance is what the file says",
+        lambda asked, part: asked.command not in ("accuracy", "analyse") and "clearance" in part.model_fields_set,
     ),
     Omission(
         ("drive.periodic_torque",),
@@ -318,6 +330,7 @@ def _given(mechanism: Mechanism, kind: str, field: str) -> Iterator[tuple[str, M
         "spring": [(" to ".join(".".join(end) for end in each.ends), each) for each in mechanism.springs],
         "load": [(f"{load.body}.{load.point}", load) for load in mechanism.loads],
         "drive": [(drive.joint, drive) for drive in mechanism.drives],
+        "mechanism": [(mechanism.name, mechanism)],
     }
     *way, last = field.split(".")
     for name, part in parts[kind]:
@@ -325,12 +338,13 @@ def _given(mechanism: Mechanism, kind: str, field: str) -> Iterator[tuple[str, M
         for step in way:
             owner = getattr(owner, step)
         value = getattr(owner, last, None)
-        given = value is not None and value != type(owner).model_fields[last].default
+        given = value not in (None, {}) and value != type(owner).model_fields[last].default
         if given and value not in ("free", "measured"):  # a drive's speed in words
             yield name, part
 
 
 def _called(kind: str, names: Sequence[str]) -> str:
-    words = {"body": "", "joint": "joint", "spring": "the spring", "load": "the load", "drive": "the drive"}
-    word = words[kind] + "s" * (len(names) > 1 and bool(words[kind]))
+    words = {"joint": "joint", "spring": "the spring", "load": "the load", "drive": "the drive"}
+    word = words.get(kind, "")
+    word += "s" * (len(names) > 1 and bool(word))
     return f"{word} {enumerated(names)}".strip()

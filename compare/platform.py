@@ -38,6 +38,7 @@ from compare.questions.question import answers
 from compare.results.accuracy import PointError
 from compare.results.platform import BodyPoses, PlatformAccuracy, PoseError, PoseGrid
 from compare.schedules import over_time
+from compare.toleranced import states_tolerances
 from compare.versions import versions
 
 POORLY_HELD = (300.0, 100.0, 30.0, 10.0)  # condition of the loops, up to which finite errors are sought, in turn
@@ -62,6 +63,8 @@ def platform_accuracy(question: PlatformQuestion) -> PlatformAccuracy:
         m = linkage(question.mechanism, question.clearance, large=question.large)
         warn_of_friction(m, None, "driven", engines=False)
         warned += omitted(m, Asked("accuracy", "driven" if workspace is None else "static", bends=True))
+        if states_tolerances(m):
+            warned.append(f"left out: tolerances of {m.name}, as errors by them are of linkages that one crank moves")
         assembly = Assembly(m)
         if assembly.structure.free:
             raise ArgumentError("mechanism", f"{m.name} has freedoms without a drive; give each one a drive")

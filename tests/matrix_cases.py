@@ -113,6 +113,14 @@ crank = 1.9
 rod = -0.25
 block = 0.0
 """
+TOLERANCED = (
+    FOUR_BAR
+    + """
+[tolerances]
+"body.crank.length" = { sd = 1e-5, group = "lot" }
+"ground.points.D.x" = { limits = [0.3498, 0.3502], distribution = "triangular", group = "lot" }
+"""
+)
 Edits = Mapping[str, Any]
 
 
@@ -227,6 +235,9 @@ CHANGES: dict[str, Change] = {
     "Joint.axis": Change({"joint.S.axis": [1.0, 0.2]}, {"joint.S.clearance": None}, SLIDER_CRANK),
     "Joint.angle": Change({"joint.S.angle": 0.3, "assembly.block": 0.3}, {"joint.S.clearance": None}, SLIDER_CRANK),
     "Joint.clearance": Change({"joint.C.clearance": 4e-4}),
+    "Joint.fit": Change(
+        {"joint.C.fit": "H11/c11"}, {"joint.C.fit": "H7/g6", "joint.C.pin_radius": 0.005, "joint.C.clearance": None}
+    ),
     "Joint.guide": Change({"joint.S.guide": [0.16, 0.04]}, {"load.0.torque": 20.0}, SLIDER_CRANK),
     "Joint.pin_radius": Change({"joint.C.pin_radius": 0.03}, ROUGH),
     "Joint.friction": Change({"joint.C.friction": 0.4}, ROUGH),
@@ -271,6 +282,10 @@ CHANGES: dict[str, Change] = {
     "Spring.stiffness": Change({"spring.0.stiffness": 500.0}),
     "Spring.length": Change({"spring.0.length": 0.3}),
     "Spring.damping": Change({"spring.0.damping": 30.0}),
+    "Tolerance.sd": Change((r"sd = 1e-5", "sd = 3e-5"), base=TOLERANCED),
+    "Tolerance.limits": Change((r"0.3502", "0.3504"), base=TOLERANCED),
+    "Tolerance.distribution": Change((r"triangular", "uniform"), base=TOLERANCED),
+    "Tolerance.group": Change((r"1e-5, group = .lot.", '1e-5, group = "other"'), base=TOLERANCED),
 }
 
 SLACK = {"load.0.force": None, "load.0.torque": 0.0}

@@ -10,7 +10,19 @@ import pytest
 from pydantic import BaseModel
 
 import linkage_crosscheck as lc
-from analytic.mechanism import Body, Drive, Elasticity, Ground, Joint, Load, Mechanism, PeriodicTorque, Ripple, Spring
+from analytic.mechanism import (
+    Body,
+    Drive,
+    Elasticity,
+    Ground,
+    Joint,
+    Load,
+    Mechanism,
+    PeriodicTorque,
+    Ripple,
+    Spring,
+    Tolerance,
+)
 from analytic.mechanism.assumed import Assumed, assumed
 from analytic.mechanism.bars import division
 from analytic.mechanism.file import load, loads
@@ -71,6 +83,7 @@ NOTHING = {
         "springs": "none",
         "loads": "none",
         "assembly": "refused where an angle is needed",
+        "tolerances": "none",
     },
     Ground: {"name": "always ground"},
     Body: {"marker": "the centre of mass", "youngs_modulus": "rigid"},
@@ -89,6 +102,7 @@ NOTHING = {
         "cubic": "none",
         "elasticity": "rigid",
         "radial_stiffness": "rigid",
+        "fit": "none",
     },
     Elasticity: {},
     Drive: {"ripple": "none", "stiffness": "rigid", "half_gap": "none", "periodic_torque": "none"},
@@ -103,6 +117,12 @@ NOTHING = {
     Spring: {"damping": "none"},
     Ripple: {},
     PeriodicTorque: {},
+    Tolerance: {
+        "sd": "refused where it is needed",
+        "limits": "refused where it is needed",
+        "distribution": "the usual one: normal of sd, uniform of limits",
+        "group": "varies alone",
+    },
 }
 # In place of these a number enters, which is listed, by the fields' names in a result.
 LISTED = {
@@ -166,7 +186,7 @@ def test_every_field_that_may_be_left_out_is_nothing_or_listed_or_a_contact_s() 
         known = [set(NOTHING[part]), set(LISTED.get(part, {})), OF_CONTACT if part is Joint else set()]
         assert sum(map(len, known)) == len(set.union(*known)), part
         assert optional == set.union(*known), part
-    reached = {Mechanism, Ground, Body, Joint, Elasticity, Drive, Ripple, PeriodicTorque, Load, Spring}
+    reached = {Mechanism, Ground, Body, Joint, Elasticity, Drive, Ripple, PeriodicTorque, Load, Spring, Tolerance}
     assert set(NOTHING) == reached == _parts(Mechanism)
 
 

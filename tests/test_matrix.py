@@ -95,7 +95,8 @@ def ask(cell: Cell, text: str, file: str) -> Answer:
 
 def _analyse(cell: Cell, m: Mechanism, other: Mechanism) -> Answer:
     found = lc.analyse(m, motion=cell.moves, compliance=cell.command.endswith("compliance"), **cell.where)
-    return Answer({"analytic": {**found.signals, "case": found.case}}, found.warnings)
+    varied = {} if found.tolerances is None else _flat(found.tolerances.model_dump(), "tolerances")
+    return Answer({"analytic": {**found.signals, **dict(varied), "case": found.case}}, found.warnings)
 
 
 def _accuracy(cell: Cell, m: Mechanism, other: Mechanism) -> Answer:
@@ -214,7 +215,12 @@ def asked_twice(cell: Cell, change: Change) -> tuple[Answer, Answer]:
 def names_it(sentence: str, name: str) -> bool:
     """Whether a sentence names a field, or that of which it is a part."""
     part, word = name.split(".")
-    within = {"Ripple": "ripple", "PeriodicTorque": "periodic_torque", "Elasticity": "elasticity"}.get(part, word)
+    within = {
+        "Ripple": "ripple",
+        "PeriodicTorque": "periodic_torque",
+        "Elasticity": "elasticity",
+        "Tolerance": "tolerances",
+    }.get(part, word)
     within = "over" if name in OF_VARYING_LOADS else within
     return re.search(rf"\b({word}|{within})\b", sentence) is not None
 
@@ -268,7 +274,7 @@ ANALYTIC = [
     Cell("analyse --compliance", "static"),
 ]
 TIMED = [replace(cell, timed=True) for cell in ANALYTIC if cell != Cell("accuracy", "static")]
-LOOSE = ("clearance", "guide", "contact_stiffness", "contact_damping", "contact_law", "restitution")
+LOOSE = ("clearance", "fit", "guide", "contact_stiffness", "contact_damping", "contact_law", "restitution")
 FIRST = tuple(f"Joint.{field}" for field in ("clearance", "guide", "contact_stiffness", "friction"))  # seen quickly
 SOON = list(CHANGES)[::4]  # fields of the fast suite, and of maps
 TOUCHING = tuple(f"Joint.{field}" for field in (*LOOSE, "friction", "pin_radius"))
@@ -366,7 +372,7 @@ def test_what_nobody_uses_is_not_taken_for_explained() -> None:
 
 
 def test_the_table_of_what_is_left_out_has_fields_that_there_are() -> None:
-    parts = {"body": Body, "joint": Joint, "spring": Spring, "load": Load, "drive": Drive}
+    parts = {"mechanism": Mechanism, "body": Body, "joint": Joint, "spring": Spring, "load": Load, "drive": Drive}
     for one in OMISSIONS:
         for kind, name, *within in (each.split(".") for each in one.fields):
             assert name in parts[kind].model_fields, one.fields

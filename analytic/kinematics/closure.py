@@ -6,7 +6,8 @@ their columns, the structure's last and all zero, may be left out.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from typing import Any, cast
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from analytic.errors import Error
 from analytic.kinematics.structure import Group, Structure
 from analytic.mechanism import GROUND
 
+Row = np.ndarray | Sequence[Any]  # a loop's sides by column: complex, or one (N,) for as many linkages
 AGREE = 1e-6  # of the loops' size: what loops beyond those that are needed may be open, for lengths that are rounded
 
 
@@ -81,7 +83,22 @@ def solve_dyad(s: Structure, group: Group, columns: np.ndarray, u: np.ndarray, b
     for k in (i, j):
         known[s.turning[k] if s.coordinates[k].bodies else s.coordinates[k].column] = False
     use = np.flatnonzero((known & (row != 0))[: len(columns)])
-    target = -(row[use] @ columns[use])
+    return close_dyad(s, group, row, -(row[use] @ columns[use]), columns, u, branch)
+
+
+def close_dyad(
+    s: Structure,
+    group: Group,
+    row: Row,
+    target: np.ndarray,
+    columns: np.ndarray,
+    u: np.ndarray,
+    branch: float,
+) -> np.ndarray:
+    """Close a dyad's loop whose sides ``row`` (by column, one number or (N,)) and whose known sides' negative sum
+    ``target`` (N,) are given; else as :func:`solve_dyad`.
+    """
+    i, j = group.coordinates
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         if s.coordinates[i].bodies and s.coordinates[j].bodies:
             return _two_angles(s, row, i, j, target, columns, u, branch)
@@ -91,9 +108,10 @@ def solve_dyad(s: Structure, group: Group, columns: np.ndarray, u: np.ndarray, b
         return _two_travels(s, row, i, j, target, columns, u)
 
 
-def arm_of(s: Structure, row: np.ndarray, i: int) -> complex:
-    """Arm (m, complex) that a coordinate's angle turns in a loop: the sum of its bodies' sides."""
-    return complex(sum(row[b] * np.exp(1j * s.held_at[b]) for b in s.coordinates[i].bodies))
+def arm_of(s: Structure, row: Row, i: int) -> complex:
+    """Arm (m, complex) that a coordinate's angle turns in a loop: the sum of its bodies' sides; (N,) where they are."""
+    arm = sum(row[b] * np.exp(1j * s.held_at[b]) for b in s.coordinates[i].bodies)
+    return cast(complex, arm) if isinstance(arm, np.ndarray) else complex(arm)
 
 
 def _turn(s: Structure, i: int, columns: np.ndarray, u: np.ndarray, phasor: np.ndarray) -> None:
@@ -102,7 +120,7 @@ def _turn(s: Structure, i: int, columns: np.ndarray, u: np.ndarray, phasor: np.n
 
 
 def _two_angles(
-    s: Structure, row: np.ndarray, i: int, j: int, target: np.ndarray, columns: np.ndarray, u: np.ndarray, branch: float
+    s: Structure, row: Row, i: int, j: int, target: np.ndarray, columns: np.ndarray, u: np.ndarray, branch: float
 ) -> np.ndarray:
     a, b = arm_of(s, row, i), arm_of(s, row, j)
     la, lb = abs(a), abs(b)
@@ -117,7 +135,7 @@ def _two_angles(
 
 
 def _angle_and_travel(
-    s: Structure, row: np.ndarray, i: int, j: int, target: np.ndarray, columns: np.ndarray, u: np.ndarray, branch: float
+    s: Structure, row: Row, i: int, j: int, target: np.ndarray, columns: np.ndarray, u: np.ndarray, branch: float
 ) -> np.ndarray:
     arm = arm_of(s, row, i)
     travel = s.coordinates[j]
@@ -127,9 +145,9 @@ def _angle_and_travel(
         along *= np.exp(1j * s.held_at[body])
         unit = along / abs(along)
         t, h, d2 = (arm / unit).real, (arm / unit).imag, np.abs(target) ** 2
-        reach = np.abs(
-            row[: len(s.bodies)]
-        ).sum()  # m: where the slide is at its pivot, h may be zero as well and any angle closes the loop
+        reach = sum(
+            abs(side) for side in row[: len(s.bodies)]
+        )  # m: where the slide is at its pivot, h may be zero as well and any angle closes the loop
         margin = np.minimum(1 - h**2 / d2, (d2 - h**2) / reach**2)
         u[j] = (-t + branch * np.sqrt(np.abs(d2 - h**2))) / abs(along)
         phasor = target / (arm + along * u[j])
@@ -147,7 +165,7 @@ def _angle_and_travel(
 
 
 def _two_travels(
-    s: Structure, row: np.ndarray, i: int, j: int, target: np.ndarray, columns: np.ndarray, u: np.ndarray
+    s: Structure, row: Row, i: int, j: int, target: np.ndarray, columns: np.ndarray, u: np.ndarray
 ) -> np.ndarray:
     p, q = (
         row[s.coordinates[k].column] * columns[s.slide_body[s.coordinates[k].column - len(s.bodies)]] for k in (i, j)

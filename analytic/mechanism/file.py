@@ -66,7 +66,14 @@ def loads(text: str, source: str = "mechanism") -> Mechanism:
 
 def _checked(fields: Mapping[str, object], source: str) -> Mechanism:
     try:
-        return Mechanism.model_validate(in_si(fields))
+        mechanism = Mechanism.model_validate(in_si(fields))
+        if mechanism.tolerances or any(joint.fit for joint in mechanism.joints):
+            from analytic.mechanism.tolerances import sources
+
+            sources(mechanism)
+        return mechanism
+    except MechanismError as error:
+        raise MechanismError(f"{source}: {error}") from None
     except UnitError as error:
         raise MechanismError(f"{source}: {error}") from None
     except ValidationError as error:

@@ -41,6 +41,7 @@ from analytic.mechanism.parts import (
     PartName,
     PeriodicTorque,
     Spring,
+    Tolerance,
     Vector,
     as_tuple,
     one_or_many,
@@ -52,6 +53,19 @@ from analytic.mechanism.varying import Angle, Point, Quantity, quantities
 P = TypeVar("P", Body, Joint)
 ONE_CRANK = "what is asked for is of linkages with one drive, which turns a crank on the ground"
 ONE_INPUT = "what is asked for is of linkages with one drive, which turns a crank or moves a slide on the ground"
+
+
+def _in_quotes(given: object) -> object:
+    """Tolerances by field, if each is written in quotes: else TOML takes it for tables.  Raises ValueError."""
+    for name, value in given.items() if isinstance(given, Mapping) else ():
+        if isinstance(value, Mapping) and not {*value} & {*Tolerance.model_fields}:
+            inner = next((f"{name}.{step}" for step in value), name)
+            if value:
+                raise ValueError(
+                    f"{brief(inner)} is no field by itself; write each field whole and in quotes, such as"
+                    ' "body.crank.mass" = { sd = 0.01 }'
+                )
+    return given
 
 
 class Mechanism(MechanismPart):
@@ -69,6 +83,8 @@ class Mechanism(MechanismPart):
     assembly: Mapping[PartName, Annotated[float, Field(ge=-FARTHEST_ANGLE, le=FARTHEST_ANGLE)]] = Field(
         default_factory=dict
     )  # rad
+    # by the field that varies, such as "body.crank.mass"
+    tolerances: Annotated[Mapping[str, Tolerance], BeforeValidator(_in_quotes)] = Field(default_factory=dict)
 
     def body(self, name: str) -> Body | Ground:
         """The body, or the ground, of that name (KeyError if there is none)."""

@@ -12,9 +12,20 @@ from itertools import pairwise
 from typing import Annotated, Literal, TypeVar
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from analytic.mechanism.errors import MechanismError, describe
+from analytic.mechanism.fits import play
 
 GROUND = "ground"
 SMALLEST_NUMBER = 1e-100  # in any SI unit, of a divisor: the square of a quotient by a smaller one overflows
@@ -222,6 +233,9 @@ class Joint(MechanismPart):
         None  # m, prismatic: length, height
     )
     pin_radius: SiPositive | None = None  # m
+    fit: str | None = (
+        None  # ISO 286, of a pin of 2 pin_radius: "H7/g6"; its middle stands for a clearance that is left out
+    )
     friction: SiNotNegative = 0.0  # Coulomb coefficient of pin or block; prismatic without guide: N, as friction_torque
     contact_stiffness: SiPositive | None = None  # N/m
     contact_damping: SiNotNegative | None = None  # N.s/m
@@ -238,6 +252,32 @@ class Joint(MechanismPart):
     rest_angle: SiNumber = 0.0  # rad (prismatic: m)
     elasticity: Elasticity | None = None
     radial_stiffness: SiPositive | None = None  # N/m, revolute: of a soft bearing; left out: rigid
+
+    @field_validator("fit")
+    @classmethod
+    def _fits(cls, fit: str | None, given: ValidationInfo) -> str | None:
+        if fit is not None and given.data.get("type") == "prismatic":
+            raise ValueError("a fit is of a pin in its bore; give a prismatic joint its clearance (m, half the play)")
+        if fit is not None and "pin_radius" in given.data:
+            if given.data["pin_radius"] is None:
+                raise ValueError("a fit is of a diameter; give the joint's pin_radius (m), too")
+            play(fit, 2 * given.data["pin_radius"])
+        return fit
+
+    @model_validator(mode="after")
+    def _in_the_middle_of_its_fit(self) -> Joint:
+        limits = self.fitted
+        if limits is not None and "clearance" not in self.model_fields_set:
+            object.__setattr__(self, "clearance", sum(limits) / 2)
+        return self
+
+    @property
+    def fitted(self) -> tuple[float, float] | None:
+        """The smallest and the largest radial clearance (m) of its ``fit``; None without one."""
+        if self.fit is None or self.pin_radius is None:
+            return None
+        least, most = play(self.fit, 2 * self.pin_radius)
+        return least / 2, most / 2
 
     @property
     def prismatic(self) -> bool:
@@ -458,6 +498,32 @@ class Load(MechanismPart):
         """The same with its quantity, a length, in units of ``length`` (m)."""
         ends = {name: None if at is None else at / length for name, at in (("start", self.start), ("end", self.end))}
         return self.model_copy(update=ends | {"table": tuple((at / length, factor) for at, factor in self.table)})
+
+
+class Tolerance(MechanismPart):
+    """How a number of a mechanism varies from one made linkage to another: by its standard deviation about what the
+    file says, or within limits, which are values themselves and no deviations.
+    """
+
+    sd: SiPositive | None = None  # standard deviation, in the unit of what it is of
+    limits: Annotated[tuple[SiNumber, SiNumber], BeforeValidator(as_tuple)] | None = None  # smallest, largest value
+    distribution: Literal["uniform", "triangular", "normal"] | None = None  # left out: normal of sd, uniform of limits
+    group: str | None = None  # what varies together: all of a group are as far along their own distributions
+
+    @model_validator(mode="after")
+    def _check(self) -> Tolerance:
+        if (self.sd is None) == (self.limits is None):
+            raise ValueError("give a tolerance either sd or limits = [smallest, largest]")
+        if self.limits is not None and self.limits[0] >= self.limits[1]:
+            raise ValueError(f"limits = {list(self.limits)} are not in order; give [smallest, largest]")
+        if self.group is not None and not self.group.strip():
+            raise ValueError("group is empty; give it a name, or leave it out")
+        return self
+
+    @property
+    def shape(self) -> Literal["uniform", "triangular", "normal"]:
+        """Its distribution, as given or the usual one."""
+        return self.distribution or ("uniform" if self.sd is None else "normal")
 
 
 class Spring(MechanismPart):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Set
 from typing import Any
 
 from analytic.mechanism.units import UnitError, factor_to_si
@@ -86,7 +86,32 @@ def in_si(fields: Mapping[str, object]) -> dict[str, object]:
             out[table] = [_part(p, units(p), _called(table, p)) if isinstance(p, Mapping) else p for p in parts]
         elif isinstance(parts, Mapping):
             out[table] = _part(parts, units(parts), table)
+    if isinstance(out.get("tolerances"), Mapping):
+        units_of = {field: unit_of_field(field, slides) for field in out["tolerances"]}
+        out["tolerances"] = {
+            field: _part(given, dict.fromkeys(("sd", "limits"), units_of[field]), f"tolerances[{field}]")
+            if isinstance(given, Mapping) and units_of[field]
+            else given
+            for field, given in out["tolerances"].items()
+        }
     return out
+
+
+def unit_of_field(field: str, slides: Set[object]) -> str:
+    """The unit of a field that a tolerance names, ``body.crank.mass``; none of what has none, or is no field."""
+    kind, *way = field.split(".")
+    if kind == "gravity":
+        return "m/s^2"
+    if kind == "drive":
+        return "m/s" if slides & {*way} else "rad/s"
+    name = way[1] if kind in ("body", "joint", "load", "spring") and len(way) > 1 else ""
+    tables: Mapping[str, Units] = {
+        "body": BODY | {"length": "m"},
+        "joint": JOINT | (PRISMATIC if way and way[0] in slides else REVOLUTE),
+        "load": LOAD,
+        "spring": SPRING,
+    }
+    return "m" if kind == "ground" else tables.get(kind, {}).get(name, "")
 
 
 def runs_in_si(runs: object) -> object:

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING, Annotated
 
-from compare.questions.option import Angle, ByJoint, Choice, Option, Places, RepeatedNames, Switch, Whole
+from compare.questions.option import Angle, ByJoint, ByOutput, Choice, Option, Places, RepeatedNames, Switch, Whole
 from compare.questions.question import Question
 from compare.questions.shared import (
     MOTIONS,
@@ -48,6 +48,14 @@ class AccuracyQuestion(Question):
         Option("Clearances are uniform within +- this (m) in the Monte Carlo [0].", ByJoint("JOINT=M,...")),
     ] = None
     outputs: Outputs = None
+    limits: Annotated[
+        Mapping[str, float | str] | None,
+        Option(
+            "Largest good error, such as rocker_angle=0.05deg; says how many linkages within [tolerances] are good.",
+            ByOutput("OUTPUT=VALUE"),
+            name="limit",
+        ),
+    ] = None
     motion: Annotated[
         "Motion | None",
         Option("Reactions with inertia forces or without [driven, if the drive has a speed].", Choice(choices=MOTIONS)),

@@ -27,6 +27,7 @@ TABLES = (
     "periodic_torque",
     "spring",
     "load",
+    "tolerance",
 )
 
 

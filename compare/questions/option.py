@@ -283,6 +283,30 @@ class BySignal(ByJoint):
         return {str(name): float(size) for name, size in given.items()}
 
 
+class ByOutput(ArgumentKind[list[str]]):
+    """Lengths and angles by output, ``rocker_angle=0.05deg``, in an option that may be repeated; that they are asked
+    for, and their units, is for the function to prove.
+    """
+
+    repeated: ClassVar[bool] = True
+
+    def parse(self, word: list[str], called: str) -> dict[str, str] | None:
+        """What is written for each output."""
+        limits: dict[str, str] = {}
+        for part in ",".join(word).split(",") if word else ():
+            name, given, size = part.partition("=")
+            if not (name and given and size):
+                raise ArgumentError(called, f"{part!r} cannot be used; give OUTPUT=VALUE, such as rocker_angle=0.05deg")
+            if name in limits:
+                raise ArgumentError(called, f"output {name} is there twice; give each output once")
+            limits[name] = size
+        return limits or None
+
+    def stands_for(self, argument: object) -> object:
+        """None of no limits, which typer cannot show."""
+        return argument or None
+
+
 class IncreasingNumbers(ArgumentKind[str]):
     """Numbers with commas between them, each once."""
 

@@ -11,6 +11,7 @@ from rich.console import Console
 from compare.presentation import Presentation
 from compare.quantities import plain, shown
 from compare.report.tables import html_table, say, terminal_table
+from compare.report.toleranced import print_outputs
 from compare.report.words.accuracy import notes
 from compare.results.accuracy import Accuracy, Output
 
@@ -63,6 +64,8 @@ def print_table(result: Accuracy, console: Console) -> None:
     """
     rows = [_row(name, output, result.crank_angle) for name, output in result.outputs.items()]
     console.print(terminal_table(OUTPUTS, rows, left=("output", "unit", "sensitive to")))
+    if result.tolerances is not None:
+        print_outputs(result.tolerances, console)
     say(console, *notes(result))
 
 

@@ -10,6 +10,7 @@ from pydantic import Field
 
 from analytic.mechanism.one_line import count
 from compare.results.document import Document, Filled, Grid, Mechanism, Part, Row, Series
+from compare.results.toleranced import AccuracyByTolerance
 
 MetresByJoint = Mapping[str, Annotated[float, Field(ge=0)]]
 Reasons = Mapping[Annotated[str, Field(pattern="^[0-9]+$")], str]
@@ -144,6 +145,9 @@ class Accuracy(Document):
     points: Annotated[
         Mapping[str, Point], Field(description="Displacements of points in their plane, by body or body.point.")
     ]
+    tolerances: Annotated[
+        AccuracyByTolerance | None, Field(description="What the mechanism's tolerances do, where it states any.")
+    ] = None
     command: str
     warnings: tuple[str, ...]
     assumed: Filled = ()
@@ -155,6 +159,8 @@ class Accuracy(Document):
             displacements = ("nominal", "equilibrium", "worst_case", "compliance", "total")
             columns = {"crank_angle": self.crank_angle} | {each: getattr(output, each) for each in displacements}
             columns |= {each: getattr(output.monte_carlo.free, each) for each in ("sigma", "low", "high")}
+            if self.tolerances is not None:
+                columns |= {"tolerance_sd": self.tolerances.outputs[name].sd}
             columns |= {f"sensitivity_{joint}": values for joint, values in output.sensitivity.items()}
             rows += self._rows_of(columns, output=name, unit=output.unit)
         return rows

@@ -15,6 +15,7 @@ from analytic.mechanism.signals import Signal, named
 from analytic.paper.clearance import Model
 from compare.results.crosscheck import Index, MetresByJoint, OrderDifference, PinPath, Signals, Simulator
 from compare.results.document import Document, Filled, Grid, Mechanism, Number, Part, Row, Series, Share, Text
+from compare.results.toleranced import SignalsByTolerance
 from sim_models.engine import JointModel, Motion, SettingValue
 
 
@@ -123,6 +124,9 @@ class Analysis(_Side):
         Mapping[str, OutputError],
         Field(description="By output (<body>_x, _y, _angle) what clearance does to it; of a crank and loose joints."),
     ] = {}
+    tolerances: Annotated[
+        SignalsByTolerance | None, Field(description="What the mechanism's tolerances do, where it states any.")
+    ] = None
 
     def __repr__(self) -> str:
         flagged = f", {len(self.flags)} without an answer" if self.flags else ""
