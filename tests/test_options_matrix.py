@@ -89,6 +89,8 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
 AT = {"angles": np.radians([30.0, 60.0])}
 PAPER = {"mechanism": "paper", "motion": "static", **AT}
 ROCKER = {"mechanism": "crank-rocker", **AT}
+VARIED = {"body.crank.length": {"sd": 1e-5}}
+TOLERANCED = {**ROCKER, "mechanism": load("crank-rocker").replace(tolerances=VARIED)}
 FIVE = {"mechanism": "five-bar", "times": [0.0, 0.05, 0.1]}
 LOOSE = {"clearance": {"B": 1e-4}}
 SPEEDS = {"mechanism": "paper", "speeds": 6.0, "clearances": 1e-4, "joint_model": "massless-link", "workers": 1}
@@ -159,6 +161,7 @@ OPTIONS_MATTER: list[Row] = [
     ("accuracy", "clearance", {**PAPER, "samples": 9}, LOOSE),
     ("accuracy", "clearance_tolerance", {**PAPER, "samples": 9}, {"clearance_tolerance": {"B": 1e-3}}),
     ("accuracy", "outputs", {**PAPER, "samples": 9}, {"outputs": "coupler.B"}),
+    ("accuracy", "limits", {**TOLERANCED, "samples": 9}, {"limits": {"follower_angle": 0.01}}),
     ("accuracy", "motion", {**PAPER, "samples": 9}, {"motion": "driven"}),
     ("accuracy", "angles", {**PAPER, "samples": 9}, {"angles": [0.7]}),
     ("accuracy", "samples", {**PAPER, "samples": 9}, {"samples": 12}),

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -26,7 +25,7 @@ from analytic.kinematics.structure import Group, Structure, structure
 from analytic.mechanism.tolerances import Source, changed
 from analytic.paper.superposition import AccuracyAnalysis
 
-AT_ONCE = 4096  # samples worked on at once: their arrays stay in the processor's cache
+AT_ONCE = 8192  # samples worked on at once: their arrays stay in the processor's cache
 CLOSED = 1e-12  # of the loops' size: what Newton's method may leave open
 STEPS = 12  # of Newton's method, from the linkage as drawn
 ROUNDING = 1e-9  # of the largest standard deviation: a part so small is none
@@ -34,7 +33,7 @@ TAIL = 0.025  # 95 % of the samples lie between the two tails
 SOBOL_SAMPLES = 2**12  # by which an index of Saltelli's scheme is known to some 0.02
 
 Slopes = Mapping[str, np.ndarray]  # by source
-Sides = list[Any]  # a form's sides by column: complex, or (S,) for as many linkages
+Sides = list[complex | np.ndarray]  # of a form by column: one number, or (S,) for as many linkages
 
 
 @dataclass(frozen=True)
@@ -188,10 +187,9 @@ class Made:
         """
         s = self.assembly.structure
         count = next(iter(off.values())).size if off else 1
-        columns = np.zeros((len(s.bodies) + len(s.slides), count), complex)
-        columns[0] = 1.0
         drawn = self.ideal.coordinates[:, k]
-        u = np.repeat(drawn[:, None], count, axis=1)
+        u, columns = self.assembly.open(np.full(count, self.ideal.theta[k]))
+        u[:], columns = drawn[:, None], columns[: len(s.bodies) + len(s.slides)]
         open_ = np.zeros(count)
         for step in s.steps:
             if isinstance(step, int):
@@ -250,7 +248,7 @@ def _newton(s: Structure, group: Group, rows: Sequence[Sides], columns: np.ndarr
     """Close a larger group's loops from the coordinates u (n, S), in place; which samples (S,) are closed."""
     unknown = list(group.coordinates)
     within = (*group.coordinates, *group.within)
-    size = max(float(np.max(sum(abs(side) for side in row[: len(s.bodies)]))) for row in rows)
+    size = max(float(sum(np.max(np.abs(side)) for side in row[: len(s.bodies)])) for row in rows)
     residual = np.zeros((len(rows), columns.shape[1]), complex)
     for _ in range(STEPS):
         for i in within:

@@ -7,7 +7,7 @@ their columns, the structure's last and all zero, may be left out.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from analytic.errors import Error
 from analytic.kinematics.structure import Group, Structure
 from analytic.mechanism import GROUND
 
-Row = np.ndarray | Sequence[Any]  # a loop's sides by column: complex, or one (N,) for as many linkages
+Row = np.ndarray | Sequence[complex | np.ndarray]  # a loop's sides by column, each one number or (N,) for N linkages
 AGREE = 1e-6  # of the loops' size: what loops beyond those that are needed may be open, for lengths that are rounded
 
 

@@ -13,10 +13,10 @@ from compare.quantities import plain, shown
 from compare.report.tables import say, terminal_table
 from compare.results.toleranced import AccuracyByTolerance, SignalsByTolerance
 
-MOST_NAMED = 3  # sources of a number, the largest first
+MOST_NAMED = 2  # sources of a number, the largest first
 SHOWN = re.compile(r"drive_.*|reaction_.*_magnitude|(?!reaction_).*_angle")  # signals in the table
 LEAST_NAMED = 0.005  # of the variance
-OUTPUTS = ("by tolerances", "unit", "sd", "at", "95 % of linkages", "of its variance", "limit", "good")
+OUTPUTS = ("by tolerances", "unit", "sd", "at", "95 % of linkages", "of its variance", "good")
 SIGNALS = ("by tolerances", "unit", "sd", "at", "of its variance")
 
 
@@ -24,14 +24,17 @@ def print_outputs(by: AccuracyByTolerance, console: Console) -> None:
     """Print each output's variation where it is largest, and the share of linkages within limits; ASCII."""
     rows = []
     for name, output in by.outputs.items():
+        if not output.by_source and output.limit is None:
+            continue
         unit, factor = shown(output.unit)
         k = _worst(output.sd)
         ends = (plain(factor * float(x[k]), 3, True) for x in (output.monte_carlo.low, output.monte_carlo.high))
-        good = "-" if output.within is None else f"{100 * output.within:.4g} %"
-        limit = "-" if output.limit is None else plain(factor * output.limit)
+        good = "-"
+        if output.within is not None and output.limit is not None:
+            good = f"{100 * output.within:.4g} % in {plain(factor * output.limit)}"
         sd = plain(factor * float(output.sd[k]))
         at = f"{math.degrees(output.at):.4g} deg"
-        rows.append((name, unit, sd, at, " to ".join(ends), shares(output.by_source, k), limit, good))
+        rows.append((name, unit, sd, at, " to ".join(ends), shares(output.by_source, k), good))
     console.print(terminal_table(OUTPUTS, rows, left=(OUTPUTS[0], "unit", "of its variance")))
     lines = ["by tolerances: against the ideal linkage as drawn, pins along their reactions; sd to first order"]
     if by.assembled < 1:
@@ -50,7 +53,7 @@ def print_signals(by: SignalsByTolerance, theta: np.ndarray, angular: bool, cons
         unit, factor = shown(signal.unit)
         k = _worst(signal.sd)
         at = f"{math.degrees(theta[k]):.4g} deg" if angular else f"{theta[k]:.4g} s"
-        rows.append((name, unit, plain(factor * float(signal.sd[k])), at, shares(signal.by_source, k)))
+        rows.append((name, unit.replace("·", "."), plain(factor * float(signal.sd[k])), at, shares(signal.by_source, k)))
     if rows:
         console.print(terminal_table(SIGNALS, rows, left=(SIGNALS[0], "unit", "of its variance")))
 
