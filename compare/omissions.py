@@ -282,7 +282,9 @@ OMISSIONS: tuple[Omission, ...] = (
         ("joint.fit",),
         "the same, a joint whose `clearance` is given",
         "its clearance is what the file says",
-        lambda asked, part: asked.command not in ("accuracy", "analyse") and "clearance" in part.model_fields_set,
+        lambda asked, part: (
+            asked.command not in ("accuracy", "analyse") and isinstance(part, Joint) and not part.clearance_of_fit
+        ),
     ),
     Omission(
         ("drive.periodic_torque",),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -153,6 +154,30 @@ def test_a_fit_that_cannot_be_is_refused_in_a_sentence(fit: str, radius: str, mo
     assert why in str(refused.value)
     assert str(refused.value).startswith("file.toml: ")
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.mujoco
+def test_an_engine_in_units_of_its_own_has_the_clearance_of_a_fit() -> None:
+    """Of a linkage a hundred times as small, whose units are, too: the same as with that clearance in the file."""
+    text = re.sub(r"(?<=[\[ ])0\.(\d+)(?=[,\]])", r"0.00\1", CRANK_ROCKER)
+    text += '\n[[load]]\nbody = "follower"\nforce = [-5.0, -3.0]\n'
+    begin = 'name = "B"\ntype = "revolute"\n'
+    m = loads(text.replace(begin, f'{begin}pin_radius = "1 mm"\nfit = "H7/g6"\n'))
+    plain = loads(text.replace(begin, f"{begin}clearance = 4e-6\n"))
+    assert m.joint("B").clearance == pytest.approx(5e-6)
+    one, other = (
+        lc.simulate(
+            each.with_clearances({"B": 4e-6}) if each is m else each,
+            joint_model="contact",
+            motion="static",
+            angles=[1.0],
+        )
+        for each in (m, plain)
+    )
+    assert one["clearance_B_x"] == pytest.approx(other["clearance_B_x"], rel=1e-9)
+    fitted_gap = lc.simulate(m, joint_model="contact", motion="static", angles=[1.0])
+    sizes = [float(np.hypot(each["clearance_B_x"], each["clearance_B_y"])[0]) for each in (one, fitted_gap)]
+    assert sizes[1] - sizes[0] == pytest.approx(1e-6, rel=1e-3)
 
 
 def test_a_fit_needs_a_pin() -> None:

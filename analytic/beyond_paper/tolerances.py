@@ -150,8 +150,8 @@ class Made:
         return {x.field: x.at(shares[self.groups.index(x.group)]) for x in self.sources}
 
     def errors(self, k: int, values: Mapping[str, np.ndarray]) -> dict[Output, np.ndarray]:
-        """Errors (S,) of the outputs at crank angle k where sources have these numbers (S,); NaN of what does not
-        assemble.
+        """Errors (S,) of the outputs at crank angle k where sources have these numbers (S,), without those of pins
+        whose reaction has no direction there; NaN of what does not assemble.
         """
         count = next(iter(values.values())).size
         out = {d: np.empty(count) for d in self.outputs}
@@ -172,7 +172,7 @@ class Made:
                 moved = d.part(_side_sum(self._form(d, off), columns)) - self.nominal[d][k] + open_
             for pin, along in self.along[d].items():
                 size = values[self.loose[pin].field] if pin in self.loose else self.clearances.get(pin, 0.0)
-                moved = moved + along[k] * np.maximum(size, 0.0)
+                moved = moved + np.nan_to_num(along[k]) * np.maximum(size, 0.0)
             errors[d] = moved
         return errors
 
@@ -305,9 +305,10 @@ def toleranced_errors(
         errors = made.errors(k, values)
         for d, error in errors.items():
             known = np.isfinite(error)
-            if not np.isnan(made.direction[d][k]):
-                closed &= known
-            if d in within and not np.isnan(made.direction[d][k]):
+            closed &= known
+            if np.isnan(made.direction[d][k]):
+                continue
+            if d in within:
                 within[d] &= np.abs(error) <= limits[d]
             if known.any():
                 spread[d][:, k] = _statistics(error if known.all() else error[known])

@@ -61,7 +61,7 @@ def _of_joint(j: Joint) -> Iterator[Assumed]:
     where = f"joint[{j.name}]"
     if j.prismatic and "angle" not in j.model_fields_set:
         yield Assumed(f"{where}.angle", j.angle, "rad", "the second body's angle is the first's")
-    if j.fit is not None and "clearance" not in j.model_fields_set:
+    if j.clearance_of_fit:
         yield Assumed(f"{where}.clearance", j.clearance, "m", f"the middle of its fit {j.fit}, radial")
     if j.springy and "rest_angle" not in j.model_fields_set:
         yield Assumed(f"{where}.rest_angle", j.rest_angle, "m" if j.prismatic else "rad", "where the spring rests")

@@ -269,6 +269,7 @@ class Joint(MechanismPart):
         limits = self.fitted
         if limits is not None and "clearance" not in self.model_fields_set:
             object.__setattr__(self, "clearance", sum(limits) / 2)
+            self.model_fields_set.add("clearance")
         return self
 
     @property
@@ -278,6 +279,11 @@ class Joint(MechanismPart):
             return None
         least, most = play(self.fit, 2 * self.pin_radius)
         return least / 2, most / 2
+
+    @property
+    def clearance_of_fit(self) -> bool:
+        """Whether its clearance is the middle of its fit, which stands for one that is left out."""
+        return self.fitted is not None and self.clearance == sum(self.fitted) / 2
 
     @property
     def prismatic(self) -> bool:

@@ -53,7 +53,9 @@ def print_signals(by: SignalsByTolerance, theta: np.ndarray, angular: bool, cons
         unit, factor = shown(signal.unit)
         k = _worst(signal.sd)
         at = f"{math.degrees(theta[k]):.4g} deg" if angular else f"{theta[k]:.4g} s"
-        rows.append((name, unit.replace("·", "."), plain(factor * float(signal.sd[k])), at, shares(signal.by_source, k)))
+        rows.append(
+            (name, unit.replace("·", "."), plain(factor * float(signal.sd[k])), at, shares(signal.by_source, k))
+        )
     if rows:
         console.print(terminal_table(SIGNALS, rows, left=(SIGNALS[0], "unit", "of its variance")))
 

@@ -155,7 +155,7 @@ class Units:
                     for name, d in (("translation", STIFFNESS), ("rotation", TORQUE_DIMENSION))
                 )
                 new["elasticity"] = j.elasticity.model_copy(update={"translation": translation, "rotation": rotation})
-            return j.model_copy(update=new)
+            return j.model_copy(update=new | {"fit": None})  # its clearance is known, and tables are in metres
 
         def drive(d: Drive) -> Drive:
             speed = (
