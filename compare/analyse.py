@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from math import tau
 from typing import Any
 
@@ -84,11 +85,17 @@ def analyse(question: AnalyseQuestion) -> Analysis:
     if not compliance and schedule.crank_angle is not None:
         optional["extremes"] = _extremes(assembly, schedule.crank_angle, motion == "driven", model)
     optional |= {} if schedule.crank_angle is not None else {"time": schedule.time}
-    if states_tolerances(m):
+    if states_tolerances(m) or question.samples or question.seed:
         varied, told = varying(m, question.clearance is not None)
         warned += told
+        if not varied and (question.samples or question.seed):
+            asked = "samples" if question.samples else "seed"
+            raise ArgumentError(asked, f"{m.name} has no tolerances to draw from; give [tolerances], or leave it out")
+        if question.seed and not question.samples:
+            warned.append("seed is of samples, of which there are none")
         if varied:
-            optional["tolerances"] = of_signals(m, varied, side.signals, _signals_of(question))
+            ask = _signals_of(question, schedule)
+            optional["tolerances"] = of_signals(m, varied, side.signals, ask, question.samples, question.seed)
     return Analysis(
         case=m.name,
         mechanism=m,
@@ -112,12 +119,14 @@ def _side(assembly: Assembly, schedule: Schedule, question: AnalyseQuestion) -> 
     return with_flexible_links(side, assembly, schedule) if question.compliance else side
 
 
-def _signals_of(question: AnalyseQuestion) -> Callable[[Mechanism], Mapping[str, np.ndarray]]:
-    """What answers a question with the signals of a linkage."""
+def _signals_of(question: AnalyseQuestion, schedule: Schedule) -> Callable[[Mechanism], Mapping[str, np.ndarray]]:
+    """What answers a question with the signals of another linkage, at the same crank angles or times."""
+    crank = schedule.crank_angle
+    asked = replace(question, angles=crank) if crank is not None else replace(question, times=schedule.time)
 
     def signals(m: Mechanism) -> Mapping[str, np.ndarray]:
         assembly = Assembly(m)
-        return _side(assembly, scheduled(assembly, question, may_swing=False), question).signals
+        return _side(assembly, scheduled(assembly, asked, may_swing=False), asked).signals
 
     return signals
 

@@ -8,11 +8,11 @@ from numbers import Real
 
 import numpy as np
 
-from analytic.beyond_paper.tolerances import ROUNDING, toleranced_errors
+from analytic.beyond_paper.tolerances import TAIL, toleranced_errors
 from analytic.kinematics.output import Output
 from analytic.mechanism import Mechanism, MechanismError
 from analytic.mechanism.errors import quoted
-from analytic.mechanism.signals import named
+from analytic.mechanism.signals import Signal, named
 from analytic.mechanism.tolerances import Source, changed, sources
 from analytic.mechanism.units import UnitError
 from analytic.mechanism.written import quantity
@@ -28,6 +28,8 @@ from compare.results.toleranced import (
 )
 
 Signals = Mapping[str, np.ndarray]
+Ask = Callable[[Mechanism], Signals]
+FOUND_TO = 1e-8  # of a signal: an equilibrium is found to 1e-9 of it, and a difference has two
 
 
 def states_tolerances(m: Mechanism) -> bool:
@@ -101,38 +103,80 @@ def of_outputs(
 
 
 def of_signals(
-    m: Mechanism, every: tuple[Source, ...], signals: Signals, ask: Callable[[Mechanism], Signals]
+    m: Mechanism, every: tuple[Source, ...], signals: Signals, ask: Ask, samples: int, seed: int
 ) -> SignalsByTolerance:
-    """What tolerances do to a linkage's ``signals``, to first order: by the difference over a standard deviation to
-    either side of what each number is, of what a linkage ``ask``ed has for signals.
+    """What tolerances do to a linkage's ``signals``: to first order, and over so many linkages as made, each of which
+    is ``ask``ed for its signals.
 
-    Raises MechanismError of a linkage that cannot be analysed there.
+    Raises MechanismError of a linkage that cannot be analysed a standard deviation from what the file says.
     """
+    units = {name: signal for name, signal in named(m.bodies, m.joints, m.drives).items() if name in signals}
+    asked = {name: signals[name] for name in units}
     groups: dict[str, dict[str, np.ndarray]] = {}
-    units = named(m.bodies, m.joints, m.drives)
     for source in every:
-        try:
-            high, low = (ask(changed(m, {source.field: source.nominal + way * source.sd})) for way in (1, -1))
-        except ValueError as error:
-            raise MechanismError(
-                f"{m.name}: tolerances[{source.field}] of sd {source.sd:g} {source.unit} is too large for first order:"
-                f" {error}"
-            ) from None
         parts = groups.setdefault(source.group, {})
-        for name in signals.keys() & units.keys() & high.keys() & low.keys():
-            apart = high[name] - low[name]
-            if units[name].unit == "rad":  # continued from the first sample on, which may lie in another turn
-                apart -= math.tau * np.round(apart / math.tau)
-            parts[name] = parts.get(name, 0.0) + apart / 2
+        for name, part in _parts(m, source, ask, units).items():
+            parts[name] = parts.get(name, 0.0) + part
+    made, assembled = _made(m, every, asked, ask, units, samples, seed) if samples else ({}, None)
     found = {}
-    for name in signals.keys() & units.keys():
+    for name, nominal in asked.items():
         by_source = {group: np.abs(parts[name]) for group, parts in groups.items() if name in parts}
-        sd = np.sqrt(sum((part**2 for part in by_source.values()), np.zeros(signals[name].shape)))
-        least = ROUNDING * max(np.nanmax(np.abs(x), initial=0.0) for x in (signals[name], *by_source.values()))
-        kept = {group: part for group, part in by_source.items() if np.nanmax(part, initial=0.0) > 1e3 * least}
+        least = FOUND_TO * max(np.nanmax(np.abs(x), initial=0.0) for x in (nominal, *by_source.values()))
+        kept = {group: part for group, part in by_source.items() if np.nanmax(part, initial=0.0) > least}
         if kept:
-            found[name] = ByTolerance(unit=units[name].unit, sd=sd, by_source=kept)
-    return SignalsByTolerance(sources=_varied(every), signals={name: found[name] for name in signals if name in found})
+            sd = np.sqrt(sum((part**2 for part in by_source.values()), np.zeros(nominal.shape)))
+            found[name] = ByTolerance(unit=units[name].unit, sd=sd, by_source=kept, monte_carlo=made.get(name))
+    return SignalsByTolerance(sources=_varied(every), signals=found, samples=samples, assembled=assembled)
+
+
+def _parts(m: Mechanism, source: Source, ask: Ask, units: Mapping[str, Signal]) -> dict[str, np.ndarray]:
+    """By signal (N,) half of what it differs by where a number is one standard deviation more and one less."""
+    try:
+        high, low = (ask(changed(m, {source.field: source.nominal + way * source.sd})) for way in (1, -1))
+    except ValueError as error:
+        raise MechanismError(
+            f"{m.name}: tolerances[{source.field}] of sd {source.sd:g} {source.unit} is too large for first order:"
+            f" {error}"
+        ) from None
+    return {
+        name: _apart(high[name], low[name], unit) / 2 for name, unit in units.items() if name in high and name in low
+    }
+
+
+def _apart(one: np.ndarray, other: np.ndarray, signal: Signal) -> np.ndarray:
+    """One less the other (N,); angles are continued from the first sample on, which may lie in another turn."""
+    apart = one - other
+    return apart - math.tau * np.round(apart / math.tau) if signal.unit == "rad" else apart
+
+
+def _made(
+    m: Mechanism,
+    every: tuple[Source, ...],
+    signals: Signals,
+    ask: Ask,
+    units: Mapping[str, Signal],
+    samples: int,
+    seed: int,
+) -> tuple[dict[str, Made], float]:
+    """What signals differ by from the linkage as drawn, over linkages as made, and the share that assembles."""
+    names = tuple(dict.fromkeys(x.group for x in every))
+    shares = dict(zip(names, np.random.default_rng(seed).random((len(names), samples)), strict=True))
+    values = {x.field: x.at(shares[x.group]) for x in every}
+    errors: dict[str, list[np.ndarray]] = {name: [] for name in signals}
+    for k in range(samples):
+        try:
+            one = ask(changed(m, {field: float(numbers[k]) for field, numbers in values.items()}))
+        except ValueError:  # it does not assemble
+            continue
+        for name, nominal in signals.items():
+            errors[name].append(_apart(one[name], nominal, units[name]))
+    made = {}
+    for name, rows in errors.items():
+        if rows:
+            table = np.array(rows)
+            low, high = np.quantile(table, (TAIL, 1 - TAIL), axis=0)
+            made[name] = Made(mean=table.mean(axis=0), sigma=table.std(axis=0), low=low, high=high)
+    return made, max(len(rows) for rows in errors.values()) / samples
 
 
 def _varied(every: tuple[Source, ...]) -> dict[str, Varied]:

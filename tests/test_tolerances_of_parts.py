@@ -570,6 +570,61 @@ assembly = { lever = 0.0 }
     np.testing.assert_allclose(torque.sd, math.hypot(*parts.values()) * np.cos(theta), rtol=1e-9)
 
 
+def test_signals_of_linkages_as_made_are_a_product_s_closed_form() -> None:
+    """A weight's moment m g r at rest: of two independent numbers, var = r^2 sm^2 + m^2 sr^2 + sm^2 sr^2."""
+    text = """
+name = "lever"
+gravity = [0.0, -10.0]
+ground = { points = { O = [0.0, 0.0] } }
+body = [ { name = "lever", points = { O = [0.0, 0.0], T = [0.4, 0.0] }, mass = 3.0, com = [0.3, 0.0] } ]
+joint = [ { name = "O", type = "revolute", bodies = ["ground", "lever"] } ]
+drive = { joint = "O", speed = 1.0 }
+assembly = { lever = 0.0 }
+[tolerances]
+"body.lever.mass" = { sd = 0.4 }
+"body.lever.com.x" = { sd = 0.05 }
+"""
+    found = lc.analyse(loads(text), motion="static", angles=[0.0], samples=4000, seed=2)
+    assert found.tolerances is not None
+    torque = found.tolerances.signals["drive_torque"]
+    assert torque.monte_carlo is not None
+    first = (10 * 0.3 * 0.4) ** 2 + (10 * 3.0 * 0.05) ** 2
+    np.testing.assert_allclose(torque.sd, [math.sqrt(first)], rtol=1e-9)
+    exact = math.sqrt(first + (10 * 0.4 * 0.05) ** 2)
+    np.testing.assert_allclose(torque.monte_carlo.sigma, [exact], rtol=4 / math.sqrt(2 * 4000))
+    np.testing.assert_allclose(torque.monte_carlo.mean, [0.0], atol=4 * exact / math.sqrt(4000))
+    assert found.tolerances.assembled == 1.0
+
+
+def test_signals_are_asked_at_the_same_angles_of_every_linkage() -> None:
+    """A longer ground lets the paper's linkage turn farther, and its own angles are others."""
+    m = load("paper").replace(tolerances={"ground.points.E.x": Tolerance(sd=1e-4)})
+    found = lc.analyse(m, motion="static", samples=3)
+    assert found.tolerances is not None
+    by = found.tolerances.signals["coupler_angle"]
+    assert by.monte_carlo is not None
+    assert by.sd.shape == by.monte_carlo.mean.shape == found.crank_angle.shape
+
+
+def test_several_drives_signals_vary_over_time() -> None:
+    """A mass at rest in a five-bar's arm moves the drives' torques in proportion: sd/m of what the mass alone does."""
+    m = load("five-bar").replace(gravity=(0.0, -9.81))
+    heavy = m.with_body("left-arm", mass=2 * m.moving["left-arm"].mass)
+    times = [0.0, 0.05, 0.1]
+    one, other = (lc.analyse(each, motion="static", times=times) for each in (m, heavy))
+    sd = 0.01 * m.moving["left-arm"].mass
+    stated = lc.analyse(m.replace(tolerances={"body.left-arm.mass": Tolerance(sd=sd)}), motion="static", times=times)
+    assert stated.tolerances is not None
+    for name in ("drive_torque_D", "drive_torque_E"):
+        slope = np.abs(other[name] - one[name]) / m.moving["left-arm"].mass
+        np.testing.assert_allclose(stated.tolerances.signals[name].sd, sd * slope, rtol=1e-6)
+
+
+def test_samples_without_tolerances_are_refused() -> None:
+    with pytest.raises(ArgumentError, match="samples: crank-rocker has no tolerances to draw from"):
+        lc.analyse("crank-rocker", samples=9)
+
+
 def test_signals_and_outputs_vary_alike() -> None:
     m = stated(CRANK_ROCKER, LENGTHS.format("crank", 1e-5) + LENGTHS.format("follower", 2e-5))
     signals, outputs = lc.analyse(m, angles=USUAL).tolerances, lc.accuracy(m, angles=USUAL, samples=50).tolerances

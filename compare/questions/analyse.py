@@ -3,7 +3,7 @@
 from dataclasses import KW_ONLY
 from typing import Annotated
 
-from compare.questions.option import LeftOut, Option, Switch, Written
+from compare.questions.option import LeftOut, Option, Switch, Whole, Written
 from compare.questions.question import Question
 from compare.questions.shared import (
     AnyPath,
@@ -20,6 +20,8 @@ from compare.questions.shared import (
     PathFile,
 )
 
+MOST_MADE = 100_000  # linkages that are analysed one by one: a hundred a second
+
 
 class AnalyseQuestion(Question):
     """The motion and the model of an analysis."""
@@ -31,6 +33,10 @@ class AnalyseQuestion(Question):
     model: ModelOption = "equilibrium"
     motion: Drives = "driven"
     compliance: Annotated[bool, Option("Let links and joints yield as well.", Switch())] = False
+    samples: Annotated[
+        int, Option("Linkages within [tolerances] that are analysed, each as a whole [none].", Whole(most=MOST_MADE))
+    ] = 0
+    seed: Annotated[int, Option("Of their random numbers.", Whole())] = 0
     angles: CrankAngles = None
     times: GivenTimes = None
     course: CourseFile = None

@@ -11,7 +11,7 @@ from rich.console import Console
 
 from compare.quantities import plain, shown
 from compare.report.tables import say, terminal_table
-from compare.results.toleranced import AccuracyByTolerance, SignalsByTolerance
+from compare.results.toleranced import AccuracyByTolerance, ByTolerance, SignalsByTolerance
 
 MOST_NAMED = 2  # sources of a number, the largest first
 SHOWN = re.compile(r"drive_.*|reaction_.*_magnitude|(?!reaction_).*_angle")  # signals in the table
@@ -28,13 +28,13 @@ def print_outputs(by: AccuracyByTolerance, console: Console) -> None:
             continue
         unit, factor = shown(output.unit)
         k = _worst(output.sd)
-        ends = (plain(factor * float(x[k]), 3, True) for x in (output.monte_carlo.low, output.monte_carlo.high))
+        ends = _ends(output, factor, k)
         good = "-"
         if output.within is not None and output.limit is not None:
             good = f"{100 * output.within:.4g} % in {plain(factor * output.limit)}"
         sd = plain(factor * float(output.sd[k]))
         at = f"{math.degrees(output.at):.4g} deg"
-        rows.append((name, unit, sd, at, " to ".join(ends), shares(output.by_source, k), good))
+        rows.append((name, unit, sd, at, ends, shares(output.by_source, k), good))
     console.print(terminal_table(OUTPUTS, rows, left=(OUTPUTS[0], "unit", "of its variance")))
     lines = ["by tolerances: against the ideal linkage as drawn, pins along their reactions; sd to first order"]
     if by.assembled < 1:
@@ -53,11 +53,13 @@ def print_signals(by: SignalsByTolerance, theta: np.ndarray, angular: bool, cons
         unit, factor = shown(signal.unit)
         k = _worst(signal.sd)
         at = f"{math.degrees(theta[k]):.4g} deg" if angular else f"{theta[k]:.4g} s"
-        rows.append(
-            (name, unit.replace("·", "."), plain(factor * float(signal.sd[k])), at, shares(signal.by_source, k))
-        )
+        sd, drawn = plain(factor * float(signal.sd[k])), (_ends(signal, factor, k),) * bool(by.samples)
+        rows.append((name, unit.replace("·", "."), sd, at, shares(signal.by_source, k), *drawn))
     if rows:
-        console.print(terminal_table(SIGNALS, rows, left=(SIGNALS[0], "unit", "of its variance")))
+        heads = SIGNALS + ("95 % of linkages",) * bool(by.samples)
+        console.print(terminal_table(heads, rows, left=(SIGNALS[0], "unit", "of its variance")))
+    if by.assembled is not None and by.assembled < 1:
+        say(console, f"{100 * (1 - by.assembled):.3g} % of the linkages cannot be analysed")
 
 
 def shares(by_source: Mapping[str, np.ndarray], k: int) -> str:
@@ -75,6 +77,13 @@ def shares(by_source: Mapping[str, np.ndarray], k: int) -> str:
 def _short(source: str) -> str:
     """A source without the word for what kind of part it is of."""
     return source.removeprefix("body.").removeprefix("joint.").removeprefix("ground.points.")
+
+
+def _ends(by: ByTolerance, factor: float, k: int) -> str:
+    """Between which errors 95 % of the samples lie at an instant."""
+    if by.monte_carlo is None:
+        return "-"
+    return " to ".join(plain(factor * float(x[k]), 3, True) for x in (by.monte_carlo.low, by.monte_carlo.high))
 
 
 def _worst(sd: np.ndarray) -> int:

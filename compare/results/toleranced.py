@@ -23,6 +23,15 @@ class Varied(Part):
     group: Annotated[str, Field(description="What it varies with; empty where it varies alone.")] = ""
 
 
+class Made(Part):
+    """Error over the samples of the Monte Carlo that assemble, over the crank angle or time."""
+
+    mean: Series
+    sigma: Annotated[Series, Field(description="Standard deviation.")]
+    low: Annotated[Series, Field(description="2.5 % of the samples lie below.")]
+    high: Annotated[Series, Field(description="2.5 % of the samples lie above.")]
+
+
 class ByTolerance(Part):
     """How a number over the crank angle varies, to first order."""
 
@@ -31,21 +40,12 @@ class ByTolerance(Part):
     by_source: Annotated[
         Mapping[str, Series], Field(description="Standard deviation by one source, or one group of them, alone.")
     ]
-
-
-class Made(Part):
-    """Error of an output over the samples of the Monte Carlo that assemble, over the crank angle."""
-
-    mean: Series
-    sigma: Annotated[Series, Field(description="Standard deviation.")]
-    low: Annotated[Series, Field(description="2.5 % of the samples lie below.")]
-    high: Annotated[Series, Field(description="2.5 % of the samples lie above.")]
+    monte_carlo: Annotated[Made | None, Field(description="Where samples are asked for.")] = None
 
 
 class OutputByTolerance(ByTolerance):
     """The error of an output against the ideal linkage as drawn."""
 
-    monte_carlo: Made
     at: Annotated[float, Field(description="Crank angle (rad) at which sd is largest, of which the indices are.")]
     sobol_first: Annotated[
         Mapping[str, float],
@@ -71,7 +71,9 @@ class AccuracyByTolerance(Part):
 
 
 class SignalsByTolerance(Part):
-    """What tolerances do to the signals of a linkage, to first order."""
+    """What tolerances do to the signals of a linkage."""
 
     sources: Mapping[str, Varied]
+    samples: Annotated[int, Field(ge=0, description="Of the Monte Carlo, each analysed as a whole.")] = 0
+    assembled: Annotated[Share | None, Field(description="Share of the samples that can be analysed.")] = None
     signals: Mapping[str, ByTolerance]
