@@ -20,7 +20,7 @@ from analytic.kinematics.output import Output
 from analytic.mechanism import Mechanism, MechanismError, Tolerance
 from analytic.mechanism.file import dumps, load, loads
 from analytic.mechanism.fits import DEVIATIONS, FINE, GRADES, SIZES, play
-from analytic.mechanism.tolerances import Source, changed, sources, value
+from analytic.mechanism.tolerances import Source, as_made, changed, sources, value
 from analytic.paper.superposition import accuracy as accuracy_of
 from commands import compare
 from compare.faults import ArgumentError
@@ -705,3 +705,32 @@ assembly = { a = 1.0, b = 1.0, c = 1.0, bar = 0.0 }
 def test_a_mechanism_that_states_no_tolerance_is_asked_nothing_of_them() -> None:
     assert lc.accuracy("crank-rocker", clearance={"B": 1e-4}, angles=USUAL, samples=9).tolerances is None
     assert lc.analyse("crank-rocker", angles=USUAL).tolerances is None
+
+
+def test_one_linkage_as_it_was_made_has_no_tolerances_and_no_fit_that_it_is_beyond() -> None:
+    m = fitted("H7/g6").replace(tolerances={"body.crank.mass": Tolerance(sd=1e-3)})
+    assert as_made(m) == m.replace(tolerances={})
+    worn = as_made(m.with_clearances({"B": 1e-4}))
+    assert (worn.joint("B").fit, worn.clearances, worn.tolerances) == (None, {"B": 1e-4}, {})
+    assert loads(dumps(worn)).clearances == {"B": 1e-4}
+    assert "tolerances" not in dumps(worn)
+    plain = load("crank-rocker")
+    assert as_made(plain) is plain
+
+
+@pytest.mark.slow
+@pytest.mark.mujoco
+def test_what_a_diagnosis_explains_can_be_read_again_whatever_the_drawing_allowed(tmp_path: Path) -> None:
+    """The example rig's bearing B is worn far beyond its fit."""
+    rig = Path(__file__).parents[1] / "docs" / "example-rig"
+    for file in rig.glob("*.*"):
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    begin = 'name = "B"\ntype = "revolute"\n'
+    text = (rig / "nominal.toml").read_text(encoding="utf-8")
+    text = text.replace(begin, f'{begin}pin_radius = "5 mm"\nfit = "H7/g6"\n')
+    text += '\n[tolerances]\n"body.coupler.mass" = { sd = "1 g" }\n'
+    (tmp_path / "nominal.toml").write_text(text, encoding="utf-8")
+    done = compare("diagnose", "measured.toml", "--others", "none", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "left out: tolerances of example-rig" in (tmp_path / "out" / "diagnosis.json").read_text(encoding="utf-8")
+    assert load(tmp_path / "out" / "explained.toml").clearances["B"] == pytest.approx(1.5e-4, rel=0.01)

@@ -85,4 +85,4 @@ def dumps(mechanism: Mechanism) -> str:
     import tomli_w
 
     fields = mechanism.model_dump(by_alias=True, exclude_none=True, exclude_unset=True, mode="json")
-    return tomli_w.dumps({name: value for name, value in fields.items() if value is not None and value != []})
+    return tomli_w.dumps({name: value for name, value in fields.items() if value not in (None, [], {})})

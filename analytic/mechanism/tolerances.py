@@ -140,6 +140,18 @@ def _checked(m: Mechanism, field: str, tolerance: Tolerance) -> Source:
     return source
 
 
+def as_made(m: Mechanism) -> Mechanism:
+    """One linkage as it was made: a copy without tolerances, and without fits that its clearances are beyond."""
+
+    def fits(joint: Joint) -> bool:
+        return joint.fitted is None or joint.fitted[0] <= joint.clearance <= joint.fitted[1]
+
+    if not m.tolerances and all(map(fits, m.joints)):
+        return m
+    joints = (j if fits(j) else j.model_copy(update={"fit": None}) for j in m.joints)
+    return m.replace(tolerances={}, joints=tuple(joints))
+
+
 def value(m: Mechanism, field: str) -> float:
     """The number that a mechanism has in a field.  Raises MechanismError where there is none."""
     kind, name, what, *axis = _way(m, field)

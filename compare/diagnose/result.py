@@ -13,6 +13,7 @@ import numpy as np
 
 from analytic.mechanism.assumed import assumed
 from analytic.mechanism.one_line import count
+from analytic.mechanism.tolerances import as_made
 from compare.diagnose.data.recording import Fault as RecordedFault
 from compare.diagnose.data.recording import MeasuredRun
 from compare.diagnose.effects.effect import landing_in
@@ -104,8 +105,8 @@ def as_document(
         inseparable=_inseparable(problem),
         engines=_engines(problem, found),
         runs=(*runs, *(_validation_run(validated) for validated in validation.runs)),
-        mechanism=problem.measured.mechanism,
-        explained=found.explained,
+        mechanism=as_made(problem.measured.mechanism),
+        explained=as_made(found.explained),
         steps=(),
         sets=_sets(e),
         covariance=_covariance(e),
