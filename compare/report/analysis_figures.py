@@ -17,7 +17,6 @@ from compare.report.peaks import (
     NOTHING,
     End,
     acting,
-    around,
     over,
     parts_of,
     peaks,
@@ -79,7 +78,7 @@ def _closed(result: Analysis | Simulation, values: np.ndarray) -> tuple[Numbers,
     where it began.
     """
     x = over(result)
-    if not around(result) or abs(values[-1] - values[0]) > 3 * np.nanmax(np.abs(np.diff(values)), initial=0.0):
+    if not over(result).around or abs(values[-1] - values[0]) > 3 * np.nanmax(np.abs(np.diff(values)), initial=0.0):
         return scaled(x.values), scaled(values)
     turn = 360.0 if x.values[-1] > x.values[0] else -360.0
     return scaled([*x.values, x.values[0] + turn]), scaled([*values, values[0]])
@@ -87,7 +86,7 @@ def _closed(result: Analysis | Simulation, values: np.ndarray) -> tuple[Numbers,
 
 def _round(result: Analysis | Simulation, path: np.ndarray) -> np.ndarray:
     """A path (N,) x + iy, closed where the samples make a whole turn."""
-    return np.append(path, path[:1]) if around(result) else path
+    return np.append(path, path[:1]) if over(result).around else path
 
 
 def _in_sixes(

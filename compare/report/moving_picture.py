@@ -8,7 +8,7 @@ import numpy as np
 
 from compare.report.figure import Series
 from compare.report.linkage import Pose, both_poses, configuration, displaced_by, exaggeration, pose_at
-from compare.report.peaks import around, over
+from compare.report.peaks import over
 from compare.report.svg import COLOURS, INK, PAPER, Scale, label, picture
 from compare.results.analysis import Analysis, Simulation
 
@@ -29,7 +29,7 @@ def moving_picture(result: Analysis | Simulation) -> str:
             poses.append(pose)
     if len(poses) < 2:
         return ""
-    poses = poses if around(result) else [*poses, *reversed(poses)]
+    poses = poses if over(result).around else [*poses, *reversed(poses)]
     gaps = {joint: times * size for joint, size in result.clearance.items()}
     frames = [configuration(m, pose, "", "analytic", gaps) for pose in poses]
     across, up, height = _scales(frames)

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from analytic.mechanism import Load
-from analytic.paper.superposition import whole_turn
 from compare.quantities import Quantity, drive_signals, plain, quantities, shown
 from compare.report.summary import Abscissa, abscissa, by_reason
 from compare.results.analysis import Analysis, OutputError, Simulation
@@ -173,11 +172,6 @@ def poor(result: Analysis) -> str:
 def parts_of(error: OutputError) -> dict[str, np.ndarray]:
     """What each joint does to an output, those that do anything."""
     return {joint: part for joint, part in error.by_joint.items() if np.nanmax(np.abs(part), initial=0.0) > 0}
-
-
-def around(result: Analysis | Simulation) -> bool:
-    """Whether the step after the last crank angle would close a turn."""
-    return not over(result).of_time and whole_turn(result.crank_angle)
 
 
 def power(result: Analysis | Simulation) -> np.ndarray | None:
