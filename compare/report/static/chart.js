@@ -163,7 +163,7 @@ class Chart {
 
   layout() {
     const width = this.frame.clientWidth, narrow = width < 480;
-    const left = this.panelled ? 42 : narrow ? 54 : 68, right = 12, top = 10, bottom = this.panelled ? 24 : 46;
+    const left = this.panelled ? 50 : narrow ? 54 : 68, right = 12, top = 10, bottom = this.panelled ? 24 : 46;
     let {x, y} = this.ranges();
     let height = this.panelled ? 150 : narrow ? 260 : 330;
     if (this.figure.kind === "plane") {
