@@ -64,7 +64,7 @@ def render(result: Analysis, drawn: Sequence[Figure], drawings: dict[str, str], 
         "mechanism": json.dumps(as_written(result.mechanism), indent=2, ensure_ascii=False),
     }
     sections = ["linkage.html.j2"] * bool(moved) + ["analysis/peaks.html.j2"]
-    sections += ["errors.html.j2"] * bool(context["errors"]) + ["figures.html.j2", "analysis/provenance.html.j2"]
+    sections += ["errors.html.j2"] * bool(context["errors"]) + ["figures.html.j2", "provenance.html.j2"]
     return page(
         f"{result.case} {DASH} reactions, torque and motion",
         PageSection("analysis/header.html.j2", context),

@@ -79,6 +79,12 @@ def ideal_poses(result: CrossCheck, run: Run) -> Poses | None:
 
 def assembled(mechanism: Mechanism, crank_angle: np.ndarray) -> Poses | None:
     """Poses of the linkage without clearance at crank angles (N,) rad; None where it cannot be assembled at one."""
+    signals = positions(mechanism, crank_angle)
+    return None if signals is None else poses_of(mechanism, signals)
+
+
+def positions(mechanism: Mechanism, crank_angle: np.ndarray) -> dict[str, np.ndarray] | None:
+    """Where the bodies of the same are: signals (N,) m and rad."""
     try:
         motion = kinematics(Assembly(mechanism.with_clearances({})), crank_angle)
     except AssemblyError:  # somewhere on the grid is a change point; the drawing then does without
@@ -87,7 +93,7 @@ def assembled(mechanism: Mechanism, crank_angle: np.ndarray) -> Poses | None:
     for body in (b.name for b in mechanism.bodies):
         com = motion.position(body)
         signals |= {f"{body}_x": com.real, f"{body}_y": com.imag, f"{body}_angle": motion.angle(body)}
-    return poses_of(mechanism, signals)
+    return signals
 
 
 class Moved(Loose, Protocol):
