@@ -108,8 +108,7 @@ def _draw_panels(figure: Figure) -> str:
     for k, title in enumerate(figure.panels):
         left = LEFT + k * wide
         across = replace(x, start=left, end=left + wide - RIGHT)
-        one = replace(figure, y=figure.y if k == 0 else Axis("", ""))
-        body += [*_axes(one, across, y, 4), label(title, across.start, top - 8, weight="600")]
+        body += [*_axes(figure, across, y, 4, numbered=k == 0), label(title, across.start, top - 8, weight="600")]
         body += _area(f"{figure.name} {k}", figure.panel(k), across, y)
     return picture(LEFT + wide * len(figure.panels), HEIGHT, f"{figure.title}. {figure.summary}", body)
 
@@ -207,14 +206,15 @@ def _scales(figure: Figure, top: float) -> tuple[Scale, Scale, float]:
     )
 
 
-def _axes(figure: Figure, x: Scale, y: Scale, count: int = 8) -> list[str]:
-    """Grid, frame, numbers and titles of a figure's axes."""
+def _axes(figure: Figure, x: Scale, y: Scale, count: int = 8, numbered: bool = True) -> list[str]:
+    """Grid, frame, numbers and titles of a figure's axes; the upright one ``numbered`` or without words."""
     across, power_x = _marked(figure.x, x, count)
     up, power_y = _marked(figure.y, y, 6)
     out = [f'<path d="M{at:.1f} {y.start:.1f}V{y.end:.1f}" stroke="{GRID}"/>' for _, at in across]
     out += [f'<path d="M{x.start:.1f} {at:.1f}H{x.end:.1f}" stroke="{GRID}"/>' for _, at in up]
     out.append(f'<path d="M{x.start:.1f} {y.end:.1f}V{y.start:.1f}H{x.end:.1f}" fill="none" stroke="{RULE}"/>')
-    titles = Marked(_axis_title(figure.x, power_x), across, 17, 40), Marked(_axis_title(figure.y, power_y), up, 8, 60)
+    upright = Marked(_axis_title(figure.y, power_y), up, 8, 60) if numbered else Marked("", (), 8)
+    titles = Marked(_axis_title(figure.x, power_x), across, 17, 40), upright
     return out + axis_labels(*titles, x.start, x.end, y.end, y.start)
 
 

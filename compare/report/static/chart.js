@@ -163,7 +163,7 @@ class Chart {
 
   layout() {
     const width = this.frame.clientWidth, narrow = width < 480;
-    const left = this.panelled ? 50 : narrow ? 54 : 68, right = 12, top = 10, bottom = this.panelled ? 24 : 46;
+    const left = this.panelled ? 50 : narrow ? 54 : 68, right = 12, top = this.panelled ? 16 : 10, bottom = this.panelled ? 24 : 46;
     let {x, y} = this.ranges();
     let height = this.panelled ? 150 : narrow ? 260 : 330;
     if (this.figure.kind === "plane") {
@@ -231,7 +231,7 @@ class Chart {
       svg("text", {x: x.start - 7, y: y(v) + 4, "text-anchor": "end"}, this.svg, say(v, powers[1], up.step));
     }
     svg("path", {d: `M${x.start} ${y.end}V${y.start}H${x.end}`, class: "axis"}, this.svg);
-    if (this.panelled) return void (powers[1] && svg("text", {x: x.start + 4, y: y.end + 11, class: "title"}, this.svg, `×10${superscript(powers[1])}`));
+    if (this.panelled) return void (powers[1] && svg("text", {x: x.start + 4, y: 11, class: "title"}, this.svg, `×10${superscript(powers[1])}`));
     const title = (axis, power) => `${axis.label} (${power ? `10${superscript(power)} ` : ""}${axis.unit})`;
     svg("text", {x: (x.start + x.end) / 2, y: height - 8, "text-anchor": "middle", class: "title"}, this.svg, title(this.figure.x, powers[0]));
     const middle = (y.start + y.end) / 2;
