@@ -22,7 +22,7 @@ from compare.report.peaks import (
     over,
     parts_of,
     peaks,
-    power,
+    powers,
     transmission_angle,
 )
 from compare.results.analysis import Analysis, Simulation
@@ -133,12 +133,13 @@ def _drive(result: Analysis | Simulation) -> Iterator[Figure]:
     for unit, what in (("N·m", "torque"), ("N", "force")):
         names = {known[s].place or "drive": s for s in drive_signals(result.mechanism) if known[s].unit == unit}
         yield from _in_sixes(result, f"drive_{what}", f"Drive {what}", Axis(what, unit), *_lines(result, names))
-    watts = power(result)
-    if watts is not None:
-        x = over(result).values
-        extremes = [End(float(watts[k]), float(x[k])) for k in map(int, (np.nanargmax(watts), np.nanargmin(watts)))]
-        ends = {"power": [end for end in extremes if abs(end.value) > NOTHING * np.nanmax(np.abs(watts))]}
-        yield curves(result, "drive_power", "Drive power", Axis("power", "W"), {"power": watts}, ends)
+    watts, x = powers(result), over(result).values
+    if watts:
+        largest = max(float(np.nanmax(np.abs(each))) for each in watts.values())
+        extremes = {name: [int(np.nanargmax(each)), int(np.nanargmin(each))] for name, each in watts.items()}
+        ends = {name: [End(float(watts[name][k]), float(x[k])) for k in at] for name, at in extremes.items()}
+        ends = {name: [end for end in both if abs(end.value) > NOTHING * largest] for name, both in ends.items()}
+        yield from _in_sixes(result, "drive_power", "Drive power", Axis("power", "W"), watts, ends)
 
 
 def _loads(result: Analysis | Simulation) -> Iterator[Figure]:
@@ -297,10 +298,18 @@ def _rates(result: Analysis | Simulation) -> Iterator[Figure]:
 
 
 def _moved(result: Analysis | Simulation) -> Motion | None:
+    """The ideal linkage at the samples, its crank or its drives at constant speed."""
     m = result.mechanism
-    if result.motion != "driven" or m.speed is None or not isinstance(result, Analysis) or result.time is not None:
+    speeds = [drive.speed for drive in m.drives if isinstance(drive.speed, float)]
+    if result.motion != "driven" or not isinstance(result, Analysis) or len(speeds) < len(m.drives) or not speeds:
         return None
+    crank = m.cranked and result.time is None
+    inputs = [result.crank_angle] if crank else [result.signals[f"position_{drive.joint}"] for drive in m.drives]
+    if crank is not m.cranked or not np.isfinite(inputs).all():
+        return None
+    at = np.array(inputs)
+    theta, omega = (at[0], speeds[0]) if crank else (at, np.outer(speeds, np.ones(at.shape[1])))
     try:
-        return kinematics(Assembly(m.with_clearances({})), result.crank_angle, m.speed)
+        return kinematics(Assembly(m.with_clearances({})), theta, omega)
     except AssemblyError:  # at a change point on the grid; the figures then do without
         return None

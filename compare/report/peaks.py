@@ -205,14 +205,28 @@ def parts_of(error: Error) -> dict[str, np.ndarray]:
     return {joint: part for joint, part in error.by_joint.items() if np.nanmax(np.abs(part), initial=0.0) > least}
 
 
-def power(result: Analysis | Simulation) -> np.ndarray | None:
-    """What the motor of a crank gives (N,) W; None where none is driven, or where it gives nothing."""
+def powers(result: Analysis | Simulation) -> dict[str, np.ndarray]:
+    """What the motor of a crank gives (N,) W, or what each of several gives whose speed is known; none of one that
+    gives nothing.
+    """
     m, signals = result.mechanism, result.signals
-    torque = signals.get("drive_torque")
-    if not m.cranked or m.speed is None or result.motion != "driven" or torque is None:
-        return None
-    watts = torque * signals.get(f"{m.driven}_angular_velocity", np.full(torque.shape, m.speed))
-    return watts if _size(result, "drive_torque") > 0 and np.isfinite(watts).any() else None
+    if result.motion != "driven" or (m.cranked and m.speed is None):
+        return {}
+    rate = {body.name: signals.get(f"{body.name}_angular_velocity") for body in m.bodies}
+    found: dict[str, np.ndarray] = {}
+    for drive in m.drives:
+        first, second = (rate.get(body, np.zeros(1)) for body in m.joint(drive.joint).bodies)
+        steady = drive.speed if isinstance(drive.speed, float) else None
+        if m.cranked:
+            speed, given = rate[m.driven], "drive_torque"
+        elif m.joint(drive.joint).prismatic:
+            speed, given = None, f"drive_force_{drive.joint}"
+        else:
+            speed, given = None if first is None or second is None else second - first, f"drive_torque_{drive.joint}"
+        moved, pushed = speed if speed is not None else steady, signals.get(given)
+        if moved is not None and pushed is not None and _size(result, given) > 0:
+            found["power" if m.cranked else drive.joint] = pushed * moved
+    return {name: watts for name, watts in found.items() if np.isfinite(watts).any()}
 
 
 @dataclass(frozen=True)
