@@ -27,7 +27,7 @@ from compare.report.peaks import (
 )
 from compare.results.analysis import Analysis, Simulation
 
-ROLES = ("massless-link", "spring-damper", "contact", "ideal", "force-3", "analytic")  # six colours of the pages
+ROLES = ("massless-link", "spring-damper", "contact", "ideal", "force-1", "analytic")  # six, apart in the dark too
 MOST = len(ROLES)  # curves of a figure
 Band = tuple[str, np.ndarray, np.ndarray]  # its name, lower and upper edge (N,)
 

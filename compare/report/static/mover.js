@@ -173,7 +173,7 @@ class Mover {
     place.replaceChildren();
     this.rims = Object.entries(this.run.clearance).filter(([joint]) => this.run.gaps[joint]).map(([joint, radius]) => {
       const box = html("figure", {class: "rim", id: `rim-${joint}`}, place);
-      html("figcaption", {}, box, `Journal of ${joint} in its clearance, ${number(1e3 * radius)} mm`);
+      html("figcaption", {}, box, `${joint}: gap ${number(1e3 * radius)} mm`);
       const reach = this.run.gaps[joint].flatMap(([x, y]) => x.map((v, i) => (known(v) && known(y[i]) ? Math.hypot(v, y[i]) / (1e3 * radius) : 0)));
       const half = Math.max(1.3, reach.reduce((a, b) => Math.max(a, b), 0) + 0.2); // a soft contact lets its journal out of the circle
       const drawing = svg("svg", {viewBox: `${-half} ${-half} ${2 * half} ${2 * half}`, role: "img"}, box);
