@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import math
 import re
 from itertools import pairwise
@@ -298,6 +299,22 @@ def test_regimes_are_shares_of_the_time_and_impacts_in_a_hundred_revolutions(agr
     assert max(v for v in free.y if v is not None) <= 100
     per_turn = sum(v for v in struck.y if v is not None) / 100
     assert per_turn == pytest.approx(run.contact.joints["B"].statistics["impacts"].value, rel=0.05)
+
+
+def test_a_table_of_contact_stands_open_only_where_contact_was_lost(agreeing: CrossCheck) -> None:
+    (table,) = describe(agreeing).tables
+    assert table.lost
+    html = agreeing.files()["report.html"]
+    assert "always in contact" not in html
+    content = json.loads(agreeing.files()["result.json"])
+    for run in content["runs"]:
+        for joint in (run.get("contact") or {"joints": {}})["joints"].values():
+            for name in ("free_share", "impacts"):
+                joint["statistics"][name] |= {"value": 0.0, "low": 0.0, "high": 0.0}
+    kept = CrossCheck.model_validate(content)
+    assert not describe(kept).tables[0].lost
+    section = kept.files()["report.html"].split('id="contact"')[1].split("</section>")[0]
+    assert section.index("<summary>Forces and wear in B, always in contact</summary>") < section.index("<table")
 
 
 def test_figures_of_contact_are_files_that_the_markdown_links(agreeing: CrossCheck) -> None:
