@@ -114,9 +114,10 @@ def _of_outputs(assembly: Assembly, schedule: Schedule, motion: Motion) -> tuple
     outputs = [Output(body.name, axis) for body in m.bodies for axis in ("x", "y", "angle")]
     stiff = m.rigid().replace(joints=[j.model_copy(update={"elasticity": None}) for j in m.joints])
     cycle = cycle_accuracy(Assembly(stiff), theta, outputs, m.clearances, m.speed or 1.0, motion == "driven")
+    strikes = ", and strikes it" if motion == "driven" else ""
     crossing = [
         f"the reaction at {change.joint} passes near zero at {plain(degrees(change.crank_angle) % 360, 4)} deg and"
-        f" turns by {abs(degrees(change.turned)):.0f} deg: there the pin crosses its bearing, and strikes it"
+        f" turns by {abs(degrees(change.turned)):.0f} deg: there the pin crosses its bearing{strikes}"
         for change in cycle.side_changes
     ]
     return {
