@@ -215,6 +215,11 @@ def _output(d: Output, cycle: CycleAccuracy, free: Distribution, along: Distribu
         equilibrium=cycle.equilibrium(d),
         worst_case=cycle.worst_case(d),
         sensitivity=cycle.sensitivity(d),
+        by_joint={
+            joint: part
+            for (joint, part), clearance in zip(cycle.by_joint(d).items(), cycle.clearances, strict=True)
+            if clearance
+        },
         compliance=cycle.compliance(d),
         total=cycle.by_both(d),
         monte_carlo=of_sides,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from math import tau
+from math import degrees, tau
 from typing import Any
 
 import numpy as np
@@ -81,7 +81,7 @@ def analyse(question: AnalyseQuestion) -> Analysis:
             raise ArgumentError("compliance", "elastic displacement is found at rest; ask for static motion")
         side = _side(assembly, schedule, question)
         warned += _without_use(m, side)
-    optional = {} if compliance else _of_outputs(assembly, schedule, motion)
+    optional, crossing = ({}, []) if compliance else _of_outputs(assembly, schedule, motion)
     if not compliance and schedule.crank_angle is not None:
         optional["extremes"] = _extremes(assembly, schedule.crank_angle, motion == "driven", model)
     optional |= {} if schedule.crank_angle is not None else {"time": schedule.time}
@@ -107,7 +107,7 @@ def analyse(question: AnalyseQuestion) -> Analysis:
         signals=dict(side.signals),
         flags={str(i): why for i, why in sorted(side.flags.items())},
         order_difference=dict(side.order_difference),
-        warnings=(*warned, *side.remarks),
+        warnings=(*warned, *side.remarks, *crossing),
         assumed=assumed(m),
         **optional,
     )
@@ -131,18 +131,24 @@ def _signals_of(question: AnalyseQuestion, schedule: Schedule) -> Callable[[Mech
     return signals
 
 
-def _of_outputs(assembly: Assembly, schedule: Schedule, motion: Motion) -> dict[str, Any]:
-    """The transmission angle at a crank's angles, and what clearance does to each body there, joint by joint; nothing
-    of what no crank moves.
+def _of_outputs(assembly: Assembly, schedule: Schedule, motion: Motion) -> tuple[dict[str, Any], list[str]]:
+    """The transmission angle at a crank's angles, and what clearance does to each body there, joint by joint, with
+    where a pin crosses its bearing in a sentence each; nothing of what no crank moves.
     """
     m, theta = assembly.mechanism, schedule.crank_angle
     if theta is None:
-        return {}
+        return {}, []
     if not m.clearances:
-        return {"transmission": transmission(condition(along(assembly, schedule)))}
+        return {"transmission": transmission(condition(along(assembly, schedule)))}, []
     outputs = [Output(body.name, axis) for body in m.bodies for axis in ("x", "y", "angle")]
     stiff = m.rigid().replace(joints=[j.model_copy(update={"elasticity": None}) for j in m.joints])
     cycle = cycle_accuracy(Assembly(stiff), theta, outputs, m.clearances, m.speed or 1.0, motion == "driven")
+    strikes = ", and strikes it" if motion == "driven" else ""
+    crossing = [
+        f"the reaction at {change.joint} passes near zero at {plain(degrees(change.crank_angle) % 360, 4)} deg and"
+        f" turns by {abs(degrees(change.turned)):.0f} deg: there the pin crosses its bearing{strikes}"
+        for change in cycle.side_changes
+    ]
     return {
         "transmission": transmission(cycle.condition),
         "errors": {
@@ -154,7 +160,7 @@ def _of_outputs(assembly: Assembly, schedule: Schedule, motion: Motion) -> dict[
             )
             for d in outputs
         },
-    }
+    }, crossing
 
 
 def _without_use(m: Mechanism, side: Reference) -> Iterator[str]:

@@ -144,7 +144,7 @@ def test_the_table_is_in_millimetres_and_degrees(tmp_path: Path) -> None:
     )  # worst case, at 20 deg
     assert line[6:8] == ["20", "deg"]
     assert done.stdout.isascii()
-    assert "accuracy.json" in done.stdout
+    assert "accuracy.html" in done.stdout
 
 
 def test_unloaded_and_reversing_contacts_are_told(tmp_path: Path) -> None:

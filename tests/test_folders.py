@@ -313,7 +313,7 @@ def test_a_report_that_is_replaced_goes_with_all_its_pictures_and_nothing_else(c
         (tmp_path / "here" / name).write_text(text, encoding="utf-8")
     assert compare("compare accuracy --samples 50 --out here")[0] == 0
     assert compare(f"{QUICK} --case slider-crank --out here --overwrite") == (0, "")
-    own = {"accuracy.json", "accuracy.csv", *OTHERS}  # a whole result that lost nothing stays
+    own = {"accuracy.json", "accuracy.csv", "accuracy.html", *OTHERS}  # a whole result that lost nothing stays
     assert set(contents(tmp_path / "here")) == set(contents(tmp_path / "alone")) | own
     assert compare("compare analyse --motion static --out here --overwrite")[0] == 0  # takes signals.csv
     own |= set(lc.analyse("paper", motion="static").files())

@@ -19,7 +19,7 @@ from analytic.mechanism.file import dumps, load, loads
 from compare.cli.app import app
 from compare.report.analysis_figures import figures
 from compare.report.moving_picture import moving_picture
-from compare.report.peaks import acting, error_peaks, peaks, poor, transmission_angle
+from compare.report.peaks import acting, error_peaks, peaks, poor, powers, transmission_angle
 from compare.results.analysis import Analysis
 from test_report_browser import CHROMIUM, Browser, browser, no_errors
 
@@ -120,6 +120,46 @@ to = "300.1 deg"
     assert float(told[1]) == pytest.approx(float(told[2]) * SPEED / math.tau, rel=1e-3)
     nowhere = lc.analyse(loads(tool), angles=TURN[:20])
     assert "arm: the load on arm acts nowhere: crank_angle goes from 0 to 95 deg" in nowhere.warnings
+
+
+@pytest.mark.parametrize("case", ["five-bar", "3-rpr", "2r-arm"])
+def test_what_several_motors_give_is_what_the_linkage_gains(case: str) -> None:
+    """Kinetic and potential energy, differentiated over time, against the sum of the motors' powers."""
+    times = np.linspace(0.0, 0.5, 2001)
+    result = lc.analyse(case, times=times, motion="driven")
+    m, signals = result.mechanism, result.signals
+    energy = np.zeros(times.size)
+    for body in m.bodies:
+        place = signals[f"{body.name}_x"] + 1j * signals[f"{body.name}_y"]
+        speed = np.gradient(place, times, edge_order=2)
+        energy += body.mass * (np.abs(speed) ** 2 / 2 - (np.conj(complex(*m.gravity)) * place).real)
+        energy += body.moment_of_inertia * signals[f"{body.name}_angular_velocity"] ** 2 / 2
+        for each in (one for one in m.loads if one.body == body.name):
+            arm = body.point(each.point) - body.point("com")
+            moved = place + arm * np.exp(1j * signals[f"{body.name}_angle"])
+            energy -= (np.conj(complex(*each.force)) * moved).real + each.torque * signals[f"{body.name}_angle"]
+    gained, given = np.gradient(energy, times, edge_order=2), sum(powers(result).values())
+    assert len(powers(result)) == len(m.drives)
+    np.testing.assert_allclose(given[5:-5], gained[5:-5], atol=1e-4 * np.abs(gained).max())
+    drawn = {figure.name: figure for figure in figures(result)}
+    assert {"drive_power", "speed", "acceleration"} <= set(drawn)
+    last = m.bodies[-1].name
+    accelerated = np.gradient(np.gradient(signals[f"{last}_x"] + 1j * signals[f"{last}_y"], times), times)
+    shown = [s for f in drawn.values() if f.name.startswith("acceleration") for s in f.series if s.name == last]
+    np.testing.assert_allclose(np.array(shown[0].y, float)[5:-5], np.abs(accelerated)[5:-5], rtol=1e-3, atol=1e-5)
+
+
+def test_where_a_pin_crosses_its_bearing_is_told() -> None:
+    """Of an arm whose centrifugal force is its weight: on top nothing is left, and the reaction turns round."""
+    balanced = ARM.replace(f"speed = {SPEED}", f"speed = {math.sqrt(GRAVITY / REACH)}")
+    told = [
+        text for text in lc.analyse(loads(balanced), clearance={"D": 1e-4}, angles=TURN).warnings if "crosses" in text
+    ]
+    (sentence,) = told
+    at, turned = map(float, re.findall(r" ([\d.]+) deg", sentence))
+    assert at == pytest.approx(90.0, abs=0.01)
+    assert turned == pytest.approx(180.0, abs=1.0)  # between angles a quarter of a degree to either side
+    assert not any("crosses" in text for text in lc.analyse(loads(ARM), clearance={"D": 1e-4}, angles=TURN).warnings)
 
 
 def test_what_is_zero_throughout_is_no_peak() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import math
 import re
 from itertools import pairwise
@@ -11,6 +12,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from markupsafe import Markup
 from rich.console import Console
 
 from compare.judge.statistics import compared_statistics
@@ -18,10 +20,10 @@ from compare.judge.tolerances import load_tolerances
 from compare.quantities import number
 from compare.report.contact_figures import bands, contact_figures
 from compare.report.crosscheck_figures import figures
+from compare.report.crosscheck_motion import mover
 from compare.report.crosscheck_terminal import print_table
 from compare.report.figure import Figure
 from compare.report.junit import junit
-from compare.report.linkage import explorer
 from compare.report.provenance import lines
 from compare.report.summary import summarise
 from compare.report.svg import COLOURS, draw
@@ -299,6 +301,22 @@ def test_regimes_are_shares_of_the_time_and_impacts_in_a_hundred_revolutions(agr
     assert per_turn == pytest.approx(run.contact.joints["B"].statistics["impacts"].value, rel=0.05)
 
 
+def test_a_table_of_contact_stands_open_only_where_contact_was_lost(agreeing: CrossCheck) -> None:
+    (table,) = describe(agreeing).tables
+    assert table.lost
+    html = agreeing.files()["report.html"]
+    assert "always in contact" not in html
+    content = json.loads(agreeing.files()["result.json"])
+    for run in content["runs"]:
+        for joint in (run.get("contact") or {"joints": {}})["joints"].values():
+            for name in ("free_share", "impacts"):
+                joint["statistics"][name] |= {"value": 0.0, "low": 0.0, "high": 0.0}
+    kept = CrossCheck.model_validate(content)
+    assert not describe(kept).tables[0].lost
+    section = kept.files()["report.html"].split('id="contact"')[1].split("</section>")[0]
+    assert section.index("<summary>Forces and wear in B, always in contact</summary>") < section.index("<table")
+
+
 def test_figures_of_contact_are_files_that_the_markdown_links(agreeing: CrossCheck) -> None:
     files = agreeing.files()
     assert {"orbit_B.svg", "contact_force_B.svg", "regimes_B.svg", "section_B.svg"} <= set(files)
@@ -310,11 +328,16 @@ def test_figures_of_contact_are_files_that_the_markdown_links(agreeing: CrossChe
 
 def test_a_flagged_angle_shows_its_simulated_value_and_no_difference(agreeing: CrossCheck) -> None:
     summary, k = summarise(agreeing), flagged(agreeing)[3]
-    for run in (run for run in explorer(summary)["runs"] if run["flags"]):
-        assert run["simulated"]["coupler"]["x"][k] is not None
-        for reading in run["readout"]:
-            assert reading["simulated"][k] is not None
-            assert reading["analytic"][k] is reading["difference"][k] is None
+    runs = [run for run in mover(summary, summary.runs[0], Markup()).runs.values() if run.flags]
+    assert runs
+    for run in runs:
+        simulated = next(side.poses for side in run.sides if side.which == "simulated")
+        assert simulated is not None
+        assert simulated["coupler"]["x"][k] is not None
+        for reading in run.readout:
+            analytic, simulated_value, difference = (values[k] for values in reading.values)
+            assert simulated_value is not None
+            assert analytic is difference is None
     shown = {f.name: f for f in figures(summary)}
     marks = [s for s in shown["gamma_B"].series if s.mark == "marker"]
     assert all(s.y[k] is not None for s in marks)

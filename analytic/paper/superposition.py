@@ -195,7 +195,8 @@ class AccuracyAnalysis:
         size = max(body.length for body in self.assembly.mechanism.bodies)
         for d in self.unit_reactions:
             away = np.abs(self.equilibrium(d) - self.nominal(d))
-            least = self.clearances.max() / (size if d.axis == "angle" else 1.0)
+            per_metre = 1.0 if d.axis != "angle" else 1.0 / size if size else np.inf  # an arm of one pin has no length
+            least = self.clearances.max() * per_metre
             for i in np.flatnonzero(away > NONLINEAR * np.maximum(self.worst_case(d), least)):
                 reasons.setdefault(
                     int(i),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,20 +9,14 @@ from rich.console import Console
 
 from compare.presentation import Presentation
 from compare.quantities import plain, shown
+from compare.report.accuracy_page import files, output_rows
 from compare.report.tables import html_table, say, terminal_table
 from compare.report.toleranced import print_outputs
 from compare.report.words.accuracy import notes
-from compare.results.accuracy import Accuracy, Output
+from compare.results.accuracy import Accuracy
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-LEAST_SHOWN = 1e-12  # m or rad, below which the table shows nothing
-
-
-def files(result: Accuracy) -> dict[str, str]:
-    """The numbers as a table for other programs."""
-    return {"accuracy.csv": result.to_csv()}
 
 
 def summary_html(result: Accuracy) -> str:
@@ -62,44 +55,10 @@ def print_table(result: Accuracy, console: Console) -> None:
     """Print each output's largest numbers over the crank angles in millimetres and degrees, then what to beware of;
     ASCII.
     """
-    rows = [_row(name, output, result.crank_angle) for name, output in result.outputs.items()]
-    console.print(terminal_table(OUTPUTS, rows, left=("output", "unit", "sensitive to")))
+    console.print(terminal_table(OUTPUTS, output_rows(result), left=("output", "unit", "sensitive to")))
     if result.tolerances is not None:
         print_outputs(result.tolerances, console)
     say(console, *notes(result))
-
-
-def _row(name: str, output: Output, theta: np.ndarray) -> tuple[str, ...]:
-    unit, factor = shown(output.unit)
-
-    def cell(values: np.ndarray, sign: bool = True) -> str:
-        k = _largest(values)
-        return "-" if k is None else plain(float(values[k]) * factor, 3, sign)
-
-    slope, joint = max((float(values.max()), joint) for joint, values in output.sensitivity.items())
-    return (
-        name,
-        unit,
-        cell(output.equilibrium),
-        _at(output.equilibrium, theta),
-        cell(output.worst_case, False),
-        _at(output.worst_case, theta),
-        cell(output.monte_carlo.free.sigma, False),
-        cell(output.compliance),
-        cell(output.total),
-        f"{joint} {plain(slope * factor * 1e-3)} {unit}/mm" if slope else "-",
-    )
-
-
-def _largest(values: np.ndarray) -> int | None:
-    """Index of the number largest in size; None where there is none but rounding."""
-    size = np.nan_to_num(np.abs(values))
-    return int(size.argmax()) if size.max() > LEAST_SHOWN else None
-
-
-def _at(values: np.ndarray, theta: np.ndarray) -> str:
-    k = _largest(values)
-    return "-" if k is None else f"{math.degrees(theta[k]):.4g} deg"
 
 
 PRESENTATION = Presentation(summary_html, print_table, files, plot)

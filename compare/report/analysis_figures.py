@@ -16,30 +16,32 @@ from compare.report.peaks import (
     GOOD,
     NOTHING,
     End,
+    Erring,
+    Of,
     acting,
-    around,
     over,
     parts_of,
     peaks,
-    power,
+    powers,
     transmission_angle,
 )
 from compare.results.analysis import Analysis, Simulation
 
-ROLES = ("massless-link", "spring-damper", "contact", "ideal", "force-3", "analytic")  # six colours of the pages
+ROLES = ("massless-link", "spring-damper", "contact", "ideal", "force-1", "analytic")  # six, apart in the dark too
 MOST = len(ROLES)  # curves of a figure
+Band = tuple[str, np.ndarray, np.ndarray]  # its name, lower and upper edge (N,)
 
 
 def figures(result: Analysis | Simulation) -> list[Figure]:
     """All of them, those first that are looked at first."""
     found = [*_reactions(result), *_drive(result), *_loads(result), *_vectors(result)]
     if isinstance(result, Analysis):
-        found += [*_errors(result), *_transmission(result)]
+        found += [*error_figures(result), *transmission_figure(result)]
     return [*found, *_positions(result), *_rates(result)]
 
 
 def curves(
-    result: Analysis | Simulation,
+    result: Of,
     name: str,
     title: str,
     axis: Axis,
@@ -56,10 +58,8 @@ def curves(
         role = ROLES[k % MOST]
         series.append(Series(label, *_closed(result, values), role))
         for end in _largest(values, x.values) if ends is None else ends.get(label, ()):
-            text = f"{number(end.value, 4)} at {number(end.at, 4)}{'°' if x.unit == 'deg' else ' s'}"
-            text = f"{label} {text}" if len(lines) > 1 else text
-            marks.append(Series("", scaled([end.at]), scaled([end.value]), role, "marker", labels=(text,)))
-            said.append(text)
+            marks.append(_labelled(end, label if len(lines) > 1 else "", x.unit, role))
+            said += marks[-1].labels
     text = f"{title} over {x.label}. Largest: {'; '.join(said)}." if said else f"{title} over {x.label}."
     marks.sort(key=lambda mark: -(mark.y[0] or 0.0))  # labels that make room for each other keep their order
     return Figure(name, title, text, Axis(x.label, x.unit), axis, (*series, *more, *marks))
@@ -74,12 +74,12 @@ def _largest(values: np.ndarray, x: Sequence[float]) -> list[End]:
     return [End(float(values[at]), float(x[at]))]
 
 
-def _closed(result: Analysis | Simulation, values: np.ndarray) -> tuple[Numbers, Numbers]:
+def _closed(result: Of, values: np.ndarray) -> tuple[Numbers, Numbers]:
     """A curve's x and y, with its first sample once more behind its last where the samples make a whole turn and it is
     where it began.
     """
     x = over(result)
-    if not around(result) or abs(values[-1] - values[0]) > 3 * np.nanmax(np.abs(np.diff(values)), initial=0.0):
+    if not over(result).around or abs(values[-1] - values[0]) > 3 * np.nanmax(np.abs(np.diff(values)), initial=0.0):
         return scaled(x.values), scaled(values)
     turn = 360.0 if x.values[-1] > x.values[0] else -360.0
     return scaled([*x.values, x.values[0] + turn]), scaled([*values, values[0]])
@@ -87,7 +87,7 @@ def _closed(result: Analysis | Simulation, values: np.ndarray) -> tuple[Numbers,
 
 def _round(result: Analysis | Simulation, path: np.ndarray) -> np.ndarray:
     """A path (N,) x + iy, closed where the samples make a whole turn."""
-    return np.append(path, path[:1]) if around(result) else path
+    return np.append(path, path[:1]) if over(result).around else path
 
 
 def _in_sixes(
@@ -133,12 +133,13 @@ def _drive(result: Analysis | Simulation) -> Iterator[Figure]:
     for unit, what in (("N·m", "torque"), ("N", "force")):
         names = {known[s].place or "drive": s for s in drive_signals(result.mechanism) if known[s].unit == unit}
         yield from _in_sixes(result, f"drive_{what}", f"Drive {what}", Axis(what, unit), *_lines(result, names))
-    watts = power(result)
-    if watts is not None:
-        x = over(result).values
-        extremes = [End(float(watts[k]), float(x[k])) for k in map(int, (np.nanargmax(watts), np.nanargmin(watts)))]
-        ends = {"power": [end for end in extremes if abs(end.value) > NOTHING * np.nanmax(np.abs(watts))]}
-        yield curves(result, "drive_power", "Drive power", Axis("power", "W"), {"power": watts}, ends)
+    watts, x = powers(result), over(result).values
+    if watts:
+        largest = max(float(np.nanmax(np.abs(each))) for each in watts.values())
+        extremes = {name: [int(np.nanargmax(each)), int(np.nanargmin(each))] for name, each in watts.items()}
+        ends = {name: [End(float(watts[name][k]), float(x[k])) for k in at] for name, at in extremes.items()}
+        ends = {name: [end for end in both if abs(end.value) > NOTHING * largest] for name, both in ends.items()}
+        yield from _in_sixes(result, "drive_power", "Drive power", Axis("power", "W"), watts, ends)
 
 
 def _loads(result: Analysis | Simulation) -> Iterator[Figure]:
@@ -177,25 +178,53 @@ def _vectors(result: Analysis | Simulation) -> Iterator[Figure]:
         yield Figure(f"vector_{joint.name}", title, text, *axes, (*series, *marks, origin), "plane")
 
 
-def _errors(result: Analysis) -> Iterator[Figure]:
-    """What clearance does to each output: in equilibrium, by each joint, and at most."""
+def error_figures(
+    result: Erring, more: Mapping[str, Mapping[str, np.ndarray]] | None = None, bands: Mapping[str, Band] | None = None
+) -> Iterator[Figure]:
+    """What clearance does to each output: in equilibrium, by each joint, and at most; with ``more`` curves (N,) of an
+    output and a named band from its lower to its upper edge, all in SI units.
+    """
     for name, error in result.errors.items():
         unit, factor = shown(error.unit)
-        worst = factor * error.worst_case
-        if not np.nanmax(worst, initial=0.0) > NOTHING:
+        worst, lines = factor * error.worst_case, dict[str, np.ndarray]()
+        loose = np.nanmax(worst, initial=0.0) > NOTHING
+        if loose:
+            parts = {f"by {joint} alone": factor * part for joint, part in parts_of(error).items()}
+            lines = {"equilibrium": factor * error.equilibrium} | (parts if 1 < len(parts) < MOST else {})
+        lines |= {label: factor * values for label, values in (more or {}).get(name, {}).items()}
+        if not lines:
             continue
-        parts = {f"by {joint} alone": factor * part for joint, part in parts_of(error).items()}
-        lines = {"equilibrium": factor * error.equilibrium} | (parts if 1 < len(parts) < MOST else {})
-        bounds = [
-            Series("worst case" if sign > 0 else "", *_closed(result, sign * worst), "frame", "dashed")
-            for sign in (1, -1)
-        ]
-        yield curves(
-            result, f"error_{name}", f"Error of {name} by clearance", Axis("displacement", unit), lines, {}, bounds
-        )
+        bounds = _bounds(result, worst) if loose else []
+        if loose and bands:
+            bounds.append(_band(result, bands[name], factor))
+        ends = {label: _largest(values, over(result).values) for label, values in list(lines.items())[:1]}
+        title = f"Error of {name} by clearance" if loose else f"Error of {name}"
+        yield curves(result, f"error_{name}", title, Axis("displacement", unit), lines, ends, bounds)
 
 
-def _transmission(result: Analysis) -> Iterator[Figure]:
+def _bounds(result: Of, worst: np.ndarray) -> list[Series]:
+    """The worst case (N,) to either side, with its peak."""
+    ends = [_labelled(end, "worst case", over(result).unit, "frame") for end in _largest(worst, over(result).values)]
+    sides = {"worst case": worst, "": -worst}
+    return [*(Series(name, *_closed(result, v), "frame", "dashed") for name, v in sides.items()), *ends]
+
+
+def _band(result: Of, band: Band, factor: float) -> Series:
+    """A band, along its upper edge and back along its lower one."""
+    name, low, high = band
+    (x, lower), (_, upper) = (_closed(result, factor * edge) for edge in (low, high))
+    x, upper = x[: min(len(x), len(upper))], upper[: len(x)]  # closed both or none
+    return Series(name, (*x, *x[::-1]), (*upper, *lower[: len(x)][::-1]), "free", "band")
+
+
+def _labelled(end: End, label: str, unit: str, role: str) -> Series:
+    """A mark that says how large a curve is there."""
+    text = f"{label} {number(end.value, 4)} at {number(end.at, 4)}{'°' if unit == 'deg' else ' s'}"
+    return Series("", scaled([end.at]), scaled([end.value]), role, "marker", labels=(text.strip(),))
+
+
+def transmission_figure(result: Erring) -> Iterator[Figure]:
+    """The transmission angle over the crank angle, where it is not square throughout."""
     angle = transmission_angle(result)
     if angle is None or np.nanmin(angle) > 89.9:
         return
@@ -269,10 +298,18 @@ def _rates(result: Analysis | Simulation) -> Iterator[Figure]:
 
 
 def _moved(result: Analysis | Simulation) -> Motion | None:
+    """The ideal linkage at the samples, its crank or its drives at constant speed."""
     m = result.mechanism
-    if result.motion != "driven" or m.speed is None or not isinstance(result, Analysis) or result.time is not None:
+    speeds = [drive.speed for drive in m.drives if isinstance(drive.speed, float)]
+    if result.motion != "driven" or not isinstance(result, Analysis) or len(speeds) < len(m.drives) or not speeds:
         return None
+    crank = m.cranked and result.time is None
+    inputs = [result.crank_angle] if crank else [result.signals[f"position_{drive.joint}"] for drive in m.drives]
+    if crank is not m.cranked or not np.isfinite(inputs).all():
+        return None
+    at = np.array(inputs)
+    theta, omega = (at[0], speeds[0]) if crank else (at, np.outer(speeds, np.ones(at.shape[1])))
     try:
-        return kinematics(Assembly(m.with_clearances({})), result.crank_angle, m.speed)
+        return kinematics(Assembly(m.with_clearances({})), theta, omega)
     except AssemblyError:  # at a change point on the grid; the figures then do without
         return None

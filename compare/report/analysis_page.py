@@ -15,13 +15,13 @@ from analytic.mechanism.one_line import count
 from compare.quantities import DASH, assumptions, number, plain, quantities, shown
 from compare.report.analysis_figures import ROLES, figures
 from compare.report.figure import Figure, scaled
-from compare.report.linkage import both_poses, exaggeration, parts
+from compare.report.linkage import both_poses, exaggeration
+from compare.report.mover import Column, Mover, Moving, Read, Side, gap, opens
 from compare.report.moving_picture import moving_picture
-from compare.report.pages import PageSection, Script, page
+from compare.report.pages import PageSection, Script, figures_context, page, warnings_context
 from compare.report.peaks import (
     NOTHING,
     acting,
-    around,
     error_peaks,
     over,
     peaks,
@@ -33,7 +33,10 @@ from compare.report.svg import draw
 from compare.results.analysis import Analysis
 from compare.results.document import as_written
 
-LEFT_OUT = "left out: "
+NOTE = (
+    "An arrow is the force on the second body of its joint, the longest the largest of the motion; a red one is a load,"
+    " and ends where it acts. The moving drawing is in linkage.svg, for a slide or a report."
+)
 
 
 def files(result: Analysis) -> dict[str, str]:
@@ -48,34 +51,29 @@ def files(result: Analysis) -> dict[str, str]:
 
 def render(result: Analysis, drawn: Sequence[Figure], drawings: dict[str, str], moving: str) -> str:
     """The page (HTML, self-contained)."""
-    x = over(result)
-    left_out = [text.removeprefix(LEFT_OUT) for text in result.warnings if text.startswith(LEFT_OUT)]
-    context = {
+    x, moved = over(result), _mover(result, Markup(moving)) if moving else None
+    context = figures_context(drawn, drawings) | warnings_context(result.warnings)
+    context |= {
         "result": result,
-        "warnings": [text for text in result.warnings if not text.startswith(LEFT_OUT)],
-        "left_out": left_out,
         "facts": _facts(result),
         "peaks": [each.row(x.unit) for each in peaks(result)],
         "errors": list(error_peaks(result)),
         "flags": [(count(len(at), "sample"), x.at(at[0]), why) for at, why in unanswered(result)],
-        "figures": drawn,
-        "drawings": [Markup(drawings[figure.name]) for figure in drawn],
-        "moving": Markup(moving),
-        "loose": bool(result.clearance),
+        "mover": moved,
         "assumed": assumptions(result.assumed),
         "mechanism": json.dumps(as_written(result.mechanism), indent=2, ensure_ascii=False),
     }
-    sections = ["linkage", "peaks", *["errors"] * bool(context["errors"]), "figures", "provenance"]
-    sections = sections if moving else sections[1:]
+    sections = ["linkage.html.j2"] * bool(moved) + ["analysis/peaks.html.j2"]
+    sections += ["errors.html.j2"] * bool(context["errors"]) + ["figures.html.j2", "provenance.html.j2"]
     return page(
         f"{result.case} {DASH} reactions, torque and motion",
         PageSection("analysis/header.html.j2", context),
-        [PageSection(f"analysis/{name}.html.j2", context) for name in sections],
+        [PageSection(name, context) for name in sections],
         script=Script(
             ("chart.js", "linkage.js", "mover.js"),
-            {"figures": [asdict(figure) for figure in drawn], "motion": _motion(result) if moving else None},
+            {"figures": [asdict(figure) for figure in drawn], "motion": moved and moved.data()},
         ),
-        skip_to="the linkage" if moving else "the peaks",
+        skip_to="the linkage" if moved else "the peaks",
         footer="All values come from analysis.json beside this page, which needs no network.",
     )
 
@@ -90,7 +88,7 @@ def _facts(result: Analysis) -> dict[str, str]:
     facts[x.label.capitalize()] = f"{plain(x.values[0], 4)} to {x.at(-1)}, {count(len(x.values), 'sample')}"
     facts["Radial clearance"] = sizes or "none"
     torque = result.extremes.get("drive_torque")
-    if m.speed and result.motion == "driven" and around(result) and torque is not None and torque.mean is not None:
+    if m.speed and result.motion == "driven" and over(result).around and torque is not None and torque.mean is not None:
         largest = max(abs(torque.highest or 0.0), abs(torque.lowest or 0.0))
         mean = torque.mean if abs(torque.mean) > NOTHING * largest else 0.0
         work = mean * 2 * np.pi * np.sign(m.speed)
@@ -103,8 +101,8 @@ def _facts(result: Analysis) -> dict[str, str]:
     return facts
 
 
-def _motion(result: Analysis) -> dict[str, object]:
-    """The linkage as ``mover.js`` moves it: poses (m, rad), forces (N), and what is read at each sample."""
+def _mover(result: Analysis, still: Markup) -> Mover:
+    """The linkage in motion, with its reactions and loads; ``still`` is for who runs no script."""
     m, x = result.mechanism, over(result)
     ideal, displaced = both_poses(result)
     forces = {
@@ -117,32 +115,34 @@ def _motion(result: Analysis) -> dict[str, object]:
         if f"reaction_{joint.name}_x" in result.signals
     }
     sizes = [result.signals[f"reaction_{name}_magnitude"] for name in forces]
-    return {
-        "parts": parts(m),
-        "label": x.label,
-        "unit": x.unit,
-        "x": scaled(x.values),
-        "opens": int(np.argmin(np.abs(np.asarray(x.values) - 30.0))) if not x.of_time else 0,
-        "round": around(result),
-        "ideal": ideal or displaced,
-        "displaced": displaced,
-        "factor": exaggeration(m, result),
-        "clearance": dict(result.clearance),
-        "flags": dict(result.flags),
-        "forces": forces,
-        "loads": [
-            {
-                "body": each.load.body,
-                "point": _arm(m, each.load),
-                "x": scaled(each.size * each.load.force[0] / math.hypot(*each.load.force)),
-                "y": scaled(each.size * each.load.force[1] / math.hypot(*each.load.force)),
-            }
-            for each in acting(result)
-            if each.unit == "N"
-        ],
-        "largest": max((float(np.nanmax(size, initial=0.0)) for size in sizes), default=0.0) or 1.0,
-        "readout": _readout(result),
-    }
+    loads = [
+        {
+            "body": each.load.body,
+            "point": _arm(m, each.load),
+            "x": scaled(each.size * each.load.force[0] / math.hypot(*each.load.force)),
+            "y": scaled(each.size * each.load.force[1] / math.hypot(*each.load.force)),
+        }
+        for each in acting(result)
+        if each.unit == "N"
+    ]
+    run = Moving(
+        over=x,
+        opens=opens(x),
+        factor=exaggeration(m, result),
+        clearance=dict(result.clearance),
+        flags=dict(result.flags),
+        ideal=ideal or displaced,
+        sides=[Side("analytic", "with clearance" if result.clearance else "", "analytic", displaced)],
+        columns=(Column("Value", "", 4),),
+        readout=_readout(result),
+        gaps={j: [gap(result.signals, j)] for j in result.clearance if f"clearance_{j}_x" in result.signals},
+        forces=forces,
+        loads=loads,
+        largest=max((float(np.nanmax(size, initial=0.0)) for size in sizes), default=0.0) or 1.0,
+    )
+    boxes = {"forces": "reactions and loads", "paths": "paths of the joints"}
+    boxes |= {"ideal": "linkage without clearance"} if result.clearance else {}
+    return Mover(m, {result.case: run}, boxes, still, NOTE)
 
 
 def _arm(m: Mechanism, load: Load) -> list[float]:
@@ -152,16 +152,13 @@ def _arm(m: Mechanism, load: Load) -> list[float]:
     return [arm.real, arm.imag]
 
 
-def _readout(result: Analysis) -> list[dict[str, object]]:
+def _readout(result: Analysis) -> list[Read]:
     """What the page lists at each sample: size and direction of each reaction, the drive, angles and slides."""
     known = quantities(result.mechanism)
     first = [each.quantity.signal for each in peaks(result)]
     names = [n for s in first for n in (s, s.replace("_magnitude", "_angle")) if n in result.signals]
     listed = [known[name] for name in dict.fromkeys(names)]
-    return [
-        {"label": q.label, "unit": q.unit, "values": scaled(q.factor * _within(result.signals[q.signal], q.unit))}
-        for q in listed
-    ]
+    return [Read(q.label, q.unit, [scaled(q.factor * _within(result.signals[q.signal], q.unit))]) for q in listed]
 
 
 def _within(values: np.ndarray, unit: str) -> np.ndarray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import re
 from typing import TYPE_CHECKING
 
 from compare.presentation import Presentation
@@ -14,6 +13,7 @@ from compare.report.crosscheck_page import render
 from compare.report.crosscheck_terminal import print_table
 from compare.report.junit import junit
 from compare.report.linkage import linkage_figure
+from compare.report.pages import stem
 from compare.report.summary import summarise
 from compare.report.svg import draw
 from compare.report.tables import html_table
@@ -30,7 +30,7 @@ def files(result: CrossCheck) -> dict[str, str]:
     shown = [*figures(summary), *contact_figures(result)]
     linkage = linkage_figure(result)
     drawings = {figure.name: draw(figure) for figure in [*([linkage] if linkage else []), *shown]}
-    names = {name: f"{re.sub(r'[^A-Za-z0-9_-]', '_', name)}.svg" for name in drawings}
+    names = {name: f"{stem(name)}.svg" for name in drawings}
     page, markdown = render(summary, shown, linkage, drawings, names)
     texts = {"report.html": page, "report.md": markdown, "junit.xml": junit(summary), "signals.csv": result.to_csv()}
     return texts | {names[name]: drawing for name, drawing in drawings.items()}

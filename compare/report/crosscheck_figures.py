@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 
 from compare.quantities import GAMMA, MINUS, Quantity, apart, drive_signals, number
-from compare.report.figure import Axis, Figure, Mark, Numbers, Series, extreme, scaled
+from compare.report.figure import ALL, Axis, Figure, Mark, Numbers, Series, extreme, scaled
 from compare.report.summary import Summary
 from compare.results.crosscheck import CrossCheck, Run
 from compare.results.document import listed
 
+SIDES_DIGITS = 10  # of both sides of a signal: engines agree to eight
 JOURNAL_POINTS = 3000  # about as many points as a drawn journal path keeps
 
 
@@ -56,8 +58,9 @@ def both_sides(summary: Summary, signal: str) -> Figure:
 
 
 def _sides(summary: Summary, signal: str, name: str, title: str, up: Axis) -> Figure:
-    """Both sides of a signal; angles lie next to those of the first analytic line."""
-    quantity, over = summary.signals[signal], summary.runs[0].over
+    """Both sides of a signal, several engines side by side; angles lie next to those of the first analytic line."""
+    quantity, over, engines = summary.signals[signal], summary.runs[0].over, simulators(summary.result)
+    panels, everywhere = (tuple(engines), ALL) if len(engines) > 1 else ((), 0)
     lines: dict[str, Series] = {}
     marks: list[Series] = []
 
@@ -68,16 +71,16 @@ def _sides(summary: Summary, signal: str, name: str, title: str, up: Axis) -> Fi
         run, x = shown.run, scaled(shown.over.values)
         if signal in run.analytic:
             line, role, mark = _analytic(run, summary)
-            values = scaled(run.analytic[signal], quantity.factor)
+            values = scaled(run.analytic[signal], quantity.factor, SIDES_DIGITS)
             values = beside(values, first()) if quantity.angular else values
-            lines.setdefault(line, Series(line, x, values, role, mark))
+            lines.setdefault(line, Series(line, x, values, role, mark, everywhere))
         if _shows(run, signal):
-            values = scaled(run.simulated[signal], quantity.factor)
+            values = scaled(run.simulated[signal], quantity.factor, SIDES_DIGITS)
             values = same_turn(beside(values, first()), first()) if quantity.angular else values
             marks.append(_simulated(summary, run, x, values, "marker"))
     spans = [f"{s.name} {_span(s.y, quantity)}" for s in [*lines.values(), *marks]]
     text = f"{title} over {over.label}. {'; '.join(spans)}."
-    return Figure(name, title, text, Axis(over.label, over.unit), up, (*lines.values(), *marks))
+    return Figure(name, title, text, Axis(over.label, over.unit), up, (*lines.values(), *marks), panels=panels)
 
 
 def _shows(run: Run, signal: str) -> bool:
@@ -155,7 +158,7 @@ def journal_path(summary: Summary, joint: str) -> Figure:
     note = "; ".join(
         f"{run.title} {number(100 * run.free_share[joint], 2)} % of what is compared without contact"
         for run in summary.result.runs
-        if joint in run.free_share
+        if run.free_share.get(joint)
     )
     text = f"Path of the journal of {joint} in its clearance circle of radius {number(radius)} {unit}."
     axes = (Axis("displacement x", unit), Axis("displacement y", unit))
@@ -197,20 +200,24 @@ def difference(run: Run, quantity: Quantity) -> Numbers:
 
 
 def differences(summary: Summary, quantity: Quantity) -> Figure:
-    """Simulated minus analytic of one signal over the crank angle, each run a line; its tolerance where it is near."""
+    """Simulated minus analytic of one signal over the crank angle, the engines side by side, each joint model a line
+    between its tolerances.
+    """
     over = summary.runs[0].over
-    lines, limits = [], set()
+    lines, bounds = list[Series](), list[Series]()
     for shown in summary.runs:
         if quantity.signal in shown.run.analytic and quantity.signal in shown.run.simulated:
             row, apart = shown.row(quantity.signal), difference(shown.run, quantity)
-            lines.append(_simulated(summary, shown.run, scaled(shown.over.values), apart))
-            limits |= {row.tolerance} if row and row.tolerance and row.quantity.unit == quantity.unit else set()
+            line = _simulated(summary, shown.run, scaled(shown.over.values), apart)
+            lines.append(line)
+            if row and row.tolerance and row.quantity.unit == quantity.unit:
+                ends = (min(shown.over.values), max(shown.over.values))
+                bounds += [
+                    replace(line, name="", x=ends, y=(t, t), mark="dashed") for t in (row.tolerance, -row.tolerance)
+                ]
     worst = [f"{line.name} up to {extreme(line.y)} {quantity.unit}" for line in lines]
-    note = f"Tolerance: {', '.join(f'±{number(t)}' for t in sorted(limits))} {quantity.unit}" if limits else ""
-    ends = (lines[0].x[0], lines[0].x[-1]) if lines else ()
-    bounds = [
-        Series("", ends, (t, t), "frame", "dashed", scale=False) for limit in sorted(limits) for t in (limit, -limit)
-    ]
+    note = "Dashed: the tolerance at the sample where the difference takes the largest share of it." if bounds else ""
     text = f"{quantity.title}, simulated minus analytic, over {over.label}: {'; '.join(worst)}. {note}".strip()
     axes = (Axis(over.label, over.unit), Axis(f"simulated {MINUS} analytic", quantity.unit))
-    return Figure(f"difference_{quantity.signal}", quantity.title, text, *axes, (*lines, *bounds), note=note)
+    series, panels = (*lines, *bounds), tuple(simulators(summary.result))
+    return Figure(f"difference_{quantity.signal}", quantity.title, text, *axes, series, note=note, panels=panels)

@@ -9,14 +9,15 @@ from dataclasses import asdict
 from markupsafe import Markup
 
 from compare.quantities import DASH, assumptions
+from compare.report.crosscheck_motion import mover
 from compare.report.figure import Figure
-from compare.report.linkage import explorer
-from compare.report.pages import PageSection, Script, markdown, page
+from compare.report.pages import PageSection, Script, figures_context, markdown, page, warnings_context
 from compare.report.summary import REAL, ShownRun, Summary
 from compare.report.words import crosscheck as words
 from compare.results.document import as_written
 
 OF_CONTACT = ("orbit_", "contact_force_", "regimes_", "section_")  # figures that stand in the section on contact
+OF_DIFFERENCES = "difference_"  # and those beside the numbers of their signals
 
 
 def render(
@@ -27,27 +28,37 @@ def render(
     files: Mapping[str, str],
 ) -> tuple[str, str]:
     """The page (HTML, self-contained) and the Markdown text."""
-    result = summary.result
-    shared = _shared(summary) | {"figures": list(figures), "linkage": linkage, "files": files}
-    context = shared | {
-        "keys": summary.keys(),
-        "of_contact": [figure.name for figure in figures if figure.name.startswith(OF_CONTACT)],
-        "drawings": [Markup(drawings[figure.name]) for figure in figures],
-        "linkage_svg": Markup(drawings[linkage.name]) if linkage else "",
+    result, shared = summary.result, _shared(summary)
+    names, still = [figure.name for figure in figures], Markup(drawings[linkage.name] if linkage else "")
+    first = min(summary.runs, key=lambda shown: (_agrees(shown), *_shown_first(shown)), default=None)
+    moved = mover(summary, first, still) if first else None
+    of_contact, keys = [name for name in names if name.startswith(OF_CONTACT)], summary.keys()
+    elsewhere = [*of_contact, *(name for name in names if name.startswith(OF_DIFFERENCES))]
+    context = shared | figures_context(figures, drawings, elsewhere) | warnings_context(result.warnings)
+    context |= {
+        "keys": keys,
+        "key_names": [quantity.signal for quantity in keys],
+        "of_contact": of_contact,
+        "mover": moved,
+        "lost": [(joint, run.title, share) for run in result.runs for joint, share in run.free_share.items() if share],
         "mechanism": json.dumps(as_written(result.mechanism), indent=2, ensure_ascii=False),
+        "dash": DASH,
     }
-    of_runs = ["differences", *["contact"] * bool(summary.contact.runs), "linkage", "figures", "limits"]
-    sections = [*(of_runs if summary.runs else []), "provenance"]
-    moved = {"figures": [asdict(figure) for figure in figures], "explorer": explorer(summary)}
+    sections = ["linkage.html.j2"] * bool(moved) + ["crosscheck/differences.html.j2"] * bool(moved)
+    sections += ["crosscheck/contact.html.j2"] * bool(summary.contact.runs)
+    sections += ["figures.html.j2", "crosscheck/limits.html.j2"] * bool(moved)
+    data = {"figures": [asdict(figure) for figure in figures], "motion": moved and moved.data()}
     html = page(
         f"{result.case}: {words.VERDICT_WORDS[summary.verdict]} {DASH} cross-check",
         PageSection("crosscheck/header.html.j2", context),
-        [PageSection(f"crosscheck/{name}.html.j2", context) for name in sections],
-        script=Script(("chart.js", "linkage.js", "explorer.js"), moved),
-        skip_to="the differences" if summary.runs else "its provenance",
+        [PageSection(name, context) for name in (*sections, "crosscheck/provenance.html.j2")],
+        script=Script(("chart.js", "linkage.js", "mover.js"), data),
+        skip_to="the linkage" if moved else "its provenance",
         footer="All values come from result.json beside this page, which needs no network.",
     )
-    return html, markdown(PageSection("crosscheck/report.md.j2", shared | {"keys": summary.keys(all_joints=True)}))
+    of_markdown: dict[str, object] = {"figures": list(figures), "linkage": linkage, "files": files}
+    of_markdown["keys"] = summary.keys(all_joints=True)
+    return html, markdown(PageSection("crosscheck/report.md.j2", shared | of_markdown))
 
 
 def _shared(summary: Summary) -> dict[str, object]:
@@ -70,7 +81,6 @@ def _shared(summary: Summary) -> dict[str, object]:
             (name, sorted((shown for shown in runs if shown.run.simulator.name == name), key=_agrees))
             for name in _once(run.simulator.name for run in result.runs)
         ],
-        "first_run": min(runs, key=lambda shown: (_agrees(shown), *_shown_first(shown)), default=None),
         "runs_with_order": list({shown.clearance: shown for shown in reversed(loose) if shown.order}.values()),
         "spans": _once(shown.span for shown in runs),
         "free": any(run.free_share for run in result.runs),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy as np
 from compare.quantities import number
 
 Numbers = tuple[float | None, ...]
+ALL = -1  # the level of a series that is in each panel
 Mark = Literal["line", "dashed", "marker", "band", "link", "joint", "pivot"]
 
 
@@ -50,7 +51,8 @@ class Series:
 @dataclass(frozen=True)
 class Figure:
     """One figure: ``name`` is its file's stem, ``summary`` its text alternative, a ``plane`` has equal scales in x and
-    y.
+    y.  With ``panels`` (their titles) it is small multiples at one scale: the series of level k are in panel k, those
+    of ALL in each.
     """
 
     name: str
@@ -61,6 +63,20 @@ class Figure:
     series: tuple[Series, ...]
     kind: Literal["curves", "plane"] = "curves"
     note: str = ""
+    panels: tuple[str, ...] = ()
+
+    def panel(self, k: int) -> list[Series]:
+        """What is drawn in a panel."""
+        return [replace(s, level=0) for s in self.series if s.level in (k, ALL)]
+
+    @property
+    def roles(self) -> list[Series]:
+        """One series of each colour of the panels, named by what the colour means in all of them."""
+        return list(
+            {
+                s.role: replace(s, level=0, name=s.name if s.level == ALL else s.role) for s in self.series if s.name
+            }.values()
+        )
 
 
 def scaled(values: Iterable[float | None] | np.ndarray, factor: float = 1.0, digits: int = 7) -> Numbers:

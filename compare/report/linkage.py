@@ -16,26 +16,16 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import kinematics
 from analytic.mechanism import GROUND, Mechanism
-from compare.quantities import Quantity, number
-from compare.report.crosscheck_figures import beside, difference, same_turn
+from compare.quantities import number
+from compare.report.crosscheck_figures import same_turn
 from compare.report.figure import Axis, Figure, Mark, Numbers, Series, scaled
-from compare.report.summary import Sampled, ShownRun, Summary, abscissa
+from compare.report.summary import Sampled, abscissa
 from compare.results.crosscheck import CrossCheck, Run
-from compare.results.document import listed
 
 FACTORS = [m * 10**e for e in range(6) for m in (1, 2, 5)]
 DRAWN_GAP = 0.12  # of a typical link's length: how large an exaggerated gap is drawn
-READ_AS_ZERO = 1e-9  # of a signal's peak: smaller is read as 0
 PRINTED_ANGLE = math.radians(30.0)  # crank angle of the printed figure, the paper's own
 Poses = dict[str, dict[str, Numbers]]  # body -> x, y (m, marker) and angle (rad) of every sample
-
-
-def explorer(summary: Summary) -> dict[str, object]:
-    """Everything that ``explorer.js`` moves through: parts, and for each run the poses and the values to read."""
-    return {
-        "parts": parts(summary.result.mechanism),
-        "runs": [_explored(summary, shown) for shown in summary.runs],
-    }
 
 
 def parts(mechanism: Mechanism) -> dict[str, object]:
@@ -89,6 +79,12 @@ def ideal_poses(result: CrossCheck, run: Run) -> Poses | None:
 
 def assembled(mechanism: Mechanism, crank_angle: np.ndarray) -> Poses | None:
     """Poses of the linkage without clearance at crank angles (N,) rad; None where it cannot be assembled at one."""
+    signals = positions(mechanism, crank_angle)
+    return None if signals is None else poses_of(mechanism, signals)
+
+
+def positions(mechanism: Mechanism, crank_angle: np.ndarray) -> dict[str, np.ndarray] | None:
+    """Where the bodies of the same are: signals (N,) m and rad."""
     try:
         motion = kinematics(Assembly(mechanism.with_clearances({})), crank_angle)
     except AssemblyError:  # somewhere on the grid is a change point; the drawing then does without
@@ -97,7 +93,7 @@ def assembled(mechanism: Mechanism, crank_angle: np.ndarray) -> Poses | None:
     for body in (b.name for b in mechanism.bodies):
         com = motion.position(body)
         signals |= {f"{body}_x": com.real, f"{body}_y": com.imag, f"{body}_angle": motion.angle(body)}
-    return poses_of(mechanism, signals)
+    return signals
 
 
 class Moved(Loose, Protocol):
@@ -125,65 +121,6 @@ def poses_of(mechanism: Mechanism, signals: Mapping[str, np.ndarray]) -> Poses |
     return {name: {part: scaled(signals[f"{name}_{part}"]) for part in ("x", "y", "angle")} for name in names}
 
 
-def _explored(summary: Summary, shown: ShownRun) -> dict[str, object]:
-    """A run as ``explorer.js`` moves through it; ``gaps`` (mm) by joint and side, x and y."""
-    run, result = shown.run, summary.result
-    ideal = ideal_poses(result, run)
-    return {
-        "title": run.title,
-        "role": run.joint_model,
-        "label": shown.over.label,
-        "unit": shown.over.unit,
-        "x": scaled(shown.over.values),
-        "flags": dict(run.flags),
-        "opens": _opens(shown),
-        "clearance": dict(run.clearance),
-        "factor": exaggeration(result.mechanism, run),
-        "ideal": ideal,
-        "analytic": in_turn_of(poses_of(result.mechanism, run.analytic), ideal),
-        "analytic_model": run.analytic_model.replace("_", " "),
-        "simulated": in_turn_of(poses_of(result.mechanism, run.simulated), ideal),
-        "gaps": {joint: _gap(run, joint) for joint in run.clearance},
-        "readout": [
-            _read(quantity, run, result.runs[0].analytic.get(quantity.signal, np.zeros(0)))
-            for quantity in summary.keys()
-            if quantity.signal in run.analytic and quantity.signal in run.simulated
-        ],
-    }
-
-
-def _opens(shown: ShownRun) -> int:
-    """Index of the sample at which the page opens: where a run disagrees most, else the paper's crank angle."""
-    run = shown.run
-    if run.verdict == "disagrees":
-        worst = max((d for d in run.discrepancies if d.verdict == "disagrees"), key=lambda d: d.share or 0.0)
-        if worst.at_crank_angle is not None:
-            return int(np.argmin(np.abs(run.crank_angle - worst.at_crank_angle)))
-    return 0 if shown.over.of_time else int(np.argmin(np.abs(run.crank_angle - PRINTED_ANGLE)))
-
-
-def _read(quantity: Quantity, run: Run, first: np.ndarray) -> dict[str, object]:
-    """Both sides of a signal as the page lists them; angles in the turn that the figures have them in, which is that of
-    the first run.
-    """
-    analytic, simulated = (tuple(listed(side[quantity.signal])) for side in (run.analytic, run.simulated))
-    if quantity.angular:
-        analytic = beside(analytic, tuple(listed(first)), math.tau)
-        simulated = same_turn(simulated, analytic, math.tau)
-    nothing = READ_AS_ZERO * max((abs(v) for v in (*analytic, *simulated) if v is not None), default=0.0)
-
-    def rounded(values: Numbers) -> Numbers:
-        return scaled((0.0 if v is not None and abs(v) < nothing else v for v in values), quantity.factor)
-
-    return {
-        "label": quantity.title,
-        "unit": quantity.unit,
-        "analytic": rounded(analytic),
-        "simulated": rounded(simulated),
-        "difference": difference(run, quantity),
-    }
-
-
 def in_turn_of(poses: Poses | None, ideal: Poses | None) -> Poses | None:
     """Poses whose angles are in the turn of the ideal linkage's, as a drawing multiplies their difference."""
     if not poses or not ideal:
@@ -191,14 +128,6 @@ def in_turn_of(poses: Poses | None, ideal: Poses | None) -> Poses | None:
     return {
         body: {**values, "angle": same_turn(values["angle"], ideal[body]["angle"], math.tau)}
         for body, values in poses.items()
-    }
-
-
-def _gap(run: Run, joint: str) -> dict[str, list[Numbers]]:
-    """Displacement (mm) of a journal in its bearing, x and y, on both sides."""
-    return {
-        name: [scaled(side[f"clearance_{joint}_{axis}"], 1e3) for axis in "xy"]
-        for name, side in (("analytic", run.analytic), ("simulated", run.simulated))
     }
 
 

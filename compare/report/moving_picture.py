@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 
 from compare.report.figure import Series
-from compare.report.linkage import Pose, both_poses, configuration, displaced_by, exaggeration, pose_at
-from compare.report.peaks import around, over
+from compare.report.linkage import Moved, Pose, both_poses, configuration, displaced_by, exaggeration, pose_at
+from compare.report.peaks import over
 from compare.report.svg import COLOURS, INK, PAPER, Scale, label, picture
-from compare.results.analysis import Analysis, Simulation
 
 WIDTH, MARGIN, TALLEST = 480.0, 34.0, 420.0  # px
 SECONDS = 4.0  # of one way through the motion
 FRAMES = 120  # at most
 
 
-def moving_picture(result: Analysis | Simulation) -> str:
+class Pictured(Moved, Protocol):
+    """What moves, with the name of its case."""
+
+    @property
+    def case(self) -> str: ...
+
+
+def moving_picture(result: Pictured) -> str:
     """The SVG text; empty where the poses of the bodies are not known at two samples."""
     m, x = result.mechanism, over(result)
     ideal, displaced = both_poses(result)
@@ -29,7 +36,7 @@ def moving_picture(result: Analysis | Simulation) -> str:
             poses.append(pose)
     if len(poses) < 2:
         return ""
-    poses = poses if around(result) else [*poses, *reversed(poses)]
+    poses = poses if over(result).around else [*poses, *reversed(poses)]
     gaps = {joint: times * size for joint, size in result.clearance.items()}
     frames = [configuration(m, pose, "", "analytic", gaps) for pose in poses]
     across, up, height = _scales(frames)

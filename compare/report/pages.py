@@ -14,6 +14,9 @@ from markupsafe import Markup
 
 from analytic.mechanism.one_line import capital
 from compare.quantities import number, plain, plainly, setting
+from compare.report.figure import Figure
+
+LEFT_OUT = "left out: "  # how a warning of what a question does not use begins
 
 
 def escape_markdown(text: str) -> str:
@@ -77,6 +80,33 @@ class PageSection:
 def markdown(section: PageSection) -> str:
     """A whole text in Markdown, without the empty lines that a template leaves."""
     return re.sub(r"\n{3,}", "\n\n", section.text()).rstrip("\n") + "\n"
+
+
+def figures_context(
+    figures: Sequence[Figure], drawings: Mapping[str, str], elsewhere: Collection[str] = ()
+) -> dict[str, object]:
+    """What the sections of a page show figures with: their drawings and files' stems by name, their places in the
+    page's data, and those that do not stand in the section of figures.
+    """
+    return {
+        "figures": list(figures),
+        "drawings": {figure.name: Markup(drawings[figure.name]) for figure in figures},
+        "stems": {figure.name: stem(figure.name) for figure in figures},
+        "numbered": {figure.name: k for k, figure in enumerate(figures)},
+        "elsewhere": elsewhere,
+    }
+
+
+def stem(name: str) -> str:
+    """A figure's name as a file's."""
+    return re.sub(r"[^A-Za-z0-9_-]", "_", name)
+
+
+def warnings_context(warnings: Iterable[str]) -> dict[str, list[str]]:
+    """Warnings, and apart from them what was left out, which stands at the end of a page."""
+    texts = list(warnings)
+    left_out = [text.removeprefix(LEFT_OUT) for text in texts if text.startswith(LEFT_OUT)]
+    return {"warnings": [text for text in texts if not text.startswith(LEFT_OUT)], "left_out": left_out}
 
 
 @dataclass(frozen=True)

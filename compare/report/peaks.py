@@ -6,20 +6,49 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
-from analytic.mechanism import Load
-from analytic.paper.superposition import whole_turn
+from analytic.mechanism import Load, Mechanism
 from compare.quantities import Quantity, drive_signals, plain, quantities, shown
-from compare.report.summary import Abscissa, abscissa, by_reason
-from compare.results.analysis import Analysis, OutputError, Simulation
+from compare.report.summary import Abscissa, Sampled, abscissa, by_reason
+from compare.results.analysis import Analysis, Simulation
 
 NOTHING = 1e-9  # of what belongs to it (a reaction, a length): smaller is rounding
 SHOWN_PARTS = 3  # joints of an error on a terminal
 GOOD = 40.0  # deg: the transmission angle below which textbooks call a linkage poor (Norton, Design of Machinery)
+
+
+class Of(Sampled, Protocol):
+    """What has a value of a mechanism at each sample."""
+
+    @property
+    def mechanism(self) -> Mechanism: ...
+
+
+class Error(Protocol):
+    """What clearance does to an output (N,) m or rad: in equilibrium, in the worst case, to first order by joint."""
+
+    @property
+    def unit(self) -> str: ...
+    @property
+    def equilibrium(self) -> np.ndarray: ...
+    @property
+    def worst_case(self) -> np.ndarray: ...
+    @property
+    def by_joint(self) -> Mapping[str, np.ndarray]: ...
+
+
+class Erring(Of, Protocol):
+    """What has the error of each output, and the sine (N,) of the transmission angle where there is one."""
+
+    @property
+    def errors(self) -> Mapping[str, Error]: ...
+    @property
+    def transmission(self) -> np.ndarray | None: ...
 
 
 @dataclass(frozen=True)
@@ -101,7 +130,7 @@ def _range(result: Analysis | Simulation, name: str) -> float:
     return float(np.nanmax(values) - np.nanmin(values)) if np.isfinite(values).any() else 0.0
 
 
-def over(result: Analysis | Simulation) -> Abscissa:
+def over(result: Of) -> Abscissa:
     """What a result's samples are plotted over."""
     return abscissa(result, result.mechanism)
 
@@ -132,7 +161,7 @@ class ErrorPeak:
         return ", ".join(f"{joint} {plain(part, 3, True)}" for joint, part in self.parts[:SHOWN_PARTS]) or "-"
 
 
-def error_peaks(result: Analysis) -> Iterator[ErrorPeak]:
+def error_peaks(result: Erring) -> Iterator[ErrorPeak]:
     """The largest error of each output that has any."""
     at = over(result).at
     for name, error in result.errors.items():
@@ -144,7 +173,7 @@ def error_peaks(result: Analysis) -> Iterator[ErrorPeak]:
         k, w = _largest(there), _largest(worst)
         parts = {} if k is None else {joint: factor * float(part[k]) for joint, part in error.by_joint.items()}
         ordered = sorted(parts.items(), key=lambda item: -abs(item[1]))
-        known = tuple((joint, part) for joint, part in ordered if np.isfinite(part))
+        known = tuple((joint, part) for joint, part in ordered if abs(part) > NOTHING * np.nanmax(worst))
         largest, place = (None, "-") if k is None else (float(there[k]), at(k))
         most, most_at = (0.0, "-") if w is None else (float(worst[w]), at(w))
         yield ErrorPeak(name, unit, largest, place, most, most_at, known)
@@ -154,12 +183,12 @@ def _largest(values: np.ndarray) -> int | None:
     return int(np.nanargmax(np.abs(values))) if np.isfinite(values).any() else None
 
 
-def transmission_angle(result: Analysis) -> np.ndarray | None:
+def transmission_angle(result: Erring) -> np.ndarray | None:
     """The transmission angle (N,) deg, at most 90; None where the linkage has none."""
     return None if result.transmission is None else np.degrees(np.arcsin(np.clip(result.transmission, 0.0, 1.0)))
 
 
-def poor(result: Analysis) -> str:
+def poor(result: Erring) -> str:
     """Where the transmission angle is poor, in words; empty where it is good throughout, or unknown."""
     angle = transmission_angle(result)
     if angle is None or not (angle < GOOD).any():
@@ -170,24 +199,34 @@ def poor(result: Analysis) -> str:
     return ", ".join(said)
 
 
-def parts_of(error: OutputError) -> dict[str, np.ndarray]:
+def parts_of(error: Error) -> dict[str, np.ndarray]:
     """What each joint does to an output, those that do anything."""
-    return {joint: part for joint, part in error.by_joint.items() if np.nanmax(np.abs(part), initial=0.0) > 0}
+    least = NOTHING * np.nanmax(error.worst_case, initial=0.0)
+    return {joint: part for joint, part in error.by_joint.items() if np.nanmax(np.abs(part), initial=0.0) > least}
 
 
-def around(result: Analysis | Simulation) -> bool:
-    """Whether the step after the last crank angle would close a turn."""
-    return not over(result).of_time and whole_turn(result.crank_angle)
-
-
-def power(result: Analysis | Simulation) -> np.ndarray | None:
-    """What the motor of a crank gives (N,) W; None where none is driven, or where it gives nothing."""
+def powers(result: Analysis | Simulation) -> dict[str, np.ndarray]:
+    """What the motor of a crank gives (N,) W, or what each of several gives whose speed is known; none of one that
+    gives nothing.
+    """
     m, signals = result.mechanism, result.signals
-    torque = signals.get("drive_torque")
-    if not m.cranked or m.speed is None or result.motion != "driven" or torque is None:
-        return None
-    watts = torque * signals.get(f"{m.driven}_angular_velocity", np.full(torque.shape, m.speed))
-    return watts if _size(result, "drive_torque") > 0 and np.isfinite(watts).any() else None
+    if result.motion != "driven" or (m.cranked and m.speed is None):
+        return {}
+    rate = {body.name: signals.get(f"{body.name}_angular_velocity") for body in m.bodies}
+    found: dict[str, np.ndarray] = {}
+    for drive in m.drives:
+        first, second = (rate.get(body, np.zeros(1)) for body in m.joint(drive.joint).bodies)
+        steady = drive.speed if isinstance(drive.speed, float) else None
+        if m.cranked:
+            speed, given = rate[m.driven], "drive_torque"
+        elif m.joint(drive.joint).prismatic:
+            speed, given = None, f"drive_force_{drive.joint}"
+        else:
+            speed, given = None if first is None or second is None else second - first, f"drive_torque_{drive.joint}"
+        moved, pushed = speed if speed is not None else steady, signals.get(given)
+        if moved is not None and pushed is not None and _size(result, given) > 0:
+            found["power" if m.cranked else drive.joint] = pushed * moved
+    return {name: watts for name, watts in found.items() if np.isfinite(watts).any()}
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ import numpy as np
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import count
+from analytic.paper.superposition import whole_turn
 from compare.quantities import Quantity, key_signals, plain, quantities, shown
 from compare.report.words.contact import ContactShown, describe
 from compare.results.crosscheck import CrossCheck, Discrepancy, OrderDifference, Run
@@ -38,6 +39,11 @@ class Abscissa:
     def of_time(self) -> bool:
         """Whether samples belong to times."""
         return self.unit == "s"
+
+    @property
+    def around(self) -> bool:
+        """Whether the step after the last crank angle would close a turn."""
+        return not self.of_time and whole_turn(np.radians(self.values))
 
     def at(self, sample: int) -> str:
         """Where a sample is: ``30 deg``."""

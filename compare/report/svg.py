@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from xml.sax.saxutils import escape, quoteattr
 from zlib import crc32
 
@@ -17,6 +17,7 @@ from compare.report.figure import Axis, Figure, Mark, Numbers, Series
 
 WIDTH, HEIGHT, TALLEST = 720.0, 420.0, 640.0
 LEFT, RIGHT, BOTTOM, LINE = 76.0, 18.0, 52.0, 20.0
+PANEL = 220.0  # at least, of several side by side
 COLOURS = {  # the page's style sheet has the same, with lighter ones for a dark screen
     "analytic": "#1b1f24",
     "ideal-line": "#6b7280",
@@ -88,23 +89,40 @@ def extent(values: list[float], margin: float) -> tuple[float, float]:
 
 def draw(figure: Figure) -> str:
     """The figure as SVG text."""
-    legend = _legend(figure)
+    if figure.panels:
+        return _draw_panels(figure)
+    legend = _legend(figure.series)
     top = 44.0 + LINE * len(legend)
     x, y, height = _scales(figure, top)
-    area = f"area-{crc32(figure.name.encode()):x}"  # its own, because a page may hold several drawings
-    body = [label(figure.title, 14, 22, size=15, weight="600"), *_drawn_legend(legend)]
-    body += _axes(figure, x, y)
-    body.append(
-        f'<clipPath id="{area}"><rect x="{LEFT}" y="{top}" width="{WIDTH - LEFT - RIGHT}"'
-        f' height="{height - BOTTOM - top}"/></clipPath>'
-    )
-    body += [
-        f'<g clip-path="url(#{area})" fill="none">',
-        *(_series(s, x, y) for s in figure.series),
-        "</g>",
-        *_labels(figure, x, y),
-    ]
+    body = [label(figure.title, 14, 22, size=15, weight="600"), *_drawn_legend(legend), *_axes(figure, x, y)]
+    body += [*_area(figure.name, figure.series, x, y), *_labels(figure, x, y)]
     return picture(WIDTH, height, f"{figure.title}. {figure.summary}", body)
+
+
+def _draw_panels(figure: Figure) -> str:
+    """Its panels side by side, at one scale; a colour is the same in all of them."""
+    legend = _legend(figure.roles)
+    top, wide = 66.0 + LINE * len(legend), max((WIDTH - LEFT - RIGHT) / len(figure.panels), PANEL)
+    x, y, _ = _scales(figure, top)
+    body = [label(figure.title, 14, 22, size=15, weight="600"), *_drawn_legend(legend)]
+    for k, title in enumerate(figure.panels):
+        left = LEFT + k * wide
+        across = replace(x, start=left, end=left + wide - RIGHT)
+        body += [*_axes(figure, across, y, 4, numbered=k == 0), label(title, across.start, top - 8, weight="600")]
+        body += _area(f"{figure.name} {k}", figure.panel(k), across, y)
+    return picture(LEFT + wide * len(figure.panels), HEIGHT, f"{figure.title}. {figure.summary}", body)
+
+
+def _area(name: str, series: Iterable[Series], x: Scale, y: Scale) -> list[str]:
+    """Series within the axes."""
+    area = f"area-{crc32(name.encode()):x}"  # its own, because a page may hold several drawings
+    return [
+        f'<clipPath id="{area}"><rect x="{x.start:g}" y="{y.end:g}" width="{x.end - x.start:g}"'
+        f' height="{y.start - y.end:g}"/></clipPath>',
+        f'<g clip-path="url(#{area})" fill="none">',
+        *(_series(s, x, y) for s in series),
+        "</g>",
+    ]
 
 
 def picture(width: float, height: float, alternative: str, body: Iterable[str]) -> str:
@@ -188,14 +206,15 @@ def _scales(figure: Figure, top: float) -> tuple[Scale, Scale, float]:
     )
 
 
-def _axes(figure: Figure, x: Scale, y: Scale) -> list[str]:
-    """Grid, frame, numbers and titles of a figure's axes."""
-    across, power_x = _marked(figure.x, x, 8)
+def _axes(figure: Figure, x: Scale, y: Scale, count: int = 8, numbered: bool = True) -> list[str]:
+    """Grid, frame, numbers and titles of a figure's axes; the upright one ``numbered`` or without words."""
+    across, power_x = _marked(figure.x, x, count)
     up, power_y = _marked(figure.y, y, 6)
     out = [f'<path d="M{at:.1f} {y.start:.1f}V{y.end:.1f}" stroke="{GRID}"/>' for _, at in across]
     out += [f'<path d="M{x.start:.1f} {at:.1f}H{x.end:.1f}" stroke="{GRID}"/>' for _, at in up]
     out.append(f'<path d="M{x.start:.1f} {y.end:.1f}V{y.start:.1f}H{x.end:.1f}" fill="none" stroke="{RULE}"/>')
-    titles = Marked(_axis_title(figure.x, power_x), across, 17, 40), Marked(_axis_title(figure.y, power_y), up, 8, 60)
+    upright = Marked(_axis_title(figure.y, power_y), up, 8, 60) if numbered else Marked("", (), 8)
+    titles = Marked(_axis_title(figure.x, power_x), across, 17, 40), upright
     return out + axis_labels(*titles, x.start, x.end, y.end, y.start)
 
 
@@ -210,11 +229,11 @@ def _axis_title(axis: Axis, power: int) -> str:
     return f"{axis.label} (10{str(power).translate(SUPERSCRIPT)} {axis.unit})" if power else axis.title
 
 
-def _legend(figure: Figure) -> list[list[tuple[Series, float]]]:
+def _legend(all_series: Iterable[Series]) -> list[list[tuple[Series, float]]]:
     """Named series in lines that fit the width, each with its x."""
     lines: list[list[tuple[Series, float]]] = []
     at = WIDTH
-    for series in (s for s in figure.series if s.name):
+    for series in (s for s in all_series if s.name):
         width = 44 + 6.7 * len(series.name)
         if at + width > WIDTH - RIGHT:
             lines.append([])

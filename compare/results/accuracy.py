@@ -64,6 +64,10 @@ class Output(Part):
         Mapping[str, Series],
         Field(description="By joint: displacement per radial clearance (m/m or rad/m)."),
     ]
+    by_joint: Annotated[
+        Mapping[str, Series],
+        Field(description="What the clearance of each joint does alone of the first-order displacement."),
+    ] = {}
     compliance: Annotated[Series, Field(description="Elastic displacement.")]
     total: Annotated[Series, Field(description="Equilibrium and compliance superposed.")]
     monte_carlo: MonteCarlo
@@ -96,8 +100,8 @@ class Accuracy(Document):
 
     file: ClassVar[str] = "accuracy.json"
     remedy: ClassVar[str] = "give the accuracy.json of compare accuracy"
-    opens: ClassVar[str] = "accuracy.json"
-    opened: ClassVar[str] = "numbers"
+    opens: ClassVar[str] = "accuracy.html"
+    opened: ClassVar[str] = "page"
 
     case: Annotated[str, Field(description="Name of the mechanism.")]
     mechanism: Mechanism
@@ -151,6 +155,15 @@ class Accuracy(Document):
     command: str
     warnings: tuple[str, ...]
     assumed: Filled = ()
+
+    @property
+    def time(self) -> None:
+        """None: it is of a crank's angles."""
+
+    @property
+    def errors(self) -> Mapping[str, Output]:
+        """The outputs, as a page of errors calls them."""
+        return self.outputs
 
     def rows(self) -> list[Row]:
         """A row for each output and crank angle."""

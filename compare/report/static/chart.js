@@ -36,6 +36,14 @@ function number(value, digits = 4) {
   return text[0].replace("-", "−") + (text[1] ? `×10${superscript(Number(text[1]))}` : "");
 }
 
+// As many digits as tell some numbers apart, four at least.
+function apart(values, most = 10) {
+  const different = new Set(values).size;
+  let digits = 4;
+  while (digits < most && new Set(values.map((v) => number(v, digits))).size < different) digits++;
+  return digits;
+}
+
 function ticks(low, high, count, degrees) {
   const rough = (high - low) / Math.max(count, 1);
   const power = 10 ** Math.floor(Math.log10(rough));
@@ -65,8 +73,8 @@ class Chart {
     this.frame = html("div", {class: "frame"}, place);
     this.tip = html("div", {class: "tip", hidden: ""}, this.frame);
     this.live = html("p", {class: "unseen", "aria-live": "polite"}, place);
-    this.tools();
-    this.listLegend();
+    if (!this.panelled) this.tools();
+    if (!this.panelled) this.listLegend();
     new ResizeObserver(() => this.draw()).observe(this.frame);
   }
 
@@ -84,7 +92,13 @@ class Chart {
     if (this.scales && this.figure.kind === "curves") this.markLine.setAttribute("d", `M${this.scales.x(x)} ${this.scales.y.start}V${this.scales.y.end}`);
   }
 
+  // Of small multiples it is one, at the scale of them all.
+  get panelled() {
+    return this.options.panel !== undefined;
+  }
+
   shown() {
+    if (this.panelled) return this.figure.series.filter((s) => [this.options.panel, -1].includes(s.level)).map((s) => ({...s, level: 0}));
     return this.figure.series.filter((s) => !this.hidden.has(s.name));
   }
 
@@ -131,8 +145,8 @@ class Chart {
   // ------------------------------------------------------------------ drawing
 
   ranges() {
-    const numbers = (axis, all) => this.shown().flatMap((s) => (all || s.scale ? s[axis].filter(known) : []));
-    const xs = numbers("x", false), ys = numbers("y", false);
+    const scaling = this.panelled ? this.figure.series.filter((s) => s.name || !this.options.close) : this.shown().filter((s) => s.scale);
+    const [xs, ys] = ["x", "y"].map((axis) => scaling.flatMap((s) => s[axis].filter(known)));
     if (this.figure.kind === "curves") {
       const reach = 4 * ys.reduce((a, b) => Math.max(a, Math.abs(b)), 0);
       const limits = this.shown().filter((s) => !s.scale).flatMap((s) => s.y.filter((v) => Math.abs(v) <= reach));
@@ -149,9 +163,9 @@ class Chart {
 
   layout() {
     const width = this.frame.clientWidth, narrow = width < 480;
-    const left = narrow ? 54 : 68, right = 12, top = 10, bottom = 46;
+    const left = this.panelled ? 50 : narrow ? 54 : 68, right = 12, top = this.panelled ? 16 : 10, bottom = this.panelled ? 24 : 46;
     let {x, y} = this.ranges();
-    let height = narrow ? 260 : 330;
+    let height = this.panelled ? 150 : narrow ? 260 : 330;
     if (this.figure.kind === "plane") {
       const wide = width - left - right;
       const aspect = (y[1] - y[0]) / (x[1] - x[0]);
@@ -206,17 +220,18 @@ class Chart {
     const powers = [x, y].map((s) => exponent(Math.max(Math.abs(s.low), Math.abs(s.high))));
     const grid = svg("g", {class: "grid"}, this.svg);
     const say = (value, power, step) => (value / 10 ** power + 0).toFixed(Math.max(0, Math.min(9, -Math.floor(Math.log10(step / 10 ** power) + 1e-9)))).replace("-", "−");
-    const across = ticks(x.low, x.high, Math.max(2, Math.floor((x.end - x.start) / 70)), this.figure.x.unit === "deg");
+    const across = ticks(x.low, x.high, Math.max(2, Math.floor((x.end - x.start) / (this.panelled ? 45 : 70))), this.figure.x.unit === "deg");
     for (const v of across.values) {
       svg("path", {d: `M${x(v)} ${y.start}V${y.end}`}, grid);
       svg("text", {x: x(v), y: y.start + 17, "text-anchor": "middle"}, this.svg, say(v, powers[0], across.step));
     }
-    const up = ticks(y.low, y.high, Math.max(2, Math.floor((y.start - y.end) / 45)), this.figure.y.unit === "deg");
+    const up = ticks(y.low, y.high, Math.max(2, Math.floor((y.start - y.end) / (this.panelled ? 22 : 45))), this.figure.y.unit === "deg");
     for (const v of up.values) {
       svg("path", {d: `M${x.start} ${y(v)}H${x.end}`}, grid);
       svg("text", {x: x.start - 7, y: y(v) + 4, "text-anchor": "end"}, this.svg, say(v, powers[1], up.step));
     }
     svg("path", {d: `M${x.start} ${y.end}V${y.start}H${x.end}`, class: "axis"}, this.svg);
+    if (this.panelled) return void (powers[1] && svg("text", {x: x.start + 4, y: 11, class: "title"}, this.svg, `×10${superscript(powers[1])}`));
     const title = (axis, power) => `${axis.label} (${power ? `10${superscript(power)} ` : ""}${axis.unit})`;
     svg("text", {x: (x.start + x.end) / 2, y: height - 8, "text-anchor": "middle", class: "title"}, this.svg, title(this.figure.x, powers[0]));
     const middle = (y.start + y.end) / 2;
@@ -227,7 +242,7 @@ class Chart {
     const group = svg("g", {class: `series ${s.mark}`, style: `--colour: var(--${s.role}, var(--analytic))`}, parent);
     if (["marker", "joint", "pivot"].includes(s.mark)) {
       const glyph = {joint: "circle", pivot: "pivot"}[s.mark] ?? SHAPES[s.role] ?? "circle";
-      const r = {joint: 5, pivot: 11}[s.mark] ?? (SIZES[glyph] ?? 4.5) + 1.5 * s.level;
+      const r = {joint: 5, pivot: 11}[s.mark] ?? (SIZES[glyph] ?? 4.5) * (this.panelled ? 0.6 : 1) + 1.5 * s.level;
       const points = s.x.map((a, i) => (known(a) && known(s.y[i]) ? `M${x(a).toFixed(2)} ${y(s.y[i]).toFixed(2)}${GLYPHS[glyph](r)}` : ""));
       svg("path", {d: points.join("")}, group);
       return;
@@ -332,10 +347,11 @@ class Chart {
     const series = this.shown().filter((s) => s.name);
     const nearest = series.flatMap((s) => s.x.filter(known)).reduce((best, v) => (best === null || Math.abs(v - at) < Math.abs(best - at) ? v : best), null);
     if (nearest === null) return null;
-    const points = series.flatMap((s) => {
-      const i = s.x.indexOf(nearest), end = s.x.lastIndexOf(nearest);
+    const there = series.map((s) => [s, s.x.indexOf(nearest), s.x.lastIndexOf(nearest)]).filter(([s, i]) => i >= 0 && known(s.y[i]));
+    const digits = apart(there.map(([s, i]) => s.y[i]));
+    const points = there.map(([s, i, end]) => {
       const low = s.mark === "band" && end > i ? `${number(s.y[end])} to ` : "";
-      return i < 0 || !known(s.y[i]) ? [] : [{x: nearest, y: s.y[i], role: s.role, name: s.name, text: `${low}${number(s.y[i])} ${this.figure.y.unit}`}];
+      return {x: nearest, y: s.y[i], role: s.role, name: s.name, text: `${low}${number(s.y[i], digits)} ${this.figure.y.unit}`};
     });
     return {x: nearest, title: `${this.figure.x.label} ${number(nearest)} ${this.figure.x.unit}`, points};
   }
@@ -356,19 +372,19 @@ class Chart {
   }
 }
 
-// The charts of a page: each figure in its place, with its files and its data as a table.
+// The charts of a page: each figure in its place or its panels in theirs, with its files and its data as a table.
 function figuresOf(page, figures) {
+  for (const button of page.querySelectorAll("[data-download]")) button.addEventListener("click", () => download(button, figures[Number(button.dataset.of)]));
   return [...page.querySelectorAll("[data-figure]")].map((place) => {
-    const figure = figures[Number(place.dataset.figure)], details = place.parentElement.querySelector("details");
-    for (const button of details.closest("figure").querySelectorAll("[data-download]")) button.addEventListener("click", () => download(button, figure));
-    details.addEventListener("toggle", () => details.open && !details.querySelector("table") && tabulate(details, figure));
-    return new Chart(place, figure);
+    const figure = figures[Number(place.dataset.figure)], details = place.closest("figure")?.querySelector("details");
+    details?.addEventListener("toggle", () => details.open && !details.querySelector("table") && tabulate(details, figure));
+    return new Chart(place, figure, "panel" in place.dataset ? {panel: Number(place.dataset.panel)} : {});
   });
 }
 
 // A figure as a file: its drawing as on paper (SVG, or twice as large in pixels), or all of its points, a row for each.
 function download(button, figure) {
-  const drawing = button.closest("figure").querySelector("noscript").textContent.trim(), kind = button.dataset.download;
+  const drawing = document.getElementById(`drawing-${button.dataset.of}`).textContent.trim(), kind = button.dataset.download;
   if (kind === "png") return pixels(drawing, (url) => save(url, button.dataset.name));
   const url = URL.createObjectURL(new Blob([kind === "svg" ? drawing : points(figure)], {type: kind === "svg" ? "image/svg+xml" : "text/csv"}));
   save(url, button.dataset.name);

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 from analytic.mechanism.one_line import count
 from compare.quantities import plain, shown
@@ -39,9 +39,14 @@ def notes(result: Accuracy) -> list[str]:
             f" seed {result.seed}"
         ),
     ]
+    return [*notes, *cautions(result)]
+
+
+def cautions(result: Accuracy) -> Iterator[str]:
+    """What to beware of: crank angles without an answer or near a limit, and contacts that change sides."""
     for what, reasons in (("flags", result.flags), ("cautions", result.cautions)):
         for first, why in list(reasons.items())[:1]:
-            notes.append(
+            yield (
                 f"{count(len(reasons), 'crank angle')} with {what}, first"
                 f" {math.degrees(result.crank_angle[int(first)]):.4g} deg: {why}"
             )
@@ -50,11 +55,10 @@ def notes(result: Accuracy) -> list[str]:
         unit, factor = shown(result.outputs[name].unit)
         what = "changes side" if abs(change.turned) > math.pi / 2 else "is hardly loaded"
         where = f"{math.degrees(change.crank_angle):.4g} deg"
-        notes.append(
+        yield (
             f"the contact in {change.joint} {what} at {where}: {name} jumps by"
             f" {plain(change.jump[name] * factor)} {unit}"
         )
-    return notes
 
 
 def facts(result: PlatformAccuracy) -> dict[str, str]:

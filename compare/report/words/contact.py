@@ -151,6 +151,11 @@ class StatisticsTable:
     runs: tuple[str, ...]
     rows: tuple[tuple[Measure, tuple[Value, ...]], ...]
 
+    @property
+    def lost(self) -> bool:
+        """Whether contact was lost in any run."""
+        return any(value.value for name in ("free_share", "impacts") for value in self.of(name)[1])
+
     def of(self, name: StatisticName) -> tuple[Measure, tuple[Value, ...]]:
         """One statistic's values, run by run."""
         return next(row for row in self.rows if row[0].key == name)
@@ -219,6 +224,14 @@ class ContactShown:
     runs: tuple[RunContact, ...] = ()
     tables: tuple[StatisticsTable, ...] = ()
     pairs: tuple[EnginePair, ...] = ()
+
+    @property
+    def by_sentence(self) -> list[tuple[str, bool, list[str]]]:
+        """What contact did, whether averages are known well, and the runs of which that is said."""
+        titles: dict[tuple[str, bool], list[str]] = {}
+        for run in self.runs:
+            titles.setdefault((run.sentence, run.contact.converged), []).append(run.run)
+        return [(*said, runs) for said, runs in titles.items()]
 
     @property
     def measures(self) -> list[Measure]:

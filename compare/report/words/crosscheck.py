@@ -101,6 +101,14 @@ def _with_others(first: str, others: int) -> str:
     return first + (f", and likewise in {count(others, 'other run')})." if others else ").")
 
 
+def rows(
+    by_engine: Sequence[tuple[str, Sequence[ShownRun]]], joint_model: str, signal: str
+) -> list[ShownDiscrepancy | None]:
+    """The row of a signal in each engine's run of a joint model; None where there is none."""
+    runs = [next((one for one in of if one.run.joint_model == joint_model), None) for _, of in by_engine]
+    return [shown.row(signal) if shown else None for shown in runs]
+
+
 def row_sentence(row: ShownDiscrepancy) -> str:
     """A row in words, ASCII but for names: ``reaction angle at B: +0.2 deg at 30 deg, rms 0.1 deg (tolerance 0.05
     deg)``.
