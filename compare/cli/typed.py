@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar, cast
 
 import typer
 
+from compare.ci import source
 from compare.cli.folders import named_after, refuse_inputs, result_folder
 from compare.cli.publish import finished, put, show
 from compare.faults import Exit, OptionError, complaints
@@ -133,7 +134,7 @@ class CommandLine:
     def show(self, document: "Document", place: Path | None = None) -> None:
         """Print a document, whose files are in a folder."""
         shown = self.asked(Shown)
-        show(document, json=shown.json, quiet=shown.quiet, place=place)
+        show(document, json=shown.json, quiet=shown.quiet, place=place, file=source(self.words))
 
     def judge(self, ask: Callable[[], "CrossCheck"], caught: Sequence[str], folder: Path) -> None:
         """Answer by a cross-check, and leave with its verdict as the status.  Raises typer's Exit."""
