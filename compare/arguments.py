@@ -53,6 +53,9 @@ ToleranceFile = Tolerances | str | PathLike[str]
 Metres = Mapping[str, float | str] | float | str
 """Radial clearance by joint, or one for every pin: metres, or a text with its unit."""
 
+Values = str | float | Sequence[float | str] | np.ndarray
+"""Values of a field: a number (SI), a text with a unit, a range ``start:stop:step``, several with commas, a list."""
+
 CAPACITY = 1_000_000  # crank angles, and samples of a Monte Carlo: what a memory holds
 SMALL_CLEARANCE = 0.1  # of a body's length: a clearance up to this is small, as the paper's displacements are
 

@@ -45,6 +45,7 @@ from compare.questions.plan import PlanQuestion
 from compare.questions.question import Question, arguments, option_of
 from compare.questions.question import options as of_question
 from compare.questions.show import ShowQuestion
+from compare.questions.sweep import SweepQuestion
 from compare.questions.validity import ValidityQuestion
 from marks import slow
 from measured_files import csv_text
@@ -256,6 +257,7 @@ ELSEWHERE = {  # options whose effect another test shows
     ("diagnose", "init"): "test_begin.py",
     ("diagnose", "case"): "test_begin.py",
     ("baseline check", "junit"): "test_baseline.py",
+    **dict.fromkeys([("compare", "set"), ("analyse", "set"), ("accuracy", "set")], "test_parametric.py"),
     ("list", "folder"): "test_history.py",
     ("fields", "table"): "test_first_minutes.py",
     ("new", "name"): "test_first_minutes.py",
@@ -263,12 +265,12 @@ ELSEWHERE = {  # options whose effect another test shows
 }
 OF_TYPER = {"install_completion", "show_completion"}
 QUESTIONS: dict[str, tuple[type[Question], ...]] = {
-    "compare": (CrosscheckQuestion,),
-    "analyse": (AnalyseQuestion,),
+    "compare": (CrosscheckQuestion, SweepQuestion),
+    "analyse": (AnalyseQuestion, SweepQuestion),
     "simulate": (SimulateQuestion,),
     "export": (ExportQuestion,),
     "check": (CheckQuestion,),
-    "accuracy": (AccuracyQuestion, PlatformQuestion),
+    "accuracy": (AccuracyQuestion, PlatformQuestion, SweepQuestion),
     "validity": (ValidityQuestion,),
     "diagnose": (DiagnoseQuestion,),
     "plan": (PlanQuestion,),

@@ -86,13 +86,16 @@ class CommandLine:
 
         Raises ArgumentError, and what the function raises.
         """
-        words = ((field.name, option.kind, self.words[name]) for field, name, option in _typed(question))
-        typed = {name: kind.parse(word, name) for name, kind, word in words if word not in (None, [], ())}
-        return function(**typed | more)
+        return function(**self.arguments(question) | more)
 
-    def asked(self, question: type[Q]) -> Q:
+    def arguments(self, question: type[Question]) -> dict[str, object]:
+        """The arguments of a question that are not left out, by name.  Raises ArgumentError."""
+        words = ((field.name, option.kind, self.words[name]) for field, name, option in _typed(question))
+        return {name: kind.parse(word, name) for name, kind, word in words if word not in (None, [], ())}
+
+    def asked(self, question: type[Q], **more: object) -> Q:
         """A question itself.  Raises ArgumentError."""
-        return self.ask(question, question)
+        return self.ask(question, question, **more)
 
     def folder(self, stem: str, file: str, *beside: str) -> Path:
         """The folder of the answer, whose result is ``file``; see :func:`compare.cli.folders.result_folder`."""

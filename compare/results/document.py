@@ -32,6 +32,7 @@ from analytic.errors import Error
 from analytic.mechanism import Mechanism as _Mechanism
 from analytic.mechanism.assumed import Assumed
 from analytic.mechanism.errors import describe
+from analytic.mechanism.file import as_written
 from analytic.mechanism.one_line import count
 from analytic.mechanism.reading import ReadingError, read_json
 from compare.files import alone_in, check_replaceable, made_folder, to_json, write_atomically, write_together
@@ -102,11 +103,6 @@ Amount = Annotated[Annotated[float, Field(ge=0)] | None, BeforeValidator(_finite
 """A number that is not negative, or None."""
 Text = Annotated[str, Field(min_length=1)]
 Share = Annotated[float, Field(ge=0, le=1)]
-
-
-def as_written(mechanism: _Mechanism) -> dict[str, object]:
-    """A mechanism as its TOML file has it: what was left out stays out."""
-    return mechanism.model_dump(by_alias=True, exclude_none=True, exclude_unset=True, mode="json")
 
 
 Mechanism = Annotated[_Mechanism, PlainSerializer(as_written), Field(description="The linkage as in its TOML file.")]
