@@ -81,7 +81,7 @@ def swept(question: SweepQuestion) -> Sweep:
     of_asked, _ = QUESTIONS[question.asks]
     asked = of_asked(base, **options)  # type: ignore[call-arg]  # what no point could use is refused at once
     if isinstance(asked, CrosscheckQuestion):
-        engines(with_map(asked.simulators, asked.map))
+        engines(with_map(asked.simulator, asked.map))
     places = [_field(base, name) for name in question.fields]
     fields = [values_of(place, values) for place, values in zip(places, question.fields.values(), strict=True)]
     size = math.prod(len(field.values) for field in fields)

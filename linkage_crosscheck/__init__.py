@@ -4,7 +4,7 @@
     import linkage_crosscheck as lc
 
     angles = np.radians(np.arange(20, 161, 5))
-    result = lc.crosscheck("paper", simulators="mujoco", clearance={"B": 1e-4}, angles=angles)
+    result = lc.crosscheck("paper", simulator="mujoco", clearance={"B": 1e-4}, angles=angles)
     result.verdict, result.run("mujoco", "contact").simulated["reaction_B_angle"]
     result.plot()
     result.to_dataframe()

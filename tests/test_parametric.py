@@ -171,7 +171,7 @@ def test_what_no_point_could_use_is_refused_before_any_is_computed() -> None:
     with pytest.raises(ArgumentError, match="motion: 'flying' cannot be used"):
         lc.sweep(PAPER, {"drive.speed": [1.0]}, motion="flying")
     with pytest.raises(TypeError, match="simulator"):
-        lc.sweep(PAPER, {"drive.speed": [1.0]}, simulators="mujoco")
+        lc.sweep(PAPER, {"drive.speed": [1.0]}, simulator="mujoco")
     with pytest.raises(ArgumentError, match=r"fields: \{\} cannot be used; give values by field"):
         lc.sweep(PAPER, {})
     with pytest.raises(ArgumentError, match="asks: 'diagnose' cannot be used"):

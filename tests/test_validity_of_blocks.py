@@ -39,7 +39,7 @@ def of_blocks(simulator: str, friction: float) -> Validity:
         sliding(friction),
         speeds=[100 * RPM, 600 * RPM],
         clearances=[1e-5, 1e-4],
-        simulators=simulator,
+        simulator=simulator,
         workers=1,
     )
 
@@ -104,7 +104,7 @@ def test_what_a_map_of_a_block_cannot_be_says_so(asked: dict[str, Any], words: s
 
 def test_a_block_without_a_moment_of_inertia_has_no_map() -> None:
     with pytest.raises(Unsupported, match=r"body 'slider' may turn by its clearance.*give its inertia"):
-        validity("slider-crank", speeds=[10.0], clearances=[1e-4], joints=["S"], simulators="exudyn", workers=1)
+        validity("slider-crank", speeds=[10.0], clearances=[1e-4], joints=["S"], simulator="exudyn", workers=1)
 
 
 def test_a_map_of_springs_leaves_friction_out_and_says_so() -> None:

@@ -72,9 +72,9 @@ def update_baselines(question: BaselinesQuestion) -> Baselines:
 
 def _one_source(question: BaselinesQuestion) -> None:
     """Raises ArgumentError for what belongs to engines beside results, or to results that are not given."""
-    if question.results is not None and question.simulators != "all":
+    if question.results is not None and question.simulator != "all":
         raise ArgumentError(
-            "simulators", "results are another program's, in place of an engine's; leave one of them out"
+            "simulator", "results are another program's, in place of an engine's; leave one of them out"
         )
     if question.results is None and question.map is not None:
         raise ArgumentError("map", "says what the columns of results are; give them, or leave it out")
@@ -94,7 +94,7 @@ def _each(work: Work, question: BaselinesQuestion, folder: Path, progress: Progr
     mechanisms = [
         (linkage(case, large=True), case.name if isinstance(case, Mechanism) else str(case)) for case in wanted
     ]
-    installed, left_out = engines(question.simulators)
+    installed, left_out = engines(question.simulator)
     names = [modelling(name) for name in installed]
     for mechanism, _ in mechanisms:
         warn_of_friction(mechanism, None, "static")

@@ -37,7 +37,7 @@ class Shown(Question):
         bool, Option("Print the result file (JSON) to standard output, and nothing else there.", Switch())
     ] = False
     quiet: Annotated[
-        bool, Option("Print nothing to standard output; files are written as without it.", Switch(), short="-q")
+        bool, Option("Print nothing to standard output; files are written as without it.", Switch(), also="-q")
     ] = False
 
 
@@ -205,7 +205,7 @@ def _parameter(field: Field[Any], name: str, option: Option) -> inspect.Paramete
         word = list[word]
     bounds = {"min": kind.least, "max": kind.most} if isinstance(kind, Whole) else {}
     shown: dict[str, Any] = {"help": option.typed_help, "metavar": kind.metavar, **bounds}
-    flags = [f"--{name.replace('_', '-')}", *filter(None, [option.short])]
+    flags = [f"--{name.replace('_', '-')}", *filter(None, [option.also])]
     info = typer.Argument(**shown) if option.positional else typer.Option(*flags, **shown)
     return inspect.Parameter(
         name,
