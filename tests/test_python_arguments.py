@@ -458,3 +458,11 @@ def test_validity_says_joints_and_takes_at_as_before(tmp_path: Path) -> None:
     with pytest.warns(DeprecationWarning, match="at= is called joints= now"):
         with pytest.raises(ArgumentError, match="joints: 'Q' is not a revolute joint"):
             lc.validity("paper", speeds=[1.0], clearances=[1e-4], at="Q")  # type: ignore[call-arg]
+
+
+def test_a_drive_that_is_made_in_python_takes_its_speed_as_a_file_does() -> None:
+    paper = load("paper").replace(drive=lc.Drive(joint="D", speed="60 rpm"))  # type: ignore[arg-type]
+    assert paper.speed == pytest.approx(2 * math.pi)
+    assert lc.Drive(joint="D", speed="free").speed == "free"
+    with pytest.raises(MechanismError, match=r"speed = '3 kg': unit 'kg', which is of another dimension"):
+        lc.Drive(joint="D", speed="3 kg")  # type: ignore[arg-type]
