@@ -25,9 +25,10 @@ from compare.arguments import Linkage, Values, cores, engines, linkage, with_map
 from compare.crosscheck import crosscheck
 from compare.faults import ArgumentError
 from compare.judge.tolerances import Tolerances
+from compare.platform import platform_accuracy
 from compare.progress import progress_bar
 from compare.quantities import drive_signals, quantities
-from compare.questions.accuracy import AccuracyQuestion
+from compare.questions.accuracy import AccuracyQuestion, PlatformQuestion
 from compare.questions.analyse import AnalyseQuestion
 from compare.questions.crosscheck import CrosscheckQuestion
 from compare.questions.question import Question
@@ -35,6 +36,7 @@ from compare.questions.sweep import SweepQuestion
 from compare.results.accuracy import Accuracy
 from compare.results.analysis import Analysis
 from compare.results.crosscheck import CrossCheck
+from compare.results.platform import PlatformAccuracy
 from compare.results.sweep import Asks, FieldValue, Sweep, SweptField
 from compare.sweep import sweep as spread_out
 from compare.versions import versions
@@ -42,9 +44,10 @@ from sim_models.engine import SimulationError, SimulatorMissing
 
 MOST_POINTS = 100_000  # rows of a table: more is a mistake in a step
 
-QUESTIONS: Mapping[Asks, tuple[type[Question], Callable[..., Analysis | Accuracy | CrossCheck]]] = {
+QUESTIONS: Mapping[Asks, tuple[type[Question], Callable[..., Analysis | Accuracy | PlatformAccuracy | CrossCheck]]] = {
     "analyse": (AnalyseQuestion, analyse),
     "accuracy": (AccuracyQuestion, accuracy),
+    "platform_accuracy": (PlatformQuestion, platform_accuracy),
     "crosscheck": (CrosscheckQuestion, crosscheck),
 }
 
@@ -63,8 +66,9 @@ def sweep(
 
     ``fields`` are values by dotted name, as the mechanism's file nests it: ``{"drive.speed": "30 rpm:300 rpm:30 rpm",
     "joint.B.clearance": [1e-4, 2e-4]}``; numbers are SI, texts may have units.  A range is start, stop and step, stop
-    included.  ``options`` are those of :func:`compare.analyse.analyse`, :func:`compare.accuracy.accuracy` or
-    :func:`compare.crosscheck.crosscheck`, whichever ``asks`` names; a ``clearance`` among them is the mechanism's own.
+    included.  ``options`` are those of :func:`compare.analyse.analyse`, :func:`compare.accuracy.accuracy`,
+    :func:`compare.platform.platform_accuracy` or :func:`compare.crosscheck.crosscheck`, whichever ``asks`` names; a
+    ``clearance`` among them is the mechanism's own.
     Points are spread over ``workers`` processes (one a core), or over the workers of the ``dask`` scheduler of this
     address.  A point without an answer says why in its row, and the others stand.
 
@@ -217,6 +221,8 @@ def _plain(value: object) -> object:
         return value.model_dump(mode="json", by_alias=True)
     if isinstance(value, np.ndarray):
         return value.tolist()
+    if isinstance(value, tuple | list):
+        return [_plain(each) for each in value]
     return str(value) if isinstance(value, Path) else value
 
 
@@ -270,14 +276,17 @@ def _analysed(result: Analysis) -> dict[str, object]:
     return {"columns": columns, "numbers": numbers, "remark": _unanswered(result.flags, len(result.crank_angle))}
 
 
-def _accurate(result: Accuracy) -> dict[str, object]:
+def _accurate(result: Accuracy | PlatformAccuracy) -> dict[str, object]:
     """The error of each output in equilibrium, and in the worst case."""
     columns, numbers = {}, {}
     for group, words in (("error", "error of"), ("worst_case", "worst case of")):
         for name, output in result.outputs.items():
             columns[f"{group}_{name}"] = {"group": group, "label": f"{words} {name}", "unit": output.unit}
             numbers[f"{group}_{name}"] = _largest(output.equilibrium if group == "error" else output.worst_case)
-    return {"columns": columns, "numbers": numbers, "remark": _unanswered(result.flags, len(result.crank_angle))}
+    size, of = (
+        (len(result.crank_angle), "crank angle") if isinstance(result, Accuracy) else (result.holding.size, "pose")
+    )
+    return {"columns": columns, "numbers": numbers, "remark": _unanswered(result.flags, size, of)}
 
 
 def _compared(result: CrossCheck) -> dict[str, object]:
@@ -305,7 +314,7 @@ def _largest(values: np.ndarray) -> float | None:
     return float(known[np.argmax(np.abs(known))]) if known.size else None
 
 
-def _unanswered(flags: Mapping[str, str], size: int) -> str:
+def _unanswered(flags: Mapping[str, str], size: int, of: str = "crank angle") -> str:
     """How many samples have no answer, and why the first has none."""
     why = next(iter(flags.values()), "")
-    return f"no answer at {len(flags)} of {count(size, 'crank angle')}: {why}" if flags else ""
+    return f"no answer at {len(flags)} of {count(size, of)}: {why}" if flags else ""

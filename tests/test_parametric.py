@@ -197,6 +197,20 @@ def test_the_worst_case_of_clearance_is_proportional_to_it() -> None:
     np.testing.assert_allclose(values / values[0], [1.0, 2.0, 3.0], rtol=1e-9)
 
 
+def test_a_platform_s_accuracy_is_swept_over_its_motion_or_workspace(tmp_path: Path) -> None:
+    """Of drives and pins everything is linear in the gaps; the worst case of 0.2 mm is twice that of 0.1 mm."""
+    words = ["accuracy", "--case", "five-bar", "--set", "joint.P.clearance=0.1mm,0.2mm", "--workers", "1"]
+    for more in (["--times", "0:0.2:0.1"], ["--workspace", "-0.02:0.02:3,0.12:0.16:3", "--output", "left-arm.P"]):
+        done = commands.compare(*words, *more, "--out", more[0].strip("-"), cwd=tmp_path)
+        assert done.returncode in (0, 1), done.stderr
+        result = Sweep.read(tmp_path / more[0].strip("-") / "sweep.json")
+        assert result.asks == "platform_accuracy"
+        worst = [name for name in result.columns if name.startswith("worst_case_") and column(result, name)[0] > 0]
+        assert worst
+        for name in worst:
+            np.testing.assert_allclose(column(result, name), column(result, name)[0] * np.array([1.0, 2.0]), rtol=1e-9)
+
+
 def test_a_grid_has_a_row_for_each_combination_as_each_is_analysed_by_itself() -> None:
     speeds, gaps = [2.0, 5.0], [1e-4, 3e-4]
     result = lc.sweep("paper", {"drive.speed": speeds, "joint.B.clearance": gaps}, workers=2, model="first_order")
@@ -315,7 +329,7 @@ def test_the_figure_has_a_panel_for_each_kind_of_number_and_at_most_six_curves(t
         (["analyse", "--set", "drive.speed"], "'drive.speed' has no values; give FIELD=START:STOP:STEP"),
         (["analyse", "--set", "drive.sped=1"], "'sped' is no field of a drive; did you mean 'speed'"),
         (["analyse", "--set", "drive.speed=1", "--set", "drive.speed=2"], "drive.speed is there twice"),
-        (["accuracy", "--set", "drive.speed=1", "--times", "0:1:0.1"], "--times: is of several drives"),
+        (["accuracy", "--set", "drive.speed=1", "--times", "0:1:0.1", "--samples", "9"], "--samples is of linkages"),
         (["--simulator", "adams", "--set", "drive.speed=1"], "adams"),
     ],
 )

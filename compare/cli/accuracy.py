@@ -27,16 +27,16 @@ def accuracy(line: CommandLine) -> None:
         from compare.arguments import linkage
         from compare.platform import platform_accuracy
 
-        if is_swept(line):
-            for name in filter(line.has, OF_SEVERAL):
-                raise OptionError(f"--{name.replace('_', '-')}: is of several drives, and --set of linkages of one")
-            answer(line, "accuracy", AccuracyQuestion, caught)
         files = ("accuracy.json", "accuracy.csv", "accuracy.html")
-        folder = line.folder(f"{line.stem}-accuracy", *files)
+        folder = None if is_swept(line) else line.folder(f"{line.stem}-accuracy", *files)
         if not any(map(line.has, OF_SEVERAL)) and Assembly(linkage(line.case, large=True)).structure.by_crank:
+            if folder is None:
+                answer(line, "accuracy", AccuracyQuestion, caught)
             line.drawn(lambda: line.ask(accuracy, AccuracyQuestion), caught, folder)
             return
         for name in filter(line.has, OF_A_CRANK):
             option = f"--{name.replace('_', '-')}"
             raise OptionError(f"{option} is of linkages that one crank moves, over its angle; leave it out")
+        if folder is None:
+            answer(line, "platform_accuracy", PlatformQuestion, caught)
         line.drawn(lambda: line.ask(platform_accuracy, PlatformQuestion), caught, folder)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from compare.results.sweep import Asks
 
 
-QUESTIONS = ("analyse", "accuracy", "crosscheck")
+ASKS = ("analyse", "accuracy", "platform_accuracy", "crosscheck")
 
 
 class FieldValues(ArgumentKind[list[str]]):
@@ -62,7 +62,11 @@ class SweepQuestion(Question):
     ]
     asks: Annotated[
         "Asks",
-        Option("What is asked at each point.", Choice(choices=("analyse", "accuracy", "crosscheck")), typed=False),
+        Option(
+            "What is asked at each point.",
+            Choice(choices=ASKS),
+            typed=False,
+        ),
     ] = "analyse"
     _: KW_ONLY
     options: Annotated[

@@ -11,7 +11,7 @@ from analytic.mechanism.one_line import count
 from compare.results.crosscheck import Verdict
 from compare.results.document import Document, Mechanism, Number, Part, Row, Text
 
-Asks = Literal["analyse", "accuracy", "crosscheck"]
+Asks = Literal["analyse", "accuracy", "platform_accuracy", "crosscheck"]
 FieldValue = float | str
 
 
