@@ -137,12 +137,14 @@ def stop(error: object, status: Exit, file: str = "") -> typer.Exit:
     raise what this returns.
     """
     faults = getattr(error, "faults", ())
-    for fault in first_faults(faults) if len(faults) > 1 else [str(error)]:
+    several = first_faults(faults) if len(faults) > 1 else [str(error)]
+    marked = several[1:] or several  # not the line that says how many there are
+    for fault in several:
         text = printable(fault)
         if len(text) > LONGEST_SENTENCE:  # the file and the remedy are at the ends
             text = f"{text[: LONGEST_SENTENCE // 2]} ... {text[-LONGEST_SENTENCE // 2 :]}"
         typer.echo(f"compare: {text}", err=True)
-        if in_workflow() and status in (Exit.BAD_INPUT, Exit.SIMULATOR_FAILED):
+        if in_workflow() and fault in marked and status in (Exit.BAD_INPUT, Exit.SIMULATOR_FAILED):
             typer.echo(annotation(text, "compare", file), err=True)
     return typer.Exit(status)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import re
 import shlex
 from pathlib import Path
@@ -79,6 +80,34 @@ def test_bad_input_is_annotated_on_its_file(job: Path) -> None:
     assert done.returncode == 2
     said, marked = done.stderr.splitlines()
     assert marked == f"::error file=linkages/my%2C linkage.toml,title=compare::{said.removeprefix('compare: ')}"
+
+
+def test_results_that_disagree_are_annotated_on_their_file_and_looked_at(job: Path) -> None:
+    """Recorded results, one reaction a fifth too large; then a file with two faults, each marked by itself."""
+    done = commands.compare("analyse", "--motion", "static", "--out", "one", "-q", cwd=job)
+    assert done.returncode == 0, done.stderr
+    head, *rows = csv.reader((job / "one" / "signals.csv").read_text(encoding="utf-8").splitlines())
+    wrong = head.index("reaction_B_x [N]")
+    derived = [k for k, name in enumerate(head) if name.startswith(("reaction_B_angle", "reaction_B_magnitude"))]
+    for row in rows:
+        row[wrong] = str(1.2 * float(row[wrong]))
+    for name, left_out in (("theirs.csv", derived), ("torn.csv", [])):
+        lines = ([cell for k, cell in enumerate(row) if k not in left_out] for row in (head, *rows))
+        (job / name).write_text("\n".join(map(",".join, lines)) + "\n", encoding="utf-8")
+    asked = ["--motion", "static"]
+    done = commands.compare("check", "theirs.csv", *asked, "--out", "out", cwd=job)
+    assert done.returncode == 1, done.stderr
+    marked = [line for line in done.stderr.splitlines() if line.startswith("::")]
+    assert marked[0].startswith("::error file=theirs.csv,title=paper%2C theirs%2C contact%2C static%3A reaction_B_")
+    (look,) = [line for line in done.stdout.splitlines() if line.startswith("to look at the worst: ")]
+    shown = commands.compare(*shlex.split(look.partition(": compare ")[2]), cwd=job)
+    assert shown.stdout.startswith("reaction_B_"), shown.stderr
+
+    torn = commands.compare("check", "torn.csv", *asked, cwd=job)
+    assert torn.returncode == 2
+    assert torn.stderr.startswith("compare: 2 faults:\n")
+    marked = [line for line in torn.stderr.splitlines() if line.startswith("::")]
+    assert [line.partition("::torn.csv: ")[0] for line in marked] == ["::error file=torn.csv,title=compare"] * 2
 
 
 def test_github_s_ten_are_those_farthest_off_and_say_how_many_more(monkeypatch: pytest.MonkeyPatch) -> None:
