@@ -14,7 +14,6 @@ import typer
 from compare.ci import annotated, wrong
 from compare.cli.folders import REMEDY, same_question
 from compare.files import check_replaceable, relative
-from compare.presentation import presentation
 
 if TYPE_CHECKING:
     from compare.results.document import Document
@@ -61,7 +60,7 @@ def show(document: Document, *, json: bool, quiet: bool, place: Path | None = No
     """Print a document: its JSON, or the table for a terminal, where its files are, and how to look at what is worst in
     it; annotations of the ``file`` that it is about on standard error, in a workflow of GitHub.
     """
-    judged = presentation(document).judged(document)
+    judged = document.judgements()
     say(annotated(judged, file))
     if json:
         typer.echo(document.to_json())

@@ -43,6 +43,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.console import Console
 
+    from compare.ci import JUnitSuite
+
 NUMBER_OR_NULL = {"type": ["number", "null"]}
 Row = Mapping[str, float | str | None]
 
@@ -263,6 +265,10 @@ class Document(Part):
         literal = copy(console)  # its output is the console's
         literal._markup = literal._emoji = False
         self._shown().print_table(self, literal)
+
+    def judgements(self) -> Sequence[JUnitSuite]:
+        """What it judges, as test cases of a CI; nothing of what judges nothing."""
+        return self._shown().judged(self)
 
     def _repr_html_(self) -> str:
         return self._shown().summary_html(self)
