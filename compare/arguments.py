@@ -44,8 +44,8 @@ Linkage = Mechanism | str | Path
 """A mechanism, the name of a shipped case, or the path of a mechanism file."""
 Simulators = str | Sequence[str]
 """Names of engines, one or several, or with commas between them; ``all`` is every one that is installed."""
-Numbers = float | Sequence[float] | np.ndarray
-"""One number, or several."""
+Numbers = float | str | Sequence[float | str] | np.ndarray
+"""One number, or several; in SI, or texts with a unit: ``"60 rpm"``."""
 Names = str | Sequence[str]
 """One name, or several."""
 ToleranceFile = Tolerances | str | PathLike[str]
@@ -53,13 +53,21 @@ ToleranceFile = Tolerances | str | PathLike[str]
 Metres = Mapping[str, float | str] | float | str
 """Radial clearance by joint, or one for every pin: metres, or a text with its unit."""
 
+Values = str | float | Sequence[float | str] | np.ndarray
+"""Values of a field: a number (SI), a text with a unit, a range ``start:stop:step``, several with commas, a list."""
+
 CAPACITY = 1_000_000  # crank angles, and samples of a Monte Carlo: what a memory holds
 SMALL_CLEARANCE = 0.1  # of a body's length: a clearance up to this is small, as the paper's displacements are
 
 
 def numbers(given: object, called: str, unit: str) -> np.ndarray:
-    """Finite numbers (N,), N at least one, of one number or of a flat list of them.  Raises ArgumentError."""
-    several = list(given) if isinstance(given, Iterable) and not isinstance(given, str | bytes | np.ndarray) else given
+    """Finite numbers (N,), N at least one, of one number or of a flat list of them; in this SI unit where they are
+    texts with one, ``"60 rpm"`` or ``"60 rpm, 600 rpm"``.  Raises ArgumentError.
+    """
+    parts = given.split(",") if isinstance(given, str) else given
+    several = list(parts) if isinstance(parts, Iterable) and not isinstance(parts, bytes | np.ndarray) else parts
+    if isinstance(several, list) and unit:
+        several = [_in_unit(each, unit, called) if isinstance(each, str) else each for each in several]
     try:
         values = np.asarray(several)
     except ValueError:  # lists of several lengths
@@ -184,7 +192,7 @@ def jamming(mechanism: Mechanism) -> list[Joint]:
 def metres(given: object, mechanism: Mechanism, called: str) -> dict[str, float]:
     """Lengths (m) by joint that may have clearance, checked.  Raises ArgumentError."""
     pins = [j.name for j in mechanism.joints if not j.prismatic]
-    given = _length(given, called) if isinstance(given, str) else given
+    given = _in_unit(given, "m", called) if isinstance(given, str) else given
     if isinstance(given, Real) and not isinstance(given, bool):
         given = {EVERY_PIN: given}
     if isinstance(given, Mapping) and EVERY_PIN in given:
@@ -196,17 +204,17 @@ def metres(given: object, mechanism: Mechanism, called: str) -> dict[str, float]
     for name, size in given.items():
         if name not in mechanism.may_be_loose:
             raise ArgumentError(called, no_pin(name, pins, mechanism))
-        size = _length(size, called) if isinstance(size, str) else size
+        size = _in_unit(size, "m", called) if isinstance(size, str) else size
         if not isinstance(size, Real) or isinstance(size, bool) or not 0 <= float(size) < math.inf:
             raise ArgumentError(called, f"{name} = {quoted(size)}; give metres, 0 or more")
         clearances[name] = float(size)
     return clearances
 
 
-def _length(written: str, called: str) -> float | str:
-    """A length (m) that is written with its unit; what is none as it is.  Raises ArgumentError."""
+def _in_unit(written: str, unit: str, called: str) -> float | str:
+    """A quantity that is written with its unit, in this one; what is none as it is.  Raises ArgumentError."""
     try:
-        found = quantity(written, "m")
+        found = quantity(written, unit)
     except UnitError as error:
         raise ArgumentError(called, f"{written!r} has {error}") from None
     return written if found is None else found
@@ -269,10 +277,10 @@ def one_engine(given: object) -> str:
 
 def _engine_names(given: object) -> tuple[str, ...]:
     """The names of engines, each once; ``all`` stands alone.  Raises ArgumentError."""
-    parts = [part for text in names(given, "simulators") for part in _parted(text)]
+    parts = [part for text in names(given, "simulator") for part in _parted(text)]
     called = tuple(dict.fromkeys(_as_called(part) for part in parts))
     if not all(called) or not called or ("all" in called and len(called) > 1):
-        raise unusable("simulators", given, f"one or several of {', '.join(engine_names())}, or all by itself")
+        raise unusable("simulator", given, f"one or several of {', '.join(engine_names())}, or all by itself")
     return called
 
 

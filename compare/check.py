@@ -89,7 +89,7 @@ def check(question: CheckQuestion) -> CrossCheck:
     tolerances, layout = laid_over(question.tolerances), map if isinstance(map, Layout) else layout_of(map)
     with noted() as warned:
         given = rigidly_and_evenly_driven(linkage(question.mechanism, question.clearance, large=question.large))
-        names, left_out = engines(question.simulators) if question.simulators is not None else ((), [])
+        names, left_out = engines(question.simulator) if question.simulator is not None else ((), [])
         loose(given, chosen)
         left_out += omitted(given, Asked("check", motion, (chosen or "contact",)))
         model: JointModel = chosen or ("contact" if given.clearances else "ideal")

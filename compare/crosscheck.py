@@ -164,7 +164,7 @@ def job_of(question: CrosscheckQuestion) -> Job:
     tolerances = laid_over(question.tolerances)
     with noted() as warned:
         given = linkage(question.mechanism, question.clearance, large=question.large)
-        simulators = with_map(question.simulators, question.map)
+        simulators = with_map(question.simulator, question.map)
         names, left_out = engines(simulators)
         if flexible:
             names, without = _with_beams(names, every_one(simulators), given, motion)

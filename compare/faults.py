@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from analytic.errors import Error
+from compare.ci import annotation, in_workflow, source
 from compare.recorded.errors import first_faults
 
 if TYPE_CHECKING:
@@ -56,24 +57,25 @@ def complaints(
 
     from sim_models.engine import SimulationError, SimulatorMissing
 
+    file = "" if context is None else source(context.params)
     try:
         with warnings.catch_warnings():
             warnings.showwarning = note
             warnings.simplefilter("ignore", DegreesWarning)
             yield caught
     except ArgumentError as error:
-        raise stop(_as_typed(error, context, names), Exit.BAD_INPUT) from None
+        raise stop(_as_typed(error, context, names), Exit.BAD_INPUT, file) from None
     except SimulationError as error:
-        raise stop(error.said(() if context is None else context.params), Exit.SIMULATOR_FAILED) from None
+        raise stop(error.said(() if context is None else context.params), Exit.SIMULATOR_FAILED, file) from None
     except SimulatorMissing as error:
-        raise stop(error, Exit.SIMULATOR_FAILED) from None
+        raise stop(error, Exit.SIMULATOR_FAILED, file) from None
     except Error as error:
-        raise stop(error, Exit.BAD_INPUT) from None
+        raise stop(error, Exit.BAD_INPUT, file) from None
     except ValidationError as error:
         messages = (fault["msg"].removeprefix("Value error, ") for fault in error.errors())
-        raise stop("; ".join(messages), Exit.BAD_INPUT) from None
+        raise stop("; ".join(messages), Exit.BAD_INPUT, file) from None
     except KeyboardInterrupt as interrupt:
-        raise stop("; ".join(["stopped", *map(str, interrupt.args)]), Exit.INTERRUPTED) from None
+        raise stop("; ".join(["stopped", *map(str, interrupt.args)]), Exit.INTERRUPTED, file) from None
 
 
 class DegreesWarning(UserWarning):
@@ -130,14 +132,20 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
-def stop(error: object, status: Exit) -> typer.Exit:
-    """Say why on standard error, in one line, or one for each fault of a file; raise what this returns."""
+def stop(error: object, status: Exit, file: str = "") -> typer.Exit:
+    """Say why on standard error, in one line, or one for each fault of a file, and mark it in a workflow of GitHub;
+    raise what this returns.
+    """
     faults = getattr(error, "faults", ())
-    for fault in first_faults(faults) if len(faults) > 1 else [str(error)]:
+    several = first_faults(faults) if len(faults) > 1 else [str(error)]
+    marked = several[1:] or several  # not the line that says how many there are
+    for fault in several:
         text = printable(fault)
         if len(text) > LONGEST_SENTENCE:  # the file and the remedy are at the ends
             text = f"{text[: LONGEST_SENTENCE // 2]} ... {text[-LONGEST_SENTENCE // 2 :]}"
         typer.echo(f"compare: {text}", err=True)
+        if in_workflow() and fault in marked and status in (Exit.BAD_INPUT, Exit.SIMULATOR_FAILED):
+            typer.echo(annotation(text, "compare", file), err=True)
     return typer.Exit(status)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import secrets
 import tempfile
 import time
@@ -21,6 +22,7 @@ except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
 LOCK_PATIENCE = 10.0  # s to wait for another process that is writing the same files
+NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")  # characters that no XML file holds
 
 
 class OutputError(Error, ValueError):
@@ -30,6 +32,12 @@ class OutputError(Error, ValueError):
 def file_name(name: str) -> str:
     """A mechanism's or a run's name as part of a file name."""
     return "".join(c if c.isalnum() or c in "-_" else "-" for c in name)
+
+
+def relative(text: str) -> str:
+    """Text in which paths of the working folder and below are relative to it, so that they mean the same elsewhere."""
+    here = re.escape(os.getcwd())
+    return re.sub(rf"(?<![\w/.]){here}(?:(/)|(?![\w.-]))", lambda path: "" if path[1] else ".", text)
 
 
 def output_folder(path: Path, option: str = "--out") -> Path:

@@ -23,6 +23,7 @@ RESULT_KINDS: Mapping[str, Kind] = {
     "analysis.json": "analysis",
     "accuracy.json": "accuracy",
     "validity.json": "validity",
+    "sweep.json": "sweep",
     "data.json": "data",
     "plan.json": "plan",
 }

@@ -4,7 +4,7 @@ so that no result imports a page or all other kinds.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from pkgutil import resolve_name
@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.console import Console
 
+    from compare.ci import JUnitSuite
+
 
 D = TypeVar("D", contravariant=True)
 LIST_HAS_NO_PICTURE = "is a list and has no picture; use to_dataframe()"
@@ -22,7 +24,7 @@ LIST_HAS_NO_PICTURE = "is a list and has no picture; use to_dataframe()"
 @dataclass(frozen=True)
 class Presentation(Generic[D]):
     """How a kind of result is shown: a short piece of HTML for a notebook, a table on a terminal; text by file name
-    beside its JSON file; a drawing into a matplotlib figure, or what to do in its place.
+    beside its JSON file; a drawing into a matplotlib figure, or what to do in its place; what it judges as test cases.
     """
 
     summary_html: Callable[[D], str]
@@ -30,6 +32,7 @@ class Presentation(Generic[D]):
     files: Callable[[D], dict[str, str]] = lambda result: {}
     plot: Callable[[D, Figure], None] | None = None
     no_picture: str = "has no picture; print it"
+    judged: Callable[[D], Sequence[JUnitSuite]] = lambda result: ()
 
 
 PRESENTATIONS: dict[str, str] = {}

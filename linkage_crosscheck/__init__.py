@@ -4,7 +4,7 @@
     import linkage_crosscheck as lc
 
     angles = np.radians(np.arange(20, 161, 5))
-    result = lc.crosscheck("paper", simulators="mujoco", clearance={"B": 1e-4}, angles=angles)
+    result = lc.crosscheck("paper", simulator="mujoco", clearance={"B": 1e-4}, angles=angles)
     result.verdict, result.run("mujoco", "contact").simulated["reaction_B_angle"]
     result.plot()
     result.to_dataframe()
@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from compare.history import runs as runs
     from compare.imported import import_mjcf as import_mjcf
     from compare.mechanism_fields import fields as fields
+    from compare.parametric import sweep as sweep
     from compare.platform import platform_accuracy as platform_accuracy
     from compare.show import show as show
 
@@ -91,6 +92,7 @@ _WHERE = {
     "show": "compare.show",
     "simulate": "compare.analyse",
     "simulators": "compare.catalogue",
+    "sweep": "compare.parametric",
     "validity": "compare.domain_map.validity",
 }
 

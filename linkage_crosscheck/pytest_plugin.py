@@ -1,7 +1,7 @@
 """A pytest plugin: the fixture ``linkage_check`` cross-checks a linkage in a test.
 
     def test_the_gripper_is_as_its_model_says(linkage_check):
-        linkage_check("gripper.toml", simulators="mujoco", clearance={"B": 1e-4}, motion="static")
+        linkage_check("gripper.toml", simulator="mujoco", clearance={"B": 1e-4}, motion="static")
 
 It is loaded with every run of pytest where the package is installed, so that it imports nothing of what computes before
 the first check.
@@ -13,6 +13,7 @@ import hashlib
 import os
 import re
 import shlex
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -85,9 +86,10 @@ class LinkageCheck:
     def __call__(
         self,
         mechanism: Linkage,
-        simulators: Simulators = "mujoco",
+        simulator: Simulators = "mujoco",
         *,
         baseline: str | Path | None = None,
+        simulators: Simulators | None = None,
         **options: Unpack[CheckOptions],
     ) -> CrossCheck:
         """Cross-check a linkage; fail the test unless both sides agree.  Returns the result.
@@ -99,14 +101,17 @@ class LinkageCheck:
         ``--linkage-report DIR`` the report is written into a folder of its own.
 
         The test fails, in a sentence, where the input is at fault and where an engine fails or, asked for by name, is
-        not installed; ``simulators="all"`` leaves out those that are not.
+        not installed; ``simulator="all"`` leaves out those that are not.
         """
         __tracebackhide__ = True
         from analytic.errors import Error
 
         self.calls += 1
+        if simulators is not None:
+            warnings.warn("simulators= is called simulator= now", DeprecationWarning, stacklevel=2)
+            simulator = simulators
         try:
-            return self._checked(self._beside(mechanism), self._models(simulators), baseline, options)
+            return self._checked(self._beside(mechanism), self._models(simulator), baseline, options)
         except Error as error:
             why = str(error)
         pytest.fail(why)

@@ -29,6 +29,7 @@ from sim_models.engine import ENGINES, declared, engine
 
 ROOT = Path(__file__).parent.parent
 PAPER = load("paper")
+OF_PAPER = ["--case", "paper", "--simulator", "planted"]
 
 
 def compare(*arguments: str, cwd: Path) -> commands.Ended:
@@ -37,12 +38,12 @@ def compare(*arguments: str, cwd: Path) -> commands.Ended:
 
 def update(folder: Path, fault: Planted, mechanism: Mechanism = PAPER) -> None:
     folder.mkdir(exist_ok=True)
-    path, checks = file_of(folder, mechanism.name, "planted"), command("check", mechanism.name, "planted", folder)
+    path, checks = file_of(folder, mechanism.name, "planted"), command("check", OF_PAPER, folder)
     print(*lines(update_file(path, mechanism, "planted", checks, lambda name: fault)), sep="\n")
 
 
 def check(folder: Path, fault: Planted, mechanism: Mechanism = PAPER) -> bool:
-    path, again = file_of(folder, mechanism.name, "planted"), command("update", mechanism.name, "planted", folder)
+    path, again = file_of(folder, mechanism.name, "planted"), command("update", OF_PAPER, folder)
     entry = check_file(path, mechanism, "planted", again, lambda name: fault)
     print(*lines(entry), sep="\n")
     assert entry.status == ("moved" if entry.moved else "same")
@@ -94,7 +95,16 @@ def test_two_hundredths_of_a_degree_are_status_1_and_reported_with_size_sign_and
     planted(twice, tmp_path)
     done = compare("check", "--case", "paper", "--simulator", "mujoco", cwd=tmp_path)
     assert done.returncode == 1
-    _, *lines = done.stdout.splitlines()
+    _, *lines, look = done.stdout.splitlines()
+    stored = "reports/baselines/paper-mujoco.toml"
+    assert look == (
+        "  to look at it: compare baseline update --case paper --simulator mujoco --baselines moved"
+        f" && diff {stored} moved/paper-mujoco.toml"
+    )
+    assert compare(*shlex.split(look.partition("&&")[0])[6:], cwd=tmp_path).returncode == 0
+    now = (tmp_path / "moved" / "paper-mujoco.toml").read_text(encoding="utf-8").splitlines()
+    differing = [a for a, b in zip(twice.splitlines(), now, strict=True) if a != b and not a.startswith("#")]
+    assert len(differing) == 2  # the lines of 30 deg in two runs
     for line, run, by in zip(lines, ("ideal, driven", "massless-link, static"), (-0.02, 0.02), strict=True):
         found = re.search(
             r"(\S.*): reaction_B_angle moved by (\S+) deg from \S+ deg at 30 deg; moved at 1 of 29 \(tolerance 0.005"
@@ -141,7 +151,10 @@ def test_the_json_and_the_junit_file_name_what_moved_and_what_has_no_answer(writ
             )
             assert moved_one["by"] == pytest.approx(-0.02, abs=1.5e-4)
             assert len(content["differences"]) == 1
-            assert counts == ["1", "1", "0"]
+            assert counts == ["32", "1", "0"]  # four joints' direction and size in each of four runs
+            (failed,) = [case for case in root.iter("testcase") if case.find("failure") is not None]
+            assert failed.get("name") == "paper, mujoco, contact, static: reaction_B_angle"
+            assert failed.get("classname") == "paper.mujoco.contact.static"
         else:
             assert entry["status"] == "unusable"
             assert content["left_out"] == [entry["why"]]

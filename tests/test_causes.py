@@ -96,7 +96,7 @@ def test_an_engine_says_the_cause(name: str, cause: Cause) -> None:
 @pytest.mark.mujoco
 def test_the_cause_is_kept_in_other_units_and_in_the_result() -> None:
     small = linkage(Scale(length=1e-6, speed=1e-3, mass_ratio=1.0))
-    (failure,) = crosscheck(small, simulators="mujoco", joint_model="ideal").failures
+    (failure,) = crosscheck(small, simulator="mujoco", joint_model="ideal").failures
     assert failure.cause is Cause.TOO_MANY_STEPS
     assert "numbers in units of" in failure.why
     assert Cause.TOO_MANY_STEPS.remedy in failure.why

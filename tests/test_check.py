@@ -642,7 +642,7 @@ def test_a_pin_in_contact_is_judged_with_its_clearance(tmp_path: Path) -> None:
 def test_engines_beside_and_a_file_that_is_wrong_stands_apart(tmp_path: Path) -> None:
     right = written(tmp_path / "right.csv", swung(150))
     wrong = written(tmp_path / "wrong.csv", swung(150, mass=1.05))
-    result = lc.check([right, wrong], MOTOR, simulators="mujoco")
+    result = lc.check([right, wrong], MOTOR, simulator="mujoco")
     assert [run.simulator.name for run in result.runs] == ["right", "wrong", "mujoco"]
     assert [run.verdict for run in result.runs] == ["agrees", "disagrees", "agrees"]
     assert result.odd_one_out == "wrong"
@@ -656,9 +656,9 @@ def test_tables_in_other_units_have_the_same_samples_and_of_other_rows_it_is_sai
     angle = next(name for name in wrong if "angle" in name)
     wrong["crank_angle [rev]"] = wrong.pop(angle) / (2 * np.pi if "rad" in angle else 360)
     files = [written(tmp_path / "right.csv", right), written(tmp_path / "wrong.csv", wrong, 9)]
-    assert lc.check(files, MOTOR, simulators="mujoco").odd_one_out == "wrong"
+    assert lc.check(files, MOTOR, simulator="mujoco").odd_one_out == "wrong"
     halved = written(tmp_path / "half.csv", {name: values[::2] for name, values in wrong.items()})
-    result = lc.check([files[0], halved], MOTOR, simulators="mujoco")
+    result = lc.check([files[0], halved], MOTOR, simulator="mujoco")
     assert result.odd_one_out is None
     assert any(text.startswith("half: has other samples than right") for text in result.warnings)
 
@@ -668,7 +668,7 @@ def test_who_stands_apart_is_asked_of_angles_as_of_times(tmp_path: Path, left_ou
     """The torque is 1.1 times the right one, in a table of crank angles as in one with times."""
     columns = {name: values for name, values in turning().items() if name != left_out}
     columns["drive_torque [N.m]"] = 1.1 * columns["drive_torque [N.m]"]
-    result = lc.check(written(tmp_path / "theirs.csv", columns), FOUR_BAR, simulators="mujoco")
+    result = lc.check(written(tmp_path / "theirs.csv", columns), FOUR_BAR, simulator="mujoco")
     assert result.odd_one_out == "theirs"
     assert result.words.startswith("theirs stands apart, most clearly in drive_torque: off by -0.0428 N.m")
     assert result.spread["drive_torque"].max == pytest.approx(0.0428, abs=1e-4)
@@ -735,7 +735,7 @@ def test_files_are_called_as_the_mapping_says_or_by_their_folders(tmp_path: Path
 @pytest.mark.parametrize("kind", ["angles", *slow("released")])
 def test_engines_simulate_what_the_file_has(tmp_path: Path, kind: str) -> None:
     columns, m = (turning(), FOUR_BAR) if kind == "angles" else (released(-0.4, 2.0), ARM)
-    result = lc.check(written(tmp_path / "a.csv", columns), m, simulators="mujoco,exudyn")
+    result = lc.check(written(tmp_path / "a.csv", columns), m, simulator="mujoco,exudyn")
     assert result.verdict == "agrees", result.runs
     assert result.words == "all agree within the tolerances"
 
@@ -769,7 +769,7 @@ def test_adams_pendulum() -> None:
 @pytest.mark.parametrize("case", ["adams-fourbar", "adams-pendulum"])
 def test_every_engine_agrees_with_adams(case: str) -> None:
     folder = Path(FOLDER) / case
-    result = lc.check(folder / "run.csv", folder / "nominal.toml", simulators="all")
+    result = lc.check(folder / "run.csv", folder / "nominal.toml", simulator="all")
     assert result.verdict == "agrees"
     assert result.odd_one_out is None
 

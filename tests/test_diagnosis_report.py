@@ -23,7 +23,8 @@ from compare.diagnose.effects.effect import Parameter as SignedParameter
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.files import to_json
 from compare.quantities import DASH, MINUS, TIMES, amount, fitting, plainly
-from compare.report.diagnosis import junit
+from compare.report.diagnosis import files as files_of
+from compare.report.diagnosis import judged
 from compare.report.diagnosis_figures import LEVELS, MAP_COLUMNS, broken, figure, level, maps, overlay, panels
 from compare.report.diagnosis_page import changes, diagnosis_html, diagnosis_md
 from compare.report.diagnosis_terminal import terminal_lines
@@ -854,9 +855,9 @@ def test_a_validation_run_is_shown_and_never_counts(partly: dict[str, Any]) -> N
     planted = changed(partly, "runs", 2, "signals", "drive_torque", "gap_after", value=1e3)
     result = as_document(planted | {"faults": []})
     assert not any("load-reversed" in step for step in next_steps(result))
-    root = ElementTree.fromstring(junit(result))
-    suite = next(s for s in root.iter("testsuite") if s.get("name") == "validation run load-reversed")
-    assert suite.get("failures") == "0"
+    suite = next(s for s in judged(result) if s.title == "validation run load-reversed")
+    assert suite.cases
+    assert not any(case.failure for case in suite.cases)
     html, text = diagnosis_html(result), diagnosis_md(result)
     assert "load-reversed (validation run: nothing was fitted to it)" in html
     assert "| load-reversed (validation) | Drive torque T |" in text
@@ -910,8 +911,9 @@ def test_junit_fails_where_the_diagnosis_is_not_settled_and_names_what_is_left(
     explained: dict[str, Any], ambiguous: dict[str, Any]
 ) -> None:
     def failed(result: dict[str, Any]) -> list[str]:
-        root = ElementTree.fromstring(junit(as_document(result)))
-        found = [str(case.get("name")) for case in root.iter("testcase") if case.find("failure") is not None]
+        root = ElementTree.fromstring(files_of(as_document(result))["junit.xml"])
+        names = (str(case.get("name")) for case in root.iter("testcase") if case.find("failure") is not None)
+        found = [name.rpartition(": ")[2] for name in names]
         assert root.get("failures") == str(len(found))
         assert root.get("tests") == str(1 + sum(len(run["signals"]) for run in result["runs"]))
         return found
@@ -920,4 +922,4 @@ def test_junit_fails_where_the_diagnosis_is_not_settled_and_names_what_is_left(
     assert failed(ambiguous) == ["verdict"]
     left = changed(explained, "runs", 1, "signals", "drive_torque", "gap_after", value=7.0)
     assert failed(left | {"verdict": "unexplained"})[:2] == ["verdict", "drive_torque"]
-    ElementTree.fromstring(junit(as_document(hostile(ambiguous))))
+    ElementTree.fromstring(files_of(as_document(hostile(ambiguous)))["junit.xml"])

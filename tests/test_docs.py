@@ -389,6 +389,7 @@ def resolved(name: str) -> object:
         except ModuleNotFoundError:
             continue
         for part in parts[n:]:
-            found = getattr(found, part)
+            fields = getattr(found, "__annotations__", {})  # a field without a default is no attribute of its class
+            found = fields[part] if part in fields else getattr(found, part)
         return found
     raise ImportError(name)

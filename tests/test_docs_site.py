@@ -32,6 +32,7 @@ def reference() -> ModuleType:
     """The module that reads the reference pages from the code."""
     sys.path.insert(0, str(DOCS / "generate"))
     try:
+        import docstrings  # noqa: F401 - which it imports when it is asked for a docstring
         import reference
     finally:
         sys.path.pop(0)
@@ -51,6 +52,37 @@ def test_every_page_asks_only_for_what_can_be_generated(reference: ModuleType) -
         for name in re.findall(r"^<!-- generate: ([\w-]+) -->$", page.read_text(encoding="utf-8"), re.MULTILINE)
     }
     assert asked == set(reference.CONTENTS)
+
+
+@pytest.mark.parametrize("page", sorted(path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md")))
+def test_what_is_made_from_the_code_is_committed_as_it_is_made(page: str, reference: ModuleType) -> None:
+    text = (DOCS / page).read_text(encoding="utf-8")
+    assert text == reference.written(text), "run python docs/generate/reference.py"
+
+
+def test_a_browser_of_the_repository_shows_what_is_made_from_the_code(reference: ModuleType) -> None:
+    """Neither a directive nor an anchor that only the site can show, no tag that a browser would swallow, and the
+    tables of fields, signals and functions in full.
+    """
+    pages = {path: path.read_text(encoding="utf-8") for path in DOCS.rglob("*.md")}
+    blocks = [block for text in pages.values() for block in reference.BLOCK.finditer(text)]
+    assert len(blocks) == len(reference.CONTENTS)
+    for block in blocks:
+        text = re.sub(r"(?s)```.*?```|`[^`\n]*`|<code>.*?</code>", "", block[0])
+        assert not re.findall(r"(?m)^::: |\{ #|<(?!!--)\w+>", text), block[1]
+        assert len(block[0].splitlines()) > 4 or block[1] == "example-engine", block[1]
+    fields = (DOCS / "reference" / "mechanism-file.md").read_text(encoding="utf-8")
+    assert "| `clearance` | `0.0` |" in fields
+    assert "### lc.crosscheck\n" in (DOCS / "reference" / "python.md").read_text(encoding="utf-8")
+
+
+def test_text_made_anew_takes_the_place_of_what_stood_there_and_of_nothing_else(reference: ModuleType) -> None:
+    page = "before\n<!-- generate: cases -->\nold\n<!-- end: cases -->\nbetween\n<!-- generate: decisions -->\nafter\n"
+    once = reference.written(page)
+    assert once == reference.written(once)
+    assert "\nold\n" not in once
+    for words in ("before\n<!--", "-->\nbetween\n", "-->\nafter\n", "| `six-bar` |"):
+        assert once.count(words) == 1, words
 
 
 def test_every_option_of_every_command_is_there(reference: ModuleType) -> None:

@@ -175,7 +175,7 @@ def test_a_crank_that_is_looked_at_over_time_is_told_its_angle(fmu: Path) -> Non
     joint = CASE.drive_joint
     turned = CASE.with_joint(joint.name, bodies=joint.bodies[::-1])  # its reaction is then the other body's
     for m, other in ((CASE, set()), (turned, {f"reaction_{joint.name}_angle"})):
-        found = lc.crosscheck(m, simulators=f"fmu:{fmu}", times=np.linspace(0.0, 0.02, 5))
+        found = lc.crosscheck(m, simulator=f"fmu:{fmu}", times=np.linspace(0.0, 0.02, 5))
         (run,) = found.runs
         assert {d.signal for d in run.discrepancies if d.verdict == "disagrees"} == other
         assert "drive_torque" in {d.signal for d in run.discrepancies}

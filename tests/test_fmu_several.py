@@ -145,7 +145,7 @@ def named(fmu: Path, folder: Path, *edits: tuple[str, str]) -> str:
 def test_an_arm_of_somebody_else_s_with_two_drives_agrees_to_rounding(
     fmu: Path, arm: Mechanism, tmp_path: Path
 ) -> None:
-    found = lc.crosscheck(arm, simulators=named(fmu, tmp_path), times=TIMES)
+    found = lc.crosscheck(arm, simulator=named(fmu, tmp_path), times=TIMES)
     assert found.verdict == "agrees"
     (run,) = found.runs
     assert {"drive_torque_O", "drive_force_S", "reaction_O_magnitude"} <= {d.signal for d in run.discrepancies}
@@ -158,7 +158,7 @@ def test_it_follows_a_course_with_the_accelerations_that_it_has(fmu: Path, arm: 
     course = tmp_path / "course.csv"
     rows = "".join(f"{x},{0.3 + 0.5 * x * x},{0.03 * np.sin(5 * x)}\n" for x in t)
     course.write_text(f"time [s],position_O [rad],position_S [m]\n{rows}", encoding="utf-8")
-    found = lc.crosscheck(arm, simulators=named(fmu, tmp_path), times=TIMES, course=course)
+    found = lc.crosscheck(arm, simulator=named(fmu, tmp_path), times=TIMES, course=course)
     assert found.verdict == "agrees"
     assert max(d.share or 0.0 for d in found.runs[0].discrepancies) < 1e-3
 
@@ -167,7 +167,7 @@ def test_it_follows_a_course_with_the_accelerations_that_it_has(fmu: Path, arm: 
 def test_a_wrong_mass_is_found(fmu: Path, arm: Mechanism, tmp_path: Path) -> None:
     hand = arm.moving["hand"].model_copy(update={"mass": 0.51})
     heavier = arm.replace(bodies=(arm.moving["arm"], hand))
-    found = lc.crosscheck(heavier, simulators=named(fmu, tmp_path), times=TIMES)
+    found = lc.crosscheck(heavier, simulator=named(fmu, tmp_path), times=TIMES)
     assert found.verdict == "disagrees"
     assert "drive_force_S" in {d.signal for d in found.runs[0].discrepancies if (d.share or 0.0) > 1}
 
@@ -180,7 +180,7 @@ def test_a_slide_that_is_told_its_speed_goes_from_where_it_starts(fmu: Path, arm
         ('position = { variable = "r", unit = "mm", offset = -200.0 }', speed_alone),
         ("[columns]", "[parameters]\nby_speed = 1.0\n[columns]"),
     )
-    assert lc.crosscheck(arm, simulators=name, times=TIMES).verdict == "agrees"
+    assert lc.crosscheck(arm, simulator=name, times=TIMES).verdict == "agrees"
 
 
 FAULTS = {
@@ -204,7 +204,7 @@ def test_a_map_of_several_drives_that_is_none_is_a_sentence(
 ) -> None:
     edit, words = FAULTS[fault]
     with pytest.raises(lc.Error) as told:
-        lc.crosscheck(arm, simulators=named(fmu, tmp_path, edit), times=TIMES)
+        lc.crosscheck(arm, simulator=named(fmu, tmp_path, edit), times=TIMES)
     assert words in str(told.value)
     assert len(str(told.value).splitlines()) == 1
 
@@ -216,11 +216,11 @@ def test_a_drive_that_the_linkage_has_not_is_told(fmu: Path, arm: Mechanism, tmp
     with pytest.raises(Unsupported, match=r"drives.'T': polar arm has no such joint; they are O, S"):
         lc.crosscheck(
             arm,
-            simulators=named(fmu, tmp_path, ('acceleration = { variable = "a", unit = "mm/s2" }\n', ""), more),
+            simulator=named(fmu, tmp_path, ('acceleration = { variable = "a", unit = "mm/s2" }\n', ""), more),
             times=TIMES,
         )
 
 
 def test_what_swings_freely_is_refused(fmu: Path, arm: Mechanism, tmp_path: Path) -> None:
     with pytest.raises(Unsupported, match="has no drive, and an FMU is driven"):
-        lc.crosscheck(arm.replace(drives=()), simulators=named(fmu, tmp_path), times=TIMES)
+        lc.crosscheck(arm.replace(drives=()), simulator=named(fmu, tmp_path), times=TIMES)

@@ -390,7 +390,7 @@ LONG = [(name, "driven") for name in MODELS]
 def test_a_cross_check_compares_what_a_block_does(name: str, motion: Motion) -> None:
     pytest.importorskip(declared(name).package)
     m = slider_crank("tilted", speed=30.0)
-    found = crosscheck(m, simulators=name, motion=motion, angles=ANGLES[::5])
+    found = crosscheck(m, simulator=name, motion=motion, angles=ANGLES[::5])
     assert [run.joint_model for run in found.runs if run.joint_model in ("ideal", MODELS[name])] == [
         "ideal",
         MODELS[name],

@@ -325,7 +325,7 @@ def test_a_block_that_nothing_damps_rocks_for_ever_and_that_is_why_it_disagrees(
     assert run.because is not None
     assert "rocks there for ever, as nothing damps its contact" in run.because.words
     if name == "mujoco":
-        (cell,) = validity(m, speeds=[m.speed or 0.0], clearances=[1e-4], simulators=name, workers=1).cells
+        (cell,) = validity(m, speeds=[m.speed or 0.0], clearances=[1e-4], simulator=name, workers=1).cells
         assert isinstance(cell, Cell)
         assert (cell.cause, cell.swings) == ("quasi-static", True)
 
@@ -567,7 +567,7 @@ def test_every_command_says_which_joint_models_leave_friction_out_and_what_radiu
         export(m, "mujoco", folder=tmp_path / "out", joint_model="massless-link", **static)
         assert told([(tmp_path / "out" / "run.py").read_text(encoding="utf-8")]) == {"other"}
         grid = {"speeds": [60.0], "clearances": [1e-4], "joint_model": "contact", "workers": 1, "revolutions": 0}
-        assert told(validity(m, simulators="mujoco", **grid).warnings) == {"assumed"}
+        assert told(validity(m, simulator="mujoco", **grid).warnings) == {"assumed"}
 
 
 def test_a_coefficient_of_a_pin_without_clearance_acts_at_its_radius() -> None:

@@ -50,12 +50,14 @@ def test_what_a_command_has_just_left_is_found(tmp_path: Path, monkeypatch: pyte
     monkeypatch.chdir(tmp_path)
     lc.crosscheck("crank-rocker", angles=[0.5, 0.6]).write(Path("reports") / "mine")
     lc.accuracy("paper", angles=[0.5, 0.6], clearance={"B": 1e-4}, samples=100).write(Path("reports") / "how")
+    lc.sweep("paper", {"drive.speed": [1.0]}, angles=[0.5, 0.6], workers=1).write(Path("reports") / "over")
     shown = CliRunner().invoke(app, ["list", "--json"])
     assert shown.exit_code == 0
     runs = json.loads(shown.output)["runs"]
     assert {(run["kind"], run["case"], run["verdict"]) for run in runs} == {
         ("cross-check", "crank-rocker", "agrees"),
         ("accuracy", "paper", None),
+        ("sweep", "paper", None),
     }
     assert lc.runs().runs[0].file.startswith("reports")
     assert "Python" in CliRunner().invoke(app, ["list"]).output

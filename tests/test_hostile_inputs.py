@@ -752,10 +752,10 @@ ARGUMENTS = {
         [*VALIDITY, "--speeds", "60", "--clearances", "1e-4", "--simulator", "mujoco,adams"], ["'adams'"]
     ),
     "validity --at twice": Row(
-        [*VALIDITY, "--speeds", "60", "--clearances", "1e-4", "--at", "B,B"], ["--at B,B: B is there twice"]
+        [*VALIDITY, "--speeds", "60", "--clearances", "1e-4", "--at", "B,B"], ["--joints B,B: B is there twice"]
     ),
     "validity --at unknown": Row(
-        [*VALIDITY, "--speeds", "60", "--clearances", "1e-4", "--at", "Q"], ["--at Q", "D, A, B, E"]
+        [*VALIDITY, "--speeds", "60", "--clearances", "1e-4", "--joints", "Q"], ["--joints Q", "D, A, B, E"]
     ),
     "validity --joint ideal": Row(
         [*VALIDITY, "--speeds", "60", "--clearances", "1e-4", "--joint", "ideal"], ["--joint ideal", "contact"]

@@ -142,7 +142,7 @@ def recorded(cell: Cell, text: str) -> str:
 
 def _validity(cell: Cell, m: Mechanism, other: Mechanism) -> Answer:
     grid = {"speeds": [4.0], "clearances": [1e-4], "revolutions": 0}
-    found = lc.validity(m, simulators=cell.simulator, joint_model=cell.joint_model, workers=1, **grid)
+    found = lc.validity(m, simulator=cell.simulator, joint_model=cell.joint_model, workers=1, **grid)
     return Answer({"simulated": numbers(found)}, found.warnings)
 
 

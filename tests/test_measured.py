@@ -15,9 +15,9 @@ from scipy.integrate import solve_ivp
 
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import kinematics
-from analytic.mechanism.columns import ANY_LAYOUT
+from analytic.mechanism.columns import ANY_LAYOUT, readable
 from analytic.mechanism.file import dumps, load
-from analytic.mechanism.units import OFFERED, SI, QuantityKind, UnitError, factor, readable
+from analytic.mechanism.units import OFFERED, SI, QuantityKind, UnitError, factor
 from analytic.paper.kinetostatics import kinetostatics
 from compare.diagnose.data import measured, quality
 from compare.diagnose.data.clipping import clipped

@@ -45,6 +45,7 @@ from compare.questions.plan import PlanQuestion
 from compare.questions.question import Question, arguments, option_of
 from compare.questions.question import options as of_question
 from compare.questions.show import ShowQuestion
+from compare.questions.sweep import SweepQuestion
 from compare.questions.validity import ValidityQuestion
 from marks import slow
 from measured_files import csv_text
@@ -114,13 +115,13 @@ PLAN = {"rig": "crank-rocker", "sensors": {"drive_torque": 1e-2}, "budget": 1.0}
 PLAIN = {"mechanism": "paper", "motion": "static", **AT}
 IDEAL = {"joint_model": "ideal"}
 OPTIONS_MATTER: list[Row] = [
-    *slow(*_along("compare", PLAIN, {"simulators": "mujoco", **IDEAL})),
-    ("compare", "simulators", {**PAPER, **IDEAL}, Refused(simulators="no-engine")),
+    *slow(*_along("compare", PLAIN, {"simulator": "mujoco", **IDEAL})),
+    ("compare", "simulator", {**PAPER, **IDEAL}, Refused(simulator="no-engine")),
     ("compare", "joint_model", {**PAPER, **IDEAL}, {"joint_model": "massless-link"}),
     ("compare", "clearance", {**PAPER, "joint_model": "massless-link"}, LOOSE),
     ("compare", "analytic", {**PAPER, "joint_model": "massless-link"}, {"analytic": "first_order"}),
     ("compare", "flexible", {**PAPER, **IDEAL}, Refused(flexible=True)),  # of MuJoCo
-    *slow(("compare", "flexible", {**PAPER, **IDEAL, "simulators": "exudyn"}, {"flexible": True})),
+    *slow(("compare", "flexible", {**PAPER, **IDEAL, "simulator": "exudyn"}, {"flexible": True})),
     ("compare", "tolerances", {**PAPER, **IDEAL}, {"tolerances": "tolerance.toml"}),
     ("compare", "map", {**PAPER, **IDEAL}, Refused(map="map.toml")),  # of an engine
     (
@@ -146,7 +147,7 @@ OPTIONS_MATTER: list[Row] = [
     ("check", "results", {"results": "results/signals.csv"}, {"results": "others/signals.csv"}),
     ("check", "mechanism", {"results": "results/signals.csv"}, {"mechanism": "crank-rocker"}),
     ("check", "map", {"results": "results/signals.csv"}, {"map": "torque.toml"}),
-    ("check", "simulators", {"results": "results/signals.csv"}, {"simulators": "mujoco"}),
+    ("check", "simulator", {"results": "results/signals.csv"}, {"simulator": "mujoco"}),
     (
         "check",
         "joint_model",
@@ -226,7 +227,7 @@ OPTIONS_MATTER: list[Row] = [
     ),
     ("platform", "large", {**FIVE, "clearance": {"P": 0.05}, "large": True}, Refused(large=False)),
     ("validity", "large", {**SPEEDS, "clearances": 0.05, "large": True}, Refused(large=False)),
-    ("validity", "simulators", SPEEDS, Refused(simulators="no-engine")),
+    ("validity", "simulator", SPEEDS, Refused(simulator="no-engine")),
     ("validity", "restitutions", SPEEDS, Refused(restitutions=0.3)),  # of pins that never leave
     ("plan", "rig", PLAN, {"rig": "slider-crank"}),
     ("plan", "sensors", PLAN, {"sensors": {"crank_angle": 1e-4}}),
@@ -242,7 +243,7 @@ OPTIONS_MATTER: list[Row] = [
         for command in ("baseline check", "baseline update")
         for option, change in (
             ("cases", {"cases": "crank-rocker"}),
-            ("simulators", Refused(simulators="mujoco")),
+            ("simulator", Refused(simulator="mujoco")),
             ("folder", {"folder": "elsewhere"}),
             ("results", {"results": "others/signals.csv"}),
             ("map", {"map": "map.toml"}),
@@ -262,6 +263,7 @@ ELSEWHERE = {  # options whose effect another test shows
     ("diagnose", "init"): "test_begin.py",
     ("diagnose", "case"): "test_begin.py",
     ("baseline check", "junit"): "test_baseline.py",
+    **dict.fromkeys([("compare", "set"), ("analyse", "set"), ("accuracy", "set")], "test_parametric.py"),
     ("list", "folder"): "test_history.py",
     ("fields", "table"): "test_first_minutes.py",
     ("new", "name"): "test_first_minutes.py",
@@ -269,12 +271,12 @@ ELSEWHERE = {  # options whose effect another test shows
 }
 OF_TYPER = {"install_completion", "show_completion"}
 QUESTIONS: dict[str, tuple[type[Question], ...]] = {
-    "compare": (CrosscheckQuestion,),
-    "analyse": (AnalyseQuestion,),
+    "compare": (CrosscheckQuestion, SweepQuestion),
+    "analyse": (AnalyseQuestion, SweepQuestion),
     "simulate": (SimulateQuestion,),
     "export": (ExportQuestion,),
     "check": (CheckQuestion,),
-    "accuracy": (AccuracyQuestion, PlatformQuestion),
+    "accuracy": (AccuracyQuestion, PlatformQuestion, SweepQuestion),
     "validity": (ValidityQuestion,),
     "diagnose": (DiagnoseQuestion,),
     "plan": (PlanQuestion,),
@@ -521,8 +523,8 @@ IN_VAIN: list[tuple[str, dict[str, Any], str]] = [
     ("baseline check", {"cases": "paper", "map": "map.toml"}, "refused map: says what the columns of results are"),
     (
         "baseline check",
-        {"cases": "paper", "results": "results/signals.csv", "simulators": "mujoco"},
-        "refused simulators: results are another program's",
+        {"cases": "paper", "results": "results/signals.csv", "simulator": "mujoco"},
+        "refused simulator: results are another program's",
     ),
 ]
 

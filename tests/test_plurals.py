@@ -19,8 +19,8 @@ OF_ONE = re.compile(
     r"|\b1 (?:position|revolution|turn|time)s\b|[a-z]\(s\)"
 )
 RESULTS: dict[str, Callable[[], Document]] = {
-    "crosscheck": lambda: lc.crosscheck("paper", simulators="mujoco", joint_model="ideal", angles=ONE),
-    "contact": lambda: lc.crosscheck("six-bar", simulators="mujoco", joint_model="contact", clearance={"B": 1e-4}),
+    "crosscheck": lambda: lc.crosscheck("paper", simulator="mujoco", joint_model="ideal", angles=ONE),
+    "contact": lambda: lc.crosscheck("six-bar", simulator="mujoco", joint_model="contact", clearance={"B": 1e-4}),
     "analyse": lambda: lc.analyse("paper", angles=ONE),
     "simulate": lambda: lc.simulate("paper", angles=ONE),
     "accuracy": lambda: lc.accuracy("paper", angles=ONE, outputs=["coupler"], samples=20),

@@ -84,7 +84,7 @@ def test_the_report_of_every_check_is_written(bench: pytest.Pytester) -> None:
 FAULTS = {
     "'no-such-linkage'": "no-such-linkage",
     "'mine.toml', clearance={'Q': 1e-4}": "'Q' is not a revolute joint of mine",
-    "'mine.toml', simulators='adams'": "simulator 'adams' is unknown",
+    "'mine.toml', simulator='adams'": "simulator 'adams' is unknown",
     "'mine.toml', baseline='kept', angles=[0.6]": "there is no such baseline; write it with: pytest --linkage-update",
     "'mine.toml', 'mujoco,exudyn', baseline='kept.toml', angles=[0.6]": "is one file for mujoco, exudyn",
 }
@@ -107,7 +107,7 @@ def test_an_engine_that_is_asked_for_and_missing_fails_with_what_to_install(
 ) -> None:
     found = seam.importlib.util.find_spec
     monkeypatch.setattr(seam.importlib.util, "find_spec", lambda name: None if name == "exudyn" else found(name))
-    assert "run: pip install 'linkage-crosscheck[exudyn]'" in outcome(bench, "'mine.toml', simulators='exudyn'")
+    assert "run: pip install 'linkage-crosscheck[exudyn]'" in outcome(bench, "'mine.toml', simulator='exudyn'")
 
 
 def test_baselines_are_stored_and_what_moves_is_told(bench: pytest.Pytester) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 import pickle
 import re
@@ -15,6 +16,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import commands
 import linkage_crosscheck as lc
 from analytic.kinematics.closure import AssemblyError
 from analytic.kinematics.structure import StructureError
@@ -134,7 +136,7 @@ CALLS: dict[str, Callable[..., object]] = {
     "validity": lambda **given: lc.validity("paper", **({"speeds": [60.0], "clearances": [1e-4]} | given)),
     "diagnose": lambda **given: lc.diagnose(**({"measured": "no-such-file"} | given)),
     "show": lc.show,
-    "check_baselines": lambda **given: lc.check_baselines("paper", **({"simulators": "mujoco"} | given)),
+    "check_baselines": lambda **given: lc.check_baselines("paper", **({"simulator": "mujoco"} | given)),
     "export": lambda **given: lc.export("paper", **given),
 }
 WRONG = [
@@ -163,9 +165,9 @@ WRONG = [
     ("crosscheck", {"joint_model": "bushing"}, "'massless-link'"),
     ("crosscheck", {"joint_model": "contact"}, "give `clearance` (m by joint)"),
     ("crosscheck", {"flexible": "yes"}, "True or False"),
-    ("crosscheck", {"simulators": []}, "mujoco"),
-    ("crosscheck", {"simulators": ["mujoco", "all"]}, "all by itself"),
-    ("crosscheck", {"simulators": 5}, "5"),
+    ("crosscheck", {"simulator": []}, "mujoco"),
+    ("crosscheck", {"simulator": ["mujoco", "all"]}, "all by itself"),
+    ("crosscheck", {"simulator": 5}, "5"),
     ("crosscheck", {"workers": 0}, "1 or more"),
     ("crosscheck", {"workers": -3}, "1 or more"),
     ("crosscheck", {"workers": 1.5}, "1 or more"),
@@ -196,7 +198,7 @@ WRONG = [
     ("validity", {"dask": 5}, "address"),
     ("show", {"result": 5}, "a cross-check"),
     ("check_baselines", {"folder": 5}, "a path"),
-    ("check_baselines", {"simulators": []}, "mujoco"),
+    ("check_baselines", {"simulator": []}, "mujoco"),
     ("export", {"folder": 5}, "a path"),
 ]
 
@@ -415,3 +417,52 @@ def test_python_tells_its_progress_on_a_terminal_and_only_there(
     assert capsys.readouterr().out.splitlines()[:1] == ([] if told else ["mujoco 0 1"])
     lc.crosscheck("paper", **asked)
     assert capsys.readouterr().err == ""
+
+
+# ---------------------------------------------------------------- the same words, and what they were before
+
+
+def test_speeds_clearances_and_angles_may_be_texts_with_their_unit() -> None:
+    """As a command line and a mechanism file take them."""
+    assert numbers(["60 rpm", 10.0], "speeds", "rad/s").tolist() == pytest.approx([2 * math.pi, 10.0])
+    assert numbers("60 rpm, 0.5 rev/s", "speeds", "rad/s").tolist() == pytest.approx([2 * math.pi, math.pi])
+    assert numbers("30 deg", "angles", "rad").tolist() == pytest.approx([math.pi / 6])
+    for wrong in ("60 kg", "60", "fast", ["1 rpm", "60"]):
+        with pytest.raises(ArgumentError, match="speeds: "):
+            numbers(wrong, "speeds", "rad/s")
+    question = ValidityQuestion(speeds="60 rpm,30 rpm", clearances=["0.1 mm"])
+    assert question.speeds == pytest.approx((math.pi, 2 * math.pi))
+    assert question.clearances == pytest.approx((1e-4,))
+    by_text = lc.analyse("paper", motion="static", angles=["30 deg", "60 deg"])
+    np.testing.assert_allclose(by_text.crank_angle, np.radians([30.0, 60.0]))
+
+
+@pytest.mark.parametrize("name", ["crosscheck", "check", "validity", "check_baselines"])
+def test_an_argument_s_earlier_name_is_taken_and_warned_of(name: str) -> None:
+    """An engine that there is not is refused under its name now, whichever was given."""
+    asked = {"check": {"results": "none.csv"}, "validity": {"speeds": [1.0], "clearances": [1e-4]}}.get(name, {})
+    with pytest.warns(DeprecationWarning, match=r"simulators= is called simulator= now") as warned:
+        with pytest.raises(lc.Error, match=r"no-engine|none\.csv"):
+            getattr(lc, name)(simulators="no-engine", **asked)
+    assert warned[0].filename == __file__
+    with pytest.raises(TypeError):
+        getattr(lc, name)(simulators="mujoco", simulator="mujoco", **asked)
+
+
+def test_validity_says_joints_and_takes_at_as_before(tmp_path: Path) -> None:
+    asked = ["validity", "--speeds", "60", "--clearances", "1e-4"]
+    for option in ("--joints", "--at"):
+        done = commands.compare(*asked, option, "Q", cwd=tmp_path)
+        assert done.returncode == 2
+        assert done.stderr.startswith("compare: --joints Q: 'Q' is not a revolute joint of paper")
+    with pytest.warns(DeprecationWarning, match="at= is called joints= now"):
+        with pytest.raises(ArgumentError, match="joints: 'Q' is not a revolute joint"):
+            lc.validity("paper", speeds=[1.0], clearances=[1e-4], at="Q")  # type: ignore[call-arg]
+
+
+def test_a_drive_that_is_made_in_python_takes_its_speed_as_a_file_does() -> None:
+    paper = load("paper").replace(drive=lc.Drive(joint="D", speed="60 rpm"))  # type: ignore[arg-type]
+    assert paper.speed == pytest.approx(2 * math.pi)
+    assert lc.Drive(joint="D", speed="free").speed == "free"
+    with pytest.raises(MechanismError, match=r"speed = '3 kg': unit 'kg', which is of another dimension"):
+        lc.Drive(joint="D", speed="3 kg")  # type: ignore[arg-type]

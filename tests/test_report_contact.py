@@ -23,7 +23,7 @@ from compare.report.crosscheck_figures import figures
 from compare.report.crosscheck_motion import mover
 from compare.report.crosscheck_terminal import print_table
 from compare.report.figure import Figure
-from compare.report.junit import junit
+from compare.report.junit import suites
 from compare.report.provenance import lines
 from compare.report.summary import summarise
 from compare.report.svg import COLOURS, draw
@@ -135,10 +135,10 @@ def test_engines_whose_statistics_agree_pass_and_the_headline_says_so(agreeing: 
     summary = summarise(agreeing)
     assert {one.verdict for one in agreeing.statistics} == {"agrees"}
     assert headline(summary).endswith(f"All {len(STATISTICS)} judged statistics of contact agree between engines.")
-    (suite,) = [s for s in ElementTree.fromstring(junit(summary)) if s.get("name") == "contact statistics"]
-    assert (suite.get("tests"), suite.get("failures")) == (str(len(STATISTICS)), "0")
-    assert [case.get("name") for case in suite] == list(STATISTICS)
-    assert {case.get("classname") for case in suite} == {"crank-rocker.mujoco-exudyn.contact.B"}
+    suite = next(s for s in suites(summary) if s.title == "contact statistics")
+    assert not any(case.failure for case in suite.cases)
+    assert [case.name for case in suite.cases] == list(STATISTICS)
+    assert {case.place for case in suite.cases} == {("crank-rocker", "mujoco-exudyn", "contact", "B")}
 
 
 def test_a_statistic_that_disagrees_is_in_the_headline_the_page_and_the_junit_file(
@@ -152,14 +152,12 @@ def test_a_statistic_that_disagrees_is_in_the_headline_the_page_and_the_junit_fi
     said = f"{len(wrong)} of {len(STATISTICS)} statistics of contact disagree between engines, worst "
     assert said in headline(summary)
     assert said in " ".join(printed(disagreeing).split())
-    (suite,) = [s for s in ElementTree.fromstring(junit(summary)) if s.get("name") == "contact statistics"]
-    failed = {case.get("name"): case.find("failure") for case in suite if case.find("failure") is not None}
+    suite = next(s for s in suites(summary) if s.title == "contact statistics")
+    failed = {case.name: case.failure for case in suite.cases if case.failure}
     assert set(failed) == {one.statistic for one in wrong}
     peak = next(one for one in wrong if one.statistic == "peak_force")
     a, b = (f"{value:.3g}" for value in peak.values)
-    assert f"peak force of B: {a} and {b} N, may differ by {peak.allowed:.3g}" in str(
-        failed["peak_force"].get("message")
-    )
+    assert f"peak force of B: {a} and {b} N, may differ by {peak.allowed:.3g}" in failed["peak_force"]
     disagreeing.write(tmp_path)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "<details open><summary>mujoco and exudyn, contact:" in page
@@ -172,9 +170,8 @@ def test_what_is_not_judged_passes_and_its_reason_is_said_once(tmp_path: Path) -
     reason = result.statistics[0].reason
     assert reason == "there are too few revolutions for an interval"
     summary = summarise(result)
-    (suite,) = [s for s in ElementTree.fromstring(junit(summary)) if s.get("name") == "contact statistics"]
-    assert suite.get("failures") == "0"
-    assert all(f"not judged: {reason}" in case.findtext("system-out", "") for case in suite)
+    suite = next(s for s in suites(summary) if s.title == "contact statistics")
+    assert all(f"not judged: {reason}" in case.said and not case.failure for case in suite.cases)
     assert "No statistics of contact were judged between engines." in headline(summary)
     result.write(tmp_path)
     assert (tmp_path / "report.html").read_text(encoding="utf-8").count(f"not judged: {reason}") == 1

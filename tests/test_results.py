@@ -32,7 +32,7 @@ ANGLES = np.radians([20.0, 90.0, 160.0])
 @cache
 def crosscheck() -> CrossCheck:
     """The example of the contract."""
-    return lc.crosscheck("paper", simulators="mujoco", clearance={"B": 1e-4}, angles=ANGLES)
+    return lc.crosscheck("paper", simulator="mujoco", clearance={"B": 1e-4}, angles=ANGLES)
 
 
 RESULTS: dict[str, Callable[[], Document]] = {

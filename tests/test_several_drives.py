@@ -246,7 +246,7 @@ def test_a_speed_is_a_cranks_own_alone_and_its_joints_beside_another_drive() -> 
 def test_so_does_it_in_every_engine(name: str, motion: Motion) -> None:
     m = load("crank-rocker")
     turned = m.with_joint("D", bodies=m.joint("D").bodies[::-1])
-    found = lc.crosscheck(turned, simulators=name, times=np.linspace(0.0, 0.1, 6), motion=motion)
+    found = lc.crosscheck(turned, simulator=name, times=np.linspace(0.0, 0.1, 6), motion=motion)
     assert found.verdict == "agrees"
     assert "drive_torque" in {d.signal for d in found.runs[0].discrepancies}
 

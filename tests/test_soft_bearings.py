@@ -172,9 +172,9 @@ def test_a_slide_has_no_radial_stiffness() -> None:
 
 def test_what_cannot_be_compared_is_refused_in_a_sentence() -> None:
     with pytest.raises(ArgumentError, match="swings freely, and there is no analytic model"):
-        lc.crosscheck(load("pendulum").with_joint("O", radial_stiffness=1e5), simulators="mujoco")
+        lc.crosscheck(load("pendulum").with_joint("O", radial_stiffness=1e5), simulator="mujoco")
     with pytest.raises(ArgumentError, match="leave one of them out"):
-        lc.crosscheck(soft("B").with_joint("B", clearance=1e-4), simulators="mujoco")
+        lc.crosscheck(soft("B").with_joint("B", clearance=1e-4), simulator="mujoco")
 
 
 @pytest.mark.parametrize("name", ENGINES)
@@ -263,6 +263,6 @@ def test_a_bearing_that_gives_otherwise_than_it_is_stiff_is_implausible() -> Non
 @pytest.mark.exudyn
 def test_a_cross_check_with_a_soft_bearing_agrees() -> None:
     m = turned_at(soft("A", "B"), 12.0)
-    result = lc.crosscheck(m, simulators=["mujoco", "exudyn"], angles=TURN, workers=1)
+    result = lc.crosscheck(m, simulator=["mujoco", "exudyn"], angles=TURN, workers=1)
     assert result.verdict == "agrees"
     assert {run.joint_model for run in result.runs} == {"ideal"}

@@ -65,7 +65,7 @@ def test_engines_are_compared_in_everything_else(name: str, tmp_path: Path) -> N
     (tmp_path / "course.csv").write_text(f"time [s],position_D [rad],position_E [rad]\n{rows}", encoding="utf-8")
     for motion in ("driven", "static"):
         m = rubbing(D=0.03, E=0.05)
-        found = lc.crosscheck(m, simulators=name, course=tmp_path / "course.csv", times=t, motion=motion)
+        found = lc.crosscheck(m, simulator=name, course=tmp_path / "course.csv", times=t, motion=motion)
         assert found.verdict == "agrees"
         assert not found.runs[0].flags
         assert any("drive_torque_D has no number at" in each for each in found.warnings)

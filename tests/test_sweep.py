@@ -18,6 +18,7 @@ from typing import Any
 
 import pytest
 
+import linkage_crosscheck as lc
 import sweep_work
 from analytic.mechanism.file import load
 from asked import request_of
@@ -310,6 +311,17 @@ def test_cells_of_a_map_are_the_same_to_the_last_bit_on_a_cluster_in_processes_a
     here = results(sweep(examine, runs))
     assert results(sweep(examine, runs, workers=2)) == here
     assert results(sweep(examine, runs, dask=cluster[0])) == here
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning")
+def test_points_of_a_sweep_over_fields_are_the_same_on_a_cluster_and_here(
+    cluster: tuple[str, list[subprocess.Popen[bytes]]],
+) -> None:
+    fields = {"drive.speed": "30 rpm,300 rpm", "body.crank.length": [0.2, 0.9]}  # of which one does not assemble
+    here = lc.sweep("paper", fields, workers=1)
+    assert [bool(point.failure) for point in here.points] == [False, True] * 2
+    assert lc.sweep("paper", fields, dask=cluster[0]).points == here.points
 
 
 def test_a_cluster_that_is_not_there_is_told() -> None:

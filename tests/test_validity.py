@@ -697,10 +697,10 @@ BAD_INPUT = {
         [*MAP, "--restitutions", "0.5", "--joint", "massless-link"],
         ["--restitutions", "massless-link joints never strike"],
     ),
-    "unknown joint": ([*MAP, "--at", "Q"], ["--at Q", "D, A, B, E"]),
+    "unknown joint": ([*MAP, "--joints", "Q"], ["--joints Q", "D, A, B, E"]),
     "unknown joint beside a block": (
         [*MAP, "--case", "slider-crank", "--at", "Q"],
-        ["--at Q", "not a joint that may have clearance", "a block in its guide", "O, A, B, S (a block)"],
+        ["--joints Q", "not a joint that may have clearance", "a block in its guide", "O, A, B, S (a block)"],
     ),
     "ideal joints": ([*MAP, "--joint", "ideal"], ["--joint ideal", "contact"]),
     "unknown engine": ([*MAP, "--simulator", "adams"], ["'adams'", "mujoco"]),

@@ -39,7 +39,7 @@ def of_blocks(simulator: str, friction: float) -> Validity:
         sliding(friction),
         speeds=[100 * RPM, 600 * RPM],
         clearances=[1e-5, 1e-4],
-        simulators=simulator,
+        simulator=simulator,
         workers=1,
     )
 
@@ -91,24 +91,24 @@ def test_engines_have_the_same_map_of_a_block() -> None:
     [
         ({"joint_model": "massless-link"}, "a massless link holds a pin, and joint 'S' is a block in a guide"),
         ({"joints": ["S", "B"]}, "'S' is a block in a guide and 'B' a pin in a bearing; give each a map of its own"),
-        ({"simulators": "pybullet"}, "pybullet does not simulate contact joints in driven motion"),
-        ({"simulators": "dart"}, "dart has no friction in contact"),
+        ({"simulator": "pybullet"}, "pybullet does not simulate contact joints in driven motion"),
+        ({"simulator": "dart"}, "dart has no friction in contact"),
     ],
 )
 def test_what_a_map_of_a_block_cannot_be_says_so(asked: dict[str, Any], words: str) -> None:
-    if "simulators" in asked:
-        pytest.importorskip(declared(asked["simulators"]).package)
+    if "simulator" in asked:
+        pytest.importorskip(declared(asked["simulator"]).package)
     with pytest.raises((ArgumentError, Unsupported), match=re.escape(words)):
-        validity(sliding(0.1), speeds=[10.0], clearances=[1e-4], workers=1, **({"simulators": "exudyn"} | asked))
+        validity(sliding(0.1), speeds=[10.0], clearances=[1e-4], workers=1, **({"simulator": "exudyn"} | asked))
 
 
 def test_a_block_without_a_moment_of_inertia_has_no_map() -> None:
     with pytest.raises(Unsupported, match=r"body 'slider' may turn by its clearance.*give its inertia"):
-        validity("slider-crank", speeds=[10.0], clearances=[1e-4], joints=["S"], simulators="exudyn", workers=1)
+        validity("slider-crank", speeds=[10.0], clearances=[1e-4], joints=["S"], simulator="exudyn", workers=1)
 
 
 def test_a_map_of_springs_leaves_friction_out_and_says_so() -> None:
     pytest.importorskip("exudyn")
-    asked: dict[str, Any] = {"simulators": "exudyn", "joint_model": "spring-damper"}
+    asked: dict[str, Any] = {"simulator": "exudyn", "joint_model": "spring-damper"}
     grid = plan_of(ValidityQuestion(sliding(0.1), speeds=[10.0], clearances=[1e-4], **asked))
     assert "left out: friction of joint S, as only contact joints rub in their clearance" in grid.warnings

@@ -114,7 +114,7 @@ def test_every_engine_that_has_such_loads_agrees(name: str, model: JointModel, m
     steady = Load(body="slider", force=(-300.0, 0.0))  # the pin never leaves its side, whatever varies beside
     result = lc.crosscheck(
         press(PUSH, TOOL, steady, speed=12.0),
-        simulators=name,
+        simulator=name,
         joint_model=model,
         motion=motion,
         clearance=clearance,
@@ -129,7 +129,7 @@ def test_every_engine_that_has_such_loads_agrees(name: str, model: JointModel, m
 @pytest.mark.mujoco
 def test_a_sample_at_which_a_load_begins_is_not_compared_and_says_why() -> None:
     edges = np.radians([185.0, 200.0, 215.0, 355.0, 370.0, 385.0])  # the stroke is from 200 to 10 degrees
-    result = lc.crosscheck(press(TOOL, speed=12.0), simulators="mujoco", joint_model="ideal", angles=edges)
+    result = lc.crosscheck(press(TOOL, speed=12.0), simulator="mujoco", joint_model="ideal", angles=edges)
     (run,) = result.runs
     assert run.flags == dict.fromkeys(("1", "4"), "the load on crank begins or ends here")
     assert run.verdict == "agrees"

@@ -14,8 +14,10 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from analytic.errors import Error
+from analytic.mechanism import Mechanism
 from analytic.mechanism.errors import describe
 from analytic.mechanism.reading import ReadingError, read_toml
+from analytic.mechanism.signals import Signal, named
 
 SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " ", "bar": "|"}
 Separator = Literal[",", ";", "\t", " ", "|", "comma", "semicolon", "tab", "space", "bar"]
@@ -96,3 +98,9 @@ def read_map(path: Path, model: type[M]) -> M:
             f'{path}: {error}; give a TOML file with [columns], such as "phi_deg" = {{ signal = "crank_angle",'
             ' unit = "deg" }'
         ) from None
+
+
+def readable(mechanism: Mechanism) -> dict[str, Signal]:
+    """The signals that a data file of this mechanism may hold, by name, ``time`` apart; no sensor reads a rotation."""
+    signals = named(mechanism.bodies, mechanism.joints, mechanism.drives)
+    return {name: signal for name, signal in signals.items() if signal.kind != "rotation"}

@@ -58,16 +58,16 @@ def _sentence(where: str, faults: list[Any], model: type[BaseModel]) -> str:
     fault = faults[0]
     message = " or ".join(dict.fromkeys(_asked(each) for each in faults)).replace(" or Input should be ", " or ")
     if fault["type"] == "extra_forbidden":
-        accepted = _accepted(fault["loc"][:-1], model)
-        close = difflib.get_close_matches(str(fault["loc"][-1]), accepted, n=1)
-        remedy = f"did you mean {close[0]!r}" if close else f"the fields here are {', '.join(accepted)}"
+        names = accepted(fault["loc"][:-1], model)
+        close = difflib.get_close_matches(str(fault["loc"][-1]), names, n=1)
+        remedy = f"did you mean {close[0]!r}" if close else f"the fields here are {', '.join(names)}"
         return f"{where} is not a field; {remedy}"
     if fault["type"] == "missing":
         return f"{where} is missing; add it"
     if fault["type"] == "value_error" and not fault["loc"]:
         return message
     if fault["type"] == "model_type":
-        fields = ", ".join(_accepted(fault["loc"], model))
+        fields = ", ".join(accepted(fault["loc"], model))
         return f"{where} = {quoted(fault['input'])}: give a table with the fields {fields}"
     return f"{where} = {quoted(fault['input'])}: {message[0].lower()}{message[1:]}"
 
@@ -125,7 +125,7 @@ def _where(location: tuple[int | str, ...], fields: Mapping[str, object]) -> str
     return text
 
 
-def _accepted(location: tuple[int | str, ...], model: type[BaseModel]) -> list[str]:
+def accepted(location: tuple[int | str, ...], model: type[BaseModel]) -> list[str]:
     """Field names of the model that ``location`` leads to."""
     from typing import get_args
 

@@ -52,7 +52,7 @@ def load(case: str | Path) -> Mechanism:
         fields = read_toml(Path(case))
     except ReadingError as error:
         raise MechanismError(f"{case}: {error}; give a mechanism file") from None
-    return _checked(fields, str(case))
+    return checked(fields, str(case))
 
 
 def loads(text: str, source: str = "mechanism") -> Mechanism:
@@ -61,10 +61,11 @@ def loads(text: str, source: str = "mechanism") -> Mechanism:
         fields = parse_toml(text)
     except ReadingError as error:
         raise MechanismError(f"{source}: {error}") from None
-    return _checked(fields, source)
+    return checked(fields, source)
 
 
-def _checked(fields: Mapping[str, object], source: str) -> Mechanism:
+def checked(fields: Mapping[str, object], source: str) -> Mechanism:
+    """Mechanism of a file's fields; ``source`` is its name in messages.  Raises MechanismError."""
     try:
         mechanism = Mechanism.model_validate(in_si(fields))
         if mechanism.tolerances or any(joint.fit for joint in mechanism.joints):
@@ -80,9 +81,14 @@ def _checked(fields: Mapping[str, object], source: str) -> Mechanism:
         raise MechanismError(f"{source}: {'; '.join(describe(error, fields, Mechanism))}") from None
 
 
+def as_written(mechanism: Mechanism) -> dict[str, object]:
+    """A mechanism as its TOML file has it, plain data: what was left out stays out."""
+    return mechanism.model_dump(by_alias=True, exclude_none=True, exclude_unset=True, mode="json")
+
+
 def dumps(mechanism: Mechanism) -> str:
     """TOML text that :func:`loads` turns into an equal mechanism; what was left out stays out."""
     import tomli_w
 
-    fields = mechanism.model_dump(by_alias=True, exclude_none=True, exclude_unset=True, mode="json")
+    fields = as_written(mechanism)
     return tomli_w.dumps({name: value for name, value in fields.items() if value not in (None, [], {})})

@@ -26,6 +26,7 @@ from pydantic import (
 
 from analytic.mechanism.errors import MechanismError, describe
 from analytic.mechanism.fits import play
+from analytic.mechanism.written import quantity
 
 GROUND = "ground"
 SMALLEST_NUMBER = 1e-100  # in any SI unit, of a divisor: the square of a quotient by a smaller one overflows
@@ -69,6 +70,12 @@ def _divisible(value: float) -> float:
             f"the number is too small to divide by; give at least {SMALLEST_NUMBER:g}, or 0 where that is accepted"
         )
     return value
+
+
+def _speed(value: object) -> object:
+    """An angular velocity that is written with its unit, in rad/s.  Raises ValueError."""
+    found = quantity(value, "rad/s") if isinstance(value, str) else None
+    return value if found is None else found
 
 
 def _heavy(value: object) -> object:
@@ -443,7 +450,7 @@ class Drive(MechanismPart):
     """
 
     joint: PartName
-    speed: SiNumber | Literal["free", "measured"]
+    speed: Annotated[SiNumber | Literal["free", "measured"], BeforeValidator(_speed)]
     ripple: Ripple | None = None
     stiffness: SiPositive | None = None  # N.m/rad between motor and crank; left out: rigid
     # rad, backlash: the crank's play behind the motor, and as much ahead of it

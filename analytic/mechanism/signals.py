@@ -14,10 +14,10 @@ from typing import Literal
 import numpy as np
 
 from analytic.mechanism.parts import Body, Drive, Joint
+from analytic.mechanism.units import SiUnit as SiUnit
 
 SignalKind = Literal["pose", "rate", "rotation", "reaction", "clearance", "position", "drive", "time"]
 Component = Literal["x", "y", "angle", "magnitude", "moment", "angular_velocity", "travel", "torque", "force", "time"]
-SiUnit = Literal["m", "rad", "rad/s", "N", "N.m", "s"]
 DRIVE_TORQUE = "drive_torque"
 REACTION: tuple[Component, ...] = ("angle", "magnitude", "x", "y")
 POSE: tuple[Component, ...] = ("angle", "x", "y")

@@ -8,16 +8,15 @@ from __future__ import annotations
 import math
 import re
 from functools import cache
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from analytic.errors import Error
-from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import shown
-from analytic.mechanism.signals import Signal, SiUnit, named
 
 if TYPE_CHECKING:
     import pint
 
+SiUnit = Literal["m", "rad", "rad/s", "N", "N.m", "s"]
 QuantityKind = Literal["time", "angle", "angular velocity", "length", "force", "torque"]
 SI: dict[QuantityKind, SiUnit] = {
     "time": "s",
@@ -67,15 +66,16 @@ class UnitError(Error, ValueError):
     """A unit is missing, unknown or of another dimension; the message says what is accepted."""
 
 
-def dimension(signal: Signal) -> QuantityKind:
+class HasUnit(Protocol):
+    """A signal, as far as its unit goes."""
+
+    @property
+    def unit(self) -> SiUnit: ...
+
+
+def dimension(signal: HasUnit) -> QuantityKind:
     """What kind of quantity a signal is."""
     return DIMENSIONS[signal.unit]
-
-
-def readable(mechanism: Mechanism) -> dict[str, Signal]:
-    """The signals that a data file of this mechanism may hold, by name, ``time`` apart; no sensor reads a rotation."""
-    signals = named(mechanism.bodies, mechanism.joints, mechanism.drives)
-    return {name: signal for name, signal in signals.items() if signal.kind != "rotation"}
 
 
 def factor(unit: str, kind: QuantityKind) -> float:

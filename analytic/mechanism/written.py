@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Mapping, Set
+from collections.abc import Callable, Collection, Mapping, Sequence, Set
 from typing import Any
 
 from analytic.mechanism.units import UnitError, factor_to_si
@@ -54,6 +54,8 @@ PRISMATIC = {
 ELASTICITY = {"translation": "N/m", "rotation": "N.m/rad"}
 SPRING = {"stiffness": "N/m", "length": "m", "damping": "N.s/m"}
 WAVE = {"amplitude": "rad", "phase": "rad"}
+WAVES = ("ripple", "periodic_torque")
+WHOLE = {"gravity": "m/s^2", "assembly": "rad", "ground": "m"}
 DRIVE = {"stiffness": "N.m/rad", "half_gap": "rad"}
 LOAD = {"force": "N", "torque": "N.m"}
 Units = Mapping[str, str]
@@ -64,29 +66,20 @@ def in_si(fields: Mapping[str, object]) -> dict[str, object]:
     quantity is left as it is.  Raises UnitError, which names the field.
     """
     out: dict[str, Any] = dict(fields)
-    slides = {j.get("name") for j in _tables(out, "joint") if j.get("type") == "prismatic"}
-    lengths = {f"position_{name}" for name in slides}
-    lengths |= {f"{body.get('name')}_{axis}" for body in _tables(out, "body") for axis in "xy"}
     if "gravity" in out:
         out["gravity"] = _read(out["gravity"], "m/s^2", "gravity")
     if "assembly" in out:
         out["assembly"] = _read(out["assembly"], "rad", "assembly")
     if isinstance(out.get("ground"), Mapping):
         out["ground"] = _part(out["ground"], {"points": "m"}, "ground")
-    of_part: Mapping[str, Callable[[Mapping[str, Any]], Units]] = {
-        "body": lambda _: BODY,
-        "joint": lambda j: JOINT | (PRISMATIC if j.get("type") == "prismatic" else REVOLUTE),
-        "drive": lambda d: DRIVE | {"speed": "m/s" if d.get("joint") in slides else "rad/s"},
-        "spring": lambda _: SPRING,
-        "load": lambda load: LOAD | dict.fromkeys(("from", "to", "table"), _over(load, lengths)),
-    }
-    for table, units in of_part.items():
+    for table, units in _units_by_table(out).items():
         parts = out.get(table)
         if isinstance(parts, list):
             out[table] = [_part(p, units(p), _called(table, p)) if isinstance(p, Mapping) else p for p in parts]
         elif isinstance(parts, Mapping):
             out[table] = _part(parts, units(parts), table)
     if isinstance(out.get("tolerances"), Mapping):
+        slides = {j.get("name") for j in _tables(out, "joint") if j.get("type") == "prismatic"}
         units_of = {field: unit_of_field(field, slides) for field in out["tolerances"]}
         out["tolerances"] = {
             field: _part(given, dict.fromkeys(("sd", "limits"), units_of[field]), f"tolerances[{field}]")
@@ -112,6 +105,42 @@ def unit_of_field(field: str, slides: Set[object]) -> str:
         "spring": SPRING,
     }
     return "m" if kind == "ground" else tables.get(kind, {}).get(name, "")
+
+
+def si_unit(fields: Mapping[str, object], place: Sequence[str | int]) -> str:
+    """The SI unit of a field of a mechanism file, by the steps that lead to it; empty of one that has none."""
+    table, steps = str(place[0]), list(place[1:])
+    if table in WHOLE:
+        return WHOLE[table]
+    units = _units_by_table(fields).get(table)
+    if units is None:
+        return ""
+    part: Any = fields[table]
+    of_part = units(part[steps.pop(0)] if isinstance(steps[0], int) else part)
+    field, *inner = map(str, steps)
+    within = _units_within(field)
+    return of_part.get(field, "") if within is None else within.get(inner[0], "")
+
+
+def _units_by_table(fields: Mapping[str, Any]) -> Mapping[str, Callable[[Mapping[str, Any]], Units]]:
+    """By table what the fields of one of its parts are in."""
+    slides = {j.get("name") for j in _tables(fields, "joint") if j.get("type") == "prismatic"}
+    lengths = {f"position_{name}" for name in slides}
+    lengths |= {f"{body.get('name')}_{axis}" for body in _tables(fields, "body") for axis in "xy"}
+    return {
+        "body": lambda _: BODY,
+        "joint": lambda j: JOINT | (PRISMATIC if j.get("type") == "prismatic" else REVOLUTE),
+        "drive": lambda d: DRIVE | {"speed": "m/s" if d.get("joint") in slides else "rad/s"},
+        "spring": lambda _: SPRING,
+        "load": lambda load: LOAD | dict.fromkeys(("from", "to", "table"), _over(load, lengths)),
+    }
+
+
+def _units_within(field: str) -> Units | None:
+    """What the fields of a table within a part are in; None of a field that is no table."""
+    if field == "elasticity":
+        return ELASTICITY
+    return WAVE | ({"amplitude": "N.m"} if field == "periodic_torque" else {}) if field in WAVES else None
 
 
 def runs_in_si(runs: object) -> object:
@@ -156,10 +185,9 @@ def _part(part: Mapping[str, Any], units: Units, called: str) -> dict[str, Any]:
     out = dict(part)
     for name, value in part.items():
         where = f"{called}.{name}"
-        if name == "elasticity" and isinstance(value, Mapping):
-            out[name] = _part(value, ELASTICITY, where)
-        elif name in ("ripple", "periodic_torque") and isinstance(value, Mapping):
-            out[name] = _part(value, WAVE | ({"amplitude": "N.m"} if name == "periodic_torque" else {}), where)
+        within = _units_within(name) if isinstance(value, Mapping) else None
+        if within is not None:
+            out[name] = _part(value, within, where)
         elif name == "table" and name in units and isinstance(value, list):
             out[name] = [_pair(pair, units[name], where) for pair in value]
         elif name in units:

@@ -14,11 +14,11 @@ from analytic.mechanism.file import shipped_cases
 from analytic.mechanism.one_line import count
 from compare.arguments import Linkage, engines, linkage, modelling, warn_of_friction
 from compare.baseline.comparison import fits, moved
-from compare.baseline.file import Baseline, BaselineError, StoredRun, owned, read, write
+from compare.baseline.file import PLACE_COLUMNS, Baseline, BaselineError, StoredRun, owned, read, write
 from compare.baseline.runs import of_results, simulated
 from compare.check import layout_of, result_files
 from compare.faults import ArgumentError, Exit, OptionError
-from compare.files import OutputError, file_name, made_folder, write_atomically
+from compare.files import OutputError, file_name, made_folder, relative, write_atomically
 from compare.progress import Progress, progress_bar
 from compare.questions.baseline import BASELINES, BaselinesQuestion
 from compare.questions.check import Results
@@ -30,6 +30,7 @@ from compare.results.crosscheck import RECORDED
 from compare.simulations import Resolve
 from sim_models.engine import SimulationError, SimulatorMissing, Unsupported, engine
 
+LOOK = Path("moved")  # a folder for baselines of what is found now, to be compared with those that are stored
 Made = Callable[[Mechanism, str, Resolve], tuple[str, list[StoredRun]]]
 Work = Callable[[Path, Mechanism, str, str, Resolve, Made], Entry]
 GRAVITY: dict[Status, Exit] = {
@@ -71,9 +72,9 @@ def update_baselines(question: BaselinesQuestion) -> Baselines:
 
 def _one_source(question: BaselinesQuestion) -> None:
     """Raises ArgumentError for what belongs to engines beside results, or to results that are not given."""
-    if question.results is not None and question.simulators != "all":
+    if question.results is not None and question.simulator != "all":
         raise ArgumentError(
-            "simulators", "results are another program's, in place of an engine's; leave one of them out"
+            "simulator", "results are another program's, in place of an engine's; leave one of them out"
         )
     if question.results is None and question.map is not None:
         raise ArgumentError("map", "says what the columns of results are; give them, or leave it out")
@@ -93,14 +94,14 @@ def _each(work: Work, question: BaselinesQuestion, folder: Path, progress: Progr
     mechanisms = [
         (linkage(case, large=True), case.name if isinstance(case, Mechanism) else str(case)) for case in wanted
     ]
-    installed, left_out = engines(question.simulators)
+    installed, left_out = engines(question.simulator)
     names = [modelling(name) for name in installed]
     for mechanism, _ in mechanisms:
         warn_of_friction(mechanism, None, "static")
     entries = []
     for mechanism, typed in mechanisms:
         for name in names:
-            entries.append(_safely(work, mechanism, name, folder, typed))
+            entries.append(_safely(work, mechanism, name, folder, ["--case", typed, "--simulator", name]))
             progress("baselines", len(entries), len(mechanisms) * len(names))
     return _baselines(folder, entries, left_out)
 
@@ -119,7 +120,11 @@ def _recorded(work: Work, question: BaselinesQuestion, results: Results, folder:
         return RECORDED, [of_results(m, tables[-1])]
 
     typed = cases.name if isinstance(cases, Mechanism) else str(cases)
-    entries = [_safely(work, mechanism, name, folder, typed, made) for name in files]
+    read_by = ["--map", str(map)] if isinstance(map, str | Path) else []
+    entries = [
+        _safely(work, mechanism, name, folder, ["--case", typed, "--results", str(file), *read_by], made)
+        for name, file in files.items()
+    ]
     idle = set(layout.columns) - {entry for table in tables for entry in table.used} if tables else set()
     headings = list(dict.fromkeys(heading for table in tables for heading in table.headings))
     return _baselines(folder, entries, [unused(f"{map}: ", entry, headings) for entry in sorted(idle)])
@@ -146,15 +151,16 @@ def _baselines(folder: Path, entries: Sequence[Entry], left_out: Sequence[str]) 
 
 
 def _safely(
-    work: Work, mechanism: Mechanism, simulator: str, folder: Path, typed: str, made: Made = simulated
+    work: Work, mechanism: Mechanism, simulator: str, folder: Path, options: Sequence[str], made: Made = simulated
 ) -> Entry:
-    """The entry of a pair; with the reason in place of an answer where there is a foreseen fault.  ``typed`` is what
-    names the case on a command line.
+    """The entry of a pair; with the reason in place of an answer where there is a foreseen fault.  ``options`` ask for
+    it on a command line.
     """
     path = file_of(folder, mechanism.name, simulator)
-    opposite = command("update" if work is check_file else "check", typed, simulator, folder)
+    opposite = command("update" if work is check_file else "check", options, folder)
     try:
-        return work(path, mechanism, simulator, opposite, engine, made)
+        entry = work(path, mechanism, simulator, opposite, engine, made)
+        return entry.model_copy(update={"look": to_look(path, options)}) if entry.status == "moved" else entry
     except (SimulatorMissing, SimulationError) as error:
         failed: Status = "failed"
         why = error.said(()) if isinstance(error, SimulationError) else str(error)
@@ -168,10 +174,16 @@ def file_of(folder: Path, case: str, simulator: str) -> Path:
     return folder / f"{file_name(case)}-{file_name(simulator)}.toml"
 
 
-def command(verb: str, typed: str, simulator: str, folder: Path) -> str:
+def command(verb: str, options: Sequence[str], folder: Path) -> str:
     """The command line that does this to one baseline, to be pasted into a shell."""
     elsewhere = [] if folder == BASELINES else ["--baselines", str(folder)]
-    return shlex.join(["compare", "baseline", verb, "--case", typed, "--simulator", simulator, *elsewhere])
+    return relative(shlex.join(["compare", "baseline", verb, *options, *elsewhere]))
+
+
+def to_look(path: Path, options: Sequence[str]) -> str:
+    """The command line that shows every number of a baseline that moved, beside what it is now; it changes none."""
+    both = shlex.join(["diff", str(path), str(LOOK / path.name)])
+    return relative(f"{command('update', options, LOOK)} && {both}")
 
 
 def check_file(
@@ -236,11 +248,17 @@ def _entry(path: Path, stored: Baseline, version: str, moves: tuple[Moved, ...],
         version=version,
         stored_version=stored.version,
         runs=len(stored.runs),
-        signals=sum(max(0, len(run.columns) - (run.places is not None)) for run in stored.runs),
+        signals=sum(len(_signals(run)) for run in stored.runs),
         numbers=sum(run.rows.size for run in stored.runs),
+        compared={run.name: tuple(_signals(run)) for run in stored.runs if not run.skipped},
         moved=moves,
         why=why,
     )
+
+
+def _signals(run: StoredRun) -> list[str]:
+    """The names of what a run has, but for the place of each row."""
+    return [column.partition(" [")[0] for column in run.columns if column not in PLACE_COLUMNS]
 
 
 def _moved(stored: Baseline, fresh: Sequence[StoredRun]) -> tuple[Moved, ...]:

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from compare.cli.sweep import answer, is_swept
 from compare.cli.typed import CommandLine, Plotted, Shown, Where, command
 from compare.questions.analyse import AnalyseQuestion, SimulateQuestion
+from compare.questions.sweep import SweepQuestion
 
 
-@command(AnalyseQuestion, Where, Plotted, Shown)
+@command(AnalyseQuestion, SweepQuestion, Where, Plotted, Shown)
 def analyse(line: CommandLine) -> None:
     """Compute reactions, drive torque, positions and the displacement by clearance; write the linkage's page.
 
-    Exit status: 0 computed, 2 bad input.
+    With --set fields of the mechanism are varied, and a table says what each comes to.
+
+    Exit status: 0 computed, 1 with --set some points have no whole answer, 2 bad input.
     """
     with line.complaints() as caught:
+        if is_swept(line):
+            answer(line, "analyse", AnalyseQuestion, caught)
         from compare.analyse import analyse
 
         folder = line.folder(f"{line.stem}-analysis", "analysis.json", "analysis.html", "signals.csv")

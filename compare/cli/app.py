@@ -22,12 +22,14 @@ from compare.cli.new import new
 from compare.cli.pipe import reader_may_go
 from compare.cli.plan import plan
 from compare.cli.show import show
+from compare.cli.sweep import answer, is_swept
 from compare.cli.typed import CommandLine, Shown, Where, command
 from compare.cli.validity import validity
 from compare.faults import Exit
 from compare.questions.crosscheck import CrosscheckQuestion
 from compare.questions.option import Option, Switch
 from compare.questions.question import Question
+from compare.questions.sweep import SweepQuestion
 
 
 class Commands(typer.core.TyperGroup):
@@ -69,12 +71,14 @@ class Version(Question):
 
 
 @app.callback(invoke_without_command=True)
-@command(CrosscheckQuestion, Where, Shown, Version)
+@command(CrosscheckQuestion, SweepQuestion, Where, Shown, Version)
 def compare(line: CommandLine) -> None:
     """Cross-check the analytic clearance model of a planar linkage against a multibody simulation.
 
     compare LINKAGE.toml, or a shipped case by its name alone, is compare analyse --case LINKAGE.toml: the linkage in
     motion, its reactions and torque with their peaks, its error by joint, on a page and without an engine.
+
+    With --set fields of the mechanism are varied, and a table says what each comes to.
 
     Exit status: 0 agrees, 1 disagrees beyond tolerance or cannot be judged, 2 bad input, 3 a simulator is missing or
     failed.
@@ -101,6 +105,8 @@ def compare(line: CommandLine) -> None:
             typer.echo(context.get_help())
         raise typer.Exit(Exit.BAD_INPUT)
     with line.complaints() as caught:
+        if is_swept(line):
+            answer(line, "crosscheck", CrosscheckQuestion, caught)
         from compare.crosscheck import crosscheck
 
         folder = line.folder(line.stem, "result.json", "junit.xml", "signals.csv")

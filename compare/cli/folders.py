@@ -12,7 +12,7 @@ from typing import Any
 
 import typer
 
-from compare.files import OutputError, check_replaceable, file_name
+from compare.files import OutputError, check_replaceable, file_name, relative
 
 NOT_ASKED = {
     "out",
@@ -148,7 +148,7 @@ def _asked(context: typer.Context, line: str) -> tuple[str, dict[str, str]] | No
 def _question(options: Mapping[str, Any]) -> dict[str, str]:
     """The options of a command that say what it was asked, as text by name."""
     return {
-        name: str(list(value) if isinstance(value, tuple) else value)
+        name: relative(str(list(value) if isinstance(value, tuple) else value))
         for name, value in options.items()
         if name not in NOT_ASKED
     }

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, TypeVar
 
 import typer
 
+from compare.ci import annotated, wrong
 from compare.cli.folders import REMEDY, same_question
-from compare.files import check_replaceable
+from compare.files import check_replaceable, relative
 
 if TYPE_CHECKING:
     from compare.results.document import Document
@@ -27,8 +28,8 @@ def finished(document: D, warned: Iterable[str]) -> D:
     for text in sentences:
         if text not in before:
             typer.echo(text if text.startswith("left out: ") else f"warning: {text}", err=True)
-    known = {"warnings": tuple(sentences)} if "warnings" in type(document).model_fields else {}
-    return document.model_copy(update={"command": shlex.join(["compare", *sys.argv[1:]]), **known})
+    known = {"warnings": tuple(map(relative, sentences))} if "warnings" in type(document).model_fields else {}
+    return document.model_copy(update={"command": relative(shlex.join(["compare", *sys.argv[1:]])), **known})
 
 
 def put(document: Document, folder: Path, overwrite: bool, context: typer.Context) -> None:
@@ -55,8 +56,12 @@ def resumed() -> Iterator[None]:
         raise KeyboardInterrupt("the same command goes on where it stopped") from None
 
 
-def show(document: Document, *, json: bool, quiet: bool, place: Path | None = None) -> None:
-    """Print a document: its JSON, or the table for a terminal and where its files are."""
+def show(document: Document, *, json: bool, quiet: bool, place: Path | None = None, file: str = "") -> None:
+    """Print a document: its JSON, or the table for a terminal, where its files are, and how to look at what is worst in
+    it; annotations of the ``file`` that it is about on standard error, in a workflow of GitHub.
+    """
+    judged = document.judgements()
+    say(annotated(judged, file))
     if json:
         typer.echo(document.to_json())
         return
@@ -68,6 +73,10 @@ def show(document: Document, *, json: bool, quiet: bool, place: Path | None = No
     document.print_to(console)
     if place is not None:
         console.print(f"{document.opened}: {place / document.opens}", soft_wrap=True, highlight=False)
+        look = next((case.look for case in wrong(judged) if case.look), "")
+        if look:
+            command = look.replace("{file}", shlex.quote(str(place / document.file)))
+            console.print(f"to look at the worst: {command}", soft_wrap=True, highlight=False)
 
 
 def say(sentences: Iterable[str]) -> None:

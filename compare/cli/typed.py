@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar, cast
 
 import typer
 
+from compare.ci import source
 from compare.cli.folders import named_after, refuse_inputs, result_folder
 from compare.cli.publish import finished, put, show
 from compare.faults import Exit, OptionError, complaints
@@ -36,7 +37,7 @@ class Shown(Question):
         bool, Option("Print the result file (JSON) to standard output, and nothing else there.", Switch())
     ] = False
     quiet: Annotated[
-        bool, Option("Print nothing to standard output; files are written as without it.", Switch(), short="-q")
+        bool, Option("Print nothing to standard output; files are written as without it.", Switch(), also="-q")
     ] = False
 
 
@@ -85,13 +86,16 @@ class CommandLine:
 
         Raises ArgumentError, and what the function raises.
         """
-        words = ((field.name, option.kind, self.words[name]) for field, name, option in _typed(question))
-        typed = {name: kind.parse(word, name) for name, kind, word in words if word not in (None, [], ())}
-        return function(**typed | more)
+        return function(**self.arguments(question) | more)
 
-    def asked(self, question: type[Q]) -> Q:
+    def arguments(self, question: type[Question]) -> dict[str, object]:
+        """The arguments of a question that are not left out, by name.  Raises ArgumentError."""
+        words = ((field.name, option.kind, self.words[name]) for field, name, option in _typed(question))
+        return {name: kind.parse(word, name) for name, kind, word in words if word not in (None, [], ())}
+
+    def asked(self, question: type[Q], **more: object) -> Q:
         """A question itself.  Raises ArgumentError."""
-        return self.ask(question, question)
+        return self.ask(question, question, **more)
 
     def folder(self, stem: str, file: str, *beside: str) -> Path:
         """The folder of the answer, whose result is ``file``; see :func:`compare.cli.folders.result_folder`."""
@@ -133,7 +137,7 @@ class CommandLine:
     def show(self, document: "Document", place: Path | None = None) -> None:
         """Print a document, whose files are in a folder."""
         shown = self.asked(Shown)
-        show(document, json=shown.json, quiet=shown.quiet, place=place)
+        show(document, json=shown.json, quiet=shown.quiet, place=place, file=source(self.words))
 
     def judge(self, ask: Callable[[], "CrossCheck"], caught: Sequence[str], folder: Path) -> None:
         """Answer by a cross-check, and leave with its verdict as the status.  Raises typer's Exit."""
@@ -201,7 +205,7 @@ def _parameter(field: Field[Any], name: str, option: Option) -> inspect.Paramete
         word = list[word]
     bounds = {"min": kind.least, "max": kind.most} if isinstance(kind, Whole) else {}
     shown: dict[str, Any] = {"help": option.typed_help, "metavar": kind.metavar, **bounds}
-    flags = [f"--{name.replace('_', '-')}", *filter(None, [option.short])]
+    flags = [f"--{name.replace('_', '-')}", *filter(None, [option.also])]
     info = typer.Argument(**shown) if option.positional else typer.Option(*flags, **shown)
     return inspect.Parameter(
         name,

@@ -87,7 +87,7 @@ def plan_of(question: ValidityQuestion) -> MapPlan:
         blocks = [name for name in at if m.joint(name).prismatic]
         if blocks:
             check_request(Request(widest, joint_model, Schedule.at_angles(widest, np.zeros(1))))
-        able, left_out = capable(question.simulators, joint_model, widest if blocks else m)
+        able, left_out = capable(question.simulator, joint_model, widest if blocks else m)
         warn_of_friction(widest, joint_model, "driven")
         left_out += omitted(m, replace(Asked.of_engines("validity", m, "driven", joint_model), mapped=at))
     return MapPlan(

@@ -23,8 +23,9 @@ class BaselinesQuestion(Question):
         "Linkage | Sequence[Linkage] | None",
         Option("Shipped case or a mechanism file; left out, every shipped case.", name="case"),
     ] = None
-    simulators: Annotated[
-        "Simulators", Option("Engines; all is every one that is installed.", ArgumentKind("NAME,..."), name="simulator")
+    simulator: Annotated[
+        "Simulators",
+        Option("Engines; all is every one that is installed.", ArgumentKind("NAME,..."), formerly="simulators"),
     ] = "all"
     folder: Annotated[AnyPath, Option("Folder of the baseline files.", Written("DIR"), name="baselines")] = BASELINES
     _: KW_ONLY

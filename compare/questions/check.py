@@ -40,9 +40,11 @@ class CheckQuestion(Question):
     map: Annotated["AnyPath | Layout | None", Option("TOML file that says what the columns are.", Source("FILE"))] = (
         None
     )
-    simulators: Annotated[
+    simulator: Annotated[
         "Simulators | None",
-        Option("Engines that simulate the same motion beside, or all.", ArgumentKind("NAME,..."), name="simulator"),
+        Option(
+            "Engines that simulate the same motion beside, or all.", ArgumentKind("NAME,..."), formerly="simulators"
+        ),
     ] = None
     joint_model: Annotated[
         "JointModel | None",

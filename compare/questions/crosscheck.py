@@ -33,13 +33,13 @@ class CrosscheckQuestion(Question):
     """What to cross-check."""
 
     mechanism: CaseOption = "paper"
-    simulators: Annotated[
+    simulator: Annotated[
         "Simulators",
         Option(
             "Engines to compare with, or all that are installed (see: compare simulators); mjcf:FILE and fmu:FILE are"
             " your own models.",
             ArgumentKind("NAME,..."),
-            name="simulator",
+            formerly="simulators",
             left_out=None,
         ),
     ] = "mujoco"

@@ -69,13 +69,14 @@ class Option:
     """An argument as an option of a command, or of Python alone where it is not ``typed``.
 
     ``{unit}`` in the ``help`` stands for the unit of who reads it.  The option is called like the field but for its
-    ``name``.
+    ``name``.  ``also`` is another flag, a short one or an earlier one; ``formerly`` is an earlier name of the argument.
     """
 
     help: str
     kind: ArgumentKind = ArgumentKind()
     name: str = ""
-    short: str = ""
+    also: str = ""
+    formerly: str = ""
     positional: bool = False
     typed: bool = True
     left_out: LeftOut | None = LeftOut.AS_ARGUMENT

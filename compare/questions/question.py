@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import inspect
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import Field, dataclass, fields
 from textwrap import fill
@@ -61,7 +62,7 @@ def answers(question: Callable[P, Q]) -> Callable[[Callable[[Q], R]], Callable[P
     def of(answer: Callable[[Q], R]) -> Callable[P, R]:
         @functools.wraps(answer)
         def asked(*arguments: P.args, **named: P.kwargs) -> R:
-            return answer(question(*arguments, **named))
+            return answer(question(*arguments, **_renamed(question, named)))
 
         assert isinstance(question, type)
         returns = inspect.signature(answer).return_annotation
@@ -77,6 +78,18 @@ def answers(question: Callable[P, Q]) -> Callable[[Callable[[Q], R]], Callable[P
         return asked
 
     return of
+
+
+def _renamed(question: object, named: Mapping[str, object]) -> Any:
+    """Arguments by the names that they have now; warns of one by which it was called before."""
+    assert isinstance(question, type)
+    now = dict(named)
+    for name, option in options(question).items():
+        if option.formerly in now and name not in now:
+            text = f"{option.formerly}= is called {name}= now, as on the command line"
+            warnings.warn(text, DeprecationWarning, stacklevel=3)
+            now[name] = now.pop(option.formerly)
+    return now
 
 
 def _type(annotation: Any) -> Any:

@@ -29,7 +29,8 @@ Drives = Annotated[
 ]
 ModelOption = Annotated["Model", Option("Analytic model: first order (Eq. 8) or equilibrium.", Choice(choices=MODELS))]
 EnginesOption = Annotated[
-    "Simulators", Option("Engines to compare with, or all that are installed.", Listed("NAME,..."), name="simulator")
+    "Simulators",
+    Option("Engines to compare with, or all that are installed.", Listed("NAME,..."), formerly="simulators"),
 ]
 EngineOption = Annotated[str, Option("Engine (see: compare simulators).")]
 ToleranceOption = Annotated[

@@ -41,7 +41,7 @@ class ValidityQuestion(Question):
         "Numbers",
         Option("Radial clearances ({unit}); half the play of a block.", Clearances("M,...")),
     ]
-    simulators: EnginesOption = "mujoco"
+    simulator: EnginesOption = "mujoco"
     large: Large = False
     joint_model: Annotated["JointModel", Option("Joint model.", Choice(choices=JOINT_MODELS), name="joint")] = "contact"
     joints: Annotated[
@@ -49,7 +49,8 @@ class ValidityQuestion(Question):
         Option(
             "Joints with the clearance [the case's, else the farthest from the ground].",
             NameList("JOINT,...", least=1),
-            name="at",
+            also="--at",
+            formerly="at",
         ),
     ] = None
     restitutions: Annotated[

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from analytic.mechanism import Mechanism
-from analytic.mechanism.columns import ColumnMeaning, Layout
+from analytic.mechanism.columns import ColumnMeaning, Layout, readable
 from analytic.mechanism.one_line import shown
 from analytic.mechanism.signals import Signal
-from analytic.mechanism.units import QuantityKind, UnitError, dimension, factor, readable
+from analytic.mechanism.units import QuantityKind, UnitError, dimension, factor
 
 TIME = Signal("time", "", "time")
 CLOCK = ("time", "t")  # what a column of time is called

@@ -11,6 +11,7 @@ import numpy as np
 from markupsafe import Markup
 
 from analytic.mechanism import Mechanism
+from analytic.mechanism.file import as_written
 from analytic.mechanism.one_line import count
 from compare.quantities import DASH, assumptions, plain, shown
 from compare.report.analysis_figures import Band, error_figures, transmission_figure
@@ -23,7 +24,6 @@ from compare.report.peaks import NOTHING, error_peaks, over
 from compare.report.svg import draw
 from compare.report.words.accuracy import cautions
 from compare.results.accuracy import Accuracy, Output
-from compare.results.document import as_written
 
 LEAST_SHOWN = 1e-12  # m or rad, below which a table shows nothing
 COLUMNS = (

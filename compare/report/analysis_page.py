@@ -11,6 +11,7 @@ import numpy as np
 from markupsafe import Markup
 
 from analytic.mechanism import Load, Mechanism
+from analytic.mechanism.file import as_written
 from analytic.mechanism.one_line import count
 from compare.quantities import DASH, assumptions, number, plain, quantities, shown
 from compare.report.analysis_figures import ROLES, figures
@@ -31,7 +32,6 @@ from compare.report.peaks import (
 )
 from compare.report.svg import draw
 from compare.results.analysis import Analysis
-from compare.results.document import as_written
 
 NOTE = (
     "An arrow is the force on the second body of its joint, the longest the largest of the motion; a red one is a load,"

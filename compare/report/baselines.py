@@ -1,11 +1,13 @@
-"""Baselines, shown: what moved as lines for a terminal, a table for a notebook, and a JUnit file."""
+"""Baselines, shown: what moved as lines for a terminal, a table for a notebook, and test cases of a CI."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from rich.console import Console
 
+from compare.ci import JUnitCase, JUnitSuite, junit_xml
 from compare.presentation import LIST_HAS_NO_PICTURE, Presentation
-from compare.report.junit import JUnitCase, JUnitSuite, junit_xml
 from compare.report.tables import html_table, say
 from compare.results.baselines import Baselines, Entry
 
@@ -25,7 +27,8 @@ def lines(entry: Entry) -> list[str]:
     else:
         words = f"rewritten: {entry.words}" if entry.why == "rewritten" else entry.why
         head = f"{entry.file}: {words or 'unchanged'}"
-    return [head, *(f"  {each.sentence}" for each in entry.moved)]
+    look = [f"  to look at it: {entry.look}"] * (entry.status == "moved" and bool(entry.look))
+    return [head, *(f"  {each.sentence}" for each in entry.moved), *look]
 
 
 def print_table(result: Baselines, console: Console) -> None:
@@ -34,15 +37,32 @@ def print_table(result: Baselines, console: Console) -> None:
 
 
 def junit(result: Baselines) -> str:
-    """A suite for each case, a case for each engine: what moved is a failure, what has no answer an error."""
-    suites: dict[str, list[JUnitCase]] = {}
-    for entry in result.entries:
-        error = entry.why if entry.status in ("unusable", "failed") else ""
-        failure = "; ".join(each.sentence for each in entry.moved) if entry.status == "moved" else ""
-        place = f"{entry.case}.baseline"
-        case = JUnitCase(place, entry.simulator, said=entry.words, failure=failure, error=error, kind=entry.status)
-        suites.setdefault(entry.case, []).append(case)
-    return junit_xml("baselines of the reaction forces", [JUnitSuite(*suite) for suite in suites.items()])
+    """Every column of every baseline as a test case, in a JUnit file."""
+    return junit_xml("baselines of the reaction forces", judged(result), result.file)
+
+
+def judged(result: Baselines) -> list[JUnitSuite]:
+    """A suite for each case in each engine, a test case for each signal of each run: what moved is a failure, a
+    baseline that has no answer is an error.
+    """
+    return [JUnitSuite(f"{each.case}, {each.simulator}", list(_cases(each))) for each in result.entries]
+
+
+def _cases(entry: Entry) -> Iterator[JUnitCase]:
+    place = (entry.case, entry.simulator)
+    if entry.status in ("unusable", "failed"):
+        yield JUnitCase(place, "baseline", error=entry.why, kind=entry.status, file=entry.file)
+        return
+    moved = {(each.run, each.signal): each for each in entry.moved}
+    for run, signals in entry.compared.items():
+        for signal in signals:
+            one = moved.get((run, signal))
+            of_run = (*place, *run.split(", "))
+            if one is None or entry.status != "moved":
+                yield JUnitCase(of_run, signal, said="" if one is None else one.sentence)
+                continue
+            times = abs(one.by or 0.0) / one.tolerance if one.tolerance else 0.0
+            yield JUnitCase(of_run, signal, "", one.sentence, "", "moved", entry.look, times, entry.file)
 
 
 def summary_html(result: Baselines) -> str:
@@ -55,4 +75,4 @@ def summary_html(result: Baselines) -> str:
     return html_table(rows, ("case", "engine", "status", "compared", "moved"), repr(result))
 
 
-PRESENTATION = Presentation(summary_html, print_table, files, no_picture=LIST_HAS_NO_PICTURE)
+PRESENTATION = Presentation(summary_html, print_table, files, no_picture=LIST_HAS_NO_PICTURE, judged=judged)

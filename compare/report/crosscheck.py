@@ -5,13 +5,14 @@ from __future__ import annotations
 import html
 from typing import TYPE_CHECKING
 
+from compare.ci import JUnitSuite, junit_xml
 from compare.presentation import Presentation
 from compare.quantities import plain
 from compare.report.contact_figures import contact_figures
 from compare.report.crosscheck_figures import figures
 from compare.report.crosscheck_page import render
 from compare.report.crosscheck_terminal import print_table
-from compare.report.junit import junit
+from compare.report.junit import suites
 from compare.report.linkage import linkage_figure
 from compare.report.pages import stem
 from compare.report.summary import summarise
@@ -32,8 +33,14 @@ def files(result: CrossCheck) -> dict[str, str]:
     drawings = {figure.name: draw(figure) for figure in [*([linkage] if linkage else []), *shown]}
     names = {name: f"{stem(name)}.svg" for name in drawings}
     page, markdown = render(summary, shown, linkage, drawings, names)
-    texts = {"report.html": page, "report.md": markdown, "junit.xml": junit(summary), "signals.csv": result.to_csv()}
+    tests = junit_xml(f"cross-check of {result.case}", suites(summary), result.file)
+    texts = {"report.html": page, "report.md": markdown, "junit.xml": tests, "signals.csv": result.to_csv()}
     return texts | {names[name]: drawing for name, drawing in drawings.items()}
+
+
+def judged(result: CrossCheck) -> list[JUnitSuite]:
+    """Its comparisons as test cases."""
+    return suites(summarise(result))
 
 
 def summary_html(result: CrossCheck) -> str:
@@ -69,4 +76,4 @@ def plot(result: CrossCheck, figure: Figure) -> None:
     figure.suptitle(f"{result.case}: {VERDICT_WORDS[summary.verdict]}")
 
 
-PRESENTATION = Presentation(summary_html, print_table, files, plot)
+PRESENTATION = Presentation(summary_html, print_table, files, plot, judged=judged)

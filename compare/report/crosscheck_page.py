@@ -8,13 +8,13 @@ from dataclasses import asdict
 
 from markupsafe import Markup
 
+from analytic.mechanism.file import as_written
 from compare.quantities import DASH, assumptions
 from compare.report.crosscheck_motion import mover
 from compare.report.figure import Figure
 from compare.report.pages import PageSection, Script, figures_context, markdown, page, warnings_context
 from compare.report.summary import REAL, ShownRun, Summary
 from compare.report.words import crosscheck as words
-from compare.results.document import as_written
 
 OF_CONTACT = ("orbit_", "contact_force_", "regimes_", "section_")  # figures that stand in the section on contact
 OF_DIFFERENCES = "difference_"  # and those beside the numbers of their signals

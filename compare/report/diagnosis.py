@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.console import Console
 
+from compare.ci import JUnitCase, JUnitSuite, junit_xml
 from compare.presentation import Presentation
 from compare.quantities import fitting, plainly
 from compare.report.diagnosis_page import diagnosis_html, diagnosis_md
 from compare.report.diagnosis_terminal import terminal_lines
 from compare.report.explained import explained_toml
-from compare.report.junit import JUnitCase, JUnitSuite, junit_xml
 from compare.report.residuals import draw as draw_residuals
 from compare.report.tables import html_table, say
 from compare.report.words.effects import of_effect, phrase, spoken
@@ -32,15 +32,15 @@ def files(result: Diagnosis) -> dict[str, str]:
         "explained.toml": explained_toml(result),
         "diagnosis.md": diagnosis_md(result),
         "diagnosis.html": diagnosis_html(result),
-        "junit.xml": junit(result),
+        "junit.xml": junit_xml(f"diagnosis of {result.case}", judged(result), result.file),
     }
 
 
-def junit(result: Diagnosis) -> str:
-    """The verdict as a JUnit file: it fails if it is not settled, and so does each signal that is left unexplained."""
+def judged(result: Diagnosis) -> list[JUnitSuite]:
+    """The verdict as test cases: it fails if it is not settled, and so does each signal that is left unexplained."""
     left = {} if result.settled else remaining(result)
     verdict = JUnitCase(
-        f"{result.case}.diagnosis",
+        (result.case, result.simulator.name, "diagnosis"),
         "verdict",
         said=result.statement,
         failure="" if result.settled else f"{result.verdict}: {result.statement}",
@@ -52,9 +52,11 @@ def junit(result: Diagnosis) -> str:
         for name, channel in run.signals.items():
             gaps = f"gap {plainly(channel.gap_before)} before, {plainly(channel.gap_after)} after"
             failure = left.get((run.name, name), "")
-            cases.append(JUnitCase(f"{result.case}.{run.name}", name, said=gaps, failure=failure, kind="gap"))
+            place, look = (result.case, result.simulator.name, run.name), f"compare show {{file}} --signal {name}"
+            gap = channel.gap_after or 0.0
+            cases.append(JUnitCase(place, name, said=gaps, failure=failure, kind="gap", look=look, times=gap))
         suites.append(JUnitSuite(f"{'validation ' * (run.role == 'validation')}run {run.name}", cases))
-    return junit_xml(f"diagnosis of {result.case}", suites)
+    return suites
 
 
 def print_table(result: Diagnosis, console: Console) -> None:
@@ -90,4 +92,4 @@ def plot(result: Diagnosis, figure: Figure) -> None:
     figure.suptitle(f"{result.case}: {result.verdict}; measured minus simulated, noise within two sigmas shaded")
 
 
-PRESENTATION = Presentation(summary_html, print_table, files, plot)
+PRESENTATION = Presentation(summary_html, print_table, files, plot, judged=judged)

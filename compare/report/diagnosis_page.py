@@ -9,12 +9,13 @@ from markupsafe import Markup, escape
 
 from analytic.mechanism.file import dumps
 from analytic.mechanism.one_line import capital
+from compare.files import NOT_XML
 from compare.quantities import DASH, MINUS, assumptions, plainly
 from compare.report import diagnosis_figures as figures
 from compare.report.explained import changes
 from compare.report.pages import PageSection, Script, markdown, page
 from compare.report.proposal_figure import figure as law_figure
-from compare.report.svg import NOT_XML, draw
+from compare.report.svg import draw
 from compare.report.words import diagnosis as words
 from compare.report.words import proposals
 from compare.report.words.effects import (

@@ -12,12 +12,11 @@ from typing import Any
 import numpy as np
 
 from analytic.mechanism import Mechanism
-from analytic.mechanism.file import dumps
+from analytic.mechanism.file import as_written, dumps
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.faults import printable
 from compare.quantities import DASH
 from compare.results.diagnosis import Diagnosis, Effect, Estimate
-from compare.results.document import as_written
 
 KEY = re.compile(r'("(?:[^"\\]|\\.)*"|[\w-]+) = ')
 TABLE = re.compile(r"(\[\[?)(.+?)\]\]?")

@@ -1,47 +1,21 @@
-"""The verdicts as a JUnit file: a suite for each run, a case for each signal; one for statistics of contact."""
+"""A cross-check as test cases: a suite for each run, a case for each signal; one for statistics of contact."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from xml.etree import ElementTree
-
+from compare.ci import JUnitCase, JUnitSuite
 from compare.quantities import plain
 from compare.report.summary import ShownDiscrepancy, ShownRun, Summary
-from compare.report.svg import NOT_XML
 from compare.report.words.contact import ASCII_UNITS, ContactShown, EnginePair, ShownComparison
-from compare.report.words.crosscheck import row_sentence
+from compare.report.words.crosscheck import row_sentence, to_look
+from compare.results.crosscheck import Run
 
 
-@dataclass(frozen=True)
-class JUnitCase:
-    """One case of a JUnit file: what is ``said`` of it, or the ``failure`` or ``error`` (a sentence each) that it has,
-    of some ``kind``.
-    """
-
-    place: str
-    name: str
-    said: str = ""
-    failure: str = ""
-    error: str = ""
-    kind: str = ""
-
-
-@dataclass(frozen=True)
-class JUnitSuite:
-    """A suite of a JUnit file, and what is ``said`` of it as a whole."""
-
-    title: str
-    cases: Sequence[JUnitCase]
-    said: str = ""
-
-
-def junit(summary: Summary) -> str:
-    """JUnit XML: a disagreement is a failure with its numbers, and so is a run that is not judged; a known difference
-    passes and says so.
+def suites(summary: Summary) -> list[JUnitSuite]:
+    """Every comparison: a disagreement is a failure with its numbers, and so is a run that is not judged; a known
+    difference passes and says so.
     """
     case = summary.result.case
-    suites = [
+    every = [
         JUnitSuite(
             f"{shown.run.title}, {shown.run.motion}", _cases(case, shown), _contact(summary.contact, shown.run.title)
         )
@@ -49,63 +23,35 @@ def junit(summary: Summary) -> str:
     ]
     if summary.contact.pairs:
         compared = [_compared(case, pair, row) for pair in summary.contact.pairs for row in pair.rows]
-        suites.append(JUnitSuite("contact statistics", compared))
+        every.append(JUnitSuite("contact statistics", compared))
     failed = [
-        JUnitCase(f"{case}.simulation", f"failure {i}", error=why, kind="simulation")
+        JUnitCase((case, "simulation"), f"failure {i}", error=why, kind="simulation")
         for i, why in enumerate(summary.failures, 1)
     ]
-    suites += [JUnitSuite("simulations that failed", failed)] * bool(failed)
-    return junit_xml(f"cross-check of {case}", suites)
-
-
-def junit_xml(name: str, suites: Sequence[JUnitSuite]) -> str:
-    """JUnit XML of suites."""
-    root = ElementTree.Element("testsuites", _clean({"name": name} | _counts([c for s in suites for c in s.cases])))
-    for suite in suites:
-        element = ElementTree.SubElement(root, "testsuite", _clean({"name": suite.title} | _counts(suite.cases)))
-        for case in suite.cases:
-            _add(element, case)
-        if suite.said:
-            ElementTree.SubElement(element, "system-out").text = NOT_XML.sub("", suite.said)
-    ElementTree.indent(root)
-    return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
-
-
-def _add(suite: ElementTree.Element, case: JUnitCase) -> None:
-    element = ElementTree.SubElement(suite, "testcase", _clean({"classname": case.place, "name": case.name}))
-    for tag, words in (("failure", case.failure), ("error", case.error)):
-        if words:
-            attributes = _clean({"message": words, "type": case.kind})
-            ElementTree.SubElement(element, tag, attributes).text = attributes["message"]
-    if case.said and not (case.failure or case.error):
-        ElementTree.SubElement(element, "system-out").text = NOT_XML.sub("", case.said)
-
-
-def _counts(cases: Sequence[JUnitCase]) -> dict[str, str]:
-    counts = (len(cases), sum(bool(case.failure) for case in cases), sum(bool(case.error) for case in cases))
-    return dict(zip(("tests", "failures", "errors"), map(str, counts), strict=True))
+    return every + [JUnitSuite("simulations that failed", failed)] * bool(failed)
 
 
 def _cases(case: str, shown: ShownRun) -> list[JUnitCase]:
     """A case for each signal of a run; one where nothing could be compared."""
     run = shown.run
-    place = f"{case}.{run.simulator.name}.{run.joint_model}.{run.motion}"
+    place = (case, run.simulator.name, run.joint_model, run.motion)
     if not shown.rows:
         return [JUnitCase(place, "anything to compare", failure=run.reason, kind="not judged")]
-    return [_case(place, row) for row in shown.rows]
+    return [_case(place, run, row) for row in shown.rows]
 
 
-def _case(place: str, row: ShownDiscrepancy) -> JUnitCase:
+def _case(place: tuple[str, ...], run: Run, row: ShownDiscrepancy) -> JUnitCase:
     if row.verdict in ("disagrees", "unjudged"):
         kind = "disagreement" if row.verdict == "disagrees" else "not judged"
-        return JUnitCase(place, row.quantity.signal, failure=row_sentence(row), kind=kind)
+        look, times = to_look(run, row), row.share or 0.0
+        return JUnitCase(place, row.quantity.signal, failure=row_sentence(row), kind=kind, look=look, times=times)
     known = "known difference: " if row.verdict == "known" else ""
     return JUnitCase(place, row.quantity.signal, said=known + row_sentence(row))
 
 
 def _compared(case: str, pair: EnginePair, row: ShownComparison) -> JUnitCase:
     """A statistic of contact of two engines; what is not judged passes, and says why."""
-    place = f"{case}.{'-'.join(pair.between)}.{pair.joint_model}.{row.joint}"
+    place = (case, "-".join(pair.between), pair.joint_model, row.joint)
     said = row.sentence().translate(ASCII_UNITS)
     if row.verdict == "disagrees":
         return JUnitCase(place, row.measure.key, failure=said, kind="disagreement")
@@ -120,8 +66,3 @@ def _contact(contact: ContactShown, run_title: str) -> str:
         rows = ((measure.title.translate(ASCII_UNITS), values[k].said(plain)) for measure, values in table.rows)
         lines += [f"{table.joint}: {title} {value}" for title, value in rows]
     return "\n".join(lines)
-
-
-def _clean(attributes: dict[str, str]) -> dict[str, str]:
-    """Attributes without the characters that XML cannot hold."""
-    return {name: NOT_XML.sub("", value) for name, value in attributes.items()}

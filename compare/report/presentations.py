@@ -19,6 +19,7 @@ MODULES = {
     "Provenance": "provenance",
     "SignalResiduals": "residuals",
     "Simulation": "sides",
+    "Sweep": "sweep",
     "Validity": "validity",
 }
 LISTS = ("Cases", "Effects", "Exported", "Fields", "Imported", "Runs", "Simulators")

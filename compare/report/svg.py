@@ -6,12 +6,12 @@ Every drawing of a report is made of these: the picture with its text alternativ
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from xml.sax.saxutils import escape, quoteattr
 from zlib import crc32
 
+from compare.files import NOT_XML
 from compare.quantities import SUPERSCRIPT
 from compare.report.figure import Axis, Figure, Mark, Numbers, Series
 
@@ -42,7 +42,6 @@ GLYPHS = {  # r is half the size
     "dot": "m-{r} 0h{d}m-{r} -{r}v{d}",
 }
 INK, PAPER, RULE, GRID = "#1b1f24", "#fff", "#8a919c", "#e4e7eb"
-NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def text(value: str) -> str:

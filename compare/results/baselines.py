@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
@@ -56,7 +57,11 @@ class Entry(Part):
     runs: Annotated[int, Field(ge=0)] = 0
     signals: Annotated[int, Field(ge=0, description="Columns that were compared.")] = 0
     numbers: Annotated[int, Field(ge=0, description="Numbers that were compared.")] = 0
+    compared: Annotated[
+        Mapping[str, tuple[str, ...]], Field(description="The signals that were compared, by run.")
+    ] = {}
     moved: tuple[Moved, ...] = ()
+    look: Annotated[str, Field(description="A command that shows every number that moved, where one did.")] = ""
     why: Annotated[str, Field(description="Why it is unusable or failed, or why a file was written.")] = ""
 
     @model_validator(mode="after")

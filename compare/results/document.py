@@ -32,6 +32,7 @@ from analytic.errors import Error
 from analytic.mechanism import Mechanism as _Mechanism
 from analytic.mechanism.assumed import Assumed
 from analytic.mechanism.errors import describe
+from analytic.mechanism.file import as_written
 from analytic.mechanism.one_line import count
 from analytic.mechanism.reading import ReadingError, read_json
 from compare.files import alone_in, check_replaceable, made_folder, to_json, write_atomically, write_together
@@ -41,6 +42,8 @@ if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
     from rich.console import Console
+
+    from compare.ci import JUnitSuite
 
 NUMBER_OR_NULL = {"type": ["number", "null"]}
 Row = Mapping[str, float | str | None]
@@ -102,11 +105,6 @@ Amount = Annotated[Annotated[float, Field(ge=0)] | None, BeforeValidator(_finite
 """A number that is not negative, or None."""
 Text = Annotated[str, Field(min_length=1)]
 Share = Annotated[float, Field(ge=0, le=1)]
-
-
-def as_written(mechanism: _Mechanism) -> dict[str, object]:
-    """A mechanism as its TOML file has it: what was left out stays out."""
-    return mechanism.model_dump(by_alias=True, exclude_none=True, exclude_unset=True, mode="json")
 
 
 Mechanism = Annotated[_Mechanism, PlainSerializer(as_written), Field(description="The linkage as in its TOML file.")]
@@ -267,6 +265,10 @@ class Document(Part):
         literal = copy(console)  # its output is the console's
         literal._markup = literal._emoji = False
         self._shown().print_table(self, literal)
+
+    def judgements(self) -> Sequence[JUnitSuite]:
+        """What it judges, as test cases of a CI; nothing of what judges nothing."""
+        return self._shown().judged(self)
 
     def _repr_html_(self) -> str:
         return self._shown().summary_html(self)

@@ -9,7 +9,7 @@ from pydantic import Field
 from compare.results.catalogue import Listing
 from compare.results.document import Part, Row
 
-Kind = Literal["cross-check", "diagnosis", "analysis", "accuracy", "validity", "data", "plan"]
+Kind = Literal["cross-check", "diagnosis", "analysis", "accuracy", "validity", "sweep", "data", "plan"]
 
 
 class EarlierRun(Part):

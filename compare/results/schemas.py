@@ -30,6 +30,7 @@ MODULES = (
     "preview",
     "plan",
     "baselines",
+    "sweep",
 )
 FOLDER = Path(__file__).parents[1] / "schemas"
 

@@ -21,7 +21,6 @@ sys.path.insert(0, str(ROOT))
 import notebook  # noqa: E402 - both are beside this file
 import reference  # noqa: E402
 
-GENERATE = re.compile(r"^<!-- generate: ([\w-]+) -->$", re.MULTILINE)
 EQUATION = re.compile(r"^```math\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 TAG = re.compile(r"\s*\\tag\{(.*?)\}")
 LINK = re.compile(r"(\]\()([^)\s#]+)((?:#[^)]*)?\))")
@@ -72,7 +71,7 @@ def on_files(files: Files, config: Any, **_: Any) -> Files:
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     """Fill in what is generated, turn equations into MathML, and mend links that leave this folder."""
     site = page.file.src_uri
-    markdown = GENERATE.sub(lambda found: reference.CONTENTS[found[1]](), markdown)
+    markdown = reference.BLOCK.sub(lambda found: reference.CONTENTS[found[1]](), markdown)
     markdown = EQUATION.sub(lambda found: mathml(found[1]), markdown)
     parts = FENCE.split(markdown)
     parts[::2] = [linked(text, site) for text in parts[::2]]

@@ -1,6 +1,9 @@
 """The reference pages' contents, read from the code: commands, schemas, effects, engines, signals, mechanism files.
 
-Each function of :data:`CONTENTS` returns Markdown.  A page asks for one with a line ``<!-- generate: name -->``.
+Each function of :data:`CONTENTS` returns Markdown for the site.  A page asks for one with a line
+``<!-- generate: name -->``; what stands between that and ``<!-- end: name -->`` is the same for any browser of the
+repository, without what only the site can show (:func:`plain`).  ``python docs/generate/reference.py`` writes it again;
+a test holds it to the code.
 """
 
 from __future__ import annotations
@@ -11,13 +14,18 @@ import inspect
 import json
 import pkgutil
 import re
+import sys
+import textwrap
 from collections.abc import Callable, Iterator, Mapping
 from importlib import import_module, resources
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+DOCS = Path(__file__).resolve().parents[1]
+BLOCK = re.compile(r"^<!-- generate: ([\w-]+) -->$(?:.*?^<!-- end: \1 -->$)?", re.MULTILINE | re.DOTALL)
 ROW = re.compile(r"\s+")
+ANCHOR = re.compile(r"(?m)^(#+ .*?) \{ #[\w.-]+ \}$")
 
 
 def table(heads: list[str], rows: list[list[str]]) -> str:
@@ -380,6 +388,13 @@ def results() -> str:
     )
 
 
+def document() -> str:
+    """What all documents can do."""
+    members = "[to_json, plain, read, rows, units, to_csv, to_dataframe, plot, write, print_to]"
+    options = f"    options:\n      heading: Document\n      heading_level: 3\n      members: {members}\n"
+    return f"::: compare.results.document.Document\n{options}"
+
+
 def example_engine() -> str:
     """The example of an engine, whole."""
     text = (Path(__file__).parents[1] / "example-engine" / "multiplier_engine.py").read_text(encoding="utf-8")
@@ -398,7 +413,102 @@ CONTENTS: dict[str, Callable[[], str]] = {
     "left-out": left_out,
     "seam": seam,
     "example-engine": example_engine,
+    "document": document,
     "functions": functions,
     "documents": results,
     **{f"python-{part}": _python(part) for part in PYTHON},
 }
+
+
+# ---------------------------------------------------------------- the same without the site
+
+DIRECTIVE = re.compile(r"(?m)^::: ([\w.]+)\n(?:    .*\n)*")
+
+
+def plain(name: str) -> str:
+    """The contents as any browser of the repository shows them."""
+    if name == "example-engine":
+        return "It is [multiplier_engine.py](../example-engine/multiplier_engine.py).\n"
+    text = ANCHOR.sub(r"\1", DIRECTIVE.sub(_described, CONTENTS[name]()))
+    return re.sub(r"\n{3,}", "\n\n", text).strip() + "\n"
+
+
+def _described(directive: re.Match[str]) -> str:
+    """What a module, a function or a document is, from where it is written."""
+    place = directive[1]
+    heading = re.search(r"heading: (\S+)", directive[0])
+    try:
+        thing: Any = import_module(place)
+    except ModuleNotFoundError:
+        module, _, named = place.rpartition(".")
+        thing = getattr(import_module(module), named)
+    if inspect.ismodule(thing):
+        return f"## {place}\n\n{_said(thing)}\n\n{_table_of(thing)}\n"
+    if inspect.isfunction(thing):
+        return f"### {heading[1] if heading else place}\n\n```text\n{_call(thing)}\n```\n\n{_said(thing, whole=True)}\n"
+    members = re.search(r"members: \[(.*)\]", directive[0])
+    names = re.findall(r"\w+", members[1]) if members else []
+    rows = [[code(each), escaped(_said(getattr(thing, each)), code=True)] for each in names]
+    methods = f"\n{table(['', 'what it is'], rows)}" if rows else ""
+    return f"### {thing.__name__}\n\n{_said(thing)}\n{methods}"
+
+
+def _table_of(module: ModuleType) -> str:
+    """The functions and classes that a module defines, each with the first sentence that it says of itself."""
+    own = {
+        name: each
+        for name, each in vars(module).items()
+        if not name.startswith("_") and getattr(each, "__module__", "") == module.__name__ and callable(each)
+    }
+    rows = [[code(name), escaped(_said(each), code=True)] for name, each in own.items() if inspect.getdoc(each)]
+    return table(["", "what it is"], rows) if rows else ""
+
+
+def _said(thing: object, whole: bool = False) -> str:
+    """What a thing says of itself, or the first paragraph of that, as Markdown."""
+    from docstrings import as_markdown
+
+    text = inspect.getdoc(thing) or ""
+    text = as_markdown(text) if whole else as_markdown(text.partition("\n\n")[0])
+    text = re.sub("(`+)(?!``)", lambda ticks: "`" * (3 if len(ticks[1]) == 3 else 1), text).strip()
+    parts = re.split("(```.*?```|`[^`]*`)", text, flags=re.DOTALL)
+    parts[::2] = [part.replace("<", "&lt;") for part in parts[::2]]  # a name in angle brackets is no tag
+    return "".join(parts) if whole else ROW.sub(" ", text)
+
+
+def _call(function: Any) -> str:
+    """How a function is called: its arguments with what stands for them where they are left out."""
+    arguments = []
+    for each in inspect.signature(function).parameters.values():
+        if each.kind is each.KEYWORD_ONLY and "*" not in arguments:
+            arguments.append("*")
+        stars = {each.VAR_KEYWORD: "**", each.VAR_POSITIONAL: "*"}.get(each.kind, "")
+        default = (
+            ""
+            if each.default is each.empty
+            else f"={each.default if isinstance(each.default, Path) else repr(each.default)}"
+        )
+        arguments.append(f"{stars}{each.name}{default}")
+    called = f"{function.__name__}({', '.join(arguments)})"
+    return textwrap.fill(called, 100, subsequent_indent="    ", break_long_words=False)
+
+
+def written(page: str) -> str:
+    """The text of a page with what it asks for."""
+    return BLOCK.sub(
+        lambda block: f"<!-- generate: {block[1]} -->\n\n{plain(block[1])}\n<!-- end: {block[1]} -->", page
+    )
+
+
+def main() -> None:
+    """Write every page again that asks for something."""
+    for page in sorted(DOCS.rglob("*.md")):
+        text = page.read_text(encoding="utf-8")
+        if (new := written(text)) != text:
+            page.write_text(new, encoding="utf-8")
+            print(page.relative_to(DOCS.parent).as_posix())
+
+
+if __name__ == "__main__":
+    sys.path[:0] = [str(DOCS.parent)]
+    main()

@@ -13,10 +13,11 @@ from typing import Annotated, Any
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from analytic.mechanism import Load, Mechanism
+from analytic.mechanism.columns import readable
 from analytic.mechanism.errors import MechanismError, describe, quoted
 from analytic.mechanism.file import load, shipped_cases
 from analytic.mechanism.reading import ReadingError, read_toml
-from analytic.mechanism.units import QuantityKind, UnitError, dimension, factor, readable
+from analytic.mechanism.units import QuantityKind, UnitError, dimension, factor
 from compare.diagnose.data.measured_file import tolerances
 from compare.diagnose.data.recording import MeasuredError
 from compare.faults import ArgumentError, OptionError

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Iterator, Sequence
 
 from analytic.mechanism import Mechanism
@@ -119,6 +120,15 @@ def row_sentence(row: ShownDiscrepancy) -> str:
         f" {plain(row.tolerance)} {unit})"
     )
     return f"{row.quantity.label}: {numbers}" + (f"; {row.reason}" if row.reason else "")
+
+
+def to_look(run: Run, row: ShownDiscrepancy) -> str:
+    """The command that shows both sides of a row where they differ most, ``{file}`` for the result.json; empty where
+    they differ nowhere in particular.
+    """
+    at, of_run = row.at.partition(" ")[0], ["--simulator", run.simulator.name, "--joint", run.joint_model]
+    words = shlex.join(["--signal", row.quantity.signal, "--at", at, *of_run])
+    return f"compare show {{file}} {words}" if at != "-" else ""
 
 
 def frame_and_signs(mechanism: Mechanism) -> str:

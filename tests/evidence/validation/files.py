@@ -73,7 +73,7 @@ def _mjcf(m: Mechanism, file: Path) -> tuple[float, float]:
         {n: v for n, v in analyse(x, times=TIMES).signals.items() if n.startswith("drive_") or n.endswith("magnitude")}
         for x in (m, again)
     )
-    simulated = crosscheck(again, simulators=f"mjcf:{file}", times=TIMES)
+    simulated = crosscheck(again, simulator=f"mjcf:{file}", times=TIMES)
     return digits(apart(theirs, ours)), _share(simulated)
 
 

@@ -1,0 +1,137 @@
+"""A field of a mechanism by its dotted name, as its file nests it: ``drive.speed``, ``joint.B.clearance``,
+``body.crank.points.A.x``, ``load.coupler.force.y``; and mechanisms that differ in such fields.
+
+A part is named by its name, a drive by its joint, a load by its body, a spring by its number in the file, from 1; where
+there is one of a kind, its name may be left out.  ``body.<name>.length`` is no field of a file: it moves the last named
+point of a body that has two.
+"""
+
+from __future__ import annotations
+
+import copy
+import difflib
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from analytic.mechanism.errors import MechanismError, accepted, quoted
+from analytic.mechanism.file import as_written, checked
+from analytic.mechanism.model import Mechanism
+from analytic.mechanism.written import WAVES, si_unit
+
+TABLES = ("gravity", "ground", "body", "joint", "drive", "spring", "load", "assembly")
+CALLED = {"body": "name", "joint": "name", "drive": "joint", "load": "body", "spring": ""}  # what names a part of each
+WITHIN = ("elasticity", *WAVES)  # fields that are tables
+STEPS = {"section": ("height", "depth"), "guide": ("length", "height")}  # other lists are x, y and z
+FROM_NOTHING = ("gravity", "force")  # lists that are zero where they are left out
+LENGTH = "length"
+
+
+class FieldError(MechanismError):
+    """A dotted name is no field; the message says which name was meant, or which there are."""
+
+
+@dataclass(frozen=True)
+class Dotted:
+    """A field: its dotted name, the steps to it in a mechanism's file, and the SI unit of its number."""
+
+    name: str
+    place: tuple[str | int, ...]
+    unit: str
+
+
+def find(mechanism: Mechanism, name: str) -> Dotted:
+    """The field of a mechanism that a dotted name means.  Raises FieldError."""
+    fields: dict[str, Any] = as_written(mechanism)
+    table, rest = _step(name, name, TABLES, "a mechanism file")
+    place: tuple[str | int, ...] = (table,)
+    here: Any = fields.get(table)
+    if table in CALLED:
+        if isinstance(here, list):
+            index, rest = _part(name, rest, table, here)
+            place, here = (*place, index), here[index]
+        elif here is None:
+            raise FieldError(f"{name}: {mechanism.name} has no {table}")
+        else:  # one table in place of a list of them
+            rest = rest.removeprefix(f"{here[CALLED[table]]}.")
+        lengths = [LENGTH] if table == "body" else []
+        field, rest = _step(name, rest, [*accepted(place, Mechanism), *lengths], f"a {table}")
+        place, here = (*place, field), here.get(field) if field not in lengths else math.nan
+        if lengths and field == LENGTH and len(fields["body"][int(place[1])]["points"]) != 2:
+            raise FieldError(f"{name}: a body of two points has one length; give points.<point>.x and y of this one")
+        if field in WITHIN:
+            field, rest = _step(name, rest, accepted(place, Mechanism), f"the {field}")
+            place, here = (*place, field), (here or {}).get(field)
+    elif table == "ground":
+        point, rest = _step(name, rest.removeprefix("points."), list(here["points"]), "the ground's points")
+        place, here = (table, "points", point), here["points"][point]
+    return Dotted(name, _inside(name, place, here, rest), "m" if place[-1] == LENGTH else si_unit(fields, place))
+
+
+def with_values(mechanism: Mechanism, values: Mapping[Dotted, float | str]) -> Mechanism:
+    """A checked copy with other values (SI) of these fields.  Raises MechanismError."""
+    fields: dict[str, Any] = copy.deepcopy(as_written(mechanism))
+    for field, value in values.items():
+        if field.place[0] == "body" and field.place[-1] == LENGTH:
+            _lengthen(fields["body"][int(field.place[1])], value, field.name)
+            continue
+        here: Any = fields
+        for k, step in enumerate(field.place[:-1]):
+            if isinstance(here, dict) and step not in here:
+                here[step] = [0.0, 0.0] if isinstance(field.place[k + 1], int) else {}
+            here = here[step]
+        here[field.place[-1]] = value
+    return checked(fields, mechanism.name)
+
+
+def _lengthen(body: dict[str, Any], length: float | str, name: str) -> None:
+    """Move the last of a body's two points along their line, so that they are this far apart."""
+    if isinstance(length, str) or not 0 < length < math.inf:
+        raise MechanismError(f"{name} = {quoted(length)}; give metres, more than 0")
+    (_, (x, y)), (last, (u, v)) = body["points"].items()
+    share = length / (math.hypot(u - x, v - y) or math.nan)
+    body["points"][last] = [x + share * (u - x), y + share * (v - y)]
+
+
+def _part(name: str, rest: str, table: str, parts: Sequence[Mapping[str, Any]]) -> tuple[int, str]:
+    """The index of the part of a table that is meant, and what is left of the name."""
+    called = [str(part.get(CALLED[table], "")) for part in parts]
+    keys = {str(k): k - 1 for k in range(1, len(parts) + 1)} if table in ("load", "spring") else {}
+    keys |= {each: k for k, each in enumerate(called) if each and called.count(each) == 1}
+    if len(parts) == 1 and not any(rest == key or rest.startswith(f"{key}.") for key in keys):
+        return 0, rest
+    key, rest = _step(name, rest, list(keys), f"a {table}", "no name of")
+    return keys[key], rest
+
+
+def _inside(name: str, place: tuple[str | int, ...], here: object, rest: str) -> tuple[str | int, ...]:
+    """The whole place of a number, through points and the components of a list."""
+    while True:
+        if here is None and place[-1] in FROM_NOTHING:
+            here = [0.0, 0.0]
+        if isinstance(here, Mapping):
+            step, rest = _step(name, rest, list(here), str(place[-1]))
+            place, here = (*place, step), here[step]
+        elif isinstance(here, list):
+            steps = STEPS.get(str(place[-1]), ("x", "y", "z"))[: len(here)]
+            step, rest = _step(name, rest, steps, str(place[-1]), "no component of")
+            place, here = (*place, steps.index(step)), None
+        elif rest:
+            what = "is left out; give it in the file first" if here is None else f"has nothing inside, such as {rest!r}"
+            raise FieldError(f"{name}: {name.removesuffix(f'.{rest}')} {what}")
+        else:
+            return place
+
+
+def _step(name: str, rest: str, choices: Sequence[str], where: str, no: str = "no field of") -> tuple[str, str]:
+    """The first of some names in what is left of a dotted name, names with dots too, and what is left then."""
+    fitting = [each for each in choices if rest == each or rest.startswith(f"{each}.")]
+    if fitting:
+        best = max(fitting, key=len)
+        return best, rest[len(best) + 1 :]
+    first = rest.partition(".")[0]
+    close = difflib.get_close_matches(first, choices, n=1)
+    remedy = f"did you mean {close[0]!r}" if close and first else f"they are {', '.join(choices)}"
+    said = f"{first!r} is {no} {where}" if first else f"{where} has several numbers; name one"
+    raise FieldError(f"{name}: {said}; {remedy}")

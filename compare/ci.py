@@ -1,0 +1,141 @@
+"""Judgements as continuous integration shows them: test cases of a JUnit file, and annotations of GitHub."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+from compare.files import NOT_XML, relative
+
+MOST_ANNOTATIONS = 10  # errors of one step that GitHub shows
+SOURCES = ("measured", "results", "case", "rig", "result")  # options that name the file an answer is about, in order
+
+
+@dataclass(frozen=True)
+class JUnitCase:
+    """One judgement: what is ``said`` of it, or the ``failure`` or ``error`` (a sentence each) that it has, of some
+    ``kind``.
+
+    ``place`` is what it belongs to, from large to small.  ``look`` is a command that shows it, with ``{file}`` for the
+    result's JSON file, ``times`` how many times its tolerance a difference is, ``file`` the file at fault where that is
+    not the one the command was given.
+    """
+
+    place: tuple[str, ...]
+    name: str
+    said: str = ""
+    failure: str = ""
+    error: str = ""
+    kind: str = ""
+    look: str = ""
+    times: float = 0.0
+    file: str = ""
+
+    @property
+    def title(self) -> str:
+        """Its name in a list without its place: ``paper, mujoco, contact, driven: reaction_B_angle``."""
+        return f"{', '.join(self.place)}: {self.name}"
+
+
+@dataclass(frozen=True)
+class JUnitSuite:
+    """Cases that belong together, and what is ``said`` of them as a whole."""
+
+    title: str
+    cases: Sequence[JUnitCase]
+    said: str = ""
+
+
+def junit_xml(name: str, suites: Sequence[JUnitSuite], file: str) -> str:
+    """JUnit XML of suites; commands that show a failure read ``file``."""
+    root = ElementTree.Element("testsuites", _clean({"name": name} | _counts([c for s in suites for c in s.cases])))
+    for suite in suites:
+        element = ElementTree.SubElement(root, "testsuite", _clean({"name": suite.title} | _counts(suite.cases)))
+        for case in suite.cases:
+            _add(element, case, file)
+        if suite.said:
+            ElementTree.SubElement(element, "system-out").text = _text(suite.said)
+    ElementTree.indent(root)
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def wrong(suites: Sequence[JUnitSuite]) -> list[JUnitCase]:
+    """The cases with a failure or an error, those first that are the most times off their tolerance."""
+    cases = (case for suite in suites for case in suite.cases)
+    return sorted((case for case in cases if case.failure or case.error), key=lambda case: -case.times)
+
+
+def annotated(suites: Sequence[JUnitSuite], file: str) -> list[str]:
+    """A line for GitHub for each case that is wrong, on its own file or this one; nothing where no workflow of GitHub
+    runs this.
+
+    GitHub shows so many of a step and leaves the rest out in silence: the last one says how many more there are.
+    """
+    cases = wrong(suites) if in_workflow() else []
+    lines = [annotation(case.failure or case.error, case.title, case.file or file) for case in cases]
+    if len(lines) <= MOST_ANNOTATIONS:
+        return lines
+    more = f"{len(lines) - MOST_ANNOTATIONS + 1} more are wrong; junit.xml and the report have them all"
+    return [*lines[: MOST_ANNOTATIONS - 1], annotation(more, "and more", file)]
+
+
+def annotation(message: str, title: str, file: str) -> str:
+    """The line by which a workflow of GitHub marks a file, or the run as a whole where there is none."""
+    properties = {"file": _in_workspace(file)} if file else {}
+    named = ",".join(f"{name}={_escaped(value, ':,')}" for name, value in (properties | {"title": title}).items())
+    return f"::error {named}::{_escaped(relative(message))}"
+
+
+def in_workflow() -> bool:
+    """Whether a workflow of GitHub runs this."""
+    return os.environ.get("GITHUB_ACTIONS") == "true"
+
+
+def source(given: Mapping[str, object]) -> str:
+    """The file that a command with these options is about, the data before the linkage; empty for a shipped case."""
+    values = (given.get(name) for name in SOURCES)
+    files = (str(each) for value in values for each in (value if isinstance(value, list | tuple) else [value]))
+    return next(filter(os.path.isfile, files), "")
+
+
+def _in_workspace(path: str) -> str:
+    """A path as a workflow's files have it: from the repository's root, which the workflow says."""
+    root = Path(os.environ.get("GITHUB_WORKSPACE") or ".").resolve()
+    full = Path(path).resolve()
+    return full.relative_to(root).as_posix() if full.is_relative_to(root) else full.name
+
+
+def _escaped(text: str, more: str = "") -> str:
+    """Text of a workflow's command, as GitHub's own toolkit writes it."""
+    for character in f"%\r\n{more}":
+        text = text.replace(character, f"%{ord(character):02X}")
+    return text
+
+
+def _add(suite: ElementTree.Element, case: JUnitCase, file: str) -> None:
+    place = ".".join(part.replace(".", "_") for part in case.place)  # a dot begins a package
+    element = ElementTree.SubElement(suite, "testcase", _clean({"classname": place, "name": case.title}))
+    for tag, words in (("failure", case.failure), ("error", case.error)):
+        if words:
+            attributes = _clean({"message": words, "type": case.kind})
+            look = f"\nto look at it: {case.look.replace('{file}', file)}" * bool(case.look)
+            ElementTree.SubElement(element, tag, attributes).text = _text(words + look)
+    if case.said and not (case.failure or case.error):
+        ElementTree.SubElement(element, "system-out").text = _text(case.said)
+
+
+def _counts(cases: Sequence[JUnitCase]) -> dict[str, str]:
+    counts = (len(cases), sum(bool(case.failure) for case in cases), sum(bool(case.error) for case in cases))
+    return dict(zip(("tests", "failures", "errors"), map(str, counts), strict=True))
+
+
+def _clean(attributes: dict[str, str]) -> dict[str, str]:
+    return {name: _text(value) for name, value in attributes.items()}
+
+
+def _text(text: str) -> str:
+    """Text that XML can hold, with relative paths."""
+    return NOT_XML.sub("", relative(text))

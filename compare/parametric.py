@@ -1,0 +1,320 @@
+"""A question asked over and over of one mechanism whose fields take several values: one table of what each comes to."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from itertools import product
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+from pydantic import BaseModel
+
+from analytic.errors import Error
+from analytic.mechanism import Mechanism
+from analytic.mechanism.dotted import Dotted, FieldError, find, with_values
+from analytic.mechanism.file import as_written
+from analytic.mechanism.one_line import count
+from analytic.mechanism.units import UnitError, factor_to_si
+from analytic.mechanism.written import BARE, NUMBER
+from compare.accuracy import accuracy
+from compare.analyse import analyse
+from compare.arguments import Linkage, Values, cores, engines, linkage, with_map
+from compare.crosscheck import crosscheck
+from compare.faults import ArgumentError
+from compare.judge.tolerances import Tolerances
+from compare.platform import platform_accuracy
+from compare.progress import progress_bar
+from compare.quantities import drive_signals, quantities
+from compare.questions.accuracy import AccuracyQuestion, PlatformQuestion
+from compare.questions.analyse import AnalyseQuestion
+from compare.questions.crosscheck import CrosscheckQuestion
+from compare.questions.question import Question
+from compare.questions.sweep import SweepQuestion
+from compare.results.accuracy import Accuracy
+from compare.results.analysis import Analysis
+from compare.results.crosscheck import CrossCheck
+from compare.results.platform import PlatformAccuracy
+from compare.results.sweep import Asks, FieldValue, Sweep, SweptField
+from compare.sweep import sweep as spread_out
+from compare.versions import versions
+from sim_models.engine import SimulationError, SimulatorMissing
+
+MOST_POINTS = 100_000  # rows of a table: more is a mistake in a step
+
+QUESTIONS: Mapping[Asks, tuple[type[Question], Callable[..., Analysis | Accuracy | PlatformAccuracy | CrossCheck]]] = {
+    "analyse": (AnalyseQuestion, analyse),
+    "accuracy": (AccuracyQuestion, accuracy),
+    "platform_accuracy": (PlatformQuestion, platform_accuracy),
+    "crosscheck": (CrosscheckQuestion, crosscheck),
+}
+
+
+def sweep(
+    mechanism: Linkage,
+    fields: Mapping[str, Values],
+    asks: Asks = "analyse",
+    *,
+    workers: int | None = None,
+    dask: str | None = None,
+    progress: Callable[[str, int, int | None], None] | None = None,
+    **options: object,
+) -> Sweep:
+    """What an analysis, an accuracy or a cross-check of a linkage comes to over a grid of values of its fields.
+
+    ``fields`` are values by dotted name, as the mechanism's file nests it: ``{"drive.speed": "30 rpm:300 rpm:30 rpm",
+    "joint.B.clearance": [1e-4, 2e-4]}``; numbers are SI, texts may have units.  A range is start, stop and step, stop
+    included.  ``options`` are those of :func:`compare.analyse.analyse`, :func:`compare.accuracy.accuracy`,
+    :func:`compare.platform.platform_accuracy` or :func:`compare.crosscheck.crosscheck`, whichever ``asks`` names; a
+    ``clearance`` among them is the mechanism's own.
+    Points are spread over ``workers`` processes (one a core), or over the workers of the ``dask`` scheduler of this
+    address.  A point without an answer says why in its row, and the others stand.
+
+    Raises MechanismError, ArgumentError for a name that is no field (with the nearest that is), ClusterError.
+    """
+    asked = SweepQuestion(mechanism, fields, asks, options=options, workers=workers, dask=dask, progress=progress)
+    return swept(asked)
+
+
+def swept(question: SweepQuestion) -> Sweep:
+    """The answer of :func:`sweep`."""
+    options = dict(question.options or {})
+    base = linkage(question.mechanism, cast(Any, options.pop("clearance", None)), large=True)
+    of_asked, _ = QUESTIONS[question.asks]
+    asked = of_asked(base, **options)  # type: ignore[call-arg]  # what no point could use is refused at once
+    if isinstance(asked, CrosscheckQuestion):
+        engines(with_map(asked.simulator, asked.map))
+    places = [_field(base, name) for name in question.fields]
+    fields = [values_of(place, values) for place, values in zip(places, question.fields.values(), strict=True)]
+    size = math.prod(len(field.values) for field in fields)
+    if size > MOST_POINTS:
+        raise ArgumentError("fields", f"that is {count(size, 'point')}; give at most {MOST_POINTS}")
+    at = [dict(zip(question.fields, place, strict=True)) for place in product(*(range(len(f.values)) for f in fields))]
+    plain = {name: _plain(value) for name, value in options.items()}
+    runs = [
+        {
+            "asks": question.asks,
+            "mechanism": as_written(base),
+            "values": {field.name: field.values[each[field.name]] for field in fields},
+            "options": plain,
+        }
+        for each in at
+    ]
+    with progress_bar(question.progress) as progress:
+        results: list[dict[str, Any]] = [{} for _ in runs]
+        workers = min(question.workers or cores(), len(runs))
+        for end in spread_out(
+            point,
+            runs,
+            workers=workers,
+            dask=question.dask,
+            progress=lambda done, total: progress("points", done, total),
+        ):
+            results[end.index] = {"failure": end.failure} if end.failure else cast(dict[str, Any], end.result)
+    said = dict.fromkeys(text for result in results for text in result.pop("warnings", ()))
+    columns = {name: column for result in results for name, column in result.pop("columns", {}).items()}
+    return Sweep.model_validate(
+        {
+            "case": base.name,
+            "asks": question.asks,
+            "mechanism": base,
+            "options": plain,
+            "fields": fields,
+            "columns": columns,
+            "points": [{"at": each, **result} for each, result in zip(at, results, strict=True)],
+            "versions": versions(),
+            "warnings": tuple(said),
+        }
+    )
+
+
+# ---------------------------------------------------------------- what is varied
+
+
+def _field(mechanism: Mechanism, name: str) -> Dotted:
+    try:
+        return find(mechanism, name)
+    except FieldError as error:
+        raise ArgumentError("fields", str(error)) from None
+
+
+def values_of(field: Dotted, given: object) -> SweptField:
+    """The values of a field as they are given.  Raises ArgumentError."""
+    if isinstance(given, str):
+        parts: list[object] = list(_ranged(field, given) if ":" in given else given.split(","))
+    elif isinstance(given, np.ndarray | list | tuple):
+        parts = list(np.asarray(given).tolist() if isinstance(given, np.ndarray) else given)
+    else:
+        parts = [given]
+    amounts = [_amount(field, part) for part in parts]
+    units = {unit for value, unit in amounts if not isinstance(value, str)}
+    values = tuple(_si(field, value, unit) for value, unit in amounts)
+    if not values or any(isinstance(value, float) and not math.isfinite(value) for value in values):
+        raise ArgumentError("fields", f"{field.name}: {given!r} cannot be used; give finite numbers")
+    twice = next((value for k, value in enumerate(values) if value in values[:k]), None)
+    if twice is not None:
+        raise ArgumentError("fields", f"{field.name}: {twice!r} is there twice; give each value once")
+    alike = len(units) == 1 and "" not in units
+    return SweptField(
+        name=field.name,
+        unit=field.unit,
+        values=values,
+        written_unit=units.pop() if alike else field.unit,
+        written=tuple(value for value, _ in amounts) if alike else values,
+    )
+
+
+def _ranged(field: Dotted, text: str) -> Iterator[str]:
+    """Start, stop and what is between them, stop included, each with the unit that they share."""
+    parts = [_amount(field, part) for part in text.split(":")]
+    if len(parts) != 3 or any(isinstance(value, str) for value, _ in parts):
+        raise ArgumentError("fields", f"{field.name}: {text!r} is no range; give start:stop:step")
+    units = {unit for _, unit in parts}
+    if len(units) > 1:
+        raise ArgumentError("fields", f"{field.name}: {text!r} has several units; give all three the same")
+    start, stop, step = (float(value) for value, _ in parts)
+    if not (all(map(math.isfinite, (start, stop, step))) and step > 0 and stop >= start):
+        raise ArgumentError(
+            "fields", f"{field.name}: {text!r} goes nowhere; give a stop above start and a step above 0"
+        )
+    size = (stop - start) / step
+    if size > MOST_POINTS:
+        raise ArgumentError("fields", f"{field.name}: {text!r} has more than {MOST_POINTS} values; give a larger step")
+    unit = units.pop()
+    for k in range(int(size + 1e-9) + 1):  # rounding of a step may not lose the stop
+        yield f"{float(f'{start + k * step:.12g}')!r} {unit}".strip()
+
+
+def _amount(field: Dotted, part: object) -> tuple[FieldValue, str]:
+    """A number and the unit that it is written with, or a word without one."""
+    if isinstance(part, bool) or not isinstance(part, str | int | float):
+        raise ArgumentError("fields", f"{field.name}: {part!r} cannot be used; give numbers, or texts with units")
+    if not isinstance(part, str):
+        return float(part), ""
+    written = None if BARE.fullmatch(part) else NUMBER.fullmatch(part)
+    if written is not None:
+        return float(written[1]), written[2]
+    try:
+        return float(part), ""
+    except ValueError:
+        if field.unit and not part.strip().isalpha():  # a word such as free is a value of a field with a unit too
+            raise ArgumentError("fields", f"{field.name}: {part.strip()!r} is no number") from None
+        return part.strip(), ""
+
+
+def _si(field: Dotted, value: FieldValue, unit: str) -> FieldValue:
+    if isinstance(value, str) or not unit:
+        return value
+    if not field.unit:
+        raise ArgumentError("fields", f"{field.name}: {value:g} {unit} cannot be used; it is a number without a unit")
+    try:
+        return value * factor_to_si(unit, field.unit)
+    except UnitError as error:
+        raise ArgumentError("fields", f"{field.name}: {value:g} {unit} has {error}") from None
+
+
+def _plain(value: object) -> object:
+    """An option as plain data, so that it can go to another process."""
+    if isinstance(value, BaseModel):
+        return value.model_dump(mode="json", by_alias=True)
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, tuple | list):
+        return [_plain(each) for each in value]
+    return str(value) if isinstance(value, Path) else value
+
+
+# ---------------------------------------------------------------- what it comes to
+
+
+def point(run: Mapping[str, object]) -> dict[str, object]:
+    """One point of a sweep as plain data: its numbers and their columns, or why there is no answer."""
+    asks, values = cast(Asks, run["asks"]), cast(Mapping[str, FieldValue], run["values"])
+    options = dict(cast(Mapping[str, Any], run["options"]))
+    if isinstance(options.get("tolerances"), Mapping):
+        options["tolerances"] = Tolerances.model_validate(options["tolerances"])
+    if asks == "crosscheck":  # points share the cores, and one bar tells of them all
+        options |= {"workers": 1, "progress": lambda *_: None}
+    base = Mechanism.model_validate(run["mechanism"])
+    asked = QUESTIONS[asks][1]
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # they are in the result
+            varied = with_values(base, {find(base, name): value for name, value in values.items()})
+            result = asked(varied, **options)
+    except Error as error:
+        why = str(error)
+        while why.startswith(f"{base.name}: "):
+            why = why.removeprefix(f"{base.name}: ")
+        return {"failure": why, "engine_failed": isinstance(error, SimulationError | SimulatorMissing)}
+    answer: dict[str, Any] = {"warnings": list(result.warnings)}
+    if isinstance(result, CrossCheck):
+        return answer | _compared(result)
+    return answer | (_analysed(result) if isinstance(result, Analysis) else _accurate(result))
+
+
+def _analysed(result: Analysis) -> dict[str, object]:
+    """The largest reaction of each joint, what each drive gives at the most, and the error of each output."""
+    known, drives = quantities(result.mechanism), drive_signals(result.mechanism)
+    reactions = [f"reaction_{joint.name}_magnitude" for joint in result.mechanism.joints]
+    columns: dict[str, dict[str, str]] = {}
+    numbers: dict[str, float | None] = {}
+    for name in (name for name in (*reactions, *drives) if name in result.signals):
+        columns[name] = {
+            "group": "drive" if name in drives else "reaction",
+            "label": known[name].label,
+            "unit": result.kinds[name].unit,
+        }
+        between = result.extremes.get(name)
+        ends = [] if between is None else [each for each in (between.highest, between.lowest) if each is not None]
+        numbers[name] = _largest(np.array([*result.signals[name], *ends]))
+    for name, error in result.errors.items():
+        columns[f"error_{name}"] = {"group": "error", "label": f"error of {name}", "unit": error.unit}
+        numbers[f"error_{name}"] = _largest(error.equilibrium)
+    return {"columns": columns, "numbers": numbers, "remark": _unanswered(result.flags, len(result.crank_angle))}
+
+
+def _accurate(result: Accuracy | PlatformAccuracy) -> dict[str, object]:
+    """The error of each output in equilibrium, and in the worst case."""
+    columns, numbers = {}, {}
+    for group, words in (("error", "error of"), ("worst_case", "worst case of")):
+        for name, output in result.outputs.items():
+            columns[f"{group}_{name}"] = {"group": group, "label": f"{words} {name}", "unit": output.unit}
+            numbers[f"{group}_{name}"] = _largest(output.equilibrium if group == "error" else output.worst_case)
+    size, of = (
+        (len(result.crank_angle), "crank angle") if isinstance(result, Accuracy) else (result.holding.size, "pose")
+    )
+    return {"columns": columns, "numbers": numbers, "remark": _unanswered(result.flags, size, of)}
+
+
+def _compared(result: CrossCheck) -> dict[str, object]:
+    """The verdict, and the comparison that uses up most of its tolerance."""
+    rows = [
+        (each.share or 0.0, run, each) for run in result.runs for each in run.discrepancies if each.share is not None
+    ]
+    judged = [row for row in rows if row[2].verdict in ("agrees", "disagrees")] or rows
+    why = "; ".join(failure.why for failure in result.failures)
+    answer: dict[str, object] = {"verdict": result.verdict, "engine_failed": bool(why)}
+    answer |= {"remark" if result.runs else "failure": why}
+    if judged:
+        share, run, worst = max(judged, key=lambda row: row[0])
+        answer["columns"] = {"share": {"group": "share", "label": "largest difference over its tolerance", "unit": "1"}}
+        answer["numbers"] = {"share": share}
+        answer["farthest"] = {"run": run.title} | {
+            name: getattr(worst, name) for name in ("signal", "unit", "max", "tolerance", "at_crank_angle")
+        }
+    return answer
+
+
+def _largest(values: np.ndarray) -> float | None:
+    """The value that is the largest in size; None where there is none."""
+    known = values[np.isfinite(values)]
+    return float(known[np.argmax(np.abs(known))]) if known.size else None
+
+
+def _unanswered(flags: Mapping[str, str], size: int, of: str = "crank angle") -> str:
+    """How many samples have no answer, and why the first has none."""
+    why = next(iter(flags.values()), "")
+    return f"no answer at {len(flags)} of {count(size, of)}: {why}" if flags else ""

@@ -1,0 +1,123 @@
+"""sweep.json: what an analysis, an accuracy or a cross-check comes to where fields of the mechanism are varied."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field, JsonValue
+
+from analytic.mechanism.one_line import count
+from compare.results.crosscheck import Verdict
+from compare.results.document import Document, Mechanism, Number, Part, Row, Text
+
+Asks = Literal["analyse", "accuracy", "platform_accuracy", "crosscheck"]
+FieldValue = float | str
+
+
+class SweptField(Part):
+    """A field of the mechanism that takes several values."""
+
+    name: Annotated[Text, Field(description="Dotted, as the mechanism's file nests it: joint.B.clearance.")]
+    unit: Annotated[str, Field(description="SI; empty of a number without a unit and of a word.")]
+    values: Annotated[tuple[FieldValue, ...], Field(min_length=1, description="In this unit.")]
+    written_unit: Annotated[str, Field(description="The unit in which they were asked for.")]
+    written: Annotated[tuple[FieldValue, ...], Field(description="The values in that unit.")]
+
+    @property
+    def head(self) -> str:
+        """The field and the unit of what is written."""
+        return f"{self.name} ({self.written_unit})" if self.written_unit else self.name
+
+
+class SweptColumn(Part):
+    """A number that every point has."""
+
+    group: Literal["reaction", "drive", "error", "worst_case", "share"]
+    label: Text
+    unit: Annotated[str, Field(description="SI; 1 of a share.")]
+
+
+class Farthest(Part):
+    """The comparison that uses up most of its tolerance."""
+
+    run: Annotated[str, Field(description="Engine and joint model.")]
+    signal: str
+    unit: str
+    max: Annotated[Number, Field(description="Simulated minus analytic.")]
+    tolerance: Number
+    at_crank_angle: Number
+
+
+class SweptPoint(Part):
+    """One combination of the fields' values."""
+
+    at: Annotated[Mapping[str, int], Field(description="By field, which of its values.")]
+    numbers: Annotated[Mapping[str, Number], Field(description="By column; null where there is no number.")] = {}
+    verdict: Annotated[Verdict | None, Field(description="Of a cross-check.")] = None
+    farthest: Farthest | None = None
+    failure: Annotated[str, Field(description="Why there is no answer here.")] = ""
+    engine_failed: Annotated[bool, Field(description="Whether a simulation has no result.")] = False
+    remark: Annotated[str, Field(description="What part of the answer is missing, such as crank angles.")] = ""
+
+    @property
+    def whole(self) -> bool:
+        """Whether nothing of its answer is missing."""
+        return not (self.failure or self.remark)
+
+
+class Sweep(Document):
+    """One question asked of a mechanism over a grid of values of its fields.  SI units and radians."""
+
+    file: ClassVar[str] = "sweep.json"
+    remedy: ClassVar[str] = "give the sweep.json of a command with --set"
+    opens: ClassVar[str] = "sweep.svg"
+    opened: ClassVar[str] = "figure"
+
+    case: Annotated[str, Field(description="Name of the mechanism.")]
+    asks: Annotated[Asks, Field(description="What is asked at each point.")]
+    mechanism: Annotated[Mechanism, Field(description="The linkage with its own values of the fields.")]
+    options: Annotated[Mapping[str, JsonValue], Field(description="How it is asked, beside what is varied.")]
+    fields: Annotated[tuple[SweptField, ...], Field(min_length=1)]
+    columns: Annotated[Mapping[str, SweptColumn], Field(description="The numbers that points have.")]
+    points: Annotated[tuple[SweptPoint, ...], Field(description="The last field varies fastest.")]
+    versions: Annotated[Mapping[str, str], Field(description="Version by package.")]
+    command: str = ""
+    warnings: tuple[str, ...] = ()
+
+    def values(self, point: SweptPoint, *, written: bool = False) -> dict[str, FieldValue]:
+        """The fields' values of a point, in SI or as they were written."""
+        return {f.name: (f.written if written else f.values)[point.at[f.name]] for f in self.fields}
+
+    @property
+    def holds(self) -> bool:
+        """Whether every point has its whole answer, and agrees where it is a cross-check."""
+        return all(point.whole and point.verdict in (None, "agrees") for point in self.points)
+
+    def rows(self) -> list[Row]:
+        """A row for each point: the fields' values, its numbers, its verdict, and what is missing."""
+        rows: list[Row] = []
+        judged = self.asks == "crosscheck"
+        for point in self.points:
+            numbers = {name: point.numbers.get(name) for name in self.columns}
+            row: dict[str, float | str | None] = {**self.values(point), **numbers}
+            if judged:
+                row["verdict"] = point.verdict
+                for name in ("signal", "run", "max", "tolerance"):
+                    row[name] = None if point.farthest is None else getattr(point.farthest, name)
+            rows.append(row | {"missing": point.failure or point.remark or None})
+        return rows
+
+    def units(self) -> Mapping[str, str]:
+        """SI unit of each column that has one."""
+        units = {field.name: field.unit for field in self.fields} | {n: c.unit for n, c in self.columns.items()}
+        return {name: unit for name, unit in units.items() if unit}
+
+    def __repr__(self) -> str:
+        over = " x ".join(f"{len(field.values)} {field.name}" for field in self.fields)
+        missing = sum(not point.whole for point in self.points)
+        left = f", {missing} not whole" if missing else ""
+        wrong = sum(point.verdict == "disagrees" for point in self.points)
+        return f"Sweep({self.case}, {self.asks}: {over} = {count(len(self.points), 'point')}{left}" + (
+            f", {wrong} disagree)" if wrong else ")"
+        )
