@@ -30,6 +30,7 @@ from compare.diagnose.data.measured_file import Entry, Said, read_file, toleranc
 from compare.diagnose.data.quality import FLOOR, gaps, noise, outliers, unwrapped
 from compare.diagnose.data.recording import Channel, Drive, Fault, Measured, MeasuredError, MeasuredRun
 from compare.diagnose.data.thin import frozen, held, missed, picked
+from compare.progress import progress_bar
 from compare.recorded.errors import DataError
 from compare.recorded.frames import FrameSource
 from compare.recorded.headings import TIME, Column, canonical
@@ -53,6 +54,7 @@ SLIPS = {
 }
 
 
+@progress_bar(what="read measured data")
 def load_measured(path: str | Path) -> Measured:
     """Read measured.toml, the mechanism and the data files that it names, relative to it.  Raises MeasuredError."""
     if not isinstance(path, str | os.PathLike):

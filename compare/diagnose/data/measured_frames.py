@@ -17,6 +17,7 @@ from compare.diagnose.data.measured import recorded
 from compare.diagnose.data.measured_file import Entry, Said, checked
 from compare.diagnose.data.recording import Measured
 from compare.faults import ArgumentError, unusable
+from compare.progress import progress_bar
 from compare.recorded.frames import Frame, frame_source, is_frame
 
 CALLED = "measured"  # in messages, where those of a file begin with its name
@@ -28,6 +29,7 @@ Speed = float | str
 """rad/s, a text with its unit such as "90 rpm", or "measured" or "free"."""
 
 
+@progress_bar(what="read measured data")
 def measured(
     mechanism: Linkage,
     frames: Mapping[str, Frame],
