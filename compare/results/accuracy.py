@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from analytic.mechanism.one_line import count
-from compare.results.document import Document, Filled, Grid, Mechanism, Part, Row, Series
+from compare.results.document import Document, Filled, Grid, Mechanism, Part, Row, Series, rows_of
 
 MetresByJoint = Mapping[str, Annotated[float, Field(ge=0)]]
 Reasons = Mapping[Annotated[str, Field(pattern="^[0-9]+$")], str]
@@ -156,7 +156,7 @@ class Accuracy(Document):
             columns = {"crank_angle": self.crank_angle} | {each: getattr(output, each) for each in displacements}
             columns |= {each: getattr(output.monte_carlo.free, each) for each in ("sigma", "low", "high")}
             columns |= {f"sensitivity_{joint}": values for joint, values in output.sensitivity.items()}
-            rows += self._rows_of(columns, output=name, unit=output.unit)
+            rows += rows_of(columns, output=name, unit=output.unit)
         return rows
 
     def __repr__(self) -> str:
