@@ -58,13 +58,14 @@ def _place(given: Progress | None, what: str) -> Iterator[Progress]:
 def _terminal(what: str) -> Iterator[Progress]:
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+    from rich.table import Column
 
     columns = (
         SpinnerColumn("line"),
-        TextColumn("{task.description:24}", markup=False),
         BarColumn(20),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
+        TextColumn("{task.description}", markup=False, table_column=Column()),  # which may take a second line
     )
     with os.fdopen(os.dup(sys.stderr.fileno()), "w", encoding=sys.stderr.encoding) as terminal:
         bar = Progress(
