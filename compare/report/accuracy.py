@@ -33,7 +33,7 @@ def summary_html(result: Accuracy) -> str:
         unit, factor = shown(output.unit)
         sizes = (factor * float(np.nanmax(np.abs(v), initial=0.0)) for v in (output.equilibrium, output.worst_case))
         rows.append((name, *(f"{plain(size)} {unit}" for size in sizes)))
-    return html_table(rows, ("output", "equilibrium", "worst case"), repr(result), named=True)
+    return html_table(rows, ("output", "equilibrium", "worst case to first order"), repr(result), named=True)
 
 
 def plot(result: Accuracy, figure: Figure) -> None:
@@ -51,7 +51,7 @@ def plot(result: Accuracy, figure: Figure) -> None:
         axis.fill_between(theta, factor * spread.low, factor * spread.high, alpha=0.25, label="95 % of the samples")
         axis.plot(theta, factor * output.equilibrium, label="equilibrium")
         for sign in (-1, 1):
-            label = "worst case" if sign > 0 else None
+            label = "worst case to first order" if sign > 0 else None
             axis.plot(theta, sign * factor * output.worst_case, "k--", linewidth=0.8, label=label)
         axis.set_title(f"{name} ({unit})", fontsize="medium", loc="left")
     legend(axes[0])

@@ -187,7 +187,7 @@ def _errors(result: Analysis) -> Iterator[Figure]:
         parts = {f"by {joint} alone": factor * part for joint, part in parts_of(error).items()}
         lines = {"equilibrium": factor * error.equilibrium} | (parts if 1 < len(parts) < MOST else {})
         bounds = [
-            Series("worst case" if sign > 0 else "", *_closed(result, sign * worst), "frame", "dashed")
+            Series("worst case to first order" if sign > 0 else "", *_closed(result, sign * worst), "frame", "dashed")
             for sign in (1, -1)
         ]
         yield curves(
