@@ -53,6 +53,7 @@ from compare.questions.check import CheckQuestion
 from compare.questions.question import answers
 from compare.recorded.alternatives import TableReading, line, otherwise
 from compare.recorded.errors import DataError
+from compare.recorded.frames import FrameSource, frame_source, is_frame
 from compare.recorded.headings import Column
 from compare.recorded.motion import (
     LEAST_SAMPLES,
@@ -70,6 +71,7 @@ from sim_models.common.contact_laws import contact_parameters
 from sim_models.engine import JointModel, Motion, Request, Trace, engine
 
 NAMED = 4  # columns of which something is said, by name
+FRAME = "results"  # the name of a frame that is given alone
 LEFT_OPEN = 0.5  # of what a signal may differ by: where the course leaves it open by more, that is said
 
 
@@ -143,17 +145,24 @@ def layout_of(given: object) -> Layout:
     return ANY_LAYOUT if given is None else read_map(path(given, "map"), Layout)
 
 
-def result_files(results: object) -> dict[str, Path]:
-    """Files by the name of whoever wrote them: their own names without what is alike.  Raises ArgumentError."""
+def result_files(results: object) -> dict[str, Path | FrameSource]:
+    """Files and frames by the name of whoever wrote them: files' own names without what is alike.  Raises ArgumentError
+    or DataError.
+    """
+    if is_frame(results) and not isinstance(results, Mapping):
+        return {FRAME: frame_source(FRAME, results)}
     if isinstance(results, Mapping) and results:
         unnamed = [name for name in results if not str(name).strip()]
         if unnamed:
             raise ArgumentError("results", f"{quoted(unnamed[0])} is no name of a program; give each file one")
-        return {str(name): path(file, "results") for name, file in results.items()}
+        return {
+            str(name): frame_source(str(name), given) if is_frame(given) else path(given, "results")
+            for name, given in results.items()
+        }
     several = [results] if isinstance(results, str | PathLike) else results
     if not isinstance(several, Sequence) or not several:
         what = f"{type(results).__name__} {shown(str(results))}"
-        raise ArgumentError("results", f"{what} cannot be used; give the path of a file of results, or several")
+        raise ArgumentError("results", f"{what} cannot be used; give a file of results or a frame, or several by name")
     files = [path(file, "results") for file in several]
     names = [file.stem for file in files]
     if len(set(names)) < len(names):
@@ -165,9 +174,9 @@ def result_files(results: object) -> dict[str, Path]:
 
 
 def _tables(
-    files: Mapping[str, Path], mechanism: Mechanism, layout: Layout, where: str, *, timed: bool
+    files: Mapping[str, Path | FrameSource], mechanism: Mechanism, layout: Layout, where: str, *, timed: bool
 ) -> list[tuple[str, str, Table]]:
-    """Every file as a table, by a map that is called ``where``.  Raises DataError with the faults of all of them."""
+    """Every file or frame as a table, by a map that is called ``where``.  Raises DataError with all their faults."""
     timed = timed and mechanism.speed is None  # at a constant speed an angle tells the time
     tables: list[tuple[str, str, Table]] = []
     faults: list[str] = []

@@ -61,6 +61,7 @@ from compare.judge.signals import compared, recorded, with_derived, with_rotatio
 from compare.judge.statistics import compared_statistics
 from compare.judge.tolerances import Tolerances, check_known, known_differences
 from compare.omissions import Asked, omitted, rigid_walls
+from compare.pace import Pace
 from compare.progress import Progress, progress_bar
 from compare.questions.crosscheck import MOST_REVOLUTIONS, CrosscheckQuestion
 from compare.questions.question import answers
@@ -97,6 +98,7 @@ from sim_models.engine import (
 
 STRIKING = TOUCHING["contact_law"]  # joint models whose pins and blocks may leave their walls
 OF_TURNS = "it is of cranks that turn fully, with pins that may strike their walls"
+Outcomes = dict[int, Trace | Failure]
 AnalyticSide = Callable[[Assembly, Schedule, Model, Mapping[str, float]], Reference]
 
 
@@ -338,26 +340,28 @@ def run_all(
     progress: Progress,
 ) -> Ran:
     """Simulate the tasks, each an engine's name and what it is asked, and judge each run by its analytic ``side``."""
-    outcomes: dict[int, Trace | Failure] = {}
-    progress(" ".join(job.simulators), 0, len(tasks))
-    for i, outcome in simulate_all(tasks, job.workers, resolve, job.offers):
-        outcomes[i] = outcome
-        progress(f"{tasks[i][0]} {tasks[i][1].joint_model}", len(outcomes), len(tasks))
+    pace = Pace(lambda these, took: simulate_all(these, job.workers, resolve, job.offers, took), job.workers, progress)
+    longer = job.revolutions > 1 and not job.as_it_is and any(request.watched for _, request in tasks)
+    outcomes = dict(pace.run(tasks, "then longer, where pins strike, unless revolutions is 1" if longer else ""))
     traces = [outcomes[i] for i in range(len(tasks))]
     failed = [f for f in traces if isinstance(f, Failure) and not f.unsupported]
     left_out = [f.why for f in traces if isinstance(f, Failure) and f.unsupported]
 
-    def simulate_again(requests: Mapping[int, Request]) -> dict[int, Trace | Failure]:
-        order = list(requests)
-        reruns = simulate_all([(tasks[i][0], requests[i]) for i in order], job.workers, resolve, job.offers)
-        return {order[k]: outcome for k, outcome in reruns}
+    def again(remark: str) -> Callable[[Mapping[int, Request]], Outcomes]:
+        def simulate_again(requests: Mapping[int, Request]) -> Outcomes:
+            order = list(requests)
+            reruns = pace.run([(tasks[i][0], requests[i]) for i in order], remark)
+            return {order[k]: outcome for k, outcome in reruns}
+
+        return simulate_again
 
     first = {i: judged(job, side(t), t) for i, t in enumerate(traces) if isinstance(t, Trace)}
-    again = dict(enumerate(request for _, request in tasks))
+    asked = dict(enumerate(request for _, request in tasks))
     settled: Mapping[int, JudgedRun | Failure] = first
     if not (job.flexible or job.as_it_is):
-        settled, again = settle(first, again, simulate_again, lambda t: judged(job, side(t), t))
-        settled = prolong(settled, again, simulate_again, lambda t: judged(job, side(t), t), job.revolutions)
+        settled, asked = settle(first, asked, again("finer, near a tolerance"), lambda t: judged(job, side(t), t))
+        prolonged = again("longer, as pins strike; revolutions 1 would end here")
+        settled = prolong(settled, asked, prolonged, lambda t: judged(job, side(t), t), job.revolutions)
     failed += [one for one in settled.values() if isinstance(one, Failure)]
     failed = [_with_jam(one, job.mechanism, job.motion) for one in failed]
     return Ran(tuple(one for one in settled.values() if isinstance(one, JudgedRun)), tuple(failed), tuple(left_out))

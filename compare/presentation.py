@@ -38,6 +38,8 @@ class Presentation(Generic[D]):
 PRESENTATIONS: dict[str, str] = {}
 """By the name of a kind of result, where its presentation is (``module:name``): it is imported when the first one of
 the kind is shown."""
+PICTURES: dict[str, str] = {}
+"""By its name, where what draws a picture of a part of a result into a matplotlib figure is (``module:name``)."""
 LEFT_OVER: list[Callable[[Path, set[str]], set[str]]] = []
 """What tells which other files of a folder belong to earlier results that lose one of these names."""
 
@@ -46,3 +48,8 @@ def presentation(result: D) -> Presentation[D]:
     """How a result of its kind is shown, or of the nearest kind that it is one of."""
     kind = next(base.__name__ for base in type(result).__mro__ if base.__name__ in PRESENTATIONS)
     return cast(Presentation[D], resolve_name(PRESENTATIONS[kind]))
+
+
+def picture(name: str) -> Callable[..., None]:
+    """What draws the picture of that name."""
+    return cast(Callable[..., None], resolve_name(PICTURES[name]))

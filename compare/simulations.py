@@ -4,6 +4,7 @@ rest.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
@@ -27,6 +28,9 @@ from sim_models.engine import (
 )
 
 Resolve = Callable[[str], Engine]
+Task = tuple[str, Request]
+"""An engine's name, and what it is asked."""
+Took = Callable[[int, float], None]
 Numbered = tuple[int, str, Request]
 
 
@@ -70,24 +74,31 @@ def simulate(
 
 
 def simulate_all(
-    tasks: Sequence[tuple[str, Request]],
+    tasks: Sequence[Task],
     workers: int = 1,
     resolve: Resolve = engine,
     offers: tuple[str, ...] = ("motion", "angles"),
+    took: Took = lambda i, seconds: None,
 ) -> Iterator[tuple[int, Trace | Failure]]:
-    """Run (simulator, request) pairs and yield (index, outcome) as each ends; more than one worker means processes.
+    """Run the tasks and yield (index, outcome) as each ends; more than one worker means processes.  ``took`` is told
+    how long (s) each took, before it is yielded.
 
     An engine that brings its process down has failed.  What else a simulation raises is raised here.
     """
     numbered = [(i, simulator, request) for i, (simulator, request) in enumerate(tasks)]
+    run = partial(_simulate, resolve=resolve, offers=offers)
     if workers == 1 or len(tasks) == 1:
-        for i, simulator, request in numbered:
-            yield i, simulate(simulator, request, resolve, offers)
+        for task in numbered:
+            outcome, seconds = run(task)
+            took(task[0], seconds)
+            yield task[0], outcome
         return
-    for ended in spread(partial(_simulate, resolve=resolve, offers=offers), numbered, workers):
+    for ended in spread(run, numbered, workers):
         i, simulator, request = ended.item
         if ended.value is not None:
-            yield i, ended.value
+            outcome, seconds = ended.value
+            took(i, seconds)
+            yield i, outcome
         elif isinstance(ended.error, Died):
             why = f"{simulator} {request.joint_model} {request.motion}: {ended.error}"
             yield i, Failure(simulator=simulator, joint_model=request.joint_model, why=why)
@@ -95,6 +106,8 @@ def simulate_all(
             raise ended.error
 
 
-def _simulate(numbered: Numbered, resolve: Resolve, offers: tuple[str, ...]) -> Trace | Failure:
+def _simulate(numbered: Numbered, resolve: Resolve, offers: tuple[str, ...]) -> tuple[Trace | Failure, float]:
+    """What came of a task, and how long (s) it took."""
     _, simulator, request = numbered
-    return simulate(simulator, request, resolve, offers)
+    began = time.perf_counter()
+    return simulate(simulator, request, resolve, offers), time.perf_counter() - began

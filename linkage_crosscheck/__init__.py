@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from compare.crosscheck import crosscheck as crosscheck
     from compare.diagnose.begin import begin as begin
     from compare.diagnose.data.measured import load_measured
+    from compare.diagnose.data.measured_frames import measured as measured
     from compare.diagnose.plan.workflow import plan as plan
     from compare.diagnose.preview import preview as preview
     from compare.diagnose.workflow import diagnose as diagnose
@@ -84,6 +85,7 @@ _WHERE = {
     "fields": "compare.mechanism_fields",
     "import_mjcf": "compare.imported",
     "load": "analytic.mechanism.file",
+    "measured": "compare.diagnose.data.measured_frames",
     "plan": "compare.diagnose.plan.workflow",
     "platform_accuracy": "compare.platform",
     "preview": "compare.diagnose.preview",

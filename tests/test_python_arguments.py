@@ -23,6 +23,7 @@ from analytic.kinematics.structure import StructureError
 from analytic.mechanism import MechanismError
 from analytic.mechanism.file import dumps, load
 from analytic.paper.frame import ComplianceError
+from compare import progress
 from compare.arguments import engines, every_one, names, numbers, refuse_large
 from compare.baseline.file import BaselineError
 from compare.cli.app import app
@@ -410,6 +411,7 @@ def test_python_tells_its_progress_on_a_terminal_and_only_there(
 ) -> None:
     asked = {"motion": "static", "joint_model": "ideal", "angles": [0.6, 0.7], "workers": 1, **given}
     monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(progress, "TICK", 0.01)  # it ends within a second
     with terminal() as seen:
         lc.crosscheck("paper", **asked)
     said = b"".join(seen)

@@ -56,6 +56,15 @@ def test_a_reader_is_through_it_in_a_minute_and_knows_the_paper() -> None:
     assert len(re.findall(r"!\[", README)) == 1
 
 
+def test_it_has_five_doors_and_what_is_behind_them_leads_to_every_page() -> None:
+    doors = README.partition("## Five doors\n")[2].partition("\n\n`analytic/`")[0]
+    assert len(re.findall(r"\]\(", doors)) == 5
+    behind = (ROOT / "docs" / "contents.md").read_text(encoding="utf-8")
+    for folder in ("tutorial", "how-to", "theory"):
+        for page in (ROOT / "docs" / folder).glob("*.md"):
+            assert f"({folder}/{page.name})" in behind, page
+
+
 def test_its_first_three_shell_blocks_are_what_ci_runs() -> None:
     """The continuous integration takes them by number."""
     main, tests, rig = (text.splitlines() for kind, text in BLOCKS if kind == "sh")

@@ -86,6 +86,11 @@ def test_a_result_is_plotted_or_says_that_a_list_has_no_picture(result: Document
     figure = result.plot()
     figure.savefig(tmp_path / "picture.png")
     assert (tmp_path / "picture.png").stat().st_size > 5000
+    assert len(figure.axes) <= 12
+    for axis in figure.axes:
+        assert len({line.get_label() for line in axis.lines if not line.get_label().startswith("_")}) <= 6
+        legend = axis.get_legend()  # beside the data
+        assert legend is None or legend.get_window_extent().x0 >= axis.get_window_extent().x1
     shown, _ = DisplayFormatter().format(figure)  # in a notebook in which nothing was switched on
     assert shown["image/png"].startswith(b"\x89PNG")
     assert len(shown["image/png"]) > 5000

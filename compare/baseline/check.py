@@ -6,6 +6,7 @@ import shlex
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from analytic.kinematics.closure import AssemblyError
 from analytic.kinematics.structure import StructureError
@@ -21,7 +22,6 @@ from compare.faults import ArgumentError, Exit, OptionError
 from compare.files import OutputError, file_name, made_folder, relative, write_atomically
 from compare.progress import Progress, progress_bar
 from compare.questions.baseline import BASELINES, BaselinesQuestion
-from compare.questions.check import Results
 from compare.questions.question import answers
 from compare.recorded.errors import DataError
 from compare.recorded.table import Table, read_table, unused
@@ -31,6 +31,9 @@ from compare.simulations import Resolve
 from sim_models.engine import SimulationError, SimulatorMissing, Unsupported, engine
 
 LOOK = Path("moved")  # a folder for baselines of what is found now, to be compared with those that are stored
+if TYPE_CHECKING:
+    from compare.questions.check import Results
+
 Made = Callable[[Mechanism, str, Resolve], tuple[str, list[StoredRun]]]
 Work = Callable[[Path, Mechanism, str, str, Resolve, Made], Entry]
 GRAVITY: dict[Status, Exit] = {

@@ -19,6 +19,7 @@ from analytic.mechanism.signals import unwound
 from compare.arguments import path
 from compare.diagnose.data.quality import noise
 from compare.faults import ArgumentError
+from compare.progress import progress_bar
 from compare.quantities import amount
 from compare.recorded.errors import DataError
 from compare.recorded.guess import OFF_SPEED, Guessed, guess
@@ -34,6 +35,7 @@ class Begun:
     notes: tuple[str, ...]
 
 
+@progress_bar(what="begin")
 def begin(files: Sequence[str | Path] | str | Path, mechanism: str | Path, folder: str | Path = ".") -> Begun:
     """A measured.toml for these data files of a linkage, as it would stand in ``folder``: columns matched to signals,
     drives, speeds and directions guessed, noise estimated, runs named after their files.

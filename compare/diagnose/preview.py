@@ -30,6 +30,7 @@ from compare.diagnose.predict import Model, Motors, Term
 from compare.diagnose.problem import begun
 from compare.diagnose.residuals import Data
 from compare.diagnose.sensitivities import Sensitivity, candidates, sensitivities
+from compare.progress import progress_bar
 from compare.results.diagnosis import EffectPlace, RecordingFault
 from compare.results.preview import Preview, RunPreview, SensorPreview, Visible
 
@@ -41,6 +42,7 @@ OPPOSITE = 0.7  # correlation with minus the prediction from which a load cell s
 SAMPLES = 8_000  # of all sensors together, by which it is told what shows
 
 
+@progress_bar(what="preview")
 def preview(measured: Measured | str | Path) -> Preview:
     """What measured data are: each sensor beside the nominal model, its noise, gaps, what of the crank's turn there is,
     and which effects these runs would show, and which they could not tell apart.

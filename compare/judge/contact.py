@@ -214,7 +214,7 @@ def joint_contact(run: WatchedRun, course: JointPlay, marks: np.ndarray, ideal: 
         first_impact=float(angle[begins[0]]) if begins.size else None,
         impacts=Impacts(crank_angle=angle[begins], approach_speed=speeds, impulse=impulses, energy=energies),
         profile=_profile(angle, time, size, course.free, begins, float(run.turned[-1]) / math.tau),
-        orbit=_orbit(course, size, angle, slice(spans[-1][0], spans[-1][1] + 1)),
+        orbit=_orbit(course, size, angle, time, slice(spans[-1][0], spans[-1][1] + 1)),
         section=Section(
             x=course.gap.real[at],
             y=course.gap.imag[at],
@@ -293,12 +293,14 @@ def _steadiness(joints: Mapping[str, JointContact], whole: int, turns: float) ->
     )
 
 
-def _orbit(course: JointPlay, size: np.ndarray, angle: np.ndarray, here: slice) -> Orbit:
+def _orbit(course: JointPlay, size: np.ndarray, angle: np.ndarray, time: np.ndarray, here: slice) -> Orbit:
     """The path of a pin or block in some instants, thinned; where it is pushed hardest is kept."""
     x, force = course.gap[here], size[here]
     pieces = np.array_split(np.arange(x.size), min(ORBIT_POINTS // 2, x.size))
     kept = np.unique([k for piece in pieces for k in (int(piece[0]), int(piece[np.argmax(force[piece])]))])
-    return Orbit(x=x.real[kept], y=x.imag[kept], force=force[kept], crank_angle=angle[here][kept])
+    return Orbit(
+        x=x.real[kept], y=x.imag[kept], force=force[kept], crank_angle=angle[here][kept], time=time[here][kept]
+    )
 
 
 def _profile(

@@ -5,13 +5,13 @@ from dataclasses import KW_ONLY
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from compare.questions.check import Results
 from compare.questions.option import ArgumentKind, File, Files, Option, Written
 from compare.questions.question import Question
 from compare.questions.shared import AnyPath, ProgressOption
 
 if TYPE_CHECKING:
     from compare.arguments import Linkage, Simulators
+    from compare.questions.check import Results
 
 BASELINES = Path("reports") / "baselines"
 
@@ -30,7 +30,7 @@ class BaselinesQuestion(Question):
     folder: Annotated[AnyPath, Option("Folder of the baseline files.", Written("DIR"), name="baselines")] = BASELINES
     _: KW_ONLY
     results: Annotated[
-        Results | None, Option("Another program's results of the case in place of an engine's.", Files("FILE"))
+        "Results | None", Option("Another program's results of the case in place of an engine's.", Files("FILE"))
     ] = None
     map: Annotated[AnyPath | None, Option("What the columns of those results are.", File("FILE"))] = None
     progress: ProgressOption = None

@@ -22,17 +22,18 @@ from compare.questions.shared import (
 if TYPE_CHECKING:
     from analytic.mechanism.columns import Layout
     from compare.arguments import Simulators
+    from compare.recorded.frames import Frame
     from sim_models.engine import JointModel, Motion
 
-Results = AnyPath | Sequence[AnyPath] | Mapping[str, AnyPath]
-"""A file of results, several, or several by the name of the program that wrote each."""
+    Results = AnyPath | Frame | Sequence[AnyPath] | Mapping[str, AnyPath | Frame]
+    """A file of results or a frame, several files, or several of both by the name of the program that wrote each."""
 
 
 class CheckQuestion(Question):
     """Which results are held against what."""
 
     results: Annotated[
-        Results,
+        "Results",
         Option("Files of results (CSV, Parquet, Feather or MAT), one for each program.", Files(), positional=True),
     ]
     mechanism: CaseOption = "paper"

@@ -10,6 +10,7 @@ from compare.questions.shared import ProgressOption
 
 if TYPE_CHECKING:
     from compare.arguments import Linkage
+    from compare.diagnose.data.recording import Measured
 
 RUNS = 3.0  # that a plan is of, where nobody gives a budget
 
@@ -18,7 +19,7 @@ class PlanQuestion(Question):
     """What a rig can do, and what its runs and sensors may cost."""
 
     rig: Annotated[
-        "Linkage",
+        "Linkage | Measured",
         Option(
             "Mechanism file, shipped case, or a plan.toml that says what the rig can do.",
             ArgumentKind("NOMINAL.TOML"),

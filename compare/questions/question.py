@@ -10,6 +10,7 @@ from dataclasses import Field, dataclass, fields
 from textwrap import fill
 from typing import TYPE_CHECKING, Any, ForwardRef, ParamSpec, TypeVar, cast, dataclass_transform, get_args
 
+from compare.progress import progress_bar
 from compare.questions.option import Option
 
 if TYPE_CHECKING:
@@ -62,7 +63,9 @@ def answers(question: Callable[P, Q]) -> Callable[[Callable[[Q], R]], Callable[P
     def of(answer: Callable[[Q], R]) -> Callable[P, R]:
         @functools.wraps(answer)
         def asked(*arguments: P.args, **named: P.kwargs) -> R:
-            return answer(question(*arguments, **_renamed(question, named)))
+            given = question(*arguments, **_renamed(question, named))
+            with progress_bar(getattr(given, "progress", None), answer.__name__.replace("_", " ")):
+                return answer(given)
 
         assert isinstance(question, type)
         returns = inspect.signature(answer).return_annotation

@@ -43,8 +43,7 @@ PythonWorkers = Annotated[
 ProgressOption = Annotated[
     "Progress | None",
     Option(
-        "Told what is being done, how many are done and how many there are [a bar on standard error, on a terminal"
-        " only].",
+        "Told what is being done, how many are done and how many there are [a bar on a terminal, or in a notebook].",
         typed=False,
     ),
 ]

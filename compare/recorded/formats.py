@@ -28,7 +28,7 @@ def _parquet(path: Path) -> ColumnsByHeading:
     pyarrow = _pyarrow(path)
     try:
         with pyarrow.parquet.ParquetFile(path) as file:
-            _check_size(path, file.metadata.num_rows, file.metadata.num_columns)
+            check_size(path.name, file.metadata.num_rows, file.metadata.num_columns)
             return _arrow(file.read())
     except (pyarrow.ArrowException, OSError, ValueError) as error:
         raise _unreadable(path, "Parquet", error) from None
@@ -38,7 +38,7 @@ def _feather(path: Path) -> ColumnsByHeading:
     pyarrow = _pyarrow(path)
     try:
         table = pyarrow.feather.read_table(path, memory_map=True)
-        _check_size(path, table.num_rows, table.num_columns)
+        check_size(path.name, table.num_rows, table.num_columns)
         return _arrow(table)
     except (pyarrow.ArrowException, OSError, ValueError) as error:
         raise _unreadable(path, "Feather", error) from None
@@ -64,11 +64,8 @@ def _arrow(table: Any) -> ColumnsByHeading:
     columns: dict[str, np.ndarray | str] = {}
     for name, column in zip(table.column_names, table.columns, strict=True):
         if kinds.is_timestamp(column.type) or kinds.is_duration(column.type):
-            ticks = column.to_numpy().astype(
-                f"{'datetime64' if kinds.is_timestamp(column.type) else 'timedelta64'}[ns]"
-            )
-            seconds = (ticks - ticks[0]) / np.timedelta64(1, "s") if ticks.size else np.zeros(0)
-            columns[f"{name} [s]"] = np.asarray(seconds, float)
+            kind = "datetime64" if kinds.is_timestamp(column.type) else "timedelta64"
+            columns[f"{name} [s]"] = seconds(column.to_numpy().astype(f"{kind}[ns]"))
         elif kinds.is_integer(column.type) or kinds.is_floating(column.type) or kinds.is_decimal(column.type):
             columns[name] = column.cast("float64").to_numpy()
         else:
@@ -82,7 +79,7 @@ def _mat(path: Path) -> ColumnsByHeading:
 
     try:
         shapes = {name: shape for name, shape, _ in whosmat(path)}
-        _check_size(path, max((int(np.prod(shape)) for shape in shapes.values()), default=0), max(1, len(shapes)))
+        check_size(path.name, max((int(np.prod(shape)) for shape in shapes.values()), default=0), max(1, len(shapes)))
         read = loadmat(path, squeeze_me=True, struct_as_record=False)
     except NotImplementedError:
         raise DataError(f"{path.name}: is a MAT file of version 7.3; save it with '-v7', or as CSV") from None
@@ -92,13 +89,21 @@ def _mat(path: Path) -> ColumnsByHeading:
     for name, value in _vectors({name: value for name, value in read.items() if not name.startswith("__")}):
         real = isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype.kind in "iuf"
         columns[name] = value.astype(float) if real else "is no vector of real numbers"
-    lengths = {values.size for values in columns.values() if isinstance(values, np.ndarray)}
-    if len(lengths) > 1:
-        sizes = ", ".join(f"{name} {values.size}" for name, values in columns.items() if isinstance(values, np.ndarray))
-        raise DataError(
-            f"{path.name}: its vectors have several lengths ({sizes[:300]}); keep those of one run in a file"
-        )
+    check_lengths(path.name, columns)
     return columns
+
+
+def check_lengths(name: str, columns: ColumnsByHeading) -> None:
+    """Raises DataError for columns of several lengths."""
+    sizes = {heading: values.size for heading, values in columns.items() if isinstance(values, np.ndarray)}
+    if len(set(sizes.values())) > 1:
+        each = ", ".join(f"{heading} {size}" for heading, size in sizes.items())
+        raise DataError(f"{name}: its vectors have several lengths ({each[:300]}); keep those of one run together")
+
+
+def seconds(moments: np.ndarray) -> np.ndarray:
+    """Moments or durations (N,) as seconds (N,) after the first."""
+    return np.asarray((moments - moments[:1]) / np.timedelta64(1, "s"), float)
 
 
 def _vectors(fields: Mapping[str, Any]) -> list[tuple[str, Any]]:
@@ -110,9 +115,10 @@ def _vectors(fields: Mapping[str, Any]) -> list[tuple[str, Any]]:
     return vectors
 
 
-def _check_size(path: Path, rows: int, columns: int) -> None:
+def check_size(name: str, rows: int, columns: int) -> None:
+    """Raises DataError for more numbers than are read."""
     if rows * columns > CELLS:
-        raise too_long(path.name, rows, columns)
+        raise too_long(name, rows, columns)
 
 
 def _unreadable(path: Path, kind: str, error: Exception) -> DataError:

@@ -15,6 +15,7 @@ from analytic.mechanism.one_line import count, shown
 from analytic.mechanism.signals import starts_again, undirected, unwound
 from compare.recorded.errors import DataError
 from compare.recorded.formats import ColumnsByHeading, reader
+from compare.recorded.frames import FrameSource
 from compare.recorded.headings import TIME, Column, Headings, Naming, read_headings
 from compare.recorded.rounding import decimal, rounding
 from compare.recorded.text import MIN_ROWS, Rows, coding, header, rows
@@ -75,7 +76,7 @@ class Table:
 
 
 def read_table(
-    path: Path,
+    source: Path | FrameSource,
     mechanism: Mechanism,
     layout: Layout = ANY_LAYOUT,
     *,
@@ -83,18 +84,20 @@ def read_table(
     mappable: bool = True,
     derived: bool = False,
 ) -> Table:
-    """Read a data file of this mechanism.  With ``timed`` a file without time is refused; one that is not ``mappable``
-    has no map beside it that could say more of its columns; a program's may have ``derived`` signals, which no sensor
-    reads.  Raises DataError with every fault that was found.
+    """Read a data file, or a frame, of this mechanism.  With ``timed`` a file without time is refused; one that is not
+    ``mappable`` has no map beside it that could say more of its columns; a program's may have ``derived`` signals,
+    which no sensor reads.  Raises DataError with every fault that was found.
     """
+    names = Naming(mechanism, layout, mappable, derived)
+    if isinstance(source, FrameSource):
+        return _of_columns(source.name, source.columns, names, timed)
     try:
-        names = Naming(mechanism, layout, mappable, derived)
-        binary = reader(path)
-        return _of_columns(path, binary(path), names, timed) if binary else _of_text(path, names, timed)
+        binary = reader(source)
+        return _of_columns(source.name, binary(source), names, timed) if binary else _of_text(source, names, timed)
     except (UnicodeError, OSError) as error:
         why = error.strerror if isinstance(error, OSError) else "its characters cannot be decoded"
         raise DataError(
-            f"{path}: cannot be read ({why}); check the path, its permissions and that it is text"
+            f"{source}: cannot be read ({why}); check the path, its permissions and that it is text"
         ) from None
 
 
@@ -111,49 +114,49 @@ def _of_text(path: Path, names: Naming, timed: bool) -> Table:
     if read is None:
         raise DataError(*headings.faults)
     notes = [note for note in (coded.note, *top.notes) if note]
-    return _table(path, headings, notes, read, timed)
+    return _table(path.name, headings, notes, read, timed)
 
 
-def _of_columns(path: Path, columns: ColumnsByHeading, names: Naming, timed: bool) -> Table:
-    """The table of a file that is read by columns."""
-    headings = read_headings(list(columns), {}, names, path.name, timed)
+def _of_columns(name: str, columns: ColumnsByHeading, names: Naming, timed: bool) -> Table:
+    """The table of what is read by columns."""
+    headings = read_headings(list(columns), {}, names, name, timed)
     cells = list(columns.values())
     faults, numbers = [], []
     for column in headings.all:
         values = cells[column.place]
         if isinstance(values, str):
-            faults.append(f"{path.name}: column {column.place + 1}, {column.signal.name!r}, {values}; give numbers")
+            faults.append(f"{name}: column {column.place + 1}, {column.signal.name!r}, {values}; give numbers")
         elif np.any(np.isinf(values)):
             row = int(np.argmax(np.isinf(values))) + 1
-            faults.append(f"{path.name}: row {row}, column {column.title!r}: {values[row - 1]} is not a finite number")
+            faults.append(f"{name}: row {row}, column {column.title!r}: {values[row - 1]} is not a finite number")
         else:
             numbers.append(values)
     if headings.faults or faults:
         raise DataError(*headings.faults, *faults)
     if headings.time is not None and np.any(np.isnan(numbers[0])):
         row = int(np.argmax(np.isnan(numbers[0]))) + 1
-        raise DataError(f"{path.name}: row {row} has no time; give every row its time or delete the row")
+        raise DataError(f"{name}: row {row} has no time; give every row its time or delete the row")
     size = numbers[0].size
-    return _table(path, headings, [], Rows(np.column_stack(numbers), np.arange(1, size + 1), (), "row"), timed)
+    return _table(name, headings, [], Rows(np.column_stack(numbers), np.arange(1, size + 1), (), "row"), timed)
 
 
-def _table(path: Path, headings: Headings, notes: Sequence[str], read: Rows, timed: bool) -> Table:
+def _table(name: str, headings: Headings, notes: Sequence[str], read: Rows, timed: bool) -> Table:
     """What was read as a table.  Raises DataError."""
     wanted, faults = headings.all, [*headings.faults, *read.faults]
     fewest = MIN_ROWS if timed or headings.time else 1
     if len(read.numbers) < fewest and not read.faults:
-        faults.append(f"{path.name}: has {count(len(read.numbers), 'row')} of numbers; at least {fewest} are needed")
+        faults.append(f"{name}: has {count(len(read.numbers), 'row')} of numbers; at least {fewest} are needed")
     with np.errstate(over="ignore"):
         series = [c.si(read.numbers[:, k]) for k, c in enumerate(wanted)]
     values = {c.signal.name: numbers for c, numbers in zip(wanted, series, strict=True)}
-    faults += _differing(path.name, read, wanted, series)
-    faults += _out_of_range(path.name, read, wanted, values)
+    faults += _differing(name, read, wanted, series)
+    faults += _out_of_range(name, read, wanted, values)
     time = values.pop(TIME.name, np.zeros(0))
     if headings.time is not None and not faults:
-        faults += _disorder(path.name, read, time, headings.time)
+        faults += _disorder(name, read, time, headings.time)
     if faults:
         raise DataError(*faults)
-    remarks = [f"{path.name}: {note}" for note in headings.notes]
+    remarks = [f"{name}: {note}" for note in headings.notes]
     columns = tuple({c.signal.name: c for c in headings.columns}.values())
     return Table(columns, time, values, (*notes, *remarks), headings.cells, headings.used, headings.time)
 

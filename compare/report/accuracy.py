@@ -9,7 +9,8 @@ from rich.console import Console
 
 from compare.presentation import Presentation
 from compare.quantities import plain, shown
-from compare.report.accuracy_page import files, output_rows
+from compare.report.accuracy_page import LEAST_SHOWN, files, output_rows
+from compare.report.curves import MOST, legend
 from compare.report.tables import html_table, say, terminal_table
 from compare.report.toleranced import print_outputs
 from compare.report.words.accuracy import notes
@@ -26,25 +27,29 @@ def summary_html(result: Accuracy) -> str:
         unit, factor = shown(output.unit)
         sizes = (factor * float(np.nanmax(np.abs(v), initial=0.0)) for v in (output.equilibrium, output.worst_case))
         rows.append((name, *(f"{plain(size)} {unit}" for size in sizes)))
-    return html_table(rows, ("output", "equilibrium", "worst case"), repr(result), named=True)
+    return html_table(rows, ("output", "equilibrium", "worst case to first order"), repr(result), named=True)
 
 
 def plot(result: Accuracy, figure: Figure) -> None:
-    """Equilibrium, worst case and the band of 95 % of the samples of each output over the crank angle."""
+    """Equilibrium, worst case and the band of 95 % of the samples of the outputs over the crank angle: of those that
+    move, the first six.
+    """
     theta = np.degrees(result.crank_angle)
-    axes = figure.subplots(len(result.outputs), 1, sharex=True, squeeze=False)[:, 0]
-    figure.set_figheight(2.2 * len(result.outputs) + 1)
-    for axis, (name, output) in zip(axes, result.outputs.items(), strict=True):
+    moving = [name for name, each in result.outputs.items() if np.nanmax(each.worst_case, initial=0) > LEAST_SHOWN]
+    outputs = {name: result.outputs[name] for name in (moving or list(result.outputs))[:MOST]}
+    axes = figure.subplots(len(outputs), 1, sharex=True, squeeze=False)[:, 0]
+    figure.set_figheight(1.6 * len(outputs) + 1)
+    for axis, (name, output) in zip(axes, outputs.items(), strict=True):
         unit, factor = shown(output.unit)
         spread = output.monte_carlo.free
         axis.fill_between(theta, factor * spread.low, factor * spread.high, alpha=0.25, label="95 % of the samples")
         axis.plot(theta, factor * output.equilibrium, label="equilibrium")
         for sign in (-1, 1):
-            label = "worst case" if sign > 0 else None
+            label = "worst case to first order" if sign > 0 else None
             axis.plot(theta, sign * factor * output.worst_case, "k--", linewidth=0.8, label=label)
-        axis.set_ylabel(f"{name} ({unit})")
-    axes[0].legend(loc="best", fontsize="small")
-    axes[0].set_title(result.case)
+        axis.set_title(f"{name} ({unit})", fontsize="medium", loc="left")
+    legend(axes[0])
+    figure.suptitle(result.case)
     axes[-1].set_xlabel("crank angle (deg)")
 
 

@@ -205,7 +205,7 @@ def error_figures(
 def _bounds(result: Of, worst: np.ndarray) -> list[Series]:
     """The worst case (N,) to either side, with its peak."""
     ends = [_labelled(end, "worst case", over(result).unit, "frame") for end in _largest(worst, over(result).values)]
-    sides = {"worst case": worst, "": -worst}
+    sides = {"worst case to first order": worst, "": -worst}
     return [*(Series(name, *_closed(result, v), "frame", "dashed") for name, v in sides.items()), *ends]
 
 

@@ -14,13 +14,12 @@ from compare.report.crosscheck_figures import clearance_circle, simulators
 from compare.report.figure import Axis, Figure, Numbers, Series, extreme, scaled
 from compare.report.summary import REAL
 from compare.report.words.contact import MEASURES
-from compare.results.contact import JointContact, Orbit
+from compare.results.contact import LEAST_FORCE, JointContact, Orbit
 from compare.results.crosscheck import CrossCheck, Run
 from sim_models.common.guide import Guide
 
 ENGINE_COLOURS = ("contact", "massless-link", "spring-damper", "ideal")  # the engines share a joint model here
 COLOUR_QUANTILES = (0.5, 0.8, 0.95)  # of the forces of a path, at which its colours change
-LEAST_FORCE = 1e-6  # of the largest force: less is none
 CRANK = Axis("crank angle θ₂", "deg")
 PIN_AXES = (Axis("displacement x", "mm"), Axis("displacement y", "mm"))
 GUIDE_AXES = (Axis("height across the guide", "mm"), Axis("tilt times half length", "mm"))

@@ -9,9 +9,10 @@ from compare.ci import JUnitSuite, junit_xml
 from compare.presentation import Presentation
 from compare.quantities import plain
 from compare.report.contact_figures import contact_figures
-from compare.report.crosscheck_figures import figures
+from compare.report.crosscheck_figures import both_sides, figures, reaction_directions, simulators
 from compare.report.crosscheck_page import render
 from compare.report.crosscheck_terminal import print_table
+from compare.report.curves import curve, legend
 from compare.report.junit import suites
 from compare.report.linkage import linkage_figure
 from compare.report.pages import stem
@@ -20,9 +21,14 @@ from compare.report.svg import draw
 from compare.report.tables import html_table
 from compare.report.words.crosscheck import VERDICT_WORDS, headline
 from compare.results.crosscheck import CrossCheck
+from sim_models.engine import JOINT_MODELS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+PANEL = 3.0  # inches of an engine's plot
+# of joint models, the same in every panel
+COLOURS: dict[str, str] = dict(zip(JOINT_MODELS, ("C0", "C1", "C2", "C3"), strict=True))
 
 
 def files(result: CrossCheck) -> dict[str, str]:
@@ -56,23 +62,29 @@ def summary_html(result: CrossCheck) -> str:
 
 
 def plot(result: CrossCheck, figure: Figure) -> None:
-    """Direction and size of the reaction at each joint with clearance (else at the last one): both sides."""
+    """Direction and size of the reaction at the last joint with clearance (else at the last one): both sides, the
+    engines side by side.
+    """
     summary = summarise(result)
-    joints = summary.joints if len(summary.joints) <= 3 else summary.joints[-1:]
-    axes = figure.subplots(2, len(joints), sharex=True, squeeze=False)
-    for column, joint in enumerate(joints):
-        for row, part in enumerate(("angle", "magnitude")):
-            quantity = summary.signals[f"reaction_{joint}_{part}"]
-            axis = axes[row, column]
-            for shown in summary.runs:
-                side = quantity.factor * shown.run.simulated[quantity.signal]
-                axis.plot(shown.over.values, side, ".", markersize=4, label=shown.run.title)
-            last = summary.runs[-1]
-            side = quantity.factor * last.run.analytic[quantity.signal]
-            axis.plot(last.over.values, side, "k-", linewidth=0.8, label="analytic")
-            axis.set_ylabel(f"{quantity.label} ({quantity.unit})")
-        axes[-1, column].set_xlabel("time (s)" if result.swings else "crank angle (deg)")
-    axes[0, 0].legend(fontsize="small")
+    names = simulators(result)
+    figure.set_figwidth(max(8.0, 2.5 + PANEL * len(names)))
+    axes = figure.subplots(2, max(1, len(names)), sharex=True, sharey="row", squeeze=False)
+    joint = summary.joints[-1]
+    drawn = (reaction_directions(summary, joint), both_sides(summary, f"reaction_{joint}_magnitude"))
+    for row, shown in enumerate(drawn):
+        for level, axis in enumerate(axes[row]):
+            for series in shown.series:
+                if series.mark != "marker":
+                    style = "k--" if series.mark == "dashed" else "k-"
+                    axis.plot(*curve(series), style, linewidth=0.8, label=series.name.replace(" (", "\n("))
+                elif series.level == level:
+                    axis.plot(*curve(series), ".", markersize=4, color=COLOURS[series.role], label=series.role)
+        axes[row, 0].set_ylabel(f"{shown.y.title} at {joint}")
+    for axis, name in zip(axes[0], names, strict=False):
+        axis.set_title(name, fontsize="medium")
+    for axis in axes[1]:
+        axis.set_xlabel("time (s)" if result.swings else "crank angle (deg)")
+    legend(*axes[:, -1], *axes[0, :-1])
     figure.suptitle(f"{result.case}: {VERDICT_WORDS[summary.verdict]}")
 
 

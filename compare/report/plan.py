@@ -13,6 +13,7 @@ from rich.console import Console
 from analytic.mechanism.file import dumps
 from compare.presentation import Presentation
 from compare.quantities import plainly
+from compare.report.curves import legend
 from compare.report.figure import Axis, Figure, Series
 from compare.report.pages import PageSection, page
 from compare.report.svg import draw
@@ -109,7 +110,7 @@ def plot(result: Plan, figure: Picture) -> None:
     axis.set_xlabel(shown.x.title)
     axis.set_ylabel(shown.y.title)
     axis.set_title(result.case)
-    axis.legend(loc="best", fontsize="small")
+    legend(axis)
 
 
 PRESENTATION = Presentation(summary_html, print_table, files, plot)

@@ -10,6 +10,7 @@ from rich.console import Console
 from analytic.mechanism.one_line import count
 from compare.presentation import Presentation
 from compare.quantities import plain, shown
+from compare.report.curves import legend
 from compare.report.figure import Numbers, scaled
 from compare.report.linkage import parts
 from compare.report.pages import PageSection, Script, page
@@ -148,7 +149,7 @@ def plot(result: PlatformAccuracy, figure: Figure) -> None:
             axis.plot(result.time, factor * np.abs(output.equilibrium), label="clearance in equilibrium")
             axis.set_ylabel(f"{name} ({unit})")
     if grid is None:
-        axes[0].legend(fontsize="small")
+        legend(axes[0])
         axes[-1].set_xlabel("time (s)")
     figure.suptitle(result.case)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from compare.presentation import LEFT_OVER, PRESENTATIONS
+from compare.presentation import LEFT_OVER, PICTURES, PRESENTATIONS
 
 MODULES = {
     "Accuracy": "accuracy",
@@ -34,3 +34,4 @@ def _left_over(folder: Path, names: set[str]) -> set[str]:
 LEFT_OVER.append(_left_over)
 PRESENTATIONS |= {kind: f"compare.report.{module}:PRESENTATION" for kind, module in MODULES.items()}
 PRESENTATIONS |= {kind: f"compare.report.lists:{kind.upper()}" for kind in LISTS}
+PICTURES["orbit"] = "compare.report.orbit:plot"

@@ -12,6 +12,7 @@ from rich.console import Console
 
 from compare.presentation import Presentation
 from compare.quantities import amount, number, quantities, shown
+from compare.report.curves import MOST, legend
 from compare.report.figure import Axis, Figure, Series, scaled
 from compare.report.pages import PageSection, page
 from compare.report.svg import draw
@@ -121,15 +122,18 @@ def _posture(result: Preview, run: RunPreview) -> list[tuple[Axis, np.ndarray]]:
 
 
 def plot(result: Preview, figure: Picture) -> None:
-    """Every sensor of the first run over time, with the nominal model behind it."""
+    """The first six sensors of the first run over time, with the nominal model behind them."""
     run = result.runs[0]
-    for axis, (name, sensor) in zip(
-        figure.subplots(len(run.signals), 1, sharex=True, squeeze=False)[:, 0], run.signals.items(), strict=True
-    ):
+    sensors = list(run.signals.items())[:MOST]
+    figure.set_figheight(1.6 * len(sensors) + 1)
+    axes = figure.subplots(len(sensors), 1, sharex=True, squeeze=False)[:, 0]
+    for axis, (name, sensor) in zip(axes, sensors, strict=True):
         unit, factor = shown(sensor.unit)
         axis.plot(run.time, factor * sensor.nominal, "--", color="0.6", label="nominal")
         axis.plot(run.time, factor * sensor.measured, ".", markersize=3, label="measured")
-        axis.set_ylabel(f"{spoken(result, name)} ({unit})")
+        axis.set_title(f"{spoken(result, name)} ({unit})", fontsize="medium", loc="left")
+    legend(axes[0])
+    axes[-1].set_xlabel("time (s)")
     figure.suptitle(f"{result.case}, run {run.name}")
 
 

@@ -12,6 +12,7 @@ from rich.console import Console
 from analytic.mechanism.one_line import count
 from compare.presentation import Presentation
 from compare.quantities import amount, fitting, number
+from compare.report.curves import MOST, legend
 from compare.report.diagnosis_terminal import in_ascii
 from compare.report.tables import html_table, say
 from compare.results.diagnosis import DiagnosedRun
@@ -20,6 +21,9 @@ from compare.results.residuals import Residual, Residuals, SignalResiduals
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+
+TURN = 360.0  # deg
 
 
 def files(result: SignalResiduals) -> dict[str, str]:
@@ -75,23 +79,29 @@ def summary_html(result: SignalResiduals) -> str:
 
 
 def plot(result: SignalResiduals, figure: Figure) -> None:
-    """The residuals before and after of each run, the noise shaded."""
+    """The residuals before and after of the first six runs, the noise shaded."""
     sizes = [size for run in result.runs for r in (run.before, run.after) if (size := r.largest) is not None]
     unit, factor = fitting(result.unit, *sizes)
-    for axis, run in zip(figure.subplots(len(result.runs), 1, squeeze=False)[:, 0], result.runs, strict=True):
+    runs = result.runs[:MOST]
+    figure.set_figheight(max(5.0, 2.0 * len(runs) + 1))
+    for axis, run in zip(figure.subplots(len(runs), 1, squeeze=False)[:, 0], runs, strict=True):
         draw(axis, run, factor * run.before.values, factor * run.after.values, factor * run.noise)
         axis.set_ylabel(f"{result.label} ({unit})")
     figure.suptitle(f"{result.case}: measured minus simulated, noise within two sigmas shaded")
 
 
 def draw(axis: Axes, run: Residuals | DiagnosedRun, before: np.ndarray, after: np.ndarray, noise: float) -> None:
-    """Residuals (N,) of a run before and after, and the noise (1 sigma) within two sigmas shaded."""
+    """Residuals (N,) of a run before and after, and the noise (1 sigma) within two sigmas shaded; of a run of several
+    turns over one.
+    """
     x = run.time if run.over_time else np.degrees(run.crank_angle)
+    if not run.over_time and np.ptp(x) > TURN:
+        x = x % TURN
     axis.set_xlabel(f"{'time (s)' if run.over_time else 'crank angle (deg)'}, run {run.name}")
     for side, values in (("before", before), ("after", after)):
         axis.plot(x, values, ".", markersize=3, label=side)
     axis.axhspan(-2 * noise, 2 * noise, color="0.9", zorder=0)
-    axis.legend(fontsize="small")
+    legend(axis)
 
 
 PRESENTATION = Presentation(summary_html, print_table, files, plot)

@@ -12,6 +12,7 @@ from rich.console import Console
 from analytic.mechanism.one_line import count
 from compare.presentation import Presentation
 from compare.quantities import assumptions, drive_signals, quantities
+from compare.report.curves import MOST, legend
 from compare.report.peaks import over, peaks, unanswered
 from compare.report.tables import html_table, say, terminal_table
 from compare.results.analysis import Analysis, Simulation
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 OneSide = Analysis | Simulation
-MOST = 6  # curves of a plot
 
 
 def files(result: OneSide) -> dict[str, str]:
@@ -81,8 +81,7 @@ def plot(result: OneSide, figure: Figure) -> None:
             axis.annotate(
                 f"{values[at]:.4g}", (x.values[at], values[at]), (4, 4), textcoords="offset points", fontsize=8
             )
-        if names:
-            axis.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
+        legend(axis)
     axes[0].set_ylabel("reaction force (N)")
     units = " or ".join(dict.fromkeys(known[name].unit for name in drives)) or "N·m"
     axes[1].set_ylabel(f"drive ({units})")

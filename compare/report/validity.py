@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from compare.presentation import Presentation
+from compare.report.curves import MOST, legend
 from compare.report.tables import html_table
 from compare.report.validity_figure import draw
 from compare.report.validity_text import markdown, print_table
@@ -38,24 +39,23 @@ def summary_html(result: Validity) -> str:
 
 
 def plot(result: Validity, figure: Figure) -> None:
-    """The share of the crank angles at which model and simulation agree, a line for each clearance and engine."""
-    axis = figure.subplots()
-    for panel in result.panels():
+    """The share of the crank angles at which model and simulation agree, a line for each of the first six clearances;
+    engines, and coefficients of restitution, side by side.
+    """
+    panels = list(result.panels())
+    figure.set_figwidth(max(8.0, 2.5 + 3.0 * len(panels)))
+    axes = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
+    for axis, panel in zip(axes, panels, strict=True):
         of_panel = result.of(*panel)
-        name = panel[0] if panel[1] is None else f"{panel[0]}, restitution {panel[1]:g}"
-        for gap in result.clearances:
+        for gap in result.clearances[:MOST]:
             cells = [of_panel[speed, gap] for speed in result.speeds]
             share = [100 * cell.agreeing_share if isinstance(cell, Cell) else np.nan for cell in cells]
-            axis.plot(
-                [speed * 30 / np.pi for speed in result.speeds],
-                share,
-                "o-",
-                label=f"{name}, {millimetres(gap)} mm",
-            )
-    axis.set_xlabel("speed (rpm)")
-    axis.set_ylabel("agreeing (% of the crank angles)")
-    axis.set_title(result.case)
-    axis.legend(fontsize="small")
+            axis.plot([speed * 30 / np.pi for speed in result.speeds], share, "o-", label=f"{millimetres(gap)} mm")
+        axis.set_title(panel[0] if panel[1] is None else f"{panel[0]}, restitution {panel[1]:g}", fontsize="medium")
+        axis.set_xlabel("speed (rpm)")
+    axes[0].set_ylabel("agreeing (% of the crank angles)")
+    legend(axes[-1])
+    figure.suptitle(result.case)
 
 
 PRESENTATION = Presentation(summary_html, print_table, files, plot)

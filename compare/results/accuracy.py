@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from analytic.mechanism.one_line import count
-from compare.results.document import Document, Filled, Grid, Mechanism, Part, Row, Series
+from compare.results.document import Document, Filled, Grid, Mechanism, Part, Row, Series, rows_of
 from compare.results.toleranced import AccuracyByTolerance
 
 MetresByJoint = Mapping[str, Annotated[float, Field(ge=0)]]
@@ -175,7 +175,7 @@ class Accuracy(Document):
             if self.tolerances is not None:
                 columns |= {"tolerance_sd": self.tolerances.outputs[name].sd}
             columns |= {f"sensitivity_{joint}": values for joint, values in output.sensitivity.items()}
-            rows += self._rows_of(columns, output=name, unit=output.unit)
+            rows += rows_of(columns, output=name, unit=output.unit)
         return rows
 
     def __repr__(self) -> str:

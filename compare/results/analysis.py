@@ -14,7 +14,8 @@ from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal, named
 from analytic.paper.clearance import Model
 from compare.results.crosscheck import Index, MetresByJoint, OrderDifference, PinPath, Signals, Simulator
-from compare.results.document import Document, Filled, Grid, Mechanism, Number, Part, Row, Series, Share, Text
+from compare.results.document import Document, Filled, Grid, Mechanism, Number, Part, Row, Series, Share, Text, rows_of
+from compare.results.play import WithPlay
 from compare.results.toleranced import SignalsByTolerance
 from sim_models.engine import JointModel, Motion, SettingValue
 
@@ -56,9 +57,7 @@ class _Side(Document):
         """A row for each crank angle, or time."""
         timed = {} if self.time is None else {"time": self.time}
         angle = {"crank_angle": self.crank_angle} if self.mechanism.cranked or not timed else {}
-        return self._rows_of(
-            {**angle, **timed, **self.signals, **angle}
-        )  # the angle is known where the model has no answer
+        return rows_of({**angle, **timed, **self.signals, **angle})  # the angle is known where the model has no answer
 
     def _over(self) -> str:
         if not self.crank_angle.size:
@@ -133,7 +132,7 @@ class Analysis(_Side):
         return f"Analysis({self.case}, {self.motion}, {self.analytic_model}, {self._over()}{flagged})"
 
 
-class Simulation(_Side):
+class Simulation(WithPlay, _Side):
     """One run of one engine.  SI units and radians."""
 
     file: ClassVar[str] = "simulation.json"
@@ -161,6 +160,10 @@ class Simulation(_Side):
     def simulated(self) -> Mapping[str, np.ndarray]:
         """Its signals, as a run of a cross-check calls them."""
         return self.signals
+
+    @property
+    def contact(self) -> None:
+        """What contact did: one run alone is not watched."""
 
     def __repr__(self) -> str:
         return f"Simulation({self.case} in {self.simulator.name}, {self.joint_model}, {self.motion}, {self._over()})"

@@ -31,6 +31,9 @@ UNITS: Mapping[StatisticName, str] = {
 }
 
 
+LEAST_FORCE = 1e-6  # of the largest force of a path: less is none
+
+
 class Statistic(Part):
     """A figure over the revolutions of a run, SI, with its 95 % interval by bootstrap; null where there are too few.
 
@@ -78,6 +81,7 @@ class Orbit(Part):
     y: Annotated[Series, Field(description="m")]
     force: Annotated[Series, Field(description="N, size")]
     crank_angle: Annotated[Series, Field(description="rad, continued")]
+    time: Annotated[Series | None, Field(description="s, as that of the run")] = None
 
 
 class Section(Part):

@@ -13,7 +13,8 @@ from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal, SiUnit, named
 from analytic.paper.clearance import Model
 from compare.results.contact import Compared, Contact
-from compare.results.document import Document, Filled, Grid, Mechanism, Number, Part, Row, Series, Share, Text
+from compare.results.document import Document, Filled, Grid, Mechanism, Number, Part, Row, Series, Share, Text, rows_of
+from compare.results.play import WithPlay
 from sim_models.engine import Cause, JointModel, Motion, SettingValue
 
 Verdict = Literal["agrees", "disagrees", "unjudged"]
@@ -116,7 +117,7 @@ class Because(Part):
     words: Annotated[str, Field(min_length=1, description="Why the run disagrees, in a sentence.")]
 
 
-class Run(Part):
+class Run(WithPlay, Part):
     """One engine with one joint model, and the analytic model at the same crank angles (N)."""
 
     simulator: Simulator
@@ -319,7 +320,7 @@ class CrossCheck(Document):
             for name in self.signals:
                 if name in run.analytic and name in run.simulated:
                     columns |= {f"analytic_{name}": run.analytic[name], f"simulated_{name}": run.simulated[name]}
-            rows += self._rows_of(columns, simulator=run.simulator.name, joint_model=run.joint_model, motion=run.motion)
+            rows += rows_of(columns, simulator=run.simulator.name, joint_model=run.joint_model, motion=run.motion)
         return rows
 
     def units(self) -> Mapping[str, str]:

@@ -13,7 +13,7 @@ from pydantic import BeforeValidator, Field, FiniteFloat, model_validator
 from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal, named, wrapped
 from compare.results.crosscheck import Simulator
-from compare.results.document import Amount, Document, Filled, Grid, Mechanism, Number, Part, Row, Series, Text
+from compare.results.document import Amount, Document, Filled, Grid, Mechanism, Number, Part, Row, Series, Text, rows_of
 from sim_models.engine import SettingValue
 
 DiagnosisVerdict = Literal["no gap", "explained", "partly explained", "unexplained", "ambiguous"]
@@ -461,7 +461,7 @@ class Diagnosis(Document):
             absent, columns = np.full(run.time.size, np.nan), {"time": run.time, self._position_column: run.crank_angle}
             for name, side in product(names, ("measured", "before", "after")):
                 columns[f"{name}_{side}"] = getattr(run.signals[name], side) if name in run.signals else absent
-            rows += self._rows_of(columns, run=run.name)
+            rows += rows_of(columns, run=run.name)
         return rows
 
     def units(self) -> Mapping[str, str]:

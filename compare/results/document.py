@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Mapping, Sequence, Sized
+from collections.abc import Callable, Mapping, Sequence, Sized
 from copy import copy
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, overload
@@ -56,6 +56,33 @@ class DocumentError(Error, ValueError):
 def listed(values: np.ndarray) -> list[float | None]:
     """A series (N,) as plain numbers, None where there is none."""
     return [value if math.isfinite(value) else None for value in np.asarray(values, float).tolist()]
+
+
+def rows_of(columns: Mapping[str, np.ndarray], **head: str) -> list[Row]:
+    """A row for each sample of some columns (N,), None where there is no number; each begins with the ``head``."""
+    return [head | dict(zip(columns, row, strict=True)) for row in zip(*map(listed, columns.values()), strict=True)]
+
+
+def as_dataframe(rows: Sequence[Row], called: str) -> pandas.DataFrame:
+    """Rows as a data frame.  Raises ImportError with the remedy of what is ``called`` where pandas is not installed."""
+    try:
+        import pandas
+    except ImportError:
+        raise ImportError(f"{called} needs pandas; run: pip install 'linkage-crosscheck[pandas]'") from None
+    return pandas.DataFrame(rows)
+
+
+def pictured(draw: Callable[[Figure], None], called: str) -> Figure:
+    """A matplotlib figure that is drawn.  Raises ImportError with the remedy of what is ``called`` where that is not
+    installed.
+    """
+    try:
+        from compare.results.picture import Picture
+    except ImportError:
+        raise ImportError(f"{called} needs matplotlib; run: pip install 'linkage-crosscheck[plot]'") from None
+    figure = Picture(figsize=(8, 5), layout="constrained")
+    draw(figure)
+    return figure
 
 
 def _array(values: np.ndarray | list[float | None]) -> np.ndarray:
@@ -185,11 +212,6 @@ class Document(Part):
         """The document as a table: one mapping for each row, SI units, None where there is no number."""
         raise NotImplementedError(f"{type(self).__name__} has no table")
 
-    @staticmethod
-    def _rows_of(columns: Mapping[str, np.ndarray], **head: str) -> list[Row]:
-        """A row for each sample of some columns (N,), None where there is no number; each begins with the ``head``."""
-        return [head | dict(zip(columns, row, strict=True)) for row in zip(*map(listed, columns.values()), strict=True)]
-
     def units(self) -> Mapping[str, str]:
         """SI unit of each column of the rows that has one."""
         return {}
@@ -213,27 +235,18 @@ class Document(Part):
 
     def to_dataframe(self) -> pandas.DataFrame:
         """The rows as a data frame.  Raises ImportError with the remedy where pandas is not installed."""
-        try:
-            import pandas
-        except ImportError:
-            raise ImportError("to_dataframe needs pandas; run: pip install 'linkage-crosscheck[pandas]'") from None
-        return pandas.DataFrame(self.rows())
+        return as_dataframe(self.rows(), "to_dataframe")
 
     def plot(self) -> Figure:
         """A matplotlib figure of what matters most, which a notebook shows by itself at the end of a cell.
 
         Raises ImportError with the remedy where matplotlib is not installed, TypeError for what has no picture.
         """
-        try:
-            from compare.results.picture import Picture
-        except ImportError:
-            raise ImportError("plot needs matplotlib; run: pip install 'linkage-crosscheck[plot]'") from None
         shown = self._shown()
-        if shown.plot is None:
+        draw = shown.plot
+        if draw is None:
             raise TypeError(f"{type(self).__name__} {shown.no_picture}")
-        figure = Picture(figsize=(8, 5), layout="constrained")
-        shown.plot(self, figure)
-        return figure
+        return pictured(lambda figure: draw(self, figure), "plot")
 
     def files(self) -> dict[str, str]:
         """Text of every file of the report, by name; the JSON file first."""

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from analytic.mechanism.one_line import count
 from compare.results.accuracy import MetresByJoint, PointError, Reasons
-from compare.results.document import Document, Filled, Grid, Mechanism, Part, Row, Series
+from compare.results.document import Document, Filled, Grid, Mechanism, Part, Row, Series, rows_of
 
 
 class PoseError(Part):
@@ -129,7 +129,7 @@ class PlatformAccuracy(Document):
             columns = at | {each: getattr(output, each) for each in errors}
             columns |= {f"sensitivity_{joint}": values for joint, values in output.sensitivity.items()}
             reached = {column: values[self.reached] for column, values in columns.items()}
-            rows += self._rows_of(reached, output=name, unit=output.unit)
+            rows += rows_of(reached, output=name, unit=output.unit)
         return rows
 
     def __repr__(self) -> str:

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from analytic.mechanism.one_line import count
 from compare.results.diagnosis import EffectPlace, RecordingFault
-from compare.results.document import Amount, Document, Grid, Mechanism, Number, Part, Row, Series, Text
+from compare.results.document import Amount, Document, Grid, Mechanism, Number, Part, Row, Series, Text, rows_of
 
 
 class SensorPreview(Part):
@@ -80,7 +80,7 @@ class Preview(Document):
             columns = {"time": run.time, "crank_angle": run.crank_angle}
             for name, sensor in run.signals.items():
                 columns |= {f"measured_{name}": sensor.measured, f"nominal_{name}": sensor.nominal}
-            rows += self._rows_of(columns, run=run.name)
+            rows += rows_of(columns, run=run.name)
         return rows
 
     def units(self) -> Mapping[str, str]:

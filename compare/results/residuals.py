@@ -10,7 +10,7 @@ from pydantic import Field, FiniteFloat
 from analytic.mechanism.one_line import count
 from compare.results.crosscheck import Simulator
 from compare.results.diagnosis import DiagnosisVerdict, Unit
-from compare.results.document import Amount, Document, Grid, Number, Part, Row, Series, Text
+from compare.results.document import Amount, Document, Grid, Number, Part, Row, Series, Text, rows_of
 
 
 class Residual(Part):
@@ -62,7 +62,7 @@ class SignalResiduals(Document):
         rows: list[Row] = []
         for run in self.runs:
             sides = {"before": run.before.values, "after": run.after.values}
-            rows += self._rows_of({"time": run.time, "crank_angle": run.crank_angle} | sides, run=run.name)
+            rows += rows_of({"time": run.time, "crank_angle": run.crank_angle} | sides, run=run.name)
         return rows
 
     def units(self) -> Mapping[str, str]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import difflib
 import math
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -26,11 +26,13 @@ from analytic.mechanism.file import load, shipped_cases
 from analytic.mechanism.one_line import count, shown
 from analytic.mechanism.signals import undirected, unwound, wrapped
 from compare.diagnose.data.clipping import clipped
-from compare.diagnose.data.measured_file import Entry, read_file, tolerances
+from compare.diagnose.data.measured_file import Entry, Said, read_file, tolerances
 from compare.diagnose.data.quality import FLOOR, gaps, noise, outliers, unwrapped
 from compare.diagnose.data.recording import Channel, Drive, Fault, Measured, MeasuredError, MeasuredRun
 from compare.diagnose.data.thin import frozen, held, missed, picked
+from compare.progress import progress_bar
 from compare.recorded.errors import DataError
+from compare.recorded.frames import FrameSource
 from compare.recorded.headings import TIME, Column, canonical
 from compare.recorded.smooth import Smoother
 from compare.recorded.table import LARGEST_READING, Table, read_table, unused
@@ -52,6 +54,7 @@ SLIPS = {
 }
 
 
+@progress_bar(what="read measured data")
 def load_measured(path: str | Path) -> Measured:
     """Read measured.toml, the mechanism and the data files that it names, relative to it.  Raises MeasuredError."""
     if not isinstance(path, str | os.PathLike):
@@ -59,28 +62,37 @@ def load_measured(path: str | Path) -> Measured:
     path = Path(path)
     path = path / "measured.toml" if os.path.isdir(path) else path
     file = read_file(path)
-    mechanism = _mechanism(path, file.mechanism)
+    return recorded(str(path), path.name, file, _mechanism(path, file.mechanism), lambda name: path.parent / name)
+
+
+def recorded(
+    source: str, called: str, file: Said, mechanism: Mechanism, data: Callable[[str], Path | FrameSource]
+) -> Measured:
+    """What is said of runs as a recording of a ``source`` that is ``called`` so; ``data`` has their data by ``file``.
+
+    Raises MeasuredError.
+    """
     names = [entry.name for entry in file.runs]
     twice = next((n for n in names if names.count(n) > 1), None)
     if twice is not None:
         raise MeasuredError(
-            f"{path.name}: run {twice!r} is there {names.count(twice)} times; give each run a name of its own"
+            f"{called}: run {twice!r} is there {names.count(twice)} times; give each run a name of its own"
         )
     if all(entry.role == "validation" for entry in file.runs):
         raise MeasuredError(
-            f"{path.name}: every run has role = 'validation' ({', '.join(names)}), and nothing is left to fit; leave"
+            f"{called}: every run has role = 'validation' ({', '.join(names)}), and nothing is left to fit; leave"
             " role out of at least one"
         )
-    tolerance = tolerances(path.name, file.tolerance)
-    tables = _Tables(path.parent, mechanism, file)
+    tolerance = tolerances(called, file.tolerance)
+    tables = _Tables(data, mechanism, file)
     read: list[tuple[MeasuredRun, list[Fault]]] = []
     wrong: list[str] = []
     for entry in file.runs:
         try:
-            read.append(_run(path, entry, mechanism, tables))
+            read.append(_run(called, entry, mechanism, tables))
         except DataError as error:
             wrong += error.faults
-    wrong += tables.unused(path.name) if not wrong else []
+    wrong += tables.unused(called) if not wrong else []
     if wrong:
         raise MeasuredError(*dict.fromkeys(wrong))
     return Measured(
@@ -88,7 +100,7 @@ def load_measured(path: str | Path) -> Measured:
         tuple(run for run, _ in read),
         tolerance,
         tuple(f for _, faults in read for f in faults),
-        str(path),
+        source,
         tuple(
             each for entry, (run, _) in zip(file.runs, read, strict=True) for each in _assumed(entry, run, mechanism)
         ),
@@ -110,16 +122,16 @@ def _assumed(entry: Entry, run: MeasuredRun, mechanism: Mechanism) -> Iterator[A
 
 
 class _Tables:
-    """The data files of a measured.toml, each read once, and the entries of [columns] that they have."""
+    """The data of a measured.toml by its files, each read once, and the entries of [columns] that they have."""
 
-    def __init__(self, folder: Path, mechanism: Mechanism, layout: Layout) -> None:
-        self._folder, self._mechanism, self._layout = folder, mechanism, layout
+    def __init__(self, data: Callable[[str], Path | FrameSource], mechanism: Mechanism, layout: Layout) -> None:
+        self._data, self._mechanism, self._layout = data, mechanism, layout
         self._read: dict[str, Table] = {}
 
     def __call__(self, file: str) -> Table:
         """The table of a file.  Raises DataError."""
         if file not in self._read:
-            self._read[file] = read_table(self._folder / file, self._mechanism, self._layout)
+            self._read[file] = read_table(self._data(file), self._mechanism, self._layout)
         return self._read[file]
 
     def unused(self, name: str) -> list[str]:
@@ -141,9 +153,9 @@ def _mechanism(path: Path, name: str) -> Mechanism:
         raise MeasuredError(f"{path.name}: mechanism = {name!r}: {error}") from None
 
 
-def _run(path: Path, entry: Entry, mechanism: Mechanism, tables: _Tables) -> tuple[MeasuredRun, list[Fault]]:
+def _run(called: str, entry: Entry, mechanism: Mechanism, tables: _Tables) -> tuple[MeasuredRun, list[Fault]]:
     """A run and what was wrong with it."""
-    where = f"{path.name}: run {entry.name!r}"
+    where = f"{called}: run {entry.name!r}"
     meant = {
         field: {canonical(k, mechanism): v for k, v in named.items()}
         for field in ("noise", "start")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
@@ -69,34 +69,45 @@ class Entry(_Part):
     role: Literal["fit", "validation"] = "fit"
 
 
-class MeasuredFile(Layout):
-    """measured.toml as written; how its data files are written is said at the top."""
+class Said(Layout):
+    """What is said of measured data, wherever they are; how data files are written is said at the top."""
 
-    mechanism: Name
     tolerance: Mapping[str, NotNegative | Mapping[str, NotNegative]] = Field(default_factory=dict)
     runs: Annotated[tuple[Entry, ...], BeforeValidator(_as_tuple), Field(alias="run", min_length=1)]
 
 
+class MeasuredFile(Said):
+    """measured.toml as written."""
+
+    mechanism: Name
+
+
+S = TypeVar("S", bound=Said)
+
+
 def read_file(path: Path) -> MeasuredFile:
     """The file's fields, checked one by one.  Raises MeasuredError."""
-    fields: dict[str, Any] = {}
     try:
-        fields = read_toml(path)
-        if "run" in fields:
-            fields["run"] = runs_in_si(fields["run"])
-        return MeasuredFile.model_validate(fields)
-    except UnitError as error:
-        raise MeasuredError(f"{path.name}: {error}") from None
-    except ValidationError as error:
-        raise MeasuredError(f"{path.name}: {_described(error, fields)}") from None
+        return checked(path.name, read_toml(path), MeasuredFile)
     except ReadingError as error:
         raise MeasuredError(f"{path}: {error}; give a measured.toml") from None
 
 
-def _described(error: ValidationError, fields: dict[str, Any]) -> str:
+def checked(source: str, fields: Mapping[str, object], model: type[S]) -> S:
+    """Fields as written, checked one by one.  Raises MeasuredError."""
+    try:
+        fields = {name: runs_in_si(given) if name == "run" else given for name, given in fields.items()}
+        return model.model_validate(fields)
+    except UnitError as error:
+        raise MeasuredError(f"{source}: {error}") from None
+    except ValidationError as error:
+        raise MeasuredError(f"{source}: {_described(error, fields, model)}") from None
+
+
+def _described(error: ValidationError, fields: Mapping[str, object], model: type[Said]) -> str:
     """Its faults in a line of a length that can be read."""
     try:
-        text = "; ".join(describe(error, fields, MeasuredFile))
+        text = "; ".join(describe(error, fields, model))
     except ValueError:  # Python's limit on the digits that it prints
         return DIGITS
     text = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)

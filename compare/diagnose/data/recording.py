@@ -18,6 +18,7 @@ from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal, named
 from compare.presentation import presentation
 from compare.recorded.errors import DataError
+from compare.results.document import as_dataframe
 
 if TYPE_CHECKING:
     import pandas
@@ -146,11 +147,7 @@ class Measured:
 
     def to_dataframe(self) -> pandas.DataFrame:
         """The rows as a data frame.  Raises ImportError with the remedy where pandas is not installed."""
-        try:
-            import pandas
-        except ImportError:
-            raise ImportError("to_dataframe needs pandas; run: pip install 'linkage-crosscheck[pandas]'") from None
-        return pandas.DataFrame(self.rows())
+        return as_dataframe(self.rows(), "to_dataframe")
 
     def __repr__(self) -> str:
         samples = sum(run.time.size for run in self.runs)

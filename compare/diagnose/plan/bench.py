@@ -19,12 +19,13 @@ from analytic.mechanism.file import load, shipped_cases
 from analytic.mechanism.reading import ReadingError, read_toml
 from analytic.mechanism.units import QuantityKind, UnitError, dimension, factor
 from compare.diagnose.data.measured_file import tolerances
-from compare.diagnose.data.recording import MeasuredError
+from compare.diagnose.data.recording import Measured, MeasuredError
 from compare.faults import ArgumentError, OptionError
 from compare.quantities import amount
 
 SPEEDS = (0.5, 1.0, 2.0)  # times the drive's own, where no speeds are given
 LONGEST = 1000.0  # turns of the crank in a run
+MOST_SPEEDS = 20  # of a plan
 A_TURN = 180  # samples of a turn of the crank, where no rate is given
 LEAST = 12  # samples of a run
 LISTED = 8  # signals that a message names
@@ -65,9 +66,9 @@ class Loading(_Part):
 class RigTable(_Part):
     """``[rig]`` as written."""
 
-    speeds: Annotated[tuple[Quantity, ...] | None, BeforeValidator(_as_tuple), Field(min_length=1, max_length=20)] = (
-        None
-    )
+    speeds: Annotated[
+        tuple[Quantity, ...] | None, BeforeValidator(_as_tuple), Field(min_length=1, max_length=MOST_SPEEDS)
+    ] = None
     reverse: bool = True
     turns: Annotated[float, Field(gt=0, le=LONGEST)] = 2.0
     rate: Positive | None = None
@@ -119,14 +120,20 @@ class Bench:
 
 
 def read_bench(
-    given: Mechanism | str | Path, sensors: Mapping[str, float] | None, budget: float | None, default_budget: float
+    given: Mechanism | Measured | str | Path,
+    sensors: Mapping[str, float] | None,
+    budget: float | None,
+    default_budget: float,
 ) -> Bench:
-    """What a mechanism, or a plan.toml, says that the rig can do; ``sensors`` and ``budget`` replace its own.
+    """What a mechanism, or a plan.toml, says that the rig can do, or what a recording shows that it could: its speeds,
+    and its sensors with their noise; ``sensors`` and ``budget`` replace its own.
 
     Raises MechanismError, MeasuredError or ArgumentError.
     """
     if isinstance(given, Mechanism):
         return _checked("", given, RigTable(), {}, sensors, budget, default_budget)
+    if isinstance(given, Measured):
+        return _checked("", given.mechanism, _as_recorded(given), given.tolerance, sensors, budget, default_budget)
     source = str(given)
     fields: dict[str, Any] = {}
     if source not in shipped_cases() and os.path.isfile(given):
@@ -146,6 +153,18 @@ def read_bench(
     except MechanismError as error:
         raise MechanismError(f"{source}: mechanism = {quoted(file.mechanism)}: {error}") from None
     return _checked(source, mechanism, file.rig, tolerances(source, file.tolerance), sensors, budget, default_budget)
+
+
+def _as_recorded(measured: Measured) -> RigTable:
+    """The speeds and the sensors that a rig had."""
+    noise: dict[str, float] = {}
+    for run in measured.runs:
+        for name, channel in run.channels.items():
+            noise[name] = max(channel.noise, noise.get(name, 0.0))
+    speeds = tuple(dict.fromkeys(abs(run.speed) for run in measured.runs if run.speed))
+    return RigTable(
+        speeds=speeds[:MOST_SPEEDS] or None, sensors={name: SensorEntry(noise=sigma) for name, sigma in noise.items()}
+    )
 
 
 def _checked(

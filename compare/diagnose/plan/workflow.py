@@ -37,8 +37,8 @@ def plan(question: PlanQuestion) -> Plan:
     """Plan the runs and the sensors that would tell which effect a mechanism lacks, before any data exist.
 
     ``rig`` is a mechanism, or the path of a plan.toml, whose ``[rig]`` says which speeds, loads and sensors there are
-    and what they cost.  What is foretold is of one effect that is missing, to first order about the nominal mechanism,
-    by the analytic model alone.
+    and what they cost; or a recording, whose speeds and sensors the rig then has.  What is foretold is of one effect
+    that is missing, to first order about the nominal mechanism, by the analytic model alone.
 
     Raises MechanismError, MeasuredError or ArgumentError.
     """

@@ -12,16 +12,17 @@ from compare.results.platform import PlatformAccuracy
 
 FIELDS: Mapping[str, str] = {
     "total": "all together, to either side",
-    "worst_case": "clearance, worst case",
+    "worst_case": "clearance, worst case to first order",
     "equilibrium": "clearance, finite gaps in equilibrium",
     "nominal": "clearance, first order (Eq. 8)",
     "resolution": "resolution of the drives",
     "compliance": "compliance",
 }
 NOTES = (
-    "Clearance, worst case: the largest displacement to either side, wherever the pins lie. In equilibrium: every pin"
-    " where its own reaction presses it, with finite gaps; first order: along the ideal linkage's reactions (Eq. 8)."
-    " Resolution: all drives half a step of their encoders off. All together: worst case, resolution and compliance.",
+    "Clearance, worst case: the largest displacement to either side, wherever the pins lie, to first order. In"
+    " equilibrium: every pin where its own reaction presses it, with finite gaps, which may be more; first order: along"
+    " the ideal linkage's reactions (Eq. 8). Resolution: all drives half a step of their encoders off. All together:"
+    " worst case, resolution and compliance.",
     "Dexterity is the condition number of the platform's velocity by its drives: infinite where it cannot move in some"
     " direction (first kind). Holding is that of the loops: infinite where its drives do not hold it (second kind).",
 )
@@ -32,7 +33,8 @@ def notes(result: Accuracy) -> list[str]:
     sizes = ", ".join(f"{joint} {1e3 * c:.4g} mm" for joint, c in result.clearance.items()) or "none"
     closed = "each closed again" if result.nonlinear else "to first order"
     notes = [
-        "x and y in the ground frame; largest over the crank angles; worst case to either side;"
+        "x and y in the ground frame; largest over the crank angles; worst case to either side, to first order"
+        " (equilibrium, with finite gaps, may be more);"
         " sigma with contacts anywhere on the rim",
         (
             f"{result.case}: {result.motion}, clearance {sizes}; {count(result.samples, 'sample')} {closed},"

@@ -68,7 +68,7 @@ MEASURES = {
         Measure("high_peak", "peak force, 9 of 10 below", "N", 1.0, "what nine in ten of these peaks stay below"),
         Measure("restitution_loss", "restitution loss", "mJ", 1e3, RESTITUTION),
         Measure("friction_loss", "friction loss", "mJ", 1e3, FRICTION),
-        Measure("wear", "wear", "N·mm", 1e3, f"{WEAR}, {RUBS}"),
+        Measure("wear", "force times sliding, for wear", "N·mm", 1e3, f"{WEAR}, {RUBS}"),
         Measure("penetration", "penetration", "µm", 1e6, "deepest penetration in a revolution"),
         Measure("peak_ratio", "peak over ideal reaction", "", 1.0, PEAK_RATIO),
     )

@@ -140,9 +140,9 @@ def _named(e: Explanation, result: Diagnosis) -> tuple[str, ...]:
     sentences = []
     for n, effect in zip(e.named, result.effects, strict=True):
         sentences.append(
-            f"{named(result, n)} It takes the gap from {plainly(n.gap[0])} to {plainly(n.gap[1])} times the noise, and"
-            f" on held-out data, which its values were not fitted to, from {plainly(n.held_out[0])} to"
-            f" {plainly(n.held_out[1])}."
+            f"{named(result, n)} By the analytic model the gap is {plainly(n.gap[0])} times the noise without it,"
+            f" beside what else is named, and {plainly(n.gap[1])} with it; on held-out data, which its values were not"
+            f" fitted to, {plainly(n.held_out[0])} and {plainly(n.held_out[1])}."
         )
         if n.ties:
             words = separation(effect.would_separate)[0].rstrip(":.") or "no run of these sensors can"

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, get_args
 from rich.console import Console
 
 from analytic.mechanism.one_line import count
+from compare.report.curves import legend
 from compare.report.figure import Axis, Figure, Series
 from compare.report.svg import draw
 from tests.evidence.results.scoreboard import Hidden, Kind, Scoreboard, Scored, Threshold, Value, relative_errors
@@ -68,7 +69,7 @@ def plot(result: Scoreboard, figure: Plotted) -> None:
     axis.set_yscale("symlog")
     axis.set_xlabel("signature of the least distinct effect (sigmas)")
     axis.set_ylabel("left after the best rival (sigmas)")
-    axis.legend(fontsize="small")
+    legend(axis)
 
 
 def page(board: Scoreboard) -> str:

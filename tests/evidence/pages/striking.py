@@ -36,7 +36,7 @@ FIGURES: Mapping[StatisticName, tuple[str, float, str]] = {
     "peak_force": ("peak force", 1.0, "N"),
     "restitution_loss": ("energy lost", 1e3, "mJ"),
     "friction_loss": ("by friction", 1e3, "mJ"),
-    "wear": ("wear", 1.0, "N.m"),
+    "wear": ("force times sliding", 1.0, "N.m"),
     "penetration": ("penetration", 1e6, "um"),
 }  # heading, factor to the unit
 
@@ -64,8 +64,8 @@ def _struck(rows: Sequence[Struck]) -> Iterator[str]:
         " nearer."
     )
     yield ""
-    yield "Over ideal is the peak force over the ideal linkage's largest reaction. Wear is Archard's integral of force"
-    yield "times sliding, at the rim of a pin of 10 mm. Missing is the energy by which a run's balance does not close,"
+    yield "Over ideal is the peak force over the ideal linkage's largest reaction. Force times sliding, at the rim of a"
+    yield "pin of 10 mm, is what wears (Archard). Missing is the energy by which a run's balance does not close,"
     yield "as a share of what the motor turns over: the simulation's own error."
     for case, friction in dict.fromkeys((row.case, row.friction) for row in rows):
         mine = [row for row in rows if (row.case, row.friction) == (case, friction)]

@@ -11,6 +11,7 @@ from rich.console import Console
 
 from analytic.mechanism.one_line import count
 from compare.report.crosscheck_figures import reaction_directions
+from compare.report.curves import legend
 from compare.report.linkage import linkage_figure
 from compare.report.summary import summarise
 from compare.report.svg import draw
@@ -85,7 +86,7 @@ def plot(result: Validation, figure: Figure) -> None:
     axis.set_xlabel("largest share of a tolerance (%)")
     axis.set_xscale("log")
     axis.tick_params(axis="y", labelsize="x-small")
-    axis.legend(fontsize="small")
+    legend(axis)
 
 
 def page(found: Validation) -> str:
