@@ -52,11 +52,13 @@ def load(case: str | Path) -> Mechanism:
         fields = read_toml(Path(case))
     except ReadingError as error:
         raise MechanismError(f"{case}: {error}; give a mechanism file") from None
-    return _checked(fields, str(case))
+    return _checked(fields, str(case), Path(case).parent)
 
 
 def loads(text: str, source: str = "mechanism") -> Mechanism:
-    """Mechanism from TOML text; ``source`` is its name in messages.  Raises MechanismError."""
+    """Mechanism from TOML text; ``source`` is its name in messages.  It has no folder, and so no tables in files.
+    Raises MechanismError.
+    """
     try:
         fields = parse_toml(text)
     except ReadingError as error:
@@ -64,10 +66,11 @@ def loads(text: str, source: str = "mechanism") -> Mechanism:
     return _checked(fields, source)
 
 
-def _checked(fields: Mapping[str, object], source: str) -> Mechanism:
+def _checked(fields: Mapping[str, object], source: str, folder: Path | None = None) -> Mechanism:
     try:
-        return Mechanism.model_validate(in_si(fields))
-    except UnitError as error:
+        fields = in_si(fields, folder)
+        return Mechanism.model_validate(fields)
+    except (UnitError, ReadingError) as error:
         raise MechanismError(f"{source}: {error}") from None
     except ValidationError as error:
         raise MechanismError(f"{source}: {'; '.join(describe(error, fields, Mechanism))}") from None

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
-from analytic.mechanism.units import UnitError, factor_to_si
+from analytic.mechanism.load_table import with_tables
+from analytic.mechanism.units import SI, QuantityKind, UnitError, factor_to_si
 
 NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-zµμ°][\w.^/*·⋅ °-]*?)\s*")
 BARE = re.compile(r"[-+\d.eE\s]+")  # a number alone, whose e is no unit
@@ -59,14 +61,13 @@ LOAD = {"force": "N", "torque": "N.m"}
 Units = Mapping[str, str]
 
 
-def in_si(fields: Mapping[str, object]) -> dict[str, object]:
+def in_si(fields: Mapping[str, object], folder: Path | None = None) -> dict[str, object]:
     """The fields of a mechanism file with every quantity that is written with its unit as a number in SI; what is no
-    quantity is left as it is.  Raises UnitError, which names the field.
+    quantity is left as it is.  Tables of loads that are files in a ``folder`` are read.  Raises UnitError, which names
+    the field, and ReadingError.
     """
     out: dict[str, Any] = dict(fields)
     slides = {j.get("name") for j in _tables(out, "joint") if j.get("type") == "prismatic"}
-    lengths = {f"position_{name}" for name in slides}
-    lengths |= {f"{body.get('name')}_{axis}" for body in _tables(out, "body") for axis in "xy"}
     if "gravity" in out:
         out["gravity"] = _read(out["gravity"], "m/s^2", "gravity")
     if "assembly" in out:
@@ -78,7 +79,6 @@ def in_si(fields: Mapping[str, object]) -> dict[str, object]:
         "joint": lambda j: JOINT | (PRISMATIC if j.get("type") == "prismatic" else REVOLUTE),
         "drive": lambda d: DRIVE | {"speed": "m/s" if d.get("joint") in slides else "rad/s"},
         "spring": lambda _: SPRING,
-        "load": lambda load: LOAD | dict.fromkeys(("from", "to", "table"), _over(load, lengths)),
     }
     for table, units in of_part.items():
         parts = out.get(table)
@@ -86,12 +86,15 @@ def in_si(fields: Mapping[str, object]) -> dict[str, object]:
             out[table] = [_part(p, units(p), _called(table, p)) if isinstance(p, Mapping) else p for p in parts]
         elif isinstance(parts, Mapping):
             out[table] = _part(parts, units(parts), table)
+    if isinstance(out.get("load"), list):
+        out["load"] = _loads(out["load"], folder, "load")
     return out
 
 
-def runs_in_si(runs: object) -> object:
-    """The ``[[run]]`` tables of measured data, their speeds, angles, forces and torques that are written with their
-    unit as numbers in SI.  Raises UnitError, which names the field.
+def runs_in_si(runs: object, folder: Path | None = None) -> object:
+    """The ``[[run]]`` tables of measured data, their speeds, angles and loads that are written with their unit as
+    numbers in SI, and tables of loads that are files in a ``folder`` read.  Raises UnitError, which names the field,
+    and ReadingError.
     """
     if not isinstance(runs, list):
         return runs
@@ -104,8 +107,7 @@ def runs_in_si(runs: object) -> object:
         called = _called("run", run)
         written = _part(run, units, called)
         if isinstance(run.get("load"), list):
-            loads = [_part(each, LOAD, f"{called}.load") if isinstance(each, Mapping) else each for each in run["load"]]
-            written["load"] = loads
+            written["load"] = _loads(run["load"], folder, f"{called}.load")
         out.append(written)
     return out
 
@@ -120,10 +122,26 @@ def _called(table: str, part: Mapping[str, Any]) -> str:
     return f"{table}[{name}]" if isinstance(name, str) else table
 
 
-def _over(load: Mapping[str, Any], lengths: Collection[str]) -> str:
-    """The unit of what a load varies over; any, where that is nothing that there is, which is then what is wrong."""
-    over = load.get("over")
-    return "m" if over in lengths else "rad" if isinstance(over, str) and over.endswith("angle") else ""
+def _loads(loads: list[Any], folder: Path | None, called: str) -> list[Any]:
+    """Loads in SI, those with a table in a file as one for each of its columns."""
+    out: list[Any] = []
+    for load in loads:
+        if not isinstance(load, Mapping):
+            out.append(load)
+            continue
+        where, kind = _called(called, load), _over(load.get("over"))
+        units = LOAD | dict.fromkeys(("from", "to", "table"), SI[kind] if kind else "")
+        out += with_tables(_part(load, units, where), kind, folder, where)
+    return out
+
+
+def _over(over: object) -> QuantityKind | None:
+    """What a load varies over; None of what there is not, which is then what is wrong."""
+    if not isinstance(over, str):
+        return None
+    if over.startswith("position_") or over.endswith(("_x", "_y")):
+        return "length"
+    return "angle" if over.endswith("_angle") else None
 
 
 def _part(part: Mapping[str, Any], units: Units, called: str) -> dict[str, Any]:

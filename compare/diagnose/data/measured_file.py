@@ -82,15 +82,16 @@ def read_file(path: Path) -> MeasuredFile:
     fields: dict[str, Any] = {}
     try:
         fields = read_toml(path)
+    except ReadingError as error:
+        raise MeasuredError(f"{path}: {error}; give a measured.toml") from None
+    try:
         if "run" in fields:
-            fields["run"] = runs_in_si(fields["run"])
+            fields["run"] = runs_in_si(fields["run"], path.parent)
         return MeasuredFile.model_validate(fields)
-    except UnitError as error:
+    except (UnitError, ReadingError) as error:
         raise MeasuredError(f"{path.name}: {error}") from None
     except ValidationError as error:
         raise MeasuredError(f"{path.name}: {_described(error, fields)}") from None
-    except ReadingError as error:
-        raise MeasuredError(f"{path}: {error}; give a measured.toml") from None
 
 
 def _described(error: ValidationError, fields: dict[str, Any]) -> str:
