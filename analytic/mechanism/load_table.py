@@ -8,30 +8,32 @@ import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from analytic.mechanism.reading import ReadingError, read_text
-from analytic.mechanism.units import QuantityKind, UnitError, factor
+from analytic.mechanism.signals import SiUnit
+from analytic.mechanism.units import DIMENSIONS, QuantityKind, UnitError, factor
 
 HEADING = re.compile(r"\s*([^\[\]()]*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))?\s*")
-UNIT_LOADS: dict[str, tuple[QuantityKind, dict[str, Any]]] = {
+UNIT_LOADS: Mapping[str, tuple[QuantityKind, Mapping[str, object]]] = {
     "force_x": ("force", {"force": [1.0, 0.0]}),
     "force_y": ("force", {"force": [0.0, 1.0]}),
     "torque": ("torque", {"torque": 1.0}),
 }  # what a column is a factor of
 
 
-def with_tables(load: Mapping[str, Any], kind: QuantityKind | None, folder: Path | None, called: str) -> list[Any]:
+def with_tables(
+    load: Mapping[str, object], unit: SiUnit | None, folder: Path | None, called: str
+) -> list[dict[str, object]]:
     """A load whose table is a file, relative to ``folder``, as one load for each of the file's columns beside that of
-    ``over``, a quantity of this ``kind``; any other load as it is.  Raises ReadingError.
+    ``over``, in this ``unit``; any other load as it is.  Raises ReadingError.
     """
     file, over = load.get("table"), load.get("over")
     if not isinstance(file, str):
-        return [load]
+        return [dict(load)]
     where = f"{called}.table = {file!r}"
     if folder is None:
         raise ReadingError(f"{where} is a file, which mechanisms that are no files themselves have not; give its pairs")
-    if kind is None or not isinstance(over, str):
+    if unit is None or not isinstance(over, str):
         raise ReadingError(
             f"{where} is read over {over!r}; give over = crank_angle, <body>_angle, <body>_x, <body>_y or"
             " position_<slide>"
@@ -39,7 +41,7 @@ def with_tables(load: Mapping[str, Any], kind: QuantityKind | None, folder: Path
     given = [name for name in ("force", "torque", "from", "to") if name in load]
     if given:
         raise ReadingError(f"{where} says all of the load; leave out {' and '.join(given)}, or give pairs in its place")
-    values, columns = _read(folder / file, over, kind)
+    values, columns = _read(folder / file, over, DIMENSIONS[unit])
     rest = {name: value for name, value in load.items() if name != "table"}
     return [
         {**rest, **UNIT_LOADS[name][1], "table": [list(pair) for pair in zip(values, column, strict=True)]}

@@ -9,6 +9,7 @@ from typing import Literal, cast
 import numpy as np
 
 from analytic.mechanism.parts import GROUND, Amount, Body, Joint
+from analytic.mechanism.signals import SiUnit
 
 Angle = Callable[[str], Amount]  # (rad) of a moving body
 Point = Callable[[str, str], complex | np.ndarray]  # place (m, x + iy) of a body's point, or of the ground's
@@ -21,6 +22,11 @@ class Quantity:
     kind: Literal["angle", "x", "y", "travel"]
     body: str = ""
     slide: Joint | None = None
+
+    @property
+    def unit(self) -> SiUnit:
+        """Its unit."""
+        return "rad" if self.kind == "angle" else "m"
 
     def value(self, angle: Angle[Amount], point: Point) -> Amount:
         """Its value, one or (N,), where bodies have these angles and points these places."""

@@ -5,10 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from analytic.mechanism.load_table import with_tables
-from analytic.mechanism.units import SI, QuantityKind, UnitError, factor_to_si
+from analytic.mechanism.signals import SiUnit
+from analytic.mechanism.units import UnitError, factor_to_si
 
 NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-zµμ°][\w.^/*·⋅ °-]*?)\s*")
 BARE = re.compile(r"[-+\d.eE\s]+")  # a number alone, whose e is no unit
@@ -87,14 +89,20 @@ def in_si(fields: Mapping[str, object], folder: Path | None = None) -> dict[str,
         elif isinstance(parts, Mapping):
             out[table] = _part(parts, units(parts), table)
     if isinstance(out.get("load"), list):
-        out["load"] = _loads(out["load"], folder, "load")
+        bodies = {body.get("name") for body in _tables(out, "body")}
+        units_over: dict[str, SiUnit] = {f"position_{name}": "m" for name in slides}
+        units_over |= {f"{body}_{axis}": "m" for body in bodies for axis in "xy"}
+        units_over |= dict.fromkeys(("crank_angle", *(f"{body}_angle" for body in bodies)), "rad")
+        out["load"] = _loads(out["load"], units_over, folder, "load")
     return out
 
 
-def runs_in_si(runs: object, folder: Path | None = None) -> object:
+def runs_in_si(
+    runs: object, units_over: Mapping[str, SiUnit] = MappingProxyType({}), folder: Path | None = None
+) -> object:
     """The ``[[run]]`` tables of measured data, their speeds, angles and loads that are written with their unit as
-    numbers in SI, and tables of loads that are files in a ``folder`` read.  Raises UnitError, which names the field,
-    and ReadingError.
+    numbers in SI, and tables of loads that are files in a ``folder`` read; ``units_over`` has the unit of each quantity
+    that a load may vary over.  Raises UnitError, which names the field, and ReadingError.
     """
     if not isinstance(runs, list):
         return runs
@@ -107,7 +115,7 @@ def runs_in_si(runs: object, folder: Path | None = None) -> object:
         called = _called("run", run)
         written = _part(run, units, called)
         if isinstance(run.get("load"), list):
-            written["load"] = _loads(run["load"], folder, f"{called}.load")
+            written["load"] = _loads(run["load"], units_over, folder, f"{called}.load")
         out.append(written)
     return out
 
@@ -122,26 +130,20 @@ def _called(table: str, part: Mapping[str, Any]) -> str:
     return f"{table}[{name}]" if isinstance(name, str) else table
 
 
-def _loads(loads: list[Any], folder: Path | None, called: str) -> list[Any]:
-    """Loads in SI, those with a table in a file as one for each of its columns."""
-    out: list[Any] = []
+def _loads(loads: list[object], units_over: Mapping[str, SiUnit], folder: Path | None, called: str) -> list[object]:
+    """Loads in SI, those with a table in a file as one for each of its columns.  What varies over nothing that there
+    is may have any unit: what it varies over is then what is wrong.
+    """
+    out: list[object] = []
     for load in loads:
         if not isinstance(load, Mapping):
             out.append(load)
             continue
-        where, kind = _called(called, load), _over(load.get("over"))
-        units = LOAD | dict.fromkeys(("from", "to", "table"), SI[kind] if kind else "")
-        out += with_tables(_part(load, units, where), kind, folder, where)
+        where, over = _called(called, load), load.get("over")
+        unit = units_over.get(over) if isinstance(over, str) else None
+        written = _part(load, LOAD | dict.fromkeys(("from", "to", "table"), unit or ""), where)
+        out += with_tables(written, unit, folder, where)
     return out
-
-
-def _over(over: object) -> QuantityKind | None:
-    """What a load varies over; None of what there is not, which is then what is wrong."""
-    if not isinstance(over, str):
-        return None
-    if over.startswith("position_") or over.endswith(("_x", "_y")):
-        return "length"
-    return "angle" if over.endswith("_angle") else None
 
 
 def _part(part: Mapping[str, Any], units: Units, called: str) -> dict[str, Any]:

@@ -22,11 +22,10 @@ from analytic.kinematics.structure import StructureError
 from analytic.mechanism import Mechanism, MechanismError
 from analytic.mechanism.assumed import Assumed
 from analytic.mechanism.columns import Layout
-from analytic.mechanism.file import load, shipped_cases
 from analytic.mechanism.one_line import count, shown
 from analytic.mechanism.signals import undirected, unwound, wrapped
 from compare.diagnose.data.clipping import clipped
-from compare.diagnose.data.measured_file import Entry, read_file, tolerances
+from compare.diagnose.data.measured_file import Entry, nominal, read_file, tolerances
 from compare.diagnose.data.quality import FLOOR, gaps, noise, outliers, unwrapped
 from compare.diagnose.data.recording import Channel, Drive, Fault, Measured, MeasuredError, MeasuredRun
 from compare.diagnose.data.thin import frozen, held, missed, picked
@@ -59,7 +58,7 @@ def load_measured(path: str | Path) -> Measured:
     path = Path(path)
     path = path / "measured.toml" if os.path.isdir(path) else path
     file = read_file(path)
-    mechanism = _mechanism(path, file.mechanism)
+    mechanism = nominal(path, file.mechanism)
     names = [entry.name for entry in file.runs]
     twice = next((n for n in names if names.count(n) > 1), None)
     if twice is not None:
@@ -127,18 +126,6 @@ class _Tables:
         used = {entry for table in self._read.values() for entry in table.used}
         headings = list(dict.fromkeys(heading for table in self._read.values() for heading in table.headings))
         return [unused(f"{name}: ", entry, headings) for entry in self._layout.columns if entry not in used]
-
-
-def _mechanism(path: Path, name: str) -> Mechanism:
-    file = path.parent / name
-    try:
-        return load(file if file.is_file() or name not in shipped_cases() else name)
-    except OSError as error:
-        raise MeasuredError(
-            f"{path.name}: mechanism = {shown(name)} cannot be read ({error.strerror}); check the path"
-        ) from None
-    except MechanismError as error:
-        raise MeasuredError(f"{path.name}: mechanism = {name!r}: {error}") from None
 
 
 def _run(path: Path, entry: Entry, mechanism: Mechanism, tables: _Tables) -> tuple[MeasuredRun, list[Fault]]:

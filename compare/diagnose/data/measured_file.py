@@ -9,10 +9,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from analytic.mechanism import Load
+from analytic.mechanism import Load, Mechanism, MechanismError
 from analytic.mechanism.columns import Layout
 from analytic.mechanism.errors import describe
+from analytic.mechanism.file import load, shipped_cases
+from analytic.mechanism.one_line import shown
 from analytic.mechanism.reading import ReadingError, read_toml
+from analytic.mechanism.signals import SiUnit
 from analytic.mechanism.units import UnitError
 from analytic.mechanism.written import runs_in_si
 from compare.diagnose.data.recording import MeasuredError
@@ -86,12 +89,35 @@ def read_file(path: Path) -> MeasuredFile:
         raise MeasuredError(f"{path}: {error}; give a measured.toml") from None
     try:
         if "run" in fields:
-            fields["run"] = runs_in_si(fields["run"], path.parent)
+            fields["run"] = runs_in_si(fields["run"], _varied(path, fields), path.parent)
         return MeasuredFile.model_validate(fields)
     except (UnitError, ReadingError) as error:
         raise MeasuredError(f"{path.name}: {error}") from None
     except ValidationError as error:
         raise MeasuredError(f"{path.name}: {_described(error, fields)}") from None
+
+
+def nominal(path: Path, name: str) -> Mechanism:
+    """The mechanism that a measured.toml names: a file relative to it, or a shipped case.  Raises MeasuredError."""
+    file = path.parent / name
+    try:
+        return load(file if file.is_file() or name not in shipped_cases() else name)
+    except OSError as error:
+        raise MeasuredError(
+            f"{path.name}: mechanism = {shown(name)} cannot be read ({error.strerror}); check the path"
+        ) from None
+    except MechanismError as error:
+        raise MeasuredError(f"{path.name}: mechanism = {name!r}: {error}") from None
+
+
+def _varied(path: Path, fields: Mapping[str, Any]) -> Mapping[str, SiUnit]:
+    """The units of what the loads of its runs may vary over, of a file as written; nothing where none does."""
+    name, runs = fields.get("mechanism"), fields["run"]
+    loads = [run.get("load") for run in runs if isinstance(run, dict)] if isinstance(runs, list) else []
+    varies = any(isinstance(each, dict) and "over" in each for some in loads if isinstance(some, list) for each in some)
+    if not varies or not isinstance(name, str):
+        return {}
+    return {over: quantity.unit for over, quantity in nominal(path, name).load_quantities.items()}
 
 
 def _described(error: ValidationError, fields: dict[str, Any]) -> str:
