@@ -130,7 +130,7 @@ def _of_outputs(assembly: Assembly, schedule: Schedule, motion: Motion) -> dict[
 
 def _without_use(m: Mechanism, side: Reference) -> Iterator[str]:
     """Loads that vary and act nowhere in this motion, each in a sentence."""
-    for load in (load for load in m.loads if load.varies):
+    for load in (load for load in m.loads if load.over):
         values = m.load_values(load, side.signals)
         if values is None or not np.isfinite(values).any():
             continue

@@ -80,6 +80,11 @@ MEANS = {
         "Load",
         "over",
     ): "what it varies over: `crank_angle`, `<body>_angle`, `<body>_x`, `<body>_y` or `position_<slide>`",
+    (
+        "Load",
+        "opposes",
+    ): "whether only its size is its own: the force acts against the velocity of its point, the torque against the"
+    " turning of its body, at rest against the drive's motion",
     ("Load", "from"): "rad or m, of what it varies over: from where on it acts",
     ("Load", "to"): "rad or m: up to where it acts",
     (

@@ -39,13 +39,17 @@ def free_motion(
 def _check(assembly: Assembly) -> None:
     """Raise AssemblyError for friction whose direction a free motion of several freedoms would have to find."""
     m = assembly.mechanism
-    for joint in m.joints:
-        if joint.rubs:
-            field = joint.load_law if joint.load_coefficient else f"friction_torque of joint {joint.name!r}"
-            raise AssemblyError(
-                f"{m.name}: the analytic model knows no free motion of several freedoms with dry friction ({field})",
-                remedy="leave it out, or give each freedom a drive",
-            )
+    laws = [
+        joint.load_law if joint.load_coefficient else f"friction_torque of joint {joint.name!r}"
+        for joint in m.joints
+        if joint.rubs
+    ]
+    laws += [f"opposes of the load on {load.body!r}" for load in m.loads if load.opposes]
+    if laws:
+        raise AssemblyError(
+            f"{m.name}: the analytic model knows no free motion of several freedoms with dry friction ({laws[0]})",
+            remedy="leave it out, or give each freedom a drive",
+        )
 
 
 class _FreeMotion:

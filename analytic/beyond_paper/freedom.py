@@ -22,7 +22,7 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import kinematics
 from analytic.mechanism.one_line import count, one_line
-from analytic.paper.kinetostatics import kinetostatics
+from analytic.paper.kinetostatics import kinetostatics, load_now
 
 TABLE_POINTS = 720  # of a table over a revolution
 
@@ -95,6 +95,11 @@ def coefficients(assembly: Assembly, theta: np.ndarray) -> np.ndarray:
         coulomb = coulomb + joint.coulomb * rate
         if joint.stribeck_speed is not None:
             stribeck += [(joint.stiction - joint.coulomb) * rate, rate / joint.stribeck_speed]
+    for load in (load for load in assembly.mechanism.loads if load.opposes):
+        moving, spin = motion.velocity(load.body, load.point), motion.angular_velocity(load.body)
+        force, torque = load_now(motion, load)
+        power = np.real(moving * np.conj(force)) + torque * spin
+        coulomb = coulomb - power.reshape(omega.size, -1)[2]
     for spring in assembly.mechanism.springs:
         if spring.damping:
             near, far = spring.ends

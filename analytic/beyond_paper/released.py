@@ -45,7 +45,8 @@ def released(assembly: Assembly, time: np.ndarray, theta: float | None = None, o
 
     Raises AssemblyError where the motion meets a change point.
     """
-    rubs = any(joint.rubs for joint in assembly.mechanism.joints)
+    m = assembly.mechanism
+    rubs = any(joint.rubs for joint in m.joints) or any(load.opposes for load in m.loads)
     angles, speeds, accelerations = np.empty((3, time.size))
     grip, held = np.ones(time.size), np.zeros(time.size, bool)
     angle, speed, now, k = assembly.start if theta is None else theta, omega, 0.0, 0

@@ -411,6 +411,9 @@ class Load(MechanismPart):
     It acts always, or ``over`` a quantity of the motion: ``crank_angle``, ``<body>_angle`` (rad, every turn alike),
     ``<body>_x``, ``<body>_y`` or ``position_<slide>`` (m).  Then it acts ``from`` one value ``to`` another, or as many
     times as a ``table`` says: pairs of value and factor with straight lines between them, beyond them the nearest.
+
+    If it ``opposes``, only its size is its own: the force acts against the velocity of its point, the torque against
+    the angular velocity of its body, at rest against those of the drive's motion.
     """
 
     body: PartName
@@ -421,6 +424,7 @@ class Load(MechanismPart):
     start: Annotated[SiNumber | None, Field(alias="from")] = None  # rad or m
     end: Annotated[SiNumber | None, Field(alias="to")] = None
     table: Annotated[tuple[Vector, ...], BeforeValidator(as_tuple)] = ()
+    opposes: bool = False  # against the motion: of a tool that cuts, of a brake
 
     @model_validator(mode="after")
     def _check(self) -> Load:
@@ -434,12 +438,14 @@ class Load(MechanismPart):
         values = [value for value, _ in self.table]
         if self.table and (len(values) < 2 or any(b <= a for a, b in pairwise(values))):
             raise ValueError("table has two pairs of value and factor at least, values in increasing order")
+        if self.opposes and any(factor < 0 for _, factor in self.table):
+            raise ValueError("a load that opposes the motion has factors of 0 or more in its table; others drive it")
         return self
 
     @property
     def varies(self) -> bool:
-        """Whether it acts over part of the motion only, or here more and there less."""
-        return bool(self.over)
+        """Whether it is not the same throughout the motion."""
+        return bool(self.over) or self.opposes
 
     def share(self, value: Amount, angular: bool) -> Amount:
         """How much of it acts at values of its quantity, every turn alike of one that is ``angular``; a stretch of a

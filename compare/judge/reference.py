@@ -21,7 +21,7 @@ from analytic.mechanism.signals import Signal, driving, named, wrapped
 from analytic.paper.clearance import Displaced, Model, displaced
 from analytic.paper.compliance import compliance
 from analytic.paper.envelope import condition
-from analytic.paper.kinetostatics import friction_turns
+from analytic.paper.kinetostatics import friction_turns, load_turns
 from analytic.paper.superposition import ILL_CONDITIONED, superposed
 from compare.judge.discrepancy import difference, largest
 from compare.judge.signals import compared, with_derived
@@ -219,7 +219,13 @@ def _side(
     turning = {name: here for name, here in turning.items() if name not in by_motor}
     loose, peaks = answer.reactions.undetermined, largest(signals[model])
     side = Reference(signals[model], ideal, order, answer.flags, peaks=peaks, undetermined=loose)
-    side = _without({i: why for i, why in _reversals(turning).items() if i not in answer.flags}, side)
+    opposed = load_turns(answer.ideal.motion, REVERSAL if inertia else 0.0)
+    flags = _reversals(turning) | {
+        int(i): f"what the load on {body} opposes stands or turns back here, and it has no direction"
+        for body, here in opposed.items()
+        for i in np.flatnonzero(here)
+    }
+    side = _without({i: why for i, why in flags.items() if i not in answer.flags}, side)
     return silenced(side, {signal.name: turned for signal, turned in by_motor.values()})
 
 
@@ -242,7 +248,7 @@ def without_load_edges(side: Reference, m: Mechanism) -> Reference:
     """A side flagged where a load begins or ends: there rounding decides whether a simulation has it."""
     flags: dict[int, str] = {}
     for load in m.loads:
-        values = m.load_values(load, side.signals) if load.varies else None
+        values = m.load_values(load, side.signals) if load.over else None
         if load.start is None or load.end is None or values is None:
             continue
         angular = m.load_quantities[load.over].kind == "angle"
@@ -310,6 +316,7 @@ def _released(assembly: Assembly, time: np.ndarray, angle: float, rate: float) -
     ideal = _angles(reactions.motion)
     signals = with_derived(reactions.signals(), mechanism)
     rubbing = [joint.name for joint in mechanism.joints if joint.rubs]
+    rubbing += [f"the load on {load.body}" for load in mechanism.loads if load.opposes]
     why = f"at rest, where nothing says how friction in {' and '.join(rubbing)} share what they hold"
     flags = {int(i): why for i in np.flatnonzero(motion.held)} if len(rubbing) > 1 else {}
     flags |= {

@@ -10,9 +10,10 @@ from functools import cached_property
 
 import numpy as np
 
-from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint
+from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint, Load
 from analytic.mechanism.parts import TINY
 from analytic.mechanism.signals import driving, wrapped
+from analytic.mechanism.varying import Seen
 from sim_models.common.contact_laws import contact_parameters, longest
 from sim_models.common.guide import Guide
 from sim_models.engine import Request, Trace
@@ -98,6 +99,10 @@ class TracedLinkage:
             else self.trace.rates[body].velocity + 1j * self.spin(body) * arm
         )
 
+    def going(self, body: str, point: str) -> np.ndarray:
+        """Velocity (N,) m/s of a body's point."""
+        return self.velocity(body, self.arm(body, point))
+
     def acceleration(self, body: str, arm: np.ndarray) -> np.ndarray:
         """Acceleration (N,) m/s^2 of such a point."""
         if body == GROUND:
@@ -130,6 +135,22 @@ class TracedLinkage:
         return longest(self.m)
 
     # ---------------------------------------------------------------- forces
+
+    def load(self, load: Load) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Force (N,) N and torque (N,) N.m of a load, and what of each (N,) is not known: the way of one that opposes
+        the motion, at rest, and near where its point or its body turns back, where it is half a step that decides.
+        """
+        none = np.zeros(self.count)
+        seen = Seen(self.angle, self.place, self.going, self.spin)
+        force, torque = (part + none for part in self.m.acting(load, seen))
+        if not load.opposes:
+            return force, torque, none, none
+        rates = (none, none) if self.still else (np.abs(self.going(load.body, load.point)), self.spin(load.body))
+        slow = [np.abs(rate) <= FADING * np.abs(rate).max(initial=0.0) for rate in rates]
+        always = load.model_copy(update={"opposes": False})
+        sizes = (np.abs(part) + none for part in self.m.acting(always, seen))
+        unsure, hidden = (np.where(here, size, 0.0) for here, size in zip(slow, sizes, strict=True))
+        return np.where(slow[0], 0.0, force), np.where(slow[1], 0.0, torque), unsure, hidden
 
     def springs(self) -> Iterator[tuple[str, str, np.ndarray]]:
         """Body, point and force (N,) N on it of each end of a spring between points."""

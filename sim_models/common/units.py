@@ -168,7 +168,7 @@ class Units:
             return d.model_copy(update=scaled)
 
         def load_in(load: Load) -> Load:
-            long = load.varies and m.load_quantities[load.over].kind != "angle"
+            long = load.over and m.load_quantities[load.over].kind != "angle"
             scaled = load.scaled(self.length) if long else load
             return scaled.model_copy(update=fields(load, {"force": FORCE_DIMENSION, "torque": TORQUE_DIMENSION}))
 
