@@ -206,12 +206,26 @@ class Mechanism(MechanismPart):
         """What a load may vary with, by name."""
         return dict(quantities(self.driven if self.cranked else "", self.bodies, self.joints))
 
+    @property
+    def timed_load(self) -> Load | None:
+        """The first load that varies over time; None where none does."""
+        return next((load for load in self.loads if load.over == "time"), None)
+
+    @property
+    def shortest_stretch(self) -> float:
+        """The shortest time (s) in which a load that varies over time does what it does; endless without one."""
+        return min((load.shortest_stretch for load in self.loads if load.over == "time"), default=math.inf)
+
     def acting(self, load: Load, seen: Seen[Amount]) -> tuple[Vectors, Amount | float]:
         """Force (N, x + iy) and torque (N.m) of a load, one or (N,), where the linkage is seen."""
         return acting(load, self.load_quantities[load.over] if load.over else None, seen)
 
-    def load_values(self, load: Load, signals: Mapping[str, np.ndarray]) -> np.ndarray | None:
-        """What a load varies over, (N,) rad or m, of these signals; None where they have it not."""
+    def load_values(
+        self, load: Load, signals: Mapping[str, np.ndarray], time: np.ndarray | None = None
+    ) -> np.ndarray | None:
+        """What a load varies over, (N,) rad, m or s, of these signals at times (N,) s; None where they have it not."""
+        if load.over == "time":
+            return time
         return signals.get(f"{self.driven}_angle" if load.over == "crank_angle" else load.over)
 
     @property

@@ -409,8 +409,9 @@ class Load(MechanismPart):
     """A force (N, ground frame, fixed in direction) at a point of a body, or a torque (N.m) on it.
 
     It acts always, or ``over`` a quantity of the motion: ``crank_angle``, ``<body>_angle`` (rad, every turn alike),
-    ``<body>_x``, ``<body>_y`` or ``position_<slide>`` (m).  Then it acts ``from`` one value ``to`` another, or as many
-    times as a ``table`` says: pairs of value and factor with straight lines between them, beyond them the nearest.
+    ``<body>_x``, ``<body>_y`` or ``position_<slide>`` (m), or ``time`` (s since a run's start).  Then it acts ``from``
+    one value ``to`` another, or as many times as a ``table`` says: pairs of value and factor with straight lines
+    between them, beyond them the nearest.
 
     If it ``opposes``, only its size is its own: the force acts against the velocity of its point, the torque against
     the angular velocity of its body, at rest against those of the drive's motion.
@@ -421,7 +422,7 @@ class Load(MechanismPart):
     force: Vector = (0.0, 0.0)
     torque: SiNumber = 0.0
     over: str = ""
-    start: Annotated[SiNumber | None, Field(alias="from")] = None  # rad or m
+    start: Annotated[SiNumber | None, Field(alias="from")] = None  # rad, m or s
     end: Annotated[SiNumber | None, Field(alias="to")] = None
     table: Annotated[tuple[Vector, ...], BeforeValidator(as_tuple)] = ()
     opposes: bool = False  # against the motion: of a tool that cuts, of a brake
@@ -460,10 +461,16 @@ class Load(MechanismPart):
             return 1.0 * ((min(start, end) <= value) & (value <= max(start, end)))
         return 1.0 * ((value - start) % turn <= (end - start) % turn) if end - start < turn else value * 0.0 + 1.0
 
-    def scaled(self, length: float) -> Load:
-        """The same with its quantity, a length, in units of ``length`` (m)."""
-        ends = {name: None if at is None else at / length for name, at in (("start", self.start), ("end", self.end))}
-        return self.model_copy(update=ends | {"table": tuple((at / length, factor) for at, factor in self.table)})
+    @property
+    def shortest_stretch(self) -> float:
+        """The shortest stretch of its quantity (rad, m, s) that it knows; endless where it does not vary over one."""
+        at = [value for value, _ in self.table] or [end for end in (self.start, self.end) if end is not None]
+        return min((abs(b - a) for a, b in pairwise(at)), default=math.inf)
+
+    def scaled(self, unit: float) -> Load:
+        """The same with its quantity, which is no angle, in units of ``unit`` (m, s)."""
+        ends = {name: None if at is None else at / unit for name, at in (("start", self.start), ("end", self.end))}
+        return self.model_copy(update=ends | {"table": tuple((at / unit, factor) for at, factor in self.table)})
 
 
 class Spring(MechanismPart):

@@ -17,32 +17,35 @@ Vectors = complex | np.ndarray  # x + iy, one or (N,)
 @dataclass(frozen=True)
 class Seen(Generic[Amount]):
     """A linkage as its loads see it, at one instant or at N: by body its ``angle`` (rad) and ``spin`` (rad/s), by body
-    and point its ``place`` (m) and ``velocity`` (m/s, of which only the direction matters).
+    and point its ``place`` (m) and ``velocity`` (m/s, of which only the direction matters), and the ``time`` (s).
     """
 
     angle: Callable[[str], Amount]
     place: Callable[[str, str], Vectors]
     velocity: Callable[[str, str], Vectors]
     spin: Callable[[str], Amount]
+    time: Callable[[], Amount]
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """An angle (rad) of a body, x or y (m) of one, or the travel (m) of a slide."""
+    """An angle (rad) of a body, x or y (m) of one, the travel (m) of a slide, or the time (s) since a run's start."""
 
-    kind: Literal["angle", "x", "y", "travel"]
+    kind: Literal["angle", "x", "y", "travel", "time"]
     body: str = ""
     slide: Joint | None = None
 
     @property
     def unit(self) -> SiUnit:
         """Its unit."""
-        return "rad" if self.kind == "angle" else "m"
+        return "rad" if self.kind == "angle" else "s" if self.kind == "time" else "m"
 
     def value(self, seen: Seen[Amount]) -> Amount:
         """Its value, one or (N,), where a linkage is seen."""
         if self.kind == "angle":
             return seen.angle(self.body)
+        if self.kind == "time":
+            return seen.time()
         if self.slide is None:
             at = seen.place(self.body, "com")
             return cast(Amount, np.real(at) if self.kind == "x" else np.imag(at))
@@ -54,6 +57,7 @@ class Quantity:
 
 def quantities(driven: str, bodies: Iterable[Body], joints: Iterable[Joint]) -> Iterator[tuple[str, Quantity]]:
     """Everything that a load of a linkage may vary with, by name; ``driven`` is its crank, if there is one."""
+    yield "time", Quantity("time")
     if driven:
         yield "crank_angle", Quantity("angle", driven)
     for body in bodies:

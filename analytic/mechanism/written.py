@@ -90,7 +90,8 @@ def in_si(fields: Mapping[str, object], folder: Path | None = None) -> dict[str,
             out[table] = _part(parts, units(parts), table)
     if isinstance(out.get("load"), list):
         bodies = {body.get("name") for body in _tables(out, "body")}
-        units_over: dict[str, SiUnit] = {f"position_{name}": "m" for name in slides}
+        units_over: dict[str, SiUnit] = {"time": "s"}
+        units_over |= {f"position_{name}": "m" for name in slides}
         units_over |= {f"{body}_{axis}": "m" for body in bodies for axis in "xy"}
         units_over |= dict.fromkeys(("crank_angle", *(f"{body}_angle" for body in bodies)), "rad")
         out["load"] = _loads(out["load"], units_over, folder, "load")

@@ -395,8 +395,18 @@ def load_now(motion: Motion, load: Load, grip: np.ndarray | float = 1.0) -> tupl
     """Force (N, x + iy) and torque (N.m) of a load, (N,) or the same throughout; ``grip`` is the share of those that
     oppose the motion.
     """
-    seen = Seen(motion.angle, motion.position, motion.velocity, motion.angular_velocity)
-    force, torque = motion.structure.mechanism.acting(load, seen)
+    m = motion.structure.mechanism
+
+    def time() -> np.ndarray:
+        if motion.time is None:
+            raise AssemblyError(
+                f"{m.name}: the load on {load.body} varies over time, which equilibria at rest, and what is asked over"
+                " angles alone, have not",
+                remedy="give over = crank_angle, or ask for a driven or released run",
+            )
+        return motion.time
+
+    force, torque = m.acting(load, Seen(motion.angle, motion.position, motion.velocity, motion.angular_velocity, time))
     return (force * grip, torque * grip) if load.opposes else (force, torque)
 
 

@@ -236,7 +236,7 @@ class WatchedRun:
         m, w = self.m, self.watched
         power = sum((b.mass * dot(w.velocity[b.name], complex(*m.gravity)) for b in m.bodies), np.zeros(self.time.size))
         for load in m.loads:
-            force, torque = m.acting(load, Seen(self.angle, self.place, self.going, self.spin))
+            force, torque = m.acting(load, Seen(self.angle, self.place, self.going, self.spin, lambda: self.time))
             power = power + dot(self.going(load.body, load.point), force) + torque * self.spin(load.body)
         for spring in m.springs:
             near, far = spring.ends

@@ -208,7 +208,7 @@ def acting(result: Analysis | Simulation) -> Iterator[Acting]:
     for load in m.loads:
         share = np.ones(len(over(result).values))
         if load.over:
-            values = m.load_values(load, result.signals)
+            values = m.load_values(load, result.signals, _time(result))
             if values is None:
                 continue
             share = np.asarray(load.share(values, m.load_quantities[load.over].kind == "angle"))
@@ -218,6 +218,14 @@ def acting(result: Analysis | Simulation) -> Iterator[Acting]:
             yield Acting(load, f"force on {load.body}", "N", size * share, way)
         if load.torque:
             yield Acting(load, f"torque on {load.body}", "N·m", load.torque * share, way)
+
+
+def _time(result: Analysis | Simulation) -> np.ndarray | None:
+    """The time (N,) s since the run's start; None of what rests."""
+    x, speed = over(result), result.mechanism.speed
+    if x.of_time or result.motion == "static" or speed is None:
+        return np.asarray(x.values) if x.of_time else None
+    return np.abs(result.crank_angle - (np.min if speed > 0 else np.max)(result.crank_angle)) / abs(speed)
 
 
 def _way(result: Analysis | Simulation, load: Load) -> np.ndarray:

@@ -43,8 +43,14 @@ def _check_beyond(request: Request) -> None:
 
 
 def _check_loads(request: Request) -> None:
-    """Raise Unsupported for loads that oppose a motion that may come to rest, where nothing says what they are."""
+    """Raise Unsupported for loads that oppose a motion that may come to rest, where nothing says what they are, and
+    for loads over time in a run that has none."""
     m = request.mechanism
+    if m.timed_load is not None and request.schedule.at_rest:
+        raise Unsupported(
+            f"{m.name}: the load on {m.timed_load.body!r} varies over time, which a run at rest has not; use motion"
+            " 'driven', or give over = crank_angle"
+        )
     load = next((load for load in m.loads if load.opposes), None)
     if load is not None and (request.schedule.lets_go or len(structure(m).inputs) > len(request.schedule.drives)):
         raise Unsupported(

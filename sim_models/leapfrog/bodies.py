@@ -90,6 +90,7 @@ class LeapfrogWorld(ABC):
         driven = self.held and not self.static
         self.laws = JointLaws(m, self.static, path.top_speed if driven else abs(self.speed), reach)
         self.heading: Mapping[str, Pose] = {}  # at rest: bodies in the motion that dry friction and loads oppose
+        self.clock = 0.0  # s, of the run
         self.grid: StepGrid | None = None  # of a moving run
         self.free = not (self.crank or path.held)  # in part
         # Whether inertia forces are put right (see _catch_up): not where pins need such short steps that it is no gain
@@ -444,7 +445,13 @@ class LeapfrogWorld(ABC):
             pose = going(body)
             return pose.velocity + 1j * pose.angular_velocity * self.points[body, point] * cmath.exp(1j * pose.angle)
 
-        return Seen(self.angle, lambda *of: self._point(*of)[0], velocity, lambda body: going(body).angular_velocity)
+        return Seen(
+            self.angle,
+            lambda *of: self._point(*of)[0],
+            velocity,
+            lambda body: going(body).angular_velocity,
+            lambda: self.clock,
+        )
 
     def _point(self, body: str, point: str) -> tuple[complex, complex]:
         """Place (m) and velocity (m/s) of a body's point, now."""

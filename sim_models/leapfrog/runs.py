@@ -207,7 +207,7 @@ class LeapfrogRun(EngineRun):
                 inertia = drive_inertia(world, path.poses(begin))
                 path = equilibria.lagging(path, begin, world.drive_stiffness, inertia)
         bodies = equilibria.steady(path, begin) if self.request.start == "steady" else moving(path, begin)
-        spin_up = world.spin_ups(path, begin)
+        spin_up, world.clock = world.spin_ups(path, begin), begin
         if world.loads:
             forces_at(world, bodies, spin_up)  # which is what friction grows with there
         towards = begin + grid.step * np.arange(1.0 - WARM_UP, 1.0)
@@ -227,6 +227,7 @@ class LeapfrogRun(EngineRun):
         times = grid.begin + grid.step * np.arange(ahead, grid.last + 1 + ahead)
         aims: Sequence[Sequence[float] | None] = world.aims(path, times) if steers else [None] * times.size
         for k, world.aim in enumerate(aims):
+            world.clock = grid.begin + k * grid.step
             world.heeding = bool(world.loads) and (feels or not wanted.isdisjoint(range(k + 1, k + HEEDED_STEPS)))
             if watch is not None and k == grid.lead:
                 watch.begin()

@@ -126,7 +126,7 @@ class MujocoLinkage:
         self.data = mujoco.MjData(m)
         self.places = memory(self.data.site_xpos.reshape(-1))  # m, x y z of one site after the other
         self.heading: Mapping[str, Pose] = {}  # at rest: bodies in the motion that loads oppose
-        self.seen = Seen(self.angle, self.place, self.going, self.spin)
+        self.seen = Seen(self.angle, self.place, self.going, self.spin, lambda: float(self.data.time))
         self._name_things()
         self._set_laws()
         self.blocks = {name: self._block(name, law) for name, law in contacts.items() if name not in self.contacts}

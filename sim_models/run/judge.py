@@ -141,7 +141,7 @@ class Judge:
         def velocity(body: str, name: str) -> np.ndarray:
             return record.velocity[body] + 1j * record.angular_velocity[body] * (point(body, name) - record.com[body])
 
-        seen = Seen(record.angle.__getitem__, point, velocity, record.angular_velocity.__getitem__)
+        seen = Seen(record.angle.__getitem__, point, velocity, record.angular_velocity.__getitem__, lambda: record.time)
         for load in (load for load in m.loads if load.varies):
             force, torque = m.acting(load, seen)
             power += np.real(velocity(load.body, load.point) * np.conj(force))

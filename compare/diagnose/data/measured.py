@@ -306,6 +306,14 @@ def _check_fields(where: str, entry: Entry, mechanism: Mechanism, drive: Drive) 
                 f"{where}: load on {shown(applied.body)} has {applied.force} N and {applied.torque} N.m; give what is"
                 f" below {LARGEST_READING:g}"
             )
+    timed = next(
+        (load for load in (mechanism.loads if entry.loads is None else entry.loads) if load.over == "time"), None
+    )
+    if timed is not None:
+        raise MeasuredError(
+            f"{where}: the load on {shown(timed.body)} varies over time, and a diagnosis looks at what comes back with"
+            " each turn; give over = crank_angle, or leave the run out"
+        )
     states = [f"{body}_{part}" for body in mechanism.moving for part in ("angle", "angular_velocity")]
     for name in entry.start or {}:
         if name not in states:
