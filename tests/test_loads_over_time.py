@@ -44,7 +44,7 @@ def test_time_counts_from_the_first_angle_that_a_driven_crank_passes(speed: floa
     np.testing.assert_allclose(with_them["drive_torque"] - without["drive_torque"], wanted, atol=1e-11)
 
 
-RUNS = [(name, model) for name, model in declared_runs("driven") if name != "exudyn"]
+RUNS = [*declared_runs("driven")]
 
 
 @pytest.mark.parametrize(("name", "model"), slow_but([("mujoco", "ideal"), ("pybullet", "ideal")], RUNS))
@@ -62,7 +62,7 @@ def wheel(*given: Load) -> Mechanism:
     return load("pendulum").replace(gravity=(0.0, 0.0), loads=given)
 
 
-@pytest.mark.parametrize("name", ["", "mujoco", "pybullet", "dart"])
+@pytest.mark.parametrize("name", ["", "mujoco", "exudyn", "pybullet", "dart"])
 def test_a_released_wheel_gains_the_impulse_of_a_pulse(name: str) -> None:
     """A short one, that an integrator with an eye on smoothness alone would step over."""
     if name and missing(name):

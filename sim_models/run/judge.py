@@ -48,6 +48,7 @@ class Judge:
     request: Request
     stiffness: Mapping[str, float]
     motors: Mapping[str, Rated]
+    since: float = 0.0  # s of the schedule where the record's time is 0
 
     @property
     def mechanism(self) -> Mechanism:
@@ -141,7 +142,13 @@ class Judge:
         def velocity(body: str, name: str) -> np.ndarray:
             return record.velocity[body] + 1j * record.angular_velocity[body] * (point(body, name) - record.com[body])
 
-        seen = Seen(record.angle.__getitem__, point, velocity, record.angular_velocity.__getitem__, lambda: record.time)
+        seen = Seen(
+            record.angle.__getitem__,
+            point,
+            velocity,
+            record.angular_velocity.__getitem__,
+            lambda: record.time + self.since,
+        )
         for load in (load for load in m.loads if load.varies):
             force, torque = m.acting(load, seen)
             power += np.real(velocity(load.body, load.point) * np.conj(force))
