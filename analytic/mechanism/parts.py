@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import cached_property
 from itertools import pairwise
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Literal, TypeVar, cast
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
@@ -405,6 +406,29 @@ class Drive(MechanismPart):
     periodic_torque: PeriodicTorque | None = None
 
 
+class Table(tuple[Vector, ...]):
+    """Pairs of value and factor; it keeps the arrays between which straight lines lie, as engines ask in every step."""
+
+    def at(self, value: Amount, angular: bool) -> Amount:
+        """Factors at values; over an angle every turn is alike."""
+        if angular:
+            return cast(Amount, np.interp(value % math.tau, *self._turn))
+        return cast(Amount, np.interp(value, *self._line))
+
+    @cached_property
+    def _line(self) -> tuple[np.ndarray, np.ndarray]:
+        values, factors = np.array(self, float).T
+        return values, factors
+
+    @cached_property
+    def _turn(self) -> tuple[np.ndarray, np.ndarray]:
+        values, factors = self._line
+        order = np.argsort(values % math.tau, kind="stable")
+        values, factors = (values % math.tau)[order], factors[order]
+        around = np.concatenate([values[-1:] - math.tau, values, values[:1] + math.tau])
+        return around, np.concatenate([factors[-1:], factors, factors[:1]])
+
+
 class Load(MechanismPart):
     """A force (N, ground frame, fixed in direction) at a point of a body, or a torque (N.m) on it.
 
@@ -424,7 +448,7 @@ class Load(MechanismPart):
     over: str = ""
     start: Annotated[SiNumber | None, Field(alias="from")] = None  # rad, m or s
     end: Annotated[SiNumber | None, Field(alias="to")] = None
-    table: Annotated[tuple[Vector, ...], BeforeValidator(as_tuple)] = ()
+    table: Annotated[tuple[Vector, ...], BeforeValidator(as_tuple), AfterValidator(Table)] = ()
     opposes: bool = False  # against the motion: of a tool that cuts, of a brake
 
     @model_validator(mode="after")
@@ -454,8 +478,7 @@ class Load(MechanismPart):
         """
         turn = 2 * math.pi
         if self.table:
-            values, factors = zip(*self.table, strict=True)
-            return np.interp(value, values, factors, period=turn if angular else None)
+            return (self.table if isinstance(self.table, Table) else Table(self.table)).at(value, angular)
         start, end = self.start or 0.0, self.end or 0.0
         if not angular:
             return 1.0 * ((min(start, end) <= value) & (value <= max(start, end)))
@@ -470,7 +493,7 @@ class Load(MechanismPart):
     def scaled(self, unit: float) -> Load:
         """The same with its quantity, which is no angle, in units of ``unit`` (m, s)."""
         ends = {name: None if at is None else at / unit for name, at in (("start", self.start), ("end", self.end))}
-        return self.model_copy(update=ends | {"table": tuple((at / unit, factor) for at, factor in self.table)})
+        return self.model_copy(update=ends | {"table": Table((at / unit, factor) for at, factor in self.table)})
 
 
 class Spring(MechanismPart):
