@@ -80,7 +80,7 @@ def analyse(question: AnalyseQuestion) -> Analysis:
         if motion == "driven" and compliance:
             raise ArgumentError("compliance", "elastic displacement is found at rest; ask for static motion")
         side = _side(assembly, schedule, question)
-        warned += _without_use(m, side)
+        warned += _without_use(m, side, schedule.time)
     optional, crossing = ({}, []) if compliance else _of_outputs(assembly, schedule, motion)
     if not compliance and schedule.crank_angle is not None:
         optional["extremes"] = _extremes(assembly, schedule.crank_angle, motion == "driven", model)
@@ -163,16 +163,16 @@ def _of_outputs(assembly: Assembly, schedule: Schedule, motion: Motion) -> tuple
     }, crossing
 
 
-def _without_use(m: Mechanism, side: Reference) -> Iterator[str]:
+def _without_use(m: Mechanism, side: Reference, time: np.ndarray) -> Iterator[str]:
     """Loads that vary and act nowhere in this motion, each in a sentence."""
-    for load in (load for load in m.loads if load.varies):
-        values = m.load_values(load, side.signals)
+    for load in (load for load in m.loads if load.over):
+        values = m.load_values(load, side.signals, time)
         if values is None or not np.isfinite(values).any():
             continue
         angular = m.load_quantities[load.over].kind == "angle"
         if not np.any(np.nan_to_num(load.share(values, angular))):
             low, high = (float(f(values)) for f in (np.nanmin, np.nanmax))
-            unit, factor = shown("rad" if angular else "m")
+            unit, factor = shown(m.load_quantities[load.over].unit)
             span = f"{plain(factor * low, 4)} to {plain(factor * high, 4)} {unit}"
             yield f"{m.name}: the load on {load.body} acts nowhere: {load.over} goes from {span}"
 
@@ -181,7 +181,7 @@ def _extremes(assembly: Assembly, theta: np.ndarray, inertia: bool, model: Model
     """The highest and lowest value of each signal over the stretch of these crank angles (N,), or over the whole turn
     that they make; nothing where there are too few, or where the linkage cannot be followed closely.
     """
-    if theta.size < FEWEST or np.ptp(theta) > MOST_TURNS * tau:
+    if theta.size < FEWEST or np.ptp(theta) > MOST_TURNS * tau or assembly.mechanism.timed_load is not None:
         return {}
     ends = [theta.min() + tau] if whole_turn(theta) else []
     close = np.unique([*closely(theta), *theta, *ends])

@@ -390,10 +390,9 @@ def _analytic_side(
     rubs = joint_model in ("ideal", "contact")
     assembly = Assembly(mechanism if rubs else mechanism.without_contact_friction())
     at_rest = motion == "static"
-    side = reference(
-        assembly, record.schedule(mechanism, at_rest), model, clearances, *record.moving(assembly, at_rest)
-    )
-    side = without_load_edges(side, mechanism)
+    schedule = record.schedule(mechanism, at_rest)
+    side = reference(assembly, schedule, model, clearances, *record.moving(assembly, at_rest))
+    side = without_load_edges(side, mechanism, schedule.time)
     moved = record.moved
     return silenced(side, _standing(moved, mechanism)) if at_rest and isinstance(moved, RecordedDrives) else side
 

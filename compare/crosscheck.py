@@ -458,7 +458,7 @@ def watched(request: Request, turns: int) -> Request:
 
 def _analytic_side(job: Job, assembly: Assembly, ideal: bool, measure: AnalyticSide) -> Reference:
     side = measure(assembly, job.schedule, job.model, {} if ideal else job.mechanism.clearances)
-    side = without_load_edges(side, job.mechanism)
+    side = without_load_edges(side, job.mechanism, job.schedule.time)
     return with_flexible_links(side, assembly, job.schedule) if job.flexible else side
 
 

@@ -85,10 +85,19 @@ MEANS = {
     (
         "Load",
         "over",
-    ): "what it varies over: `crank_angle`, `<body>_angle`, `<body>_x`, `<body>_y` or `position_<slide>`",
-    ("Load", "from"): "rad or m, of what it varies over: from where on it acts",
-    ("Load", "to"): "rad or m: up to where it acts",
-    ("Load", "table"): "pairs of value (rad or m) and factor of the load, straight lines between them",
+    ): "what it varies over: `crank_angle`, `<body>_angle`, `<body>_x`, `<body>_y`, `position_<slide>` or `time`",
+    (
+        "Load",
+        "opposes",
+    ): "whether only its size is its own: the force acts against the velocity of its point, the torque against the"
+    " turning of its body, at rest against the drive's motion",
+    ("Load", "from"): "rad, m or s, of what it varies over: from where on it acts",
+    ("Load", "to"): "rad, m or s: up to where it acts",
+    (
+        "Load",
+        "table",
+    ): "pairs of value (rad, m or s) and factor of the load, straight lines between them; or a CSV file with columns of"
+    " what it varies over and of `force_x`, `force_y` or `torque`, in place of the load's own",
 }  # of fields beside which the code has no comment, or hardly one
 
 

@@ -611,7 +611,8 @@ def needed(request: Request) -> dict[Feature, str]:
     if m.periodic_torque is not None:
         asked_for["periodic_torque"] = f"drive.periodic_torque.amplitude = {m.periodic_torque.amplitude:g}"
     if m.varying_load is not None:
-        asked_for["varying_load"] = f"over = {m.varying_load.over!r} of the load on {m.varying_load.body!r}"
+        how = f"over = {m.varying_load.over!r}" if m.varying_load.over else "opposes = true"
+        asked_for["varying_load"] = f"{how} of the load on {m.varying_load.body!r}"
     if m.springs:
         asked_for["point_spring"] = f"the [[spring]] between {' and '.join(m.springs[0].bodies)}"
     if request.schedule.crank is None:

@@ -276,6 +276,7 @@ CHANGES: dict[str, Change] = {
     "Load.over": Change({"load.0.over": "coupler_angle"}, TABLED),
     "Load.start": Change({"load.0.from": 3.0}, STROKE),
     "Load.end": Change({"load.0.to": 1.0}, STROKE),
+    "Load.opposes": Change({"load.0.opposes": True}),
     "Load.table": Change({"load.0.table": [[0.0, 0.5], [6.0, 1.2]]}, TABLED),
     "Spring.bodies": Change({"spring.0.bodies": ["ground", "rocker"], "spring.0.points": ["P", "C"]}),
     "Spring.points": Change({"spring.0.points": ["D", "P"]}),

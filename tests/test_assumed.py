@@ -113,6 +113,7 @@ NOTHING = {
         "start": "refused where it is needed",
         "end": "refused where it is needed",
         "table": "refused where it is needed",
+        "opposes": "fixed in direction",
     },
     Spring: {"damping": "none"},
     Ripple: {},

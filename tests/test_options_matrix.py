@@ -684,6 +684,7 @@ FIELDS: list[Any] = [  # field, what to begin with, what to change, and with whi
     ("run.load.over", of_load(**TABLED), of_load(over="coupler_angle"), ""),
     ("run.load.table", of_load(**TABLED), of_load(table=[[0.0, 0.0], [6.0, 1.0]]), ""),
     ("run.load.from", of_load(**STROKE), of_load(**{"from": 2.0}), ""),
+    ("run.load.opposes", SAME, of_load(opposes=True), ""),
     ("run.load.to", of_load(**STROKE), of_load(to=2.0), ""),
     ("run.noise", SAME, lambda said: said["run"][0]["noise"].update(follower_angle=3e-5), ""),
     ("run.noise", SAME, lambda said: said["run"][0]["noise"].update(reaction_B_x=3e-5), "noise.reaction_B_x is"),

@@ -196,7 +196,7 @@ PARTS: Mapping[type[MechanismPart], set[str]] = {
 }
 WITHOUT_UNIT = {
     "name", "type", "bodies", "body", "joint", "point", "axis", "restitution", "contact_law", "elasticity",
-    "ripple", "periodic_torque", "over", "fit",
+    "ripple", "periodic_torque", "over", "opposes", "fit",
 }  # fmt: skip
 PLACES = {Spring: {"points"}}  # names of points
 

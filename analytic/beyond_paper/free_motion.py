@@ -39,13 +39,17 @@ def free_motion(
 def _check(assembly: Assembly) -> None:
     """Raise AssemblyError for friction whose direction a free motion of several freedoms would have to find."""
     m = assembly.mechanism
-    for joint in m.joints:
-        if joint.rubs:
-            field = joint.load_law if joint.load_coefficient else f"friction_torque of joint {joint.name!r}"
-            raise AssemblyError(
-                f"{m.name}: the analytic model knows no free motion of several freedoms with dry friction ({field})",
-                remedy="leave it out, or give each freedom a drive",
-            )
+    laws = [
+        joint.load_law if joint.load_coefficient else f"friction_torque of joint {joint.name!r}"
+        for joint in m.joints
+        if joint.rubs
+    ]
+    laws += [f"opposes of the load on {load.body!r}" for load in m.loads if load.opposes]
+    if laws:
+        raise AssemblyError(
+            f"{m.name}: the analytic model knows no free motion of several freedoms with dry friction ({laws[0]})",
+            remedy="leave it out, or give each freedom a drive",
+        )
 
 
 class _FreeMotion:
@@ -70,7 +74,7 @@ class _FreeMotion:
         self.last = self.assembly.follow(begin[:, None]).coordinates
         samples = [self.sample(t, state) for t, state in zip(time.tolist(), states.T, strict=True)]
         inputs, speeds, pushes, near = (np.stack(part, axis=1) for part in zip(*samples, strict=True))
-        return kinetostatics(kinematics(self.assembly, inputs, speeds, pushes, path=Walk(near)))
+        return kinetostatics(kinematics(self.assembly, inputs, speeds, pushes, path=Walk(near), time=time))
 
     def integrated(self, time: np.ndarray, start: np.ndarray) -> np.ndarray:
         """States (2 free, N) at times (N,) s.  Raises AssemblyError."""
@@ -83,8 +87,9 @@ class _FreeMotion:
             return np.concatenate([state[len(self.free) :], self.accelerations(t, state)])
 
         solution: Any = solve_ivp(
-            rate, (0.0, float(time[-1])), start, "DOP853", time, rtol=INTEGRATION_ACCURACY, atol=INTEGRATION_ACCURACY
-        )
+            rate, (0.0, float(time[-1])), start, "DOP853", time, rtol=INTEGRATION_ACCURACY, atol=INTEGRATION_ACCURACY,
+            max_step=self.assembly.mechanism.shortest_stretch,
+        )  # fmt: skip
         if not solution.success:
             raise AssemblyError(
                 f"{self.assembly.mechanism.name}: the free motion cannot be followed beyond {solution.t[-1]:g} s"
@@ -107,7 +112,8 @@ class _FreeMotion:
         tries[self.free, 1 + np.arange(len(self.free))] = 1.0
         here, fast, near = (np.tile(x, tries.shape[1]) for x in (inputs[:, None], speeds[:, None], self.last))
         try:
-            motion = kinematics(self.assembly, here, fast, pushes[:, None] + tries, path=Walk(near))
+            times = np.full(tries.shape[1], t)
+            motion = kinematics(self.assembly, here, fast, pushes[:, None] + tries, path=Walk(near), time=times)
         except AssemblyError:  # a walk from the assembly on looks for the change point that a step went past
             self.assembly.follow(np.column_stack([self.last[list(self.assembly.structure.inputs), 0], inputs]))
             raise

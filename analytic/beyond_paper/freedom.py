@@ -22,7 +22,7 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import kinematics
 from analytic.mechanism.one_line import count, one_line
-from analytic.paper.kinetostatics import kinetostatics
+from analytic.paper.kinetostatics import kinetostatics, load_now
 
 TABLE_POINTS = 720  # of a table over a revolution
 
@@ -70,8 +70,9 @@ def padded(table: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(np.concatenate([before, table, after], axis=1))
 
 
-def coefficients(assembly: Assembly, theta: np.ndarray) -> np.ndarray:
-    """M, M'/2, c, f, g, d and the joints' a and r (6 + 2 n, N) at crank angles theta (N,) rad.  Raises AssemblyError
+def coefficients(assembly: Assembly, theta: np.ndarray, time: np.ndarray | None = None) -> np.ndarray:
+    """M, M'/2, c, f, g, d and the joints' a and r (6 + 2 n, N) at crank angles theta (N,) rad and, for loads that vary
+    over it, times (N,) s.  Raises AssemblyError
     where the linkage does not reach them, and for friction that grows with reactions: they hold the motion's square.
     """
     if laws := [joint.load_law for joint in assembly.mechanism.load_rubbed]:
@@ -82,7 +83,7 @@ def coefficients(assembly: Assembly, theta: np.ndarray) -> np.ndarray:
         )
     omega, alpha = np.array([0.0, 0.0, 1.0, -1.0]), np.array([0.0, 1.0, 0.0, 0.0])
     states = np.tile(theta, omega.size), np.repeat(omega, theta.size), np.repeat(alpha, theta.size)
-    motion = kinematics(assembly, *states)
+    motion = kinematics(assembly, *states, time=None if time is None else np.tile(time, omega.size))
     g, pushed, ahead, astern = kinetostatics(motion).drive_torque.reshape(omega.size, -1)
     viscous, coulomb, drag = np.zeros((3, theta.size))
     stribeck: list[np.ndarray] = []
@@ -95,6 +96,11 @@ def coefficients(assembly: Assembly, theta: np.ndarray) -> np.ndarray:
         coulomb = coulomb + joint.coulomb * rate
         if joint.stribeck_speed is not None:
             stribeck += [(joint.stiction - joint.coulomb) * rate, rate / joint.stribeck_speed]
+    for load in (load for load in assembly.mechanism.loads if load.opposes):
+        moving, spin = motion.velocity(load.body, load.point), motion.angular_velocity(load.body)
+        force, torque = load_now(motion, load)
+        power = np.real(moving * np.conj(force)) + torque * spin
+        coulomb = coulomb - power.reshape(omega.size, -1)[2]
     for spring in assembly.mechanism.springs:
         if spring.damping:
             near, far = spring.ends

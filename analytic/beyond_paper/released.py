@@ -45,12 +45,19 @@ def released(assembly: Assembly, time: np.ndarray, theta: float | None = None, o
 
     Raises AssemblyError where the motion meets a change point.
     """
-    rubs = any(joint.rubs for joint in assembly.mechanism.joints)
+    m = assembly.mechanism
+    if m.timed_load is not None and any(joint.rubs for joint in m.joints):
+        raise AssemblyError(
+            f"{m.name}: the analytic model knows no released motion with dry friction and a load over time, which may"
+            " set the linkage going again",
+            remedy="leave one of them out",
+        )
+    rubs = any(joint.rubs for joint in m.joints) or any(load.opposes for load in m.loads)
     angles, speeds, accelerations = np.empty((3, time.size))
     grip, held = np.ones(time.size), np.zeros(time.size, bool)
     angle, speed, now, k = assembly.start if theta is None else theta, omega, 0.0, 0
     while k < time.size:
-        now_at = coefficients(assembly, np.array([angle]))
+        now_at = coefficients(assembly, np.array([angle]), np.array([now]))
         rest, friction = float(now_at[4, 0]), float(resistance(now_at, np.zeros(1))[1][0])
         direction = float(np.sign(speed) or -np.sign(rest)) if rubs else 0.0
         if rubs and speed == 0 and abs(rest) <= friction:
@@ -61,12 +68,13 @@ def released(assembly: Assembly, time: np.ndarray, theta: float | None = None, o
         part = slice(k, k + solution.t.size)
         angles[part], speeds[part] = solution.y
         speeds[part] += direction * REST_SPEED  # at rest for an instant, friction is that of the motion to come
-        accelerations[part] = _acceleration(assembly, angles[part], speeds[part], direction)
+        accelerations[part] = _acceleration(assembly, time[part], angles[part], speeds[part], direction)
         if solution.status == 1:
             now, angle, speed = float(solution.t_events[0][0]), float(solution.y_events[0][0, 0]), 0.0
         k = part.stop
     turning = ~held & rubs & (np.abs(speeds) <= REVERSAL_TIME * np.abs(accelerations))
-    return Released(kinetostatics(kinematics(assembly, angles, speeds, accelerations), grip=grip), held, turning)
+    motion = kinematics(assembly, angles, speeds, accelerations, time=time)
+    return Released(kinetostatics(motion, grip=grip), held, turning)
 
 
 def _stretch(assembly: Assembly, time: np.ndarray, now: float, state: tuple[float, float], direction: float) -> Any:
@@ -75,9 +83,10 @@ def _stretch(assembly: Assembly, time: np.ndarray, now: float, state: tuple[floa
     """
     from scipy.integrate import solve_ivp
 
-    def rate(_: float, state: np.ndarray) -> list[float]:
+    def rate(t: float, state: np.ndarray) -> list[float]:
         angle, speed = state
-        return [speed, float(_acceleration(assembly, np.array([angle]), np.array([speed]), direction)[0])]
+        here = np.array([t]), np.array([angle]), np.array([speed])
+        return [speed, float(_acceleration(assembly, *here, direction)[0])]
 
     def onward(_: float, state: np.ndarray) -> float:
         return float(direction * state[1])
@@ -93,6 +102,7 @@ def _stretch(assembly: Assembly, time: np.ndarray, now: float, state: tuple[floa
         events=onward if direction else None,
         rtol=INTEGRATION_ACCURACY,
         atol=INTEGRATION_ACCURACY,
+        max_step=assembly.mechanism.shortest_stretch,
     )
     if not solution.success:
         reached = solution.t[-1] if solution.t.size else now
@@ -103,11 +113,13 @@ def _stretch(assembly: Assembly, time: np.ndarray, now: float, state: tuple[floa
     return solution
 
 
-def _acceleration(assembly: Assembly, angle: np.ndarray, speed: np.ndarray, direction: float) -> np.ndarray:
-    """Acceleration (rad/s^2) of the free crank at angles (rad) and speeds (rad/s), (N,) each, friction against
-    ``direction``.
+def _acceleration(
+    assembly: Assembly, time: np.ndarray, angle: np.ndarray, speed: np.ndarray, direction: float
+) -> np.ndarray:
+    """Acceleration (rad/s^2) of the free crank at times (s), angles (rad) and speeds (rad/s), (N,) each, friction
+    against ``direction``.
     """
-    terms = coefficients(assembly, angle)
+    terms = coefficients(assembly, angle, time)
     mass, half, _, _, rest = terms[:5]
     damped, dry = resistance(terms, speed)
     return np.asarray(-(half * speed**2 + damped + dry * direction + rest) / mass)

@@ -60,6 +60,7 @@ class Motion:
     column_accelerations: np.ndarray
     jacobians: Mapping[Group, np.ndarray]  # (unknowns, loops, N) derivative of each group's loops
     displaced: bool = True  # whether joints have gaps; without any the gaps' columns are zero
+    time: np.ndarray | None = None  # s since the run's start; None where that is not said
 
     @property
     def structure(self) -> Structure:
@@ -84,8 +85,8 @@ class Motion:
             jacobians: Mapping[Group, np.ndarray] = Jacobians(self.structure, columns)
         else:
             jacobians = {group: jacobian[..., block] for group, jacobian in self.jacobians.items()}
-        theta, displaced = self.theta[block], self.displaced
-        return Motion(self.assembly, theta, u, rates, accelerations, columns, turns, bends, jacobians, displaced)
+        theta, displaced, time = self.theta[block], self.displaced, None if self.time is None else self.time[block]
+        return Motion(self.assembly, theta, u, rates, accelerations, columns, turns, bends, jacobians, displaced, time)
 
     def position(self, body: str, point: str = "com") -> np.ndarray:
         """Position (m) of a body's point."""
@@ -180,7 +181,9 @@ class Pieced(Motion):
         coordinates = whole(lambda m: m.coordinates), whole(lambda m: m.rates), whole(lambda m: m.accelerations)
         columns = whole(lambda m: m.columns), whole(lambda m: m.column_rates), whole(lambda m: m.column_accelerations)
         jacobians = Jacobians(assembly.structure, columns[0])
-        return cls(assembly, whole(lambda m: m.theta), *coordinates, *columns, jacobians, True, pieces)
+        times = [(where, motion.time) for where, motion in pieces if motion.time is not None]
+        time = joined(times, n) if times else None
+        return cls(assembly, whole(lambda m: m.theta), *coordinates, *columns, jacobians, True, time, pieces)
 
     @property
     def compiled(self) -> bool:
@@ -241,8 +244,10 @@ def kinematics(
     alpha: np.ndarray | float = 0.0,
     gaps: Mapping[str, Gap] | None = None,
     path: CrankTable | Walk | None = None,
+    time: np.ndarray | None = None,
 ) -> Motion:
-    """Motion at crank angles theta (N,) rad, angular velocity omega (rad/s) and acceleration alpha (rad/s^2).
+    """Motion at crank angles theta (N,) rad, angular velocity omega (rad/s) and acceleration alpha (rad/s^2), at times
+    (N,) s if loads are to vary over it.
 
     With several inputs all three are (n_inputs, N), in the structure's order and signs
     (:meth:`analytic.kinematics.assembly.Assembly.inputs_at`), and the samples follow one another.
@@ -259,15 +264,15 @@ def kinematics(
             s, ((u, rates, accelerations), (columns, turns, bends)) = assembly.structure, moved
             jacobians, theta = Jacobians(s, columns), u[s.inputs[0]]
             return Motion(
-                assembly, theta, u, rates, accelerations, columns, turns, bends, jacobians, bool(opened)
+                assembly, theta, u, rates, accelerations, columns, turns, bends, jacobians, bool(opened), time
             )  # fmt: skip
-    return kinematics_by_numpy(assembly, theta, omega, alpha, gaps, path)
+    return kinematics_by_numpy(assembly, theta, omega, alpha, gaps, path, time)
 
 
 def along(assembly: Assembly, schedule: Schedule) -> Motion:
     """The ideal linkage at the instants of a schedule in which nothing moves freely.  Raises AssemblyError."""
-    inputs = assembly.inputs_along(schedule)
-    return kinematics(assembly, inputs.theta, inputs.omega, inputs.alpha, path=assembly.walk(schedule))
+    inputs, time = assembly.inputs_along(schedule), None if schedule.at_rest else schedule.time
+    return kinematics(assembly, inputs.theta, inputs.omega, inputs.alpha, path=assembly.walk(schedule), time=time)
 
 
 def kinematics_by_numpy(
@@ -277,6 +282,7 @@ def kinematics_by_numpy(
     alpha: np.ndarray | float = 0.0,
     gaps: Mapping[str, Gap] | None = None,
     path: CrankTable | Walk | None = None,
+    time: np.ndarray | None = None,
 ) -> Motion:
     """What :func:`kinematics` gives, by numpy alone: what the compiled code is held against, and says what is wrong."""
     s = assembly.structure
@@ -288,7 +294,17 @@ def kinematics_by_numpy(
     rates, bends = (_gap_columns(s, gaps, order, n) for order in ("rate", "acceleration"))
     jacobians = {g: np.empty((len(g.coordinates), len(g.loops), n), complex) for g in s.groups}
     motion = Motion(
-        assembly, u[s.inputs[0]], u, np.empty_like(u), np.empty_like(u), columns, rates, bends, jacobians, bool(gaps)
+        assembly,
+        u[s.inputs[0]],
+        u,
+        np.empty_like(u),
+        np.empty_like(u),
+        columns,
+        rates,
+        bends,
+        jacobians,
+        bool(gaps),
+        time,
     )
     live = s.n_columns if gaps else len(s.bodies) + len(s.slides)  # without gaps their columns stay untouched
     for block in blocks(n):

@@ -52,11 +52,13 @@ def load(case: str | Path) -> Mechanism:
         fields = read_toml(Path(case))
     except ReadingError as error:
         raise MechanismError(f"{case}: {error}; give a mechanism file") from None
-    return checked(fields, str(case))
+    return checked(fields, str(case), Path(case).parent)
 
 
 def loads(text: str, source: str = "mechanism") -> Mechanism:
-    """Mechanism from TOML text; ``source`` is its name in messages.  Raises MechanismError."""
+    """Mechanism from TOML text; ``source`` is its name in messages.  It has no folder, and so no tables in files.
+    Raises MechanismError.
+    """
     try:
         fields = parse_toml(text)
     except ReadingError as error:
@@ -64,18 +66,19 @@ def loads(text: str, source: str = "mechanism") -> Mechanism:
     return checked(fields, source)
 
 
-def checked(fields: Mapping[str, object], source: str) -> Mechanism:
-    """Mechanism of a file's fields; ``source`` is its name in messages.  Raises MechanismError."""
+def checked(fields: Mapping[str, object], source: str, folder: Path | None = None) -> Mechanism:
+    """Mechanism of a file's fields; ``source`` is its name in messages, ``folder`` where its tables are.  Raises
+    MechanismError.
+    """
     try:
-        mechanism = Mechanism.model_validate(in_si(fields))
+        fields = in_si(fields, folder)
+        mechanism = Mechanism.model_validate(fields)
         if mechanism.tolerances or any(joint.fit for joint in mechanism.joints):
             from analytic.mechanism.tolerances import sources
 
             sources(mechanism)
         return mechanism
-    except MechanismError as error:
-        raise MechanismError(f"{source}: {error}") from None
-    except UnitError as error:
+    except (MechanismError, UnitError, ReadingError) as error:
         raise MechanismError(f"{source}: {error}") from None
     except ValidationError as error:
         raise MechanismError(f"{source}: {'; '.join(describe(error, fields, Mechanism))}") from None

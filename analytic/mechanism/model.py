@@ -9,6 +9,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
 from numbers import Real
 from typing import Annotated, TypeVar
 
@@ -48,7 +49,7 @@ from analytic.mechanism.parts import (
     titled,
 )
 from analytic.mechanism.signals import Signal, driving, position
-from analytic.mechanism.varying import Angle, Point, Quantity, quantities
+from analytic.mechanism.varying import Quantity, Seen, Vectors, acting, quantities
 
 P = TypeVar("P", Body, Joint)
 ONE_CRANK = "what is asked for is of linkages with one drive, which turns a crank on the ground"
@@ -213,23 +214,34 @@ class Mechanism(MechanismPart):
 
     @property
     def varying_load(self) -> Load | None:
-        """The first load that acts over part of the motion only; None where every load is constant."""
+        """The first load that is not the same throughout the motion; None where every load is constant."""
         return next((load for load in self.loads if load.varies), None)
 
-    @property
+    @cached_property
     def load_quantities(self) -> Mapping[str, Quantity]:
         """What a load may vary with, by name."""
         return dict(quantities(self.driven if self.cranked else "", self.bodies, self.joints))
 
-    def load_share(self, load: Load, angle: Angle[Amount], point: Point) -> Amount | float:
-        """How much of a load acts, one or (N,), where bodies have these angles and points these places."""
-        if not load.varies:
-            return 1.0
-        quantity = self.load_quantities[load.over]
-        return load.share(quantity.value(angle, point), quantity.kind == "angle")
+    @property
+    def timed_load(self) -> Load | None:
+        """The first load that varies over time; None where none does."""
+        return next((load for load in self.loads if load.over == "time"), None)
 
-    def load_values(self, load: Load, signals: Mapping[str, np.ndarray]) -> np.ndarray | None:
-        """What a load varies over, (N,) rad or m, of these signals; None where they have it not."""
+    @property
+    def shortest_stretch(self) -> float:
+        """The shortest time (s) in which a load that varies over time does what it does; endless without one."""
+        return min((load.shortest_stretch for load in self.loads if load.over == "time"), default=math.inf)
+
+    def acting(self, load: Load, seen: Seen[Amount]) -> tuple[Vectors, Amount | float]:
+        """Force (N, x + iy) and torque (N.m) of a load, one or (N,), where the linkage is seen."""
+        return acting(load, self.load_quantities[load.over] if load.over else None, seen)
+
+    def load_values(
+        self, load: Load, signals: Mapping[str, np.ndarray], time: np.ndarray | None = None
+    ) -> np.ndarray | None:
+        """What a load varies over, (N,) rad, m or s, of these signals at times (N,) s; None where they have it not."""
+        if load.over == "time":
+            return time
         return signals.get(f"{self.driven}_angle" if load.over == "crank_angle" else load.over)
 
     @property

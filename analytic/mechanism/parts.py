@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import cached_property
 from itertools import pairwise
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Literal, TypeVar, cast
 
 import numpy as np
 from pydantic import (
@@ -458,12 +459,39 @@ class Drive(MechanismPart):
     periodic_torque: PeriodicTorque | None = None
 
 
+class Table(tuple[Vector, ...]):
+    """Pairs of value and factor; it keeps the arrays between which straight lines lie, as engines ask in every step."""
+
+    def at(self, value: Amount, angular: bool) -> Amount:
+        """Factors at values; over an angle every turn is alike."""
+        if angular:
+            return cast(Amount, np.interp(value % math.tau, *self._turn))
+        return cast(Amount, np.interp(value, *self._line))
+
+    @cached_property
+    def _line(self) -> tuple[np.ndarray, np.ndarray]:
+        values, factors = np.array(self, float).T
+        return values, factors
+
+    @cached_property
+    def _turn(self) -> tuple[np.ndarray, np.ndarray]:
+        values, factors = self._line
+        order = np.argsort(values % math.tau, kind="stable")
+        values, factors = (values % math.tau)[order], factors[order]
+        around = np.concatenate([values[-1:] - math.tau, values, values[:1] + math.tau])
+        return around, np.concatenate([factors[-1:], factors, factors[:1]])
+
+
 class Load(MechanismPart):
     """A force (N, ground frame, fixed in direction) at a point of a body, or a torque (N.m) on it.
 
     It acts always, or ``over`` a quantity of the motion: ``crank_angle``, ``<body>_angle`` (rad, every turn alike),
-    ``<body>_x``, ``<body>_y`` or ``position_<slide>`` (m).  Then it acts ``from`` one value ``to`` another, or as many
-    times as a ``table`` says: pairs of value and factor with straight lines between them, beyond them the nearest.
+    ``<body>_x``, ``<body>_y`` or ``position_<slide>`` (m), or ``time`` (s since a run's start).  Then it acts ``from``
+    one value ``to`` another, or as many times as a ``table`` says: pairs of value and factor with straight lines
+    between them, beyond them the nearest.
+
+    If it ``opposes``, only its size is its own: the force acts against the velocity of its point, the torque against
+    the angular velocity of its body, at rest against those of the drive's motion.
     """
 
     body: PartName
@@ -471,9 +499,10 @@ class Load(MechanismPart):
     force: Vector = (0.0, 0.0)
     torque: SiNumber = 0.0
     over: str = ""
-    start: Annotated[SiNumber | None, Field(alias="from")] = None  # rad or m
+    start: Annotated[SiNumber | None, Field(alias="from")] = None  # rad, m or s
     end: Annotated[SiNumber | None, Field(alias="to")] = None
-    table: Annotated[tuple[Vector, ...], BeforeValidator(as_tuple)] = ()
+    table: Annotated[tuple[Vector, ...], BeforeValidator(as_tuple), AfterValidator(Table)] = ()
+    opposes: bool = False  # against the motion: of a tool that cuts, of a brake
 
     @model_validator(mode="after")
     def _check(self) -> Load:
@@ -487,12 +516,14 @@ class Load(MechanismPart):
         values = [value for value, _ in self.table]
         if self.table and (len(values) < 2 or any(b <= a for a, b in pairwise(values))):
             raise ValueError("table has two pairs of value and factor at least, values in increasing order")
+        if self.opposes and any(factor < 0 for _, factor in self.table):
+            raise ValueError("a load that opposes the motion has factors of 0 or more in its table; others drive it")
         return self
 
     @property
     def varies(self) -> bool:
-        """Whether it acts over part of the motion only, or here more and there less."""
-        return bool(self.over)
+        """Whether it is not the same throughout the motion."""
+        return bool(self.over) or self.opposes
 
     def share(self, value: Amount, angular: bool) -> Amount:
         """How much of it acts at values of its quantity, every turn alike of one that is ``angular``; a stretch of a
@@ -500,17 +531,22 @@ class Load(MechanismPart):
         """
         turn = 2 * math.pi
         if self.table:
-            values, factors = zip(*self.table, strict=True)
-            return np.interp(value, values, factors, period=turn if angular else None)
+            return (self.table if isinstance(self.table, Table) else Table(self.table)).at(value, angular)
         start, end = self.start or 0.0, self.end or 0.0
         if not angular:
             return 1.0 * ((min(start, end) <= value) & (value <= max(start, end)))
         return 1.0 * ((value - start) % turn <= (end - start) % turn) if end - start < turn else value * 0.0 + 1.0
 
-    def scaled(self, length: float) -> Load:
-        """The same with its quantity, a length, in units of ``length`` (m)."""
-        ends = {name: None if at is None else at / length for name, at in (("start", self.start), ("end", self.end))}
-        return self.model_copy(update=ends | {"table": tuple((at / length, factor) for at, factor in self.table)})
+    @property
+    def shortest_stretch(self) -> float:
+        """The shortest stretch of its quantity (rad, m, s) that it knows; endless where it does not vary over one."""
+        at = [value for value, _ in self.table] or [end for end in (self.start, self.end) if end is not None]
+        return min((abs(b - a) for a, b in pairwise(at)), default=math.inf)
+
+    def scaled(self, unit: float) -> Load:
+        """The same with its quantity, which is no angle, in units of ``unit`` (m, s)."""
+        ends = {name: None if at is None else at / unit for name, at in (("start", self.start), ("end", self.end))}
+        return self.model_copy(update=ends | {"table": Table((at / unit, factor) for at, factor in self.table)})
 
 
 class Tolerance(MechanismPart):

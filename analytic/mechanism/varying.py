@@ -1,41 +1,63 @@
-"""What a load may vary with over a motion, and its value where the linkage is."""
+"""What a load may vary with over a motion, and its force where the linkage is."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Literal, cast
+from typing import Generic, Literal, cast
 
 import numpy as np
 
-from analytic.mechanism.parts import GROUND, Amount, Body, Joint
+from analytic.mechanism.parts import GROUND, TINY, Amount, Body, Joint, Load
+from analytic.mechanism.signals import SiUnit
 
-Angle = Callable[[str], Amount]  # (rad) of a moving body
-Point = Callable[[str, str], complex | np.ndarray]  # place (m, x + iy) of a body's point, or of the ground's
+Vectors = complex | np.ndarray  # x + iy, one or (N,)
+
+
+@dataclass(frozen=True)
+class Seen(Generic[Amount]):
+    """A linkage as its loads see it, at one instant or at N: by body its ``angle`` (rad) and ``spin`` (rad/s), by body
+    and point its ``place`` (m) and ``velocity`` (m/s, of which only the direction matters), and the ``time`` (s).
+    """
+
+    angle: Callable[[str], Amount]
+    place: Callable[[str, str], Vectors]
+    velocity: Callable[[str, str], Vectors]
+    spin: Callable[[str], Amount]
+    time: Callable[[], Amount]
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """An angle (rad) of a body, x or y (m) of one, or the travel (m) of a slide."""
+    """An angle (rad) of a body, x or y (m) of one, the travel (m) of a slide, or the time (s) since a run's start."""
 
-    kind: Literal["angle", "x", "y", "travel"]
+    kind: Literal["angle", "x", "y", "travel", "time"]
     body: str = ""
     slide: Joint | None = None
 
-    def value(self, angle: Angle[Amount], point: Point) -> Amount:
-        """Its value, one or (N,), where bodies have these angles and points these places."""
+    @property
+    def unit(self) -> SiUnit:
+        """Its unit."""
+        return "rad" if self.kind == "angle" else "s" if self.kind == "time" else "m"
+
+    def value(self, seen: Seen[Amount]) -> Amount:
+        """Its value, one or (N,), where a linkage is seen."""
         if self.kind == "angle":
-            return angle(self.body)
+            return seen.angle(self.body)
+        if self.kind == "time":
+            return seen.time()
         if self.slide is None:
-            at = point(self.body, "com")
+            at = seen.place(self.body, "com")
             return cast(Amount, np.real(at) if self.kind == "x" else np.imag(at))
         first, second = self.slide.bodies
-        axis = self.slide.direction * np.exp(1j * (0.0 if first == GROUND else angle(first)))
-        return cast(Amount, np.real(np.conj(axis) * (point(second, self.slide.name) - point(first, self.slide.name))))
+        axis = self.slide.direction * np.exp(1j * (0.0 if first == GROUND else seen.angle(first)))
+        apart = seen.place(second, self.slide.name) - seen.place(first, self.slide.name)
+        return cast(Amount, np.real(np.conj(axis) * apart))
 
 
 def quantities(driven: str, bodies: Iterable[Body], joints: Iterable[Joint]) -> Iterator[tuple[str, Quantity]]:
     """Everything that a load of a linkage may vary with, by name; ``driven`` is its crank, if there is one."""
+    yield "time", Quantity("time")
     if driven:
         yield "crank_angle", Quantity("angle", driven)
     for body in bodies:
@@ -45,3 +67,17 @@ def quantities(driven: str, bodies: Iterable[Body], joints: Iterable[Joint]) -> 
     for joint in joints:
         if joint.prismatic:
             yield f"position_{joint.name}", Quantity("travel", slide=joint)
+
+
+def acting(load: Load, quantity: Quantity | None, seen: Seen[Amount]) -> tuple[Vectors, Amount | float]:
+    """Force (N, x + iy) and torque (N.m) of a load, one or (N,), that varies over a ``quantity`` if over any.
+
+    One that opposes has no direction where its point, or its body, does not move: there it is none.
+    """
+    share = 1.0 if quantity is None else load.share(quantity.value(seen), quantity.kind == "angle")
+    force, torque = complex(*load.force), load.torque
+    if not load.opposes:
+        return force * share, torque * share
+    along = seen.velocity(load.body, load.point) if force else 0j
+    turn = np.sign(seen.spin(load.body)) if torque else 0.0
+    return -abs(force) * share * along / np.maximum(np.abs(along), TINY), -abs(torque) * share * turn

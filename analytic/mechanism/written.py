@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence, Set
+from collections.abc import Callable, Mapping, Sequence, Set
+from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
+from analytic.mechanism.load_table import with_tables
+from analytic.mechanism.signals import SiUnit
 from analytic.mechanism.units import UnitError, factor_to_si
 
 NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-zµμ°][\w.^/*·⋅ °-]*?)\s*")
@@ -61,9 +65,10 @@ LOAD = {"force": "N", "torque": "N.m"}
 Units = Mapping[str, str]
 
 
-def in_si(fields: Mapping[str, object]) -> dict[str, object]:
+def in_si(fields: Mapping[str, object], folder: Path | None = None) -> dict[str, object]:
     """The fields of a mechanism file with every quantity that is written with its unit as a number in SI; what is no
-    quantity is left as it is.  Raises UnitError, which names the field.
+    quantity is left as it is.  Tables of loads that are files in a ``folder`` are read.  Raises UnitError, which names
+    the field, and ReadingError.
     """
     out: dict[str, Any] = dict(fields)
     if "gravity" in out:
@@ -74,12 +79,14 @@ def in_si(fields: Mapping[str, object]) -> dict[str, object]:
         out["ground"] = _part(out["ground"], {"points": "m"}, "ground")
     for table, units in _units_by_table(out).items():
         parts = out.get(table)
-        if isinstance(parts, list):
+        if table == "load" and isinstance(parts, list):
+            out[table] = _loads(parts, _units_over(out), folder, table)
+        elif isinstance(parts, list):
             out[table] = [_part(p, units(p), _called(table, p)) if isinstance(p, Mapping) else p for p in parts]
         elif isinstance(parts, Mapping):
             out[table] = _part(parts, units(parts), table)
     if isinstance(out.get("tolerances"), Mapping):
-        slides = {j.get("name") for j in _tables(out, "joint") if j.get("type") == "prismatic"}
+        slides = _slides(out)
         units_of = {field: unit_of_field(field, slides) for field in out["tolerances"]}
         out["tolerances"] = {
             field: _part(given, dict.fromkeys(("sd", "limits"), units_of[field]), f"tolerances[{field}]")
@@ -124,16 +131,28 @@ def si_unit(fields: Mapping[str, object], place: Sequence[str | int]) -> str:
 
 def _units_by_table(fields: Mapping[str, Any]) -> Mapping[str, Callable[[Mapping[str, Any]], Units]]:
     """By table what the fields of one of its parts are in."""
-    slides = {j.get("name") for j in _tables(fields, "joint") if j.get("type") == "prismatic"}
-    lengths = {f"position_{name}" for name in slides}
-    lengths |= {f"{body.get('name')}_{axis}" for body in _tables(fields, "body") for axis in "xy"}
+    slides, over = _slides(fields), _units_over(fields)
     return {
         "body": lambda _: BODY,
         "joint": lambda j: JOINT | (PRISMATIC if j.get("type") == "prismatic" else REVOLUTE),
         "drive": lambda d: DRIVE | {"speed": "m/s" if d.get("joint") in slides else "rad/s"},
         "spring": lambda _: SPRING,
-        "load": lambda load: LOAD | dict.fromkeys(("from", "to", "table"), _over(load, lengths)),
+        "load": lambda load: LOAD | dict.fromkeys(("from", "to", "table"), over.get(str(load.get("over")), "")),
     }
+
+
+def _slides(fields: Mapping[str, Any]) -> set[object]:
+    """The names of the prismatic joints."""
+    return {j.get("name") for j in _tables(fields, "joint") if j.get("type") == "prismatic"}
+
+
+def _units_over(fields: Mapping[str, Any]) -> dict[str, SiUnit]:
+    """The unit of each quantity that a load may vary over."""
+    bodies = {body.get("name") for body in _tables(fields, "body")}
+    units: dict[str, SiUnit] = {"time": "s"}
+    units |= {f"position_{name}": "m" for name in _slides(fields)}
+    units |= {f"{body}_{axis}": "m" for body in bodies for axis in "xy"}
+    return units | dict.fromkeys(("crank_angle", *(f"{body}_angle" for body in bodies)), "rad")
 
 
 def _units_within(field: str) -> Units | None:
@@ -143,9 +162,12 @@ def _units_within(field: str) -> Units | None:
     return WAVE | ({"amplitude": "N.m"} if field == "periodic_torque" else {}) if field in WAVES else None
 
 
-def runs_in_si(runs: object) -> object:
-    """The ``[[run]]`` tables of measured data, their speeds, angles, forces and torques that are written with their
-    unit as numbers in SI.  Raises UnitError, which names the field.
+def runs_in_si(
+    runs: object, units_over: Mapping[str, SiUnit] = MappingProxyType({}), folder: Path | None = None
+) -> object:
+    """The ``[[run]]`` tables of measured data, their speeds, angles and loads that are written with their unit as
+    numbers in SI, and tables of loads that are files in a ``folder`` read; ``units_over`` has the unit of each quantity
+    that a load may vary over.  Raises UnitError, which names the field, and ReadingError.
     """
     if not isinstance(runs, list):
         return runs
@@ -158,8 +180,7 @@ def runs_in_si(runs: object) -> object:
         called = _called("run", run)
         written = _part(run, units, called)
         if isinstance(run.get("load"), list):
-            loads = [_part(each, LOAD, f"{called}.load") if isinstance(each, Mapping) else each for each in run["load"]]
-            written["load"] = loads
+            written["load"] = _loads(run["load"], units_over, folder, f"{called}.load")
         out.append(written)
     return out
 
@@ -174,10 +195,20 @@ def _called(table: str, part: Mapping[str, Any]) -> str:
     return f"{table}[{name}]" if isinstance(name, str) else table
 
 
-def _over(load: Mapping[str, Any], lengths: Collection[str]) -> str:
-    """The unit of what a load varies over; any, where that is nothing that there is, which is then what is wrong."""
-    over = load.get("over")
-    return "m" if over in lengths else "rad" if isinstance(over, str) and over.endswith("angle") else ""
+def _loads(loads: list[object], units_over: Mapping[str, SiUnit], folder: Path | None, called: str) -> list[object]:
+    """Loads in SI, those with a table in a file as one for each of its columns.  What varies over nothing that there
+    is may have any unit: what it varies over is then what is wrong.
+    """
+    out: list[object] = []
+    for load in loads:
+        if not isinstance(load, Mapping):
+            out.append(load)
+            continue
+        where, over = _called(called, load), load.get("over")
+        unit = units_over.get(over) if isinstance(over, str) else None
+        written = _part(load, LOAD | dict.fromkeys(("from", "to", "table"), unit or ""), where)
+        out += with_tables(written, unit, folder, where)
+    return out
 
 
 def _part(part: Mapping[str, Any], units: Units, called: str) -> dict[str, Any]:

@@ -115,6 +115,7 @@ def displaced(  # noqa: PLR0913 - a motion, and what may replace the linkage's o
     stiffnesses: Mapping[str, float] | None = None,
     near: Walk | None = None,
     motions: Sequence[int] = (),
+    time: np.ndarray | None = None,
 ) -> Displaced:
     """The linkage with its clearances taken up along the reactions, and its soft bearings giving, at crank angles theta
     (N,) rad; with several inputs at (n_inputs, N), and so are ``omega`` and ``alpha``, of samples that follow one
@@ -125,7 +126,8 @@ def displaced(  # noqa: PLR0913 - a motion, and what may replace the linkage's o
     ``clearances`` (m) and ``stiffnesses`` (N/m, radial, of bearings) replace the mechanism's own.  With several inputs
     ``near`` are the samples' coordinates, where they are known already.  ``motions`` are how many samples there are of
     each of several motions of a crank, one after the other: which reactions are too faint for a direction depends on
-    each by itself.  Raises AssemblyError where the ideal or the displaced linkage cannot be assembled.
+    each by itself.  ``time`` (N,) s is for loads that vary over it.  Raises AssemblyError where the ideal or the
+    displaced linkage cannot be assembled.
     """
     drive = np.concatenate(np.broadcast_arrays(np.atleast_2d(np.asarray(theta, float)), omega, alpha)).astype(float)
     m, k = assembly.mechanism, len(assembly.structure.inputs)
@@ -140,17 +142,22 @@ def displaced(  # noqa: PLR0913 - a motion, and what may replace the linkage's o
         path = assembly.path(drive[0].min() - reach, drive[0].max() + reach)
     else:  # with each sample goes where the linkage is near it
         drive = np.concatenate([drive, (near or assembly.follow(drive[:k])).coordinates])
+    timed = time is not None and m.timed_load is not None
+    if timed:
+        drive = np.concatenate([drive, [time]])
 
     if loose or give:
         run.foresee(assembly, SOLUTIONS_AN_ANGLE * drive.shape[1])
-    solve = _Solve(assembly, inertia, path, sizes, blocks, model == "equilibrium", len(drive))
+    solve = _Solve(assembly, inertia, path, sizes, blocks, model == "equilibrium", len(drive), timed)
     ideal = solve(drive)
     if not (loose or give):
         return Displaced(model, {}, ideal, ideal, ideal, {}, {})
     check_determined(ideal, (*loose, *give))
     counts = list(motions) if path and motions else [drive.shape[1]]
     faint = [
-        faint_reactions(assembly, part[1], part[2], inertia) if path else _faint(ideal, np.median)
+        faint_reactions(assembly, part[1], part[2], inertia)
+        if path and not timed
+        else _faint(ideal, np.max if path else np.median)
         for part in (np.split(drive, np.cumsum(counts)[:-1], axis=1) if sizes else ())
     ]
     flags = _add({}, _without_direction(ideal, sizes, faint, counts, "peak" if path else "median"))
@@ -175,6 +182,7 @@ class _Solve:
     blocks: Mapping[str, GuidedBlock]
     finite: bool  # whether a tilted block touches with its finite clearance, or to first order
     rows: int
+    timed: bool  # whether the last of the rows is the time (s)
 
     def __call__(self, drive: np.ndarray, gaps: Mapping[str, Gap] | None = None) -> Reactions:
         """Reactions of the linkage with these gaps of its pins."""
@@ -197,7 +205,8 @@ class _Solve:
         """Reactions of samples in which all blocks rest in one way: ``how`` (blocks,), None where they are centred."""
         k = len(self.assembly.structure.inputs)
         theta, omega, alpha, here = np.split(drive[: self.rows], (k, 2 * k, 3 * k))
-        motion = kinematics(linkage, theta, omega, alpha, gaps, self.path or Walk(here))
+        here, time = (here[:-1], here[-1]) if self.timed else (here, None)
+        motion = kinematics(linkage, theta, omega, alpha, gaps, self.path or Walk(here), time)
         ways = how if self.finite else None
         loose = loose_friction(self.assembly.mechanism, self.sizes, self.blocks, ways)
         return kinetostatics(motion, self.inertia, loose=loose)
@@ -320,7 +329,7 @@ def _on_the_border(solve: _Solve, ideal: Reactions, drive: np.ndarray) -> Reason
     to none.
     """
     usual = ideal
-    if solve.path is not None:
+    if solve.path is not None and not solve.timed:
         usual = _usually(solve.assembly, drive[1], drive[2], solve.inertia)
     largest = max(float(np.abs(force).max()) for force in usual.forces.values())
     for name, block in solve.blocks.items():
@@ -534,8 +543,13 @@ def _beside(pins: _Pins, drive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     turns, pushes = speed / unit, acceleration / unit
     pace = ((np.abs(turns) + np.sqrt(turns**2 + 2 * np.abs(pushes) * GAP_STENCIL)) / 2).max(axis=0)
     moment = GAP_STENCIL / np.where(pace > 0, pace, 1.0)  # s, in which the crank turns by the stencil
+    later = np.zeros((len(near), 1))  # the rest stays, but for the time
+    if pins.solve.timed:
+        later[pins.solve.rows - 3 * k - 1] = 1.0
     sides = [
-        np.concatenate([angle + speed * t + acceleration * t**2 / 2, speed + acceleration * t, acceleration, near])
+        np.concatenate(
+            [angle + speed * t + acceleration * t**2 / 2, speed + acceleration * t, acceleration, near + later * t]
+        )
         for t in (-moment, moment)
     ]
     return np.hstack(sides), moment

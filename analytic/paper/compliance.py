@@ -26,7 +26,7 @@ from analytic.kinematics.output import Output
 from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint, Mechanism, Spring
 from analytic.mechanism.one_line import angles, count, largest, one_line
 from analytic.paper.frame import ComplianceError, ElasticBar, beam_stiffness, frame
-from analytic.paper.kinetostatics import joint_law, kinetostatics, load_share, of_springs, spring_pull
+from analytic.paper.kinetostatics import joint_law, kinetostatics, load_now, of_springs, spring_pull
 
 STRUCTURES_AT_ONCE = 128  # crank angles solved at once: their matrices stay in the processor's cache
 DEPENDENT = 1e-10  # of the largest singular value: constraints below it say nothing new
@@ -270,8 +270,7 @@ class _Structure:
                 force = -body.mass * m.acceleration(body.name, MASS_CENTRE)
                 add(body.name, MASS_CENTRE, force, -body.moment_of_inertia * m.angular_acceleration(body.name))
         for given in self.mechanism.loads:
-            share = load_share(self.motion, given)
-            add(given.body, given.point, complex(*given.force) * share, given.torque * share)
+            add(given.body, given.point, *load_now(self.motion, given))
         for spring in self.mechanism.springs:
             pull = spring_pull(self.motion, spring, inertia)
             load += (np.array([pull.real, pull.imag]).T[:, None] @ -self.reach(spring))[:, 0]

@@ -30,6 +30,7 @@ from analytic.kinematics.structure import Group, Structure
 from analytic.mechanism import MASS_CENTRE, Joint, Load, Spring
 from analytic.mechanism.one_line import angles, largest, one_line
 from analytic.mechanism.signals import Signal, driving, position
+from analytic.mechanism.varying import Seen, Vectors
 from analytic.paper.friction import Rubbing, friction
 from analytic.paper.guide import GuidedBlock
 
@@ -330,7 +331,7 @@ def _balance(
     complex is written over.
     """
     s = motion.structure
-    _work_of_forces(motion, inertia, work)
+    _work_of_forces(motion, inertia, grip, work)
     torque = _torques(motion, inertia, grip)
     travel_force = {j.name: joint_law(j, motion, inertia, grip) for j in s.mechanism.joints if j.prismatic}
     return _carried(motion, work, torque, travel_force)
@@ -365,7 +366,7 @@ def _carried(
     return forces, moments, np.array([-_generalised(motion, i, work, torque, travel_force) for i in s.inputs])
 
 
-def _work_of_forces(motion: Motion, inertia: bool, work: np.ndarray) -> None:
+def _work_of_forces(motion: Motion, inertia: bool, grip: np.ndarray | float, work: np.ndarray) -> None:
     """Set ``work`` (n_columns, N) to conj(force) times form, summed over all applied and inertia forces."""
     m = motion.structure.mechanism
     work[:] = 0.0
@@ -382,16 +383,31 @@ def _work_of_forces(motion: Motion, inertia: bool, work: np.ndarray) -> None:
             force = force - body.mass * motion.acceleration(body.name, MASS_CENTRE)
         add(body.name, MASS_CENTRE, force)
     for load in m.loads:
-        add(load.body, load.point, complex(*load.force) * load_share(motion, load))
+        force, _ = load_now(motion, load, grip)
+        add(load.body, load.point, force)
     for spring in m.springs:
         (near, far), pull = spring.ends, spring_pull(motion, spring, inertia)
         add(*near, pull)
         add(*far, -pull)
 
 
-def load_share(motion: Motion, load: Load) -> np.ndarray | float:
-    """How much of a load acts, (N,), or the whole of it throughout."""
-    return motion.structure.mechanism.load_share(load, motion.angle, motion.position)
+def load_now(motion: Motion, load: Load, grip: np.ndarray | float = 1.0) -> tuple[Vectors, np.ndarray | float]:
+    """Force (N, x + iy) and torque (N.m) of a load, (N,) or the same throughout; ``grip`` is the share of those that
+    oppose the motion.
+    """
+    m = motion.structure.mechanism
+
+    def time() -> np.ndarray:
+        if motion.time is None:
+            raise AssemblyError(
+                f"{m.name}: the load on {load.body} varies over time, which equilibria at rest, and what is asked over"
+                " angles alone, have not",
+                remedy="give over = crank_angle, or ask for a driven or released run",
+            )
+        return motion.time
+
+    force, torque = m.acting(load, Seen(motion.angle, motion.position, motion.velocity, motion.angular_velocity, time))
+    return (force * grip, torque * grip) if load.opposes else (force, torque)
 
 
 def spring_pull(motion: Motion, spring: Spring, moving: bool) -> np.ndarray:
@@ -409,7 +425,7 @@ def _torques(motion: Motion, inertia: bool, grip: np.ndarray | float) -> np.ndar
         if inertia:
             torque[s.body_column(body.name)] -= body.moment_of_inertia * motion.angular_acceleration(body.name)
     for load in s.mechanism.loads:
-        torque[s.body_column(load.body)] += load.torque * load_share(motion, load)
+        torque[s.body_column(load.body)] += load_now(motion, load, grip)[1]
     periodic = s.mechanism.periodic_torque
     if periodic is not None:
         torque[s.body_column(s.mechanism.driven)] += periodic.at(motion.theta)
@@ -438,16 +454,31 @@ def friction_turns(motion: Motion, within: float = 0.0, rough: Collection[str] =
     direction: its slip reverses ``within`` so many rad of crank angle, of a crank that turns evenly, or of the fastest
     input, of a slide's in lengths of the longest body; with 0, only at the reversal itself.
     """
-    s, crank, turning = motion.structure, motion.pace, {}
+    rubbing = [joint for joint in motion.structure.mechanism.joints if joint.rubs or joint.name in rough]
+    return {j.name: _turns_back(motion, motion.slip(j), motion.slip_acceleration(j), within) for j in rubbing}
+
+
+def load_turns(motion: Motion, within: float = 0.0) -> dict[str, np.ndarray]:
+    """Where (N,) loads that oppose the motion lack a direction, by their body, as :func:`friction_turns`."""
+    turning: dict[str, np.ndarray] = {}
+    for load in (load for load in motion.structure.mechanism.loads if load.opposes):
+        moved = motion.velocity(load.body, load.point), motion.acceleration(load.body, load.point)
+        turned = motion.angular_velocity(load.body), motion.angular_acceleration(load.body)
+        for acts, rates in ((any(load.force), moved), (load.torque, turned)):
+            if acts:
+                here = _turns_back(motion, *rates, within)
+                turning[load.body] = turning.get(load.body, False) | here
+    return turning
+
+
+def _turns_back(motion: Motion, rate: np.ndarray, bend: np.ndarray, within: float) -> np.ndarray:
+    """Where (N,) something's rate reverses ``within`` so many rad, given how that changes (``bend``)."""
+    s, crank = motion.structure, motion.pace
     longest = max(body.length for body in s.mechanism.bodies) or 1.0
     sizes = np.array([1.0 if s.unit(i) == "rad" else longest for i in s.inputs])[:, None]
     turns = (np.abs(motion.rates[list(s.inputs)]) / sizes).max(axis=0)
-    for joint in s.mechanism.joints:
-        if joint.rubs or joint.name in rough:
-            rate, bend = motion.slip(joint), motion.slip_acceleration(joint)
-            dead = np.abs(rate) * crank <= DEAD_CENTRE * crank**2
-            turning[joint.name] = dead | (np.abs(rate) * turns <= within * np.abs(bend) if within else False)
-    return turning
+    dead = np.abs(rate) * crank <= DEAD_CENTRE * crank**2
+    return np.asarray(dead | (np.abs(rate) * turns <= within * np.abs(bend) if within else False))
 
 
 def _turning_work(

@@ -213,7 +213,10 @@ class Examined:
         """
         at = self.turned(later)
         clearances = {name: c + wider for name, c in self.run.clearance.items()}
-        return displaced(self.assembly, at.theta, at.omega, alpha=at.alpha, model=model, clearances=clearances)
+        return displaced(
+            self.assembly, at.theta, at.omega, alpha=at.alpha, model=model, clearances=clearances,
+            time=self.schedule.later(later).time,
+        )  # fmt: skip
 
     def turned(self, later: tuple[float, ...] = (0.0,)) -> Turning:
         """How the drives move at the run's samples, or in turn these times (s) after each of them."""
@@ -264,7 +267,7 @@ class Examined:
     def with_gaps(self, gaps: Mapping[str, Gap]) -> Reactions:
         """Reactions of the linkage whose gaps move as given."""
         at = self.turned()
-        motion = kinematics(self.assembly, at.theta, at.omega, at.alpha, gaps)
+        motion = kinematics(self.assembly, at.theta, at.omega, at.alpha, gaps, time=self.schedule.time)
         return kinetostatics(motion, loose=loose_friction(self.assembly.mechanism, self.run.clearance))
 
     @cached_property

@@ -105,7 +105,9 @@ def ideal_peaks(mechanism: Mechanism) -> dict[str, float]:
     that grows with it; of a block with clearance, the largest force that this and its moment put on one of its corners.
     """
     assembly = Assembly(mechanism.ideal())
-    motion = kinematics(assembly, usual_angles(assembly), mechanism.speed or 1.0)
+    angles, speed = usual_angles(assembly), mechanism.speed or 1.0
+    time = np.sort(np.abs(angles - angles[0]) / abs(speed))[:: 1 if speed > 0 else -1]  # of the first turn
+    motion = kinematics(assembly, angles, speed, time=time)
     reactions = kinetostatics(motion, rubs=False)
     forces = {name: np.abs(force) for name, force in reactions.forces.items()}
     for joint in (mechanism.joint(name) for name in mechanism.loose_guides):

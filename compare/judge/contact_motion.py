@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism
+from analytic.mechanism.varying import Seen
 from sim_models.common.free_share import OFF_WALL
 from sim_models.common.guide import Guide
 from sim_models.engine import Watched
@@ -137,6 +138,10 @@ class WatchedRun:
             return np.zeros(self.time.size, complex)
         return self.watched.velocity[body] + 1j * self.spin(body) * arm
 
+    def going(self, body: str, point: str) -> np.ndarray:
+        """Velocity (M,) m/s of a body's point."""
+        return self.velocity(body, self.arm(body, point))
+
     def spin(self, body: str) -> np.ndarray:
         """Angular velocity (M,) rad/s of a body."""
         return np.zeros(self.time.size) if body == GROUND else self.watched.angular_velocity[body]
@@ -231,9 +236,8 @@ class WatchedRun:
         m, w = self.m, self.watched
         power = sum((b.mass * dot(w.velocity[b.name], complex(*m.gravity)) for b in m.bodies), np.zeros(self.time.size))
         for load in m.loads:
-            at = self.velocity(load.body, self.arm(load.body, load.point))
-            share = m.load_share(load, self.angle, self.place)
-            power = power + dot(at, complex(*load.force) * share) + load.torque * share * self.spin(load.body)
+            force, torque = m.acting(load, Seen(self.angle, self.place, self.going, self.spin, lambda: self.time))
+            power = power + dot(self.going(load.body, load.point), force) + torque * self.spin(load.body)
         for spring in m.springs:
             near, far = spring.ends
             moving = [self.velocity(body, self.arm(body, point)) for body, point in (near, far)]

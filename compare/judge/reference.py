@@ -10,7 +10,7 @@ import numpy as np
 
 from analytic.beyond_paper.free_motion import free_motion
 from analytic.beyond_paper.released import released
-from analytic.kinematics.assembly import Assembly, AssemblyError, Walk
+from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import Motion as Moving
 from analytic.kinematics.motion import along
 from analytic.kinematics.reach import usual_angles
@@ -21,7 +21,7 @@ from analytic.mechanism.signals import Signal, driving, named, wrapped
 from analytic.paper.clearance import Displaced, Model, displaced
 from analytic.paper.compliance import compliance
 from analytic.paper.envelope import condition
-from analytic.paper.kinetostatics import friction_turns
+from analytic.paper.kinetostatics import friction_turns, load_turns
 from analytic.paper.superposition import ILL_CONDITIONED, superposed
 from compare.judge.discrepancy import difference, largest
 from compare.judge.signals import compared, with_derived
@@ -33,7 +33,7 @@ NEAR_SINGULAR = (
     " the loops is up to"
 )
 TURNS_BACK = "and its friction has no direction"  # in a flag
-AT_EDGE = 1e-3  # rad, or of the longest body: from where a load begins or ends
+AT_EDGE = 1e-3  # rad, or of the longest body, or of the time that is looked at: from where a load begins or ends
 REVERSAL = 5e-3  # rad of crank before and after a joint's sliding reverses, where simulations preslide or are in a step
 
 
@@ -112,7 +112,7 @@ def reference(
         return _free(assembly, schedule)
     moving = moving or assembly.inputs_along(schedule)
     still = _still(assembly, schedule) if schedule.at_rest else frozenset()
-    side = _side(assembly, moving, not schedule.at_rest, model, clearances, still, assembly.walk(schedule))
+    side = _side(assembly, moving, schedule, model, clearances, still)
     side = _at_rest(side) if schedule.at_rest else side
     if errors is not None:
         side = replace(side, unsure=_unsure(side, assembly, moving, errors, schedule, model, clearances))
@@ -126,6 +126,8 @@ def _with_usual_peaks(
     them.
     """
     usual, moves = usual_angles(assembly), not schedule.at_rest
+    if assembly.mechanism.timed_load is not None:  # what is usual at an angle nobody knows
+        return side
     if schedule.crank_angle is not None and np.array_equal(usual, schedule.crank_angle):
         return side
     side, speed = replace(side, peaks={}), schedule.crank_motion(assembly.mechanism).rate(0.0)
@@ -161,7 +163,7 @@ def _unsure(
             other = replace(moving, **{part: getattr(moving, part) + off})
             changed = displaced(
                 assembly, other.theta, other.omega, alpha=other.alpha, model=model, inertia=not schedule.at_rest,
-                clearances=clearances,
+                clearances=clearances, time=None if schedule.at_rest else schedule.time,
             )  # fmt: skip
             for name, values in with_derived(changed.signals(), assembly.mechanism).items():
                 apart = known[name].apart(values, side.signals[name])
@@ -178,16 +180,15 @@ def _unsure(
 def _side(
     assembly: Assembly,
     moving: Turning,
-    inertia: bool,
+    schedule: Schedule,
     model: Model,
     clearances: Mapping[str, float],
     still: Collection[str] = (),
-    near: Walk | None = None,
 ) -> Reference:
-    """The analytic model along a motion of the crank, or of several inputs, flagged where friction has no direction;
-    joints that are ``still`` have none.  ``near`` are the samples' coordinates, where they are known already.
+    """The analytic model along a schedule's motion of the crank, or of several inputs, flagged where friction has no
+    direction; joints that are ``still`` have none.
     """
-    mechanism = assembly.mechanism
+    mechanism, near, inertia = assembly.mechanism, assembly.walk(schedule), not schedule.at_rest
 
     def at(model: Model) -> Displaced:
         return displaced(
@@ -199,6 +200,7 @@ def _side(
             inertia=inertia,
             clearances=clearances,
             near=near,
+            time=schedule.time if inertia else None,
         )
 
     models: tuple[Model, ...] = ("equilibrium", "first_order") if clearances else (model,)
@@ -219,7 +221,13 @@ def _side(
     turning = {name: here for name, here in turning.items() if name not in by_motor}
     loose, peaks = answer.reactions.undetermined, largest(signals[model])
     side = Reference(signals[model], ideal, order, answer.flags, peaks=peaks, undetermined=loose)
-    side = _without({i: why for i, why in _reversals(turning).items() if i not in answer.flags}, side)
+    opposed = load_turns(answer.ideal.motion, REVERSAL if inertia else 0.0)
+    flags = _reversals(turning) | {
+        int(i): f"what the load on {body} opposes stands or turns back here, and it has no direction"
+        for body, here in opposed.items()
+        for i in np.flatnonzero(here)
+    }
+    side = _without({i: why for i, why in flags.items() if i not in answer.flags}, side)
     return silenced(side, {signal.name: turned for signal, turned in by_motor.values()})
 
 
@@ -238,15 +246,16 @@ def _still(assembly: Assembly, schedule: Schedule) -> frozenset[str]:
     return frozenset(standing if moves else (joint.name for joint in assembly.mechanism.joints))
 
 
-def without_load_edges(side: Reference, m: Mechanism) -> Reference:
-    """A side flagged where a load begins or ends: there rounding decides whether a simulation has it."""
+def without_load_edges(side: Reference, m: Mechanism, time: np.ndarray) -> Reference:
+    """A side at times (N,) s flagged where loads begin or end: there rounding decides whether a simulation has them."""
     flags: dict[int, str] = {}
     for load in m.loads:
-        values = m.load_values(load, side.signals) if load.varies else None
+        values = m.load_values(load, side.signals, time) if load.over else None
         if load.start is None or load.end is None or values is None:
             continue
-        angular = m.load_quantities[load.over].kind == "angle"
-        near = AT_EDGE * (1.0 if angular else max(body.length for body in m.bodies) or 1.0)
+        unit = m.load_quantities[load.over].unit
+        angular, size = unit == "rad", float(np.ptp(time)) if unit == "s" else max(body.length for body in m.bodies)
+        near = AT_EDGE * (1.0 if angular else size or 1.0)
         for end in (load.start, load.end):
             away = np.asarray(values - end)
             for i in np.flatnonzero(np.abs(wrapped(away) if angular else away) < near):
@@ -310,6 +319,7 @@ def _released(assembly: Assembly, time: np.ndarray, angle: float, rate: float) -
     ideal = _angles(reactions.motion)
     signals = with_derived(reactions.signals(), mechanism)
     rubbing = [joint.name for joint in mechanism.joints if joint.rubs]
+    rubbing += [f"the load on {load.body}" for load in mechanism.loads if load.opposes]
     why = f"at rest, where nothing says how friction in {' and '.join(rubbing)} share what they hold"
     flags = {int(i): why for i in np.flatnonzero(motion.held)} if len(rubbing) > 1 else {}
     flags |= {

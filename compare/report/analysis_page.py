@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Sequence
 from dataclasses import asdict
 
@@ -119,8 +118,8 @@ def _mover(result: Analysis, still: Markup) -> Mover:
         {
             "body": each.load.body,
             "point": _arm(m, each.load),
-            "x": scaled(each.size * each.load.force[0] / math.hypot(*each.load.force)),
-            "y": scaled(each.size * each.load.force[1] / math.hypot(*each.load.force)),
+            "x": scaled((each.size * each.way).real),
+            "y": scaled((each.size * each.way).imag),
         }
         for each in acting(result)
         if each.unit == "N"

@@ -13,6 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from analytic.mechanism import Load, Mechanism
+from analytic.mechanism.parts import TINY
 from compare.quantities import Quantity, drive_signals, plain, quantities, shown
 from compare.report.summary import Abscissa, Sampled, abscissa, by_reason
 from compare.results.analysis import Analysis, Simulation
@@ -231,12 +232,13 @@ def powers(result: Analysis | Simulation) -> dict[str, np.ndarray]:
 
 @dataclass(frozen=True)
 class Acting:
-    """A load of the linkage: its size (N,) N or N.m over the motion, and, of a force, where and how it points."""
+    """A load of the linkage: its size (N,) N or N.m over the motion, and the unit vectors (N,) of its force."""
 
     load: Load
     label: str
     unit: str
     size: np.ndarray
+    way: np.ndarray
 
 
 def acting(result: Analysis | Simulation) -> Iterator[Acting]:
@@ -244,12 +246,34 @@ def acting(result: Analysis | Simulation) -> Iterator[Acting]:
     m = result.mechanism
     for load in m.loads:
         share = np.ones(len(over(result).values))
-        if load.varies:
-            values = m.load_values(load, result.signals)
+        if load.over:
+            values = m.load_values(load, result.signals, _time(result))
             if values is None:
                 continue
             share = np.asarray(load.share(values, m.load_quantities[load.over].kind == "angle"))
-        if any(load.force):
-            yield Acting(load, f"force on {load.body}", "N", math.hypot(*load.force) * share)
+        size, way = math.hypot(*load.force), _way(result, load) if load.opposes else np.ones(share.size)
+        if size:
+            way = way * (1.0 if load.opposes else complex(*load.force) / size)
+            yield Acting(load, f"force on {load.body}", "N", size * share, way)
         if load.torque:
-            yield Acting(load, f"torque on {load.body}", "N·m", load.torque * share)
+            yield Acting(load, f"torque on {load.body}", "N·m", load.torque * share, way)
+
+
+def _time(result: Analysis | Simulation) -> np.ndarray | None:
+    """The time (N,) s since the run's start; None of what rests."""
+    x, speed = over(result), result.mechanism.speed
+    if x.of_time or result.motion == "static" or speed is None:
+        return np.asarray(x.values) if x.of_time else None
+    return np.abs(result.crank_angle - (np.min if speed > 0 else np.max)(result.crank_angle)) / abs(speed)
+
+
+def _way(result: Analysis | Simulation, load: Load) -> np.ndarray:
+    """Unit vectors (N,) against the motion of a load's point, from sample to sample."""
+    m, signals = result.mechanism, result.signals
+    body, turn = m.moving[load.body], np.exp(1j * signals[f"{load.body}_angle"])
+    arm = body.point(load.point) - body.point("com")
+    path = signals[f"{load.body}_x"] + 1j * signals[f"{load.body}_y"] + arm * turn
+    if path.size < 2:
+        return np.zeros(path.size, complex)
+    moved = np.gradient(path) * np.gradient(over(result).values) * (1.0 if over(result).of_time else m.speed or 1.0)
+    return np.asarray(-moved / np.maximum(np.abs(moved), TINY))

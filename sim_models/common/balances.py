@@ -81,10 +81,10 @@ def balance(linkage: TracedLinkage, body: Body) -> tuple[Sum, Sum]:
     moment.add(-body.moment_of_inertia * rates.angular_acceleration)
     for load in m.loads:
         if load.body == name:
-            share, arm = m.load_share(load, linkage.angle, linkage.place), linkage.arm(name, load.point)
-            push, turn = complex(*load.force) * share, load.torque * share
-            force.add(push)
-            moment.add(cross(arm, push) + turn, np.abs(arm) * np.abs(push) + np.abs(turn))
+            (push, turn, unsure, hidden), arm = linkage.load(load), linkage.arm(name, load.point)
+            force.add(push, unknown=unsure)
+            size = np.abs(arm) * np.abs(push) + np.abs(turn)
+            moment.add(cross(arm, push) + turn, size, np.abs(arm) * unsure + hidden)
     for end, point, pull in linkage.springs():
         if end == name:
             lever = linkage.place(end, point) - centre
@@ -121,9 +121,10 @@ def power(linkage: TracedLinkage) -> Sum:
         flow.add(body.mass * dot(rates.velocity, complex(*m.gravity)))
         flow.add(-body.moment_of_inertia * rates.angular_acceleration * linkage.spin(body.name))
     for load in m.loads:
-        share = m.load_share(load, linkage.angle, linkage.place)
-        flow.add(dot(linkage.velocity(load.body, linkage.arm(load.body, load.point)), complex(*load.force) * share))
-        flow.add(load.torque * share * linkage.spin(load.body))
+        push, turn, unsure, hidden = linkage.load(load)
+        moving, spin = linkage.going(load.body, load.point), linkage.spin(load.body)
+        flow.add(dot(moving, push), unknown=np.abs(moving) * unsure)
+        flow.add(turn * spin, unknown=np.abs(spin) * hidden)
     for turned, torque in linkage.driving().items():
         flow.add(torque * linkage.spin(turned))
     for end, point, push in linkage.springs():

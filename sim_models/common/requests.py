@@ -15,6 +15,7 @@ def check_request(request: Request) -> None:
     _check_links(request)
     _check_blocks(request)
     _check_bearings(request)
+    _check_loads(request)
     _check_beyond(request)
     if schedule.turns_evenly:
         if not schedule.time.size:
@@ -39,6 +40,23 @@ def _check_beyond(request: Request) -> None:
         )
     if not request.beyond >= 0:
         raise Unsupported(f"{request.mechanism.name}: beyond = {request.beyond:g} rad is negative; give 0 or more")
+
+
+def _check_loads(request: Request) -> None:
+    """Raise Unsupported for loads that oppose a motion that may come to rest, where nothing says what they are, and
+    for loads over time in a run that has none."""
+    m = request.mechanism
+    if m.timed_load is not None and request.schedule.at_rest:
+        raise Unsupported(
+            f"{m.name}: the load on {m.timed_load.body!r} varies over time, which a run at rest has not; use motion"
+            " 'driven', or give over = crank_angle"
+        )
+    load = next((load for load in m.loads if load.opposes), None)
+    if load is not None and (request.schedule.lets_go or len(structure(m).inputs) > len(request.schedule.drives)):
+        raise Unsupported(
+            f"{m.name}: opposes of the load on {load.body!r} needs a drive of each freedom, for no engine holds a"
+            " linkage at rest by it; leave it out, or give a joint friction_torque"
+        )
 
 
 def _check_bearings(request: Request) -> None:

@@ -10,15 +10,17 @@ from functools import cached_property
 
 import numpy as np
 
-from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint
+from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint, Load
 from analytic.mechanism.parts import TINY
 from analytic.mechanism.signals import driving, wrapped
+from analytic.mechanism.varying import Seen
 from sim_models.common.contact_laws import contact_parameters, longest
 from sim_models.common.guide import Guide
 from sim_models.engine import Request, Trace
 
 FADING = 1e-2  # of the largest angular speed: slower joints may have let their Coulomb friction fade
 REST = 1e-5  # m/s^2: forces that give the whole linkage's mass no more are nothing
+EDGE_ROUNDING = 1e-9  # of 1 rad, m or s and what a load varies over: nearer to an end, rounding decides
 ROUNDING_OF_SIZE = 1e-12
 
 
@@ -98,11 +100,20 @@ class TracedLinkage:
             else self.trace.rates[body].velocity + 1j * self.spin(body) * arm
         )
 
+    def going(self, body: str, point: str) -> np.ndarray:
+        """Velocity (N,) m/s of a body's point."""
+        return self.velocity(body, self.arm(body, point))
+
     def acceleration(self, body: str, arm: np.ndarray) -> np.ndarray:
         """Acceleration (N,) m/s^2 of such a point."""
         if body == GROUND:
             return np.zeros(self.count, complex)
         return self.trace.rates[body].acceleration + (1j * self.spin_up(body) - self.spin(body) ** 2) * arm
+
+    @property
+    def time(self) -> np.ndarray:
+        """Time (N,) s of its instants, of a run that moves."""
+        return np.zeros(self.count) if self.trace.time is None else self.trace.time
 
     @property
     def still(self) -> bool:
@@ -130,6 +141,32 @@ class TracedLinkage:
         return longest(self.m)
 
     # ---------------------------------------------------------------- forces
+
+    def load(self, load: Load) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Force (N,) N and torque (N,) N.m of a load, and what of each (N,) is not known: the way of one that opposes
+        the motion, at rest, and near where its point or its body turns back, where it is half a step that decides.
+        """
+        none = np.zeros(self.count)
+        seen = Seen(self.angle, self.place, self.going, self.spin, lambda: self.time)
+        force, torque = (part + none for part in self.m.acting(load, seen))
+        if not load.opposes:
+            edge = self._edges(load, seen)
+            return force, torque, np.where(edge, abs(complex(*load.force)), 0.0), np.where(edge, abs(load.torque), 0.0)
+        rates = (none, none) if self.still else (np.abs(self.going(load.body, load.point)), self.spin(load.body))
+        slow = [np.abs(rate) <= FADING * np.abs(rate).max(initial=0.0) for rate in rates]
+        always = load.model_copy(update={"opposes": False})
+        sizes = (np.abs(part) + none for part in self.m.acting(always, seen))
+        unsure, hidden = (np.where(here, size, 0.0) for here, size in zip(slow, sizes, strict=True))
+        return np.where(slow[0], 0.0, force), np.where(slow[1], 0.0, torque), unsure, hidden
+
+    def _edges(self, load: Load, seen: Seen[np.ndarray]) -> np.ndarray:
+        """Where (N,) a load begins or ends, and rounding decides whether it acts."""
+        ends = [end for end in (load.start, load.end) if end is not None]
+        if not ends:
+            return np.zeros(self.count, bool)
+        value, unit = self.m.load_quantities[load.over].value(seen), self.m.load_quantities[load.over].unit
+        away = [wrapped(value - end) if unit == "rad" else value - end for end in ends]
+        return np.asarray(np.min(np.abs(away), axis=0) <= EDGE_ROUNDING * (1.0 + np.abs(value)))
 
     def springs(self) -> Iterator[tuple[str, str, np.ndarray]]:
         """Body, point and force (N,) N on it of each end of a spring between points."""

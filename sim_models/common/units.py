@@ -168,8 +168,8 @@ class Units:
             return d.model_copy(update=scaled)
 
         def load_in(load: Load) -> Load:
-            long = load.varies and m.load_quantities[load.over].kind != "angle"
-            scaled = load.scaled(self.length) if long else load
+            unit = m.load_quantities[load.over].unit if load.over else "rad"
+            scaled = load if unit == "rad" else load.scaled(self.time if unit == "s" else self.length)
             return scaled.model_copy(update=fields(load, {"force": FORCE_DIMENSION, "torque": TORQUE_DIMENSION}))
 
         return m.replace(

@@ -29,9 +29,8 @@ from sim_models.exudyn.settings import console_off
 
 RUNS: tuple[Pair, ...] = tuple((model, motion) for model in JOINT_MODELS for motion in MOTIONS)
 BENDING: tuple[Pair, ...] = tuple((model, motion) for model in ("ideal", "contact") for motion in MOTIONS)
-# No law of a joint sees another's reaction; one-sided laws between a motor and its crank, and loads that are asked for
-# in each step, would be slow in Python.
-HAS: frozenset[Feature] = frozenset(FEATURES) - {"load_friction", "guide_friction", "backlash", "varying_load"}
+# No law of a joint sees another's reaction; one-sided laws between a motor and its crank would be slow in Python.
+HAS: frozenset[Feature] = frozenset(FEATURES) - {"load_friction", "guide_friction", "backlash"}
 # What an exported script does, each by name: functions of the run's own are no part of a model file.
 WRITTEN: frozenset[Feature] = frozenset({
     "prismatic", "coulomb_friction", "stribeck_friction", "viscous_friction", "drag",
@@ -39,7 +38,15 @@ WRITTEN: frozenset[Feature] = frozenset({
     "soft_bearing", "course", "released", "several_drives", "point_spring",
 })  # fmt: skip
 BEYOND: frozenset[Feature] = frozenset(
-    {"contact_law", "contact_friction", "drive_compliance", "guide_clearance", "soft_bearing", "released"}
+    {
+        "contact_law",
+        "contact_friction",
+        "drive_compliance",
+        "guide_clearance",
+        "soft_bearing",
+        "released",
+        "varying_load",
+    }
 )  # of beams
 # Of beams in motion: inertia forces of several drives, and dampers beside springs, are not worked out.
 AT_REST_ALONE: frozenset[tuple[Feature, Pair]] = frozenset(

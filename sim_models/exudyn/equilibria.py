@@ -47,6 +47,8 @@ class ExudynEquilibria:
         if speed is None:
             speed = (m.speed if path.driven is None else None) or PACE
         self.request, self.m, self.path, self.speed, self.creep = request, m, path, speed, creep
+        self.pace = speed  # rad/s, at which it is looked for last
+        self.clock = request.motor.begin if request.motor else request.schedule.begin  # s
         home = path.poses(path.begin)
         common: dict[str, Any] = {"redundant": path.assembly.overheld}
         common["drives"] = None if path.driven is None else dict.fromkeys(path.assembly.positions)
@@ -65,7 +67,8 @@ class ExudynEquilibria:
 
         With ``inertia`` the linkage moves: its inertia forces act, and its dampers.
         """
-        loads = self._loads(theta, inertia, self.speed if speed is None else speed)
+        speed = self.speed if speed is None else speed
+        loads, self.pace = self._loads(theta, inertia, speed), speed
         ideal = self._solve(self.ideal, theta, {}, loads)
         if not self.clearance:
             return ideal
@@ -76,7 +79,7 @@ class ExudynEquilibria:
         )
         check_stiff_enough("exudyn", self.request, theta, springs)
         rods = self._solve(self.rods, theta, self._taken_up(self.rods, ideal, theta), loads)
-        rates = {} if inertia is None else self._rates(theta, self.speed if speed is None else speed)
+        rates = {} if inertia is None else self._rates(theta, speed)
         try:
             smooth = self._solve(self.real, theta, self._taken_up(self.real, rods, theta), loads)
         except SimulationError as error:
@@ -174,6 +177,9 @@ class ExudynEquilibria:
 
     def _solve(self, linkage: ExudynLinkage, theta: float, gaps: Gaps, loads: Loads) -> Record:
         linkage.place(self.path.poses(theta, gaps))
+        linkage.model.clock = self.clock
+        if any(load.opposes for load in self.m.loads):
+            linkage.model.heading = self.path.moving(theta, self.pace, gaps)
         linkage.load_bodies(*loads)
         if not linkage.solve_static():
             raise self._failure(Cause.NO_EQUILIBRIUM, "Newton's method finds no equilibrium", theta)

@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism, Spring
+from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Load, Mechanism, Spring
+from analytic.mechanism.varying import Seen
 from sim_models.common.contact_laws import NamedLaw, bearing, contact_parameters, longest
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import travel
@@ -81,6 +82,8 @@ class ExudynModel:
         }
         self.container = exudyn.SystemContainer()
         self.mbs = self.container.AddSystem()
+        self.clock, self.since = 0.0, 0.0  # s since the run's start, and that where the time of its motion is 0
+        self.heading: Mapping[str, Pose] = {}  # of an equilibrium: bodies in the motion that loads oppose
         self._ground = self.mbs.AddObject(items.ObjectGround())
         self._ground_node = self.mbs.AddNode(items.NodePointGround())
         self._fixed = self._coordinate(self._ground_node, 0)
@@ -166,7 +169,52 @@ class ExudynModel:
             com = self._marker(body.name, MASS_CENTRE)
             self.com_force[body.name], self.com_torque[body.name] = self._add_load(com, weight, 0.0)
         for load in self.m.loads:
-            self._add_load(self._marker(load.body, load.point), load.force, load.torque)
+            force, torque = self._add_load(self._marker(load.body, load.point), load.force, load.torque)
+            if load.varies:
+                key = "loadVectorUserFunction"
+                self.mbs.SetLoadParameter(force, key, self._now(load, lambda push, _: [push.real, push.imag, 0.0]))
+                self.mbs.SetLoadParameter(torque, key, self._now(load, lambda _, turn: [0.0, 0.0, turn]))
+
+    def _now(self, load: Load, part: Callable[[complex, float], list[float]]) -> Callable[..., list[float]]:
+        """A part of a load that varies, as Exudyn asks for it in every evaluation."""
+        seen = Seen(self._turned, self._place, self._going, self._spin, lambda: self.clock)
+
+        def now(mbs: Any, t: float, _: object) -> list[float]:
+            if self.motion == "driven":
+                self.clock = t + self.since
+            force, torque = self.m.acting(load, seen)
+            return part(complex(force), float(torque))
+
+        return now
+
+    def _state(self, body: str, kind: str = "Coordinates") -> list[float]:
+        return list(map(float, self.mbs.GetNodeOutput(self.nodes[body], getattr(self.exu.OutputVariableType, kind))))
+
+    def _turned(self, body: str) -> float:
+        return self._state(body)[2]
+
+    def _arm(self, body: str, point: str) -> complex:
+        """From a body's centre of mass to one of its points (m, ground frame)."""
+        own = self.m.moving[body]
+        return (own.point(point) - own.point(MASS_CENTRE)) * cmath.exp(1j * self._turned(body))
+
+    def _place(self, body: str, point: str) -> complex:
+        if body == GROUND:
+            return self.m.ground.point(point)
+        return complex(*self._state(body)[:2]) + self._arm(body, point)
+
+    def _going(self, body: str, point: str) -> complex:
+        """Velocity (m/s) of a body's point; of an equilibrium that of the motion in which it is sought."""
+        if self.motion == "static":
+            pose, at = self.heading[body], self.m.moving[body].point(point)
+            return pose.velocity + 1j * pose.angular_velocity * at * cmath.exp(1j * pose.angle)
+        u, v, spin = self._state(body, "Coordinates_t")
+        return complex(u, v) + 1j * spin * self._arm(body, point)
+
+    def _spin(self, body: str) -> float:
+        if self.motion == "static":
+            return self.heading[body].angular_velocity
+        return self._state(body, "Coordinates_t")[2]
 
     def _add_load(self, marker: Any, force: Sequence[float], torque: float) -> tuple[Any, Any]:
         return (

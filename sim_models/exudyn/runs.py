@@ -61,13 +61,14 @@ class ExudynRun(EngineRun):
             signals = driving([m.joint(name) for name in self.drives])  # one of no motor, too
             self.motors = {signal.name: by for signal, by in zip(signals, self.drives.values(), strict=False)}
         self.begins = next((motor.begins for motor in self.motors.values()), 0.0)  # s of the run's clock
+        self.since = float(-self.clock(np.zeros(1))[0])  # s of the schedule where the run's clock is 0
         stiffness = {
             name: contact_parameters(m, m.joint(name), request.motion).stiffness
             for name in request.clearances
             if request.joint_model != "massless-link"
         }
         self.who = who(self.engine, request)
-        self.judge = Judge(self.engine, request, stiffness | request.bearings, self.motors)
+        self.judge = Judge(self.engine, request, stiffness | request.bearings, self.motors, self.since)
         self.stages: list[tuple[float, float, int, bool]] = []  # that :meth:`advance` has gone through
 
     def make_path(self) -> Path:
@@ -204,11 +205,11 @@ class ExudynRun(EngineRun):
     def modelled(self, joint_model: JointModel, start: Mapping[str, Pose]) -> ExudynLinkage:
         """The linkage with its motors, in these poses."""
         drives, redundant = self.drives, self.assembly.overheld
-        return ExudynLinkage(
-            ExudynModel(
-                self.mechanism, joint_model, "driven", start, motor=self.crank, drives=drives, redundant=redundant
-            )
+        model = ExudynModel(
+            self.mechanism, joint_model, "driven", start, motor=self.crank, drives=drives, redundant=redundant
         )
+        model.since = self.since
+        return ExudynLinkage(model)
 
     def release_accelerations(self) -> Inertia:
         """Accelerations of the ideal linkage as it, or a part of it, is let go."""

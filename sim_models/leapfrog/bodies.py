@@ -13,13 +13,14 @@ from __future__ import annotations
 import cmath
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence, Set
-from functools import partial
+from functools import cached_property, partial
 from typing import TypeVar
 
 import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Spring
 from analytic.mechanism.signals import DRIVE_TORQUE, driving
+from analytic.mechanism.varying import Seen
 from sim_models.common.backlash import Flanks, side
 from sim_models.common.contact_laws import bearing, contact_parameters, longest, named_law
 from sim_models.common.mobility import mobility
@@ -88,6 +89,8 @@ class LeapfrogWorld(ABC):
         reach = moving_body(m, m.driven).length if self.crank else longest(m)
         driven = self.held and not self.static
         self.laws = JointLaws(m, self.static, path.top_speed if driven else abs(self.speed), reach)
+        self.heading: Mapping[str, Pose] = {}  # at rest: bodies in the motion that dry friction and loads oppose
+        self.clock = 0.0  # s, of the run
         self.grid: StepGrid | None = None  # of a moving run
         self.free = not (self.crank or path.held)  # in part
         # Whether inertia forces are put right (see _catch_up): not where pins need such short steps that it is no gain
@@ -308,11 +311,11 @@ class LeapfrogWorld(ABC):
     def _load(self) -> None:
         """Apply loads, joint laws and clearance forces at the positions now."""
         for load in self.mechanism.loads:
-            share = float(self.mechanism.load_share(load, self.angle, self.place_of))
-            if load.force != (0.0, 0.0):
-                self.push(load.body, self.points[load.body, load.point], complex(*load.force) * share)
-            if load.torque:
-                self.turn(load.body, load.torque * share)
+            force, torque = self.mechanism.acting(load, self.seen)
+            if force:
+                self.push(load.body, self.points[load.body, load.point], complex(force))
+            if torque:
+                self.turn(load.body, float(torque))
         for joint in self.laws.joints:
             self._apply_law(joint)
         for spring in self.mechanism.springs:
@@ -322,6 +325,12 @@ class LeapfrogWorld(ABC):
             crank = self.mechanism.driven
             self.turn(crank, periodic.at(self.angle(crank)))
         self._load_pins()
+
+    def face(self, heading: Callable[[], Mapping[str, Pose]]) -> None:
+        """Have friction, and loads that oppose the motion, act at rest against this one, whose direction matters."""
+        self.laws.set_sliding(heading)
+        if any(load.opposes for load in self.mechanism.loads):
+            self.heading = heading()
 
     def _press_block(self, name: str, block: LeapfrogBlock) -> None:
         """Apply what walls do to a block's corners."""
@@ -425,9 +434,24 @@ class LeapfrogWorld(ABC):
         for (body, point), force in zip(spring.ends, (pull, -pull), strict=True):
             self.push(body, self.points[body, point], force)
 
-    def place_of(self, body: str, point: str) -> complex:
-        """Place (m) of a body's point, or of the ground's, now."""
-        return self._point(body, point)[0]
+    @cached_property
+    def seen(self) -> Seen[float]:
+        """What its loads see of it; at rest the direction in which its drives go on."""
+
+        def going(body: str) -> Pose:
+            return self.heading[body] if self.static else self._any_pose(body)
+
+        def velocity(body: str, point: str) -> complex:
+            pose = going(body)
+            return pose.velocity + 1j * pose.angular_velocity * self.points[body, point] * cmath.exp(1j * pose.angle)
+
+        return Seen(
+            self.angle,
+            lambda *of: self._point(*of)[0],
+            velocity,
+            lambda body: going(body).angular_velocity,
+            lambda: self.clock,
+        )
 
     def _point(self, body: str, point: str) -> tuple[complex, complex]:
         """Place (m) and velocity (m/s) of a body's point, now."""

@@ -121,6 +121,7 @@ class LeapfrogEquilibria:
         and near these seats.  Raises Nowhere and AssemblyError.
         """
         world, spin_up, names = self.world, self.world.spin_ups(path, time), list(self.world.pins)
+        world.clock = time
         begin = np.array([self._guess(name, forces[name]) for name in names]).reshape(-1, 2)
         n = len(names)
         rims = n * (2 if world.compliant else 1)
@@ -214,6 +215,7 @@ class LeapfrogEquilibria:
         """Reactions (N) of the ideal linkage, its slides' moments (N.m), and what its motors exert (N.m, N), at a time
         (s) of their path.
         """
+        self.ideal.clock = time
         return forces_at(self.ideal, moving(path, time), self.ideal.spin_ups(path, time))
 
     def ideal_torque(self, path: Path, time: float) -> float:

@@ -27,7 +27,7 @@ from sim_models.leapfrog.probe import PROBE, drive_inertia, forces_at
 from sim_models.leapfrog.steps import longest_step
 from sim_models.leapfrog.watch import LeapfrogWatch
 from sim_models.run.grid import StepGrid
-from sim_models.run.path import MotorPath
+from sim_models.run.path import MotorPath, faced, seats
 from sim_models.run.run import EngineRun, Observed, columns_of
 
 JOURNAL_SAMPLES = 4000  # at least, where a run has as many steps
@@ -104,14 +104,15 @@ class LeapfrogRun(EngineRun):
 
     def at_rest(self, motor: float) -> dict[str, float]:
         """Signals at rest with the motors where they are at a place on the path, which a crank on a spring lags."""
-        place = motor
+        place, gaps = motor, dict[str, complex]()
         for _ in range(ATTEMPTS):
             for world in (self.world, self.equilibria.ideal, *([self.rods.world] if self.rods else [])):
-                world.laws.set_sliding(partial(self.path.moving, place, math.copysign(1.0, world.speed)))
+                world.face(partial(self.path.moving, place, math.copysign(1.0, world.speed), gaps))
             row = self.one_sided(self.rods, place) if self.rods else self.resting(self.equilibria, place)
             self.check_depth(f"crank angle {np.degrees(place):.4g} deg" if self.world.crank else f"{place:.4g} s")
             lagging = motor - (self.world.behind(row[DRIVE_TORQUE]) if self.world.crank else 0.0)
-            if abs(lagging - place) < CRANK_AT_REST:
+            before, gaps = gaps, seats(row, self.world.pins)
+            if abs(lagging - place) < CRANK_AT_REST and faced(self.mechanism, before, gaps):
                 return row
             place = lagging
         raise SimulationError(
@@ -206,7 +207,7 @@ class LeapfrogRun(EngineRun):
                 inertia = drive_inertia(world, path.poses(begin))
                 path = equilibria.lagging(path, begin, world.drive_stiffness, inertia)
         bodies = equilibria.steady(path, begin) if self.request.start == "steady" else moving(path, begin)
-        spin_up = world.spin_ups(path, begin)
+        spin_up, world.clock = world.spin_ups(path, begin), begin
         if world.loads:
             forces_at(world, bodies, spin_up)  # which is what friction grows with there
         towards = begin + grid.step * np.arange(1.0 - WARM_UP, 1.0)
@@ -226,6 +227,7 @@ class LeapfrogRun(EngineRun):
         times = grid.begin + grid.step * np.arange(ahead, grid.last + 1 + ahead)
         aims: Sequence[Sequence[float] | None] = world.aims(path, times) if steers else [None] * times.size
         for k, world.aim in enumerate(aims):
+            world.clock = grid.begin + k * grid.step
             world.heeding = bool(world.loads) and (feels or not wanted.isdisjoint(range(k + 1, k + HEEDED_STEPS)))
             if watch is not None and k == grid.lead:
                 watch.begin()

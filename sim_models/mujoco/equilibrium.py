@@ -36,11 +36,12 @@ from sim_models.mujoco.state import (
     unheeded,
 )
 from sim_models.mujoco.steady import ANGLES_AROUND, derivative
-from sim_models.run.path import NO_GAPS, TURN_ASIDE, Gaps, Path
+from sim_models.run.path import NO_GAPS, TURN_ASIDE, Gaps, Path, Poses, faced, seats
 
 DIFFERENCE_STEP = 1e-7  # rad or m, of difference quotients
 LAST_NEWTON_STEP = 1e-9  # rad, or m over the linkage's size: Newton's last step; the error left is its square
 BLOCK_TRIES = 3  # of how blocks rest
+FACINGS = 5  # times that a motion that loads oppose at rest is found anew from the gaps that they press pins to
 NO_LOAD = 1e-9  # of the largest force: a reaction without direction
 SLIP_STANDSTILL = 2e-8  # of TURN_ASIDE: a joint that turns no farther around where a path is has no direction of slip
 
@@ -309,6 +310,22 @@ class MujocoEquilibria:
         """Signals of the equilibrium at one crank angle.  Raises SimulationError if there is none with the pins
         pressed.
         """
+        gaps: dict[str, complex] = {}
+        for _ in range(FACINGS):
+            self.ideal.heading = self.pressed.heading = self.heading(theta, gaps)
+            row, before = self._at_rest(theta), gaps
+            gaps = seats(row, self.pressed.contacts)
+            if faced(self.mechanism, before, gaps):
+                break
+        return row
+
+    def heading(self, theta: float, gaps: Gaps) -> Poses:
+        """The bodies in the motion that loads oppose at rest, with these gaps (m); nothing where none does."""
+        if not any(load.opposes for load in self.mechanism.loads):
+            return {}
+        return self.path.moving(theta, math.copysign(1.0, self.mechanism.speed or 1.0), gaps)
+
+    def _at_rest(self, theta: float) -> dict[str, float]:
         slip = self.slip(theta)
         still = np.zeros(self.ideal.model.nv)
         forces = self.reactions(theta, self.place(self.ideal, theta), still, still)

@@ -117,7 +117,7 @@ def march(
     reported: list[dict[str, float]] = []
     # the velocities of semi-implicit Euler are half a step older than its positions
     half = 0.5 if link.setting.stepped else 0.0
-    time = float(marks[0]) - lead
+    d.time = time = float(marks[0]) - lead
     steering.place(link, time, 0.0)
     on_track(link)
     if request.start == "centred" and link.setting.stepped:

@@ -155,7 +155,7 @@ class Description:
 <worldbody>{self._places(GROUND)}{self._children(GROUND)}{self._motor()}</worldbody>
 <tendon>{self._links()}{"".join(self._law(j) for j in m.joints)}{self._drive_spring()}{self._springs()}</tendon>
 <equality>{closed}{self._bars()}</equality>
-<actuator>{"".join(self._load(i) for i in range(len(m.loads)))}{self._course()}</actuator>
+<actuator>{"".join(self._load(i) for i, load in enumerate(m.loads) if not load.varies)}{self._course()}</actuator>
 </mujoco>"""
 
     def coordinates(self, pose: Mapping[str, Pose], branches: list[Branch] | None = None) -> dict[str, float]:

@@ -4,6 +4,7 @@ is.
 
 from __future__ import annotations
 
+import cmath
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
@@ -14,6 +15,7 @@ import numpy as np
 
 from analytic.mechanism import GROUND, Body, Joint, Mechanism
 from analytic.mechanism.signals import driving
+from analytic.mechanism.varying import Seen
 from sim_models.common.contact_laws import bearing, lighter_mass
 from sim_models.common.guide import Guide
 from sim_models.common.start import Pose
@@ -30,6 +32,7 @@ LIGHT = 1e2  # 1/kg times the lighter link's mass: makes the virtual mass of suc
 LEAST_FRICTION = float(np.finfo(float).tiny)  # N, N.m: dry friction of a row, which without any would not be there
 
 ROW = mujoco.mjtConstraint
+SITE = mujoco.mjtObj.mjOBJ_SITE
 
 
 def _curved(j: Joint) -> bool:
@@ -122,6 +125,8 @@ class MujocoLinkage:
         self.model = m = mujoco.MjModel.from_xml_string(self.description.mjcf())
         self.data = mujoco.MjData(m)
         self.places = memory(self.data.site_xpos.reshape(-1))  # m, x y z of one site after the other
+        self.heading: Mapping[str, Pose] = {}  # at rest: bodies in the motion that loads oppose
+        self.seen = Seen(self.angle, self.place, self.going, self.spin, lambda: float(self.data.time))
         self._name_things()
         self._set_laws()
         self.blocks = {name: self._block(name, law) for name, law in contacts.items() if name not in self.contacts}
@@ -145,11 +150,11 @@ class MujocoLinkage:
         self.growing = {self.laws[j.name]: (j, j.load_coefficient) for j in rows}
         for t, (j, _) in self.growing.items():
             m.tendon_frictionloss[t] = max(j.stiction, LEAST_FRICTION)
-        varying = {m.actuator(f"load{i}").id: load for i, load in enumerate(mechanism.loads) if load.varies}
-        shares = {k: partial(mechanism.load_share, load, self.angle, self.place) for k, load in varying.items()}
+        loads = zip(self.load_sites, mechanism.loads, strict=True)
+        varying = {site: partial(mechanism.acting, load, self.seen) for site, load in loads if load.varies}
         angle, form = self.fixed_angle[crank], self.form[crank]
-        passive = Passive(laws, self.loads, mechanism.periodic_torque, angle, form, shares)
-        self.passive = passive if laws or mechanism.periodic_torque or shares else None
+        passive = Passive(laws, self.loads, mechanism.periodic_torque, angle, form, varying)
+        self.passive = passive if laws or mechanism.periodic_torque or varying else None
         self.present: np.ndarray | None = None  # velocities of this instant, where the data's are older
         self.watch: Watching | None = None
 
@@ -252,11 +257,25 @@ class MujocoLinkage:
 
     def place(self, body: str, point: str) -> complex:
         """Where (m) a body's marker is, ``com``, or its point at a joint, or the ground's."""
+        return complex(*self.data.site_xpos[self._site(body, point), :2].tolist())
+
+    def _site(self, body: str, point: str) -> int:
         if point == "com":
-            site = self.markers[body]
-        else:
-            site = self.sites[point][self.mechanism.joint(point).bodies.index(body)]
-        return complex(*self.data.site_xpos[site, :2].tolist())
+            return self.markers[body]
+        return self.sites[point][self.mechanism.joint(point).bodies.index(body)]
+
+    def going(self, body: str, point: str) -> complex:
+        """Velocity (m/s) of that point; at rest as the drives go on."""
+        if body in self.heading:
+            pose, at = self.heading[body], self.mechanism.body(body).point(point)
+            return pose.velocity + 1j * pose.angular_velocity * at * cmath.exp(1j * pose.angle)
+        velocity = np.empty(6)
+        mujoco.mj_objectVelocity(self.model, self.data, SITE, self._site(body, point), velocity, 0)
+        return complex(velocity[3], velocity[4])
+
+    def spin(self, body: str) -> float:
+        """A body's angular velocity (rad/s); at rest as the drives go on."""
+        return self.heading[body].angular_velocity if body in self.heading else float(self.form[body] @ self.data.qvel)
 
     def placed(self, pose: Mapping[str, Pose]) -> np.ndarray:
         """Coordinates (nq,) in a pose."""

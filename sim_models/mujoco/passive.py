@@ -13,14 +13,15 @@ import mujoco
 import numpy as np
 
 from analytic.mechanism import Joint, PeriodicTorque
+from analytic.mechanism.varying import Vectors
 
 
 @dataclass(frozen=True)
 class Passive:
     """What acts in a model: the laws of joints, by their tendon's number, each with the form (nv,) of its coordinate,
     and the ``loads`` (N) of those whose friction grows with their reaction; a torque over the angle of the driven body,
-    which is ``angle`` (rad) plus a ``form`` (nq,) of the coordinates; and, by the number of their actuators, what says
-    how much acts now of the loads that vary.
+    which is ``angle`` (rad) plus a ``form`` (nq,) of the coordinates; and, by the number of their sites, what says the
+    force (N, x + iy) and torque (N.m) now of the loads that vary.
     """
 
     joints: Mapping[int, tuple[Joint, np.ndarray]]
@@ -28,7 +29,7 @@ class Passive:
     periodic: PeriodicTorque | None
     angle: float
     form: np.ndarray
-    shares: Mapping[int, Callable[[], float]]
+    pushes: Mapping[int, Callable[[], tuple[Vectors, float]]]
 
     def __call__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Add to the passive forces, and give dry friction the size that it has at this rate and load."""
@@ -38,8 +39,11 @@ class Passive:
                 data.qfrc_passive[:] -= (joint.cubic * stretch**3 + joint.drag * abs(rate) * rate) * form
         if self.periodic is not None:
             data.qfrc_passive[:] += self.periodic.at(self.angle + float(self.form @ data.qpos)) * self.form
-        for actuator, share in self.shares.items():  # actuators come after what is passive
-            model.actuator_biasprm[actuator, 0] = share()
+        for site, push in self.pushes.items():
+            now, torque = push()
+            force = complex(now)
+            vectors = [force.real, force.imag, 0.0], [0.0, 0.0, torque], data.site_xpos[site]
+            mujoco.mj_applyFT(model, data, *vectors, model.site_bodyid[site], data.qfrc_passive)
         self.rub(data)
 
     def rub(self, data: mujoco.MjData) -> None:

@@ -71,7 +71,9 @@ class MujocoRun(EngineRun):
 
     def near(self, place: float, step: float = STATIC_STEP) -> MujocoEquilibria:
         """Equilibria near a place on the path, with rows as rigid as at this step (s)."""
-        return MujocoEquilibria(self.request, self.path, self.laws, place, step)
+        near = MujocoEquilibria(self.request, self.path, self.laws, place, step)
+        near.ideal.data.time = near.pressed.data.time = (self.motor or self.request.schedule).begin
+        return near
 
     def setting(self, rows: str, step: float = STATIC_STEP) -> Setting:
         """How the linkage is modelled in motion, its loose joints closed by these rows, at this longest step (s)."""

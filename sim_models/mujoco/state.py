@@ -339,9 +339,8 @@ def applied(link: MujocoLinkage) -> Iterator[tuple[str, complex, float]]:
     """
     m, x = link.mechanism, link.data.site_xpos
     for number, load in zip(link.load_sites, m.loads, strict=True):
-        share = m.load_share(load, link.angle, link.place)
-        force = complex(*load.force) * share
-        yield load.body, force, load.torque * share + _cross(complex(*x[number, :2].tolist()), force)
+        force, torque = m.acting(load, link.seen)
+        yield load.body, complex(force), float(torque) + _cross(complex(*x[number, :2].tolist()), complex(force))
     if m.periodic_torque is not None:
         yield m.driven, 0j, m.periodic_torque.at(link.angle(m.driven))
 

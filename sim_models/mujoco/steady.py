@@ -51,7 +51,9 @@ class Revolution:
         self.sway = stiffest_law(link, link.placed(self.path.poses(self.theta)))
 
     def repeats(self) -> bool:
-        """Whether a revolution of the crank is possible, and winds up no spring."""
+        """Whether a revolution of the crank is possible, winds up no spring, and meets the same loads."""
+        if self.link.mechanism.timed_load is not None:
+            return False
         link, ends = self.link, self.theta + np.array([0.0, 2 * math.pi * direction(self.steering.motor)])
         try:
             self.assembly.coordinates(ends)

@@ -12,7 +12,8 @@ from typing import Protocol
 
 import numpy as np
 
-from analytic.mechanism import GROUND, Mechanism
+from analytic.mechanism import Mechanism
+from analytic.mechanism.varying import Seen
 from sim_models.common.contact_laws import TOO_DEEP, longest, shortest_link
 from sim_models.common.failed_starts import who
 from sim_models.common.guide import Guide
@@ -47,6 +48,7 @@ class Judge:
     request: Request
     stiffness: Mapping[str, float]
     motors: Mapping[str, Rated]
+    since: float = 0.0  # s of the schedule where the record's time is 0
 
     @property
     def mechanism(self) -> Mechanism:
@@ -134,14 +136,23 @@ class Judge:
         """Power (M,) W of loads that vary over the motion, which have no potential energy."""
         m, power = self.mechanism, np.zeros(record.time.size)
 
-        def point(body: str, name: str) -> complex | np.ndarray:
-            return m.ground.point(name) if body == GROUND else record.point(m, body, name)
+        def point(body: str, name: str) -> np.ndarray:
+            return record.point(m, body, name)
 
+        def velocity(body: str, name: str) -> np.ndarray:
+            return record.velocity[body] + 1j * record.angular_velocity[body] * (point(body, name) - record.com[body])
+
+        seen = Seen(
+            record.angle.__getitem__,
+            point,
+            velocity,
+            record.angular_velocity.__getitem__,
+            lambda: record.time + self.since,
+        )
         for load in (load for load in m.loads if load.varies):
-            share = m.load_share(load, record.angle.__getitem__, point)
-            spin, arm = record.angular_velocity[load.body], point(load.body, load.point) - record.com[load.body]
-            moving = record.velocity[load.body] + 1j * spin * arm
-            power += share * (np.real(moving * np.conj(complex(*load.force))) + load.torque * spin)
+            force, torque = m.acting(load, seen)
+            power += np.real(velocity(load.body, load.point) * np.conj(force))
+            power += torque * record.angular_velocity[load.body]
         return power
 
     def _stored(self, record: Record) -> np.ndarray:

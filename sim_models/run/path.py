@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -16,6 +16,7 @@ from numpy.polynomial import Polynomial
 from analytic.kinematics.assembly import Assembly, Walk
 from analytic.kinematics.schedule import COURSE_INSTANTS, Course, DriveMotion, Steady
 from analytic.kinematics.structure import BlockRest, Structure
+from analytic.mechanism import Mechanism
 from sim_models.common.contact_laws import longest
 from sim_models.common.guide import opened
 from sim_models.common.start import Pose
@@ -26,6 +27,7 @@ TURN_ASIDE = 1e-4  # rad of a crank, or of what turns fastest: to where the link
 TURN_BESIDE = 1e-3
 PLACES_BESIDE = np.arange(-2, 3)  # those neighbours
 SLOPE_OF_QUARTIC = np.array([1, -8, 0, 8, -1]) / 12  # of the rate of the quartic through values there
+FACED = 1e-3  # of a gap, by which it may still differ from that with which the direction of a motion was found
 MOTOR_STANDSTILL = 1e-9  # of a course's largest rate or acceleration: nothing
 
 Poses = dict[str, Pose]  # of every moving body
@@ -274,6 +276,17 @@ class RestingPath(Path):
         """The crank's angle (N,) rad, or without a crank the position (rad, m) of the first input's joint."""
         s: Structure = self.assembly.structure
         return s.mechanism.crank_sign * self.schedule.positions(times)[s.coordinates[s.inputs[0]].joint]
+
+
+def seats(row: Mapping[str, float], pins: Iterable[str]) -> dict[str, complex]:
+    """The gaps (m) of pins that a run's signals at one instant have."""
+    return {name: complex(row[f"clearance_{name}_x"], row[f"clearance_{name}_y"]) for name in pins}
+
+
+def faced(m: Mechanism, before: Mapping[str, complex], now: Mapping[str, complex]) -> bool:
+    """Whether loads that oppose the motion at rest act against that of a linkage with these gaps (m)."""
+    opposes = any(load.opposes for load in m.loads)
+    return not opposes or all(abs(gap - before.get(name, 0j)) <= FACED * abs(gap) for name, gap in now.items())
 
 
 def direction(motor: DriveMotion) -> float:

@@ -22,11 +22,10 @@ from analytic.kinematics.structure import StructureError
 from analytic.mechanism import Mechanism, MechanismError
 from analytic.mechanism.assumed import Assumed
 from analytic.mechanism.columns import Layout
-from analytic.mechanism.file import load, shipped_cases
 from analytic.mechanism.one_line import count, shown
 from analytic.mechanism.signals import undirected, unwound, wrapped
 from compare.diagnose.data.clipping import clipped
-from compare.diagnose.data.measured_file import Entry, Said, read_file, tolerances
+from compare.diagnose.data.measured_file import Entry, Said, nominal, read_file, tolerances
 from compare.diagnose.data.quality import FLOOR, gaps, noise, outliers, unwrapped
 from compare.diagnose.data.recording import Channel, Drive, Fault, Measured, MeasuredError, MeasuredRun
 from compare.diagnose.data.thin import frozen, held, missed, picked
@@ -62,7 +61,7 @@ def load_measured(path: str | Path) -> Measured:
     path = Path(path)
     path = path / "measured.toml" if os.path.isdir(path) else path
     file = read_file(path)
-    return recorded(str(path), path.name, file, _mechanism(path, file.mechanism), lambda name: path.parent / name)
+    return recorded(str(path), path.name, file, nominal(path, file.mechanism), lambda name: path.parent / name)
 
 
 def recorded(
@@ -139,18 +138,6 @@ class _Tables:
         used = {entry for table in self._read.values() for entry in table.used}
         headings = list(dict.fromkeys(heading for table in self._read.values() for heading in table.headings))
         return [unused(f"{name}: ", entry, headings) for entry in self._layout.columns if entry not in used]
-
-
-def _mechanism(path: Path, name: str) -> Mechanism:
-    file = path.parent / name
-    try:
-        return load(file if file.is_file() or name not in shipped_cases() else name)
-    except OSError as error:
-        raise MeasuredError(
-            f"{path.name}: mechanism = {shown(name)} cannot be read ({error.strerror}); check the path"
-        ) from None
-    except MechanismError as error:
-        raise MeasuredError(f"{path.name}: mechanism = {name!r}: {error}") from None
 
 
 def _run(called: str, entry: Entry, mechanism: Mechanism, tables: _Tables) -> tuple[MeasuredRun, list[Fault]]:
@@ -331,6 +318,14 @@ def _check_fields(where: str, entry: Entry, mechanism: Mechanism, drive: Drive) 
                 f"{where}: load on {shown(applied.body)} has {applied.force} N and {applied.torque} N.m; give what is"
                 f" below {LARGEST_READING:g}"
             )
+    timed = next(
+        (load for load in (mechanism.loads if entry.loads is None else entry.loads) if load.over == "time"), None
+    )
+    if timed is not None:
+        raise MeasuredError(
+            f"{where}: the load on {shown(timed.body)} varies over time, and a diagnosis looks at what comes back with"
+            " each turn; give over = crank_angle, or leave the run out"
+        )
     states = [f"{body}_{part}" for body in mechanism.moving for part in ("angle", "angular_velocity")]
     for name in entry.start or {}:
         if name not in states:

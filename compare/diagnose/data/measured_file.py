@@ -9,10 +9,13 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from analytic.mechanism import Load
+from analytic.mechanism import Load, Mechanism, MechanismError
 from analytic.mechanism.columns import Layout
 from analytic.mechanism.errors import describe
+from analytic.mechanism.file import load, shipped_cases
+from analytic.mechanism.one_line import shown
 from analytic.mechanism.reading import ReadingError, read_toml
+from analytic.mechanism.signals import SiUnit
 from analytic.mechanism.units import UnitError
 from analytic.mechanism.written import runs_in_si
 from compare.diagnose.data.recording import MeasuredError
@@ -88,17 +91,46 @@ S = TypeVar("S", bound=Said)
 def read_file(path: Path) -> MeasuredFile:
     """The file's fields, checked one by one.  Raises MeasuredError."""
     try:
-        return checked(path.name, read_toml(path), MeasuredFile)
+        fields = read_toml(path)
     except ReadingError as error:
         raise MeasuredError(f"{path}: {error}; give a measured.toml") from None
+    return checked(path.name, fields, MeasuredFile, _varied(path, fields), path.parent)
 
 
-def checked(source: str, fields: Mapping[str, object], model: type[S]) -> S:
-    """Fields as written, checked one by one.  Raises MeasuredError."""
+def nominal(path: Path, name: str) -> Mechanism:
+    """The mechanism that a measured.toml names: a file relative to it, or a shipped case.  Raises MeasuredError."""
+    file = path.parent / name
     try:
-        fields = {name: runs_in_si(given) if name == "run" else given for name, given in fields.items()}
+        return load(file if file.is_file() or name not in shipped_cases() else name)
+    except OSError as error:
+        raise MeasuredError(
+            f"{path.name}: mechanism = {shown(name)} cannot be read ({error.strerror}); check the path"
+        ) from None
+    except MechanismError as error:
+        raise MeasuredError(f"{path.name}: mechanism = {name!r}: {error}") from None
+
+
+def _varied(path: Path, fields: Mapping[str, Any]) -> Mapping[str, SiUnit]:
+    """The units of what the loads of its runs may vary over, of a file as written; nothing where none does."""
+    name, runs = fields.get("mechanism"), fields.get("run")
+    loads = [run.get("load") for run in runs if isinstance(run, dict)] if isinstance(runs, list) else []
+    varies = any(isinstance(each, dict) and "over" in each for some in loads if isinstance(some, list) for each in some)
+    if not varies or not isinstance(name, str):
+        return {}
+    return {over: quantity.unit for over, quantity in nominal(path, name).load_quantities.items()}
+
+
+def checked(
+    source: str, fields: Mapping[str, object], model: type[S], units_over: Mapping[str, SiUnit], folder: Path | None
+) -> S:
+    """Fields as written, checked one by one; ``units_over`` has the unit of each quantity that a load may vary over,
+    and tables of loads are files in a ``folder``.  Raises MeasuredError.
+    """
+    try:
+        if "run" in fields:
+            fields = {**fields, "run": runs_in_si(fields["run"], units_over, folder)}
         return model.model_validate(fields)
-    except UnitError as error:
+    except (UnitError, ReadingError) as error:
         raise MeasuredError(f"{source}: {error}") from None
     except ValidationError as error:
         raise MeasuredError(f"{source}: {_described(error, fields, model)}") from None

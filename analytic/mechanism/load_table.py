@@ -1,0 +1,112 @@
+"""Tables of loads in CSV files: ``table = "gas.csv"`` of a ``[[load]]`` becomes loads with the same numbers inline."""
+
+from __future__ import annotations
+
+import csv
+import difflib
+import math
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+from analytic.mechanism.reading import ReadingError, read_text
+from analytic.mechanism.signals import SiUnit
+from analytic.mechanism.units import DIMENSIONS, QuantityKind, UnitError, factor
+
+HEADING = re.compile(r"\s*([^\[\]()]*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))?\s*")
+UNIT_LOADS: Mapping[str, tuple[QuantityKind, Mapping[str, object]]] = {
+    "force_x": ("force", {"force": [1.0, 0.0]}),
+    "force_y": ("force", {"force": [0.0, 1.0]}),
+    "torque": ("torque", {"torque": 1.0}),
+}  # what a column is a factor of
+
+
+def with_tables(
+    load: Mapping[str, object], unit: SiUnit | None, folder: Path | None, called: str
+) -> list[dict[str, object]]:
+    """A load whose table is a file, relative to ``folder``, as one load for each of the file's columns beside that of
+    ``over``, in this ``unit``; any other load as it is.  Raises ReadingError.
+    """
+    file, over = load.get("table"), load.get("over")
+    if not isinstance(file, str):
+        return [dict(load)]
+    where = f"{called}.table = {file!r}"
+    if folder is None:
+        raise ReadingError(f"{where} is a file, which mechanisms that are no files themselves have not; give its pairs")
+    if unit is None or not isinstance(over, str):
+        raise ReadingError(
+            f"{where} is read over {over!r}; give over = crank_angle, <body>_angle, <body>_x, <body>_y or"
+            " position_<slide>"
+        )
+    given = [name for name in ("force", "torque", "from", "to") if name in load]
+    if given:
+        raise ReadingError(f"{where} says all of the load; leave out {' and '.join(given)}, or give pairs in its place")
+    values, columns = _read(folder / file, over, DIMENSIONS[unit])
+    rest = {name: value for name, value in load.items() if name != "table"}
+    return [
+        {**rest, **UNIT_LOADS[name][1], "table": [list(pair) for pair in zip(values, column, strict=True)]}
+        for name, column in columns.items()
+    ]
+
+
+def _read(path: Path, over: str, kind: QuantityKind) -> tuple[list[float], dict[str, list[float]]]:
+    """The values (K,) of a quantity, increasing, and forces (N) and torques (N.m) at them, by name."""
+    try:
+        text = read_text(path)
+    except ReadingError as error:
+        raise ReadingError(
+            f"{path} {error}; give a CSV file with the columns {over} and force_x, force_y or torque"
+        ) from None
+    first = text.split("\n", 1)[0]
+    separator = next((mark for mark in ";\t" if mark in first), ",")
+    rows = [(n, row) for n, row in enumerate(csv.reader(text.splitlines(), delimiter=separator), 1) if any(row)]
+    if len(rows) < 3:
+        raise ReadingError(
+            f"{path.name}: has {max(len(rows) - 1, 0)} rows of numbers below its headings; give two at least"
+        )
+    (_, headings), *numbers = rows
+    columns = [_column(path.name, heading, over, kind) for heading in headings]
+    names = [name for name, _ in columns]
+    if over not in names or len(names) < 2 or len({*names}) < len(names):
+        raise ReadingError(
+            f"{path.name}: has the columns {', '.join(names)}; give {over} once, and force_x, force_y or torque, each"
+            " once at most"
+        )
+    read = [[_number(path.name, n, cell, separator) for cell in row] for n, row in numbers]
+    for (n, row), before, now in zip(numbers, [None, *read], read, strict=False):
+        if len(row) != len(names):
+            raise ReadingError(f"{path.name}: line {n} has {len(row)} cells, and {len(names)} columns have headings")
+        if before is not None and now[names.index(over)] <= before[names.index(over)]:
+            raise ReadingError(
+                f"{path.name}: line {n}: {over} does not increase; put the rows in order, each value once"
+            )
+    by_name = {
+        name: [scale * value for value in column]
+        for (name, scale), column in zip(columns, zip(*read, strict=True), strict=True)
+    }
+    return by_name.pop(over), by_name
+
+
+def _column(file: str, heading: str, over: str, kind: QuantityKind) -> tuple[str, float]:
+    """The name of a column and its factor to SI."""
+    kinds = {over: kind} | {name: kind for name, (kind, _) in UNIT_LOADS.items()}
+    parted = HEADING.fullmatch(heading)
+    name = parted[1] if parted else heading
+    if name not in kinds:
+        close = difflib.get_close_matches(name, kinds, n=1)
+        remedy = f"did you mean {close[0]!r}" if close else f"they are {', '.join(kinds)}"
+        raise ReadingError(f"{file}: column {heading.strip()!r} is none of a load's over {over}; {remedy}")
+    try:
+        return name, factor(((parted and (parted[2] or parted[3])) or "").strip(), kinds[name])
+    except UnitError as error:
+        raise ReadingError(f"{file}: column {heading.strip()!r} has {error}") from None
+
+
+def _number(file: str, line: int, cell: str, separator: str) -> float:
+    try:
+        value = float(cell.replace(",", ".") if separator == ";" else cell)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ReadingError(f"{file}: line {line}: {cell.strip()!r} is not a finite number; give every cell one")
+    return value

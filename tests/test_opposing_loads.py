@@ -1,0 +1,231 @@
+"""Loads against the motion: a shaper's tool, a brake.  By the power that they take, and in each engine."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import linkage_crosscheck as lc
+from analytic.beyond_paper.released import released
+from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.mechanism import Load, Mechanism, MechanismError
+from analytic.mechanism.file import dumps, load, loads
+from engine_checks import declared_runs
+from engines_here import missing
+from marks import slow_but
+from sim_models.engine import JointModel, Motion, Unsupported
+
+SHAPER = """
+name = "shaper"
+[ground]
+points = { O = [0.0, 0.0], Q = [0.0, -0.3], S = [0.0, 0.2] }
+[[body]]
+name = "crank"
+points = { O = [0.0, 0.0], A = [0.1, 0.0] }
+mass = 1.0
+[[body]]
+name = "die"
+points = { A = [0.0, 0.0], G = [0.0, 0.0] }
+mass = 0.2
+inertia = 1e-4
+[[body]]
+name = "lever"
+points = { Q = [0.0, 0.0], G = [0.0, 0.0], H = [0.0, 0.0] }
+mass = 2.0
+com = [0.25, 0.0]
+inertia = 0.05
+[[body]]
+name = "block"
+points = { H = [0.0, 0.0], B = [0.0, 0.0] }
+mass = 0.2
+inertia = 1e-4
+[[body]]
+name = "ram"
+points = { B = [0.0, 0.0], S = [0.0, 0.0] }
+mass = 5.0
+inertia = 1e-2
+[[joint]]
+name = "O"
+type = "revolute"
+bodies = ["ground", "crank"]
+[[joint]]
+name = "A"
+type = "revolute"
+bodies = ["crank", "die"]
+[[joint]]
+name = "G"
+type = "prismatic"
+bodies = ["lever", "die"]
+axis = [1.0, 0.0]
+[[joint]]
+name = "Q"
+type = "revolute"
+bodies = ["ground", "lever"]
+[[joint]]
+name = "H"
+type = "prismatic"
+bodies = ["lever", "block"]
+axis = [1.0, 0.0]
+[[joint]]
+name = "B"
+type = "revolute"
+bodies = ["ram", "block"]
+[[joint]]
+name = "S"
+type = "prismatic"
+bodies = ["ground", "ram"]
+axis = [1.0, 0.0]
+[drive]
+joint = "O"
+speed = "60 rpm"
+[assembly]
+crank = 0.3
+die = 1.27
+lever = 1.27
+block = 1.27
+ram = 0.0
+"""
+
+RADIUS, BELOW, ABOVE = 0.1, 0.3, 0.2  # m: of the crank, from its pivot down to the lever's, and up to the ram
+TURN = np.radians(np.arange(5.0, 360.0, 10.0))
+CUT = math.radians(200.0), math.radians(340.0)
+TOOL = Load(body="ram", force=(400.0, 0.0), opposes=True, over="crank_angle", start=CUT[0], end=CUT[1])
+BRAKE = Load(body="lever", torque=20.0, opposes=True)
+
+
+def shaper(*given: Load) -> Mechanism:
+    """A crank whose die turns a slotted lever; a block in that moves the ram.  The ram goes back fast."""
+    return loads(SHAPER).replace(loads=given)
+
+
+def slope(theta: np.ndarray) -> np.ndarray:
+    """How the ram (N,) m/rad moves with the crank: x = (above + below) r cos / (below + r sin), written out."""
+    c, s = RADIUS * np.cos(theta), RADIUS * np.sin(theta)
+    return -(ABOVE + BELOW) * (s * (BELOW + s) + c**2) / (BELOW + s) ** 2
+
+
+def extra(motion: Motion, *given: Load) -> np.ndarray:
+    """The drive's torque (N,) that loads ask for."""
+    with_them, without = (lc.analyse(shaper(*each), motion=motion, angles=TURN) for each in (given, ()))
+    return np.asarray(with_them["drive_torque"] - without["drive_torque"])
+
+
+@pytest.mark.parametrize("motion", ["static", "driven"])
+def test_a_cut_takes_its_force_times_the_speed_of_the_tool(motion: Motion) -> None:
+    """Less inertia, as the run without the tool has it; of the force the size alone counts."""
+    acts = (TURN > CUT[0]) & (TURN < CUT[1])
+    np.testing.assert_allclose(extra(motion, TOOL), 400.0 * acts * np.abs(slope(TURN)), atol=1e-11)
+    turned = TOOL.model_copy(update={"force": (-240.0, 320.0)})
+    np.testing.assert_allclose(extra(motion, turned), extra(motion, TOOL), atol=1e-11)
+
+
+@pytest.mark.parametrize("motion", ["static", "driven"])
+def test_a_tool_that_cuts_both_ways_turns_with_the_ram_and_says_nothing_where_that_turns(motion: Motion) -> None:
+    both = Load(body="ram", force=(400.0, 0.0), opposes=True)
+    np.testing.assert_allclose(extra(motion, both), 400.0 * np.abs(slope(TURN)), atol=1e-11)
+    dead = math.asin(-RADIUS / BELOW)  # where the crank is square to the lever, the ram stands
+    result = lc.analyse(shaper(both), motion=motion, angles=np.array([0.5, math.pi - dead, 4.0]))
+    assert result.flags == {"1": "what the load on ram opposes stands or turns back here, and it has no direction"}
+
+
+def test_a_brake_takes_its_torque_times_the_turning_of_its_body() -> None:
+    x, c = (ABOVE + BELOW) * RADIUS * np.cos(TURN) / (BELOW + RADIUS * np.sin(TURN)), ABOVE + BELOW
+    turning = slope(TURN) * c / (c**2 + x**2)  # of the lever, whose tangent is x over that
+    np.testing.assert_allclose(extra("driven", BRAKE), 20.0 * np.abs(turning), atol=1e-11)
+
+
+def test_a_drive_the_other_way_turns_it_round() -> None:
+    back = shaper(TOOL).replace(drive={"joint": "O", "speed": -2 * math.pi})
+    for motion in ("static", "driven"):
+        torque = lc.analyse(back, motion=motion, angles=TURN)["drive_torque"]
+        free = lc.analyse(back.replace(loads=()), motion=motion, angles=TURN)["drive_torque"]
+        np.testing.assert_allclose(torque - free, -extra("static", TOOL), atol=1e-11)
+
+
+RUNS = [
+    (name, model, motion)
+    for motion in ("driven", "static")
+    for name, model in declared_runs(motion)
+    if motion == "static" or model == "ideal"
+]
+
+
+@pytest.mark.parametrize(
+    ("name", "model", "motion"), slow_but([("mujoco", "ideal", "driven"), ("pybullet", "ideal", "static")], RUNS)
+)
+def test_every_engine_that_has_such_loads_agrees(name: str, model: JointModel, motion: Motion) -> None:
+    if missing(name):
+        pytest.skip(missing(name))
+    steady = Load(body="ram", force=(0.0, -900.0))
+    result = lc.crosscheck(
+        shaper(TOOL, BRAKE, steady),
+        simulators=name,
+        joint_model=model,
+        motion=motion,
+        clearance={} if model == "ideal" else {"A": 5e-4},
+        angles=TURN,
+    )
+    (run,) = result.runs
+    assert run.verdict == "agrees", [(d.signal, d.max, d.tolerance) for d in run.discrepancies if d.verdict != "agrees"]
+
+
+@pytest.mark.parametrize("name", slow_but(["mujoco"], ["mujoco", "exudyn", "pybullet", "dart"]))
+def test_at_rest_it_acts_against_the_motion_of_the_linkage_with_its_gaps(name: str) -> None:
+    """A coupler's point goes along no line; with 1 mm of clearance its way is 0.3 degrees off."""
+    if missing(name):
+        pytest.skip(missing(name))
+    given = Load(body="coupler", force=(0.0, -200.0)), Load(body="coupler", force=(120.0, 0.0), opposes=True)
+    m = load("crank-rocker").replace(loads=given)
+    result = lc.crosscheck(
+        m, simulators=name, joint_model="spring-damper", motion="static", clearance={"B": 1e-3}, angles=TURN[::4]
+    )
+    (run,) = result.runs
+    assert run.verdict == "agrees"
+    near = {d.signal: abs(d.max) for d in run.discrepancies}
+    assert near["drive_torque"] < 1e-3
+    assert near["reaction_B_angle"] < 1e-3
+
+
+def test_a_released_wheel_is_braked_to_rest_and_held() -> None:
+    """Without weight its rate falls evenly, by torque over moment of inertia, and then it stays."""
+    brake = Load(body="pendulum", torque=0.01, opposes=True)
+    m = load("pendulum").replace(gravity=(0.0, 0.0), loads=(brake,))
+    body = m.bodies[0]
+    slowing = 0.01 / (body.moment_of_inertia + body.mass * abs(body.centre) ** 2)
+    stop, time = 5.0 / slowing, np.linspace(0.0, 8.0 / slowing, 33)
+    motion = released(Assembly(m), time, 0.0, 5.0)
+    run = np.minimum(time, stop)
+    np.testing.assert_allclose(motion.reactions.motion.theta, 5.0 * run - slowing * run**2 / 2, atol=1e-7)
+    np.testing.assert_allclose(motion.reactions.motion.angular_velocity("pendulum"), 5.0 - slowing * run, atol=1e-7)
+    assert motion.held.tolist() == (time > stop).tolist()
+
+
+def test_a_weight_that_a_brake_holds_leaves_it_what_it_needs() -> None:
+    brake = Load(body="pendulum", torque=1.0, opposes=True)
+    m = load("pendulum").replace(loads=(brake,))
+    motion = released(Assembly(m), np.array([0.0, 0.5]))
+    assert motion.held.all()
+    weight = m.bodies[0].mass * 9.81
+    np.testing.assert_allclose(motion.reactions.forces["O"], 1j * weight, atol=1e-9)
+    np.testing.assert_allclose(motion.reactions.drive_torque, 0.0, atol=1e-9)
+
+
+def test_what_may_come_to_rest_is_refused_by_every_engine() -> None:
+    m = load("pendulum").replace(loads=(Load(body="pendulum", torque=0.01, opposes=True),))
+    with pytest.raises(Unsupported, match=r"opposes of the load on 'pendulum' needs a drive of each freedom"):
+        lc.simulate(m, "mujoco", times=np.array([0.0, 0.1]))
+    five = load("five-bar")
+    drives = five.drives[0], five.drives[1].model_copy(update={"speed": "free"})
+    free = five.replace(drives=drives, loads=(Load(body=five.bodies[0].name, torque=1.0, opposes=True),))
+    with pytest.raises((AssemblyError, Unsupported), match="opposes of the load on"):
+        lc.analyse(free, times=np.array([0.0, 0.1]))
+
+
+def test_a_file_keeps_it_and_a_table_that_would_drive_is_refused() -> None:
+    m = shaper(TOOL)
+    assert "opposes = true" in dumps(m)
+    assert loads(dumps(m)) == m
+    with pytest.raises(MechanismError, match="opposes the motion has factors of 0 or more in its table"):
+        Load(body="ram", force=(1.0, 0.0), opposes=True, over="crank_angle", table=((0.0, 1.0), (1.0, -1.0)))
