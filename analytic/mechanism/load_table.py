@@ -10,8 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from analytic.mechanism.reading import ReadingError, read_text
-from analytic.mechanism.signals import SiUnit
-from analytic.mechanism.units import DIMENSIONS, QuantityKind, UnitError, factor
+from analytic.mechanism.units import DIMENSIONS, QuantityKind, SiUnit, UnitError, factor
 
 HEADING = re.compile(r"\s*([^\[\]()]*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))?\s*")
 UNIT_LOADS: Mapping[str, tuple[QuantityKind, Mapping[str, object]]] = {

@@ -9,8 +9,7 @@ from types import MappingProxyType
 from typing import Any
 
 from analytic.mechanism.load_table import with_tables
-from analytic.mechanism.signals import SiUnit
-from analytic.mechanism.units import UnitError, factor_to_si
+from analytic.mechanism.units import SiUnit, UnitError, factor_to_si
 
 NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-zµμ°][\w.^/*·⋅ °-]*?)\s*")
 BARE = re.compile(r"[-+\d.eE\s]+")  # a number alone, whose e is no unit
