@@ -209,7 +209,7 @@ MALFORMED = {
     '"body.coupler.points.B" = { sd = 1e-5 }': "end it with .x or .y",
     '"body.coupler.points.Q.x" = { sd = 1e-5 }': "name a point, one of A, B",
     '"joint.B.clearance" = { sd = 1e-6 }': "the file gives no clearance there",
-    '"load.0.torque" = { sd = 1e-6 }': "there are none",
+    '"load.1.torque" = { sd = 1e-6 }': "there are none",
 }
 
 
@@ -551,7 +551,7 @@ assembly = { lever = 0.0 }
 [tolerances]
 "body.lever.mass" = { sd = 0.02 }
 "body.lever.com.x" = { sd = "2 mm" }
-"load.0.force.y" = { limits = [-21.0, -19.0] }
+"load.1.force.y" = { limits = [-21.0, -19.0] }
 "gravity.y" = { sd = 0.01 }
 """
     theta = np.array([0.0, 0.5, 1.2])
@@ -561,7 +561,7 @@ assembly = { lever = 0.0 }
     parts = {
         "body.lever.mass": 9.81 * 0.3 * 0.02,
         "body.lever.com.x": 3.0 * 9.81 * 2e-3,
-        "load.0.force.y": 0.4 / math.sqrt(3),
+        "load.1.force.y": 0.4 / math.sqrt(3),
         "gravity.y": 3.0 * 0.3 * 0.01,
     }
     assert torque.by_source.keys() == parts.keys()

@@ -1,9 +1,9 @@
 """What varies from one made linkage to another: the fields that ``[tolerances]`` name, and fits of pins.
 
 A field is a dotted path: ``body.crank.mass``, ``body.coupler.points.B.x``, ``joint.B.clearance``,
-``ground.points.E.y``, ``load.0.force.x`` (loads and springs are counted from 0), ``drive.speed`` (of several
-``drive.A.speed``), ``gravity.y``.  ``body.crank.length`` is the distance between the two points of a body: its last
-moves along the line through both.
+``ground.points.E.y``, ``load.coupler.force.x`` (loads by their body; where one has several, and springs, by number
+from 1), ``drive.speed`` (of several ``drive.A.speed``), ``gravity.y``.  ``body.crank.length`` is the distance between
+the two points of a body: its last moves along the line through both.
 """
 
 from __future__ import annotations
@@ -208,7 +208,9 @@ def _changed(m: Mechanism, field: str, number: float) -> Mechanism:
         return m.with_joint(name, **update)
     plural = {"load": "loads", "spring": "springs"}[kind]
     parts = list(getattr(m, plural))
-    parts[int(name)] = type(part).model_validate({**part.model_dump(exclude_unset=True, by_alias=True), **update})
+    parts[_numbered(m, kind)[name]] = type(part).model_validate(
+        {**part.model_dump(exclude_unset=True, by_alias=True), **update}
+    )
     return m.replace(**{plural: tuple(parts)})
 
 
@@ -250,13 +252,21 @@ def _there(m: Mechanism, kind: str) -> Sequence[str]:
         return [part.name for part in (m.bodies if kind == "body" else m.joints)]
     if kind == "drive":
         return [drive.joint for drive in m.drives]
-    return ["ground"] if kind == "ground" else [str(k) for k in range(len(m.loads if kind == "load" else m.springs))]
+    return ["ground"] if kind == "ground" else list(_numbered(m, kind))
+
+
+def _numbered(m: Mechanism, kind: str) -> dict[str, int]:
+    """Index of each load or spring by its number from 1, and of a body's only load by that body."""
+    if kind == "spring":
+        return {str(k): k - 1 for k in range(1, len(m.springs) + 1)}
+    of = [load.body for load in m.loads]
+    return {body: k for k, body in enumerate(of) if of.count(body) == 1} | {str(k + 1): k for k in range(len(of))}
 
 
 def _part(m: Mechanism, kind: str, name: str) -> Any:
     if kind in ("body", "ground"):
         return m.body(name)
-    return m.joint(name) if kind == "joint" else (m.loads if kind == "load" else m.springs)[int(name)]
+    return m.joint(name) if kind == "joint" else (m.loads if kind == "load" else m.springs)[_numbered(m, kind)[name]]
 
 
 def _two_points(m: Mechanism, field: str, body: Body) -> tuple[complex, complex]:
