@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from analytic.mechanism import MASS_CENTRE, Body, Joint, Load, Mechanism
+from analytic.mechanism import MASS_CENTRE, Body, Joint
 from analytic.mechanism.signals import driving
-from sim_models.common.export_files import expected, lines, written
+from sim_models.common.export_files import expected, lines, varies, written
 from sim_models.common.simulate import simulate
 from sim_models.engine import Engine, Request, Trace
 from sim_models.exudyn.equilibria import ExudynEquilibria
@@ -131,7 +131,7 @@ def _parts(link: ExudynLinkage) -> dict[str, Any]:
                     "point": load.point,
                     "force": load.force,
                     "torque": load.torque,
-                    "varies": _varies(m, load) if load.varies else None,
+                    "varies": varies(m, load) if load.varies else None,
                 }
                 for load in m.loads
             ),
@@ -147,17 +147,6 @@ def _parts(link: ExudynLinkage) -> dict[str, Any]:
             for spring in m.springs
         ],
         "periodic_torque": m.periodic_torque and {"body": m.driven, **m.periodic_torque.model_dump()},
-    }
-
-
-def _varies(m: Mechanism, load: Load) -> dict[str, Any]:
-    """What a load varies over, its stretch or table, and whether it opposes the motion."""
-    over = m.load_quantities[load.over] if load.over else None
-    return {
-        "over": over and {"kind": over.kind, "body": over.body, "joint": over.slide.name if over.slide else ""},
-        "stretch": None if load.start is None else [load.start, load.end],
-        "table": load.table,
-        "opposes": load.opposes,
     }
 
 
