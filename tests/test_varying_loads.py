@@ -144,8 +144,8 @@ def test_links_that_bend_say_which_they_would_leave_out() -> None:
 
 
 def test_an_export_says_so_too(tmp_path: Path) -> None:
-    with pytest.raises(Unsupported, match=r"mujoco has no loads that vary over the motion in its exports"):
-        lc.export(press(PUSH), "mujoco", folder=tmp_path / "out")
+    with pytest.raises(Unsupported, match=r"pybullet has no loads that vary over the motion in its exports"):
+        lc.export(press(PUSH), "pybullet", folder=tmp_path / "out")
 
 
 def test_a_file_keeps_its_loads() -> None:

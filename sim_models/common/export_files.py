@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.signals import named, position
 from sim_models.engine import Request, Trace
 
@@ -63,3 +64,14 @@ def _block(value: object) -> str:
     if isinstance(value, list) and value and isinstance(value[0], dict | tuple):
         return "[\n" + ",\n".join(f"  {json.dumps(v, allow_nan=False)}" for v in value) + "\n]"
     return json.dumps(value, allow_nan=False)
+
+
+def varies(m: Mechanism, load: Load) -> dict[str, object]:
+    """What a load varies over, its stretch or table, and whether it opposes the motion."""
+    over = m.load_quantities[load.over] if load.over else None
+    return {
+        "over": over and {"kind": over.kind, "body": over.body, "joint": over.slide.name if over.slide else ""},
+        "stretch": None if load.start is None else [load.start, load.end],
+        "table": load.table,
+        "opposes": load.opposes,
+    }

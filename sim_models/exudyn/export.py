@@ -11,7 +11,7 @@ import numpy as np
 
 from analytic.mechanism import MASS_CENTRE, Body, Joint
 from analytic.mechanism.signals import driving
-from sim_models.common.export_files import expected, lines, written
+from sim_models.common.export_files import expected, lines, varies, written
 from sim_models.common.simulate import simulate
 from sim_models.engine import Engine, Request, Trace
 from sim_models.exudyn.equilibria import ExudynEquilibria
@@ -97,6 +97,7 @@ def _at_rest(run: ExudynRun) -> tuple[ExudynLinkage, dict[str, Any]]:
                 "bodies": np.array(link.mbs.systemData.GetODE2Coordinates(initial)).tolist(),
                 "remembered": np.array(link.mbs.systemData.GetDataCoordinates(initial)).tolist(),
                 "loads": list(link.body_loads().values()),
+                "heading": _heading(link),
                 "slides": {
                     j.name: link.item(f"law {j.name}")["force"] for j in link.m.joints if j.prismatic and j.has_law
                 },
@@ -124,7 +125,16 @@ def _parts(link: ExudynLinkage) -> dict[str, Any]:
                 {"body": b.name, "point": MASS_CENTRE, "force": [b.mass * g for g in m.gravity], "torque": 0.0}
                 for b in m.bodies
             ),
-            *({"body": load.body, "point": load.point, "force": load.force, "torque": load.torque} for load in m.loads),
+            *(
+                {
+                    "body": load.body,
+                    "point": load.point,
+                    "force": load.force,
+                    "torque": load.torque,
+                    "varies": varies(m, load) if load.varies else None,
+                }
+                for load in m.loads
+            ),
         ],
         "joints": {joint.name: _joint(link, joint) for joint in m.joints},
         "springs": [
@@ -138,6 +148,15 @@ def _parts(link: ExudynLinkage) -> dict[str, Any]:
         ],
         "periodic_torque": m.periodic_torque and {"body": m.driven, **m.periodic_torque.model_dump()},
     }
+
+
+def _heading(link: ExudynLinkage) -> dict[str, list[float]]:
+    """Velocity of each body's centre of mass and its angular velocity, in the motion that loads oppose at rest."""
+    centres = {
+        name: pose.velocity + 1j * pose.angular_velocity * link.m.moving[name].centre * cmath.exp(1j * pose.angle)
+        for name, pose in link.model.heading.items()
+    }
+    return {name: [*_pair(v), link.model.heading[name].angular_velocity] for name, v in centres.items()}
 
 
 def _body(link: ExudynLinkage, body: Body) -> dict[str, Any]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from analytic.kinematics.schedule import Course, DriveMotion
 from analytic.mechanism import Joint
-from sim_models.common.export_files import expected, lines, written
+from sim_models.common.export_files import expected, lines, varies, written
 from sim_models.common.simulate import simulate
 from sim_models.engine import Cause, Engine, Request, Trace
 from sim_models.mujoco.equilibrium import MujocoEquilibria, rest
@@ -145,6 +145,11 @@ def _meaning(link: MujocoLinkage) -> dict[str, Any]:
         },
         "springs": {f"spring:{i}": spring.bodies for i, spring in enumerate(link.mechanism.springs)},
         "periodic_torque": _periodic(link),
+        "varying_loads": {
+            f"load{i}": {"force": load.force, "torque": load.torque, **varies(link.mechanism, load)}
+            for i, load in enumerate(link.mechanism.loads)
+            if load.varies
+        },
         "contacts": {
             name: {
                 "clearance": link.radii[name][0],
@@ -215,6 +220,10 @@ def _periodic(link: MujocoLinkage) -> dict[str, Any] | None:
     }
 
 
+def _pair(z: complex) -> list[float]:
+    return [z.real, z.imag]
+
+
 def _closed_by(link: MujocoLinkage, joint: Joint) -> str:
     if joint.name in link.contacts:
         return CLOSED_BY[link.setting.rows]
@@ -265,7 +274,11 @@ def _state(near: MujocoEquilibria, theta: float) -> dict[str, Any]:
     for name, row in contact_rows(link).items():
         if sliding[name]:
             dry += sliding[name] * found.force[row] * link.data.efc_J.reshape(-1, still.size)[row + 1]
+    ways = {f"load{i}": load for i, load in enumerate(link.mechanism.loads) if load.opposes}
     return {
+        "heading": {
+            name: [*_pair(link.going(load.body, load.point)), link.spin(load.body)] for name, load in ways.items()
+        },
         "qpos": found.q.tolist(),
         "dry_friction": dry.tolist(),
         "joint_friction": {j.name: -j.stiction * slip[j.name] for j in link.mechanism.joints if j.rubs},

@@ -64,6 +64,7 @@ class System:
         self.mbs = self.container.AddSystem()
         self.object: dict[str, Any] = {"ground": self.mbs.AddObject(item.ObjectGround())}
         self.node: dict[str, Any] = {}
+        self.heading: dict[str, list[float]] = {}  # at rest: of each body in the motion that loads oppose
         self.sensor: dict[str, Any] = {}
         self.law: dict[str, Any] = {}  # of slides
         self.motors: dict[str, Any] = {}  # between bodies
@@ -115,11 +116,74 @@ class System:
             kind(**where, storeInternal=True, writeToFile=False, outputVariableType=of)
         )
 
-    def add_load(self, body: str, point: str, force: list[float], torque: float) -> tuple[Any, Any]:
-        """A force fixed in direction, and a torque."""
+    def add_load(
+        self, body: str, point: str, force: list[float], torque: float, varies: Mapping[str, Any] | None = None
+    ) -> tuple[Any, Any]:
+        """A force fixed in direction, and a torque; of those that vary as much as acts at the time."""
         at = self.marker(body, point)
         push = self.mbs.AddLoad(item.LoadForceVector(markerNumber=at, loadVector=[*force, 0.0]))
-        return push, self.mbs.AddLoad(item.LoadTorqueVector(markerNumber=at, loadVector=[0.0, 0.0, torque]))
+        turn = self.mbs.AddLoad(item.LoadTorqueVector(markerNumber=at, loadVector=[0.0, 0.0, torque]))
+        if varies:
+            share, opposes, size = self.share(**varies), varies["opposes"], math.hypot(*force)
+
+            def pushed(mbs: Any, t: float, vector: Any) -> list[float]:
+                if not opposes:
+                    return [share(t) * force[0], share(t) * force[1], 0.0]
+                u, v, spin = self.going(body)
+                velocity = complex(u, v) + 1j * spin * self.arm(body, point)
+                along = -share(t) * size * velocity / max(abs(velocity), 1e-300)
+                return [along.real, along.imag, 0.0]
+
+            def turned(mbs: Any, t: float, vector: Any) -> list[float]:
+                way = -float(np.sign(self.going(body)[2])) * np.sign(torque) if opposes else 1.0
+                return [0.0, 0.0, float(share(t) * torque * way)]
+
+            self.mbs.SetLoadParameter(push, "loadVectorUserFunction", pushed)
+            self.mbs.SetLoadParameter(turn, "loadVectorUserFunction", turned)
+        return push, turn
+
+    def share(
+        self, over: Mapping[str, str] | None, stretch: Sequence[float] | None, table: Sequence[Any], opposes: bool
+    ) -> Callable[[float], float]:
+        """How much of a load acts at a time, with the bodies where they are."""
+        kind, around = (over or {}).get("kind", ""), 2 * math.pi
+        slide = self.joints.get((over or {}).get("joint", ""), {})
+
+        def value(t: float) -> float:
+            if over is None or kind == "time":
+                return t - self.model["time_0"]
+            if kind == "travel":
+                q = [x for body in slide["bodies"] if body != "ground" for x in self.state(body)]
+                return self.travel(over["joint"], slide)(q)[0]
+            x, y, angle = self.state(over["body"])
+            at = complex(x, y) + self.arm(over["body"], "com")
+            return angle if kind == "angle" else at.real if kind == "x" else at.imag
+
+        def share(t: float) -> float:
+            if over is None:
+                return 1.0
+            here = value(t)
+            if table:
+                values, factors = zip(*table, strict=True)
+                return float(np.interp(here, values, factors, period=around if kind == "angle" else None))
+            low, high = stretch or (0.0, 0.0)
+            if kind != "angle":
+                return float(min(low, high) <= here <= max(low, high))
+            return float(high - low >= around or (here - low) % around <= (high - low) % around)
+
+        return share
+
+    def state(self, body: str, kind: str = "Coordinates") -> list[float]:
+        """A body's x, y and angle, or their rates."""
+        return list(map(float, self.mbs.GetNodeOutput(self.node[body], getattr(exu.OutputVariableType, kind))))
+
+    def arm(self, body: str, point: str) -> complex:
+        """From a body's centre of mass to its point."""
+        return complex(*self.points[body][point]) * cmath.exp(1j * self.state(body)[2])
+
+    def going(self, body: str) -> list[float]:
+        """Velocity of a body's centre of mass and its angular velocity; at rest as the drives would go on."""
+        return self.heading[body] if self.heading else self.state(body, "Coordinates_t")
 
     def add_pin(self, name: str, joint: Mapping[str, Any]) -> None:
         """What closes a revolute joint; then the spring, damper and dry friction that it has besides."""
@@ -365,6 +429,7 @@ class System:
             self.mbs.systemData.SetODE2Coordinates(near["bodies"], initial)
             self.mbs.systemData.SetDataCoordinates(near["remembered"], initial)
             self.hold(near)
+            self.heading = near["heading"]
             for (push, turn), (x, y, torque) in zip(
                 self.loads, near["loads"], strict=False
             ):  # weight, friction and damping

@@ -56,6 +56,8 @@ class Simulation:
         self.courses = [motor["course"] for motor in self.start["motors"] if motor["course"]]  # of all motors, or none
         laws = {self.model.tendon(name).id: law for name, law in self.start["curved_laws"].items()}
         self.curved, self.wave = laws, self.start["periodic_torque"]
+        self.varying: dict[str, dict[str, Any]] = self.start["varying_loads"]
+        self.heading: dict[str, list[float]] = {}  # at rest: of the point and the body of loads that oppose the motion
 
     def feel(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Springs and dampers that are not linear, dry friction that falls with speed, and a torque over an angle."""
@@ -68,8 +70,51 @@ class Simulation:
                 dry[t] = fast + (slow - fast) * math.exp(-((rate / speed) ** 2))
         if self.wave:
             data.qfrc_passive[:] += self.wave_torque() * np.array(self.wave["form"])
+        for site, force, torque in self.loads():
+            vectors = [force.real, force.imag, 0.0], [0.0, 0.0, torque], data.site_xpos[site]
+            mujoco.mj_applyFT(model, data, *vectors, model.site_bodyid[site], data.qfrc_passive)
         for row in np.flatnonzero(data.efc_type == int(ROW.mjCNSTR_FRICTION_TENDON)):
             data.efc_frictionloss[row] = dry.get(int(data.efc_id[row]), data.efc_frictionloss[row])
+
+    def loads(self) -> Iterator[tuple[int, complex, float]]:
+        """Site, force and torque of each load that varies, now."""
+        for name, load in self.varying.items():
+            site, share = self.model.site(name).id, self.share(**load)
+            force, torque = complex(*load["force"]) * share, load["torque"] * share
+            if load["opposes"]:
+                u, v, spin = self.heading.get(name) or self.going(site)
+                force = -abs(force) * complex(u, v) / max(math.hypot(u, v), 1e-300)
+                torque = -abs(torque) * float(np.sign(spin))
+            yield site, force, torque
+
+    def going(self, site: int) -> list[float]:
+        """Velocity of a site and angular velocity of its body."""
+        velocity = np.empty(6)
+        mujoco.mj_objectVelocity(self.model, self.data, mujoco.mjtObj.mjOBJ_SITE, site, velocity, 0)
+        return [float(velocity[3]), float(velocity[4]), float(velocity[2])]
+
+    def share(
+        self, over: Mapping[str, str] | None, stretch: list[float] | None, table: list[list[float]], **_: Any
+    ) -> float:
+        """How much of a load acts with the bodies where they are, and now."""
+        if over is None:
+            return 1.0
+        kind, turn = over["kind"], 2 * math.pi
+        if kind == "time":
+            here = float(self.data.time)
+        elif kind == "travel":
+            here = self.position(over["joint"]) / self.length
+        elif kind == "angle":
+            here = self.angle(over["body"])
+        else:
+            here = float(self.data.site_xpos[self.model.site(f"marker of {over['body']}").id, "xy".index(kind)])
+        if table:
+            values, factors = zip(*table, strict=True)
+            return float(np.interp(here, values, factors, period=turn if kind == "angle" else None))
+        low, high = stretch or (0.0, 0.0)
+        if kind != "angle":
+            return float(min(low, high) <= here <= max(low, high))
+        return float(high - low >= turn or (here - low) % turn <= (high - low) % turn)
 
     def bent(self, t: int) -> tuple[float, float]:
         """What of a joint's law is not linear, and the joint's rate."""
@@ -257,6 +302,8 @@ class Simulation:
             force = pull * (far - near) / (abs(far - near) or 1.0)
             yield first, force, near, 0.0
             yield second, -force, far, 0.0
+        for site, force, torque in self.loads():
+            yield model.body(model.site_bodyid[site]).name, force, complex(*data.site_xpos[site, :2]), torque
         if self.wave:
             yield self.wave["body"], 0j, 0j, self.wave_torque()
 
@@ -387,6 +434,7 @@ class Simulation:
         largest = 0.0
         for state in self.start["equilibria"]:
             self.data.time, self.data.qpos[:] = state.get("time", 0.0), state["qpos"]
+            self.heading = state["heading"]
             self.data.qfrc_applied[:] = state["dry_friction"]  # which acts against the drives' directions
             forces = self.evaluate()
             for joint, share in state["sliding"].items():
@@ -403,7 +451,9 @@ def main() -> None:
         header = next(csv.reader(file))
         names = [heading.split(" [")[0] for heading in header]
         expected = [dict(zip(names, map(float, row), strict=True)) for row in csv.reader(file)]
-    if simulation.curved or simulation.wave:  # in every evaluation of a step; no model can be compiled meanwhile
+    if (
+        simulation.curved or simulation.wave or simulation.varying
+    ):  # in every evaluation of a step; no model can be compiled meanwhile
         mujoco.set_mjcb_passive(simulation.feel)
     found = list(simulation.static() if simulation.start["motion"] == "static" else simulation.driven())
     mujoco.set_mjcb_passive(None)

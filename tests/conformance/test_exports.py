@@ -83,6 +83,22 @@ SPRING = {
     "bodies": ("crank", "follower"), "points": ("A", "E"), "stiffness": 200.0, "length": 0.05, "damping": 3.0
 }  # fmt: skip
 SPRUNG = PAPER.replace(springs=[SPRING])
+GASSED = (
+    at_speed(load("slider-crank"), 100.0)
+    .with_clearances({"B": 5e-4})
+    .replace(
+        loads=(
+            Load(body="slider", force=(-1.0, 0.0), over="position_S", table=((0.07, 900.0), (0.17, 100.0))),
+            Load(body="rod", force=(30.0, 0.0), opposes=True, over="crank_angle", start=0.0, end=3.0),
+            Load(body="crank", torque=-2.0, opposes=True, over="rod_y", start=-1.0, end=1.0),
+            Load(body="rod", torque=1.0, over="rod_angle", table=((-3.0, 0.5), (0.0, 1.0), (3.0, 2.0))),
+        )
+    )
+)
+PULSED = at_speed(load("slider-crank"), 20.0).replace(
+    loads=(Load(body="slider", force=(-50.0, 10.0), over="time", table=((0.0, 1.0), (0.004, 2.0), (0.02, 0.0))),)
+)
+SPUN = load("pendulum").replace(loads=(Load(body="pendulum", torque=1.0, over="time", start=0.123, end=0.4),))
 TINY = Units(length=2.0**10, mass=2.0**20)  # a metre and a kilogram of the linkage are one of these
 HUGE = Units(length=2.0**-6, mass=2.0**-16)
 CRANKED: dict[str, Request] = {
@@ -150,6 +166,9 @@ CRANKED: dict[str, Request] = {
     "held more than once, with a gap": request_of(
         third_bar().with_clearances({"f2": 1e-4}), "contact", "driven", SHORT
     ),
+    **{f"loads that vary, {m}": request_of(GASSED, "spring-damper", m, SHORT) for m in MOTIONS},
+    "a load over time": request_of(PULSED, "ideal", "driven", SHORT, lead_in=0.1),
+    "a load over time, released": request_of(SPUN, "ideal", time=np.array([0.3, 0.1, 0.5])),
     "a fast crank": request_of(load("slider-crank"), crank_angle=SHORT),
 }
 
