@@ -53,7 +53,7 @@ def test_every_engine_that_has_such_loads_agrees(name: str, model: JointModel) -
         pytest.skip(missing(name))
     clearance = {} if model == "ideal" else {"B": 1e-4}
     m = press(PUSH, PULSE, STEADY)
-    (run,) = lc.crosscheck(m, simulators=name, joint_model=model, clearance=clearance, angles=TURN).runs
+    (run,) = lc.crosscheck(m, simulator=name, joint_model=model, clearance=clearance, angles=TURN).runs
     assert run.verdict == "agrees", [(d.signal, d.max, d.tolerance) for d in run.discrepancies if d.verdict != "agrees"]
 
 
@@ -99,7 +99,7 @@ def test_several_drives_meet_it_too_and_its_ends_are_not_compared() -> None:
     acts = (time > 0.11) & (time < 0.24)
     inside = acts | (time < 0.09) | (time > 0.26)  # an end has either
     np.testing.assert_allclose((taken + given * acts)[inside], 0.0, atol=1e-6)
-    (run,) = lc.crosscheck(five.replace(loads=(pulse,)), simulators="mujoco", joint_model="ideal", times=time).runs
+    (run,) = lc.crosscheck(five.replace(loads=(pulse,)), simulator="mujoco", joint_model="ideal", times=time).runs
     assert run.flags == dict.fromkeys(("1", "4"), f"the load on {body} begins or ends here")
     assert run.verdict == "agrees"
 

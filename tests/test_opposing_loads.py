@@ -161,7 +161,7 @@ def test_every_engine_that_has_such_loads_agrees(name: str, model: JointModel, m
     steady = Load(body="ram", force=(0.0, -900.0))
     result = lc.crosscheck(
         shaper(TOOL, BRAKE, steady),
-        simulators=name,
+        simulator=name,
         joint_model=model,
         motion=motion,
         clearance={} if model == "ideal" else {"A": 5e-4},
@@ -179,7 +179,7 @@ def test_at_rest_it_acts_against_the_motion_of_the_linkage_with_its_gaps(name: s
     given = Load(body="coupler", force=(0.0, -200.0)), Load(body="coupler", force=(120.0, 0.0), opposes=True)
     m = load("crank-rocker").replace(loads=given)
     result = lc.crosscheck(
-        m, simulators=name, joint_model="spring-damper", motion="static", clearance={"B": 1e-3}, angles=TURN[::4]
+        m, simulator=name, joint_model="spring-damper", motion="static", clearance={"B": 1e-3}, angles=TURN[::4]
     )
     (run,) = result.runs
     assert run.verdict == "agrees"

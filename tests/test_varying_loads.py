@@ -140,7 +140,7 @@ def test_a_sample_at_which_a_load_begins_is_not_compared_and_says_why() -> None:
 def test_links_that_bend_say_which_they_would_leave_out() -> None:
     bends = press(PUSH).with_body("rod", youngs_modulus=2e11, shear_modulus=8e10, section=(0.01, 0.01))
     with pytest.raises(Unsupported, match=r"no loads that vary .* over = 'position_S' of the load on 'slid"):
-        lc.crosscheck(bends, simulators="exudyn", joint_model="ideal", motion="static", flexible=True, angles=TURN)
+        lc.crosscheck(bends, simulator="exudyn", joint_model="ideal", motion="static", flexible=True, angles=TURN)
 
 
 def test_an_export_says_so_too(tmp_path: Path) -> None:

@@ -116,8 +116,8 @@ def _area(name: str, series: Iterable[Series], x: Scale, y: Scale) -> list[str]:
     """Series within the axes."""
     area = f"area-{crc32(name.encode()):x}"  # its own, because a page may hold several drawings
     return [
-        f'<clipPath id="{area}"><rect x="{x.start:g}" y="{y.end:g}" width="{x.end - x.start:g}"'
-        f' height="{y.start - y.end:g}"/></clipPath>',
+        f'<clipPath id="{area}"><rect x="{x.start:.1f}" y="{y.end:.1f}" width="{x.end - x.start:.1f}"'
+        f' height="{y.start - y.end:.1f}"/></clipPath>',
         f'<g clip-path="url(#{area})" fill="none">',
         *(_series(s, x, y) for s in series),
         "</g>",

@@ -48,7 +48,8 @@ class ExudynEquilibria:
             speed = (m.speed if path.driven is None else None) or PACE
         self.request, self.m, self.path, self.speed, self.creep = request, m, path, speed, creep
         self.pace = speed  # rad/s, at which it is looked for last
-        self.clock = request.motor.begin if request.motor else request.schedule.begin  # s
+        motor = request.motor if path.driven is None else None
+        self.clock = motor.begin if motor else request.schedule.begin  # s
         home = path.poses(path.begin)
         common: dict[str, Any] = {"redundant": path.assembly.overheld}
         common["drives"] = None if path.driven is None else dict.fromkeys(path.assembly.positions)
