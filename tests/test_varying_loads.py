@@ -143,11 +143,6 @@ def test_links_that_bend_say_which_they_would_leave_out() -> None:
         lc.crosscheck(bends, simulator="exudyn", joint_model="ideal", motion="static", flexible=True, angles=TURN)
 
 
-def test_an_export_says_so_too(tmp_path: Path) -> None:
-    with pytest.raises(Unsupported, match=r"pybullet has no loads that vary over the motion in its exports"):
-        lc.export(press(PUSH), "pybullet", folder=tmp_path / "out")
-
-
 def test_a_file_keeps_its_loads() -> None:
     m = press(PUSH, TOOL)
     text = dumps(m)

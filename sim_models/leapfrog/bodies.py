@@ -573,8 +573,10 @@ class LeapfrogWorld(ABC):
         self.set_velocities(speeds - (WARM_UP + 0.5) * change)
         self.spin_up = ()
         self.trailing = h / 2
+        self.clock -= WARM_UP * h
         for self.aim in aims:
             self.step(h)
+            self.clock += h
 
     @property
     def holding(self) -> list[Joint]:

@@ -15,7 +15,7 @@ import numpy as np
 from analytic.kinematics.schedule import Course, Steady
 from analytic.mechanism import GROUND, Joint, Spring
 from analytic.mechanism.signals import driving
-from sim_models.common.export_files import expected, lines, written
+from sim_models.common.export_files import expected, lines, varies, written
 from sim_models.common.simulate import simulate
 from sim_models.common.tree import Branch
 from sim_models.engine import Engine, Request, Trace
@@ -92,7 +92,7 @@ class RecordedWorld(BulletWorld):
 
     def observe(self, h: float) -> dict[str, float]:
         if not self.runs or self.runs[-1] is not self.run:
-            self.runs.append(self.run | {"sliding": dict(self.laws.sliding)})
+            self.runs.append(self.run | {"sliding": dict(self.laws.sliding), "heading": self._headings()})
             self.run = self.runs[-1]
         self.observing = True
         try:
@@ -100,12 +100,25 @@ class RecordedWorld(BulletWorld):
         finally:
             self.observing = False
 
+    def _headings(self) -> list[list[float]]:
+        """Velocity of each load's point and its body's angular velocity, in the motion that loads oppose at rest."""
+        if not self.heading:
+            return []
+        seen, loads = self.seen, self.mechanism.loads
+        return [[*flat(complex(seen.velocity(x.body, x.point)))[:2], seen.spin(x.body)] for x in loads]
+
 
 class RecordedRun(BulletRun):
     """A run in worlds that keep what they are made of."""
 
     world_class = RecordedWorld
     world: RecordedWorld
+
+    def at_rest(self, motor: float) -> dict[str, float]:
+        before = len(self.world.runs)
+        row = super().at_rest(motor)
+        del self.world.runs[before:-1]  # those against a motion without the gaps that loads then made
+        return row
 
 
 def write(engine: Engine, request: Request, folder: Path) -> list[Path]:
@@ -305,6 +318,7 @@ def _loads(world: RecordedWorld) -> list[dict[str, Any]]:
             "point": _from_com(world, load.body, load.point),
             "force": load.force,
             "torque": load.torque,
+            "varies": varies(world.mechanism, load) if load.varies else None,
         }
         for load in world.mechanism.loads
     ]

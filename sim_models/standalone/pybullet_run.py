@@ -189,14 +189,47 @@ class World:
             self.apply_spring(**spring)
         if self.start["crank"]:
             self.turn_crank(self.begin + number * h)
-        for load in self.start["loads"]:
-            self.push(load["link"], self.point(load["link"], load["point"])[0], complex(*load["force"]), load["torque"])
+        for k, load in enumerate(self.start["loads"]):
+            at, velocity = self.point(load["link"], load["point"])
+            force, torque, spin = complex(*load["force"]), load["torque"], self.places[load["link"]].spin
+            if how := load.get("varies"):
+                share = self.share(self.begin + number * h, **how)
+                force, torque = force * share, torque * share
+                if how["opposes"]:
+                    u, v, spin = self.heading[k] if self.heading else (velocity.real, velocity.imag, spin)
+                    force = -abs(force) * complex(u, v) / max(abs(complex(u, v)), 1e-300)
+                    torque = -abs(torque) * float(np.sign(spin))
+            self.push(load["link"], at, force, torque)
         for link, motor in self.motors.items():
             if motor["course"]:
                 aim = motor["sign"] * on_course(self.begin + (number + 1) * h, **motor["course"])
                 self.run_motor(link, (aim - p.getJointState(*self.links[link].at)[0]) / h)
         p.setTimeStep(h)
         p.stepSimulation()
+
+    def share(
+        self, time: float, over: Mapping[str, str] | None, stretch: list[float] | None, table: list[Any], **_: Any
+    ) -> float:
+        """How much of a load acts with the bodies where they are, and at a time."""
+        if over is None:
+            return 1.0
+        kind, turn = over["kind"], 2 * math.pi
+        if kind == "time":
+            here = time
+        elif kind == "travel":
+            here = self.travel(over["joint"])[0]
+        elif kind == "angle":
+            here = self.places[over["body"]].angle
+        else:
+            marker = self.point(over["body"], self.start["bodies"][over["body"]]["marker"])[0]
+            here = marker.real if kind == "x" else marker.imag
+        if table:
+            values, factors = zip(*table, strict=True)
+            return float(np.interp(here, values, factors, period=turn if kind == "angle" else None))
+        low, high = stretch or (0.0, 0.0)
+        if kind != "angle":
+            return float(min(low, high) <= here <= max(low, high))
+        return float(high - low >= turn or (here - low) % turn <= (high - low) % turn)
 
     def turn_crank(self, time: float) -> None:
         """A crank's torque over its angle, and that of a motor which it lags, whose drive yields."""
@@ -354,6 +387,7 @@ class World:
         """
         for run in self.start["runs"]:
             self.begin, number, self.sliding = run["begin"], -run["warm_up"], run["sliding"]
+            self.heading: list[list[float]] = run["heading"]
             for name, (position, velocity) in run["state"].items():
                 p.resetJointState(*self.links[name].at, position, velocity)
             self.trailing = 0.0 if self.static else run["stages"][0][1] / 2
