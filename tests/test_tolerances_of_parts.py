@@ -646,6 +646,10 @@ def test_the_command_says_how_many_linkages_are_good(tmp_path: Path) -> None:
     assert 0.7 < found["outputs"]["slider_x"]["within"] == found["within"] < 0.8
     assert f"{100 * found['within']:.4g} % of the linkages are within the limits" in " ".join(done.stdout.split())
     assert "rod.length" in done.stdout
+    page = (tmp_path / "out" / "accuracy.html").read_text(encoding="utf-8")
+    told = page[page.index('<section id="tolerances"') :]
+    assert f"{100 * found['within']:.4g} % of the linkages are within the limits" in told
+    assert "body.rod.length" in told
     again = lc.accuracy(tmp_path / "slide.toml", outputs="slider", angles=[0.0], limits={"slider_x": 8e-5})
     assert again.tolerances is not None
     assert again.tolerances.within == found["within"]

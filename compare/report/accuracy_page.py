@@ -22,6 +22,7 @@ from compare.report.moving_picture import moving_picture
 from compare.report.pages import PageSection, Script, figures_context, page, warnings_context
 from compare.report.peaks import NOTHING, error_peaks, over
 from compare.report.svg import draw
+from compare.report.toleranced import on_page
 from compare.report.words.accuracy import cautions
 from compare.results.accuracy import Accuracy, Output
 
@@ -68,7 +69,10 @@ def _page(result: Accuracy, drawn: list[Figure], drawings: Mapping[str, str], mo
         "dash": DASH,
     }
     sections = ["linkage.html.j2"] * bool(moved) + ["errors.html.j2"] * bool(context["errors"])
-    sections += ["accuracy/budget.html.j2", "figures.html.j2", "provenance.html.j2"]
+    if result.tolerances is not None:
+        context["toleranced"] = on_page(result.tolerances, result.crank_angle, angular=True)
+    sections += ["accuracy/budget.html.j2"] + ["tolerances.html.j2"] * ("toleranced" in context)
+    sections += ["figures.html.j2", "provenance.html.j2"]
     return page(
         f"{result.case} {DASH} accuracy",
         PageSection("accuracy/header.html.j2", context),

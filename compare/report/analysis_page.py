@@ -30,6 +30,7 @@ from compare.report.peaks import (
     unanswered,
 )
 from compare.report.svg import draw
+from compare.report.toleranced import on_page
 from compare.results.analysis import Analysis
 
 NOTE = (
@@ -63,7 +64,12 @@ def render(result: Analysis, drawn: Sequence[Figure], drawings: dict[str, str], 
         "mechanism": json.dumps(as_written(result.mechanism), indent=2, ensure_ascii=False),
     }
     sections = ["linkage.html.j2"] * bool(moved) + ["analysis/peaks.html.j2"]
-    sections += ["errors.html.j2"] * bool(context["errors"]) + ["figures.html.j2", "provenance.html.j2"]
+    if result.tolerances is not None:
+        context["toleranced"] = on_page(
+            result.tolerances, result.crank_angle if result.time is None else result.time, result.time is None
+        )
+    sections += ["errors.html.j2"] * bool(context["errors"]) + ["tolerances.html.j2"] * ("toleranced" in context)
+    sections += ["figures.html.j2", "provenance.html.j2"]
     return page(
         f"{result.case} {DASH} reactions, torque and motion",
         PageSection("analysis/header.html.j2", context),

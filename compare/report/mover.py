@@ -94,6 +94,11 @@ class Mover:
         return any(run.clearance for run in self.runs.values())
 
     @property
+    def reads(self) -> bool:
+        """Whether any run has numbers beside the drawing."""
+        return any(run.readout for run in self.runs.values())
+
+    @property
     def heads(self) -> list[str]:
         """Of the columns of values."""
         return [column.head for column in next(iter(self.runs.values())).columns]

@@ -1,77 +1,123 @@
-"""What tolerances do, for a terminal: how much each number varies, by what, and how many linkages are good."""
+"""What tolerances do, for a terminal and for pages: how much each number varies, by what, and how many are good."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from rich.console import Console
 
 from compare.quantities import plain, shown
 from compare.report.tables import say, terminal_table
-from compare.results.toleranced import AccuracyByTolerance, ByTolerance, SignalsByTolerance
+from compare.results.toleranced import AccuracyByTolerance, ByTolerance, SignalsByTolerance, Varied
 
 MOST_NAMED = 2  # sources of a number, the largest first
 SHOWN = re.compile(r"drive_.*|reaction_.*_magnitude|(?!reaction_).*_angle")  # signals in the table
 LEAST_NAMED = 0.005  # of the variance
 OUTPUTS = ("by tolerances", "unit", "sd", "at", "95 % of linkages", "of its variance", "good")
+Shares = tuple[tuple[str, float], ...]
 SIGNALS = ("by tolerances", "unit", "sd", "at", "of its variance")
 
 
 def print_outputs(by: AccuracyByTolerance, console: Console) -> None:
     """Print each output's variation where it is largest, and the share of linkages within limits; ASCII."""
-    rows = []
+    rows = [[name, unit, sd, at, ends, _first(parts), good] for name, unit, sd, at, ends, parts, good in outputs(by)]
+    console.print(terminal_table(OUTPUTS, rows, left=(OUTPUTS[0], "unit", "of its variance")))
+    say(console, "by tolerances: against the ideal linkage as drawn, pins along their reactions; sd to first order")
+    say(console, *yields(by))
+
+
+def print_signals(by: SignalsByTolerance, theta: np.ndarray, angular: bool, console: Console) -> None:
+    """Print how much drives, reactions and angles vary, where they vary most; ASCII."""
+    rows = [
+        [name, unit.replace("·", "."), sd, at, _first(parts), *([ends] if by.samples else [])]
+        for name, unit, sd, at, ends, parts in signals(by, theta, angular)
+    ]
+    if rows:
+        heads = SIGNALS + ("95 % of linkages",) * bool(by.samples)
+        console.print(terminal_table(heads, rows, left=(SIGNALS[0], "unit", "of its variance")))
+    say(console, *yields(by))
+
+
+def on_page(by: AccuracyByTolerance | SignalsByTolerance, theta: np.ndarray, angular: bool) -> dict[str, object]:
+    """What a page tells: what varies and how, and what comes of it, over crank angles (N,) rad or times (N,) s."""
+    if isinstance(by, AccuracyByTolerance):
+        rows: list[tuple[str, ...]] = [(*row[:5], _all(row[5]), row[6]) for row in outputs(by)]
+    else:
+        rows = [(*row[:5], _all(row[5])) for row in signals(by, theta, angular)]
+    return {
+        "sources": [_varied(name, source) for name, source in by.sources.items()],
+        "heads": OUTPUTS if isinstance(by, AccuracyByTolerance) else OUTPUTS[:-1],
+        "rows": rows,
+        "notes": list(yields(by)),
+    }
+
+
+def outputs(by: AccuracyByTolerance) -> Iterator[tuple[str, str, str, str, str, Shares, str]]:
+    """Of each output that varies: name, unit, standard deviation where it is largest, crank angle of that, between
+    which errors 95 % of the linkages are there, shares of the variance, and the share of linkages within the limit.
+    """
     for name, output in by.outputs.items():
         if not output.by_source and output.limit is None:
             continue
         unit, factor = shown(output.unit)
         k = _worst(output.sd)
-        ends = _ends(output, factor, k)
         good = "-"
         if output.within is not None and output.limit is not None:
             good = f"{100 * output.within:.4g} % in {plain(factor * output.limit)}"
-        sd = plain(factor * float(output.sd[k]))
         at = f"{math.degrees(output.at):.4g} deg"
-        rows.append((name, unit, sd, at, ends, shares(output.by_source, k), good))
-    console.print(terminal_table(OUTPUTS, rows, left=(OUTPUTS[0], "unit", "of its variance")))
-    lines = ["by tolerances: against the ideal linkage as drawn, pins along their reactions; sd to first order"]
-    if by.assembled < 1:
-        lines.append(f"{100 * (1 - by.assembled):.3g} % of the linkages do not assemble at every crank angle: not good")
-    if by.within is not None:
-        lines.append(f"{100 * by.within:.4g} % of the linkages are within the limits at every crank angle")
-    say(console, *lines)
+        sd = plain(factor * float(output.sd[k]))
+        yield name, unit, sd, at, _ends(output, factor, k), shares(output.by_source, k), good
 
 
-def print_signals(by: SignalsByTolerance, theta: np.ndarray, angular: bool, console: Console) -> None:
-    """Print how much drives, reactions and angles vary, where they vary most; ASCII."""
-    rows = []
+def signals(
+    by: SignalsByTolerance, theta: np.ndarray, angular: bool
+) -> Iterator[tuple[str, str, str, str, str, Shares]]:
+    """The same of drives, reactions and angles, without limits, over crank angles (N,) rad or times (N,) s."""
     for name, signal in by.signals.items():
-        if not SHOWN.fullmatch(name):
-            continue
-        unit, factor = shown(signal.unit)
-        k = _worst(signal.sd)
-        at = f"{math.degrees(theta[k]):.4g} deg" if angular else f"{theta[k]:.4g} s"
-        sd, drawn = plain(factor * float(signal.sd[k])), (_ends(signal, factor, k),) * bool(by.samples)
-        rows.append((name, unit.replace("·", "."), sd, at, shares(signal.by_source, k), *drawn))
-    if rows:
-        heads = SIGNALS + ("95 % of linkages",) * bool(by.samples)
-        console.print(terminal_table(heads, rows, left=(SIGNALS[0], "unit", "of its variance")))
-    if by.assembled is not None and by.assembled < 1:
-        say(console, f"{100 * (1 - by.assembled):.3g} % of the linkages cannot be analysed")
+        if SHOWN.fullmatch(name):
+            unit, factor = shown(signal.unit)
+            k = _worst(signal.sd)
+            at = f"{math.degrees(theta[k]):.4g} deg" if angular else f"{theta[k]:.4g} s"
+            sd = plain(factor * float(signal.sd[k]))
+            yield name, unit, sd, at, _ends(signal, factor, k), shares(signal.by_source, k)
 
 
-def shares(by_source: Mapping[str, np.ndarray], k: int) -> str:
-    """The sources that do most at an instant, with their shares of the variance."""
+def yields(by: AccuracyByTolerance | SignalsByTolerance) -> Iterator[str]:
+    """How many linkages there would be, and how many good ones, in a sentence each."""
+    if isinstance(by, SignalsByTolerance):
+        if by.assembled is not None and by.assembled < 1:
+            yield f"{100 * (1 - by.assembled):.3g} % of the linkages cannot be analysed"
+        return
+    if by.assembled < 1:
+        yield f"{100 * (1 - by.assembled):.3g} % of the linkages do not assemble at every crank angle: not good"
+    if by.within is not None:
+        yield f"{100 * by.within:.4g} % of the linkages are within the limits at every crank angle"
+
+
+def shares(by_source: Mapping[str, np.ndarray], k: int) -> Shares:
+    """The sources that do most at an instant, the largest first, with their shares of the variance."""
     variances = {source: float(np.nan_to_num(part[k]) ** 2) for source, part in by_source.items()}
     every = sum(variances.values())
-    if not every:
-        return "-"
     ordered = sorted(variances.items(), key=lambda each: -each[1])
-    return ", ".join(
-        f"{_short(name)} {100 * v / every:.3g} %" for name, v in ordered[:MOST_NAMED] if v >= LEAST_NAMED * every
-    )
+    return tuple((_short(name), v / every) for name, v in ordered if v and v >= LEAST_NAMED * every)
+
+
+def _first(parts: Shares) -> str:
+    """The first of the shares, for a narrow table."""
+    return _all(parts[:MOST_NAMED])
+
+
+def _all(parts: Shares) -> str:
+    return ", ".join(f"{name} {100 * share:.3g} %" for name, share in parts) or "-"
+
+
+def _varied(name: str, source: Varied) -> tuple[str, ...]:
+    """A number that varies: what the file says, its unit, standard deviation, ends and what it varies with."""
+    sd, ends = f"{source.sd:.4g}", f"{source.low:.6g} to {source.high:.6g}"
+    return name, f"{source.nominal:.6g}", source.unit, source.distribution, sd, ends, source.group or "-"
 
 
 def _short(source: str) -> str:
