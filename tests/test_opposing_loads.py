@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -229,3 +230,47 @@ def test_a_file_keeps_it_and_a_table_that_would_drive_is_refused() -> None:
     assert loads(dumps(m)) == m
     with pytest.raises(MechanismError, match="opposes the motion has factors of 0 or more in its table"):
         Load(body="ram", force=(1.0, 0.0), opposes=True, over="crank_angle", table=((0.0, 1.0), (1.0, -1.0)))
+
+
+def recorded(folder: Path, m: Mechanism, theta: np.ndarray, noise: float = 0.0) -> Path:
+    """A file of what MuJoCo makes of a linkage at crank angles, in the order of passing."""
+    seen, random = lc.simulate(m, "mujoco", angles=theta), np.random.default_rng(1)
+    columns = {"time [s]": (theta - theta[0]) / (m.speed or 1.0), "crank_angle [rad]": seen["crank_angle"]}
+    columns |= {f"{b.name}_angle [rad]": seen[f"{b.name}_angle"] for b in m.bodies[1:]}
+    columns |= {"drive_torque [N.m]": seen["drive_torque"]}
+    rows = np.column_stack(list(columns.values()))
+    rows[:, 1:] += noise * random.normal(size=rows[:, 1:].shape)
+    path = folder / "seen.csv"
+    np.savetxt(path, rows, delimiter=",", header=",".join(columns), comments="", fmt="%.12g")
+    return path
+
+
+@pytest.mark.mujoco
+def test_another_programs_results_are_held_to_it(tmp_path: Path) -> None:
+    path = recorded(tmp_path, shaper(TOOL, BRAKE), TURN)
+    assert lc.check(path, mechanism=shaper(TOOL, BRAKE)).verdict == "agrees"
+    weaker = BRAKE.model_copy(update={"torque": 19.0})
+    assert lc.check(path, mechanism=shaper(TOOL, weaker)).verdict == "disagrees"
+
+
+@pytest.mark.slow
+@pytest.mark.mujoco
+def test_a_diagnosis_with_such_loads_in_the_nominal_linkage_finds_what_is_missing(tmp_path: Path) -> None:
+    given = (
+        Load(body="coupler", force=(0.0, -40.0)),
+        Load(body="follower", torque=1.5, opposes=True),
+        Load(body="coupler", force=(20.0, 0.0), over="crank_angle", table=((0.0, 0.0), (2.0, 1.0), (5.0, 0.2))),
+    )
+    drive = load("crank-rocker").drives[0].model_copy(update={"speed": 6.0})
+    nominal = load("crank-rocker").replace(loads=given, drives=(drive,))
+    recorded(tmp_path, nominal.with_joint("E", damping=0.02), np.linspace(0.0, 2 * math.pi, 300), noise=6e-5)
+    (tmp_path / "nominal.toml").write_text(dumps(nominal), encoding="utf-8")
+    (tmp_path / "measured.toml").write_text(
+        'mechanism = "nominal.toml"\n[[run]]\nname = "slow"\nfile = "seen.csv"\ndrive_speed = 6.0\ndrive_angle = 0.0\n',
+        encoding="utf-8",
+    )
+    result = lc.diagnose(tmp_path / "measured.toml", simulator="mujoco")
+    assert result.verdict == "explained"
+    (effect,) = result.effects
+    assert effect.key == "viscous_friction@E"
+    assert effect.parameters["damping"].value == pytest.approx(0.02, rel=0.02)

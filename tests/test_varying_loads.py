@@ -260,6 +260,10 @@ def test_a_table_in_a_file_needs_a_file_and_says_all(tmp_path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     with pytest.raises(MechanismError, match="is a file, which mechanisms that are no files themselves have not"):
         loads(text)
+    (tmp_path / "both.csv").write_text("position_S [mm],force_x [N],force_y [N]\n70,1,1\n80,2,2\n", encoding="utf-8")
+    path.write_text(text.replace('"gas.csv"', '"both.csv"\nopposes = true'), encoding="utf-8")
+    with pytest.raises(MechanismError, match="of a load that opposes the size counts; keep one column"):
+        load(path)
     for field, said in {'"position_B"': "'position_B'", '"position_S"\nforce = [1.0, 0.0]': "leave out force"}.items():
         path.write_text(text.replace('"position_S"', field), encoding="utf-8")
         with pytest.raises(MechanismError, match=said):

@@ -41,6 +41,10 @@ def with_tables(
     if given:
         raise ReadingError(f"{where} says all of the load; leave out {' and '.join(given)}, or give pairs in its place")
     values, columns = _read(folder / file, over, DIMENSIONS[unit])
+    if load.get("opposes") and {"force_x", "force_y"} <= columns.keys():
+        raise ReadingError(
+            f"{where} has force_x and force_y, and of a load that opposes the size counts; keep one column"
+        )
     rest = {name: value for name, value in load.items() if name != "table"}
     return [
         {**rest, **UNIT_LOADS[name][1], "table": [list(pair) for pair in zip(values, column, strict=True)]}
