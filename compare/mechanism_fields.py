@@ -41,6 +41,11 @@ MEANS = {
     ("Mechanism", "spring"): "`[[spring]]`, any number",
     ("Mechanism", "load"): "`[[load]]`, any number",
     ("Mechanism", "assembly"): "rad by body: roughly the angles at which the linkage is assembled",
+    (
+        "Mechanism",
+        "initial",
+    ): "`velocity_<joint>`, rad/s (prismatic: m/s), of joints that no motor moves: how fast the second body moves"
+    " relative to the first when the linkage is let go; left out: at rest",
     ("Ground", "points"): "m by joint, ground frame",
     ("Body", "name"): "also the beginning of its signals' names",
     ("Body", "points"): "m by joint, body frame",

@@ -33,6 +33,7 @@ class Asked:
     bends: bool = False
     mapped: tuple[str, ...] = ()
     sliding: tuple[str, ...] = ()  # bodies that never turn
+    begun: bool = False  # data say how fast what runs free begins
 
     @classmethod
     def of_engines(
@@ -133,12 +134,24 @@ OMISSIONS: tuple[Omission, ...] = (
     ),
     Omission(
         (
-            *("body.inertia", "spring.damping", "drive.speed"),
+            *("body.inertia", "spring.damping", "drive.speed", "mechanism.initial"),
             *(f"joint.{field}" for field in ("damping", "drag", "stribeck_speed", *AT_SPEED)),
         ),
         "`static` motion; of `drive.speed` the direction is used, by friction",
         "nothing moves at rest",
         lambda asked, part: asked.motion == "static",
+    ),
+    Omission(
+        ("mechanism.initial",),
+        "`diagnose`, `plan`; `check` of a table that says how fast its linkage begins",
+        "a free run begins as its data have it",
+        lambda asked, part: asked.command in ("diagnose", "plan") or asked.begun,
+    ),
+    Omission(
+        ("mechanism.initial",),
+        "`accuracy`, `validity`",
+        "nothing is let go here",
+        lambda asked, part: asked.command in ("accuracy", "validity"),
     ),
     Omission(
         ("joint.friction_torque",),
@@ -318,6 +331,7 @@ def _given(mechanism: Mechanism, kind: str, field: str) -> Iterator[tuple[str, M
         "spring": [(" to ".join(".".join(end) for end in each.ends), each) for each in mechanism.springs],
         "load": [(f"{load.body}.{load.point}", load) for load in mechanism.loads],
         "drive": [(drive.joint, drive) for drive in mechanism.drives],
+        "mechanism": [(mechanism.name, mechanism)],
     }
     *way, last = field.split(".")
     for name, part in parts[kind]:
@@ -325,12 +339,12 @@ def _given(mechanism: Mechanism, kind: str, field: str) -> Iterator[tuple[str, M
         for step in way:
             owner = getattr(owner, step)
         value = getattr(owner, last, None)
-        given = value is not None and value != type(owner).model_fields[last].default
+        given = value is not None and value != type(owner).model_fields[last].get_default(call_default_factory=True)
         if given and value not in ("free", "measured"):  # a drive's speed in words
             yield name, part
 
 
 def _called(kind: str, names: Sequence[str]) -> str:
-    words = {"body": "", "joint": "joint", "spring": "the spring", "load": "the load", "drive": "the drive"}
-    word = words[kind] + "s" * (len(names) > 1 and bool(words[kind]))
+    words = {"joint": "joint", "spring": "the spring", "load": "the load", "drive": "the drive"}
+    word = words.get(kind, "") + "s" * (len(names) > 1 and kind in words)
     return f"{word} {enumerated(names)}".strip()

@@ -71,6 +71,7 @@ NOTHING = {
         "springs": "none",
         "loads": "none",
         "assembly": "refused where an angle is needed",
+        "initial": "at rest",
     },
     Ground: {"name": "always ground"},
     Body: {"marker": "the centre of mass", "youngs_modulus": "rigid"},

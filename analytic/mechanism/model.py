@@ -19,6 +19,7 @@ from analytic.mechanism.checks import (
     check_assembly,
     check_body,
     check_drives,
+    check_initial,
     check_joint,
     check_loads,
     check_names,
@@ -31,6 +32,7 @@ from analytic.mechanism.one_line import clearances, count, one_line
 from analytic.mechanism.parts import (
     FARTHEST_ANGLE,
     GROUND,
+    INITIAL,
     Amount,
     Body,
     Drive,
@@ -40,6 +42,7 @@ from analytic.mechanism.parts import (
     MechanismPart,
     PartName,
     PeriodicTorque,
+    SiNumber,
     Spring,
     Vector,
     as_tuple,
@@ -69,6 +72,7 @@ class Mechanism(MechanismPart):
     assembly: Mapping[PartName, Annotated[float, Field(ge=-FARTHEST_ANGLE, le=FARTHEST_ANGLE)]] = Field(
         default_factory=dict
     )  # rad
+    initial: Mapping[str, SiNumber] = Field(default_factory=dict)  # velocity_<joint>: rad/s, m/s of one that runs free
 
     def body(self, name: str) -> Body | Ground:
         """The body, or the ground, of that name (KeyError if there is none)."""
@@ -229,6 +233,11 @@ class Mechanism(MechanismPart):
         )
 
     @property
+    def initial_velocities(self) -> dict[str, float]:
+        """The velocities (rad/s, m/s) of ``initial`` by joint, second body relative to first."""
+        return {name.removeprefix(INITIAL): value for name, value in self.initial.items()}
+
+    @property
     def drive_speeds(self) -> dict[str, float]:
         """The speeds (rad/s, m/s) of the drives that have one, by joint, as rates of its position."""
         sign = self.crank_sign
@@ -375,6 +384,7 @@ class Mechanism(MechanismPart):
         for joint in self.joints:
             check_joint(joint, self.parts)
         check_drives(self.drives, self.joints)
+        check_initial(self.initial, self.joints, self.motors)
         check_loads(self.loads, self.moving, self.load_quantities)
         check_springs(self.springs, self.parts, self.joints)
         check_assembly(self.assembly, self.moving, self.driven if self.cranked else None)

@@ -73,6 +73,7 @@ def _heavy(value: object) -> object:
 ContactLaw = Literal["kelvin-voigt", "hunt-crossley", "lankarani-nikravesh", "flores", "gonthier"]
 LARGEST_NUMBER = 1e40  # in any SI unit: beyond all linkages, and its powers that occur are still finite
 FARTHEST_ANGLE = 1e4  # rad, of an assembly angle: 1600 turns
+INITIAL = "velocity_"  # with a joint's name after it: a field of ``initial``
 MASS_CENTRE = "centre of mass"  # name of that point of a body; "com" names its marker, which may lie elsewhere
 
 Amount = TypeVar("Amount", float, np.ndarray)  # one, or many (N,)

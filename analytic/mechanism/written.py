@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
+from analytic.mechanism.parts import INITIAL
 from analytic.mechanism.units import UnitError, factor_to_si
 
 NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-zµμ°][\w.^/*·⋅ °-]*?)\s*")
@@ -71,6 +72,10 @@ def in_si(fields: Mapping[str, object]) -> dict[str, object]:
         out["gravity"] = _read(out["gravity"], "m/s^2", "gravity")
     if "assembly" in out:
         out["assembly"] = _read(out["assembly"], "rad", "assembly")
+    if isinstance(out.get("initial"), Mapping):
+        given = out["initial"]
+        sliding = {INITIAL + str(name) for name in slides}
+        out["initial"] = _part(given, {k: "m/s" if k in sliding else "rad/s" for k in given}, "initial")
     if isinstance(out.get("ground"), Mapping):
         out["ground"] = _part(out["ground"], {"points": "m"}, "ground")
     of_part: Mapping[str, Callable[[Mapping[str, Any]], Units]] = {
