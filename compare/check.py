@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.kinematics.initial import set_off
 from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from analytic.mechanism.columns import ANY_LAYOUT, Layout, read_map
@@ -85,7 +86,7 @@ def check(question: CheckQuestion) -> CrossCheck:
     drives at its time.  ``simulators`` simulate the first file's motion beside.
 
     Raises MechanismError, ArgumentError, ToleranceError, MapError, DataError with every fault of the files,
-    AssemblyError, Unsupported or SimulatorMissing.
+    ScheduleError, AssemblyError, Unsupported or SimulatorMissing.
     """
     motion, chosen, map = question.motion, question.joint_model, question.map
     tolerances, layout = laid_over(question.tolerances), map if isinstance(map, Layout) else layout_of(map)
@@ -93,12 +94,15 @@ def check(question: CheckQuestion) -> CrossCheck:
         given = rigidly_and_evenly_driven(linkage(question.mechanism, question.clearance, large=question.large))
         names, left_out = engines(question.simulator) if question.simulator is not None else ((), [])
         loose(given, chosen)
-        left_out += omitted(given, Asked("check", motion, (chosen or "contact",)))
         model: JointModel = chosen or ("contact" if given.clearances else "ideal")
         warn_of_friction(given, model, motion)
         timed = motion == "driven" or not given.cranked
         tables = _tables(result_files(question.results), given, layout, str(map), timed=timed)
         recordings = [recording(name, file, table, given, motion, model) for name, file, table in tables]
+        begun = all(isinstance(each.moved, ReleaseState) and each.moved.recorded for each in recordings)
+        left_out += omitted(given, Asked("check", motion, (chosen or "contact",), begun=begun))
+        set_off(Assembly(given), recordings[0].schedule(given, motion == "static"))  # raises where it has no freedom
+        given = given.replace(initial={})  # the recordings have it
     job = Job(
         _followed(given, *recordings),
         names,
@@ -200,7 +204,8 @@ def _warnings(mechanism: Mechanism, recordings: Sequence[Recording], motion: Mot
         sentences += list(record.table.notes)
         if isinstance(record.moved, ReleaseState) and f"{mechanism.driven}_angle" not in record.table.values:
             sentences.append(
-                f"{record.name}: does not say where the linkage begins; it is let go at rest, as it is assembled"
+                f"{record.name}: does not say where the linkage begins; it is let go as it is assembled,"
+                + (f" at {record.moved.rate:.5g} rad/s" if record.moved.rate else " at rest")
             )
         sentences += _off_speed(record, mechanism) if motion == "driven" else []
         if record.moved is None and record.table.time.size and mechanism.encoder.name not in record.table.values:

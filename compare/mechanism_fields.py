@@ -47,6 +47,11 @@ MEANS = {
         "tolerances",
     ): '`[tolerances]`, by the field that varies from one made linkage to another, in quotes: `"body.crank.mass"`;'
     " [how](../how-to/tolerances-of-parts.md)",
+    (
+        "Mechanism",
+        "initial",
+    ): "`velocity_<joint>`, rad/s (prismatic: m/s), of joints that no motor moves: how fast the second body moves"
+    " relative to the first when the linkage is let go; left out: at rest",
     ("Ground", "points"): "m by joint, ground frame",
     ("Body", "name"): "also the beginning of its signals' names",
     ("Body", "points"): "m by joint, body frame",

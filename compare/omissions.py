@@ -33,6 +33,7 @@ class Asked:
     bends: bool = False
     mapped: tuple[str, ...] = ()
     sliding: tuple[str, ...] = ()  # bodies that never turn
+    begun: bool = False  # data say how fast what runs free begins
 
     @classmethod
     def of_engines(
@@ -133,12 +134,24 @@ OMISSIONS: tuple[Omission, ...] = (
     ),
     Omission(
         (
-            *("body.inertia", "spring.damping", "drive.speed"),
+            *("body.inertia", "spring.damping", "drive.speed", "mechanism.initial"),
             *(f"joint.{field}" for field in ("damping", "drag", "stribeck_speed", *AT_SPEED)),
         ),
         "`static` motion; of `drive.speed` the direction is used, by friction",
         "nothing moves at rest",
         lambda asked, part: asked.motion == "static",
+    ),
+    Omission(
+        ("mechanism.initial",),
+        "`diagnose`, `plan`; `check` of a table that says how fast its linkage begins",
+        "a free run begins as its data have it",
+        lambda asked, part: asked.command in ("diagnose", "plan") or asked.begun,
+    ),
+    Omission(
+        ("mechanism.initial",),
+        "`accuracy`, `validity`",
+        "nothing is let go here",
+        lambda asked, part: asked.command in ("accuracy", "validity"),
     ),
     Omission(
         ("joint.friction_torque",),
@@ -340,7 +353,8 @@ def _given(mechanism: Mechanism, kind: str, field: str) -> Iterator[tuple[str, M
         for step in way:
             owner = getattr(owner, step)
         value = getattr(owner, last, None)
-        given = value not in (None, {}) and value != type(owner).model_fields[last].default
+        nothing = type(owner).model_fields[last].get_default(call_default_factory=True)
+        given = value is not None and value != nothing
         if given and value not in ("free", "measured"):  # a drive's speed in words
             yield name, part
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.kinematics.initial import set_off
 from analytic.kinematics.inverse import splined
 from analytic.kinematics.motion import kinematics
 from analytic.kinematics.output import Output
@@ -49,8 +50,14 @@ def scheduled(assembly: Assembly, question: MovedQuestion, *, may_swing: bool = 
     A linkage that one crank moves is looked at where it is at crank ``angles``, by default its usual ones; one that is
     let go over time, if it may swing.  All others, and one of which ``times``, a ``course`` or a platform's ``path``
     are given, are looked at over time, their drives at their speeds or as the file has them.
+    What runs free has the velocities of the file's ``initial`` at time 0.
     Raises ArgumentError, GridError, DataError, ScheduleError, or AssemblyError by default.
     """
+    return set_off(assembly, _driven(assembly, question, may_swing))
+
+
+def _driven(assembly: Assembly, question: MovedQuestion, may_swing: bool) -> Schedule:
+    """The same, what runs free at rest at time 0."""
     m, at_rest = assembly.mechanism, question.motion == "static"
     times, course, path = question.times, question.course, question.path
     if not assembly.structure.by_crank or not (times is None and course is None and path is None):

@@ -198,6 +198,7 @@ CHANGES: dict[str, Change] = {
     "Mechanism.name": Change({"name": "another"}),
     "Mechanism.gravity": Change({"gravity": [3.0, -20.0]}),
     "Mechanism.assembly": Change({"assembly.coupler": -1.2, "assembly.rocker": -1.9}),
+    "Mechanism.initial": Change({"initial": {"velocity_A": 6.0}}, {"drive.speed": "free", "joint.C.clearance": None}),
     "Ground.points": Change({"ground.points.D": [0.35, 0.06]}),
     "Body.name": Change((r"\brocker\b", "lever")),
     "Body.points": Change({"body.coupler.points.C": [0.31, 0.01]}),

@@ -84,6 +84,7 @@ NOTHING = {
         "loads": "none",
         "assembly": "refused where an angle is needed",
         "tolerances": "none",
+        "initial": "at rest",
     },
     Ground: {"name": "always ground"},
     Body: {"marker": "the centre of mass", "youngs_modulus": "rigid"},

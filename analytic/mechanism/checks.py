@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from analytic.mechanism.parts import GROUND, SMALLEST_NUMBER, Body, Drive, Ground, Joint, Load, Spring
 from analytic.mechanism.signals import signals
 from analytic.mechanism.varying import Quantity
+from analytic.mechanism.written import INITIAL
 
 LEAST_RESTITUTION = 0.01  # of a law with hysteresis, two of which divide by it, and of any in a map
 ROUGHEST = 5.0  # coefficient of friction at a block's corners: a larger one was meant in N
@@ -168,6 +169,19 @@ def _check_plain(drive: Drive, where: str) -> None:
             raise ValueError(
                 f"{where}.{field} is given, and only a single drive that turns a crank on the ground has one; leave it"
                 " out"
+            )
+
+
+def check_initial(initial: Iterable[str], joints: Sequence[Joint], motors: Sequence[Joint]) -> None:
+    """Initial velocities are those of joints that no motor moves."""
+    known, moved = {INITIAL + joint.name for joint in joints}, {INITIAL + joint.name for joint in motors}
+    for name in initial:
+        if name not in known:
+            raise ValueError(f"initial.{name} is no velocity of a joint; give one of {', '.join(sorted(known))}")
+        if name in moved:
+            raise ValueError(
+                f"initial.{name} is given, and a motor moves that joint; leave it out, or give that drive speed ="
+                " 'free'"
             )
 
 

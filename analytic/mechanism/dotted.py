@@ -20,7 +20,7 @@ from analytic.mechanism.file import as_written, checked
 from analytic.mechanism.model import Mechanism
 from analytic.mechanism.written import WAVES, si_unit
 
-TABLES = ("gravity", "ground", "body", "joint", "drive", "spring", "load", "assembly")
+TABLES = ("gravity", "ground", "body", "joint", "drive", "spring", "load", "assembly", "initial")
 CALLED = {"body": "name", "joint": "name", "drive": "joint", "load": "body", "spring": ""}  # what names a part of each
 WITHIN = ("elasticity", *WAVES)  # fields that are tables
 STEPS = {"section": ("height", "depth"), "guide": ("length", "height")}  # other lists are x, y and z

@@ -20,6 +20,7 @@ from analytic.mechanism.checks import (
     check_assembly,
     check_body,
     check_drives,
+    check_initial,
     check_joint,
     check_loads,
     check_names,
@@ -41,6 +42,7 @@ from analytic.mechanism.parts import (
     MechanismPart,
     PartName,
     PeriodicTorque,
+    SiNumber,
     Spring,
     Tolerance,
     Vector,
@@ -50,6 +52,7 @@ from analytic.mechanism.parts import (
 )
 from analytic.mechanism.signals import Signal, driving, position
 from analytic.mechanism.varying import Quantity, Seen, Vectors, acting, quantities
+from analytic.mechanism.written import INITIAL
 
 P = TypeVar("P", Body, Joint)
 ONE_CRANK = "what is asked for is of linkages with one drive, which turns a crank on the ground"
@@ -86,6 +89,7 @@ class Mechanism(MechanismPart):
     )  # rad
     # by the field that varies, such as "body.crank.mass"
     tolerances: Annotated[Mapping[str, Tolerance], BeforeValidator(_in_quotes)] = Field(default_factory=dict)
+    initial: Mapping[str, SiNumber] = Field(default_factory=dict)  # velocity_<joint>: rad/s, m/s of one that runs free
 
     def body(self, name: str) -> Body | Ground:
         """The body, or the ground, of that name (KeyError if there is none)."""
@@ -257,6 +261,11 @@ class Mechanism(MechanismPart):
         )
 
     @property
+    def initial_velocities(self) -> dict[str, float]:
+        """The velocities (rad/s, m/s) of ``initial`` by joint, second body relative to first."""
+        return {name.removeprefix(INITIAL): value for name, value in self.initial.items()}
+
+    @property
     def drive_speeds(self) -> dict[str, float]:
         """The speeds (rad/s, m/s) of the drives that have one, by joint, as rates of its position."""
         sign = self.crank_sign
@@ -403,6 +412,7 @@ class Mechanism(MechanismPart):
         for joint in self.joints:
             check_joint(joint, self.parts)
         check_drives(self.drives, self.joints)
+        check_initial(self.initial, self.joints, self.motors)
         check_loads(self.loads, self.moving, self.load_quantities)
         check_springs(self.springs, self.parts, self.joints)
         check_assembly(self.assembly, self.moving, self.driven if self.cranked else None)

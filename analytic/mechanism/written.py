@@ -58,6 +58,7 @@ ELASTICITY = {"translation": "N/m", "rotation": "N.m/rad"}
 SPRING = {"stiffness": "N/m", "length": "m", "damping": "N.s/m"}
 WAVE = {"amplitude": "rad", "phase": "rad"}
 WAVES = ("ripple", "periodic_torque")
+INITIAL = "velocity_"  # with a joint's name after it: a field of ``initial``
 WHOLE = {"gravity": "m/s^2", "assembly": "rad", "ground": "m"}
 DRIVE = {"stiffness": "N.m/rad", "half_gap": "rad"}
 LOAD = {"force": "N", "torque": "N.m"}
@@ -74,6 +75,9 @@ def in_si(fields: Mapping[str, object], folder: Path | None = None) -> dict[str,
         out["gravity"] = _read(out["gravity"], "m/s^2", "gravity")
     if "assembly" in out:
         out["assembly"] = _read(out["assembly"], "rad", "assembly")
+    if isinstance(out.get("initial"), Mapping):
+        given = out["initial"]
+        out["initial"] = _part(given, {name: _rate(out, name) for name in given}, "initial")
     if isinstance(out.get("ground"), Mapping):
         out["ground"] = _part(out["ground"], {"points": "m"}, "ground")
     for table, units in _units_by_table(out).items():
@@ -118,6 +122,8 @@ def si_unit(fields: Mapping[str, object], place: Sequence[str | int]) -> str:
     table, steps = str(place[0]), list(place[1:])
     if table in WHOLE:
         return WHOLE[table]
+    if table == "initial":
+        return _rate(fields, str(steps[0]))
     units = _units_by_table(fields).get(table)
     if units is None:
         return ""
@@ -138,6 +144,11 @@ def _units_by_table(fields: Mapping[str, Any]) -> Mapping[str, Callable[[Mapping
         "spring": lambda _: SPRING,
         "load": lambda load: LOAD | dict.fromkeys(("from", "to", "table"), over.get(str(load.get("over")), "")),
     }
+
+
+def _rate(fields: Mapping[str, Any], name: str) -> str:
+    """The unit of an initial velocity."""
+    return "m/s" if name.removeprefix(INITIAL) in _slides(fields) else "rad/s"
 
 
 def _slides(fields: Mapping[str, Any]) -> set[object]:

@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import JsonValue
 
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.initial import set_off
 from analytic.kinematics.reach import usual_angles
 from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Drive, Load, Mechanism
@@ -82,13 +83,14 @@ def setups(mechanism: Mechanism) -> list[Setup]:
     """
     assembly = Assembly(mechanism)
     if not assembly.structure.by_crank:
-        return list(_over_time(mechanism, over_time(assembly)))
+        return list(_over_time(mechanism, set_off(assembly, over_time(assembly))))
     theta = _thinned(usual_angles(assembly))
     runs = []
     if mechanism.speed is not None:
         runs.append(Setup(Request(mechanism.tight(), "ideal", Schedule.at_angles(mechanism, theta))))
     else:
-        runs.append(Setup(Request(mechanism.tight(), "ideal", Schedule.released(mechanism, _thinned(FREE_TIME)))))
+        swing = set_off(assembly, Schedule.released(mechanism, _thinned(FREE_TIME)))
+        runs.append(Setup(Request(mechanism.tight(), "ideal", swing)))
     loaded = _loaded(mechanism)
     if loaded.clearance:
         added: dict[str, JsonValue] = {"clearance": dict(loaded.clearance)}

@@ -99,6 +99,7 @@ def diagnosis_of(data: Measured, options: Options) -> tuple[Diagnosis, Proposal 
     with noted() as warned:
         warn_of_friction(data.mechanism, "contact", "driven")
     warned += omitted(data.mechanism, Asked("diagnose", "driven", ("contact",), data.mechanism.bends))
+    data, rigid = replace(data, mechanism=data.mechanism.replace(initial={})), rigid.replace(initial={})
     problem = Problem.of(data, rigid, options)
     explanation = _explained(problem)
     if rigid != data.mechanism and not rigid.cranked:

@@ -88,11 +88,12 @@ class RecordedDrives:
 
 @dataclass(frozen=True)
 class ReleaseState:
-    """A state (rad, rad/s) from which a linkage is let go, and how exactly it is known."""
+    """A state (rad, rad/s) from which a linkage is let go, how exactly it is known, whether its rate is recorded."""
 
     angle: float
     rate: float
     errors: tuple[float, float] = (0.0, 0.0)
+    recorded: bool = False
 
 
 def off_by(time: np.ndarray, rounded: np.ndarray, late: np.ndarray, rate: np.ndarray | float) -> np.ndarray:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.initial import set_off
 from analytic.kinematics.schedule import Schedule, Turning
 from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import count
@@ -122,13 +123,15 @@ def _at_its_speed(name: str, file: str, table: Table, mechanism: Mechanism, moti
 
 
 def _start(table: Table, mechanism: Mechanism) -> ReleaseState:
-    """The state that a released linkage begins in: as recorded, else at rest where it is assembled."""
+    """The state that a released linkage begins in: as recorded, else as it is assembled, as fast as its file says."""
     angles, rates = (table.values.get(f"{mechanism.driven}_{part}") for part in ("angle", "angular_velocity"))
-    assembled = Assembly(mechanism).start
+    assembly, swing = Assembly(mechanism), Schedule.released(mechanism, np.zeros(1))
+    assembled = assembly.start
     angle = assembled if angles is None or np.isnan(angles[0]) else float(turned_near(float(angles[0]), assembled))
-    rate = 0.0 if rates is None or np.isnan(rates[0]) else float(rates[0])
+    told = rates is not None and bool(np.isfinite(rates[0]))
+    rate = float(rates[0]) if rates is not None and told else set_off(assembly, swing).start_speed(mechanism)
     rounded = [float(table.rounding(f"{mechanism.driven}_{part}")[0]) for part in ("angle", "angular_velocity")]
-    return ReleaseState(angle, rate, (rounded[0] / SIGMAS, rounded[1] / SIGMAS))
+    return ReleaseState(angle, rate, (rounded[0] / SIGMAS, rounded[1] / SIGMAS), told)
 
 
 def _of_drives(name: str, file: str, table: Table, mechanism: Mechanism) -> Recording:

@@ -17,6 +17,8 @@ def check_request(request: Request) -> None:
     _check_bearings(request)
     _check_loads(request)
     _check_beyond(request)
+    if m.initial and not (schedule.at_rest or schedule.rates):
+        raise Unsupported(f"{m.name}: the schedule has no rates for its initial velocities; give it Schedule.rates")
     if schedule.turns_evenly:
         if not schedule.time.size:
             raise Unsupported(f"{m.name}: there is no crank angle to report at; give the schedule at least one")

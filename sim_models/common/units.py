@@ -22,6 +22,7 @@ from analytic.mechanism import Body, Drive, Joint, Load, Mechanism, Spring
 from analytic.mechanism.signals import named
 from analytic.mechanism.units import POWERS
 from analytic.mechanism.units import Powers as Dimension
+from analytic.mechanism.written import INITIAL
 from sim_models.common.contact_laws import default_stiffness, heaviest, longest, power_of_two, turning_rate
 from sim_models.common.failed_starts import TooSoft
 from sim_models.common.weights import with_equal_masses
@@ -180,6 +181,10 @@ class Units:
             drives=tuple(drive(d) for d in m.drives),
             springs=tuple(s.model_copy(update=fields(s, SPRING)) for s in m.springs),
             loads=tuple(load_in(load) for load in m.loads),
+            initial={
+                INITIAL + name: self.from_si(rate, SPEED_DIMENSION if m.joint(name).prismatic else RATE)
+                for name, rate in m.initial_velocities.items()
+            },
         )
 
     def request(self, r: Request) -> Request:
@@ -314,7 +319,8 @@ def fastest(request: Request) -> float:
     """
     if request.motion == "static":  # in which nothing is fast
         return 0.0
-    rate = abs(request.schedule.start_speed(request.mechanism)) if request.schedule.rates else 0.0
+    m, rates = request.mechanism, request.schedule.rates
+    rate = max((abs(r) / (longest(m) if m.joint(n).prismatic else 1.0) for n, r in rates.items()), default=0.0)
     for joint, course in request.schedule.courses.items():
         time, angle = course.knots, course.values
         slides = request.mechanism.joint(joint).prismatic

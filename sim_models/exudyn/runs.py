@@ -240,7 +240,7 @@ class ExudynRun(EngineRun):
         m, steps = self.mechanism, [motor.longest_step for motor in self.motors.values()]
         if self.crank is not None:
             steps.append(TURN_PER_STEP / max(self.crank.top_speed, 1.0))
-        elif self.motors:
+        elif self.motors or self.path.top_speed:
             steps.append(TURN_PER_STEP_OF_COURSES / max(self.path.top_speed, 1.0))
         if inertia is not None:
             rate = max(math.sqrt(abs(w)) for w in inertia.angular.values())

@@ -71,6 +71,11 @@ class FmuEngine(Engine):
         m, schedule = request.mechanism, request.schedule
         if schedule.lets_go:
             raise Unsupported(f"fmu:{self.fmu.path}: {m.name} has no drive, and an FMU is driven; give it one")
+        if any(schedule.rates.values()):
+            raise Unsupported(
+                f"fmu:{self.fmu.path}: an FMU starts in its own state; leave out initial of {m.name}, or use another"
+                " simulator"
+            )
         if schedule.crank is None and not (m.cranked and self.columns.inputs):
             links = self.columns.drives(m, schedule.drives)
             return [(links[name], motor) for name, motor in schedule.drives.items()]

@@ -194,8 +194,8 @@ class MujocoRun(EngineRun):
         speed = self.request.schedule.start_speed(self.mechanism) if self.request.schedule.crank else 0.0
         if speed:
             instants = ANGLES_AROUND
-        elif self.steering.top_speed:
-            instants, speed = INSTANTS_AROUND * TURN_BETWEEN_INSTANTS / self.steering.top_speed, 1.0
+        elif self.path.top_speed:
+            instants, speed = INSTANTS_AROUND * TURN_BETWEEN_INSTANTS / self.path.top_speed, 1.0
         if instants is not None:
             around = np.array([near.place(pressed, begin + x, gaps) for x in instants])
             v = (derivative(instants) @ around)[2] * speed
@@ -228,9 +228,9 @@ class MujocoRun(EngineRun):
         limits = [LARGEST_STEP if self.path.driven is None else LARGEST_STEP_OF_COURSES]
         passed = self.steering.passed(last, PLACES_GLIMPSED) if link.second_order and self.path.held else np.zeros(0)
         places = [near.place(link, place) for place in passed]
-        if self.steering.top_speed:
+        if top_speed := self.steering.top_speed or self.path.top_speed:
             turn = SECOND_ORDER_TURN if places else TURN_PER_STEP_BY_MODEL[self.request.joint_model]
-            limits.append(turn / self.steering.top_speed)
+            limits.append(turn / top_speed)
         for name, law in list(self.laws.items()):
             ease = mobility(link, q, name)
             clearance = self.mechanism.joint(name).clearance

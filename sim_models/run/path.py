@@ -168,10 +168,10 @@ class MotorPath(Path):
 
 class CoursePath(Path):
     """Joints that each follow a course, told by the time (s) of a clock that is ``ahead`` (s) of the schedule's; what
-    else may move is where the assembly has it.
+    else may move is where the assembly has it at the beginning, and goes on at the rate with which it is let go.
 
     ``top_speed`` is that of the body that turns fastest, in rad/s, or that goes fastest, in lengths of the longest body
-    per second; of what moves freely it knows nothing.
+    per second; of what moves freely it knows the beginning.
     """
 
     def __init__(self, request: Request, assembly: Assembly, ahead: float = 0.0) -> None:
@@ -181,6 +181,7 @@ class CoursePath(Path):
         self.driven = tuple(self.motors)
         self.constant_speed = not self.motors
         self.held = len(assembly.positions) == len(self.motors)
+        self.let_go = {name: rate for name, rate in self.schedule.rates.items() if rate}
         self.begin = self.schedule.begin + ahead
         self.size = longest(request.mechanism)
         self.top_speed = self._fastest()
@@ -190,15 +191,17 @@ class CoursePath(Path):
         """Inputs (n_inputs, N) at times (N,) s; beside them all goes on as it does then."""
         time = np.asarray(at, float) - self.ahead
         where = {name: np.full(time.size, home) for name, home in self.assembly.positions.items()}
+        where |= {n: where[n] + rate * (time - self.schedule.begin) for n, rate in self.let_go.items()}
         where |= self.schedule.positions(time)
         if np.any(beside):
+            where |= {n: where[n] + rate * beside for n, rate in self.let_go.items()}
             where |= {n: where[n] + rate * beside for n, rate in self.schedule.positions(time, 1).items()}
         return self.assembly.inputs_at(where)
 
     def moving(self, at: float, speed: float = 0.0, gaps: Gaps = NO_GAPS) -> Poses:
         """At a time (s), at the rates that the drives then have."""
-        rates = self.schedule.positions(np.array([at - self.ahead]), 1)
-        apart = TURN_BESIDE / max([1.0, *(abs(float(rate[0])) for rate in rates.values())])
+        rates = [float(rate[0]) for rate in self.schedule.positions(np.array([at - self.ahead]), 1).values()]
+        apart = TURN_BESIDE / max(1.0, *map(abs, (*rates, *self.let_go.values(), 0.0)))
         return in_motion(self.placed(np.full(PLACES_BESIDE.size, at), gaps, apart * PLACES_BESIDE), 1.0 / apart)
 
     def around(self, at: float) -> tuple[Poses, Poses] | None:
@@ -221,8 +224,8 @@ class CoursePath(Path):
         if not self.held or last <= self.begin:
             self.poses(self.begin)
             slides = {joint.name for joint in self.assembly.mechanism.joints if joint.prismatic}
-            own = [motor.top_speed / (self.size if name in slides else 1.0) for name, motor in self.motors.items()]
-            return max(own, default=0.0)
+            own = {name: motor.top_speed for name, motor in self.motors.items()} | self.let_go
+            return max((abs(rate) / (self.size if name in slides else 1.0) for name, rate in own.items()), default=0.0)
         finest = max(motor.knots.size for motor in self.motors.values())
         times = np.linspace(self.begin, last, max(COURSE_INSTANTS, 2 * finest))
         self.placed(self.schedule.until(self.schedule.time) + self.ahead)
