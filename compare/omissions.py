@@ -353,8 +353,7 @@ def _given(mechanism: Mechanism, kind: str, field: str) -> Iterator[tuple[str, M
         for step in way:
             owner = getattr(owner, step)
         value = getattr(owner, last, None)
-        nothing = type(owner).model_fields[last].get_default(call_default_factory=True)
-        given = value is not None and value != nothing
+        given = value is not None and value != type(owner).model_fields[last].get_default(call_default_factory=True)
         if given and value not in ("free", "measured"):  # a drive's speed in words
             yield name, part
 

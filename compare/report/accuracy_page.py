@@ -62,6 +62,7 @@ def _page(result: Accuracy, drawn: list[Figure], drawings: Mapping[str, str], mo
         "facts": _facts(result),
         "notes": list(cautions(result)),
         "errors": list(error_peaks(result)),
+        "toleranced": result.tolerances and on_page(result.tolerances, over(result)),
         "budget": list(_budget(result)),
         "heads": ("sigma", "compliance", "total", "sensitive to"),
         "assumed": assumptions(result.assumed),
@@ -69,9 +70,7 @@ def _page(result: Accuracy, drawn: list[Figure], drawings: Mapping[str, str], mo
         "dash": DASH,
     }
     sections = ["linkage.html.j2"] * bool(moved) + ["errors.html.j2"] * bool(context["errors"])
-    if result.tolerances is not None:
-        context["toleranced"] = on_page(result.tolerances, result.crank_angle, angular=True)
-    sections += ["accuracy/budget.html.j2"] + ["tolerances.html.j2"] * ("toleranced" in context)
+    sections += ["accuracy/budget.html.j2"] + ["tolerances.html.j2"] * bool(context["toleranced"])
     sections += ["figures.html.j2", "provenance.html.j2"]
     return page(
         f"{result.case} {DASH} accuracy",

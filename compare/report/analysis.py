@@ -7,7 +7,7 @@ from rich.console import Console
 from compare.presentation import Presentation
 from compare.quantities import plain
 from compare.report.analysis_page import files
-from compare.report.peaks import GOOD, error_peaks, poor
+from compare.report.peaks import GOOD, error_peaks, over, poor
 from compare.report.sides import plot, print_peaks, said, summary_html
 from compare.report.tables import say, terminal_table
 from compare.report.toleranced import print_signals
@@ -26,8 +26,7 @@ def print_table(result: Analysis, console: Console) -> None:
     if rows:
         console.print(terminal_table(ERROR_HEADS, rows, left=("error by clearance", "unit", "by joint, first order")))
     if result.tolerances is not None:
-        theta = result.crank_angle if result.time is None else result.time
-        print_signals(result.tolerances, theta, result.time is None, console)
+        print_signals(result.tolerances, over(result), console)
     if poor(result):
         say(console, f"transmission angle below {GOOD:g} deg at {poor(result)}")
     say(console, *said(result), repr(result))

@@ -58,17 +58,14 @@ def render(result: Analysis, drawn: Sequence[Figure], drawings: dict[str, str], 
         "facts": _facts(result),
         "peaks": [each.row(x.unit) for each in peaks(result)],
         "errors": list(error_peaks(result)),
+        "toleranced": result.tolerances and on_page(result.tolerances, x),
         "flags": [(count(len(at), "sample"), x.at(at[0]), why) for at, why in unanswered(result)],
         "mover": moved,
         "assumed": assumptions(result.assumed),
         "mechanism": json.dumps(as_written(result.mechanism), indent=2, ensure_ascii=False),
     }
     sections = ["linkage.html.j2"] * bool(moved) + ["analysis/peaks.html.j2"]
-    if result.tolerances is not None:
-        context["toleranced"] = on_page(
-            result.tolerances, result.crank_angle if result.time is None else result.time, result.time is None
-        )
-    sections += ["errors.html.j2"] * bool(context["errors"]) + ["tolerances.html.j2"] * ("toleranced" in context)
+    sections += ["errors.html.j2"] * bool(context["errors"]) + ["tolerances.html.j2"] * bool(context["toleranced"])
     sections += ["figures.html.j2", "provenance.html.j2"]
     return page(
         f"{result.case} {DASH} reactions, torque and motion",

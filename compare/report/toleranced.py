@@ -10,6 +10,7 @@ import numpy as np
 from rich.console import Console
 
 from compare.quantities import plain, shown
+from compare.report.summary import Abscissa
 from compare.report.tables import say, terminal_table
 from compare.results.toleranced import AccuracyByTolerance, ByTolerance, SignalsByTolerance, Varied
 
@@ -29,11 +30,11 @@ def print_outputs(by: AccuracyByTolerance, console: Console) -> None:
     say(console, *yields(by))
 
 
-def print_signals(by: SignalsByTolerance, theta: np.ndarray, angular: bool, console: Console) -> None:
+def print_signals(by: SignalsByTolerance, x: Abscissa, console: Console) -> None:
     """Print how much drives, reactions and angles vary, where they vary most; ASCII."""
     rows = [
         [name, unit.replace("·", "."), sd, at, _first(parts), *([ends] if by.samples else [])]
-        for name, unit, sd, at, ends, parts in signals(by, theta, angular)
+        for name, unit, sd, at, ends, parts in signals(by, x)
     ]
     if rows:
         heads = SIGNALS + ("95 % of linkages",) * bool(by.samples)
@@ -41,12 +42,12 @@ def print_signals(by: SignalsByTolerance, theta: np.ndarray, angular: bool, cons
     say(console, *yields(by))
 
 
-def on_page(by: AccuracyByTolerance | SignalsByTolerance, theta: np.ndarray, angular: bool) -> dict[str, object]:
-    """What a page tells: what varies and how, and what comes of it, over crank angles (N,) rad or times (N,) s."""
+def on_page(by: AccuracyByTolerance | SignalsByTolerance, x: Abscissa) -> dict[str, object]:
+    """What a page tells: what varies and how, and what comes of it."""
     if isinstance(by, AccuracyByTolerance):
         rows: list[tuple[str, ...]] = [(*row[:5], _all(row[5]), row[6]) for row in outputs(by)]
     else:
-        rows = [(*row[:5], _all(row[5])) for row in signals(by, theta, angular)]
+        rows = [(*row[:5], _all(row[5])) for row in signals(by, x)]
     return {
         "sources": [_varied(name, source) for name, source in by.sources.items()],
         "heads": OUTPUTS if isinstance(by, AccuracyByTolerance) else OUTPUTS[:-1],
@@ -72,17 +73,14 @@ def outputs(by: AccuracyByTolerance) -> Iterator[tuple[str, str, str, str, str, 
         yield name, unit, sd, at, _ends(output, factor, k), shares(output.by_source, k), good
 
 
-def signals(
-    by: SignalsByTolerance, theta: np.ndarray, angular: bool
-) -> Iterator[tuple[str, str, str, str, str, Shares]]:
-    """The same of drives, reactions and angles, without limits, over crank angles (N,) rad or times (N,) s."""
+def signals(by: SignalsByTolerance, x: Abscissa) -> Iterator[tuple[str, str, str, str, str, Shares]]:
+    """The same of drives, reactions and angles, without limits."""
     for name, signal in by.signals.items():
         if SHOWN.fullmatch(name):
             unit, factor = shown(signal.unit)
             k = _worst(signal.sd)
-            at = f"{math.degrees(theta[k]):.4g} deg" if angular else f"{theta[k]:.4g} s"
             sd = plain(factor * float(signal.sd[k]))
-            yield name, unit, sd, at, _ends(signal, factor, k), shares(signal.by_source, k)
+            yield name, unit, sd, x.at(k), _ends(signal, factor, k), shares(signal.by_source, k)
 
 
 def yields(by: AccuracyByTolerance | SignalsByTolerance) -> Iterator[str]:
