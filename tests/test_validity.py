@@ -631,7 +631,7 @@ def test_a_share_of_each_committed_map_is_what_this_code_gives(name: str) -> Non
         case,
         speeds=[stored.speeds[2], stored.speeds[5]],
         clearances=[stored.clearances[1], stored.clearances[4]],
-        simulators=stored.simulators,
+        simulator=stored.simulators,
     )
     before = {(cell.simulator, cell.speed, cell.clearance): cell for cell in stored.cells}
     assert len(made.cells) == 8
