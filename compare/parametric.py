@@ -15,7 +15,7 @@ from pydantic import BaseModel
 from analytic.errors import Error
 from analytic.mechanism import Mechanism
 from analytic.mechanism.dotted import Dotted, FieldError, find, with_values
-from analytic.mechanism.file import as_written
+from analytic.mechanism.model import as_written
 from analytic.mechanism.one_line import count
 from analytic.mechanism.units import UnitError, factor_to_si
 from analytic.mechanism.written import BARE, NUMBER

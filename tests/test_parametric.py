@@ -66,7 +66,7 @@ def test_a_dotted_name_is_the_field_of_the_file_in_its_unit(case: str, name: str
 
 def test_every_number_of_every_shipped_case_has_a_name_that_finds_it() -> None:
     """Each number of a file, set to itself, leaves the mechanism as it is."""
-    from analytic.mechanism.file import as_written
+    from analytic.mechanism.model import as_written
 
     def leaves(node: Any, path: tuple[Any, ...]) -> Any:
         inner = node.items() if isinstance(node, dict) else enumerate(node) if isinstance(node, list) else ()

@@ -2,8 +2,8 @@
 ``body.crank.points.A.x``, ``load.coupler.force.y``; and mechanisms that differ in such fields.
 
 A part is named by its name, a drive by its joint, a load by its body, a spring by its number in the file, from 1; where
-there is one of a kind, its name may be left out.  ``body.<name>.length`` is no field of a file: it moves the last named
-point of a body that has two.
+there is one of a kind, its name may be left out.  ``body.<name>.length`` is no field of a file: it moves the last of
+the two places at which a body has points.
 """
 
 from __future__ import annotations
@@ -15,9 +15,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from analytic.mechanism.errors import MechanismError, accepted, quoted
-from analytic.mechanism.file import as_written, checked
-from analytic.mechanism.model import Mechanism
+from pydantic import ValidationError
+
+from analytic.mechanism.errors import MechanismError, accepted, describe, quoted
+from analytic.mechanism.model import Mechanism, as_written
 from analytic.mechanism.written import WAVES, si_unit
 
 TABLES = ("gravity", "ground", "body", "joint", "drive", "spring", "load", "assembly", "initial")
@@ -29,7 +30,14 @@ LENGTH = "length"
 
 
 class FieldError(MechanismError):
-    """A dotted name is no field; the message says which name was meant, or which there are."""
+    """A dotted name is no field; the message says which name was meant, or which there are.
+
+    Of what has no such name: ``where`` it was looked for, the ``choices`` there, and the one that is ``close``, if any.
+    """
+
+    def __init__(self, message: str, where: str = "", choices: Sequence[str] = (), close: str = "") -> None:
+        super().__init__(message)
+        self.where, self.choices, self.close = where, tuple(choices), close
 
 
 @dataclass(frozen=True)
@@ -58,7 +66,7 @@ def find(mechanism: Mechanism, name: str) -> Dotted:
         lengths = [LENGTH] if table == "body" else []
         field, rest = _step(name, rest, [*accepted(place, Mechanism), *lengths], f"a {table}")
         place, here = (*place, field), here.get(field) if field not in lengths else math.nan
-        if lengths and field == LENGTH and len(fields["body"][int(place[1])]["points"]) != 2:
+        if lengths and field == LENGTH and len(_ends(fields["body"][int(place[1])])) != 2:
             raise FieldError(f"{name}: a body of two points has one length; give points.<point>.x and y of this one")
         if field in WITHIN:
             field, rest = _step(name, rest, accepted(place, Mechanism), f"the {field}")
@@ -82,16 +90,37 @@ def with_values(mechanism: Mechanism, values: Mapping[Dotted, float | str]) -> M
                 here[step] = [0.0, 0.0] if isinstance(field.place[k + 1], int) else {}
             here = here[step]
         here[field.place[-1]] = value
-    return checked(fields, mechanism.name)
+    try:
+        return Mechanism.model_validate(fields)
+    except ValidationError as error:
+        raise MechanismError(f"{mechanism.name}: {'; '.join(describe(error, fields, Mechanism))}") from None
+
+
+def value(mechanism: Mechanism, field: Dotted) -> object:
+    """What a mechanism has in a field (SI), also where its file leaves it out."""
+    here: Any = mechanism.model_dump(by_alias=True, mode="json")
+    steps = field.place
+    if steps[0] == "body" and steps[-1] == LENGTH:
+        a, b = _ends(here["body"][steps[1]])
+        return math.dist(a, b)
+    for step in steps:
+        here = here[step]
+    return here
 
 
 def _lengthen(body: dict[str, Any], length: float | str, name: str) -> None:
     """Move the last of a body's two points along their line, so that they are this far apart."""
     if isinstance(length, str) or not 0 < length < math.inf:
         raise MechanismError(f"{name} = {quoted(length)}; give metres, more than 0")
-    (_, (x, y)), (last, (u, v)) = body["points"].items()
+    (x, y), (u, v) = last = _ends(body)
     share = length / (math.hypot(u - x, v - y) or math.nan)
-    body["points"][last] = [x + share * (u - x), y + share * (v - y)]
+    end = [x + share * (u - x), y + share * (v - y)]
+    body["points"] |= {point: end for point, at in body["points"].items() if tuple(at) == last[1]}
+
+
+def _ends(body: Mapping[str, Any]) -> list[tuple[float, float]]:
+    """The places at which a body has points."""
+    return list(dict.fromkeys((float(x), float(y)) for x, y in body["points"].values()))
 
 
 def _part(name: str, rest: str, table: str, parts: Sequence[Mapping[str, Any]]) -> tuple[int, str]:
@@ -134,4 +163,4 @@ def _step(name: str, rest: str, choices: Sequence[str], where: str, no: str = "n
     close = difflib.get_close_matches(first, choices, n=1)
     remedy = f"did you mean {close[0]!r}" if close and first else f"they are {', '.join(choices)}"
     said = f"{first!r} is {no} {where}" if first else f"{where} has several numbers; name one"
-    raise FieldError(f"{name}: {said}; {remedy}")
+    raise FieldError(f"{name}: {said}; {remedy}", where, choices, close[0] if close and first else "")

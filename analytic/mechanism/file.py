@@ -15,7 +15,9 @@ from pydantic import ValidationError
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism.errors import MechanismError, brief, describe, quoted
+from analytic.mechanism.model import as_written
 from analytic.mechanism.reading import ReadingError, parse_toml, read_toml
+from analytic.mechanism.tolerances import sources, with_units
 from analytic.mechanism.units import UnitError
 from analytic.mechanism.written import in_si
 
@@ -72,21 +74,17 @@ def checked(fields: Mapping[str, object], source: str, folder: Path | None = Non
     """
     try:
         fields = in_si(fields, folder)
+        stated = fields.pop("tolerances", {})
         mechanism = Mechanism.model_validate(fields)
-        if mechanism.tolerances or any(joint.fit for joint in mechanism.joints):
-            from analytic.mechanism.tolerances import sources
-
-            sources(mechanism)
+        if stated:
+            fields["tolerances"] = with_units(mechanism, stated)
+            mechanism = Mechanism.model_validate(fields)
+        sources(mechanism)
         return mechanism
     except (MechanismError, UnitError, ReadingError) as error:
         raise MechanismError(f"{source}: {error}") from None
     except ValidationError as error:
         raise MechanismError(f"{source}: {'; '.join(describe(error, fields, Mechanism))}") from None
-
-
-def as_written(mechanism: Mechanism) -> dict[str, object]:
-    """A mechanism as its TOML file has it, plain data: what was left out stays out."""
-    return mechanism.model_dump(by_alias=True, exclude_none=True, exclude_unset=True, mode="json")
 
 
 def dumps(mechanism: Mechanism) -> str:

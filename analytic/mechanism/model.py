@@ -459,3 +459,8 @@ def _as_float(value: object) -> object:
 
 def _rigid(body: Body) -> Body:
     return Body.model_validate(body.model_dump(exclude_unset=True, exclude={"youngs_modulus", "shear_modulus"}))
+
+
+def as_written(mechanism: Mechanism) -> dict[str, object]:
+    """A mechanism as its TOML file has it, plain data: what was left out stays out."""
+    return mechanism.model_dump(by_alias=True, exclude_none=True, exclude_unset=True, mode="json")

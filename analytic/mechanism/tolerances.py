@@ -8,20 +8,19 @@ the two points of a body: its last moves along the line through both.
 
 from __future__ import annotations
 
-import difflib
 import math
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, TypeVar
 
 import numpy as np
 
+from analytic.mechanism import dotted
 from analytic.mechanism.checks import MechanismWarning
 from analytic.mechanism.errors import MechanismError, brief
 from analytic.mechanism.model import Mechanism
-from analytic.mechanism.parts import Body, Joint, Load, Spring, Tolerance
-from analytic.mechanism.written import unit_of_field
+from analytic.mechanism.parts import Joint, Tolerance
+from analytic.mechanism.written import part_in_si
 
 # what may vary, by kind of part; of a vector its x and y each by itself
 MAY_VARY: Mapping[str, tuple[str, ...]] = {
@@ -33,14 +32,12 @@ MAY_VARY: Mapping[str, tuple[str, ...]] = {
     "spring": ("stiffness", "length", "damping"),
     "drive": ("speed",),
 }  # fmt: skip
-VECTORS = ("com", "marker", "force")
 MOST_SIGMAS = 3.0  # of a normal distribution that has limits: they are so many standard deviations off its middle
 # share of a normal distribution's standard deviation that is left when it is cut off there
 CUT_OFF = math.sqrt(
     1
     - 2 * MOST_SIGMAS * math.exp(-(MOST_SIGMAS**2) / 2) / math.sqrt(2 * math.pi) / math.erf(MOST_SIGMAS / math.sqrt(2))
 )
-P = TypeVar("P", Body, Joint, Load, Spring)
 
 
 @dataclass(frozen=True)
@@ -124,7 +121,7 @@ def _stated(m: Mechanism) -> Iterator[tuple[str, Tolerance]]:
 
 def _checked(m: Mechanism, field: str, tolerance: Tolerance) -> Source:
     where = f"tolerances[{brief(field)}]"
-    source = Source(field, value(m, field), unit_of_field(field, {j.name for j in m.joints if j.prismatic}), tolerance)
+    source = Source(field, value(m, field), _field(m, field).unit, tolerance)
     low, high = source.ends
     if tolerance.limits is not None and not low <= source.nominal <= high:
         raise MechanismError(
@@ -152,138 +149,55 @@ def as_made(m: Mechanism) -> Mechanism:
     return m.replace(tolerances={}, joints=tuple(joints))
 
 
-def value(m: Mechanism, field: str) -> float:
+def value(m: Mechanism, name: str) -> float:
     """The number that a mechanism has in a field.  Raises MechanismError where there is none."""
-    kind, name, what, *axis = _way(m, field)
-    if kind == "gravity":
-        return m.gravity[_axis(m, field, axis)]
-    if kind == "drive":
-        speed = next(d.speed for d in m.drives if d.joint == name)
-        if isinstance(speed, str):
-            raise _fault(m, field, f"the drive has no constant speed, but {speed!r}; leave it out")
-        return speed
-    part = _part(m, kind, name)
-    if what == "length":
-        a, b = _two_points(m, field, part)
-        return abs(b - a)
-    found = part.points[axis[0]] if what == "points" else getattr(part, what)
-    if found is None or (what == "clearance" and found == 0):
-        raise _fault(m, field, f"the file gives no {what} there; give it, then its tolerance")
-    return float(found[_axis(m, field, axis[what == "points" :])] if isinstance(found, tuple) else found)
+    found = dotted.value(m, field := _field(m, name))
+    if isinstance(found, str):
+        raise _fault(name, f"the drive has no constant speed, but {found!r}; leave it out")
+    what = field.place[-1]
+    if not isinstance(found, float) or (what == "clearance" and found == 0):
+        raise _fault(name, f"the file gives no {what} there; give it, then its tolerance")
+    return found
 
 
 def changed(m: Mechanism, values: Mapping[str, float]) -> Mechanism:
     """A checked copy with other numbers (SI) in some fields.  Raises MechanismError."""
     with warnings.catch_warnings():  # of what looks like a slip of units, which the file has told already
         warnings.simplefilter("ignore", MechanismWarning)
-        for field, number in values.items():
-            m = _changed(m, field, float(number))
-    return m
+        return dotted.with_values(m, {_field(m, name): float(number) for name, number in values.items()})
 
 
-def _changed(m: Mechanism, field: str, number: float) -> Mechanism:
-    kind, name, what, *axis = _way(m, field)
-    if kind == "gravity":
-        return m.replace(gravity=_put(m.gravity, _axis(m, field, axis), number))
-    if kind == "drive":
-        drives = (d.model_copy(update={"speed": number}) if d.joint == name else d for d in m.drives)
-        return m.replace(drive=tuple(drives))
-    part = _part(m, kind, name)
-    if what == "points":
-        points = {**part.points, axis[0]: _put(part.points[axis[0]], _axis(m, field, axis[1:]), number)}
-        update: dict[str, Any] = {"points": points}
-    elif what == "length":
-        a, b = _two_points(m, field, part)
-        end = a + number * (b - a) / abs(b - a)
-        moved = {place: (end.real, end.imag) for place, p in part.points.items() if complex(*p) == b}
-        update = {"points": {**part.points, **moved}}
-    else:
-        old = getattr(part, what)
-        update = {what: _put(old, _axis(m, field, axis), number) if isinstance(old, tuple) else number}
-    if kind == "ground":
-        return m.replace(ground=m.ground.model_copy(update=update))
-    if kind == "body":
-        return m.with_body(name, **update)
-    if kind == "joint":
-        return m.with_joint(name, **update)
-    plural = {"load": "loads", "spring": "springs"}[kind]
-    parts = list(getattr(m, plural))
-    parts[_numbered(m, kind)[name]] = type(part).model_validate(
-        {**part.model_dump(exclude_unset=True, by_alias=True), **update}
-    )
-    return m.replace(**{plural: tuple(parts)})
+def with_units(m: Mechanism, stated: object) -> object:
+    """The ``[tolerances]`` of a file with numbers that have a unit in SI; what cannot be is left as it is.  Raises
+    UnitError, and MechanismError for what is no field.
+    """
+    if not isinstance(stated, Mapping):
+        return stated
+    return {
+        name: part_in_si(given, dict.fromkeys(("sd", "limits"), _field(m, name).unit), f"tolerances[{name}]")
+        if isinstance(given, Mapping) and given.keys() & Tolerance.model_fields.keys()
+        else given
+        for name, given in stated.items()
+    }
 
 
-def _put(pair: tuple[float, float], axis: int, number: float) -> tuple[float, float]:
-    return (number, pair[1]) if axis == 0 else (pair[0], number)
+def _field(m: Mechanism, name: str) -> dotted.Dotted:
+    """The field of that name, of those that may vary.  Raises MechanismError."""
+    try:
+        field = dotted.find(m, name)
+    except dotted.FieldError as error:
+        if error.choices == ("x", "y"):
+            raise _fault(name, "each coordinate varies by itself; end it with .x or .y") from None
+        choices = ", ".join(error.choices) or "none"
+        hint = f"name a point, one of {choices}, and x or y" if error.where == "points" else f"there are {choices}"
+        raise _fault(name, f"did you mean {error.close!r}?" if error.close else hint) from None
+    kind, *way = str(field.place[0]), *field.place[1:]
+    fields = [step for step in way if isinstance(step, str)]
+    if kind != "gravity" and (kind not in MAY_VARY or fields[0] not in MAY_VARY[kind]):
+        of = f"of a {kind} is {', '.join(MAY_VARY[kind])}" if kind in MAY_VARY else f"is of {', '.join(MAY_VARY)}"
+        raise _fault(name, f"what may vary {of}")
+    return field
 
 
-def _way(m: Mechanism, field: str) -> list[str]:
-    """Kind, name, field and what is within it; kind and axis of gravity.  Raises MechanismError."""
-    kind, *way = field.split(".")
-    if kind == "gravity":
-        return [kind, "", "", *way]
-    if kind not in MAY_VARY:
-        raise _fault(m, field, f"a field begins with {', '.join(MAY_VARY)} or gravity, such as 'body.crank.mass'")
-    if kind == "ground":
-        way = ["ground", *way]
-    elif kind == "drive" and len(way) == 1 and len(m.drives) == 1:
-        way = [m.drives[0].joint, *way]
-    there = _there(m, kind)
-    if not way or way[0] not in there:
-        close = difflib.get_close_matches(way[0] if way else "", there, n=1)
-        raise _fault(m, field, f"did you mean {close[0]!r}?" if close else f"there are {', '.join(there) or 'none'}")
-    if len(way) < 2 or way[1] not in MAY_VARY[kind]:
-        close = difflib.get_close_matches(way[1] if len(way) > 1 else "", MAY_VARY[kind], n=1)
-        hint = f"did you mean {close[0]!r}? " if close else ""
-        raise _fault(m, field, f"{hint}what may vary of a {kind} is {', '.join(MAY_VARY[kind])}")
-    if way[1] == "points":
-        points = _part(m, kind, way[0]).points
-        if len(way) < 3 or way[2] not in points:
-            raise _fault(m, field, f"name a point, one of {', '.join(points)}, and x or y")
-    elif way[1] not in VECTORS and len(way) > 2:
-        raise _fault(m, field, f"{way[1]} is one number; leave {'.'.join(way[2:])!r} out")
-    return [kind, *way]
-
-
-def _there(m: Mechanism, kind: str) -> Sequence[str]:
-    """Names of the parts of a kind."""
-    if kind in ("body", "joint"):
-        return [part.name for part in (m.bodies if kind == "body" else m.joints)]
-    if kind == "drive":
-        return [drive.joint for drive in m.drives]
-    return ["ground"] if kind == "ground" else list(_numbered(m, kind))
-
-
-def _numbered(m: Mechanism, kind: str) -> dict[str, int]:
-    """Index of each load or spring by its number from 1, and of a body's only load by that body."""
-    if kind == "spring":
-        return {str(k): k - 1 for k in range(1, len(m.springs) + 1)}
-    of = [load.body for load in m.loads]
-    return {body: k for k, body in enumerate(of) if of.count(body) == 1} | {str(k + 1): k for k in range(len(of))}
-
-
-def _part(m: Mechanism, kind: str, name: str) -> Any:
-    if kind in ("body", "ground"):
-        return m.body(name)
-    return m.joint(name) if kind == "joint" else (m.loads if kind == "load" else m.springs)[_numbered(m, kind)[name]]
-
-
-def _two_points(m: Mechanism, field: str, body: Body) -> tuple[complex, complex]:
-    """The two places of a body whose distance is its length."""
-    places = list(dict.fromkeys(complex(*p) for p in body.points.values()))
-    if len(places) != 2:
-        raise _fault(
-            m, field, f"a length is of a body with two points, and this has {len(places)}; give points.P.x or .y"
-        )
-    return places[0], places[1]
-
-
-def _axis(m: Mechanism, field: str, axis: Sequence[str]) -> int:
-    if len(axis) != 1 or axis[0] not in ("x", "y"):
-        raise _fault(m, field, "each coordinate varies by itself; end it with .x or .y")
-    return ("x", "y").index(axis[0])
-
-
-def _fault(m: Mechanism, field: str, why: str) -> MechanismError:
-    return MechanismError(f"tolerances[{brief(field)}] is of no number of this mechanism; {why}")
+def _fault(name: str, why: str) -> MechanismError:
+    return MechanismError(f"tolerances[{brief(name)}] is of no number of this mechanism; {why}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence, Set
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -77,44 +77,18 @@ def in_si(fields: Mapping[str, object], folder: Path | None = None) -> dict[str,
         out["assembly"] = _read(out["assembly"], "rad", "assembly")
     if isinstance(out.get("initial"), Mapping):
         given = out["initial"]
-        out["initial"] = _part(given, {name: _rate(out, name) for name in given}, "initial")
+        out["initial"] = part_in_si(given, {name: _rate(out, name) for name in given}, "initial")
     if isinstance(out.get("ground"), Mapping):
-        out["ground"] = _part(out["ground"], {"points": "m"}, "ground")
+        out["ground"] = part_in_si(out["ground"], {"points": "m"}, "ground")
     for table, units in _units_by_table(out).items():
         parts = out.get(table)
         if table == "load" and isinstance(parts, list):
             out[table] = _loads(parts, _units_over(out), folder, table)
         elif isinstance(parts, list):
-            out[table] = [_part(p, units(p), _called(table, p)) if isinstance(p, Mapping) else p for p in parts]
+            out[table] = [part_in_si(p, units(p), _called(table, p)) if isinstance(p, Mapping) else p for p in parts]
         elif isinstance(parts, Mapping):
-            out[table] = _part(parts, units(parts), table)
-    if isinstance(out.get("tolerances"), Mapping):
-        slides = _slides(out)
-        units_of = {field: unit_of_field(field, slides) for field in out["tolerances"]}
-        out["tolerances"] = {
-            field: _part(given, dict.fromkeys(("sd", "limits"), units_of[field]), f"tolerances[{field}]")
-            if isinstance(given, Mapping) and units_of[field]
-            else given
-            for field, given in out["tolerances"].items()
-        }
+            out[table] = part_in_si(parts, units(parts), table)
     return out
-
-
-def unit_of_field(field: str, slides: Set[object]) -> str:
-    """The unit of a field that a tolerance names, ``body.crank.mass``; none of what has none, or is no field."""
-    kind, *way = field.split(".")
-    if kind == "gravity":
-        return "m/s^2"
-    if kind == "drive":
-        return "m/s" if slides & {*way} else "rad/s"
-    name = way[1] if kind in ("body", "joint", "load", "spring") and len(way) > 1 else ""
-    tables: Mapping[str, Units] = {
-        "body": BODY | {"length": "m"},
-        "joint": JOINT | (PRISMATIC if way and way[0] in slides else REVOLUTE),
-        "load": LOAD,
-        "spring": SPRING,
-    }
-    return "m" if kind == "ground" else tables.get(kind, {}).get(name, "")
 
 
 def si_unit(fields: Mapping[str, object], place: Sequence[str | int]) -> str:
@@ -188,7 +162,7 @@ def runs_in_si(
             out.append(run)
             continue
         called = _called("run", run)
-        written = _part(run, units, called)
+        written = part_in_si(run, units, called)
         if isinstance(run.get("load"), list):
             written["load"] = _loads(run["load"], units_over, folder, f"{called}.load")
         out.append(written)
@@ -216,19 +190,19 @@ def _loads(loads: list[object], units_over: Mapping[str, SiUnit], folder: Path |
             continue
         where, over = _called(called, load), load.get("over")
         unit = units_over.get(over) if isinstance(over, str) else None
-        written = _part(load, LOAD | dict.fromkeys(("from", "to", "table"), unit or ""), where)
+        written = part_in_si(load, LOAD | dict.fromkeys(("from", "to", "table"), unit or ""), where)
         out += with_tables(written, unit, folder, where)
     return out
 
 
-def _part(part: Mapping[str, Any], units: Units, called: str) -> dict[str, Any]:
+def part_in_si(part: Mapping[str, object], units: Units, called: str) -> dict[str, object]:
     """A part of the file, its fields in SI."""
     out = dict(part)
     for name, value in part.items():
         where = f"{called}.{name}"
-        within = _units_within(name) if isinstance(value, Mapping) else None
-        if within is not None:
-            out[name] = _part(value, within, where)
+        within = _units_within(name)
+        if within is not None and isinstance(value, Mapping):
+            out[name] = part_in_si(value, within, where)
         elif name == "table" and name in units and isinstance(value, list):
             out[name] = [_pair(pair, units[name], where) for pair in value]
         elif name in units:

@@ -11,7 +11,7 @@ import numpy as np
 from markupsafe import Markup
 
 from analytic.mechanism import Mechanism
-from analytic.mechanism.file import as_written
+from analytic.mechanism.model import as_written
 from analytic.mechanism.one_line import count
 from compare.quantities import DASH, assumptions, plain, shown
 from compare.report.analysis_figures import Band, error_figures, transmission_figure

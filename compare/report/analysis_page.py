@@ -10,7 +10,7 @@ import numpy as np
 from markupsafe import Markup
 
 from analytic.mechanism import Load, Mechanism
-from analytic.mechanism.file import as_written
+from analytic.mechanism.model import as_written
 from analytic.mechanism.one_line import count
 from compare.quantities import DASH, assumptions, number, plain, quantities, shown
 from compare.report.analysis_figures import ROLES, figures

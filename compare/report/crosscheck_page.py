@@ -8,7 +8,7 @@ from dataclasses import asdict
 
 from markupsafe import Markup
 
-from analytic.mechanism.file import as_written
+from analytic.mechanism.model import as_written
 from compare.quantities import DASH, assumptions
 from compare.report.crosscheck_motion import mover
 from compare.report.figure import Figure

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from analytic.mechanism import Mechanism
-from analytic.mechanism.file import as_written, dumps
+from analytic.mechanism.file import dumps
+from analytic.mechanism.model import as_written
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.faults import printable
 from compare.quantities import DASH

@@ -32,7 +32,7 @@ from analytic.errors import Error
 from analytic.mechanism import Mechanism as _Mechanism
 from analytic.mechanism.assumed import Assumed
 from analytic.mechanism.errors import describe
-from analytic.mechanism.file import as_written
+from analytic.mechanism.model import as_written
 from analytic.mechanism.one_line import count
 from analytic.mechanism.reading import ReadingError, read_json
 from compare.files import alone_in, check_replaceable, made_folder, to_json, write_atomically, write_together
