@@ -7,10 +7,10 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from itertools import product
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
-from pydantic import BaseModel
+from pydantic import BaseModel, JsonValue
 
 from analytic.errors import Error
 from analytic.mechanism import Mechanism
@@ -37,7 +37,7 @@ from compare.results.accuracy import Accuracy
 from compare.results.analysis import Analysis
 from compare.results.crosscheck import CrossCheck
 from compare.results.platform import PlatformAccuracy
-from compare.results.sweep import Asks, FieldValue, Sweep, SweptField
+from compare.results.sweep import Asks, Farthest, FieldValue, Group, Sweep, SweptColumn, SweptField, SweptPoint
 from compare.sweep import sweep as spread_out
 from compare.versions import versions
 from sim_models.engine import SimulationError, SimulatorMissing
@@ -50,6 +50,13 @@ QUESTIONS: Mapping[Asks, tuple[type[Question], Callable[..., Analysis | Accuracy
     "platform_accuracy": (PlatformQuestion, platform_accuracy),
     "crosscheck": (CrosscheckQuestion, crosscheck),
 }
+
+
+class Answer(SweptPoint):
+    """What a point comes to, with its columns and what was warned of."""
+
+    columns: Mapping[str, SweptColumn] = {}
+    warnings: tuple[str, ...] = ()
 
 
 def sweep(
@@ -81,7 +88,7 @@ def sweep(
 def swept(question: SweepQuestion) -> Sweep:
     """The answer of :func:`sweep`."""
     options = dict(question.options or {})
-    base = linkage(question.mechanism, cast(Any, options.pop("clearance", None)), large=True)
+    base = linkage(question.mechanism, cast("Mapping[str, float] | None", options.pop("clearance", None)), large=True)
     of_asked, _ = QUESTIONS[question.asks]
     asked = of_asked(base, **options)  # type: ignore[call-arg]  # what no point could use is refused at once
     if isinstance(asked, CrosscheckQuestion):
@@ -97,13 +104,14 @@ def swept(question: SweepQuestion) -> Sweep:
         {
             "asks": question.asks,
             "mechanism": as_written(base),
+            "at": each,
             "values": {field.name: field.values[each[field.name]] for field in fields},
             "options": plain,
         }
         for each in at
     ]
     with progress_bar(question.progress) as progress:
-        results: list[dict[str, Any]] = [{} for _ in runs]
+        answers = [Answer(at=each) for each in at]
         workers = min(question.workers or cores(), len(runs))
         for end in spread_out(
             point,
@@ -112,21 +120,21 @@ def swept(question: SweepQuestion) -> Sweep:
             dask=question.dask,
             progress=lambda done, total: progress("points", done, total),
         ):
-            results[end.index] = {"failure": end.failure} if end.failure else cast(dict[str, Any], end.result)
-    said = dict.fromkeys(text for result in results for text in result.pop("warnings", ()))
-    columns = {name: column for result in results for name, column in result.pop("columns", {}).items()}
-    return Sweep.model_validate(
-        {
-            "case": base.name,
-            "asks": question.asks,
-            "mechanism": base,
-            "options": plain,
-            "fields": fields,
-            "columns": columns,
-            "points": [{"at": each, **result} for each, result in zip(at, results, strict=True)],
-            "versions": versions(),
-            "warnings": tuple(said),
-        }
+            answers[end.index] = (
+                Answer(at=at[end.index], failure=end.failure) if end.failure else Answer.model_validate(end.result)
+            )
+    return Sweep(
+        case=base.name,
+        asks=question.asks,
+        mechanism=base,
+        options=cast("Mapping[str, JsonValue]", plain),
+        fields=tuple(fields),
+        columns={name: column for answer in answers for name, column in answer.columns.items()},
+        points=tuple(
+            SweptPoint.model_validate(answer.model_dump(include={*SweptPoint.model_fields})) for answer in answers
+        ),
+        versions=versions(),
+        warnings=tuple(dict.fromkeys(text for answer in answers for text in answer.warnings)),
     )
 
 
@@ -230,9 +238,13 @@ def _plain(value: object) -> object:
 
 
 def point(run: Mapping[str, object]) -> dict[str, object]:
-    """One point of a sweep as plain data: its numbers and their columns, or why there is no answer."""
+    """One point of a sweep: its :class:`Answer` as plain data, so that it may come from another process."""
+    return _answer(run).model_dump(mode="json")
+
+
+def _answer(run: Mapping[str, object]) -> Answer:
     asks, values = cast(Asks, run["asks"]), cast(Mapping[str, FieldValue], run["values"])
-    options = dict(cast(Mapping[str, Any], run["options"]))
+    at, options = cast(Mapping[str, int], run["at"]), dict(cast(Mapping[str, object], run["options"]))
     if isinstance(options.get("tolerances"), Mapping):
         options["tolerances"] = Tolerances.model_validate(options["tolerances"])
     if asks == "crosscheck":  # points share the cores, and one bar tells of them all
@@ -248,64 +260,77 @@ def point(run: Mapping[str, object]) -> dict[str, object]:
         why = str(error)
         while why.startswith(f"{base.name}: "):
             why = why.removeprefix(f"{base.name}: ")
-        return {"failure": why, "engine_failed": isinstance(error, SimulationError | SimulatorMissing)}
-    answer: dict[str, Any] = {"warnings": list(result.warnings)}
+        return Answer(at=at, failure=why, engine_failed=isinstance(error, SimulationError | SimulatorMissing))
     if isinstance(result, CrossCheck):
-        return answer | _compared(result)
-    return answer | (_analysed(result) if isinstance(result, Analysis) else _accurate(result))
+        return _compared(at, result)
+    return _analysed(at, result) if isinstance(result, Analysis) else _accurate(at, result)
 
 
-def _analysed(result: Analysis) -> dict[str, object]:
+def _analysed(at: Mapping[str, int], result: Analysis) -> Answer:
     """The largest reaction of each joint, what each drive gives at the most, and the error of each output."""
     known, drives = quantities(result.mechanism), drive_signals(result.mechanism)
     reactions = [f"reaction_{joint.name}_magnitude" for joint in result.mechanism.joints]
-    columns: dict[str, dict[str, str]] = {}
+    columns: dict[str, SweptColumn] = {}
     numbers: dict[str, float | None] = {}
     for name in (name for name in (*reactions, *drives) if name in result.signals):
-        columns[name] = {
-            "group": "drive" if name in drives else "reaction",
-            "label": known[name].label,
-            "unit": result.kinds[name].unit,
-        }
+        group: Group = "drive" if name in drives else "reaction"
+        columns[name] = SweptColumn(group=group, label=known[name].label, unit=result.kinds[name].unit)
         between = result.extremes.get(name)
         ends = [] if between is None else [each for each in (between.highest, between.lowest) if each is not None]
         numbers[name] = _largest(np.array([*result.signals[name], *ends]))
     for name, error in result.errors.items():
-        columns[f"error_{name}"] = {"group": "error", "label": f"error of {name}", "unit": error.unit}
+        columns[f"error_{name}"] = SweptColumn(group="error", label=f"error of {name}", unit=error.unit)
         numbers[f"error_{name}"] = _largest(error.equilibrium)
-    return {"columns": columns, "numbers": numbers, "remark": _unanswered(result.flags, len(result.crank_angle))}
+    remark = _unanswered(result.flags, len(result.crank_angle))
+    return Answer(at=at, columns=columns, numbers=numbers, remark=remark, warnings=result.warnings)
 
 
-def _accurate(result: Accuracy | PlatformAccuracy) -> dict[str, object]:
+def _accurate(at: Mapping[str, int], result: Accuracy | PlatformAccuracy) -> Answer:
     """The error of each output in equilibrium, and in the worst case."""
-    columns, numbers = {}, {}
-    for group, words in (("error", "error of"), ("worst_case", "worst case of")):
+    columns: dict[str, SweptColumn] = {}
+    numbers: dict[str, float | None] = {}
+    groups: Mapping[Group, str] = {"error": "error of", "worst_case": "worst case of"}
+    for group, words in groups.items():
         for name, output in result.outputs.items():
-            columns[f"{group}_{name}"] = {"group": group, "label": f"{words} {name}", "unit": output.unit}
+            columns[f"{group}_{name}"] = SweptColumn(group=group, label=f"{words} {name}", unit=output.unit)
             numbers[f"{group}_{name}"] = _largest(output.equilibrium if group == "error" else output.worst_case)
     size, of = (
         (len(result.crank_angle), "crank angle") if isinstance(result, Accuracy) else (result.holding.size, "pose")
     )
-    return {"columns": columns, "numbers": numbers, "remark": _unanswered(result.flags, size, of)}
+    remark = _unanswered(result.flags, size, of)
+    return Answer(at=at, columns=columns, numbers=numbers, remark=remark, warnings=result.warnings)
 
 
-def _compared(result: CrossCheck) -> dict[str, object]:
+def _compared(at: Mapping[str, int], result: CrossCheck) -> Answer:
     """The verdict, and the comparison that uses up most of its tolerance."""
     rows = [
         (each.share or 0.0, run, each) for run in result.runs for each in run.discrepancies if each.share is not None
     ]
     judged = [row for row in rows if row[2].verdict in ("agrees", "disagrees")] or rows
     why = "; ".join(failure.why for failure in result.failures)
-    answer: dict[str, object] = {"verdict": result.verdict, "engine_failed": bool(why)}
-    answer |= {"remark" if result.runs else "failure": why}
-    if judged:
-        share, run, worst = max(judged, key=lambda row: row[0])
-        answer["columns"] = {"share": {"group": "share", "label": "largest difference over its tolerance", "unit": "1"}}
-        answer["numbers"] = {"share": share}
-        answer["farthest"] = {"run": run.title} | {
-            name: getattr(worst, name) for name in ("signal", "unit", "max", "tolerance", "at_crank_angle")
-        }
-    return answer
+    remark, failure = (why, "") if result.runs else ("", why)
+    answer = Answer(
+        at=at,
+        verdict=result.verdict,
+        engine_failed=bool(why),
+        remark=remark,
+        failure=failure,
+        warnings=result.warnings,
+    )
+    if not judged:
+        return answer
+    share, run, worst = max(judged, key=lambda row: row[0])
+    column = SweptColumn(group="share", label="largest difference over its tolerance", unit="1")
+    farthest = Farthest(
+        run=run.title,
+        signal=worst.signal,
+        unit=worst.unit,
+        max=worst.max,
+        tolerance=worst.tolerance,
+        at_crank_angle=worst.at_crank_angle,
+    )
+    update = {"columns": {"share": column}, "numbers": {"share": share}, "farthest": farthest}
+    return answer.model_copy(update=update)
 
 
 def _largest(values: np.ndarray) -> float | None:

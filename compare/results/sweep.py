@@ -13,6 +13,7 @@ from compare.results.document import Document, Mechanism, Number, Part, Row, Tex
 
 Asks = Literal["analyse", "accuracy", "platform_accuracy", "crosscheck"]
 FieldValue = float | str
+Group = Literal["reaction", "drive", "error", "worst_case", "share"]
 
 
 class SweptField(Part):
@@ -33,7 +34,7 @@ class SweptField(Part):
 class SweptColumn(Part):
     """A number that every point has."""
 
-    group: Literal["reaction", "drive", "error", "worst_case", "share"]
+    group: Group
     label: Text
     unit: Annotated[str, Field(description="SI; 1 of a share.")]
 
