@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 from markupsafe import Markup
 
 from analytic.mechanism import Mechanism
-from analytic.mechanism.model import as_written
 from analytic.mechanism.one_line import count
-from compare.quantities import DASH, assumptions, plain, shown
+from compare.quantities import DASH, plain, shown
 from compare.report.analysis_figures import Band, error_figures, transmission_figure
 from compare.report.figure import Figure, scaled
 from compare.report.linkage import both_poses, exaggeration, positions
+from compare.report.linkage_page import ERRORS, linkage_page
 from compare.report.mover import Column, Mover, Moving, Read, Side, opens
 from compare.report.moving_picture import moving_picture
-from compare.report.pages import PageSection, Script, figures_context, page, warnings_context
-from compare.report.peaks import NOTHING, error_peaks, over
+from compare.report.peaks import NOTHING, over
 from compare.report.svg import draw
-from compare.report.toleranced import on_page
 from compare.report.words.accuracy import cautions
 from compare.results.accuracy import Accuracy, Output
 
@@ -40,7 +37,15 @@ def files(result: Accuracy) -> dict[str, str]:
     drawings = {figure.name: draw(figure) for figure in drawn}
     moving = moving_picture(posed) if posed else ""
     moved = _mover(result, posed, Markup(moving)) if posed and moving else None
-    return {"accuracy.html": _page(result, drawn, drawings, moved), "accuracy.csv": result.to_csv()}
+    own = {
+        "facts": _facts(result),
+        "notes": list(cautions(result)),
+        "budget": list(_budget(result)),
+        "heads": ("sigma", "compliance", "total", "sensitive to"),
+        "dash": DASH,
+    }
+    text = linkage_page(result, "accuracy", own, (ERRORS, "accuracy/budget.html.j2"), drawn, drawings, moved)
+    return {"accuracy.html": text, "accuracy.csv": result.to_csv()}
 
 
 def figures(result: Accuracy) -> list[Figure]:
@@ -52,37 +57,6 @@ def figures(result: Accuracy) -> list[Figure]:
         spread = output.monte_carlo.free
         bands[name] = ("95 % of the samples", spread.low, spread.high)
     return [*error_figures(result, more, bands), *transmission_figure(result)]
-
-
-def _page(result: Accuracy, drawn: list[Figure], drawings: Mapping[str, str], moved: Mover | None) -> str:
-    context = figures_context(drawn, drawings) | warnings_context(result.warnings)
-    context |= {
-        "result": result,
-        "mover": moved,
-        "facts": _facts(result),
-        "notes": list(cautions(result)),
-        "errors": list(error_peaks(result)),
-        "toleranced": result.tolerances and on_page(result.tolerances, over(result)),
-        "budget": list(_budget(result)),
-        "heads": ("sigma", "compliance", "total", "sensitive to"),
-        "assumed": assumptions(result.assumed),
-        "mechanism": json.dumps(as_written(result.mechanism), indent=2, ensure_ascii=False),
-        "dash": DASH,
-    }
-    sections = ["linkage.html.j2"] * bool(moved) + ["errors.html.j2"] * bool(context["errors"])
-    sections += ["accuracy/budget.html.j2"] + ["tolerances.html.j2"] * bool(context["toleranced"])
-    sections += ["figures.html.j2", "provenance.html.j2"]
-    return page(
-        f"{result.case} {DASH} accuracy",
-        PageSection("accuracy/header.html.j2", context),
-        [PageSection(name, context) for name in sections],
-        script=Script(
-            ("chart.js", "linkage.js", "mover.js"),
-            {"figures": [asdict(figure) for figure in drawn], "motion": moved and moved.data()},
-        ),
-        skip_to="the linkage" if moved else "the errors",
-        footer="All values come from accuracy.json beside this page, which needs no network.",
-    )
 
 
 def _facts(result: Accuracy) -> dict[str, str]:

@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
-from dataclasses import asdict
 
 import numpy as np
 from markupsafe import Markup
 
 from analytic.mechanism import Load, Mechanism
-from analytic.mechanism.model import as_written
 from analytic.mechanism.one_line import count
-from compare.quantities import DASH, assumptions, number, plain, quantities, shown
+from compare.quantities import DASH, number, plain, quantities, shown
 from compare.report.analysis_figures import ROLES, figures
 from compare.report.figure import Figure, scaled
 from compare.report.linkage import both_poses, exaggeration
+from compare.report.linkage_page import ERRORS, linkage_page
 from compare.report.mover import Column, Mover, Moving, Read, Side, gap, opens
 from compare.report.moving_picture import moving_picture
-from compare.report.pages import PageSection, Script, figures_context, page, warnings_context
 from compare.report.peaks import (
     NOTHING,
     acting,
-    error_peaks,
     over,
     peaks,
     poor,
@@ -30,7 +26,6 @@ from compare.report.peaks import (
     unanswered,
 )
 from compare.report.svg import draw
-from compare.report.toleranced import on_page
 from compare.results.analysis import Analysis
 
 NOTE = (
@@ -52,32 +47,13 @@ def files(result: Analysis) -> dict[str, str]:
 def render(result: Analysis, drawn: Sequence[Figure], drawings: dict[str, str], moving: str) -> str:
     """The page (HTML, self-contained)."""
     x, moved = over(result), _mover(result, Markup(moving)) if moving else None
-    context = figures_context(drawn, drawings) | warnings_context(result.warnings)
-    context |= {
-        "result": result,
+    own = {
         "facts": _facts(result),
         "peaks": [each.row(x.unit) for each in peaks(result)],
-        "errors": list(error_peaks(result)),
-        "toleranced": result.tolerances and on_page(result.tolerances, x),
         "flags": [(count(len(at), "sample"), x.at(at[0]), why) for at, why in unanswered(result)],
-        "mover": moved,
-        "assumed": assumptions(result.assumed),
-        "mechanism": json.dumps(as_written(result.mechanism), indent=2, ensure_ascii=False),
     }
-    sections = ["linkage.html.j2"] * bool(moved) + ["analysis/peaks.html.j2"]
-    sections += ["errors.html.j2"] * bool(context["errors"]) + ["tolerances.html.j2"] * bool(context["toleranced"])
-    sections += ["figures.html.j2", "provenance.html.j2"]
-    return page(
-        f"{result.case} {DASH} reactions, torque and motion",
-        PageSection("analysis/header.html.j2", context),
-        [PageSection(name, context) for name in sections],
-        script=Script(
-            ("chart.js", "linkage.js", "mover.js"),
-            {"figures": [asdict(figure) for figure in drawn], "motion": moved and moved.data()},
-        ),
-        skip_to="the linkage" if moved else "the peaks",
-        footer="All values come from analysis.json beside this page, which needs no network.",
-    )
+    about = "reactions, torque and motion"
+    return linkage_page(result, about, own, ("analysis/peaks.html.j2", ERRORS), drawn, drawings, moved)
 
 
 def _facts(result: Analysis) -> dict[str, str]:

@@ -1,0 +1,57 @@
+"""What the pages of one linkage have alike: motion, errors of its outputs, what tolerances do, figures, provenance."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+
+from analytic.mechanism.model import as_written
+from compare.quantities import DASH, assumptions
+from compare.report.figure import Figure
+from compare.report.mover import Mover
+from compare.report.pages import PageSection, Script, figures_context, page, warnings_context
+from compare.report.peaks import error_peaks, over
+from compare.report.toleranced import on_page
+from compare.results.accuracy import Accuracy
+from compare.results.analysis import Analysis
+
+ERRORS = "errors.html.j2"
+
+
+def linkage_page(
+    result: Analysis | Accuracy,
+    about: str,
+    own: Mapping[str, object],
+    sections: Sequence[str],
+    drawn: Sequence[Figure],
+    drawings: Mapping[str, str],
+    moved: Mover | None,
+) -> str:
+    """The page (HTML, self-contained) ``about`` a linkage: what its templates need of their ``own``, and its
+    ``sections`` between the linkage in motion and the tolerances, of which errors are left out where there are none.
+    """
+    context = figures_context(list(drawn), dict(drawings)) | warnings_context(result.warnings)
+    context |= {
+        "result": result,
+        "mover": moved,
+        "errors": list(error_peaks(result)),
+        "toleranced": result.tolerances and on_page(result.tolerances, over(result)),
+        "assumed": assumptions(result.assumed),
+        "mechanism": json.dumps(as_written(result.mechanism), indent=2, ensure_ascii=False),
+    }
+    context |= own
+    shown = ["linkage.html.j2"] * bool(moved)
+    shown += [each for each in sections if each != ERRORS or context["errors"]]
+    shown += ["tolerances.html.j2"] * bool(context["toleranced"]) + ["figures.html.j2", "provenance.html.j2"]
+    return page(
+        f"{result.case} {DASH} {about}",
+        PageSection(f"{result.file.removesuffix('.json')}/header.html.j2", context),
+        [PageSection(name, context) for name in shown],
+        script=Script(
+            ("chart.js", "linkage.js", "mover.js"),
+            {"figures": [asdict(figure) for figure in drawn], "motion": moved and moved.data()},
+        ),
+        skip_to="the linkage" if moved else "the numbers",
+        footer=f"All values come from {result.file} beside this page, which needs no network.",
+    )
