@@ -51,6 +51,7 @@ from sim_models.common.simulate import answered
 from sim_models.engine import Motion, Request, engine
 
 FEWEST = 8  # crank angles between which they are looked for
+ROUNDING = 1e-9  # of what a table of a load goes over: by so much a motion does not leave it
 MOST_TURNS = 4  # that are looked through so closely
 
 
@@ -164,17 +165,25 @@ def _of_outputs(assembly: Assembly, schedule: Schedule, motion: Motion) -> tuple
 
 
 def _without_use(m: Mechanism, side: Reference, time: np.ndarray) -> Iterator[str]:
-    """Loads that vary and act nowhere in this motion, each in a sentence."""
+    """Loads that vary and act nowhere in this motion, or whose tables end before it does, each in a sentence."""
     for load in (load for load in m.loads if load.over):
         values = m.load_values(load, side.signals, time)
         if values is None or not np.isfinite(values).any():
             continue
         angular = m.load_quantities[load.over].kind == "angle"
+        low, high = (float(f(values)) for f in (np.nanmin, np.nanmax))
+        unit, factor = shown(m.load_quantities[load.over].unit)
+        span = f"{plain(factor * low, 4)} to {plain(factor * high, 4)} {unit}"
         if not np.any(np.nan_to_num(load.share(values, angular))):
-            low, high = (float(f(values)) for f in (np.nanmin, np.nanmax))
-            unit, factor = shown(m.load_quantities[load.over].unit)
-            span = f"{plain(factor * low, 4)} to {plain(factor * high, 4)} {unit}"
             yield f"{m.name}: the load on {load.body} acts nowhere: {load.over} goes from {span}"
+        elif load.table and not angular:
+            first, last = load.table[0][0], load.table[-1][0]
+            if max(first - low, high - last) > ROUNDING * (last - first):
+                known = f"{plain(factor * first, 4)} to {plain(factor * last, 4)} {unit}"
+                yield (
+                    f"{m.name}: the load on {load.body} is told for {load.over} from {known}, and that goes from"
+                    f" {span}: beyond its table a load stays as it is at the end"
+                )
 
 
 def _extremes(assembly: Assembly, theta: np.ndarray, inertia: bool, model: Model) -> dict[str, Extremes]:

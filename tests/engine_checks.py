@@ -8,7 +8,9 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 
 import numpy as np
+import pytest
 
+import linkage_crosscheck as lc
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import kinematics
 from analytic.mechanism import Mechanism
@@ -16,6 +18,8 @@ from analytic.mechanism.file import load
 from analytic.paper.clearance import displaced
 from analytic.paper.kinetostatics import kinetostatics
 from asked import request_of
+from compare.results.crosscheck import Run
+from engines_here import missing
 from ode import ClearanceMotion, clearance_four_bar_ode
 from sim_models.common.free_share import free_share
 from sim_models.engine import (
@@ -54,6 +58,34 @@ def declared_runs(
             if pair in scope.runs if feature is None else (feature, pair) in scope.features:
                 found.append((name, model))
     return found
+
+
+CALM: list[tuple[str, JointModel, Motion]] = [
+    (name, model, motion)
+    for motion in ("driven", "static")
+    for name, model in declared_runs(motion)
+    if motion == "static" or model == "ideal"
+]  # pins in motion may lift off
+
+
+def agreed(
+    name: str,
+    mechanism: Mechanism,
+    joint_model: JointModel,
+    motion: Motion,
+    clearance: Mapping[str, float],
+    angles: object,
+) -> Run:
+    """The run of an engine, asserted to agree with the analytic model; ``clearance`` (m) is not of ideal joints."""
+    if missing(name):
+        pytest.skip(missing(name))
+    loose = {} if joint_model == "ideal" else clearance
+    result = lc.crosscheck(
+        mechanism, simulator=name, joint_model=joint_model, motion=motion, clearance=loose, angles=angles
+    )
+    (run,) = result.runs
+    assert run.verdict == "agrees", [(d.signal, d.max, d.tolerance) for d in run.discrepancies if d.verdict != "agrees"]
+    return run
 
 
 def run(

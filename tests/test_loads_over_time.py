@@ -12,7 +12,7 @@ from analytic.beyond_paper.released import released
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import load, loads
-from engine_checks import declared_runs
+from engine_checks import agreed, declared_runs
 from engines_here import missing
 from marks import slow_but
 from sim_models.common.units import Units
@@ -49,12 +49,7 @@ RUNS = [*declared_runs("driven")]
 
 @pytest.mark.parametrize(("name", "model"), slow_but([("mujoco", "ideal"), ("pybullet", "ideal")], RUNS))
 def test_every_engine_that_has_such_loads_agrees(name: str, model: JointModel) -> None:
-    if missing(name):
-        pytest.skip(missing(name))
-    clearance = {} if model == "ideal" else {"B": 1e-4}
-    m = press(PUSH, PULSE, STEADY)
-    (run,) = lc.crosscheck(m, simulator=name, joint_model=model, clearance=clearance, angles=TURN).runs
-    assert run.verdict == "agrees", [(d.signal, d.max, d.tolerance) for d in run.discrepancies if d.verdict != "agrees"]
+    agreed(name, press(PUSH, PULSE, STEADY), model, "driven", {"B": 1e-4}, TURN)
 
 
 def wheel(*given: Load) -> Mechanism:

@@ -13,7 +13,7 @@ from analytic.beyond_paper.released import released
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.mechanism import Load, Mechanism, MechanismError
 from analytic.mechanism.file import dumps, load, loads
-from engine_checks import declared_runs
+from engine_checks import CALM, agreed
 from engines_here import missing
 from marks import slow_but
 from sim_models.engine import JointModel, Motion, Unsupported
@@ -145,31 +145,13 @@ def test_a_drive_the_other_way_turns_it_round() -> None:
         np.testing.assert_allclose(torque - free, -extra("static", TOOL), atol=1e-11)
 
 
-RUNS = [
-    (name, model, motion)
-    for motion in ("driven", "static")
-    for name, model in declared_runs(motion)
-    if motion == "static" or model == "ideal"
-]
-
-
 @pytest.mark.parametrize(
-    ("name", "model", "motion"), slow_but([("mujoco", "ideal", "driven"), ("pybullet", "ideal", "static")], RUNS)
+    ("name", "model", "motion"),
+    slow_but([("mujoco", "ideal", "driven"), ("pybullet", "ideal", "static")], CALM),
 )
 def test_every_engine_that_has_such_loads_agrees(name: str, model: JointModel, motion: Motion) -> None:
-    if missing(name):
-        pytest.skip(missing(name))
     steady = Load(body="ram", force=(0.0, -900.0))
-    result = lc.crosscheck(
-        shaper(TOOL, BRAKE, steady),
-        simulator=name,
-        joint_model=model,
-        motion=motion,
-        clearance={} if model == "ideal" else {"A": 5e-4},
-        angles=TURN,
-    )
-    (run,) = result.runs
-    assert run.verdict == "agrees", [(d.signal, d.max, d.tolerance) for d in run.discrepancies if d.verdict != "agrees"]
+    agreed(name, shaper(TOOL, BRAKE, steady), model, motion, {"A": 5e-4}, TURN)
 
 
 @pytest.mark.parametrize("name", slow_but(["mujoco"], ["mujoco", "exudyn", "pybullet", "dart"]))

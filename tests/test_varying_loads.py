@@ -13,8 +13,7 @@ from analytic.mechanism import Load, Mechanism, MechanismError
 from analytic.mechanism.file import dumps, load, loads
 from compare.diagnose.data.measured import MeasuredError
 from compare.diagnose.data.measured_file import read_file
-from engine_checks import declared_runs
-from engines_here import missing
+from engine_checks import CALM, agreed
 from marks import slow_but
 from sim_models.common.units import Units
 from sim_models.engine import JointModel, Motion, Unsupported
@@ -98,32 +97,13 @@ def test_clearance_is_taken_up_where_the_load_presses() -> None:
     np.testing.assert_allclose(np.angle(np.exp(1j * (force - lies))), 0.0, atol=1e-6)
 
 
-RUNS = [
-    (name, model, motion)
-    for motion in ("driven", "static")
-    for name, model in declared_runs(motion)
-    if motion == "static" or model == "ideal"
-]
-
-
 @pytest.mark.parametrize(
-    ("name", "model", "motion"), slow_but([("mujoco", "ideal", "driven"), ("pybullet", "ideal", "static")], RUNS)
+    ("name", "model", "motion"),
+    slow_but([("mujoco", "ideal", "driven"), ("pybullet", "ideal", "static")], CALM),
 )
 def test_every_engine_that_has_such_loads_agrees(name: str, model: JointModel, motion: Motion) -> None:
-    if missing(name):
-        pytest.skip(missing(name))
-    clearance = {} if model == "ideal" else {"B": 5e-4}
     steady = Load(body="slider", force=(-300.0, 0.0))  # the pin never leaves its side, whatever varies beside
-    result = lc.crosscheck(
-        press(PUSH, TOOL, steady, speed=12.0),
-        simulator=name,
-        joint_model=model,
-        motion=motion,
-        clearance=clearance,
-        angles=TURN,
-    )
-    (run,) = result.runs
-    assert run.verdict == "agrees", [(d.signal, d.max, d.tolerance) for d in run.discrepancies if d.verdict != "agrees"]
+    run = agreed(name, press(PUSH, TOOL, steady, speed=12.0), model, motion, {"B": 5e-4}, TURN)
     torque = run.simulated["drive_torque"]
     assert np.ptp(torque) > 10  # the loads are felt
 
@@ -141,6 +121,17 @@ def test_links_that_bend_say_which_they_would_leave_out() -> None:
     bends = press(PUSH).with_body("rod", youngs_modulus=2e11, shear_modulus=8e10, section=(0.01, 0.01))
     with pytest.raises(Unsupported, match=r"no loads that vary .* over = 'position_S' of the load on 'slid"):
         lc.crosscheck(bends, simulator="exudyn", joint_model="ideal", motion="static", flexible=True, angles=TURN)
+
+
+def test_a_motion_that_leaves_the_table_of_a_load_is_told() -> None:
+    """The slider of the slider-crank goes from l - r = 0.07 m to l + r = 0.17 m, of which the samples miss the ends."""
+    x, _ = travel(TURN)
+    span = f"slider_x from 70 to 120 mm, and that goes from {1e3 * x.min():.4g} to {1e3 * x.max():.4g} mm"
+    for last, told in ((0.17, False), (0.12, True)):
+        gas = Load(body="slider", force=(-100.0, 0.0), over="slider_x", table=((0.07, 0.0), (last, 1.0)))
+        said = " ".join(lc.analyse(press(gas), angles=TURN).warnings)
+        assert (span in said) is told
+        assert ("beyond its table" in said) is told
 
 
 def test_a_file_keeps_its_loads() -> None:
