@@ -69,7 +69,7 @@ def _sentence(where: str, faults: list[Any], model: type[BaseModel]) -> str:
     if fault["type"] == "model_type":
         fields = ", ".join(accepted(fault["loc"], model))
         return f"{where} = {quoted(fault['input'])}: give a table with the fields {fields}"
-    if isinstance(fault["input"], Mapping) and fault["input"]:  # a table in its own words
+    if fault["type"] == "value_error" and isinstance(fault["input"], Mapping) and fault["input"]:  # rightly a table
         words = ", ".join(f"{name} = {quoted(value)}" for name, value in fault["input"].items())
         return f"{where} with {brief(words)}: {message[0].lower()}{message[1:]}"
     return f"{where} = {quoted(fault['input'])}: {message[0].lower()}{message[1:]}"
