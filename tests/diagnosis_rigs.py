@@ -18,7 +18,7 @@ from analytic.mechanism.signals import named as named_signals
 from asked import request_of
 from compare.diagnose.data.recording import Channel, Measured, MeasuredRun
 from compare.diagnose.workflow import diagnose
-from compare.results.diagnosis import Diagnosis
+from compare.results.diagnosis import Diagnosis, Estimate, TriedEffect
 from sim_models.engine import engine
 from tests.evidence.scoreboard.hidden import Hidden
 from tests.evidence.scoreboard.record import recorded, with_noise
@@ -166,3 +166,10 @@ def assert_recovered(result: Result, *truth: Planted) -> None:
             assert abs(p["value"] - value) <= 4 / 1.96 * 0.5 * (p["high"] - p["low"]) + 1e-12, (
                 f"{parameter} is {value}, found {p}"
             )
+
+
+def valued(name: str, where: str, parameters: Mapping[str, Estimate]) -> TriedEffect:
+    """An effect with its values, as a result has it."""
+    return TriedEffect(
+        name=name, where=where, parameters=parameters, kind="rig", share=0.1, gap_before=2.0, gap_after=1.0, failed="it"
+    )

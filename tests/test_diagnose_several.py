@@ -33,7 +33,8 @@ from compare.diagnose.preview import preview
 from compare.diagnose.workflow import diagnose
 from compare.report.diagnosis_page import diagnosis_html, diagnosis_md
 from compare.report.words.effects import own_values
-from compare.results.diagnosis import Diagnosis, Estimate, SmallError
+from compare.results.diagnosis import Diagnosis, Estimate
+from diagnosis_rigs import valued
 from measured_files import RunTable, write_measured
 from several_linkages import third_bar
 from sim_models.engine import engine
@@ -256,7 +257,7 @@ def test_a_drive_that_is_left_free_is_named(tmp_path: Path) -> None:
 def test_zeros_of_each_run_say_of_which_encoder_they_are() -> None:
     values = {f"offset@run{k}": Estimate(value=x, low=x, high=x, unit="rad") for k, x in enumerate((-0.006, 0.003))}
     result = SimpleNamespace(mechanism=load("five-bar"), runs=())
-    error = SmallError(name="encoder_offset", where="position_E", parameters=values)
+    error = valued("encoder_offset", "position_E", values)
     own = own_values(result, error)  # type: ignore[arg-type]
     assert own is not None
     assert own.called == "encoder zero for E position"

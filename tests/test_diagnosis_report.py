@@ -32,7 +32,8 @@ from compare.report.words.diagnosis import attempts, next_steps, separation, tie
 from compare.report.words.effects import odds, own_values, parameter, phrase, spoken, values_of
 from compare.report.words.located import located, span, wrapped
 from compare.report.words.measured import data_sentences, explained_to, off, off_by
-from compare.results.diagnosis import Diagnosis, Effect, Estimate, Located, SmallError
+from compare.results.diagnosis import Diagnosis, Effect, Estimate, Located
+from diagnosis_rigs import valued
 from marks import slow
 from sample_diagnosis import (
     CLEARANCE,
@@ -378,7 +379,7 @@ def test_a_sentence_of_an_effect_says_which_way(
     positive, negative = SENTENCES[f"{effect.name}.{p.name}"]
     for value, said in ((0.02, positive), (-0.02, negative)):
         given = {p.name: Estimate(value=value, unit=unit, low=value, high=value)}
-        told = effect.tells(place, values_of(result, SmallError(name=effect.name, where=where, parameters=given)))
+        told = effect.tells(place, values_of(result, valued(effect.name, where, given)))
         assert told.endswith(said)
         assert (told == said) is (value > 0)
         assert MINUS not in told
@@ -389,8 +390,8 @@ def test_a_direction_has_its_interval_counted_its_way(explained: dict[str, Any])
     shorter = {"length_error": Estimate(value=-2.98e-4, unit="m", low=-3.01e-4, high=-2.95e-4)}
     unsure = {"length_error": Estimate(value=-2.98e-4, unit="m", low=-7e-4, high=1e-4)}
     sure_words, unsure_words = (
-        *values_of(result, SmallError(name="link_length", where="follower", parameters=shorter), intervals=True),
-        *values_of(result, SmallError(name="link_length", where="follower", parameters=unsure), intervals=True),
+        *values_of(result, valued("link_length", "follower", shorter), intervals=True),
+        *values_of(result, valued("link_length", "follower", unsure), intervals=True),
     )
     assert sure_words == "0.2980 mm shorter than drawn (95 %: 0.2950 to 0.3010 mm)"
     assert unsure_words == f"0.30 mm shorter than drawn (95 %: {MINUS}0.10 to 0.70 mm)"
@@ -403,7 +404,7 @@ def test_a_link_that_is_drawn_backwards_is_longer_where_its_last_point_moves_bac
         moved = VOCABULARY["link_length"].on_mechanism(m, "follower", {"length_error": error})
         assert np.sign(moved.moving["follower"].length - 0.1) == -np.sign(error)
         given = {"length_error": Estimate(value=error, unit="m", low=error - 1e-5, high=error + 1e-5)}
-        assert values_of(result, SmallError(name="link_length", where="follower", parameters=given)) == [said]
+        assert values_of(result, valued("link_length", "follower", given)) == [said]
 
 
 def test_values_of_each_run_are_a_range_and_have_one_unit(explained: dict[str, Any]) -> None:
@@ -412,20 +413,15 @@ def test_values_of_each_run_are_a_range_and_have_one_unit(explained: dict[str, A
         "offset@b": Estimate(value=0.0628, unit="rad", low=0.0623, high=0.0633),
     }
     result = as_document(explained)
-    own = own_values(result, SmallError(name="encoder_offset", where="crank_angle", parameters=given))
+    own = own_values(result, valued("encoder_offset", "crank_angle", given))
     assert own is not None
     assert own.sentence(2) == "each run has its own encoder zero, 1.7 deg too little to 3.6 deg too much"
     assert own.sentence(6).startswith("two of six runs have their own encoder zero")
     assert own.runs[0] == ("a", f"{MINUS}1.702 deg", f"{MINUS}1.730 to {MINUS}1.673 deg")
     assert [value.split()[-1] for _, value, _ in own.runs] == ["deg", "deg"]  # the first alone would be in mrad
-    assert (
-        own_values(
-            result, SmallError(name="joint_clearance", where="B", parameters={"radial_clearance": given["offset@a"]})
-        )
-        is None
-    )
+    assert own_values(result, valued("joint_clearance", "B", {"radial_clearance": given["offset@a"]})) is None
     jitter = {f"jitter@{run}": Estimate(value=s, unit="s", low=s, high=s) for run, s in (("a", 4e-4), ("b", 1.3e-3))}
-    own = own_values(result, SmallError(name="stamp_jitter", where="crank_angle", parameters=jitter))
+    own = own_values(result, valued("stamp_jitter", "crank_angle", jitter))
     assert own is not None
     unsigned = "each run has its own jitter of the time stamps, 0.4 to 1.3 ms"  # no plus sign where none is negative
     assert own.sentence(2) == unsigned
@@ -490,21 +486,6 @@ def test_aliases_that_name_each_other_are_one_tie(explained: dict[str, Any]) -> 
         ["joint_clearance"],
     ]
     assert isinstance(groups[0][1], Effect)
-
-
-def test_small_errors_are_told_beside_the_effect_that_they_may_be(explained: dict[str, Any]) -> None:
-    error = {
-        "name": "link_length",
-        "where": "crank",
-        "parameters": {"length_error": {"value": 1e-4, "unit": "m", "low": 0.9e-4, "high": 1.1e-4}},
-    }
-    clearance = explained["effects"][0] | {"small_errors": [error, error | {"where": "coupler"}]}
-    result = as_document(explained | {"verdict": "ambiguous", "effects": [clearance]})
-    said = "an error in the length of the crank (0.100 mm longer than drawn) and an error in the length of the coupler"
-    assert any(line.startswith(f"or small errors of the rig together: {said}") for line in terminal_lines(result))
-    assert said in diagnosis_md(result)
-    assert said in diagnosis_html(result)
-    assert any(step.startswith("Measure at the rig what clearance in joint B may") for step in next_steps(result))
 
 
 @pytest.mark.parametrize(

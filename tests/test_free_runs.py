@@ -1,4 +1,4 @@
-"""Released runs: the freedom that is integrated, the same read backward, and the turn of an encoder."""
+"""Released runs: the freedom that is integrated, runs in pieces, and the turn of an encoder."""
 
 from __future__ import annotations
 
@@ -19,10 +19,11 @@ from analytic.mechanism.file import load
 from analytic.mechanism.signals import wrapped
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import Channel, Measured, MeasuredRun
-from compare.diagnose.inverse import beginnings
+from compare.diagnose.fit import Space
+from compare.diagnose.predict import StartOfRun, Term, pieces
 from compare.diagnose.prepare import on_one_turn
 from compare.diagnose.problem import Options, Problem
-from compare.diagnose.search import costs
+from compare.diagnose.released import in_pieces
 from diagnosis_rigs import diagnosed
 from tests.evidence.scoreboard.bench.pendulum import Pendulum
 from tests.evidence.scoreboard.sizes import Planted
@@ -92,7 +93,7 @@ def test_a_linkage_without_positive_inertia_has_no_motion(inertia: float) -> Non
     assert np.isfinite(theta[1]).all(), "the others of the batch go on"
 
 
-# ---------------------------------------------------------------- released runs, read backward
+# ---------------------------------------------------------------- released runs in pieces
 
 
 def swings(turns: Sequence[int] = (0, 0)) -> Measured:
@@ -111,38 +112,66 @@ def swings(turns: Sequence[int] = (0, 0)) -> Measured:
     return Measured(PENDULUM, tuple(runs), {}, (), "rig")
 
 
-def begun(measured: Measured, *only: str) -> list[dict[str, dict[str, float]]]:
-    """What each beginning says of each effect, by name."""
-    problem = Problem.of(on_one_turn(measured), PENDULUM, Options("mujoco", only=only, others=False, workers=1))
-    wanted = [t for t in problem.terms if t.key not in problem.ruled_out]
-    found = beginnings(problem.model, problem.fitter.bounds, costs(wanted, problem.rig, problem.data.size))
-    return [
-        {t.effect.name: t.effect.values(problem.rig, t.where, x, t.variant) for t, x in each.effects.items()}
-        for each in found
-    ]
+def problem_of(measured: Measured, *only: str) -> Problem:
+    return Problem.of(on_one_turn(measured), PENDULUM, Options("mujoco", only=only, others=False, workers=1))
 
 
-def assert_one_near(beginnings: list[dict[str, dict[str, float]]]) -> None:
-    """One beginning has a spring and a damper within 5 % of what they are, and nothing else."""
-    (found,) = (each for each in beginnings if set(each) == {"joint_spring", "viscous_friction"})
-    assert found["joint_spring"]["stiffness"] == pytest.approx(SPRING, rel=0.05)
-    assert wrapped(np.array(found["joint_spring"]["rest_angle"] - REST)) == pytest.approx(0.0, abs=0.02)
-    assert found["viscous_friction"]["damping"] == pytest.approx(DAMPER, rel=0.05)
+def in_parts(problem: Problem) -> dict[Term, np.ndarray]:
+    """The starts of the pieces that a diagnosis begins with."""
+    return dict(in_pieces(problem.fitter, dict(zip(problem.base.terms, problem.base.x, strict=True))))
+
+
+def test_pieces_that_start_on_a_motion_are_that_motion() -> None:
+    """A pendulum with a spring and a damper, by SciPy, in one, four and thirty pieces."""
+    real = PENDULUM.with_joint("O", stiffness=SPRING, rest_angle=REST, damping=DAMPER)
+    model = Problem.of(swings(), real, Options("mujoco", others=False, workers=1)).model
+    (run, _), (q, w) = model.measured.runs, swung(SPRING, REST, DAMPER, STARTS[0], TIME)
+    for count in (1, 4, 30):
+        begin = [piece.start for piece in pieces(TIME.size, count)]
+        term = Term(StartOfRun(), run.name, float(count))
+        values = term.effect.values(model.rig, run.name, np.column_stack([q[begin], w[begin]]).ravel(), term.variant)
+        (found,) = model.released(run, [[(term, values)]])
+        assert found is not None
+        np.testing.assert_allclose(found["pendulum_angle"], q, atol=1e-6)
+        np.testing.assert_allclose(found["pendulum_angular_velocity"], w, atol=1e-4)
+
+
+def test_a_run_goes_in_pieces_that_the_nominal_mechanism_nearly_follows() -> None:
+    """With a spring of forty times its weight a pendulum does otherwise at once; without, in one piece."""
+    parted = in_parts(problem_of(swings(), "joint_spring"))
+    assert all(term.variant > 8 for term in parted)
+    time, runs = swings().runs[0].time, []
+    for run, start in zip(swings().runs, STARTS, strict=True):
+        clean = dict(zip(NOISE, swung(0.0, 0.0, 1e-6, start, time), strict=True))
+        runs.append(replace(run, channels={s: replace(c, values=clean[s]) for s, c in run.channels.items()}))
+    whole = in_parts(problem_of(replace(swings(), runs=tuple(runs)), "viscous_friction"))
+    assert [(term.where, term.variant) for term in whole] == [("swing-0", 0.0), ("swing-1", 0.0)]
+
+
+def test_starts_of_all_pieces_are_probed_at_once_as_one_by_one() -> None:
+    fitter, starts = (problem := problem_of(swings(), "joint_spring")).fitter, in_parts(problem)
+    space, point = Space(list(starts), problem.rig, fitter.bounds), np.concatenate(list(starts.values()))
+    together = fitter._begun(space, point, space.scale)
+    (here,) = fitter.residuals(space.terms, [space.parted(point)])
+    assert here is not None
+    for k in (0, 1, 2 * int(space.terms[0].variant) - 1, point.size - 2):
+        (there,) = fitter.residuals(space.terms, [space.parted(point + space.scale * (np.arange(point.size) == k))])
+        assert there is not None
+        np.testing.assert_allclose(together[:, k], (there - here) / space.scale[k], rtol=1e-6, atol=1e-6)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("turns", [(0, 0), (0, 1), (1, 0), (-1, 1)])
-def test_a_stiff_spring_and_a_damper_begin_near_what_they_are(turns: tuple[int, int]) -> None:
-    """Whichever turn each run's encoder counts from."""
-    assert_one_near(begun(swings(turns), "joint_spring", "viscous_friction"))
-
-
-@pytest.mark.slow
-def test_read_backward_one_of_the_beginnings_is_near_with_the_whole_vocabulary() -> None:
-    """A larger moment of inertia with a stiffer spring and a stronger damper moves the same way but for gravity's part:
-    which it is, the fits of the motion say.
+def test_a_stiff_spring_and_a_damper_are_found_among_the_whole_vocabulary(turns: tuple[int, int]) -> None:
+    """Whichever turn each run's encoder counts from; a larger moment of inertia with a stiffer spring and a stronger
+    damper moves the same way but for gravity's part.
     """
-    assert_one_near(begun(swings()))
+    problem = problem_of(swings(turns))
+    found = {n.term.effect.name: n.parameters for n in problem.explanation().named}
+    assert set(found) == {"joint_spring", "viscous_friction"}
+    assert found["joint_spring"]["stiffness"].value == pytest.approx(SPRING, rel=2e-3)
+    assert wrapped(np.array(found["joint_spring"]["rest_angle"].value - REST)) == pytest.approx(0.0, abs=2e-3)
+    assert found["viscous_friction"]["damping"].value == pytest.approx(DAMPER, rel=1e-2)
 
 
 # ---------------------------------------------------------------- a heavy payload, with and without a load cell
@@ -168,22 +197,23 @@ def laden(cell: bool = True, time: np.ndarray = TIME) -> Measured:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("missing", [0, 6])
-def test_read_backward_a_load_cell_tells_a_payload_whatever_the_encoder_misses(missing: int) -> None:
+def test_a_load_cell_tells_a_payload_whatever_the_encoder_misses(missing: int) -> None:
     measured = laden()
     measured.runs[0].channels["pendulum_angle"].values[:missing] = np.nan
-    found = begun(measured, "payload", "gravity", "com_offset")[0]
-    assert set(found) == {"payload"}
+    (found,) = problem_of(measured, "payload", "gravity", "com_offset").explanation().named
+    assert found.term.effect.name == "payload"
     for parameter, value in HEAVY.values.items():
-        assert found["payload"][parameter] == pytest.approx(value, rel=0.02), parameter
+        assert found.parameters[parameter].value == pytest.approx(value, rel=0.02), parameter
 
 
 @pytest.mark.slow
-def test_a_run_in_which_the_encoder_rests_on_a_count_is_read_backward_too() -> None:
+def test_a_run_in_which_the_encoder_rests_on_a_count_tells_of_a_spring_too() -> None:
     measured = swings()
     run = measured.runs[0]
     still = {s: replace(c, values=np.full(TIME.size, REST), noise_given=False) for s, c in run.channels.items()}
     resting = replace(run, name="resting", channels={"pendulum_angle": still["pendulum_angle"]})
-    assert begun(replace(measured, runs=(*measured.runs, resting)), "joint_spring", "viscous_friction")
+    problem = problem_of(replace(measured, runs=(*measured.runs, resting)), "joint_spring", "viscous_friction")
+    assert {n.term.effect.name for n in problem.explanation().named} == {"joint_spring", "viscous_friction"}
 
 
 @pytest.mark.slow

@@ -253,8 +253,8 @@ OPTIONS_MATTER: list[Row] = [
 ]
 ELSEWHERE = {  # options whose effect another test shows
     ("diagnose", "measured"): "below, field by field",
-    ("diagnose", "only"): "test_admission.py",
-    ("diagnose", "exclude"): "test_admission.py",
+    ("diagnose", "only"): "test_left_out.py",
+    ("diagnose", "exclude"): "test_left_out.py",
     ("diagnose", "adopt"): "test_proposals.py",
     ("diagnose", "others"): "test_diagnose.py",
     ("diagnose", "budget"): "test_budget.py",

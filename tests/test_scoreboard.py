@@ -30,7 +30,7 @@ from compare.diagnose.fit import Fitter
 from compare.diagnose.predict import Term
 from compare.diagnose.problem import Options, Problem
 from compare.faults import Exit, OptionError
-from compare.results.diagnosis import Closing, Diagnosis, Effect, Estimate, Proposed, SamePlace, SmallError, Unknown
+from compare.results.diagnosis import Closing, Diagnosis, Effect, Proposed, SamePlace, Unknown
 from compare.results.document import DocumentError
 from diagnosis_rigs import SENSORS
 from document_faults import faults
@@ -1264,18 +1264,6 @@ def test_on_the_bench_a_gap_that_stays_and_a_value_that_is_off_are_not_good() ->
     twice = tuple(e.model_copy(update={"parameters": {"bias": 0.9}}) for e in off.effects)
     assert not score(on_bench(BIAS), off.model_copy(update={"effects": twice})).good
     assert score(on_bench(BIAS), off.model_copy(update={"effects": twice, "kind": "large"})).good
-
-
-def test_small_errors_that_are_truly_there_make_a_name_right_and_others_do_not() -> None:
-    known = bench_truth(BIAS)
-    for errors, outcome in (((SLIGHT,), "exact"), ((SLIGHT, LENGTH), "wrong"), ((), "wrong")):
-        small = tuple(
-            SmallError(name=n, where=w, parameters={"x": Estimate(value=1e-4, unit="m", low=0.0, high=1.0)})
-            for n, w in errors
-        )
-        told = on_bench(BIAS, GAIN)
-        effects = tuple(e.model_copy(update={"small_errors": small if e.name == GAIN[0] else ()}) for e in told.effects)
-        assert score(told.model_copy(update={"effects": effects}), known).outcome == outcome
 
 
 def test_a_ground_pivot_is_off_where_the_others_are() -> None:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from compare.diagnose.explain import explain
-from compare.diagnose.problem import Options, Problem
 from diagnosis_rigs import Result, diagnosed, experiment, named, played, turn, wrong
 from marks import slow
 from tests.evidence.scoreboard.sizes import Planted
@@ -39,32 +37,3 @@ def test_friction_at_the_crank_is_named_first_though_zeros_of_each_run_fit_as_we
     result = told(wrong("coulomb_friction", "D", friction_torque=0.012), seed=seed)
     assert named(result)[0] == ("coulomb_friction", "D")
     assert all(t["odds"] < 1 for e in result["effects"] for t in e["ambiguous_with"] if t["name"] == "sensor_bias")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("hidden", "rich", "beyond"),
-    [
-        (wrong("joint_spring", "B", stiffness=0.3, rest_angle=1.0), "nonlinear_spring", {"cubic": 0.01}),
-        *slow(
-            (
-                wrong("coulomb_friction", "E", friction_torque=0.05),
-                "stribeck_friction",
-                {"static_torque": 0.05, "stribeck_speed": 0.5},
-            )
-        ),
-    ],
-    ids=["spring", "friction"],
-)
-def test_a_richer_form_that_a_search_ended_with_and_that_brings_nothing_is_its_simple_one(
-    hidden: Planted, rich: str, beyond: dict[str, float]
-) -> None:
-    measured = played(experiment(*RUNS, sensors=NOISE), hidden)
-    problem = Problem.of(measured, measured.mechanism, Options("mujoco", others=False, workers=1))
-    search = problem.prepare_search()
-    term = next(t for t in search.cost if (t.effect.name, t.where) == (rich, hidden.where))
-    start = {term: term.effect.natural(problem.rig, term.where, {**hidden.values, **beyond}, term.variant)}
-    ended = search.fitter.fit([term], start)
-    assert ended is not None
-    (found,) = explain(search, ended).named
-    assert found.term.key == (hidden.name, hidden.where)

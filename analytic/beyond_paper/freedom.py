@@ -124,17 +124,29 @@ def swing(
     freedoms: Sequence[Freedom], start: np.ndarray, time: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Angles (P, N) rad, rates (P, N) rad/s and accelerations (P, N) of P linkages released at ``start`` (P, 2), at
-    times (N,) s from 0.
+    times (N,) s from 0 (:func:`swings`).
+    """
+    theta, omega, alpha = np.stack(swings(freedoms, start, [time] * len(freedoms)), axis=1)
+    return theta, omega, alpha
+
+
+def swings(freedoms: Sequence[Freedom], start: np.ndarray, times: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Angle (rad), rate (rad/s) and acceleration (3, N) of each linkage, released at ``start`` (P, 2), at its own times
+    (N,) s from 0.
 
     Runge-Kutta of fourth order, at most 1 ms and one degree a step; a step in which the crank comes to rest is parted
     there, where friction turns with it or holds it.  A motion that diverges is NaN from there on.
     """
     from analytic.beyond_paper.swing_loop import integrate  # compiled at its first call
 
-    rows = max(len(f.table) for f in freedoms)
-    tables = np.stack([padded(np.pad(f.table, ((0, rows - len(f.table)), (0, 0)))) for f in freedoms])
+    each = {id(freedom): freedom for freedom in freedoms}
+    place = {key: k for k, key in enumerate(each)}
+    rows = max(len(freedom.table) for freedom in each.values())
+    tables = np.stack([padded(np.pad(f.table, ((0, rows - len(f.table)), (0, 0)))) for f in each.values()])
     start = np.ascontiguousarray(start, float)
-    longest = min(1e-3, math.radians(1.0) / max(1.0, float(np.abs(start[:, 1]).max())))
-    out = np.empty((3, len(freedoms), time.size))
-    integrate(tables, start, np.ascontiguousarray(time, float), longest, out)
-    return out[0], out[1], out[2]
+    ends = np.cumsum([0, *(time.size for time in times)])
+    out = np.empty((3, ends[-1]))
+    longest = np.minimum(1e-3, math.radians(1.0) / np.maximum(1.0, np.abs(start[:, 1])))
+    which = np.array([place[id(freedom)] for freedom in freedoms])
+    integrate(tables, which, start, np.concatenate(times).astype(float), ends, longest, out)
+    return np.split(out, ends[1:-1], axis=1)

@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numba import njit
 
-DIVERGED_SPEED = 1e6  # rad/s; a motion beyond it has diverged
+FASTEST = math.pi / 2  # rad a step: what turns faster has run away, and no step of it is followed any more
 MOST_RESTS = 4  # of the crank within a step, at most
 SECANTS = 2  # to the moment at which the crank is at rest
 
@@ -113,22 +113,31 @@ def move(table: np.ndarray, theta: float, omega: float, h: float) -> tuple[float
 
 
 @njit(cache=True)
-def integrate(tables: np.ndarray, start: np.ndarray, time: np.ndarray, longest: float, out: np.ndarray) -> None:
-    """Fill ``out`` (3, P, N) with angles, rates and accelerations of P linkages, released at ``start`` (P, 2), at times
-    (N,) s.  Steps are of ``longest`` (s) or less; a motion is NaN from where it diverges.
+def integrate(
+    tables: np.ndarray,
+    which: np.ndarray,
+    start: np.ndarray,
+    time: np.ndarray,
+    ends: np.ndarray,
+    longest: np.ndarray,
+    out: np.ndarray,
+) -> None:
+    """Fill ``out`` (3, N) with angles, rates and accelerations of P motions, one after the other: of the linkage
+    ``which`` (P,), released at ``start`` (P, 2), at the times (N,) s from ``ends[p]`` to ``ends[p + 1]``.  Steps are of
+    ``longest`` (P,) s or less; a motion is NaN from where it diverges.
     """
-    for p in range(tables.shape[0]):
-        table = tables[p]
+    for p in range(which.size):
+        table = tables[which[p]]
         theta, omega, now = start[p, 0], start[p, 1], 0.0
-        for k in range(time.size):
-            count = math.ceil((time[k] - now) / longest - 1e-9) if time[k] > now else 0
-            h = (time[k] - now) / count if count else longest
+        for k in range(ends[p], ends[p + 1]):
+            count = math.ceil((time[k] - now) / longest[p] - 1e-9) if time[k] > now else 0
+            h = (time[k] - now) / count if count else longest[p]
             for _ in range(count):
                 theta, omega = move(table, theta, omega, h)
             now = time[k]
-            if not abs(omega) < DIVERGED_SPEED:
-                out[:, p, k:] = np.nan
+            if not abs(omega) * longest[p] < FASTEST:
+                out[:, k : ends[p + 1]] = np.nan
                 break
             way = direction(table, theta, omega)
-            out[0, p, k], out[1, p, k] = theta, omega
-            out[2, p, k] = acceleration(table, theta, omega, way) if way != 0 else 0.0
+            out[0, k], out[1, k] = theta, omega
+            out[2, k] = acceleration(table, theta, omega, way) if way != 0 else 0.0

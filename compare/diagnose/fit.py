@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Protocol
@@ -11,7 +11,7 @@ import numpy as np
 
 from compare.diagnose.effects.effect import Rig
 from compare.diagnose.least_squares import ROUGHLY, SETTLED, STEPS, Descent
-from compare.diagnose.predict import Hypothesis, StartOfRun, Term
+from compare.diagnose.predict import Hypothesis, StartOfRun, Term, pieces
 from compare.diagnose.residuals import Data
 
 STEP = 0.01  # of the noise (rms), by which a difference step may change the readings of free motions
@@ -85,7 +85,7 @@ Bounds = Callable[[Term], tuple[np.ndarray, np.ndarray]]
 
 class Space:
     """The natural coordinates (n,) of some terms, one after the other: their bounds, their scales, and which belong to
-    slow effects.
+    slow effects, or are starts of free runs.
     """
 
     def __init__(self, terms: Sequence[Term], rig: Rig, bounds: Bounds) -> None:
@@ -94,6 +94,10 @@ class Space:
         self.terms = terms
         self.scale, self.low, self.high = joined(scales), joined([b[0] for b in limits]), joined([b[1] for b in limits])
         self.slow = joined([np.full(s.size, t.effect.slow) for s, t in zip(scales, terms, strict=True)]).astype(bool)
+        self.begins = joined(
+            [np.full(s.size, isinstance(t.effect, StartOfRun)) for s, t in zip(scales, terms, strict=True)]
+        )
+        self.begins = self.begins.astype(bool)
         self.group = joined([np.full(size.size, k) for k, size in enumerate(scales)]).astype(int)
         self._edges = np.cumsum([s.size for s in scales])[:-1]
 
@@ -114,16 +118,10 @@ class Predicts(Protocol):
 
 
 class Fitter:
-    """Fits sets of terms; every fit is kept.
+    """Fits sets of terms to data."""
 
-    ``before`` fitted the same data but for a shift: where it ended, this one begins, unless a term leaps, which holds a
-    fit where it is.
-    """
-
-    def __init__(self, model: Predicts, data: Data, rig: Rig, bounds: Bounds, before: Fitter | None = None) -> None:
+    def __init__(self, model: Predicts, data: Data, rig: Rig, bounds: Bounds) -> None:
         self.model, self.data, self.rig, self.bounds = model, data, rig, bounds
-        self._before = {} if before is None else {fit.terms: fit for fit in before.done()}
-        self._fits: dict[tuple[Term, ...], Fit | None] = {}
         self._shares: dict[tuple[Term, int], float] = {}  # of its scale, which a difference step of a coordinate is
 
     def residuals(self, terms: Sequence[Term], points: Sequence[Sequence[np.ndarray]]) -> list[np.ndarray | None]:
@@ -131,31 +129,16 @@ class Fitter:
         found = self.model([hypothesis(self.rig, terms, x) for x in points])
         return [None if f is None else self.data.residual(f) for f in found]
 
-    def fit(self, terms: Sequence[Term], *starts: Mapping[Term, np.ndarray]) -> Fit | None:
-        """The best fit of a set of terms from the start with the smallest residual; None where none is possible.
-
-        A set is fitted once; of free motions again from a start that is better than what was reached from another.
-        """
+    def fit(self, terms: Sequence[Term], start: Mapping[Term, np.ndarray]) -> Fit | None:
+        """The best fit of a set of terms from a start; None where none is possible."""
         key = _sorted(terms)
-        known, free = self._fits.get(key), any(isinstance(t.effect, StartOfRun) for t in key)
-        if key in self._fits and not free:
-            return known
-        if key in self._before and not free and not any(t.effect.leaps for t in key):
-            begin = self._before[key]
-            self._fits[key] = self._fit(key, begin.x, slopes=begin.jacobian)
-            return self._fits[key]
-        points = [self._within(key, [np.array(start[t], float) for t in key]) for start in starts]
-        tried = self.residuals(key, points) if len(points) > 1 or free else [np.zeros(1)]
-        sizes = [np.inf if r is None else float(r @ r) for r in tried]
-        if known is None or min(sizes) < known.chi2:
-            self._fits[key] = self._fit(key, points[int(np.argmin(sizes))])
-        return self._fits[key]
+        return self._fit(key, self._within(key, [np.array(start[t], float) for t in key]))
 
     def likeliest(
         self, sizes: Mapping[Term, np.ndarray], starts: Sequence[Mapping[Term, np.ndarray]], rough: float = ROUGHLY
     ) -> Fit | None:
         """The fit of terms that are of about these sizes (1 sigma of each coordinate; infinite: any), from the start
-        with the smallest residual; None where none is possible.  It is not kept.
+        with the smallest residual; None where none is possible.
         """
         key = _sorted(sizes)
         points = [self._within(key, [np.array(start[t], float) for t in key]) for start in starts]
@@ -167,10 +150,6 @@ class Fitter:
         """Coordinates moved within their bounds."""
         return [np.clip(xi, *self.bounds(t)) for t, xi in zip(terms, x, strict=True)]
 
-    def done(self) -> list[Fit]:
-        """Every fit so far."""
-        return [f for f in self._fits.values() if f is not None]
-
     def at(self, terms: Sequence[Term], x: Mapping[Term, np.ndarray]) -> Fit | None:
         """The fit of a set of terms that stays where it starts."""
         key = _sorted(terms)
@@ -179,13 +158,6 @@ class Fitter:
     def again(self, fit: Fit) -> Fit | None:
         """A fit of other data as it stands in these; None where it is impossible."""
         return self.at(fit.terms, dict(zip(fit.terms, fit.x, strict=True)))
-
-    def settled(self, fit: Fit) -> Fit:
-        """A fit taken to its very minimum; it replaces the one that was close enough to be compared."""
-        start = self.nearby(fit)
-        found = self._fit(fit.terms, [start[t] for t in fit.terms], rough=0.0) or fit
-        self._fits[fit.terms] = found
-        return found
 
     def nearby(self, fit: Fit) -> dict[Term, np.ndarray]:
         """The coordinates of a fit, or some that are nearby and leave less: leaps end a descent before its time."""
@@ -203,7 +175,6 @@ class Fitter:
         x: Sequence[np.ndarray],
         steps: int = STEPS,
         rough: float = ROUGHLY,
-        slopes: np.ndarray | None = None,
         size: np.ndarray | None = None,
     ) -> Fit | None:
         """The fit from a start; ``size`` is how large (1 sigma) coordinates (n,) are expected to be, None: any."""
@@ -219,7 +190,7 @@ class Fitter:
 
         settled = (LEAP if rough else LAST_LEAP) if any(t.effect.leaps for t in terms) else SETTLED
         found = Descent(residual, jacobian, space.low, space.high, space.scale, space.group, rough, settled).from_point(
-            joined(x), steps, slopes
+            joined(x), steps
         )
         if found is None:
             return None
@@ -252,7 +223,9 @@ class Fitter:
         columns, left = np.zeros((self.data.size, point.size)), np.ones(point.size, bool)
         for _ in range(REFINED):
             steps = np.where(point + shares * space.scale > space.high, -1.0, 1.0) * shares * space.scale
-            columns[:, left] = self._differences(space, every, point, np.diag(steps)[left], residual)
+            begun = left & space.begins
+            columns[:, begun] = self._begun(space, point, steps)[:, begun]
+            columns[:, left & ~begun] = self._differences(space, every, point, np.diag(steps)[left & ~begun], residual)
             change = np.sqrt(np.mean(columns**2, axis=0)) * space.scale
             wanted = np.minimum(1.0, STEP / np.maximum(change, 1e-300))
             left = wanted < shares / COARSE
@@ -261,6 +234,33 @@ class Fitter:
                 break
         self._shares |= dict(zip(own, shares.tolist(), strict=True))
         return columns
+
+    def _begun(self, space: Space, point: np.ndarray, steps: np.ndarray) -> np.ndarray:
+        """Change (size, n) of the residual by the starts of free runs, zero by all else.  What a piece does no other
+        does: two motions, one with all angles off and one with all rates, tell of every piece.
+        """
+        place = np.flatnonzero(space.begins)
+        each = [np.isin(np.arange(point.size), place[order::2]) * steps for order in range(2)]
+        found = self.model([hypothesis(self.rig, space.terms, space.parted(point + off)) for off in (0.0, *each)])
+        columns = np.zeros((self.data.size, point.size))
+        for order, there in enumerate(found[1:]):
+            if there is not None and found[0] is not None:
+                changed = self.data.changed(found[0], there)
+                for at, touched in zip(place[order::2], self._touched(space), strict=True):
+                    columns[touched, at] = changed[touched] / steps[at]
+        columns[:, place] = -self.data.columns(columns[:, place])
+        return columns
+
+    def _touched(self, space: Space) -> Iterator[np.ndarray]:
+        """Which samples (size,) each piece of each free run has, in the order of its starts."""
+        measured, parts = self.data.measured, self.data.parts
+        for term in (t for t in space.terms if isinstance(t.effect, StartOfRun)):
+            (k,) = (k for k, run in enumerate(measured.runs) if run.name == term.where)
+            for piece in pieces(measured.runs[k].time.size, max(int(term.variant), 1)):
+                touched = np.zeros(self.data.size, bool)
+                for part in (part for part in parts if part.run == k):
+                    touched[part.place] = (part.used >= piece.start) & (part.used < piece.stop)
+                yield touched
 
     def _differences(
         self, space: Space, kept: Sequence[int], point: np.ndarray, steps: np.ndarray, origin: np.ndarray | None

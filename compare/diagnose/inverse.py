@@ -2,14 +2,14 @@
 must say.
 
 Whatever is missing, this residual answers to it nearly linearly, where the motion itself may be changed altogether: a
-spring turns a swing into a vibration.  What is found begins the fits of the motion.
+spring turns a swing into a vibration.  What has no name is told from it.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,25 +22,11 @@ from analytic.mechanism.signals import DRIVE_TORQUE
 from analytic.paper.kinetostatics import kinetostatics
 from compare.diagnose.data.quality import noise
 from compare.diagnose.data.recording import Channel, Measured, MeasuredRun
-from compare.diagnose.fit import Bounds, Fitter
-from compare.diagnose.noise import rms
-from compare.diagnose.predict import Hypothesis, Impossible, Model, Term
+from compare.diagnose.predict import Hypothesis, Impossible, Model
 from compare.diagnose.prepare import course, course_errors, encoder_noise
 from compare.diagnose.residuals import Data
-from compare.diagnose.search import Search
-from compare.diagnose.sensitivities import sensitivities
 
-NEAR = 1.2  # times the least gap of the acceleration: what is as simple and not worse than that begins a fit too
-MOST = 6
 FAR = 3.0  # times the median error of a run: beyond, as at its ends, the motion is hardly known
-
-
-@dataclass(frozen=True)
-class Beginning:
-    """Effects with their natural coordinates, and by run the angle (rad) and rate (rad/s) at its first sample."""
-
-    effects: Mapping[Term, np.ndarray]
-    starts: Mapping[str, np.ndarray]
 
 
 class Backward:
@@ -110,26 +96,6 @@ class Backward:
 def cells(run: MeasuredRun) -> list[str]:
     """The signals of a run's load cells."""
     return [name for name, channel in run.channels.items() if channel.signal.kind == "reaction"]
-
-
-def beginnings(model: Model, bounds: Bounds, cost: Mapping[Term, float]) -> list[Beginning]:
-    """Where fits of free runs may begin, the likeliest first; none where a free run has no encoder."""
-    found = read_backward(model)
-    if found is None:
-        return []
-    backward, data = found
-    fitter = Fitter(backward, data, model.rig, bounds)
-    base = fitter.at((), {})
-    if base is None:
-        return []
-    terms = [term for term in cost if not term.effect.sensor]
-    search = Search(fitter, base, sensitivities(fitter, base, terms), {t: cost[t] for t in terms})
-    starts = {run: np.array([motion.theta[0], motion.omega[0]]) for run, motion in backward.motions.items()}
-    best = search.best()
-    near = [fit for fit in fitter.done() if fit.terms and rms(fit.residual) < NEAR * rms(best.residual)]
-    leaders = [fit for fit in search.leaders(best) if fit.terms]
-    simple = [fit for fit in sorted(near, key=lambda fit: (search.price(fit), fit.chi2)) if fit not in leaders]
-    return [Beginning(dict(zip(fit.terms, fit.x, strict=True)), starts) for fit in (*leaders, *simple[:MOST])]
 
 
 def read_backward(model: Model) -> tuple[Backward, Data] | None:

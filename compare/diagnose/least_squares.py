@@ -56,19 +56,14 @@ class Descent:
     rough: float = 0.0  # share of the excess below which a decrease does not matter
     settled: float = SETTLED  # decrease below which nothing is left to gain
 
-    def from_point(self, start: np.ndarray, steps: int = STEPS, slopes: np.ndarray | None = None) -> Minimum | None:
-        """The minimum that is reached from a start (n,), moved within the bounds, where the Jacobian may be known
-        (``slopes``); None where that is impossible.
-        """
+    def from_point(self, start: np.ndarray, steps: int = STEPS) -> Minimum | None:
+        """The minimum that is reached from a start (n,), moved within the bounds; None where that is impossible."""
         self.point = np.clip(start, self.low, self.high)
         residual = self.function(self.point)
         if residual is None:
             return None
         self.residual, self.damping, self.reluctance = residual, 0.0, RELUCTANCE
-        if slopes is None:
-            self._renew()
-        else:
-            self.slopes, self.stale = slopes, False
+        self._renew()
         for _ in range(steps if self.point.size else 0):
             if not self._step():
                 break

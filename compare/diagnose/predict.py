@@ -6,6 +6,7 @@ is checked on every run of every diagnosis (:mod:`compare.diagnose.simulate`).
 
 from __future__ import annotations
 
+import math
 from collections import OrderedDict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,7 +16,7 @@ import numpy as np
 
 from analytic.beyond_paper.backlash import Slack
 from analytic.beyond_paper.drive import Motor
-from analytic.beyond_paper.freedom import Freedom, swing
+from analytic.beyond_paper.freedom import Freedom, swings
 from analytic.kinematics.assembly import Assembly, AssemblyError, Walk
 from analytic.kinematics.motion import kinematics
 from analytic.kinematics.reach import turns_fully
@@ -33,7 +34,9 @@ from compare.judge.signals import with_derived
 
 TABLES = 500  # linkages whose freedom is kept
 ALTERED = 1000  # mechanisms that are kept
-CACHED = 400  # runs whose signals are kept
+CACHED = 400  # driven runs whose signals are kept
+KEPT = 1_000_000  # samples of free ones
+AT_ONCE = 100_000  # of them, whose signals are found together
 ANYWHERE = Turning(np.array([0.3, 1.7, 3.2, 4.9]), np.ones(4), np.zeros(4))  # readings by which motors are told apart
 STIFF = 1e-3  # of the shortest link: bearings that give less are told by their first order
 PARTS = ("theta", "omega", "alpha")  # of a motion
@@ -59,7 +62,10 @@ def commanded(run: MeasuredRun, mechanism: Mechanism) -> Motor:
 
 
 class StartOfRun(Effect):
-    """The state that a free run starts from: not an effect, but an unknown of every fit."""
+    """The states that a free run starts from: not an effect, but unknowns of every fit.
+
+    A variant says in how many pieces the run goes; natural are angle and rate at the first sample of each.
+    """
 
     name = "start"
     parameters = (Parameter("angle", "rad", "angle"), Parameter("rate", "rad/s", "rate"))
@@ -72,7 +78,20 @@ class StartOfRun(Effect):
         return False
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
-        return (1e-5, 1e-5 * rig.speed)
+        return (1e-5, 1e-5 * rig.speed) * max(int(variant), 1)
+
+    def lowest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
+        return np.full(2 * max(int(variant), 1), -math.inf)
+
+    def values(self, rig: Rig, where: str, x: np.ndarray, variant: float = 0.0) -> dict[str, float]:
+        names = [f"{p.name}@{k}" if k else p.name for k in range(x.size // 2) for p in self.parameters]
+        return dict(zip(names, x.tolist(), strict=True))
+
+
+def pieces(size: int, count: int) -> list[slice]:
+    """The samples of a run of this size in so many pieces, as even as can be."""
+    ends = np.linspace(0, size, count + 1).round().astype(int).tolist()
+    return [slice(begin, end) for begin, end in pairwise(ends)]
 
 
 @dataclass(frozen=True)
@@ -100,6 +119,9 @@ class Term:
 
 Hypothesis = Sequence[tuple[Term, Values]]
 Signals = Mapping[str, np.ndarray]
+State = tuple[float, float]  # angle (rad) and rate (rad/s)
+Swing = tuple[str, tuple[object, ...], tuple[State, ...]]  # of a free run: its name, its effects, its starts
+Piece = tuple[str, tuple[object, ...], tuple[int, int], State]  # the same of a piece, from which sample to which
 
 
 class Impossible(ValueError):
@@ -123,7 +145,8 @@ class Model:
         self._turned: dict[object, Turning] = {}
         self._followed: dict[object, Walk] = {}
         self._kept: OrderedDict[object, dict[str, np.ndarray]] = OrderedDict()
-        self._swung: OrderedDict[object, Reactions | None] = OrderedDict()
+        self._swung: OrderedDict[Swing, Signals | None] = OrderedDict()
+        self._pieces: dict[Piece, np.ndarray] = {}
 
     def altered(self, run: MeasuredRun, hypothesis: Hypothesis) -> Mechanism:
         """The mechanism of a run with the effects of a hypothesis.  Raises Impossible.
@@ -151,9 +174,7 @@ class Model:
         moved = {run.name: self.released(run, hypotheses) for run in self.measured.runs if run.drive == "free"}
         return [self._under(h, {run: each[i] for run, each in moved.items()}) for i, h in enumerate(hypotheses)]
 
-    def _under(
-        self, hypothesis: Hypothesis, moved: Mapping[str, Reactions | None]
-    ) -> list[dict[str, np.ndarray]] | None:
+    def _under(self, hypothesis: Hypothesis, moved: Mapping[str, Signals | None]) -> list[dict[str, np.ndarray]] | None:
         """The readings of every run; ``moved`` are the motions of the free ones by run."""
         heard_by = [heard(hypothesis, run) for run in self.measured.runs]
         asked = [(r, age) for r, echoes in enumerate(heard_by) for age in ages(echoes)]
@@ -186,10 +207,9 @@ class Model:
         """All signals, before any sensor, of driven runs (by their place among all) some seconds before their
         samples.
         """
-        within = tuple((t.key, t.variant, tuple(v.values())) for t, v in hypothesis if not t.effect.sensor)
         runs = [self.measured.runs[r] for r, _ in asked]
         keys = [
-            (r, age, misread(run, hypothesis, self.rig), jitter_of(run, hypothesis), within)
+            (r, age, misread(run, hypothesis, self.rig), jitter_of(run, hypothesis), within(hypothesis))
             for (r, age), run in zip(asked, runs, strict=True)
         ]
         found = {key: self._kept[key] for key in keys if key in self._kept}
@@ -299,38 +319,54 @@ class Model:
 
     # ---------------------------------------------------------------- free runs
 
-    def released(self, run: MeasuredRun, hypotheses: Sequence[Hypothesis]) -> list[Reactions | None]:
-        """The motion of a free run under each hypothesis, its joints ideal; None where there is none."""
-        keys = [
-            (
-                run.name,
-                tuple((t.key, t.variant, tuple(v.values())) for t, v in hypothesis if not t.effect.sensor),
-                self.start(run, hypothesis),
-            )
-            for hypothesis in hypotheses
-        ]
+    def released(self, run: MeasuredRun, hypotheses: Sequence[Hypothesis]) -> list[Signals | None]:
+        """All signals (N,) of a free run under each hypothesis, before any sensor, its joints ideal; None where it has
+        no motion.  Each of its pieces goes from its own start.
+        """
+        keys = [(run.name, within(h), tuple(self.starts(run, h))) for h in hypotheses]
         new = {key: h for key, h in zip(keys, hypotheses, strict=True) if key not in self._swung}
-        found = {key: self._swung[key] for key in keys if key in self._swung}
-        pairs = {key: pair for key, h in new.items() if (pair := self._freedom(run, h, key[1])) is not None}
-        found |= dict.fromkeys(new)
-        if pairs:
-            start = np.array([key[2] for key in pairs])
-            motions = swing([freedom for _, freedom in pairs.values()], start, run.time - run.time[0])
-            for (key, (assembly, _)), theta, omega, alpha in zip(pairs.items(), *motions, strict=True):
-                if np.all(np.isfinite(theta)):
-                    found[key] = kinetostatics(kinematics(assembly, theta, omega, alpha))
-        for key in keys:
-            self._swung[key] = found[key]
+        found: dict[Swing, Signals | None] = dict.fromkeys(new)
+        found |= {key: self._swung[key] for key in keys if key in self._swung}
+        linkages = {key[1]: self._freedom(run, h, key[1]) for key, h in new.items()}
+        able = {key: linkage[1] for key in new if (linkage := linkages[key[1]]) is not None}
+        motions = self._swings(run, able)
+        most = max(1, AT_ONCE // run.time.size)
+        for effects, linkage in linkages.items():
+            every = [key for key in motions if key[1] == effects]
+            for same in (every[k : k + most] for k in range(0, len(every), most)):
+                assert linkage is not None
+                moved = np.concatenate([motions[key] for key in same], axis=1)
+                signals = kinetostatics(kinematics(linkage[0], *moved)).signals()
+                whole = with_derived(signals, linkage[0].mechanism)
+                found |= zip(same, _parted(whole, [run.time.size] * len(same)), strict=True)
+        for key, said in found.items():
+            self._swung[key] = said
             self._swung.move_to_end(key)
-        while len(self._swung) > CACHED:
+        while len(self._swung) > max(len(found), KEPT // run.time.size):
             self._swung.popitem(last=False)
         return [found[key] for key in keys]
 
-    def _freedom(self, run: MeasuredRun, hypothesis: Hypothesis, within: object) -> tuple[Assembly, Freedom] | None:
-        """The linkage of a free run and how it moves; None where it cannot be.  ``within`` tells its effects apart."""
+    def _swings(self, run: MeasuredRun, freedoms: Mapping[Swing, Freedom]) -> dict[Swing, np.ndarray]:
+        """Angle, rate and acceleration (3, N) of a free run in each of its ways, but where it runs away; pieces that
+        several have are integrated once.
+        """
+        parts = {key: _pieces(run, key) for key in freedoms}
+        owner = {piece: key for key, each in parts.items() for piece in each}
+        if len(self._pieces) > max(len(owner), KEPT // run.time.size):
+            self._pieces.clear()
+        new = [piece for piece in owner if piece not in self._pieces]
+        if new:
+            times = [run.time[begin:end] - run.time[begin] for _, _, (begin, end), _ in new]
+            start = np.array([state for *_, state in new])
+            self._pieces |= zip(new, swings([freedoms[owner[piece]] for piece in new], start, times), strict=True)
+        moved = {key: np.concatenate([self._pieces[piece] for piece in each], axis=1) for key, each in parts.items()}
+        return {key: motion for key, motion in moved.items() if np.all(np.isfinite(motion))}
+
+    def _freedom(self, run: MeasuredRun, hypothesis: Hypothesis, effects: object) -> tuple[Assembly, Freedom] | None:
+        """The linkage of a free run and how it moves; None where it cannot be.  ``effects`` tell it from others."""
         if len(self._tables) > TABLES:
             self._tables.clear()
-        if (key := (run.loads, within)) not in self._tables:
+        if (key := (run.loads, effects)) not in self._tables:
             try:
                 assembly = Assembly(self.altered(run, hypothesis).ideal())
                 self._tables[key] = assembly, Freedom.of(assembly)
@@ -338,12 +374,24 @@ class Model:
                 self._tables[key] = None
         return self._tables[key]
 
-    def start(self, run: MeasuredRun, hypothesis: Hypothesis) -> tuple[float, float]:
-        """Angle (rad) and rate (rad/s) of the driven body that a free run starts from, at its first sample."""
+    def starts(self, run: MeasuredRun, hypothesis: Hypothesis) -> list[tuple[float, float]]:
+        """Angle (rad) and rate (rad/s) of the driven body that each piece of a free run starts from."""
         for term, values in hypothesis:
             if isinstance(term.effect, StartOfRun) and term.where == run.name:
-                return values["angle"], values["rate"]
+                each = list(values.values())
+                return list(zip(each[::2], each[1::2], strict=True))
         raise LookupError(f"run {run.name!r} has no start")
+
+
+def within(hypothesis: Hypothesis) -> tuple[object, ...]:
+    """What tells the mechanism of a hypothesis from all others."""
+    return tuple((t.key, t.variant, tuple(v.values())) for t, v in hypothesis if not t.effect.sensor)
+
+
+def _pieces(run: MeasuredRun, key: Swing) -> list[Piece]:
+    """What tells each piece of a free run from all others."""
+    each = zip(pieces(run.time.size, len(key[2])), key[2], strict=True)
+    return [(*key[:2], (piece.start, piece.stop), start) for piece, start in each]
 
 
 # ---------------------------------------------------------------- sensors
@@ -521,10 +569,9 @@ def _over_gaps(found: Displaced, sizes: Sequence[int]) -> dict[str, np.ndarray]:
     return signals
 
 
-def _aged(moved: Reactions, wanted: Iterable[str], time: np.ndarray, delay: float) -> dict[str, np.ndarray]:
+def _aged(moved: Signals, wanted: Iterable[str], time: np.ndarray, delay: float) -> dict[str, np.ndarray]:
     """Signals (N,) of a free run some seconds ago, by cubic splines; before the first sample the first holds."""
-    known = with_derived(moved.signals(), moved.motion.structure.mechanism)
-    signals = {name: known[name] for name in wanted}
+    signals = {name: moved[name] for name in wanted}
     if delay == 0:
         return signals
     from scipy.interpolate import CubicSpline

@@ -108,7 +108,7 @@ def _run(run: MeasuredRun, model: Model, base: Fit, nominal: Mapping[str, np.nda
     if run.drive == "free":
         moved = model.released(run, [base.values(model.rig)])[0]
         assert moved is not None
-        crank = moved.motion.theta
+        crank = moved[model.rig.encoder]
     else:
         crank = np.atleast_2d(model.motor(run, model.mechanism).at(run.time).theta)[0]
     signals = {}

@@ -7,6 +7,7 @@ import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -18,17 +19,16 @@ from compare.diagnose.data.recording import Measured, MeasuredError, MeasuredRun
 from compare.diagnose.effects.effect import Effect, Rig
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.engines import Engines
-from compare.diagnose.explain import Attempt, Explanation, explain, has_structure, pruned
+from compare.diagnose.explanation import Attempt, Explanation, has_structure
 from compare.diagnose.fit import Fit, Fitter
-from compare.diagnose.inverse import beginnings
 from compare.diagnose.locate import Stretch, locate, rms_difference, spread
 from compare.diagnose.noise import CLOSED, rms
 from compare.diagnose.posterior.infer import Inference, Posterior, seen
 from compare.diagnose.predict import SLOW, Model, Term, altered
 from compare.diagnose.rattle.contact import lawless
 from compare.diagnose.rattle.statistics import ALIKE
+from compare.diagnose.released import in_pieces, whole
 from compare.diagnose.residuals import Data
-from compare.diagnose.search import Search, costs
 from compare.diagnose.sensitivities import Sensitivity, candidates, sensitivities
 from compare.diagnose.simulate import Simulated
 from compare.diagnose.verdict import explained
@@ -38,7 +38,7 @@ from compare.report.words.measured import NOISE
 from sim_models.engine import SimulationError, SimulatorMissing, engine, engine_names
 
 EQUIVALENT = 0.1  # of the noise: an engine this near the analytic model is the same
-HORIZONS = (0.06, 0.12, 0.25, 0.5)  # shares of free runs that are explained one after the other
+BEGINNING = 0.06  # of free runs, from which the nominal mechanism's starts are taken
 SHOWS = 0.2  # of the noise (rms), from which on links that bend are seen
 FAR = 2.0  # times the gap of the analytic model: an engine with a larger one moves in another way altogether
 LATE = 1.5  # of its noise: an encoder that scatters more has lines that are not read when their stamps say
@@ -59,8 +59,7 @@ class Options:
 
     ``simulator`` is the chosen engine; ``only`` and ``exclude`` are ``effect`` or ``effect@where``; ``own`` are effects
     beside the vocabulary; with ``others`` every installed engine simulates too, in as many processes as ``workers``.
-    Probabilities of sets of effects decide where no run is free; without ``posterior`` a search does, to be held beside
-    them.  Either ends ``budget`` seconds after it ``began`` (None: when it is done), with the best so far.
+    It ends ``budget`` seconds after it ``began`` (None: when it is done), with the best so far.
     """
 
     simulator: str
@@ -71,7 +70,6 @@ class Options:
     workers: int | None = None
     progress: Progress = silent
     budget: float | None = None
-    posterior: bool = True
     began: float = field(default_factory=time.monotonic)
 
     def late(self) -> bool:
@@ -140,7 +138,6 @@ class Problem:
     engine_runs: Engines
     notes: list[str] = field(default_factory=list)
     nominal: Callable[[], dict[str, Simulated]] = dict  # what the other engines say of the nominal mechanism
-    search: Search | None = None
     inference: Posterior | None = None
     complete: bool = True  # whether the search ended by itself, not by its budget
     remembered: list[tuple[list[tuple[Term, dict[str, float]]], Simulated]] = field(default_factory=list)
@@ -184,10 +181,14 @@ class Problem:
     def signatures(self) -> Mapping[Term, Sensitivity]:
         """How these data's residual answers to each effect that they can see."""
         if self.inference is None:
-            assert self.search is not None
-            return self.search.sensitivities
+            return self._signatures
         data = self.judged
         return {t: seen(data, s) for t, s in self.inference.surveyed.signatures.items()}
+
+    @cached_property
+    def _signatures(self) -> Mapping[Term, Sensitivity]:
+        """The same about the nominal model, where no posterior was asked for."""
+        return sensitivities(self.fitter, self.base, self.sought)
 
     @property
     def judged(self) -> Data:
@@ -199,13 +200,6 @@ class Problem:
         """What noise and errors that careful work leaves on every rig make of a gap (rms), over the noise."""
         errors = 0.0 if self.inference is None else float(np.sum(self.inference.errors**2))
         return math.sqrt(1 + errors / self.data.size)
-
-    @property
-    def sought_in(self) -> Fitter | None:
-        """Fits in the data in which effects were looked for; None before."""
-        if self.inference is not None:
-            return self.inference.plain
-        return None if self.search is None else self.search.fitter
 
     @property
     def sought(self) -> list[Term]:
@@ -236,10 +230,10 @@ class Problem:
         difference = np.zeros(1) if found is None else self.data.residual(found) - self.base.residual
         return found is not None and max(rms(difference[p.place]) for p in self.data.parts) > SHOWS
 
-    def price(self, explanation: Explanation) -> float:
-        """chi^2 that an explanation leaves, and what its effects and small errors everywhere cost."""
-        cost, fit = costs(self.sought, self.rig, self.data.size), explanation.fit
-        return fit.chi2 + self.judged.log_volume + sum(cost[fit.terms[i]] for i in fit.named())
+    @property
+    def evidence(self) -> float:
+        """Log of how probable the data are with what explains them, up to a constant, where samples count alike."""
+        return -self.base.chi2 / 2 if self.inference is None else self.inference.evidence
 
     def raise_noise_floor(self, noise: Noise) -> None:
         """Simulate the nominal mechanism and let the noise floor take in what the engine and the analytic model differ
@@ -305,43 +299,12 @@ class Problem:
         return rms(residual) < OVERSTATED and self.largest_rms(residual) <= CLOSED
 
     def explanation(self) -> Explanation:
-        """What the data say sample by sample.  Where the chosen engine differs from the analytic model, that difference
-        is taken off the data, and they are fitted or searched again.
+        """What the data say sample by sample, by the posterior over sets of effects.  Where the chosen engine differs
+        from the analytic model, that difference is taken off the data, and they are judged again.
         """
         if self.overstated:
             self.complete = not self.options.late()
             return self.quiet()
-        if self.options.posterior and not self.base.terms:
-            return self.inferred()
-        fit = self.best_fit(self.data)
-        for _ in range(RECOLOURED):
-            if self.options.late() or not self.coloured(fit):
-                break
-            fit = self.best_fit(self.data, [] if self.base.terms else [fit])
-        data, shift = self.data, np.zeros(self.data.size)
-        for _ in range(REFITS):
-            difference = None if self.options.late() else self.difference(fit)
-            if difference is None:
-                break
-            change = self.largest_rms(difference - shift)
-            if change < EQUIVALENT:
-                break
-            self.options.progress(f"search with {self.simulator}'s difference", 2, 4)
-            first = not shift.any()
-            closed = first and closes(self.data, fit)
-            if first:
-                self.note_difference(change, closed)
-            shift, data = difference, self.data.shifted(difference)
-            assert self.search is not None
-            fit = self.best_fit(data, [fit], again=closed, before=self.search.fitter)
-        assert self.search is not None
-        self.note_colours()
-        found = explain(self.search, fit)
-        self.complete = not self.options.late()  # late, it does not look for ties either
-        return found
-
-    def inferred(self) -> Explanation:
-        """What the data say sample by sample, by the posterior over sets of effects."""
         found = self.posterior(self.data)
         for _ in range(RECOLOURED):
             if self.options.late() or not self.coloured(found.judged):
@@ -365,11 +328,19 @@ class Problem:
         return explained(found, self.base, self.options.late)
 
     def posterior(self, data: Data, before: Posterior | None = None) -> Posterior:
-        """The posterior over sets of effects in these data, from the best of another one."""
-        fitter = Fitter(self.model_of(data), data, self.rig, self.fitter.bounds)
-        base = fitter.again(self.base) or self.base
-        inference = Inference(fitter, base, self.sought, self.options.late, before)
-        return inference.posterior([] if before is None else [before.best.fit])
+        """The posterior over sets of effects in these data, from the best of another one; without, of free runs in
+        pieces first.
+        """
+        fitter = Fitter(self.model, data, self.rig, self.fitter.bounds)
+        base, late = fitter.again(self.base) or self.base, self.options.late
+        first = [] if before is None else [before.best.fit]
+        if self.base.terms and before is None:
+            starts = in_pieces(fitter, dict(zip(self.base.terms, self.base.x, strict=True)))
+            parted = fitter.fit(list(starts), starts)
+            likeliest = None if parted is None else Inference(fitter, parted, self.sought, late).likeliest()
+            begun = None if likeliest is None else whole(fitter, likeliest.fit, likeliest.sizes)
+            first = [] if begun is None else [begun]
+        return Inference(fitter, base, self.sought, late, before).posterior(first)
 
     def note_difference(self, size: float, closed: bool) -> None:
         """Note by how much (noise, rms) the chosen engine differs from the analytic model, and what was done about it:
@@ -395,7 +366,6 @@ class Problem:
         self.data = plain.coloured(found)
         self.fitter = Fitter(self.model, self.data, self.rig, self.fitter.bounds)
         self.base = self.fitter.again(self.base) or self.base
-        self.search = None
         return True
 
     def note_colours(self) -> None:
@@ -421,16 +391,8 @@ class Problem:
             f"Measurement and simulation differ by {rms(self.base.residual):.2g} of the noise only: the noise is"
             " overstated. Nothing is named by what is smaller than that; give a smaller noise, or none, to look closer."
         )
-        self.prepare_search()
         structured = has_structure(self.data, self.base.residual)
         return Explanation(self.base, self.base, (), "no gap", np.ones(self.data.size), structured)
-
-    def prepare_search(self) -> Search:
-        """A search in these data that has not begun: what each effect would do is known."""
-        wanted = self.sought
-        cost = costs(wanted, self.rig, self.data.size)
-        self.search = self.prepared(self.data, cost, wanted, bool(self.base.terms))
-        return self.search
 
     def difference(self, fit: Fit) -> np.ndarray | None:
         """Residual (size,) of the analytic model less that of the chosen engine, with the effects of a fit; None where
@@ -450,80 +412,6 @@ class Problem:
             )
             return None
         return self.data.residual(self.analytic(fit)) - simulated
-
-    def best_fit(self, data: Data, first: Sequence[Fit] = (), again: bool = False, before: Fitter | None = None) -> Fit:
-        """The best set of effects in these data, by the analytic model; or the first one ``again``, fitted to these
-        data.  What ``before`` has fitted to them, but for a shift, begins there.
-        """
-        wanted = self.sought
-        cost = costs(wanted, self.rig, data.size)
-        free = bool(self.base.terms)
-        # a free motion answers linearly only at first: its first part is explained first
-        fresh = free and not first
-        first = self.begun(cost) if fresh else first
-        for share in HORIZONS if fresh and not self.close(data, first) else ():
-            if self.options.late():
-                break
-            search = self.prepared(data.until(share), cost, wanted, free)
-            first = search.leaders(search.best(first))
-        self.search = self.prepared(data, cost, wanted, free, before)
-        if again:
-            begun = [self.search.fitter.fit(f.terms, dict(zip(f.terms, f.x, strict=True))) for f in first]
-            return pruned(self.search, next((f for f in begun if f is not None), self.search.base))[0]
-        return pruned(self.search, self.search.best(first))[0]
-
-    def close(self, data: Data, first: Sequence[Fit]) -> bool:
-        """Whether the whole of the data is within reach from one of these fits."""
-        fitter = Fitter(self.model_of(data), data, self.rig, self.fitter.bounds)
-        reached = (fitter.fit(f.terms, dict(zip(f.terms, f.x, strict=True))) for f in first)
-        return any(fit is not None and rms(fit.residual) <= CLOSED for fit in reached)
-
-    def begun(self, cost: Mapping[Term, float]) -> list[Fit]:
-        """Fits of the first part of free runs, that begin where their motion read backward says."""
-        data = self.data.until(HORIZONS[0])
-        fitter = Fitter(self.model_of(data), data, self.rig, self.fitter.bounds)
-        found = []
-        for beginning in beginnings(self.model, self.fitter.bounds, cost):
-            x = {t: beginning.starts[t.where] for t in self.base.terms} | dict(beginning.effects)
-            fit = fitter.fit(list(x), x)
-            found += [] if fit is None else [fit]
-        return found
-
-    def model_of(self, data: Data) -> Model:
-        """The nominal model of these data."""
-        known = data.measured is self.measured
-        return self.model if known else Model(data.measured, self.rig, self.mechanism, self.model.courses)
-
-    def prepared(
-        self,
-        data: Data,
-        cost: Mapping[Term, float],
-        wanted: Sequence[Term],
-        free: bool,
-        before: Fitter | None = None,
-    ) -> Search:
-        """A search in these data, with sensitivities about the nominal model or, in free runs, about the fit it begins
-        with.
-        """
-        fitter = Fitter(self.model_of(data), data, self.rig, self.fitter.bounds, before)
-        start = dict(zip(self.base.terms, self.base.x, strict=True))
-        base = fitter.at(self.base.terms, start) or self.base
-        columns = None
-        if self.search is not None and not free:  # differences of residuals: a shift of the data does not touch them
-            found, columns = self.search.sensitivities, self.search.columns
-        else:
-            found = {} if free else sensitivities(fitter, base, wanted)
-        progress = self.options.progress
-        return Search(
-            fitter,
-            base,
-            found,
-            cost,
-            nonlinear=free,
-            columns=columns,
-            late=self.options.late,
-            tell=lambda sets: progress(f"search, {sets} sets of effects fitted", 1, 4),
-        )
 
     # ---------------------------------------------------------------- simulation in full
 
@@ -630,7 +518,7 @@ class Problem:
         if run.drive == "free":
             found = self.model.released(run, [self.base.values(self.rig)])[0]
             assert found is not None
-            return found.motion.theta
+            return found[self.rig.encoder]
         return np.atleast_2d(self.model.motor(run, self.mechanism).at(run.time).theta)[0]
 
 
@@ -648,7 +536,7 @@ def begun(model: Model, fitter: Fitter) -> Fit:
     """The nominal mechanism as a fit of the starts of free runs, first to their first part.  Raises MeasuredError where
     it cannot make the runs.
     """
-    early = fitter.data.until(HORIZONS[0])
+    early = fitter.data.until(BEGINNING)
     starts = prepare.starts(model.measured)
     first = Model(early.measured, fitter.rig, model.mechanism, model.courses)
     begun = Fitter(first, early, fitter.rig, fitter.bounds).fit(list(starts), starts)

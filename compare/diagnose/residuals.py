@@ -228,6 +228,15 @@ class Data:
                 left[part.place] = _spared(left[part.place], lands[part.place])
         return self.seen_beside(self._white(self._told(left))) - self.shift
 
+    def changed(
+        self, before: Sequence[Mapping[str, np.ndarray]], after: Sequence[Mapping[str, np.ndarray]]
+    ) -> np.ndarray:
+        """By how much (size,) readings are more than before, over their noise; angles modulo a turn."""
+        each = [after[p.run][p.signal][p.used] - before[p.run][p.signal][p.used] for p in self.parts]
+        change = np.concatenate(each)
+        change[self.turning] = wrapped(change[self.turning])
+        return change / self.sigma
+
     def lands(self, readings: Sequence[Mapping[str, np.ndarray]]) -> np.ndarray:
         """Which samples (size,) are of a crank that lands, by a sensor that this makes jump."""
         landing = np.zeros(self.size, bool)

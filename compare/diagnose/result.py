@@ -18,8 +18,8 @@ from compare.diagnose.data.recording import Fault as RecordedFault
 from compare.diagnose.data.recording import MeasuredRun
 from compare.diagnose.effects.effect import landing_in
 from compare.diagnose.experiment_design import would_separate
-from compare.diagnose.explain import Attempt, Explanation, Named
-from compare.diagnose.fit import Fit, without_columns
+from compare.diagnose.explanation import Attempt, Explanation, Named
+from compare.diagnose.fit import Fit
 from compare.diagnose.intervals import Interval
 from compare.diagnose.noise import rms
 from compare.diagnose.posterior.infer import probability
@@ -49,7 +49,6 @@ from compare.results.diagnosis import (
     SensorGap,
     SensorRecord,
     Side,
-    SmallError,
     TriedEffect,
 )
 from sim_models.engine import SettingValue, installed_version
@@ -279,10 +278,6 @@ def _effect(problem: Problem, e: Explanation, n: Named, noise: dict[tuple[str, s
             for (t, _), odds in zip_longest(n.ties, n.odds[: len(n.ties)])
         ),
         would_separate=_separating(problem, e, n, noise),
-        small_errors=tuple(
-            SmallError(name=t.effect.name, where=t.where, parameters={p: as_parameter(v) for p, v in values.items()})
-            for t, values in n.small_errors
-        ),
         kind=_kind(n.term),
         share=n.share,
         evidence=e.statistics.says() if e.statistics is not None else "",
@@ -331,7 +326,8 @@ def _candidates(problem: Problem, found: Verified, result: Diagnosis) -> tuple[C
             elif _unphysical(shown, problem):
                 status, why = "not physical", words.WRONG_SIGN
             else:
-                status, why = "not needed", failed.get(term.key) or _not_needed(problem, e, shown.term, sigmas)
+                improbable = words.improbable(sigmas, probability(e.sets, term.key) if e.sets else None)
+                status, why = "not needed", failed.get(term.key) or improbable
         rows[term.key] = ConsideredEffect(
             name=term.effect.name,
             where=term.where,
@@ -349,27 +345,6 @@ def _unseen(result: Diagnosis, n: Named | None) -> tuple[CandidateStatus, str]:
     if n is not None and n.term.effect.asked_for:
         return "named", words.named(result, n)
     return "invisible", words.NOT_SHOWN
-
-
-def _not_needed(problem: Problem, e: Explanation, term: Term, sigmas: float) -> str:
-    """Why an effect that would take so many sigmas alone is not named, where no attempt says it."""
-    if problem.search is None:
-        return words.improbable(sigmas, probability(e.sets, term.key))
-    left = beside(e, problem.signatures[term].columns) if term in problem.signatures else 0.0
-    cost = problem.search.cost
-    luck, candidates = math.sqrt(cost[term]), len({t.key for t in cost})
-    return words.not_needed(sigmas, luck, candidates, math.sqrt(e.base.chi2), left if e.named else None)
-
-
-def beside(e: Explanation, columns: np.ndarray) -> float:
-    """Sigmas of what an explanation leaves that columns (size, k) could still take beside its effects, to first order
-    and with its samples' weights.
-    """
-    root = np.sqrt(e.weights)
-    own = e.fit.jacobian[:, ~e.fit.bound] * root[:, None]
-    more = np.column_stack([without_columns(column * root, own) for column in columns.T])
-    left = without_columns(e.fit.residual * root, own)
-    return math.sqrt(max(float(left @ left) - float(np.sum(without_columns(left, more) ** 2)), 0.0))
 
 
 @dataclass(frozen=True)

@@ -91,4 +91,4 @@ def _crank_angle(model: Model, run: MeasuredRun, start: Hypothesis) -> np.ndarra
     if run.drive != "free":
         return np.atleast_2d(model.motor(run, model.mechanism).at(run.time).theta)[0]
     moved = model.released(run, [start])[0]
-    return np.full(run.time.size, model.start(run, start)[0]) if moved is None else moved.motion.theta
+    return np.full(run.time.size, model.starts(run, start)[0][0]) if moved is None else moved[model.rig.encoder]

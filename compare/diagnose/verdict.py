@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from compare.diagnose.admission import foretold, held_out
-from compare.diagnose.explain import (
+from compare.diagnose.explanation import (
     MODEL,
     SLIGHT,
     Attempt,
@@ -23,6 +22,7 @@ from compare.diagnose.explain import (
 )
 from compare.diagnose.fit import Fit, Fitter
 from compare.diagnose.intervals import Interval, covariance, intervals
+from compare.diagnose.left_out import foretold, held_out
 from compare.diagnose.noise import rms
 from compare.diagnose.posterior.infer import Posterior, Weighed
 from compare.diagnose.posterior.prior import CREDIBLE

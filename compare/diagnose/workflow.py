@@ -13,7 +13,7 @@ from compare.arguments import modelling, noted, one_engine, path, warn_of_fricti
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import Measured
 from compare.diagnose.effects.effect import Effect
-from compare.diagnose.explain import Explanation
+from compare.diagnose.explanation import Explanation
 from compare.diagnose.prepare import on_one_turn
 from compare.diagnose.problem import Options, Problem, Verified
 from compare.diagnose.propose.adopted import Unadoptable, adopted
@@ -109,7 +109,7 @@ def diagnosis_of(data: Measured, options: Options) -> tuple[Diagnosis, Proposal 
     elif rigid != data.mechanism and explanation.statistics is None and problem.shows_bending(data.mechanism):
         bending = Problem.of(data, data.mechanism, options)
         instead = _explained(bending)
-        nearer = bending.price(instead) < problem.price(explanation)
+        nearer = bending.evidence > problem.evidence
         problem, explanation = (bending, instead) if nearer else (problem, explanation)
         problem.notes.append(
             f"The links' stated moduli of elasticity are {'used' if nearer else 'left out'}: that explains the data"
@@ -137,12 +137,8 @@ def proposed(problem: Problem, found: Verified) -> Proposal | None:
     leaves nothing, or the time is over.
     """
     e = found.explanation
-    if (
-        problem.options.late() or problem.sought_in is None or not problem.mechanism.cranked
-    ):  # its laws are of a crank's angle
-        return None
-    if e.statistics is not None:  # nothing can be solved for sample by sample
-        return None
+    if problem.options.late() or problem.inference is None or not problem.mechanism.cranked:
+        return None  # its laws are of a crank's angle, and solved for sample by sample
     if e.verdict in ("unexplained", "partly explained"):
-        return proposal(problem.model, problem.sought_in, e.fit)
-    return simpler(problem.model, problem.sought_in, e.fit) if len(e.named) >= MANY else None
+        return proposal(problem.model, problem.inference.plain, e.fit)
+    return simpler(problem.model, problem.inference.plain, e.fit) if len(e.named) >= MANY else None

@@ -28,7 +28,6 @@ from compare.report.words.effects import (
     phrase,
     quantity,
     rival_words,
-    small_errors,
     spoken,
 )
 from compare.report.words.located import located, worst_first
@@ -102,7 +101,6 @@ def _shared(result: Diagnosis) -> dict[str, object]:
         "off": partial(off_by, result),
         "own": partial(own_values, result),
         "parameters": of_effect,
-        "small_errors": partial(small_errors, result),
         "how_sure": how_sure,
         "competing": competing(result),
         "rival": partial(rival_words, result),

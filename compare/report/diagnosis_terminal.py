@@ -16,7 +16,6 @@ from compare.report.words.diagnosis import (
     ties,
 )
 from compare.report.words.effects import (
-    errors_in_words,
     headline,
     how_sure,
     own_values,
@@ -27,7 +26,7 @@ from compare.report.words.effects import (
 )
 from compare.report.words.located import located, worst_first
 from compare.report.words.measured import NOISE, validation_sentences
-from compare.results.diagnosis import Diagnosis, Effect, EffectPlace
+from compare.results.diagnosis import Diagnosis, EffectPlace
 
 PLACES_SHOWN = 3  # in a terminal
 ATTEMPTS_SHOWN = 3  # in a terminal
@@ -77,8 +76,6 @@ def _effect_lines(result: Diagnosis, group: Sequence[EffectPlace]) -> list[str]:
         tail = [f", {values}"] if values and not own else [f" (odds {odds})"] if i and odds else []
         tail += [f"; {sure.rstrip('.').lower()}"] if (sure := how_sure(effect)) else []
         out.append(f"{lead}: {said}" + "".join(tail))
-    small = errors_in_words(result, group[0]) if isinstance(group[0], Effect) else ""
-    out += [f"or small errors of the rig together: {small}"] if small else []
     if len(group) > 1:
         words, block = advice(group)
         out.append(

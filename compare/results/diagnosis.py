@@ -86,12 +86,6 @@ Parameters = Annotated[
 EffectKind = Annotated[Kind, Field(description="rig: the linkage, its loads or its drive; sensor: what measures them.")]
 
 
-class SmallError(EffectPlace):
-    """A small error of the rig, of the kind that every rig has."""
-
-    parameters: Parameters
-
-
 class Effect(EffectPlace):
     """What is missing from the model."""
 
@@ -104,10 +98,6 @@ class Effect(EffectPlace):
     would_separate: Annotated[
         str, Field(description="A run or a sensor that would tell them apart, in words and as a [[run]].")
     ]
-    small_errors: Annotated[
-        tuple[SmallError, ...],
-        Field(description="Small errors of the rig, as workmanship leaves them, that do as well together."),
-    ] = ()
     kind: EffectKind = "rig"
     share: Annotated[
         Number,

@@ -138,7 +138,6 @@ class ComOffset(Effect):
         ),
         Parameter("normal", "m", "com", more="farther to its left than drawn", less="farther to its right than drawn"),
     )
-    workmanship = 5.0
 
     def places(self, rig: Rig) -> Sequence[str]:
         return bodies(rig)
@@ -169,7 +168,6 @@ class MomentOfInertia(Effect):
         Parameter("inertia_error", "kg.m^2", "inertia", more="larger than modelled", less="smaller than modelled"),
     )
     special_case_of = ("payload",)
-    workmanship = 5.0
 
     def places(self, rig: Rig) -> Sequence[str]:
         return bodies(rig)
@@ -200,7 +198,6 @@ class LinkLength(Effect):
     meaning = "the {} is longer or shorter than drawn"
     found = "the {} is {}"
     parameters = (Parameter("length_error", "m", "length", more="longer than drawn", less="shorter than drawn"),)
-    workmanship = 100.0
     special_case_of = ("pivot_position",)
 
     def places(self, rig: Rig) -> Sequence[str]:
@@ -239,7 +236,6 @@ class PivotPosition(Effect):
         Parameter("x", "m", "length", more="to the right", less="to the left"),
         Parameter("y", "m", "length", more="up", less="down"),
     )
-    workmanship = 100.0
 
     def places(self, rig: Rig) -> Sequence[str]:
         used = {j.name for j in rig.mechanism.joints if GROUND in j.bodies}

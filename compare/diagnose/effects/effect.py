@@ -208,8 +208,6 @@ class Effect(ABC):
         False  # all that it does is scatter: no more than noise where the gap is closed without it
     )
     asked_for: ClassVar[bool] = False  # looked for only where it is asked for by its name
-    # how many of its scales careful work leaves as errors on every rig; 0 where it is no matter of workmanship
-    workmanship: ClassVar[float] = 0.0
     # how many of its first natural coordinates say how much there is of it, where the others say how or where it is
     sized: ClassVar[int | None] = None
     hiding: ClassVar[Hiding] = Hiding()

@@ -159,7 +159,6 @@ class CoulombFriction(OnJoint):
     field_name = "friction_torque"
     parameters = (Parameter("friction_torque", "N.m", "torque", 0.0),)
     special_case_of = ("stribeck_friction",)
-    workmanship = 20.0
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (1e-3 * _torque(rig, where),)
@@ -273,7 +272,6 @@ class ViscousFriction(OnJoint):
     needs = frozenset({"viscous_friction"})
     field_name = "damping"
     parameters = (Parameter("damping", "N.m.s/rad", "damping", 0.0),)
-    workmanship = 20.0
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (1e-3 * (rig.force / rig.length if rig.mechanism.joint(where).prismatic else rig.torque) / rig.speed,)

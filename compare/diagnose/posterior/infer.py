@@ -76,7 +76,8 @@ class Posterior:
     ``best`` is the most probable set, fitted in ``fitter``'s data: of these, samples count by their weights, and what
     an unknown of the set and ``errors`` (size, k) everywhere may do is in the noise.  ``judged`` is the same fit where
     samples count alike and an unknown is no noise, in ``judge``'s data; ``plain`` has neither.  ``sets`` are the
-    probabilities of sets, ``fitted`` those that were fitted in full.
+    probabilities of sets, ``fitted`` those that were fitted in full; ``evidence`` is the log probability of the data
+    with the best one, up to a constant, where samples count alike.
     """
 
     best: Weighed
@@ -86,6 +87,7 @@ class Posterior:
     plain: Fitter
     sets: Mapping[Keys, float]
     fitted: Sequence[Weighed]
+    evidence: float
     errors: np.ndarray = field(repr=False)
     surveyed: Surveyed = field(repr=False)
 
@@ -176,6 +178,15 @@ class Inference:
 
     def posterior(self, first: Sequence[Fit] = ()) -> Posterior:
         """The posterior; ``first`` are fits that may be near the best."""
+        return self._concluded(*self._found(first))
+
+    def likeliest(self) -> Weighed:
+        """The best set, from which to begin in other data: how probable others are is not looked into."""
+        self._found()
+        return max(self.weighed.values(), key=lambda w: w.log)
+
+    def _found(self, first: Sequence[Fit] = ()) -> tuple[Compressed, dict[float, Sets]]:
+        """The linear problem about the best set, and the sets that were looked at, by size of errors everywhere."""
         fit, names = self.base, Names()
         for begun in first:
             again = self.plain.again(begun)
@@ -210,7 +221,7 @@ class Inference:
                         break
                     fit, names = self._in_plain(better), better.names
                 thorough = True
-        return self._concluded(compressed, layers)
+        return compressed, layers
 
     def _leapt(self, fit: Fit, names: Names) -> tuple[Fit, Names]:
         """The fit, or that of an effect under which samples leap, alone, if it explains more than any other alone
@@ -475,8 +486,10 @@ class Inference:
         judged = judge.at(best.fit.terms, x) or best.fit
         errors = compressed.slight * self.workmanship
         fitted = list(self.weighed.values())
+        odds = [group.log_odds for group in compressed.groups if group.name in best.names]
+        evidence = sum(odds) + self._evidence(judged, best.sizes) - judge.data.log_volume / 2
         assert self.surveyed is not None
-        return Posterior(best, fitter, judged, judge, self.plain, sets, fitted, errors, self.surveyed)
+        return Posterior(best, fitter, judged, judge, self.plain, sets, fitted, evidence, errors, self.surveyed)
 
     def _weigh_rivals(self, compressed: Compressed, sets: Sets, about: Fit, best: Weighed) -> None:
         """Fit in full what would share the best set's probability, as far as the linear problem says."""

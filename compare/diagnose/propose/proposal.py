@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from compare.diagnose.admission import folds
 from compare.diagnose.fit import Fit, Fitter
+from compare.diagnose.left_out import folds
 from compare.diagnose.noise import sample_weights
 from compare.diagnose.predict import Model, Term
 from compare.diagnose.propose.laws import candidates

@@ -14,7 +14,7 @@ from compare.diagnose.data.recording import MeasuredRun
 from compare.diagnose.effects.effect import Values
 from compare.diagnose.effects.joints import JointClearance
 from compare.diagnose.engines import Engines
-from compare.diagnose.explain import Attempt, Explanation, Named
+from compare.diagnose.explanation import Attempt, Explanation, Named
 from compare.diagnose.fit import Fit
 from compare.diagnose.intervals import Interval
 from compare.diagnose.predict import Hypothesis, Model, Term
@@ -334,14 +334,13 @@ class _Judged:
     def explanation(self) -> Explanation:
         """The joint that does best with its clearance, what ties with it, and the statistics by which it is judged."""
         p, trials = self.problem, self.trials[0]
-        search = p.prepare_search()
         fit = self._fit(self.best.term, self.size(trials))
         rivals = [(other[0].term, self._fit(other[0].term, self.size(other))) for other in self.tied()]
         gap, share = self._closed(self.best)
         named = Named(
             self.best.term,
             {self.best.term.effect.parameters[0].name: self.interval(trials)},
-            fit_gain(search.base, fit),
+            fit_gain(p.base, fit),
             gap,
             self.held_out(trials),
             tuple(rivals),
@@ -352,7 +351,7 @@ class _Judged:
         tied = {term for term, _ in rivals}
         others = [each[0] for each in self.trials[1:] if each[0].term not in tied]
         return Explanation(
-            search.base, fit, (named,), verdict, np.ones(p.data.size), False, tuple(self._attempt(o) for o in others),
+            p.base, fit, (named,), verdict, np.ones(p.data.size), False, tuple(self._attempt(o) for o in others),
             self.statistics,
         )  # fmt: skip
 
@@ -477,10 +476,10 @@ def _law_alone(
     if not _told(problem, found, own):
         return None
     assert found is not None
-    search, named = problem.prepare_search(), _named_law(own, own, found)
+    named = _named_law(own, own, found)
     fit = _lawful(problem.base, found)
     weights = np.ones(problem.data.size)
-    return Explanation(search.base, fit, (named,), _verdict(named, False), weights, False, (), statistics)
+    return Explanation(problem.base, fit, (named,), _verdict(named, False), weights, False, (), statistics)
 
 
 def _told(problem: Problem, found: Found | None, before: Tried) -> bool:

@@ -171,11 +171,6 @@ def next_steps(result: Diagnosis) -> list[str]:
             words = advice(group)[0].rstrip(":.")
             tied = " and ".join(phrase(result, effect.name, effect.where) for effect in group)
             steps.append(f"Separate {tied}: {words or 'no run of these sensors can'}.")
-    for effect in result.effects:
-        if effect.small_errors:
-            errors = enumerated([phrase(result, e.name, e.where) for e in effect.small_errors])
-            instead = phrase(result, effect.name, effect.where)
-            steps.append(f"Measure at the rig what {instead} may stand for: {errors}.")
     left_open = [p for p in result.proposed if not p.adopted]
     doubtful = {key for p in left_open for key in p.replaces}
     adopted = {f"{p.effect}@{p.place}" for p in result.proposed if p.adopted}

@@ -19,7 +19,6 @@ from compare.results.diagnosis import (
     Proposed,
     Rival,
     SamePlace,
-    SmallError,
     TriedEffect,
 )
 
@@ -188,20 +187,6 @@ def own_values(result: Diagnosis, effect: EffectPlace) -> OwnValues | None:
     return OwnValues(name, f"{plainly(-low, 2)}{suffix} {less} to {plainly(high, 2)}{suffix} {more}", runs)
 
 
-def errors_in_words(result: Diagnosis, effect: Effect) -> str:
-    """The small errors of the rig that together would do as well in place of an effect, with their values."""
-    errors = effect.small_errors
-    return enumerated([f"{phrase(result, e.name, e.where)} ({', '.join(values_of(result, e))})" for e in errors])
-
-
-def small_errors(result: Diagnosis, effect: Effect) -> str:
-    """The small errors that would do as well as an effect, in a sentence; empty where there are none."""
-    if not effect.small_errors:
-        return ""
-    errors, instead = errors_in_words(result, effect), phrase(result, effect.name, effect.where)
-    return f"Small errors of the rig together would explain these data as well as {instead}: {errors}."
-
-
 def chance(probability: float) -> str:
     """A probability as people say it: ``19 in 20``, ``1 in 500``."""
     rare = min(probability, 1 - probability)
@@ -254,7 +239,7 @@ def of_effect(effect: EffectPlace) -> list[ParameterRow]:
 
 
 def _parameters(effect: EffectPlace) -> Mapping[str, Estimate]:
-    return effect.parameters if isinstance(effect, Effect | TriedEffect | SmallError) else {}
+    return effect.parameters if isinstance(effect, Effect | TriedEffect) else {}
 
 
 def rival_odds(result: Diagnosis, group: Sequence[EffectPlace], place: EffectPlace) -> str:

@@ -9,13 +9,13 @@ from analytic.mechanism.one_line import capital, count, enumerated, in_words
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.quantities import plainly
 from compare.report.words.diagnosis import SIGMA, separation
-from compare.report.words.effects import called, chance, floor_means, own_values, small_errors, spoken, values_of
+from compare.report.words.effects import called, chance, floor_means, own_values, spoken, values_of
 from compare.report.words.located import located
 from compare.report.words.measured import data_sentences, explained_to, validation_sentences
 from compare.results.diagnosis import Diagnosis, EngineGaps, Step
 
 if TYPE_CHECKING:
-    from compare.diagnose.explain import Explanation, Named
+    from compare.diagnose.explanation import Explanation, Named
     from compare.diagnose.predict import Term
 
 NOT_SHOWN = "these sensors and runs do not show it"
@@ -56,9 +56,7 @@ def statement(result: Diagnosis, e: Explanation, failure: str = "") -> str:
             for n in main
             if n.ties
         )
-        of = {n.term.key for n in main}
-        small = [small_errors(result, effect) for effect in result.effects if (effect.name, effect.where) in of]
-        return " ".join(part for part in (what, ties, *small, measure) if part)
+        return " ".join(part for part in (what, ties, measure) if part)
     rest = failure or "Something remains that these effects do not explain."
     return " ".join(part for part in (what, measure, explained_to(result), rest) if part)
 
@@ -162,22 +160,12 @@ def _added(engine: EngineGaps) -> str:
     return f"{engine.name}: gap {plainly(engine.before)} before, {plainly(engine.after)} after{lacking}."
 
 
-def not_needed(alone: float, luck: float, candidates: int, gap: float, left: float | None) -> str:
-    """Why an effect that would take so many sigmas ``alone`` is not named: chance gives the luckiest of the candidates
-    ``luck``; ``left`` are those left for it beside what is named, None where nothing is.
+def improbable(alone: float, probability: float | None) -> str:
+    """Why an effect that would take so many sigmas ``alone`` is not named: how probable it is among all sets; None
+    where no sets were judged sample by sample.
     """
-    text = f"alone it would take {plainly(alone, 2)} {SIGMA}"
-    if alone < luck:
-        return f"{text}; chance gives the luckiest of {candidates} candidates up to {plainly(luck, 2)} {SIGMA}"
-    if left is None:
-        return f"{text} of the gap's {plainly(gap, 2)} {SIGMA}; no set of effects with it was named"
-    rest = "nothing beyond chance is" if left < luck else f"{plainly(left, 2)} {SIGMA} are"
-    return f"{text}; beside the named effects {rest} left for it"
-
-
-def improbable(alone: float, probability: float) -> str:
-    """Why an effect that would take so many sigmas ``alone`` is not named: how probable it is among all sets."""
-    return f"alone it would take {plainly(alone, 2)} {SIGMA}; {unlikely(probability)}"
+    why = "nothing is named sample by sample here" if probability is None else unlikely(probability)
+    return f"alone it would take {plainly(alone, 2)} {SIGMA}; {why}"
 
 
 def unlikely(probability: float) -> str:

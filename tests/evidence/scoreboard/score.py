@@ -16,7 +16,7 @@
 ``failed``       there was no diagnosis
 
 In sets of the bench what is slightly off and the faults of sensors that are truly there are never wrong when named, and
-never asked for, and what is named beside small errors that do as well together is right where these are truly there;
+never asked for;
 ``exact`` and ``tie`` are about the effects to be named.  An empty set is ``clear`` where no effect of
 the rig is named that is not in it; of a coarse one "no gap" is asked, or what is truly there of its logger.
 
@@ -36,7 +36,7 @@ from analytic.mechanism.signals import wrapped
 from compare.diagnose.effects.bodies import LinkLength, PivotPosition
 from compare.diagnose.effects.joints import JointClearance
 from compare.diagnose.effects.vocabulary import VOCABULARY
-from compare.results.diagnosis import Diagnosis, Effect, SamePlace, SmallError
+from compare.results.diagnosis import Diagnosis, SamePlace
 from tests.evidence.results.scoreboard import Gap, Hidden, Kind, Outcome, Said, Scored, Truth, Value
 
 Key = tuple[str, str]
@@ -70,11 +70,10 @@ def opened(seal: Path) -> Truth:
 def score(diagnosis: Diagnosis, truth: Truth) -> Scored:
     """How a diagnosis did on a set: its outcome, its parameters, and its gap."""
     found = {(e.name, e.where): {(t.name, t.where) for t in e.ambiguous_with} for e in diagnosis.effects}
-    together = {(e.name, e.where): {(t.name, t.where) for t in e.small_errors} for e in diagnosis.effects}
     true = {(e.name, e.where) for e in truth.effects}
     gap = diagnosis.gap
     if truth.kind in BENCH:
-        outcome, more = _on_bench(truth, diagnosis, found, together, true)
+        outcome, more = _on_bench(truth, diagnosis, found, true)
     else:
         outcome, more = judged(truth, diagnosis, found, true), {"false_rig": _false_in_rig(truth, found)}
     scored = _of(truth, outcome, diagnosis.verdict).model_copy(
@@ -84,7 +83,6 @@ def score(diagnosis: Diagnosis, truth: Truth) -> Scored:
                 Said(
                     effect="@".join(key),
                     ambiguous_with=tuple(sorted("@".join(t) for t in ties)),
-                    small_errors=tuple(sorted("@".join(t) for t in together[key])),
                 )
                 for key, ties in found.items()
             ),
@@ -212,19 +210,13 @@ def _on_bench(
     truth: Truth,
     diagnosis: Diagnosis,
     found: Mapping[Key, set[Key]],
-    together: Mapping[Key, set[Key]],
     true: set[Key],
 ) -> tuple[Outcome, dict[str, object]]:
     """The outcome, and what else is scored."""
     said, simpler = _simpler(truth, found, true)
     right = true.union(*simpler.values(), {(f.name, f.where) for f in (*truth.slight, *truth.faults)})
     right |= _off_against_others(truth, diagnosis)
-    false = [
-        key
-        for key, ties in found.items()
-        if not any(_among(right, k) for k in (key, *ties))
-        and not (together[key] and all(_among(right, k) for k in together[key]))
-    ]
+    false = [key for key, ties in found.items() if not any(_among(right, k) for k in (key, *ties))]
     rig = tuple("@".join(key) for key in false if not of_sensor(key[0]))
     everything = all(key in said or simpler.get(key) for key in true)
     more: dict[str, object] = {"named_all": everything, "false_rig": rig}
@@ -251,11 +243,9 @@ def _off_against_others(truth: Truth, diagnosis: Diagnosis) -> set[Key]:
     """
     pivot = PivotPosition.name
     slight = [math.hypot(*f.parameters.values()) for f in truth.slight if f.name == pivot]
-    said: list[Effect | SmallError] = [*diagnosis.effects]
-    said += [error for effect in diagnosis.effects for error in effect.small_errors]
     return {
         (e.name, e.where)
-        for e in said
+        for e in diagnosis.effects
         if e.name == pivot and math.hypot(*(p.value for p in e.parameters.values())) <= SAME * max(slight, default=0.0)
     }
 
