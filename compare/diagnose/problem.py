@@ -27,7 +27,7 @@ from compare.diagnose.posterior.infer import Inference, Posterior, seen
 from compare.diagnose.predict import SLOW, Model, Term, altered
 from compare.diagnose.rattle.contact import lawless
 from compare.diagnose.rattle.statistics import ALIKE
-from compare.diagnose.released import in_pieces, whole
+from compare.diagnose.released import first_fit
 from compare.diagnose.residuals import Data
 from compare.diagnose.sensitivities import Sensitivity, candidates, sensitivities
 from compare.diagnose.simulate import Simulated
@@ -335,10 +335,8 @@ class Problem:
         base, late = fitter.again(self.base) or self.base, self.options.late
         first = [] if before is None else [before.best.fit]
         if self.base.terms and before is None:
-            starts = in_pieces(fitter, dict(zip(self.base.terms, self.base.x, strict=True)))
-            parted = fitter.fit(list(starts), starts)
-            likeliest = None if parted is None else Inference(fitter, parted, self.sought, late).likeliest()
-            begun = None if likeliest is None else whole(fitter, likeliest.fit, likeliest.sizes)
+            starts = dict(zip(self.base.terms, self.base.x, strict=True))
+            begun = first_fit(fitter, starts, self.sought, late)
             first = [] if begun is None else [begun]
         return Inference(fitter, base, self.sought, late, before).posterior(first)
 

@@ -7,12 +7,15 @@ probable there is fitted to pieces twice as long, and again, until each run goes
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from compare.diagnose.fit import Fit, Fitter
-from compare.diagnose.predict import StartOfRun, Term, pieces
+from compare.diagnose.noise import CLOSED, rms
+from compare.diagnose.posterior.infer import Inference
+from compare.diagnose.predict import Term, pieces
 from compare.diagnose.prepare import course
 from compare.diagnose.residuals import bridged
 
@@ -61,17 +64,28 @@ def longer(starts: Starts) -> Starts:
     return found
 
 
-def whole(fitter: Fitter, fit: Fit, sizes: Mapping[Term, np.ndarray]) -> Fit | None:
-    """A fit of runs in pieces, fitted to whole ones; ``sizes`` are how large its effects are expected to be (1 sigma of
-    each coordinate).  None where that is impossible.
+def first_fit(fitter: Fitter, starts: Starts, sought: Sequence[Term], late: Callable[[], bool]) -> Fit | None:
+    """A fit of whole free runs from which their effects may be looked for; ``starts`` are the nominal ones.  None where
+    they go in one piece from the beginning, or no longer ones can be fitted.
+
+    The likeliest effects in pieces are fitted to pieces twice as long, and again; where they leave a gap there, the
+    likeliest ones of these are looked for.
     """
-    while any(t.variant > 1 for t in fit.terms if isinstance(t.effect, StartOfRun)):
-        now = dict(zip(fit.terms, fit.x, strict=True))
-        effects = {t: now[t] for t in (fit.terms[i] for i in fit.named())}
-        starts = longer({t: x for t, x in now.items() if t not in effects})
-        wanted = {t: sizes[t] for t in effects} | {t: np.full(x.size, np.inf) for t, x in starts.items()}
-        again = fitter.likeliest(wanted, [effects | dict(starts)])
-        if again is None:
-            return None
-        fit = again
-    return fit
+    now = in_pieces(fitter, starts)
+    base = fitter.fit(list(now), now) if now.keys() != starts.keys() else None
+    found = None if base is None else Inference(fitter, base, sought, late).likeliest()
+    while found is not None and not late():
+        x = dict(zip(found.fit.terms, found.fit.x, strict=True))
+        effects = {found.fit.terms[i]: found.fit.x[i] for i in found.fit.named()}
+        now = longer({t: start for t, start in x.items() if t not in effects})
+        sizes = {t: found.sizes[t] for t in effects} | {t: np.full(start.size, np.inf) for t, start in now.items()}
+        fit = fitter.likeliest(sizes, [effects | dict(now)])
+        if all(t.variant <= 1 for t in now):
+            return fit
+        if fit is not None and rms(fit.residual) <= CLOSED:
+            found = replace(found, fit=fit)
+            continue
+        base = fitter.fit(list(now), now)
+        begun = [] if fit is None else [fit]
+        found = None if base is None else Inference(fitter, base, sought, late).likeliest(begun)
+    return None

@@ -168,6 +168,12 @@ class Compressed:
         (i,) = np.flatnonzero(at == group.at[0])[-1:]
         return self._columns[i]
 
+    def left(self) -> np.ndarray:
+        """What all groups together leave (size,), each of about its natural size."""
+        columns, residual = self._every[:, : self._count], -self._every[:, -1]
+        matrix = columns.T @ columns + np.eye(self._count)
+        return residual - columns @ np.linalg.solve(matrix, columns.T @ residual)
+
     def products(self, weights: np.ndarray) -> Callable[[float], Products]:
         """Of all groups, where samples count so much (size,), by the size of errors everywhere."""
         every = self._products(weights)

@@ -180,9 +180,9 @@ class Inference:
         """The posterior; ``first`` are fits that may be near the best."""
         return self._concluded(*self._found(first))
 
-    def likeliest(self) -> Weighed:
+    def likeliest(self, first: Sequence[Fit] = ()) -> Weighed:
         """The best set, from which to begin in other data: how probable others are is not looked into."""
-        self._found()
+        self._found(first)
         return max(self.weighed.values(), key=lambda w: w.log)
 
     def _found(self, first: Sequence[Fit] = ()) -> tuple[Compressed, dict[float, Sets]]:
@@ -197,11 +197,13 @@ class Inference:
         thorough = False
         for k in range(ROUNDS):
             compressed = self.survey(fit, likely)
+            self._take_for_noise(compressed)
             layers = self._explored(compressed, names, thorough)
             sets = layers[self.workmanship]
             likely = {compressed.groups[i].name for s in sets.known for i in s if sets.known[s] > sets.top - LIKELY}
-            candidates = self._candidates(sets, compressed)
-            new = [c for c in candidates if self._named(compressed, c) not in self.weighed]
+            own = tuple(i for i, group in enumerate(compressed.groups) if group.name in names)
+            candidates = [own, *self._candidates(sets, compressed)]
+            new = [c for c in dict.fromkeys(candidates) if self._named(compressed, c) not in self.weighed]
             for chosen in new:
                 self._weigh(compressed, sets, chosen, fit)
             if self.late() or k == ROUNDS - 1:
@@ -214,7 +216,7 @@ class Inference:
             if stable or (k >= PLAIN and not thorough):
                 # what the best set leaves counts as noise, as large and as slow as it is, and sets are looked at again
                 left = self._noise(compressed, self.workmanship, unknown=best.unknown).seen_beside(fit.residual)
-                if not self._counted(compressed, sample_weights(self.plain.data, left)) and thorough:
+                if not self._counted(compressed, self._weights(left)) and thorough:
                     self._doubt(compressed, sets, fit)
                     better = max(self.weighed.values(), key=lambda w: w.log)
                     if better.names == names:
@@ -253,13 +255,13 @@ class Inference:
         """
         if self.surveyed is None or rms(fit.residual - self.surveyed.about.residual) >= STRAYED:
             free = len(fit.named()) < len(fit.terms)
-            about = [t for t in self.sought if t not in fit.terms and not self._contradicts(t, fit)]
+            about = [t for t in self.sought if t not in fit.terms]
             about = [t for t in about if not (t.effect.scatters and rms(self.base.residual) <= CLOSED)]
+            kept: Mapping[Term, Sensitivity] = {}
             if self.surveyed is not None and not free:
-                about = [t for t in about if (*t.key, t.variant) in {name[:3] for name in likely}]
-            bare = self.bare.again(fit) or fit
-            new = sensitivities(self.bare, bare, about)
-            kept = {} if self.surveyed is None or free else self.surveyed.signatures
+                kept = self.surveyed.signatures
+                about = [t for t in about if (*t.key, t.variant) in {name[:3] for name in likely} or t not in kept]
+            new = self._signatures(fit, about)
             self.surveyed = Surveyed(fit, {**kept, **new}, self._nameless(fit))
         data = self.plain.data
         known = {t: seen(data, s) for t, s in self.surveyed.signatures.items() if t not in fit.terms}
@@ -275,17 +277,24 @@ class Inference:
         scene = Scene.of(model, self.bare, fit)
         return [] if scene is None else list(nameless(scene))
 
-    def _contradicts(self, term: Term, fit: Fit) -> bool:
-        """Whether a fit has another variant or form of a term, in whose presence it cannot be probed."""
-        families = {self.prior.family(fit.terms[i]) for i in fit.named()}
-        return self.surveyed is not None and self.prior.family(term) in families
+    def _signatures(self, fit: Fit, terms: Sequence[Term]) -> dict[Term, Sensitivity]:
+        """Signatures of terms about a fit; of other variants and forms of what it has, about the fit without that."""
+        of = {self.prior.family(fit.terms[i]): fit.terms[i] for i in fit.named()}
+        found: dict[Term, Sensitivity] = {}
+        for own in dict.fromkeys([None, *of.values()]):
+            each = [t for t in terms if of.get(self.prior.family(t)) is own]
+            x = {t: v for t, v in zip(fit.terms, fit.x, strict=True) if t is not own}
+            bare = self.bare.at(list(x), x) if each else None
+            found |= {} if bare is None else sensitivities(self.bare, bare, each)
+        return found
 
     # ---------------------------------------------------------------- sets
 
     def _explored(self, compressed: Compressed, names: Names, thorough: bool) -> dict[float, Sets]:
         """Sets looked at for each size of errors everywhere, from the best of the last."""
         start = tuple(i for i, g in enumerate(compressed.groups) if g.name in names)
-        every = WORKMANSHIP.tolist() if compressed.slight.shape[1] else [0.0]
+        # small errors move a free rig far, and are named: in noise they would stand for all that it is found to lack
+        every = [0.0] if self.base.terms or not compressed.slight.shape[1] else WORKMANSHIP.tolist()
         layers, size = self._climbed(compressed, every, start)
         if size != self.workmanship:
             self.workmanship = size
@@ -328,6 +337,17 @@ class Inference:
         self.counted.append(weights)
         self._renew(compressed)
         return True
+
+    def _take_for_noise(self, compressed: Compressed) -> None:
+        """Where runs are free, what all effects together leave is noise from now on: a motion that lacks one of them
+        goes another way altogether, and what it leaves is no noise.
+        """
+        if self.base.terms:
+            self._counted(compressed, sample_weights(self.plain.data, compressed.left()))
+
+    def _weights(self, left: np.ndarray) -> np.ndarray:
+        """How much samples (size,) count where the best set leaves this: it is noise, but where runs are free."""
+        return self.weights if self.base.terms else sample_weights(self.plain.data, left)
 
     def _spares(self, compressed: Compressed, fit: Fit) -> bool:
         """Let samples in which a crank lands, by a fit, count for nothing from now on: how hard it lands nobody
@@ -419,7 +439,8 @@ class Inference:
         tried += [starts | other] if other else []
         tried += [starts | dict(zip(self.base.terms, self.base.x, strict=True))] if always else []
         fitter = self._fitter(compressed, unknown) if unknown.size else self.fitter
-        fit = fitter.likeliest(sizes, tried)
+        fits = [fitter.likeliest(sizes, each) for each in ([tried[:1], tried] if always else [tried])]
+        fit = max((fit for fit in fits if fit is not None), key=lambda fit: self._evidence(fit, sizes), default=None)
         if fit is None:
             return
         names = self._named(compressed, chosen)
