@@ -45,7 +45,7 @@ from compare.judge.reference import (
     Reference,
     reference,
     silenced,
-    without_load_edges,
+    without_edges,
 )
 from compare.judge.reruns import JudgedRun
 from compare.omissions import Asked, omitted
@@ -389,7 +389,7 @@ def _analytic_side(
     side = reference(
         assembly, record.schedule(mechanism, at_rest), model, clearances, *record.moving(assembly, at_rest)
     )
-    side = without_load_edges(side, mechanism)
+    side = without_edges(side, mechanism)
     moved = record.moved
     return silenced(side, _standing(moved, mechanism)) if at_rest and isinstance(moved, RecordedDrives) else side
 

@@ -10,7 +10,19 @@ import pytest
 from pydantic import BaseModel
 
 import linkage_crosscheck as lc
-from analytic.mechanism import Body, Drive, Elasticity, Ground, Joint, Load, Mechanism, PeriodicTorque, Ripple, Spring
+from analytic.mechanism import (
+    Body,
+    Drive,
+    Elasticity,
+    Ground,
+    Joint,
+    Load,
+    Mechanism,
+    PeriodicTorque,
+    Ripple,
+    Spring,
+    Stop,
+)
 from analytic.mechanism.assumed import Assumed, assumed
 from analytic.mechanism.bars import division
 from analytic.mechanism.file import load, loads
@@ -69,6 +81,7 @@ NOTHING = {
         "gravity": "none",
         "drives": "none",
         "springs": "none",
+        "stops": "none",
         "loads": "none",
         "assembly": "refused where an angle is needed",
         "initial": "at rest",
@@ -102,6 +115,11 @@ NOTHING = {
         "table": "refused where it is needed",
     },
     Spring: {"damping": "none"},
+    Stop: {
+        "start": "none, or refused where it is needed",
+        "end": "none, or refused where it is needed",
+        "damping": "none",
+    },
     Ripple: {},
     PeriodicTorque: {},
 }
@@ -167,7 +185,7 @@ def test_every_field_that_may_be_left_out_is_nothing_or_listed_or_a_contact_s() 
         known = [set(NOTHING[part]), set(LISTED.get(part, {})), OF_CONTACT if part is Joint else set()]
         assert sum(map(len, known)) == len(set.union(*known)), part
         assert optional == set.union(*known), part
-    reached = {Mechanism, Ground, Body, Joint, Elasticity, Drive, Ripple, PeriodicTorque, Load, Spring}
+    reached = {Mechanism, Ground, Body, Joint, Elasticity, Drive, Ripple, PeriodicTorque, Load, Spring, Stop}
     assert set(NOTHING) == reached == _parts(Mechanism)
 
 

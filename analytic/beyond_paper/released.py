@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from analytic.beyond_paper.free_motion import INTEGRATION_ACCURACY
-from analytic.beyond_paper.freedom import coefficients, resistance
+from analytic.beyond_paper.freedom import coefficients, resistance, stopping
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import kinematics
 from analytic.mechanism.one_line import angles, one_line
@@ -46,22 +46,26 @@ def released(assembly: Assembly, time: np.ndarray, theta: float | None = None, o
     Raises AssemblyError where the motion meets a change point.
     """
     rubs = any(joint.rubs for joint in assembly.mechanism.joints)
+    # stops push over a part of the motion only, so that few rates do not tell their law
+    bare = Assembly(assembly.mechanism.replace(stops=())) if assembly.mechanism.stops else assembly
     angles, speeds, accelerations = np.empty((3, time.size))
     grip, held = np.ones(time.size), np.zeros(time.size, bool)
     angle, speed, now, k = assembly.start if theta is None else theta, omega, 0.0, 0
     while k < time.size:
-        now_at = coefficients(assembly, np.array([angle]))
-        rest, friction = float(now_at[4, 0]), float(resistance(now_at, np.zeros(1))[1][0])
+        here, still = np.array([angle]), np.zeros(1)
+        now_at = coefficients(bare, here)
+        rest = float(now_at[4, 0] + stopping(assembly, here, still)[0])
+        friction = float(resistance(now_at, still)[1][0])
         direction = float(np.sign(speed) or -np.sign(rest)) if rubs else 0.0
         if rubs and speed == 0 and abs(rest) <= friction:
             angles[k:], speeds[k:], accelerations[k:] = angle, direction * REST_SPEED, 0.0
             grip[k:], held[k:] = abs(rest) / friction if friction else 1.0, True
             break
-        solution = _stretch(assembly, time[k:], now, (angle, speed), direction)
+        solution = _stretch(assembly, bare, time[k:], now, (angle, speed), direction)
         part = slice(k, k + solution.t.size)
         angles[part], speeds[part] = solution.y
         speeds[part] += direction * REST_SPEED  # at rest for an instant, friction is that of the motion to come
-        accelerations[part] = _acceleration(assembly, angles[part], speeds[part], direction)
+        accelerations[part] = _acceleration(assembly, bare, angles[part], speeds[part], direction)
         if solution.status == 1:
             now, angle, speed = float(solution.t_events[0][0]), float(solution.y_events[0][0, 0]), 0.0
         k = part.stop
@@ -69,15 +73,17 @@ def released(assembly: Assembly, time: np.ndarray, theta: float | None = None, o
     return Released(kinetostatics(kinematics(assembly, angles, speeds, accelerations), grip=grip), held, turning)
 
 
-def _stretch(assembly: Assembly, time: np.ndarray, now: float, state: tuple[float, float], direction: float) -> Any:
+def _stretch(
+    assembly: Assembly, bare: Assembly, time: np.ndarray, now: float, state: tuple[float, float], direction: float
+) -> Any:
     """The motion from a state (rad, rad/s) at ``now`` (s) on, at the times, until it would turn back; with direction 0
-    it may.
+    it may.  Where a joint comes to its stop, the integration's own accuracy makes its steps short.
     """
     from scipy.integrate import solve_ivp
 
     def rate(_: float, state: np.ndarray) -> list[float]:
         angle, speed = state
-        return [speed, float(_acceleration(assembly, np.array([angle]), np.array([speed]), direction)[0])]
+        return [speed, float(_acceleration(assembly, bare, np.array([angle]), np.array([speed]), direction)[0])]
 
     def onward(_: float, state: np.ndarray) -> float:
         return float(direction * state[1])
@@ -103,11 +109,14 @@ def _stretch(assembly: Assembly, time: np.ndarray, now: float, state: tuple[floa
     return solution
 
 
-def _acceleration(assembly: Assembly, angle: np.ndarray, speed: np.ndarray, direction: float) -> np.ndarray:
+def _acceleration(
+    assembly: Assembly, bare: Assembly, angle: np.ndarray, speed: np.ndarray, direction: float
+) -> np.ndarray:
     """Acceleration (rad/s^2) of the free crank at angles (rad) and speeds (rad/s), (N,) each, friction against
-    ``direction``.
+    ``direction``; ``bare`` is the linkage without its stops.
     """
-    terms = coefficients(assembly, angle)
+    terms = coefficients(bare, angle)
     mass, half, _, _, rest = terms[:5]
     damped, dry = resistance(terms, speed)
-    return np.asarray(-(half * speed**2 + damped + dry * direction + rest) / mass)
+    stopped = stopping(assembly, angle, speed)
+    return np.asarray(-(half * speed**2 + damped + dry * direction + rest + stopped) / mass)

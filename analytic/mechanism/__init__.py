@@ -18,6 +18,7 @@ from analytic.mechanism.parts import (
     PeriodicTorque,
     Ripple,
     Spring,
+    Stop,
 )
 
 __all__ = [
@@ -38,4 +39,5 @@ __all__ = [
     "PeriodicTorque",
     "Ripple",
     "Spring",
+    "Stop",
 ]

@@ -54,6 +54,8 @@ PRISMATIC = {
 }
 ELASTICITY = {"translation": "N/m", "rotation": "N.m/rad"}
 SPRING = {"stiffness": "N/m", "length": "m", "damping": "N.s/m"}
+STOP = {"from": "rad", "to": "rad", "stiffness": "N.m/rad", "damping": "N.m.s/rad"}
+SLIDE_STOP = {"from": "m", "to": "m", "stiffness": "N/m", "damping": "N.s/m"}
 WAVE = {"amplitude": "rad", "phase": "rad"}
 DRIVE = {"stiffness": "N.m/rad", "half_gap": "rad"}
 LOAD = {"force": "N", "torque": "N.m"}
@@ -83,6 +85,7 @@ def in_si(fields: Mapping[str, object]) -> dict[str, object]:
         "joint": lambda j: JOINT | (PRISMATIC if j.get("type") == "prismatic" else REVOLUTE),
         "drive": lambda d: DRIVE | {"speed": "m/s" if d.get("joint") in slides else "rad/s"},
         "spring": lambda _: SPRING,
+        "stop": lambda stop: SLIDE_STOP if stop.get("joint") in slides else STOP,
         "load": lambda load: LOAD | dict.fromkeys(("from", "to", "table"), _over(load, lengths)),
     }
     for table, units in of_part.items():

@@ -39,7 +39,7 @@ WRITTEN: frozenset[Feature] = frozenset({
     "soft_bearing", "course", "released", "several_drives", "point_spring",
 })  # fmt: skip
 BEYOND: frozenset[Feature] = frozenset(
-    {"contact_law", "contact_friction", "drive_compliance", "guide_clearance", "soft_bearing", "released"}
+    {"contact_law", "contact_friction", "drive_compliance", "guide_clearance", "soft_bearing", "released", "stop"}
 )  # of beams
 # Of beams in motion: inertia forces of several drives, and dampers beside springs, are not worked out.
 AT_REST_ALONE: frozenset[tuple[Feature, Pair]] = frozenset(
