@@ -45,7 +45,7 @@ def mobility(
     )
 
 
-STOP_PHASE = 0.01  # of what swings freely on a stop, in a step, at most
+STOP_PHASE = 5e-3  # of what swings freely on a stop, in a step, at most
 STOP_DECAY = 1e-3  # of its rate that the stop's damper takes in a step: the square of it is what a rebound is off by
 
 
