@@ -45,7 +45,7 @@ from compare.judge.reference import (
     Reference,
     reference,
     silenced,
-    without_load_edges,
+    without_edges,
 )
 from compare.judge.reruns import JudgedRun
 from compare.omissions import Asked, omitted
@@ -397,7 +397,7 @@ def _analytic_side(
     at_rest = motion == "static"
     schedule = record.schedule(mechanism, at_rest)
     side = reference(assembly, schedule, model, clearances, *record.moving(assembly, at_rest))
-    side = without_load_edges(side, mechanism, schedule.time)
+    side = without_edges(side, mechanism, schedule.time)
     moved = record.moved
     return silenced(side, _standing(moved, mechanism)) if at_rest and isinstance(moved, RecordedDrives) else side
 

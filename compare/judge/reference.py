@@ -17,7 +17,7 @@ from analytic.kinematics.reach import usual_angles
 from analytic.kinematics.schedule import Schedule, Turning
 from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import count, one_line
-from analytic.mechanism.signals import Signal, driving, named, wrapped
+from analytic.mechanism.signals import Signal, driving, named, position, wrapped
 from analytic.paper.clearance import Displaced, Model, displaced
 from analytic.paper.compliance import compliance
 from analytic.paper.envelope import condition
@@ -246,9 +246,19 @@ def _still(assembly: Assembly, schedule: Schedule) -> frozenset[str]:
     return frozenset(standing if moves else (joint.name for joint in assembly.mechanism.joints))
 
 
-def without_load_edges(side: Reference, m: Mechanism, time: np.ndarray) -> Reference:
-    """A side at times (N,) s flagged where loads begin or end: there rounding decides whether a simulation has them."""
+def without_edges(side: Reference, m: Mechanism, time: np.ndarray) -> Reference:
+    """A side at times (N,) s flagged where loads begin or end, or a damped stop is struck: there rounding decides
+    whether a simulation has them.
+    """
     flags: dict[int, str] = {}
+    for stop in m.stops:
+        joint = m.joint(stop.joint)
+        values = side.signals.get(position(joint).name) if stop.damping else None
+        near = AT_EDGE * (max(body.length for body in m.bodies) or 1.0 if joint.prismatic else 1.0)
+        for _, depth in stop.depths(values) if values is not None else ():
+            flags |= dict.fromkeys(
+                np.flatnonzero(np.abs(depth) < near).tolist(), f"joint {joint.name} comes to its stop here"
+            )
     for load in m.loads:
         values = m.load_values(load, side.signals, time) if load.over else None
         if load.start is None or load.end is None or values is None:

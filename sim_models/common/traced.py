@@ -254,11 +254,16 @@ class TracedLinkage:
             return self.signal(f"reaction_{joint.name}_moment"), np.zeros(self.count)
         first, second = joint.bodies
         rate = self.spin(second) - self.spin(first)
-        torque = joint.spring(self.angle(second) - self.angle(first)) + joint.damper(rate)
+        torque = joint.give(self.angle(second) - self.angle(first), 0.0 * rate if self.still else rate)
         known = np.abs(rate) > FADING * self.pace
         by_load = joint.load_friction(np.abs(self.reaction(joint)))
         dry = (joint.dry(rate) + by_load) * np.sign(rate)
-        return torque - np.where(known, dry, 0.0), np.where(known, 0.0, joint.stiction + by_load)
+        hidden = np.where(known, 0.0, joint.stiction + by_load)
+        for stop in joint.stops:  # a damper sets in in a step
+            for _, depth in stop.depths(self.angle(second) - self.angle(first)):
+                striking = np.abs(depth) <= 2 * np.abs(rate) * (self.trace.step or 0.0)
+                hidden = hidden + np.where(striking, stop.damping * np.abs(rate), 0.0)
+        return torque - np.where(known, dry, 0.0), hidden
 
     def driving(self) -> dict[str, np.ndarray]:
         """Torques (N,) N.m that motors, and what else turns a crank over its angle, exert on bodies.

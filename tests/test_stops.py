@@ -1,0 +1,193 @@
+"""Stops of joints: a mass that strikes one, a rocker that is driven into one, and what says that it has none."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+import linkage_crosscheck as lc
+from analytic.errors import Error
+from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.motion import kinematics
+from analytic.mechanism import Mechanism
+from analytic.mechanism.file import dumps, load, loads
+from analytic.paper.kinetostatics import kinetostatics, kinetostatics_by_numpy
+from sim_models.engine import ENGINES
+
+ENGINE = [pytest.param(name, marks=getattr(pytest.mark, name)) for name in ENGINES]
+SIDES = ["analytic", *ENGINE]
+MASS, STIFFNESS, SPEED, WAY = 2.0, 2e3, 0.5, 0.05  # kg, N/m, m/s, m
+TIMES = np.linspace(0.0, 0.4, 81)
+# m of where a mass is 0.2 s after it strikes, 0.5 m/s fast: the engines' steps
+ACCURACY = {"analytic": 1e-9, "mujoco": 3e-7, "exudyn": 1e-6, "pybullet": 2e-6, "dart": 2e-6}
+
+
+def sliding(damping: float) -> Mechanism:
+    """A mass that slides freely onto a stop."""
+    return loads(f"""
+name = "mass"
+ground = {{ points = {{ S = [0.0, 0.0] }} }}
+body = [{{ name = "mass", points = {{ S = [0.0, 0.0] }}, mass = {MASS}, inertia = 0.01 }}]
+joint = [{{ name = "S", type = "prismatic", bodies = ["ground", "mass"], axis = [1.0, 0.0] }}]
+drive = {{ joint = "S", speed = "free" }}
+initial = {{ velocity_S = {SPEED} }}
+stop = [{{ joint = "S", to = "50 mm", stiffness = "2 N/mm", damping = {damping} }}]
+""")
+
+
+def struck(damping: float) -> tuple[Callable[[float], float], float, float]:
+    """Where a mass is (m) at a time (s); how long it touches the stop (s), and how fast it leaves it (m/s).
+
+    It oscillates, damped, on the stop until that would pull.
+    """
+    natural = math.sqrt(STIFFNESS / MASS)
+    share = damping / (2 * math.sqrt(STIFFNESS * MASS))
+    rate = natural * math.sqrt(1 - share**2)
+
+    def depth(t: float) -> float:
+        return SPEED / rate * math.exp(-share * natural * t) * math.sin(rate * t)
+
+    def speed(t: float) -> float:
+        turned = math.cos(rate * t) - share * natural / rate * math.sin(rate * t)
+        return SPEED * math.exp(-share * natural * t) * turned
+
+    half = math.pi / rate
+    end = half if not damping else brentq(lambda t: STIFFNESS * depth(t) + damping * speed(t), 0.2 * half, half)
+    begin = WAY / SPEED
+
+    def place(t: float) -> float:
+        if t <= begin:
+            return SPEED * t
+        on = min(t - begin, end)
+        return WAY + depth(on) + speed(end) * max(t - begin - end, 0.0)
+
+    return place, end, speed(end)
+
+
+@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("damping", [0.0, 20.0])
+def test_a_mass_rebounds_from_a_stop(damping: float, side: str) -> None:
+    """Without a damper a half sine of pi sqrt(m/k), and it leaves as fast as it came."""
+    place, touches, leaves = struck(damping)
+    if not damping:
+        assert touches == pytest.approx(math.pi * math.sqrt(MASS / STIFFNESS), rel=1e-12)
+        assert leaves == pytest.approx(-SPEED, rel=1e-12)
+    m = sliding(damping)
+    found = lc.analyse(m, times=TIMES) if side == "analytic" else lc.simulate(m, simulator=side, times=TIMES)
+    np.testing.assert_allclose(found["position_S"], [place(t) for t in TIMES.tolist()], rtol=0, atol=ACCURACY[side])
+    last = np.diff(found["position_S"])[-1] / (TIMES[1] - TIMES[0])
+    assert last == pytest.approx(leaves, abs=20 * ACCURACY[side])
+
+
+@pytest.mark.parametrize("motion", ["driven", "static"])
+@pytest.mark.parametrize("side", SIDES)
+def test_a_rocker_that_is_driven_into_a_stop_asks_its_torque_of_the_crank(motion: str, side: str) -> None:
+    """k times the penetration on the rocker, and the damper's where that does not pull, by the rocker's rate over the
+    crank's.
+    """
+    bare = load("crank-rocker").with_clearances({}).replace(gravity=(0.0, -9.81))
+    m = bare.replace(stops=[{"joint": "E", "to": 1.8, "stiffness": 50.0, "damping": 0.5}])
+    angles = np.radians(np.arange(3.0, 360.0, 20.0))
+    how = {"motion": motion, "angles": angles}
+    free = lc.analyse(bare, **how)
+    found = lc.analyse(m, **how) if side == "analytic" else lc.simulate(m, simulator=side, **how)
+    moved = lc.analyse(bare, angles=angles)
+    deep, rate = np.maximum(moved["position_E"] - 1.8, 0.0), moved["follower_angular_velocity"]
+    damped = 0.5 * rate * (motion == "driven")
+    push = np.where(deep > 0, np.maximum(50.0 * deep + damped, 0.0), 0.0)
+    asked = push * rate / moved["crank_angular_velocity"]
+    assert np.sum(push > 0) > 4 < np.sum(push == 0)
+    scale = 1e-9 if side == "analytic" else 2e-4
+    apart = found["drive_torque"] - free["drive_torque"] - asked
+    assert np.abs(apart).max() < scale * np.abs(asked).max()
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_a_pendulum_swings_between_two_stops(side: str) -> None:
+    m = load("pendulum").replace(
+        initial={"velocity_O": -2.0},
+        stops=[{"joint": "O", "from": -2.2, "to": -0.3, "stiffness": 30.0, "damping": 0.02}],
+    )
+    body, time = m.bodies[0], np.linspace(0.0, 0.6, 13)
+    weight, inertia = body.mass * 9.81 * 0.15, body.moment_of_inertia + body.mass * 0.15**2
+
+    def slope(_: float, x: np.ndarray) -> tuple[float, float]:
+        q, w = x
+        low = max(30.0 * (-2.2 - q) - 0.02 * w, 0.0) if q < -2.2 else 0.0
+        high = max(30.0 * (q + 0.3) + 0.02 * w, 0.0) if q > -0.3 else 0.0
+        return w, (-weight * math.cos(q) + low - high) / inertia
+
+    q = solve_ivp(slope, (0.0, 0.6), (0.0, -2.0), "DOP853", time, rtol=1e-11, atol=1e-12, max_step=2e-4).y[0]
+    assert q.min() < -2.2 < -0.3 < q.max()
+    found = lc.analyse(m, times=time) if side == "analytic" else lc.simulate(m, simulator=side, times=time)
+    np.testing.assert_allclose(found["position_O"], q, atol=1e-7 if side == "analytic" else 2e-5)
+
+
+def test_a_released_crank_between_stops_is_the_same_by_either_integration() -> None:
+    """By a linkage's one freedom, and as one of those of which there may be several."""
+    m = load("crank-rocker").with_clearances({})
+    m = m.replace(gravity=(0.0, -9.81), drive={"joint": "D", "speed": "free"})
+    m = m.replace(initial={"velocity_D": 5.0}, stops=[{"joint": "E", "to": 1.7, "stiffness": 50.0, "damping": 0.05}])
+    from analytic.beyond_paper.free_motion import free_motion
+    from analytic.beyond_paper.released import released
+
+    time, assembly = np.linspace(0.0, 0.4, 9), Assembly(m)
+    one = released(assembly, time, omega=5.0).reactions
+    other = free_motion(assembly, time, {}, {"D": 5.0})
+    assert one.motion.relative(m.joint("E")).max() > 1.7
+    np.testing.assert_allclose(one.motion.theta, other.motion.theta, atol=1e-6)  # dampers set in at once
+    for name, force in one.forces.items():
+        np.testing.assert_allclose(force, other.forces[name], atol=1e-3)
+
+
+def test_large_batches_have_stops_too() -> None:
+    """Compiled code has none, and leaves them to numpy."""
+    m = load("crank-rocker").with_clearances({})
+    m = m.replace(stops=[{"joint": "E", "to": 1.8, "stiffness": 50.0}])
+    motion = kinematics(Assembly(m), np.linspace(0.0, 6.0, 6000), 3.0)
+    np.testing.assert_array_equal(kinetostatics(motion).drive_torque, kinetostatics_by_numpy(motion).drive_torque)
+
+
+def test_a_stop_keeps_its_joint_through_every_change() -> None:
+    m = sliding(20.0)
+    assert loads(dumps(m)) == m
+    assert m.joint("S").stops == m.stops == m.with_joint("S", damping=1.0).joint("S").stops
+    assert m.replace(stops=()).joint("S").stops == ()
+    assert m.joint("S").stops, "another mechanism's joint is its own"
+
+
+@pytest.mark.parametrize(
+    ("edit", "named"),
+    [
+        (('to = "50 mm", ', ""), "a stop has from or to, or both"),
+        (("to = ", "from = 0.06, to = "), "from = 0.06 is not less than to = 0.05"),
+        (
+            ('joint = "S", to = "50 mm", stiffness = "2 N/mm"', 'joint = "T", to = 0.05, stiffness = 2e3'),
+            "stop.joint = 'T' is not a joint",
+        ),
+        (("2 N/mm", "2 N.m/rad"), "stop[S].stiffness = '2 N.m/rad' has"),
+        (('stiffness = "2 N/mm", ', ""), "stiffness"),
+    ],
+)
+def test_what_is_no_stop_is_refused(edit: tuple[str, str], named: str) -> None:
+    text = """
+name = "mass"
+ground = { points = { S = [0.0, 0.0] } }
+body = [{ name = "mass", points = { S = [0.0, 0.0] }, mass = 2.0, inertia = 0.01 }]
+joint = [{ name = "S", type = "prismatic", bodies = ["ground", "mass"], axis = [1.0, 0.0] }]
+stop = [{ joint = "S", to = "50 mm", stiffness = "2 N/mm", damping = 3.0 }]
+"""
+    with pytest.raises(Error, match=re.escape(named)):
+        loads(text.replace(*edit))
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "exudyn", "pybullet"])
+def test_an_export_has_no_stops(engine: str, tmp_path: object) -> None:
+    with pytest.raises(Error, match=re.escape("has no stops of joints in its exports")):
+        lc.export(sliding(0.0), simulator=engine, folder=str(tmp_path), times=[0.0, 0.01])
