@@ -154,6 +154,34 @@ def test_large_batches_have_stops_too() -> None:
     np.testing.assert_array_equal(kinetostatics(motion).drive_torque, kinetostatics_by_numpy(motion).drive_torque)
 
 
+LEVER = """
+name = "lever"
+ground = { points = { O = [0.0, 0.0] } }
+body = [{ name = "lever", points = { O = [0.0, 0.0], T = [0.4, 0.0] }, mass = 1.0 }]
+joint = [{ name = "O", type = "revolute", bodies = ["ground", "lever"] }]
+drive = { joint = "O", speed = 2.0 }
+stop = [{ joint = "O", to = 0.5, stiffness = 40.0, damping = 3.0 }, { joint = "O", from = -0.5, stiffness = 10.0 }]
+assembly = { lever = 0.0 }
+"""
+
+
+def test_a_stop_s_numbers_vary_and_are_swept_by_name() -> None:
+    """Of a lever turned against it: torque = k (angle - to) + c speed, in closed form."""
+    stated = {"to": "1 deg", "stiffness": "2 N.m/rad", "damping": "0.1 N.m.s/rad"}
+    lines = [f'"stop.1.{name}" = {{ sd = "{sd}" }}' for name, sd in stated.items()]
+    found = lc.analyse(loads(LEVER + "\n".join(["[tolerances]", *lines])), angles=[0.2, 0.7, 0.9])
+    assert found.tolerances is not None
+    torque = found.tolerances.signals["drive_torque"]
+    np.testing.assert_allclose(torque.by_source["stop.1.to"], [0.0, *[40 * math.radians(1.0)] * 2], atol=1e-9)
+    np.testing.assert_allclose(torque.by_source["stop.1.stiffness"], [0.0, 0.4, 0.8], atol=1e-9)
+    np.testing.assert_allclose(torque.by_source["stop.1.damping"], [0.0, 0.2, 0.2], atol=1e-9)
+    one = loads(LEVER.replace(", { joint = \"O\", from = -0.5, stiffness = 10.0 }", ""))
+    for name in ("stop.to", "stop.O.to", "stop.1.to"):
+        swept = lc.sweep(one, {name: "10 deg:30 deg:20 deg"}, angles=[0.9])
+        largest = [point.numbers["drive_torque"] for point in swept.points]
+        np.testing.assert_allclose(largest, [40 * (0.9 - math.radians(at)) + 6 for at in (10, 30)], rtol=1e-9)
+
+
 def test_a_stop_keeps_its_joint_through_every_change() -> None:
     m = sliding(20.0)
     assert loads(dumps(m)) == m
