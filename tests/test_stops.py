@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import cumulative_trapezoid, solve_ivp
 from scipy.optimize import brentq
 
 import linkage_crosscheck as lc
@@ -18,10 +18,12 @@ from analytic.kinematics.motion import kinematics
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import dumps, load, loads
 from analytic.paper.kinetostatics import kinetostatics, kinetostatics_by_numpy
-from sim_models.engine import ENGINES
+from engine_checks import at_speed, exact_motion, request_of, vector
+from sim_models.engine import ENGINES, JointModel, engine
 
 ENGINE = [pytest.param(name, marks=getattr(pytest.mark, name)) for name in ENGINES]
 SIDES = ["analytic", *ENGINE]
+EXUDYN_LATER = [pytest.param("exudyn", marks=[pytest.mark.exudyn, pytest.mark.slow])]
 MASS, STIFFNESS, SPEED, WAY = 2.0, 2e3, 0.5, 0.05  # kg, N/m, m/s, m
 TIMES = np.linspace(0.0, 0.4, 81)
 # m of where a mass is 0.2 s after it strikes, 0.5 m/s fast: the engines' steps
@@ -109,6 +111,101 @@ def test_a_rocker_that_is_driven_into_a_stop_asks_its_torque_of_the_crank(motion
 
 
 @pytest.mark.parametrize("side", SIDES)
+def test_a_block_that_a_crank_drives_into_a_stop_asks_for_closed_forms(side: str) -> None:
+    """Of the whole push F at x = r cos(a) + sqrt(l^2 - r^2 sin^2(a)): rod F/cos(b), crank F r sin(a + b)/cos(b), guide
+    F tan(b), sin(b) = r sin(a)/l; everything else is as without the stop.
+    """
+    r, rod, speed, limit = 0.05, 0.12, 60.0, 0.13
+    bare = load("slider-crank").with_clearances({}).replace(drive={"joint": "O", "speed": speed})
+    m = bare.replace(stops=[{"joint": "S", "to": limit, "stiffness": 4e4, "damping": 150.0}])
+    a = np.radians(np.arange(7.0, 360.0, 14.0))
+    b = np.arcsin(r / rod * np.sin(a))
+    deep = r * np.cos(a) + rod * np.cos(b) - limit
+    rate = -speed * r * np.sin(a + b) / np.cos(b)
+    push = np.where(deep > 0, np.maximum(4e4 * deep + 150.0 * rate, 0.0), 0.0)
+    assert np.sum(push > 0) > 6
+    assert np.any((deep > 0) & (push == 0)), "its damper would pull there"
+    with_stop, without = (
+        lc.analyse(each, angles=a) if side == "analytic" else lc.simulate(each, simulator=side, angles=a)
+        for each in (m, bare)
+    )
+    asked = {
+        "drive_torque": -push * r * np.sin(a + b) / np.cos(b),
+        "reaction_B_x": push,
+        "reaction_B_y": -push * np.tan(b),
+        "reaction_S_y": push * np.tan(b),
+    }
+    for name, values in asked.items():
+        apart = with_stop[name] - without[name] - values
+        assert np.abs(apart).max() < (1e-9 if side == "analytic" else 2e-4) * np.abs(values).max(), name
+
+
+# By engine, joint model and law: Exudyn's own contact of spheres would pull the pin back, and DART's is rigid.
+THROWN = [
+    ("mujoco", "contact", None),
+    ("exudyn", "contact", "kelvin-voigt"),
+    ("exudyn", "spring-damper", None),
+    ("pybullet", "spring-damper", None),
+    ("dart", "spring-damper", None),
+]
+
+
+@pytest.mark.parametrize(
+    ("name", "model", "law"), [pytest.param(*row, marks=getattr(pytest.mark, row[0])) for row in THROWN]
+)
+def test_a_pin_that_a_damped_stop_throws_across_its_bearing_flies_by_its_equation(
+    name: str, model: JointModel, law: str | None
+) -> None:
+    """The damper asks for more at once than what presses the pin, which a moment later lands on the other side."""
+    m = load("crank-rocker").with_joint("B", clearance=2e-4, contact_stiffness=1e6, contact_damping=300.0)
+    m = at_speed(m, 6.0).replace(gravity=(0.0, -9.81), loads=[{"body": "follower", "torque": 1.0}])
+    m = m.replace(stops=[{"joint": "E", "to": 1.8, "stiffness": 50.0, "damping": 0.5}])
+    theta = np.radians(np.linspace(0, 110, 1101))
+    exact = exact_motion(m, theta, 1e-9)
+    first = int(np.argmax(exact.follower > 1.8))
+    assert exact.free[first:].mean() > 0.1
+    asked = m.with_joint("B", contact_law=law)
+    trace = engine(name).simulate(request_of(asked, model, "driven", theta, start="centred"))
+    later = slice(first - 5, None)  # of the start's own bounces nothing is left
+    force, gap = vector(trace, "reaction_B")[later], vector(trace, "clearance_B")[later]
+    np.testing.assert_allclose(trace.signals["follower_angle"][later], exact.follower[later], rtol=0, atol=6e-5)
+    np.testing.assert_allclose(gap, exact.gap[later], rtol=0, atol=0.1 * 2e-4)
+    assert np.abs(force - exact.force[later]).max() < 0.2 * np.abs(exact.force[later]).max()
+    assert np.all((force * gap.conjugate()).real >= 0)
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=getattr(pytest.mark, n)) for n in ("mujoco", "dart")])
+def test_a_light_rocker_on_a_strong_damper_has_its_forces_in_balance(name: str) -> None:
+    """It loses its speed in half a millisecond, and its pin bounces: what a damper does half a step later is not an
+    engine's fault.  Held to the momentum that the moments about its pivot give it.
+    """
+    m = load("crank-rocker").with_clearances({"B": 1e-4}).replace(gravity=(0.0, -9.81))
+    m = m.replace(stops=[{"joint": "E", "to": 1.8, "stiffness": 50.0, "damping": 0.5}])
+    angles = np.radians(np.arange(103.0, 107.0, 0.01))
+    found = lc.simulate(m, simulator=name, joint_model="contact", angles=angles)
+    body, q, w = m.body("follower"), found["follower_angle"], found["follower_angular_velocity"]
+    arm = (body.point("B") - body.point("E")) * np.exp(1j * q)
+    turned = (arm.conjugate() * (found["reaction_B_x"] + 1j * found["reaction_B_y"])).imag
+    weight = -9.81 * body.mass * ((body.centre - body.point("E")) * np.exp(1j * q)).real
+    stop = np.where(q > 1.8, np.maximum(50.0 * (q - 1.8) + 0.5 * w, 0.0), 0.0)
+    inertia = body.moment_of_inertia + body.mass * abs(body.centre - body.point("E")) ** 2
+    given = cumulative_trapezoid(turned + weight - stop, angles / m.speed, initial=0.0)
+    changed = inertia * (w - w[0])
+    assert stop.max() > 5
+    assert np.abs(given - changed).max() < 0.02 * np.ptp(changed)
+
+
+@pytest.mark.parametrize("name", [pytest.param("mujoco", marks=pytest.mark.mujoco), *EXUDYN_LATER])
+def test_a_pin_that_stays_pressed_is_where_its_equilibrium_has_it(name: str) -> None:
+    m = load("crank-rocker").with_clearances({"B": 1e-4}).replace(drive={"joint": "D", "speed": 3.0})
+    m = m.replace(gravity=(0.0, -9.81), loads=[{"body": "follower", "torque": -5.0}])
+    m = m.replace(stops=[{"joint": "E", "to": 1.8, "stiffness": 50.0, "damping": 0.5}])
+    (run,) = lc.crosscheck(m, simulator=name, joint_model="contact").runs
+    assert [d.signal for d in run.discrepancies if d.verdict != "agrees"] == []
+    assert not run.flags
+
+
+@pytest.mark.parametrize("side", SIDES)
 def test_a_pendulum_swings_between_two_stops(side: str) -> None:
     m = load("pendulum").replace(
         initial={"velocity_O": -2.0},
@@ -175,7 +272,7 @@ def test_a_stop_s_numbers_vary_and_are_swept_by_name() -> None:
     np.testing.assert_allclose(torque.by_source["stop.1.to"], [0.0, *[40 * math.radians(1.0)] * 2], atol=1e-9)
     np.testing.assert_allclose(torque.by_source["stop.1.stiffness"], [0.0, 0.4, 0.8], atol=1e-9)
     np.testing.assert_allclose(torque.by_source["stop.1.damping"], [0.0, 0.2, 0.2], atol=1e-9)
-    one = loads(LEVER.replace(", { joint = \"O\", from = -0.5, stiffness = 10.0 }", ""))
+    one = loads(LEVER.replace(', { joint = "O", from = -0.5, stiffness = 10.0 }', ""))
     for name in ("stop.to", "stop.O.to", "stop.1.to"):
         swept = lc.sweep(one, {name: "10 deg:30 deg:20 deg"}, angles=[0.9])
         largest = [point.numbers["drive_torque"] for point in swept.points]
