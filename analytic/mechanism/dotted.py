@@ -1,9 +1,9 @@
 """A field of a mechanism by its dotted name, as its file nests it: ``drive.speed``, ``joint.B.clearance``,
 ``body.crank.points.A.x``, ``load.coupler.force.y``; and mechanisms that differ in such fields.
 
-A part is named by its name, a drive or a stop by its joint, a load by its body, a spring by its number in the file, from
-1; where there is one of a kind, its name may be left out.  ``body.<name>.length`` is no field of a file: it moves the last of
-the two places at which a body has points.
+A part is named by its name, a drive or a stop by its joint, a load by its body, a spring by its number in the file,
+from 1; where there is one of a kind, its name may be left out.  ``body.<name>.length`` is no field of a file: it moves
+the last of the two places at which a body has points.
 """
 
 from __future__ import annotations
