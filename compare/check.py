@@ -84,8 +84,8 @@ def check(question: CheckQuestion) -> CrossCheck:
 
     ``map`` says what the columns of ``results`` are where their headings do not.  In ``driven`` motion the analytic
     side follows the crank's angle over time; without that column it turns at ``drive.speed``; a linkage without a motor
-    is let go in the state that the file begins with.  In ``static`` motion every row is an equilibrium, of several
-    drives at its time.  ``simulators`` simulate the first file's motion beside.
+    is let go in the state that the file begins with, and so are freedoms beside driven ones.  In ``static`` motion
+    every row is an equilibrium, of several drives at its time.  ``simulators`` simulate the first file's motion beside.
 
     Raises MechanismError, ArgumentError, ToleranceError, MapError, DataError with every fault of the files,
     ScheduleError, AssemblyError, Unsupported or SimulatorMissing.

@@ -239,7 +239,7 @@ def _begins(table: Table, assembly: Assembly, driven: RecordedDrives) -> dict[st
         if not told:
             fast, off = rates.get(joint, 0.0), 0.0
             if joint not in rates and np.isfinite(values).all() and values.size >= LEAST_SAMPLES:
-                way = sign * (values if not s.coordinates[i].bodies else np.unwrap(values))
+                way = sign * (values if not s.coordinates[i].bodies else unwound(values))
                 moving = followed_as_given(table.time, way, rounded)
                 fast, off = float(moving.moving.omega[0]), float(SIGMAS * moving.errors.omega[0])
         start[joint] = ReleaseState(at, fast, (float(rounded[0]) / SIGMAS, off / SIGMAS), told, placed)
