@@ -19,6 +19,8 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.file import dumps, load, loads
 from analytic.paper.kinetostatics import kinetostatics, kinetostatics_by_numpy
 from engine_checks import at_speed, exact_motion, request_of, vector
+from sim_models.common.health import Implausible
+from sim_models.common.health import check as check_health
 from sim_models.engine import ENGINES, JointModel, engine
 
 ENGINE = [pytest.param(name, marks=getattr(pytest.mark, name)) for name in ENGINES]
@@ -316,3 +318,17 @@ stop = [{ joint = "S", to = "50 mm", stiffness = "2 N/mm", damping = 3.0 }]
 def test_an_export_has_no_stops(engine: str, tmp_path: object) -> None:
     with pytest.raises(Error, match=re.escape("has no stops of joints in its exports")):
         lc.export(sliding(0.0), simulator=engine, folder=str(tmp_path), times=[0.0, 0.01])
+
+
+@pytest.mark.mujoco
+@pytest.mark.parametrize("wrong", [{"stiffness": 52.0}, {"damping": 0.55}, {"to": 1.79}])
+def test_an_engine_with_another_stop_than_it_is_asked_for_is_found_out(wrong: dict[str, float]) -> None:
+    """What a damper may be at another instant of the step hides no wrong number of a stop."""
+    m = load("crank-rocker").with_clearances({"B": 1e-4}).replace(gravity=(0.0, -9.81))
+    stop = {"joint": "E", "to": 1.8, "stiffness": 50.0, "damping": 0.5}
+    angles = np.radians(np.arange(103.0, 112.0, 0.05))
+    right, other = (request_of(m.replace(stops=[each]), "contact", "driven", angles) for each in (stop, stop | wrong))
+    trace = engine("mujoco").simulate(right)
+    check_health(right, trace)
+    with pytest.raises(Implausible, match="'follower'"):
+        check_health(other, trace)
