@@ -43,9 +43,10 @@ from compare.judge.discrepancy import UNCOMPARED, Rule, difference
 from compare.judge.reference import (
     SIGMAS,
     Reference,
+    left_open,
     reference,
     silenced,
-    without_load_edges,
+    without_edges,
 )
 from compare.judge.reruns import JudgedRun
 from compare.omissions import Asked, omitted
@@ -60,6 +61,7 @@ from compare.recorded.motion import (
     LEAST_SAMPLES,
     RecordedDrives,
     RecordedMotion,
+    RecordedRelease,
     ReleaseState,
     evenly,
     released_from,
@@ -82,8 +84,8 @@ def check(question: CheckQuestion) -> CrossCheck:
 
     ``map`` says what the columns of ``results`` are where their headings do not.  In ``driven`` motion the analytic
     side follows the crank's angle over time; without that column it turns at ``drive.speed``; a linkage without a motor
-    is let go in the state that the file begins with.  In ``static`` motion every row is an equilibrium, of several
-    drives at its time.  ``simulators`` simulate the first file's motion beside.
+    is let go in the state that the file begins with, and so are freedoms beside driven ones.  In ``static`` motion
+    every row is an equilibrium, of several drives at its time.  ``simulators`` simulate the first file's motion beside.
 
     Raises MechanismError, ArgumentError, ToleranceError, MapError, DataError with every fault of the files,
     ScheduleError, AssemblyError, Unsupported or SimulatorMissing.
@@ -99,7 +101,7 @@ def check(question: CheckQuestion) -> CrossCheck:
         timed = motion == "driven" or not given.cranked
         tables = _tables(result_files(question.results), given, layout, str(map), timed=timed)
         recordings = [recording(name, file, table, given, motion, model) for name, file, table in tables]
-        begun = all(isinstance(each.moved, ReleaseState) and each.moved.recorded for each in recordings)
+        begun = all(each.starts and all(state.recorded for state in each.starts) for each in recordings)
         left_out += omitted(given, Asked("check", motion, (chosen or "contact",), begun=begun))
         set_off(Assembly(given), recordings[0].schedule(given, motion == "static"))  # raises where it has no freedom
         given = given.replace(initial={})  # the recordings have it
@@ -207,6 +209,7 @@ def _warnings(mechanism: Mechanism, recordings: Sequence[Recording], motion: Mot
                 f"{record.name}: does not say where the linkage begins; it is let go as it is assembled,"
                 + (f" at {record.moved.rate:.5g} rad/s" if record.moved.rate else " at rest")
             )
+        sentences += _not_told(record, mechanism)
         sentences += _off_speed(record, mechanism) if motion == "driven" else []
         if record.moved is None and record.table.time.size and mechanism.encoder.name not in record.table.values:
             where = f"{np.degrees(mechanism.assembly[mechanism.driven]):.4g} deg"
@@ -215,6 +218,20 @@ def _warnings(mechanism: Mechanism, recordings: Sequence[Recording], motion: Mot
                 " linkage is assembled"
             )
         sentences += _absent(record)
+    return sentences
+
+
+def _not_told(record: Recording, mechanism: Mechanism) -> list[str]:
+    """Sentences on freedoms beside others of which the table does not say how they begin."""
+    sentences = []
+    for joint, state in record.moved.start.items() if isinstance(record.moved, RecordedRelease) else ():
+        unit = "m/s" if mechanism.joint(joint).prismatic else "rad/s"
+        rate = f"at {state.rate:.5g} {unit}" if state.rate else "at rest"
+        how = ", as its positions begin" if state.errors[1] else ""
+        what = f"how fast joint {joint} begins; it is let go" if state.placed else f"where joint {joint} begins; it is"
+        if not state.recorded or not state.placed:
+            as_file = "" if state.placed else " let go as it is assembled,"
+            sentences.append(f"{record.name}: does not say {what}{as_file} {rate}{how}")
     return sentences
 
 
@@ -237,9 +254,7 @@ def _followed_drives(record: Recording, mechanism: Mechanism) -> dict[Signal, tu
     """
     if isinstance(record.moved, RecordedMotion) and mechanism.speed is not None:
         return {mechanism.encoder: (record.theta, mechanism.speed)}
-    if not isinstance(record.moved, RecordedDrives):
-        return {}
-    drives, speeds = record.moved.drives, mechanism.drive_speeds
+    drives, speeds = record.drives, mechanism.drive_speeds
     return {position(mechanism.joint(n)): (each.moving.theta, speeds[n]) for n, each in drives.items() if n in speeds}
 
 
@@ -351,10 +366,12 @@ class _Asked:
 
     def meant(self, record: Recording) -> str:
         """What a map has to say where most of what disagrees agrees once the clock or an encoder is read otherwise;
-        empty where nothing does.
+        empty where nothing does, and of freedoms that are let go beside others, of which each reading takes too long.
 
         Where bodies are depends on the encoders alone, so that these are right where no pose disagrees.
         """
+        if isinstance(record.moved, RecordedRelease):
+            return ""
         best = TableReading.of(record.table)
         as_read = agreeing = self._agreeing(record, best)
         ways: list[Callable[[TableReading], Iterable[TableReading]]] = [
@@ -397,8 +414,15 @@ def _analytic_side(
     at_rest = motion == "static"
     schedule = record.schedule(mechanism, at_rest)
     side = reference(assembly, schedule, model, clearances, *record.moving(assembly, at_rest))
-    side = without_load_edges(side, mechanism, schedule.time)
     moved = record.moved
+    if isinstance(moved, RecordedRelease):
+        others = (replace(record, moved=other) for other in moved.others())
+        sides = [
+            reference(assembly, each.schedule(mechanism, at_rest), model, clearances, *each.moving(assembly, at_rest))
+            for each in others
+        ]
+        side = left_open(side, sides, mechanism)
+    side = without_edges(side, mechanism, schedule.time)
     return silenced(side, _standing(moved, mechanism)) if at_rest and isinstance(moved, RecordedDrives) else side
 
 
@@ -439,8 +463,8 @@ def _trace(record: Recording, mechanism: Mechanism, joint_model: JointModel, mot
         settings["contact_stiffness"] = min(law.stiffness for law in laws)
     if isinstance(record.moved, RecordedMotion):
         settings["acceleration_known_to"] = float(SIGMAS * np.max(record.moved.errors.alpha))
-    if isinstance(record.moved, RecordedDrives) and motion == "driven":
-        for name, each in record.moved.drives.items():
+    if motion == "driven":
+        for name, each in record.drives.items():
             settings[f"acceleration_known_to_{name}"] = float(SIGMAS * np.max(each.errors.alpha))
     time = None if motion == "static" and not isinstance(record.moved, RecordedDrives) else record.time
     return Trace(
@@ -607,7 +631,11 @@ def _engines(asked: _Asked, record: Recording, progress: Progress) -> Ran:
         record = replace(record, moved=record.moved.smooth())
     job = replace(asked.job_of(record), beside=tuple(record.table.values))
     side = _analytic_side(record, m, job.motion, joint_model, job.model)
-    let_go = released_from(m.ideal(), record.moved.angle) if isinstance(record.moved, ReleaseState) else m
+    let_go = m
+    if isinstance(record.moved, ReleaseState):
+        let_go = released_from(m.ideal(), record.moved.angle)
+    elif isinstance(record.moved, RecordedRelease):
+        let_go = record.moved.assembled(m)
     request = Request(let_go, joint_model, record.schedule(let_go, job.schedule.at_rest))
     pair = (joint_model, job.motion)
     tasks = [(name, request) for name in job.simulators if pair in engine(name).capabilities.runs]

@@ -54,7 +54,7 @@ from compare.judge.reference import (
     Reference,
     reference,
     with_flexible_links,
-    without_load_edges,
+    without_edges,
 )
 from compare.judge.reruns import JudgedRun, prolong, settle, span, too_soft
 from compare.judge.signals import compared, recorded, with_derived, with_rotations
@@ -458,7 +458,7 @@ def watched(request: Request, turns: int) -> Request:
 
 def _analytic_side(job: Job, assembly: Assembly, ideal: bool, measure: AnalyticSide) -> Reference:
     side = measure(assembly, job.schedule, job.model, {} if ideal else job.mechanism.clearances)
-    side = without_load_edges(side, job.mechanism, job.schedule.time)
+    side = without_edges(side, job.mechanism, job.schedule.time)
     return with_flexible_links(side, assembly, job.schedule) if job.flexible else side
 
 

@@ -24,16 +24,23 @@ NO_RATES: Mapping[str, float] = MappingProxyType({})
 
 
 def free_motion(
-    assembly: Assembly, time: np.ndarray, courses: Mapping[str, TimeFunction], rates: Mapping[str, float] = NO_RATES
+    assembly: Assembly,
+    time: np.ndarray,
+    courses: Mapping[str, TimeFunction],
+    rates: Mapping[str, float] = NO_RATES,
+    start: np.ndarray | None = None,
 ) -> Reactions:
     """Motion and reactions at times (N,) s, ascending, from 0 on.
 
     Driven joints follow ``courses`` (position, rad or m, second body relative to first, as a function of time and order
-    of derivative); free ones start at the assembly's positions with ``rates`` (rad/s, m/s), at rest where none is
-    given.  Raises AssemblyError where the motion meets a change point, or has dry friction.
+    of derivative); free ones start where the assembly has them, or among inputs ``start`` (n_inputs,) rad, m, with
+    ``rates`` (rad/s, m/s), at rest where none is given.  Raises AssemblyError where the motion meets a change point, or
+    has dry friction.
     """
     _check(assembly)
-    return _FreeMotion(assembly, courses).at(np.asarray(time, float), rates)
+    return _FreeMotion(assembly, courses).at(
+        np.asarray(time, float), rates, assembly.inputs if start is None else start
+    )
 
 
 def _check(assembly: Assembly) -> None:
@@ -63,11 +70,9 @@ class _FreeMotion:
         self.joints, self.signs = joints, [float(s.signs[i]) for i in s.inputs]
         self.last: np.ndarray = np.zeros((0, 0))  # coordinates (n, 1) where the linkage was last
 
-    def at(self, time: np.ndarray, rates: Mapping[str, float]) -> Reactions:
-        """The motion at times (N,) s."""
-        start = np.concatenate(
-            [self.assembly.inputs[self.free], [self.signs[k] * rates.get(self.joints[k], 0.0) for k in self.free]]
-        )
+    def at(self, time: np.ndarray, rates: Mapping[str, float], home: np.ndarray) -> Reactions:
+        """The motion at times (N,) s, from inputs ``home`` (n_inputs,) of which the free ones count."""
+        start = np.concatenate([home[self.free], [self.signs[k] * rates.get(self.joints[k], 0.0) for k in self.free]])
         begin, _, _ = self.inputs(0.0, start)
         self.last = self.assembly.follow(begin[:, None]).coordinates
         states = self.integrated(time, start)

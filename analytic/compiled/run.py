@@ -181,7 +181,7 @@ def balanced(
     """
     s, programs, n = assembly.structure, programs_of(assembly), coordinates[0].shape[1]
     shapes = {x.shape for x in coordinates}, {x.shape for x in columns}
-    if s.mechanism.varying_load or shapes != ({(len(s.coordinates), n)}, {(s.n_columns, n)}):
+    if s.mechanism.varying_load or s.mechanism.stops or shapes != ({(len(s.coordinates), n)}, {(s.n_columns, n)}):
         return None
     kind = bool(inertia), displaced, grip is not None
     if kind not in programs.balances:

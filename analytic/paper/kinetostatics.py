@@ -439,14 +439,14 @@ def _torques(motion: Motion, inertia: bool, grip: np.ndarray | float) -> np.ndar
 
 
 def joint_law(joint: Joint, motion: Motion, moving: bool, grip: np.ndarray | float = 1.0) -> np.ndarray:
-    """Torque (N.m; prismatic: force, N) of a joint's spring and dry friction on its second body, (N,); of its damper
-    too in a linkage that is ``moving``.
+    """Torque (N.m; prismatic: force, N) of a joint's spring, stops and dry friction on its second body, (N,); of their
+    dampers too in a linkage that is ``moving``.
     """
     position, sign = motion.relative(joint), motion.slip_sign(joint)
     if not moving:
-        return joint.spring(position) - joint.stiction * grip * sign
+        return joint.give(position, np.zeros(1)) - joint.stiction * grip * sign
     rate = motion.slip(joint)
-    return joint.spring(position) + joint.damper(rate) - joint.dry(rate) * grip * sign
+    return joint.give(position, rate) - joint.dry(rate) * grip * sign
 
 
 def friction_turns(motion: Motion, within: float = 0.0, rough: Collection[str] = ()) -> dict[str, np.ndarray]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
@@ -17,7 +17,7 @@ from analytic.kinematics.reach import usual_angles
 from analytic.kinematics.schedule import Schedule, Turning
 from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import count, one_line
-from analytic.mechanism.signals import Signal, driving, named, wrapped
+from analytic.mechanism.signals import Signal, driving, named, position, wrapped
 from analytic.paper.clearance import Displaced, Model, displaced
 from analytic.paper.compliance import compliance
 from analytic.paper.envelope import condition
@@ -100,8 +100,9 @@ def reference(
     freely, with ideal joints.
 
     ``moving`` are the inputs as a record has them, (N,) of a crank or (n_inputs, N), where these are not just what the
-    schedule's drives do; of a linkage that is let go, the state (1,) in which it is.  ``errors`` say how exactly
-    they are known (rms, the same shapes).  Raises AssemblyError.
+    schedule's drives do; of a linkage that is let go, the state (1,) in which it is, and where only some of its
+    freedoms are, the inputs (n_inputs, 1) where they begin.  ``errors`` say how exactly they are known (rms, the same
+    shapes).  Raises AssemblyError.
     """
     if schedule.lets_go and schedule.crank is not None:
         start = moving or Turning(
@@ -109,7 +110,7 @@ def reference(
         )
         return _let_go(assembly, schedule.time, start, errors)
     if assembly.left_free(schedule):
-        return _free(assembly, schedule)
+        return _free(assembly, schedule, None if moving is None else moving.theta[:, 0])
     moving = moving or assembly.inputs_along(schedule)
     still = _still(assembly, schedule) if schedule.at_rest else frozenset()
     side = _side(assembly, moving, schedule, model, clearances, still)
@@ -231,10 +232,10 @@ def _side(
     return silenced(side, {signal.name: turned for signal, turned in by_motor.values()})
 
 
-def _free(assembly: Assembly, schedule: Schedule) -> Reference:
-    """The analytic motion of a linkage of several freedoms, some of which no drive moves."""
+def _free(assembly: Assembly, schedule: Schedule, start: np.ndarray | None) -> Reference:
+    """The analytic motion of a linkage of several freedoms, some of which no drive moves, from inputs (n_inputs,)."""
     drives = {name: motor.positions for name, motor in schedule.drives.items()}
-    motion = free_motion(assembly, schedule.time, drives, schedule.rates)
+    motion = free_motion(assembly, schedule.time, drives, schedule.rates, start)
     signals = with_derived(motion.signals(), assembly.mechanism)
     return Reference(signals, _angles(motion.motion), {}, {}, peaks=largest(signals), undetermined=motion.undetermined)
 
@@ -246,9 +247,19 @@ def _still(assembly: Assembly, schedule: Schedule) -> frozenset[str]:
     return frozenset(standing if moves else (joint.name for joint in assembly.mechanism.joints))
 
 
-def without_load_edges(side: Reference, m: Mechanism, time: np.ndarray) -> Reference:
-    """A side at times (N,) s flagged where loads begin or end: there rounding decides whether a simulation has them."""
+def without_edges(side: Reference, m: Mechanism, time: np.ndarray) -> Reference:
+    """A side at times (N,) s flagged where loads begin or end, or a damped stop is struck: there rounding decides
+    whether a simulation has them.
+    """
     flags: dict[int, str] = {}
+    for stop in m.stops:
+        joint = m.joint(stop.joint)
+        values = side.signals.get(position(joint).name) if stop.damping else None
+        near = AT_EDGE * (max(body.length for body in m.bodies) or 1.0 if joint.prismatic else 1.0)
+        for _, depth in stop.depths(values) if values is not None else ():
+            flags |= dict.fromkeys(
+                np.flatnonzero(np.abs(depth) < near).tolist(), f"joint {joint.name} comes to its stop here"
+            )
     for load in m.loads:
         values = m.load_values(load, side.signals, time) if load.over else None
         if load.start is None or load.end is None or values is None:
@@ -303,13 +314,18 @@ def _let_go(assembly: Assembly, time: np.ndarray, start: Turning, errors: Turnin
     """
     angle, rate = float(start.theta[0]), float(start.omega[0])
     side = _released(assembly, time, angle, rate)
-    known = named(assembly.mechanism.bodies, assembly.mechanism.joints, assembly.mechanism.drives)
-    squares: dict[str, np.ndarray] = {}
     off = (0.0, 0.0) if errors is None else (float(errors.theta[0]), float(errors.omega[0]))
-    for other in ((angle + off[0], rate), (angle, rate + off[1])):
-        if other != (angle, rate):
-            for name, values in _released(assembly, time, *other).signals.items():
-                squares[name] = squares.get(name, 0.0) + known[name].apart(values, side.signals[name]) ** 2
+    others = [other for other in ((angle + off[0], rate), (angle, rate + off[1])) if other != (angle, rate)]
+    return left_open(side, [_released(assembly, time, *other) for other in others], assembly.mechanism)
+
+
+def left_open(side: Reference, others: Iterable[Reference], mechanism: Mechanism) -> Reference:
+    """A side that is known as exactly as ``others`` leave it, each with another thing off by its rms error."""
+    known = named(mechanism.bodies, mechanism.joints, mechanism.drives)
+    squares: dict[str, np.ndarray] = {}
+    for other in others:
+        for name, values in other.signals.items():
+            squares[name] = squares.get(name, 0.0) + known[name].apart(values, side.signals[name]) ** 2
     return replace(side, unsure={name: np.nan_to_num(np.sqrt(total)) for name, total in squares.items()})
 
 

@@ -291,6 +291,7 @@ def mechanism_file() -> str:
         "ripple": "ripple of a drive",
         "periodic_torque": "periodic_torque of a drive",
         "spring": "`[[spring]]`",
+        "stop": "`[[stop]]`",
         "load": "`[[load]]`",
     }
     out = []
