@@ -48,6 +48,7 @@ from compare.judge.reference import (
     without_load_edges,
 )
 from compare.judge.reruns import JudgedRun
+from compare.judge.signals import prescribed
 from compare.omissions import Asked, omitted
 from compare.progress import Progress, progress_bar
 from compare.questions.check import CheckQuestion
@@ -397,7 +398,7 @@ def _analytic_side(
     at_rest = motion == "static"
     schedule = record.schedule(mechanism, at_rest)
     side = reference(assembly, schedule, model, clearances, *record.moving(assembly, at_rest))
-    side = without_load_edges(side, mechanism, schedule.time)
+    side = without_load_edges(side, mechanism, schedule.time).only(mechanism, record.table.values)
     moved = record.moved
     return silenced(side, _standing(moved, mechanism)) if at_rest and isinstance(moved, RecordedDrives) else side
 
@@ -467,14 +468,13 @@ def _not_judged(record: Recording, side: Reference, judgement: JudgedRun, mechan
     rest = [s for s in rest if s not in mechanism.encoders and not _judged_by(s, judged_on)]
     rest = [s for s in rest if s.kind != "reaction" or s.place not in side.undetermined]
     crank = mechanism.driven if mechanism.cranked else ""
-    prescribed = [s.name for s in rest if s.place == crank and s.kind in ("rate", "rotation")]
+    by_motor = prescribed(mechanism) | {Signal("rotation", crank, "angle").name}
+    followed = [s.name for s in rest if s.name in by_motor]
     bare = [s.name for s in rest if _judged_by(s, judgement.rules)]
-    others = [s.name for s in rest if s.name not in (*prescribed, *bare)]
+    others = [s.name for s in rest if s.name not in (*followed, *bare)]
     why = f"the motion of the {crank} is prescribed, and the analytic side follows it"
     sentences = (
-        [f"{' and '.join(prescribed)} {'is' if len(prescribed) == 1 else 'are'} not judged: {why}"]
-        if prescribed
-        else []
+        [f"{' and '.join(followed)} {'is' if len(followed) == 1 else 'are'} not judged: {why}"] if followed else []
     )
     sentences += [f"{', '.join(bare)} {'is' if len(bare) == 1 else 'are'} not judged: {UNCOMPARED}"] if bare else []
     if others:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
@@ -21,10 +21,10 @@ from analytic.mechanism.signals import Signal, driving, named, wrapped
 from analytic.paper.clearance import Displaced, Model, displaced
 from analytic.paper.compliance import compliance
 from analytic.paper.envelope import condition
-from analytic.paper.kinetostatics import friction_turns, load_turns
+from analytic.paper.kinetostatics import Reactions, friction_turns, load_turns
 from analytic.paper.superposition import ILL_CONDITIONED, superposed
 from compare.judge.discrepancy import difference, largest
-from compare.judge.signals import compared, with_derived
+from compare.judge.signals import compared, only, with_derived
 from compare.results.crosscheck import OrderDifference
 
 SIGMAS = 4.0  # rms errors of a motion that is known no better, by which a signal may be off
@@ -60,6 +60,11 @@ class Reference:
     undetermined: frozenset[str] = frozenset()
     silent: Mapping[str, np.ndarray] = field(default_factory=dict)
     cautions: tuple[str, ...] = ()
+
+    def only(self, mechanism: Mechanism, asked: Iterable[str]) -> Reference:
+        """The same with those signals on request alone that are ``asked`` for by name."""
+        signals, unsure = (only(each, mechanism, asked) for each in (self.signals, self.unsure))
+        return replace(self, signals=signals, unsure=unsure, peaks=only(self.peaks, mechanism, asked))
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -113,7 +118,7 @@ def reference(
     moving = moving or assembly.inputs_along(schedule)
     still = _still(assembly, schedule) if schedule.at_rest else frozenset()
     side = _side(assembly, moving, schedule, model, clearances, still)
-    side = _at_rest(side) if schedule.at_rest else side
+    side = _at_rest(side, assembly.mechanism) if schedule.at_rest else side
     if errors is not None:
         side = replace(side, unsure=_unsure(side, assembly, moving, errors, schedule, model, clearances))
     return _with_usual_peaks(side, assembly, schedule, model, clearances) if schedule.turns_evenly else side
@@ -133,7 +138,7 @@ def _with_usual_peaks(
     side, speed = replace(side, peaks={}), schedule.crank_motion(assembly.mechanism).rate(0.0)
     with suppress(AssemblyError):
         at = displaced(assembly, usual, speed, model=model, inertia=moves, clearances=clearances)
-        side = replace(side, peaks=largest(with_derived(at.signals(), assembly.mechanism)))
+        side = replace(side, peaks=largest(_signals(at, assembly.mechanism)))
     return side
 
 
@@ -165,7 +170,7 @@ def _unsure(
                 assembly, other.theta, other.omega, alpha=other.alpha, model=model, inertia=not schedule.at_rest,
                 clearances=clearances, time=None if schedule.at_rest else schedule.time,
             )  # fmt: skip
-            for name, values in with_derived(changed.signals(), assembly.mechanism).items():
+            for name, values in _signals(changed, assembly.mechanism).items():
                 apart = known[name].apart(values, side.signals[name])
                 if part == "theta":
                     limits[name] = limits.get(name, 0.0) + np.abs(apart)
@@ -206,7 +211,7 @@ def _side(
     models: tuple[Model, ...] = ("equilibrium", "first_order") if clearances else (model,)
     sides = {each: at(each) for each in models}
     answer = sides[model]
-    signals = {each: with_derived(side.signals(), mechanism) for each, side in sides.items()}
+    signals = {each: _signals(side, mechanism) for each, side in sides.items()}
     order: dict[str, OrderDifference] = {}
     for signal in compared(mechanism, clearances) if clearances else ():
         apart = signal.apart(*(signals[each][signal.name] for each in ("first_order", "equilibrium")))
@@ -235,7 +240,7 @@ def _free(assembly: Assembly, schedule: Schedule) -> Reference:
     """The analytic motion of a linkage of several freedoms, some of which no drive moves."""
     drives = {name: motor.positions for name, motor in schedule.drives.items()}
     motion = free_motion(assembly, schedule.time, drives, schedule.rates)
-    signals = with_derived(motion.signals(), assembly.mechanism)
+    signals = _signals(motion, assembly.mechanism)
     return Reference(signals, _angles(motion.motion), {}, {}, peaks=largest(signals), undetermined=motion.undetermined)
 
 
@@ -263,10 +268,16 @@ def without_load_edges(side: Reference, m: Mechanism, time: np.ndarray) -> Refer
     return _without({i: why for i, why in flags.items() if i not in side.flags}, side) if flags else side
 
 
-def _at_rest(side: Reference) -> Reference:
-    """A side whose bodies do not move: their rates are 0."""
-    rates = (Signal("rate", body, "angular_velocity").name for body in side.ideal_angles)
-    return replace(side, signals={**side.signals, **{name: np.zeros(side.signals[name].shape) for name in rates}})
+def _at_rest(side: Reference, m: Mechanism) -> Reference:
+    """A side whose bodies do not move: their rates, accelerations and powers are 0."""
+    known = named(m.bodies, m.joints, m.drives)
+    moves = [name for name in side.signals if (one := known[name]).on_request or one.kind == "rate"]
+    return replace(side, signals={**side.signals, **{name: np.zeros(side.signals[name].shape) for name in moves}})
+
+
+def _signals(answer: Displaced | Reactions, mechanism: Mechanism) -> dict[str, np.ndarray]:
+    """Every signal (N,) of an analytic answer, those on request with them."""
+    return with_derived(answer.signals() | answer.rates(), mechanism)
 
 
 def _axis(motion: Moving) -> np.ndarray:
@@ -317,7 +328,7 @@ def _released(assembly: Assembly, time: np.ndarray, angle: float, rate: float) -
     motion = released(assembly, time, angle, rate)
     mechanism, reactions = assembly.mechanism, motion.reactions
     ideal = _angles(reactions.motion)
-    signals = with_derived(reactions.signals(), mechanism)
+    signals = _signals(reactions, mechanism)
     rubbing = [joint.name for joint in mechanism.joints if joint.rubs]
     rubbing += [f"the load on {load.body}" for load in mechanism.loads if load.opposes]
     why = f"at rest, where nothing says how friction in {' and '.join(rubbing)} share what they hold"

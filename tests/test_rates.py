@@ -1,0 +1,211 @@
+"""Velocities, accelerations and drive power: closed forms, differences of positions, the power balance, every engine in
+every case; and that they are there only where they are asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import linkage_crosscheck as lc
+from analytic.kinematics.assembly import Assembly
+from analytic.mechanism import Mechanism
+from analytic.mechanism.file import load, shipped_cases
+from analytic.mechanism.signals import named
+from analytic.paper.clearance import displaced
+from commands import compare
+from compare.crosscheck import crosscheck_job, job_of
+from compare.faults import ArgumentError
+from compare.judge.reference import Reference, reference
+from compare.questions.crosscheck import CrosscheckQuestion
+from linkages import inverted_slider
+from marks import slow_but
+from sim_models.engine import ENGINES
+
+TURN = np.radians(np.arange(0.0, 360.0, 7.5))
+
+
+def on_request(m: Mechanism) -> set[str]:
+    """The names of all signals on request."""
+    return {name for name, signal in named(m.bodies, m.joints, m.drives).items() if signal.on_request}
+
+
+# ---------------------------------------------------------------- closed forms
+
+
+def test_the_slider_of_a_slider_crank_moves_as_its_closed_form_says() -> None:
+    """x = r cos t + l cos b with sin b = -(r / l) sin t, differentiated by hand."""
+    r, length, omega = 0.05, 0.12, load("slider-crank").speed or 0.0
+    found = lc.analyse("slider-crank", angles=TURN, signals="all").signals
+    b = np.arcsin(-r / length * np.sin(TURN))
+    b1 = -r * np.cos(TURN) * omega / (length * np.cos(b))
+    b2 = (r * omega**2 * np.sin(TURN) + length * b1**2 * np.sin(b)) / (length * np.cos(b))
+    velocity = -r * omega * np.sin(TURN) - length * b1 * np.sin(b)
+    acceleration = -r * omega**2 * np.cos(TURN) - length * (b2 * np.sin(b) + b1**2 * np.cos(b))
+    for name in ("slider_velocity_x", "velocity_S"):
+        np.testing.assert_allclose(found[name], velocity, atol=1e-12 * r * omega)
+    for name in ("slider_acceleration_x", "acceleration_S"):
+        np.testing.assert_allclose(found[name], acceleration, atol=1e-11 * r * omega**2)
+    np.testing.assert_allclose(found["rod_angular_acceleration"], b2, atol=1e-11 * omega**2)
+    np.testing.assert_allclose(found["acceleration_A"], b2, atol=1e-11 * omega**2)  # the crank turns evenly
+    np.testing.assert_allclose(found["crank_acceleration_x"], -r / 2 * omega**2 * np.cos(TURN), rtol=1e-12, atol=1e-9)
+    np.testing.assert_allclose(found["drive_power"], omega * found["drive_torque"], rtol=1e-12)
+
+
+def test_the_four_bar_turns_as_its_loop_says() -> None:
+    """Angular accelerations of coupler and follower by Cramer's rule on the loop, differentiated twice by hand."""
+    r2, r3, r4, omega = 0.05, 0.12, 0.10, load("crank-rocker").speed or 0.0
+    found = lc.analyse("crank-rocker", angles=TURN, signals="all").signals
+    t2, t3, t4 = TURN, found["coupler_angle"], found["follower_angle"]
+    w3 = r2 * omega * np.sin(t4 - t2) / (r3 * np.sin(t3 - t4))
+    w4 = r2 * omega * np.sin(t2 - t3) / (r4 * np.sin(t4 - t3))
+    a3 = (-r2 * omega**2 * np.cos(t2 - t4) - r3 * w3**2 * np.cos(t3 - t4) + r4 * w4**2) / (r3 * np.sin(t3 - t4))
+    a4 = (r2 * omega**2 * np.cos(t2 - t3) + r3 * w3**2 - r4 * w4**2 * np.cos(t4 - t3)) / (r4 * np.sin(t4 - t3))
+    np.testing.assert_allclose(found["coupler_angular_acceleration"], a3, atol=1e-10 * omega**2)
+    np.testing.assert_allclose(found["follower_angular_acceleration"], a4, atol=1e-10 * omega**2)
+    np.testing.assert_allclose(found["acceleration_B"], a4 - a3, atol=1e-10 * omega**2)
+    np.testing.assert_allclose(found["velocity_B"], w4 - w3, atol=1e-11 * omega)
+    middle = r4 / 2 * (1j * a4 - w4**2) * np.exp(1j * t4)
+    np.testing.assert_allclose(found["follower_acceleration_x"], middle.real, atol=1e-11 * omega**2)
+    np.testing.assert_allclose(found["follower_acceleration_y"], middle.imag, atol=1e-11 * omega**2)
+
+
+# ---------------------------------------------------------------- the second road: positions
+
+
+def inverted(marker: tuple[float, float] = (0.03, 0.01)) -> Mechanism:
+    """A slide that turns, which gives its travel Coriolis' acceleration, and a body whose marker is not its com."""
+    m = inverted_slider()
+    return m.replace(bodies=[b.model_copy(update={"marker": marker}) for b in m.bodies])
+
+
+@pytest.mark.parametrize(
+    ("m", "gap", "within"),
+    [
+        (load("paper"), 0.0, 2e-6),
+        (load("paper"), 1e-3, 1e-5),  # its pin's own motion in its bearing comes from differences over 2e-3 rad
+        (load("six-bar"), 0.0, 2e-6),
+        (inverted(), 0.0, 2e-6),
+    ],
+    ids=["paper", "paper with clearance", "six-bar", "inverted slider"],
+)
+def test_rates_are_those_of_the_positions(m: Mechanism, gap: float, within: float) -> None:
+    assembly, speed, h = Assembly(m), m.speed or 1.0, 1e-3 / (m.speed or 1.0)
+    theta = np.radians(np.arange(40.0, 140.0, 9.0))
+    loose = {"B": gap} if gap else {}
+    around = [displaced(assembly, theta + k * h * speed, speed, clearances=loose).signals() for k in range(-3, 4)]
+    rates = displaced(assembly, theta, speed, clearances=loose).rates()
+
+    def derivative(of: str, weights: tuple[float, ...], order: int) -> np.ndarray:
+        """By the central difference of sixth order."""
+        return np.sum([w * each[of] for w, each in zip(weights, around, strict=True)], axis=0) / h**order
+
+    def first(of: str) -> np.ndarray:
+        return derivative(of, (-1 / 60, 3 / 20, -3 / 4, 0, 3 / 4, -3 / 20, 1 / 60), 1)
+
+    def second(of: str) -> np.ndarray:
+        return derivative(of, (1 / 90, -3 / 20, 3 / 2, -49 / 18, 3 / 2, -3 / 20, 1 / 90), 2)
+
+    pairs: list[tuple[str, str, Callable[[str], np.ndarray]]] = []
+    for body in m.bodies:
+        pairs += [(f"{body.name}_velocity_{axis}", f"{body.name}_{axis}", first) for axis in "xy"]
+        pairs += [(f"{body.name}_acceleration_{axis}", f"{body.name}_{axis}", second) for axis in "xy"]
+        pairs += [(f"{body.name}_angular_acceleration", f"{body.name}_angle", second)]
+    for joint in m.joints:
+        pairs += [(f"velocity_{joint.name}", f"position_{joint.name}", first)]
+        pairs += [(f"acceleration_{joint.name}", f"position_{joint.name}", second)]
+    assert {name for name, _, _ in pairs} == on_request(m) - {"drive_power"}
+    for name, of, differentiated in pairs:
+        order = 1 if differentiated is first else 2
+        scale = max(float(np.max(np.abs(rates[name]))), 0.1 * speed**order * max(b.length for b in m.bodies))
+        np.testing.assert_allclose(rates[name], differentiated(of), atol=within * scale, err_msg=name)
+
+
+def test_what_the_drive_gives_is_what_the_linkage_takes() -> None:
+    """Power of the drive, of the weight and of the load make up the change of the kinetic energy."""
+    m = load("paper").replace(gravity=(0.0, -9.81))
+    found = lc.analyse(m, angles=np.radians(np.arange(20.0, 161.0, 5.0)), signals="all", clearance={"B": 0.0}).signals
+    energy, given = 0.0, found["drive_power"].copy()
+    for body in m.bodies:
+        name = body.name
+        velocity = found[f"{name}_velocity_x"] + 1j * found[f"{name}_velocity_y"]  # of its marker: the com, here
+        acceleration = found[f"{name}_acceleration_x"] + 1j * found[f"{name}_acceleration_y"]
+        energy = energy + body.mass * (velocity.conj() * acceleration).real
+        energy = energy + body.moment_of_inertia * (
+            found[f"{name}_angular_velocity"] * found[f"{name}_angular_acceleration"]
+        )
+        given += -9.81 * body.mass * velocity.imag
+    for load_on in m.loads:
+        push = complex(*load_on.force)
+        velocity = found[f"{load_on.body}_velocity_x"] + 1j * found[f"{load_on.body}_velocity_y"]
+        given += (push.conjugate() * velocity).real
+    assert np.ptp(found["drive_power"]) > 10
+    np.testing.assert_allclose(given, energy, atol=1e-12 * float(np.ptp(found["drive_power"])))
+
+
+# ---------------------------------------------------------------- engines
+
+
+@pytest.mark.parametrize("case", slow_but(["paper", "3-rpr"], shipped_cases()))
+@pytest.mark.parametrize("name", ENGINES)
+def test_engines_report_their_own_solvers_accelerations(name: str, case: str) -> None:
+    """Every signal on request, by every engine, within the tolerances of the signals that it always has."""
+    pytest.importorskip({"dart": "dartpy"}.get(name, name))
+    m = load(case)
+    how = {} if m.cranked and m.speed else {"times": np.linspace(0.0, 0.3, 7)}
+    result = lc.crosscheck(m, simulator=name, joint_model="ideal", signals="all", **how)
+    run = result.runs[0]
+    assert run.verdict == "agrees", [d for d in run.discrepancies if d.verdict != "agrees"]
+    assert on_request(m) <= run.simulated.keys()
+    prescribed = 3 if m.cranked and m.motors else 0  # of the crank: its acceleration, and its joint's rates
+    assert len({d.signal for d in run.discrepancies} & on_request(m)) == len(on_request(m)) - prescribed
+
+
+@pytest.mark.parametrize("signal", ["follower_acceleration_x", "velocity_B", "drive_power", "coupler_velocity_y"])
+def test_a_side_that_errs_by_a_hundredth_is_found(signal: str) -> None:
+    pytest.importorskip("mujoco")
+
+    def wrong(*asked: Any) -> Reference:
+        side = reference(*asked)
+        return replace(side, signals={**side.signals, signal: 1.01 * side.signals[signal]})
+
+    job = job_of(CrosscheckQuestion("crank-rocker", "mujoco", joint_model="ideal", signals="all"))
+    run = crosscheck_job(job, measure=wrong).runs[0]
+    assert [d.signal for d in run.discrepancies if d.verdict == "disagrees"] == [signal]
+
+
+# ---------------------------------------------------------------- on request
+
+
+def test_results_hold_them_only_where_they_are_asked_for() -> None:
+    m = load("paper")
+    usual, more = lc.analyse(m), lc.analyse(m, signals=["follower_velocity_x", "drive_power"])
+    assert not usual.signals.keys() & on_request(m)
+    assert more.signals.keys() - usual.signals.keys() == {"follower_velocity_x", "drive_power"}
+    assert more.extremes.keys() - usual.extremes.keys() == {"follower_velocity_x", "drive_power"}
+    assert lc.analyse(m, signals="all").signals.keys() - usual.signals.keys() == on_request(m)
+    assert more.units()["drive_power"] == "W"
+    assert more.units()["follower_velocity_x"] == "m/s"
+
+
+@pytest.mark.parametrize("asked", ["follower_velocity_z", ["drive_powr"]])
+def test_an_unknown_signal_is_refused_with_the_one_that_was_meant(asked: str | list[str]) -> None:
+    meant = {"follower_velocity_z": "follower_velocity_", "drive_powr": "drive_power"}
+    with pytest.raises(ArgumentError, match=meant[asked if isinstance(asked, str) else asked[0]]):
+        lc.analyse("paper", signals=asked)
+
+
+def test_nothing_moves_at_rest() -> None:
+    with pytest.raises(ArgumentError, match="nothing moves in static motion"):
+        lc.crosscheck("paper", motion="static", signals="all")
+
+
+def test_a_command_takes_their_names(tmp_path: Path) -> None:
+    said = compare("analyse", "--case", "paper", "--signals", "acceleration_B", "--json", cwd=tmp_path)
+    assert '"acceleration_B"' in said.stdout
+    assert '"acceleration_A"' not in said.stdout
