@@ -20,7 +20,7 @@ from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from analytic.mechanism.columns import ANY_LAYOUT, Layout, read_map
 from analytic.mechanism.errors import quoted
-from analytic.mechanism.one_line import shown
+from analytic.mechanism.one_line import enumerated, shown
 from analytic.mechanism.signals import Signal, driving, named, position
 from analytic.mechanism.units import dimension, factor
 from analytic.paper.clearance import Model
@@ -474,7 +474,7 @@ def _not_judged(record: Recording, side: Reference, judgement: JudgedRun, mechan
     others = [s.name for s in rest if s.name not in (*followed, *bare)]
     why = f"the motion of the {crank} is prescribed, and the analytic side follows it"
     sentences = (
-        [f"{' and '.join(followed)} {'is' if len(followed) == 1 else 'are'} not judged: {why}"] if followed else []
+        [f"{enumerated(followed)} {'is' if len(followed) == 1 else 'are'} not judged: {why}"] if followed else []
     )
     sentences += [f"{', '.join(bare)} {'is' if len(bare) == 1 else 'are'} not judged: {UNCOMPARED}"] if bare else []
     if others:

@@ -4,7 +4,7 @@ every case; and that they are there only where they are asked for.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,9 +23,11 @@ from compare.crosscheck import crosscheck_job, job_of
 from compare.faults import ArgumentError
 from compare.judge.reference import Reference, reference
 from compare.questions.crosscheck import CrosscheckQuestion
+from diagnosis_rigs import assert_recovered, diagnosed, experiment, played, wrong
 from linkages import inverted_slider
-from marks import slow_but
+from marks import slow, slow_but
 from sim_models.engine import ENGINES
+from tests.evidence.scoreboard.sizes import Planted
 
 TURN = np.radians(np.arange(0.0, 360.0, 7.5))
 
@@ -177,6 +179,74 @@ def test_a_side_that_errs_by_a_hundredth_is_found(signal: str) -> None:
     job = job_of(CrosscheckQuestion("crank-rocker", "mujoco", joint_model="ideal", signals="all"))
     run = crosscheck_job(job, measure=wrong).runs[0]
     assert [d.signal for d in run.discrepancies if d.verdict == "disagrees"] == [signal]
+
+
+# ---------------------------------------------------------------- columns of a file
+
+
+@pytest.fixture(scope="module")
+def columns() -> Mapping[str, np.ndarray]:
+    """What a rig with a velocity sensor and an accelerometer on its follower would write, by heading."""
+    pytest.importorskip("mujoco")
+    found = lc.simulate("crank-rocker", signals="all", angles=np.radians(np.arange(20.0, 160.0, 2.0)))
+    signals, speed = found.signals, load("crank-rocker").speed or 0.0
+    return {
+        "time [s]": (found.crank_angle - found.crank_angle[0]) / speed,
+        "crank_angle [deg]": np.degrees(found.crank_angle),
+        "follower_velocity_x [mm/s]": 1e3 * signals["follower_velocity_x"],
+        "follower_acceleration_y [g]": signals["follower_acceleration_y"] / 9.80665,
+    }
+
+
+def test_a_file_is_checked_by_its_velocities_and_accelerations(columns: Mapping[str, np.ndarray]) -> None:
+    run = lc.check({"rig": columns}, "crank-rocker").runs[0]
+    assert {d.signal: d.verdict for d in run.discrepancies} == {
+        "follower_velocity_x": "agrees",
+        "follower_acceleration_y": "agrees",
+    }
+
+
+def test_an_accelerometer_of_another_size_is_found(columns: Mapping[str, np.ndarray]) -> None:
+    off = {name: 1.02 * each if "acceleration" in name else each for name, each in columns.items()}
+    run = lc.check({"rig": off}, "crank-rocker").runs[0]
+    assert [d.signal for d in run.discrepancies if d.verdict == "disagrees"] == ["follower_acceleration_y"]
+
+
+def test_an_acceleration_in_another_unit_is_said(columns: Mapping[str, np.ndarray]) -> None:
+    other = {name.replace("[g]", "[m/s^2]"): each for name, each in columns.items()}
+    result = lc.check({"rig": other}, "crank-rocker")
+    assert result.verdict == "disagrees"
+    assert any("in g" in warning for warning in result.warnings)
+
+
+# ---------------------------------------------------------------- sensors of a diagnosis
+
+RATES = {
+    "crank_angle": 5e-5,
+    "drive_torque": 1e-3,
+    "follower_acceleration_x": 0.02,
+    "coupler_velocity_x": 5e-4,
+    "velocity_B": 2e-3,
+}
+FAULTS = [
+    wrong("sensor_bias", "follower_acceleration_x", bias=0.1),
+    wrong("sensor_gain", "follower_acceleration_x", gain_error=0.03),
+    wrong("sensor_lag", "follower_acceleration_x", time_constant=4e-3),
+    wrong("sensor_drift", "coupler_velocity_x", drift=4e-3),
+    wrong("sensor_delay", "velocity_B", delay=2e-3),
+    wrong("link_length", "follower", length_error=5e-4),
+]
+
+
+def test_a_rig_as_it_is_believed_to_be_has_no_gap_by_its_rates() -> None:
+    result = diagnosed(played(experiment(sensors=RATES)))
+    assert result["verdict"] == "no gap"
+    assert result["gap"]["before"] == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize("fault", slow(*FAULTS))
+def test_what_is_wrong_is_told_by_rates(fault: Planted) -> None:
+    assert_recovered(diagnosed(played(experiment(sensors=RATES), fault)), fault)
 
 
 # ---------------------------------------------------------------- on request
