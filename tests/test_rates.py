@@ -4,7 +4,7 @@ every case; and that they are there only where they are asked for.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,7 @@ from compare.questions.crosscheck import CrosscheckQuestion
 from diagnosis_rigs import assert_recovered, diagnosed, experiment, played, wrong
 from linkages import inverted_slider
 from marks import slow, slow_but
-from sim_models.engine import ENGINES
+from sim_models.engine import ENGINES, JointModel
 from tests.evidence.scoreboard.sizes import Planted
 
 TURN = np.radians(np.arange(0.0, 360.0, 7.5))
@@ -79,6 +79,23 @@ def test_the_four_bar_turns_as_its_loop_says() -> None:
 
 # ---------------------------------------------------------------- the second road: positions
 
+CENTRAL = {  # differences of sixth order over seven instants, by order of the derivative
+    1: np.array([-1 / 60, 3 / 20, -3 / 4, 0, 3 / 4, -3 / 20, 1 / 60]),
+    2: np.array([1 / 90, -3 / 20, 3 / 2, -49 / 18, 3 / 2, -3 / 20, 1 / 90]),
+}
+
+
+def found_by(m: Mechanism) -> Iterator[tuple[str, str, int]]:
+    """Each rate and acceleration, the signal whose derivative it is, and of which order."""
+    for body in (b.name for b in m.bodies):
+        yield f"{body}_angular_acceleration", f"{body}_angle", 2
+        for axis in "xy":
+            yield f"{body}_velocity_{axis}", f"{body}_{axis}", 1
+            yield f"{body}_acceleration_{axis}", f"{body}_{axis}", 2
+    for joint in (j.name for j in m.joints):
+        yield f"velocity_{joint}", f"position_{joint}", 1
+        yield f"acceleration_{joint}", f"position_{joint}", 2
+
 
 def inverted(marker: tuple[float, float] = (0.03, 0.01)) -> Mechanism:
     """A slide that turns, which gives its travel Coriolis' acceleration, and a body whose marker is not its com."""
@@ -103,29 +120,12 @@ def test_rates_are_those_of_the_positions(m: Mechanism, gap: float, within: floa
     around = [displaced(assembly, theta + k * h * speed, speed, clearances=loose).signals() for k in range(-3, 4)]
     rates = displaced(assembly, theta, speed, clearances=loose).rates()
 
-    def derivative(of: str, weights: tuple[float, ...], order: int) -> np.ndarray:
-        """By the central difference of sixth order."""
-        return np.sum([w * each[of] for w, each in zip(weights, around, strict=True)], axis=0) / h**order
-
-    def first(of: str) -> np.ndarray:
-        return derivative(of, (-1 / 60, 3 / 20, -3 / 4, 0, 3 / 4, -3 / 20, 1 / 60), 1)
-
-    def second(of: str) -> np.ndarray:
-        return derivative(of, (1 / 90, -3 / 20, 3 / 2, -49 / 18, 3 / 2, -3 / 20, 1 / 90), 2)
-
-    pairs: list[tuple[str, str, Callable[[str], np.ndarray]]] = []
-    for body in m.bodies:
-        pairs += [(f"{body.name}_velocity_{axis}", f"{body.name}_{axis}", first) for axis in "xy"]
-        pairs += [(f"{body.name}_acceleration_{axis}", f"{body.name}_{axis}", second) for axis in "xy"]
-        pairs += [(f"{body.name}_angular_acceleration", f"{body.name}_angle", second)]
-    for joint in m.joints:
-        pairs += [(f"velocity_{joint.name}", f"position_{joint.name}", first)]
-        pairs += [(f"acceleration_{joint.name}", f"position_{joint.name}", second)]
-    assert {name for name, _, _ in pairs} == on_request(m) - {"drive_power"}
-    for name, of, differentiated in pairs:
-        order = 1 if differentiated is first else 2
+    derived = [*found_by(m)]
+    assert {name for name, _, _ in derived} == on_request(m) - {"drive_power"}
+    for name, of, order in derived:
+        by_positions = CENTRAL[order] @ np.array([each[of] for each in around]) / h**order
         scale = max(float(np.max(np.abs(rates[name]))), 0.1 * speed**order * max(b.length for b in m.bodies))
-        np.testing.assert_allclose(rates[name], differentiated(of), atol=within * scale, err_msg=name)
+        np.testing.assert_allclose(rates[name], by_positions, atol=within * scale, err_msg=name)
 
 
 def test_what_the_drive_gives_is_what_the_linkage_takes() -> None:
@@ -166,6 +166,25 @@ def test_engines_report_their_own_solvers_accelerations(name: str, case: str) ->
     assert on_request(m) <= run.simulated.keys()
     prescribed = 3 if m.cranked and m.motors else 0  # of the crank: its acceleration, and its joint's rates
     assert len({d.signal for d in run.discrepancies} & on_request(m)) == len(on_request(m)) - prescribed
+
+
+@pytest.mark.parametrize("clearance", [0.0, 1e-4])
+@pytest.mark.parametrize("name", ENGINES)
+def test_an_engines_accelerations_are_those_of_its_own_positions(name: str, clearance: float) -> None:
+    """By differences over seven of its reports: markers off the centre of mass, a slide on a body that turns, a pin
+    that moves in its bearing.
+    """
+    pytest.importorskip({"dart": "dartpy"}.get(name, name))
+    m = load("crank-rocker").with_clearances({"B": clearance}) if clearance else inverted()
+    h, speed = np.radians(1.0), m.speed or 0.0
+    joints: JointModel = "spring-damper" if clearance else "ideal"
+    angles = np.radians(75.0) + h * np.arange(-3, 4)
+    found = lc.simulate(m, simulator=name, joint_model=joints, signals="all", angles=angles)
+    length = max(b.length for b in m.bodies)
+    for signal, of, order in found_by(m):
+        scale = abs(speed) ** order * (length if found.kinds[signal].unit in ("m/s", "m/s^2") else 1.0)
+        by_positions = CENTRAL[order] @ found[of] / (h / speed) ** order
+        assert abs(found[signal][3] - by_positions) < 1e-4 * scale, signal
 
 
 @pytest.mark.parametrize("signal", ["follower_acceleration_x", "velocity_B", "drive_power", "coupler_velocity_y"])
