@@ -23,6 +23,9 @@ from compare.crosscheck import crosscheck_job, job_of
 from compare.faults import ArgumentError
 from compare.judge.reference import Reference, reference
 from compare.questions.crosscheck import CrosscheckQuestion
+from compare.report import analysis_figures, crosscheck_figures
+from compare.report.peaks import peaks
+from compare.report.summary import summarise
 from diagnosis_rigs import assert_recovered, diagnosed, experiment, played, wrong
 from linkages import inverted_slider
 from marks import slow, slow_but
@@ -287,6 +290,21 @@ def test_an_unknown_signal_is_refused_with_the_one_that_was_meant(asked: str | l
     meant = {"follower_velocity_z": "follower_velocity_", "drive_powr": "drive_power"}
     with pytest.raises(ArgumentError, match=meant[asked if isinstance(asked, str) else asked[0]]):
         lc.analyse("paper", signals=asked)
+
+
+def test_pages_and_tables_show_them_only_where_they_are_asked_for(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    for asked in (None, ["follower_acceleration_x", "drive_power"]):
+        result = lc.crosscheck("crank-rocker", simulator="mujoco", joint_model="ideal", signals=asked)
+        summary = summarise(result)
+        shown = {quantity.signal for quantity in summary.keys()}
+        drawn = {figure.name for figure in crosscheck_figures.figures(summary)}
+        assert shown & on_request(result.mechanism) == set(asked or ())
+        assert drawn & on_request(result.mechanism) == set(asked or ())
+        side = lc.analyse("crank-rocker", signals=asked)
+        assert {each.quantity.signal for each in peaks(side)} & on_request(side.mechanism) == set(asked or ())
+        asked_for = {figure.name for figure in analysis_figures.figures(side) if figure.name.startswith("asked")}
+        assert asked_for == ({"asked_acceleration"} if asked else set())
 
 
 def test_nothing_moves_at_rest() -> None:
