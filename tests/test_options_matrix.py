@@ -251,6 +251,7 @@ OPTIONS_MATTER: list[Row] = [
             ("folder", {"folder": "elsewhere"}),
             ("results", {"results": "others/signals.csv"}),
             ("map", {"map": "map.toml"}),
+            ("signals", Refused(signals="no_signal")),
         )
     ),
     ("import", "file", {"file": "model.xml"}, Refused(file="map.toml")),

@@ -4,6 +4,8 @@ every case; and that they are there only where they are asked for.
 
 from __future__ import annotations
 
+import re
+import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -305,6 +307,29 @@ def test_pages_and_tables_show_them_only_where_they_are_asked_for(tmp_path: Path
         assert {each.quantity.signal for each in peaks(side)} & on_request(side.mechanism) == set(asked or ())
         asked_for = {figure.name for figure in analysis_figures.figures(side) if figure.name.startswith("asked")}
         assert asked_for == ({"asked_acceleration"} if asked else set())
+
+
+def test_a_baseline_keeps_what_an_update_was_asked_for(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    case = ("--case", "pendulum", "--simulator", "mujoco")
+    asked = ("--signals", "pendulum_velocity_x,acceleration_O")
+    assert compare("baseline", "update", *case, *asked, cwd=tmp_path).returncode == 0
+    path = tmp_path / "reports" / "baselines" / "pendulum-mujoco.toml"
+    written = path.read_text(encoding="utf-8")
+    assert '"pendulum_velocity_x [m/s]", "acceleration_O [rad/s^2]"]' in written
+    assert compare("baseline", "update", *case, cwd=tmp_path).returncode == 0  # which asks for no others
+    assert path.read_text(encoding="utf-8") == written
+    assert compare("baseline", "check", *case, cwd=tmp_path).returncode == 0
+    rows = tomllib.loads(written)["run"][0]["rows"]
+    peak, last = max(abs(row[-1]) for row in rows), rows[-1][-1]
+    at = re.escape(f"{last}") + r"0*\],\n\]"
+    moved, times = re.subn(at, f"{last + 2e-4 * peak:.6f}],\n]", written, count=1)
+    assert times == 1
+    path.write_text(moved, encoding="utf-8")
+    done = compare("baseline", "check", *case, cwd=tmp_path)
+    assert done.returncode == 1
+    assert "acceleration_O" in done.stdout
+    assert compare("baseline", "check", *case, *asked, cwd=tmp_path).returncode == 2
 
 
 def test_nothing_moves_at_rest() -> None:
