@@ -86,8 +86,8 @@ def analyse(question: AnalyseQuestion) -> Analysis:
         warned += _without_use(m, side, schedule.time)
     optional, crossing = ({}, []) if compliance else _of_outputs(assembly, schedule, motion)
     if not compliance and schedule.crank_angle is not None:
-        found = _extremes(assembly, schedule.crank_angle, motion == "driven", model)
-        optional["extremes"] = {name: each for name, each in found.items() if name in side.signals}
+        found = _extremes(assembly, schedule.crank_angle, motion == "driven", model, bool(question.signals))
+        optional["extremes"] = only(found, m, side.signals)
     optional |= {} if schedule.crank_angle is not None else {"time": schedule.time}
     if states_tolerances(m) or question.samples or question.seed:
         varied, told = varying(m, question.clearance is not None)
@@ -120,8 +120,8 @@ def analyse(question: AnalyseQuestion) -> Analysis:
 def _side(assembly: Assembly, schedule: Schedule, question: AnalyseQuestion) -> Reference:
     """The model that a question asks for."""
     m = assembly.mechanism
-    side = reference(assembly, schedule, question.model, m.clearances)
-    side = side.only(m, on_request(question.signals, m, question.motion))
+    more = on_request(question.signals, m, question.motion)
+    side = reference(assembly, schedule, question.model, m.clearances, more=more)
     return with_flexible_links(side, assembly, schedule) if question.compliance else side
 
 
@@ -191,7 +191,7 @@ def _without_use(m: Mechanism, side: Reference, time: np.ndarray) -> Iterator[st
                 )
 
 
-def _extremes(assembly: Assembly, theta: np.ndarray, inertia: bool, model: Model) -> dict[str, Extremes]:
+def _extremes(assembly: Assembly, theta: np.ndarray, inertia: bool, model: Model, rates: bool) -> dict[str, Extremes]:
     """The highest and lowest value of each signal over the stretch of these crank angles (N,), or over the whole turn
     that they make; nothing where there are too few, or where the linkage cannot be followed closely.
     """
@@ -204,7 +204,7 @@ def _extremes(assembly: Assembly, theta: np.ndarray, inertia: bool, model: Model
         moved = displaced(assembly, close, m.speed or 1.0, model=model, inertia=inertia, clearances=m.clearances)
     except AssemblyError:
         return {}
-    signals = with_derived(moved.signals() | (moved.rates() if inertia else {}), m)
+    signals = with_derived(moved.signals() | (moved.rates() if rates else {}), m)
     return {name: _extreme(values, close) for name, values in signals.items() if np.isfinite(values).any()}
 
 

@@ -397,8 +397,9 @@ def _analytic_side(
     assembly = Assembly(mechanism if rubs else mechanism.without_contact_friction())
     at_rest = motion == "static"
     schedule = record.schedule(mechanism, at_rest)
-    side = reference(assembly, schedule, model, clearances, *record.moving(assembly, at_rest))
-    side = without_load_edges(side, mechanism, schedule.time).only(mechanism, record.table.values)
+    more = [column.signal.name for column in record.table.columns if column.signal.on_request]
+    side = reference(assembly, schedule, model, clearances, *record.moving(assembly, at_rest), more)
+    side = without_load_edges(side, mechanism, schedule.time)
     moved = record.moved
     return silenced(side, _standing(moved, mechanism)) if at_rest and isinstance(moved, RecordedDrives) else side
 

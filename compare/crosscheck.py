@@ -10,6 +10,7 @@ import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -282,7 +283,7 @@ def crosscheck_job(
     job: Job,
     progress: Progress = lambda what, done, total: None,
     resolve: Resolve | None = None,
-    measure: AnalyticSide = reference,
+    measure: AnalyticSide | None = None,
 ) -> CrossCheck:
     """Run a job.
 
@@ -291,6 +292,7 @@ def crosscheck_job(
     """
     check_known(job.tolerances, job.mechanism)
     resolve = resolve or (Beams.of if job.flexible else engine)
+    measure = measure or partial(reference, more=job.beside)
     assembly = Assembly(job.mechanism)
     tasks = [(name, request) for name in job.simulators for request in _requests(job, assembly, name, resolve)]
     if job.schedule.crank is None and job.joint_model is None:
@@ -463,7 +465,7 @@ def watched(request: Request, turns: int) -> Request:
 
 def _analytic_side(job: Job, assembly: Assembly, ideal: bool, measure: AnalyticSide) -> Reference:
     side = measure(assembly, job.schedule, job.model, {} if ideal else job.mechanism.clearances)
-    side = without_load_edges(side, job.mechanism, job.schedule.time).only(job.mechanism, job.beside)
+    side = without_load_edges(side, job.mechanism, job.schedule.time)
     return with_flexible_links(side, assembly, job.schedule) if job.flexible else side
 
 
@@ -614,10 +616,11 @@ def _not_judged(job: Job, run: Run) -> Iterator[str]:
     """Why signals that were asked for beside the usual ones of an engine's run are not judged, in sentences."""
     if run.simulator.recorded:
         return
-    yield from untold(run.simulator.name, job.beside, run.simulated)
-    told = {each.signal for each in run.discrepancies} | prescribed(job.mechanism)
     known = named(job.mechanism.bodies, job.mechanism.joints, job.mechanism.drives)
-    small = [name for name in job.beside if known[name].on_request and name in run.simulated and name not in told]
+    asked = [name for name in job.beside if known[name].on_request]
+    yield from untold(run.simulator.name, asked, run.simulated)
+    told = {each.signal for each in run.discrepancies} | prescribed(job.mechanism)
+    small = [name for name in asked if name in run.simulated and name not in told]
     if small:
         yield f"{run.title}: {', '.join(small)} {'is' if len(small) == 1 else 'are'} not judged: {NOT_TOLD_APART}"
 

@@ -197,7 +197,7 @@ def test_a_side_that_errs_by_a_hundredth_is_found(signal: str) -> None:
     pytest.importorskip("mujoco")
 
     def wrong(*asked: Any) -> Reference:
-        side = reference(*asked)
+        side = reference(*asked, more=[signal])
         return replace(side, signals={**side.signals, signal: 1.01 * side.signals[signal]})
 
     job = job_of(CrosscheckQuestion("crank-rocker", "mujoco", joint_model="ideal", signals="all"))

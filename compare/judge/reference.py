@@ -97,6 +97,7 @@ def reference(
     clearances: Mapping[str, float],
     moving: Turning | None = None,
     errors: Turning | None = None,
+    more: Collection[str] = (),
 ) -> Reference:
     """The analytic model at the instants (N,) of a schedule, with these clearances (m; none for ideal joints).
 
@@ -106,26 +107,46 @@ def reference(
 
     ``moving`` are the inputs as a record has them, (N,) of a crank or (n_inputs, N), where these are not just what the
     schedule's drives do; of a linkage that is let go, the state (1,) in which it is.  ``errors`` say how exactly
-    they are known (rms, the same shapes).  Raises AssemblyError.
+    they are known (rms, the same shapes).  ``more`` are the names of signals on request that are asked for.  Raises
+    AssemblyError.
     """
+    side = _every(assembly, schedule, model, clearances, moving, errors, bool(more))
+    return side.only(assembly.mechanism, more) if more else side
+
+
+def _every(
+    assembly: Assembly,
+    schedule: Schedule,
+    model: Model,
+    clearances: Mapping[str, float],
+    moving: Turning | None,
+    errors: Turning | None,
+    rates: bool,
+) -> Reference:
+    """The same with all signals on request, or none."""
     if schedule.lets_go and schedule.crank is not None:
         start = moving or Turning(
             *(np.array([x]) for x in (assembly.start, schedule.start_speed(assembly.mechanism), 0))
         )
-        return _let_go(assembly, schedule.time, start, errors)
+        return _let_go(assembly, schedule.time, start, errors, rates)
     if assembly.left_free(schedule):
-        return _free(assembly, schedule)
+        return _free(assembly, schedule, rates)
     moving = moving or assembly.inputs_along(schedule)
     still = _still(assembly, schedule) if schedule.at_rest else frozenset()
-    side = _side(assembly, moving, schedule, model, clearances, still)
+    side = _side(assembly, moving, schedule, model, clearances, rates, still)
     side = _at_rest(side, assembly.mechanism) if schedule.at_rest else side
     if errors is not None:
-        side = replace(side, unsure=_unsure(side, assembly, moving, errors, schedule, model, clearances))
-    return _with_usual_peaks(side, assembly, schedule, model, clearances) if schedule.turns_evenly else side
+        side = replace(side, unsure=_unsure(side, assembly, moving, errors, schedule, model, clearances, rates))
+    return _with_usual_peaks(side, assembly, schedule, model, clearances, rates) if schedule.turns_evenly else side
 
 
 def _with_usual_peaks(
-    side: Reference, assembly: Assembly, schedule: Schedule, model: Model, clearances: Mapping[str, float]
+    side: Reference,
+    assembly: Assembly,
+    schedule: Schedule,
+    model: Model,
+    clearances: Mapping[str, float],
+    rates: bool,
 ) -> Reference:
     """A side with the peaks that its signals have at a crank's usual angles, as far as the displaced linkage reaches
     them.
@@ -138,7 +159,7 @@ def _with_usual_peaks(
     side, speed = replace(side, peaks={}), schedule.crank_motion(assembly.mechanism).rate(0.0)
     with suppress(AssemblyError):
         at = displaced(assembly, usual, speed, model=model, inertia=moves, clearances=clearances)
-        side = replace(side, peaks=largest(_signals(at, assembly.mechanism)))
+        side = replace(side, peaks=largest(_signals(at, assembly.mechanism, rates)))
     return side
 
 
@@ -150,6 +171,7 @@ def _unsure(
     schedule: Schedule,
     model: Model,
     clearances: Mapping[str, float],
+    rates: bool,
 ) -> dict[str, np.ndarray]:
     """How far each signal (N,) changes with what the motion's ``errors`` leave open; at rest that is its positions.
 
@@ -170,7 +192,7 @@ def _unsure(
                 assembly, other.theta, other.omega, alpha=other.alpha, model=model, inertia=not schedule.at_rest,
                 clearances=clearances, time=None if schedule.at_rest else schedule.time,
             )  # fmt: skip
-            for name, values in _signals(changed, assembly.mechanism).items():
+            for name, values in _signals(changed, assembly.mechanism, rates).items():
                 apart = known[name].apart(values, side.signals[name])
                 if part == "theta":
                     limits[name] = limits.get(name, 0.0) + np.abs(apart)
@@ -188,6 +210,7 @@ def _side(
     schedule: Schedule,
     model: Model,
     clearances: Mapping[str, float],
+    rates: bool,
     still: Collection[str] = (),
 ) -> Reference:
     """The analytic model along a schedule's motion of the crank, or of several inputs, flagged where friction has no
@@ -211,7 +234,7 @@ def _side(
     models: tuple[Model, ...] = ("equilibrium", "first_order") if clearances else (model,)
     sides = {each: at(each) for each in models}
     answer = sides[model]
-    signals = {each: _signals(side, mechanism) for each, side in sides.items()}
+    signals = {each: _signals(side, mechanism, rates) for each, side in sides.items()}
     order: dict[str, OrderDifference] = {}
     for signal in compared(mechanism, clearances) if clearances else ():
         apart = signal.apart(*(signals[each][signal.name] for each in ("first_order", "equilibrium")))
@@ -236,11 +259,11 @@ def _side(
     return silenced(side, {signal.name: turned for signal, turned in by_motor.values()})
 
 
-def _free(assembly: Assembly, schedule: Schedule) -> Reference:
+def _free(assembly: Assembly, schedule: Schedule, rates: bool) -> Reference:
     """The analytic motion of a linkage of several freedoms, some of which no drive moves."""
     drives = {name: motor.positions for name, motor in schedule.drives.items()}
     motion = free_motion(assembly, schedule.time, drives, schedule.rates)
-    signals = _signals(motion, assembly.mechanism)
+    signals = _signals(motion, assembly.mechanism, rates)
     return Reference(signals, _angles(motion.motion), {}, {}, peaks=largest(signals), undetermined=motion.undetermined)
 
 
@@ -275,9 +298,9 @@ def _at_rest(side: Reference, m: Mechanism) -> Reference:
     return replace(side, signals={**side.signals, **{name: np.zeros(side.signals[name].shape) for name in moves}})
 
 
-def _signals(answer: Displaced | Reactions, mechanism: Mechanism) -> dict[str, np.ndarray]:
-    """Every signal (N,) of an analytic answer, those on request with them."""
-    return with_derived(answer.signals() | answer.rates(), mechanism)
+def _signals(answer: Displaced | Reactions, mechanism: Mechanism, rates: bool) -> dict[str, np.ndarray]:
+    """The signals (N,) of an analytic answer, with ``rates`` those on request too."""
+    return with_derived(answer.signals() | (answer.rates() if rates else {}), mechanism)
 
 
 def _axis(motion: Moving) -> np.ndarray:
@@ -308,27 +331,27 @@ def with_flexible_links(side: Reference, assembly: Assembly, schedule: Schedule)
     )
 
 
-def _let_go(assembly: Assembly, time: np.ndarray, start: Turning, errors: Turning | None) -> Reference:
+def _let_go(assembly: Assembly, time: np.ndarray, start: Turning, errors: Turning | None, rates: bool) -> Reference:
     """The analytic motion of a linkage of one crank at times (N,) s after its release, and how far what its start's
     ``errors`` leave open moves it.
     """
     angle, rate = float(start.theta[0]), float(start.omega[0])
-    side = _released(assembly, time, angle, rate)
+    side = _released(assembly, time, angle, rate, rates)
     known = named(assembly.mechanism.bodies, assembly.mechanism.joints, assembly.mechanism.drives)
     squares: dict[str, np.ndarray] = {}
     off = (0.0, 0.0) if errors is None else (float(errors.theta[0]), float(errors.omega[0]))
     for other in ((angle + off[0], rate), (angle, rate + off[1])):
         if other != (angle, rate):
-            for name, values in _released(assembly, time, *other).signals.items():
+            for name, values in _released(assembly, time, *other, rates).signals.items():
                 squares[name] = squares.get(name, 0.0) + known[name].apart(values, side.signals[name]) ** 2
     return replace(side, unsure={name: np.nan_to_num(np.sqrt(total)) for name, total in squares.items()})
 
 
-def _released(assembly: Assembly, time: np.ndarray, angle: float, rate: float) -> Reference:
+def _released(assembly: Assembly, time: np.ndarray, angle: float, rate: float, rates: bool) -> Reference:
     motion = released(assembly, time, angle, rate)
     mechanism, reactions = assembly.mechanism, motion.reactions
     ideal = _angles(reactions.motion)
-    signals = _signals(reactions, mechanism)
+    signals = _signals(reactions, mechanism, rates)
     rubbing = [joint.name for joint in mechanism.joints if joint.rubs]
     rubbing += [f"the load on {load.body}" for load in mechanism.loads if load.opposes]
     why = f"at rest, where nothing says how friction in {' and '.join(rubbing)} share what they hold"
