@@ -26,6 +26,7 @@ from compare.arguments import (
     linkage,
     loose,
     noted,
+    on_request,
     one_engine,
     rigidly_and_evenly_driven,
     warn_of_friction,
@@ -37,16 +38,17 @@ from compare.judge.reference import (
     with_flexible_links,
 )
 from compare.judge.reruns import too_soft
-from compare.judge.signals import with_derived
-from compare.omissions import Asked, omitted, rigid_walls
+from compare.judge.signals import only, with_derived
+from compare.omissions import Asked, omitted, rigid_walls, untold
 from compare.quantities import plain, shown
-from compare.questions.analyse import AnalyseQuestion, SimulateQuestion
+from compare.questions.analyse import AnalyseQuestion, RunQuestion, SimulateQuestion
 from compare.questions.question import answers
 from compare.results.analysis import Analysis, Extremes, OutputError, Simulation
 from compare.results.crosscheck import PinPath, Simulator
 from compare.schedules import scheduled
 from compare.toleranced import of_signals, states_tolerances, varying
 from sim_models.common.contact_laws import assumed_of_contact
+from sim_models.common.rates import with_rates
 from sim_models.common.simulate import answered
 from sim_models.engine import Motion, Request, engine
 
@@ -84,7 +86,8 @@ def analyse(question: AnalyseQuestion) -> Analysis:
         warned += _without_use(m, side, schedule.time)
     optional, crossing = ({}, []) if compliance else _of_outputs(assembly, schedule, motion)
     if not compliance and schedule.crank_angle is not None:
-        optional["extremes"] = _extremes(assembly, schedule.crank_angle, motion == "driven", model)
+        found = _extremes(assembly, schedule.crank_angle, motion == "driven", model, bool(question.signals))
+        optional["extremes"] = only(found, m, side.signals)
     optional |= {} if schedule.crank_angle is not None else {"time": schedule.time}
     if states_tolerances(m) or question.samples or question.seed:
         varied, told = varying(m, question.clearance is not None)
@@ -116,7 +119,9 @@ def analyse(question: AnalyseQuestion) -> Analysis:
 
 def _side(assembly: Assembly, schedule: Schedule, question: AnalyseQuestion) -> Reference:
     """The model that a question asks for."""
-    side = reference(assembly, schedule, question.model, assembly.mechanism.clearances)
+    m = assembly.mechanism
+    more = on_request(question.signals, m, question.motion)
+    side = reference(assembly, schedule, question.model, m.clearances, more=more)
     return with_flexible_links(side, assembly, schedule) if question.compliance else side
 
 
@@ -186,7 +191,7 @@ def _without_use(m: Mechanism, side: Reference, time: np.ndarray) -> Iterator[st
                 )
 
 
-def _extremes(assembly: Assembly, theta: np.ndarray, inertia: bool, model: Model) -> dict[str, Extremes]:
+def _extremes(assembly: Assembly, theta: np.ndarray, inertia: bool, model: Model, rates: bool) -> dict[str, Extremes]:
     """The highest and lowest value of each signal over the stretch of these crank angles (N,), or over the whole turn
     that they make; nothing where there are too few, or where the linkage cannot be followed closely.
     """
@@ -199,7 +204,7 @@ def _extremes(assembly: Assembly, theta: np.ndarray, inertia: bool, model: Model
         moved = displaced(assembly, close, m.speed or 1.0, model=model, inertia=inertia, clearances=m.clearances)
     except AssemblyError:
         return {}
-    signals = with_derived(moved.signals(), m)
+    signals = with_derived(moved.signals() | (moved.rates() if rates else {}), m)
     return {name: _extreme(values, close) for name, values in signals.items() if np.isfinite(values).any()}
 
 
@@ -234,7 +239,10 @@ def simulate(question: SimulateQuestion) -> Simulation:
         warned += omitted(m, Asked.of_engines("simulate", m, motion, joint_model))
         name = one_engine(question.simulator)
         warn_of_friction(m, joint_model, motion)
+        asked = on_request(question.signals, m, motion)
         trace = answered(name, request(m, question), engine(name).simulate)
+        signals = only(with_rates(m, trace, asked), m, asked)
+        warned += untold(name, asked, signals)
     simulation = Simulation(
         case=m.name,
         mechanism=m,
@@ -244,7 +252,7 @@ def simulate(question: SimulateQuestion) -> Simulation:
         joint_model=joint_model,
         settings=dict(trace.settings),
         crank_angle=trace.crank_angle,
-        signals=with_derived(trace.signals, m),
+        signals=with_derived(signals, m),
         journal={name: PinPath(x=path[:, 0], y=path[:, 1]) for name, path in trace.journal.items()},
         free_share=dict(trace.free_share),
         warnings=tuple(warned),
@@ -262,7 +270,7 @@ def simulate(question: SimulateQuestion) -> Simulation:
     return simulation if trace.time is None else simulation.model_copy(update={"time": trace.time})
 
 
-def request(m: Mechanism, question: SimulateQuestion) -> Request:
+def request(m: Mechanism, question: RunQuestion) -> Request:
     """The run of a linkage that a cross-check makes of this joint model.  Raises what
     :func:`compare.schedules.scheduled` does.
     """

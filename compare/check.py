@@ -20,7 +20,7 @@ from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from analytic.mechanism.columns import ANY_LAYOUT, Layout, read_map
 from analytic.mechanism.errors import quoted
-from analytic.mechanism.one_line import shown
+from analytic.mechanism.one_line import enumerated, shown
 from analytic.mechanism.signals import Signal, driving, named, position
 from analytic.mechanism.units import dimension, factor
 from analytic.paper.clearance import Model
@@ -49,6 +49,7 @@ from compare.judge.reference import (
     without_edges,
 )
 from compare.judge.reruns import JudgedRun
+from compare.judge.signals import prescribed
 from compare.omissions import Asked, omitted
 from compare.progress import Progress, progress_bar
 from compare.questions.check import CheckQuestion
@@ -412,17 +413,17 @@ def _analytic_side(
     rubs = joint_model in ("ideal", "contact")
     assembly = Assembly(mechanism if rubs else mechanism.without_contact_friction())
     at_rest = motion == "static"
-    schedule = record.schedule(mechanism, at_rest)
-    side = reference(assembly, schedule, model, clearances, *record.moving(assembly, at_rest))
+    more = [column.signal.name for column in record.table.columns if column.signal.on_request]
+
+    def moved_as(one: Recording) -> Reference:
+        along = one.schedule(mechanism, at_rest)
+        return reference(assembly, along, model, clearances, *one.moving(assembly, at_rest), more)
+
+    side = moved_as(record)
     moved = record.moved
     if isinstance(moved, RecordedRelease):
-        others = (replace(record, moved=other) for other in moved.others())
-        sides = [
-            reference(assembly, each.schedule(mechanism, at_rest), model, clearances, *each.moving(assembly, at_rest))
-            for each in others
-        ]
-        side = left_open(side, sides, mechanism)
-    side = without_edges(side, mechanism, schedule.time)
+        side = left_open(side, (moved_as(replace(record, moved=other)) for other in moved.others()), mechanism)
+    side = without_edges(side, mechanism, record.schedule(mechanism, at_rest).time)
     return silenced(side, _standing(moved, mechanism)) if at_rest and isinstance(moved, RecordedDrives) else side
 
 
@@ -491,14 +492,13 @@ def _not_judged(record: Recording, side: Reference, judgement: JudgedRun, mechan
     rest = [s for s in rest if s not in mechanism.encoders and not _judged_by(s, judged_on)]
     rest = [s for s in rest if s.kind != "reaction" or s.place not in side.undetermined]
     crank = mechanism.driven if mechanism.cranked else ""
-    prescribed = [s.name for s in rest if s.place == crank and s.kind in ("rate", "rotation")]
+    by_motor = prescribed(mechanism) | {Signal("rotation", crank, "angle").name}
+    followed = [s.name for s in rest if s.name in by_motor]
     bare = [s.name for s in rest if _judged_by(s, judgement.rules)]
-    others = [s.name for s in rest if s.name not in (*prescribed, *bare)]
+    others = [s.name for s in rest if s.name not in (*followed, *bare)]
     why = f"the motion of the {crank} is prescribed, and the analytic side follows it"
     sentences = (
-        [f"{' and '.join(prescribed)} {'is' if len(prescribed) == 1 else 'are'} not judged: {why}"]
-        if prescribed
-        else []
+        [f"{enumerated(followed)} {'is' if len(followed) == 1 else 'are'} not judged: {why}"] if followed else []
     )
     sentences += [f"{', '.join(bare)} {'is' if len(bare) == 1 else 'are'} not judged: {UNCOMPARED}"] if bare else []
     if others:

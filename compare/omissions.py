@@ -6,7 +6,7 @@ Drives are told of where they are looked at (:func:`compare.arguments.rigidly_an
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -325,6 +325,12 @@ def omitted(mechanism: Mechanism, asked: Asked) -> list[str]:
             each = "; ".join(f"{enumerated(fields)} of {parts}" for parts, fields in by_parts.items())
             sentences.append(f"left out: {each}, as {omission.why}")
     return sentences
+
+
+def untold(simulator: str, asked: Iterable[str], signals: Container[str]) -> list[str]:
+    """A sentence on signals that were asked for and that a run does not have."""
+    lacking = [name for name in asked if name not in signals]
+    return [f"{simulator}: does not say {', '.join(lacking)}"] if lacking else []
 
 
 def rigid_walls(

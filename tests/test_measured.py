@@ -139,14 +139,17 @@ def test_every_signal_is_read_in_any_unit(tmp_path: Path) -> None:
     exact |= {
         name: rng.normal(size=time.size)
         for name in readable(CRANK_ROCKER)
-        if name.startswith("clearance") or "angular_velocity" in name
+        if name.startswith("clearance") or "angular_velocity" in name or readable(CRANK_ROCKER)[name].on_request
     }
     exact |= {name: exact["crank_angle"] for name in readable(CRANK_ROCKER) if name.startswith("position")}
     other = {"angle": "deg", "angular_velocity": "rpm", "_x": "mm", "_y": "mm", "torque": "kN.m"}
+    of_rates = {"m/s": "mm/s", "m/s^2": "g", "rad/s": "rpm", "rad/s^2": "deg/s^2", "W": "kW"}
     columns = {}
-    for name in readable(CRANK_ROCKER):
+    for name, signal in readable(CRANK_ROCKER).items():
         unit = (
-            "kN"
+            of_rates[signal.unit]
+            if signal.on_request
+            else "kN"
             if name.startswith("reaction") and not name.endswith("angle")
             else "deg"
             if name.startswith("position")

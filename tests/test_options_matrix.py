@@ -134,6 +134,10 @@ OPTIONS_MATTER: list[Row] = [
     ("analyse", "clearance", PAPER, LOOSE),
     ("analyse", "model", PAPER, {"model": "first_order"}),
     ("analyse", "compliance", PAPER, {"compliance": True}),
+    ("compare", "signals", {**ROCKER, **IDEAL}, {"signals": "all"}),
+    ("analyse", "signals", ROCKER, {"signals": "coupler_velocity_x"}),
+    ("simulate", "signals", ROCKER, {"signals": ["drive_power", "acceleration_B"]}),
+    ("analyse", "signals", PAPER, Refused(signals="all")),  # nothing moves at rest
     *_along("simulate", PLAIN, {"simulator": "mujoco"}),
     ("simulate", "simulator", {**PAPER}, Refused(simulator="no-engine")),
     ("simulate", "joint_model", PAPER, {"joint_model": "massless-link"}),
@@ -247,6 +251,7 @@ OPTIONS_MATTER: list[Row] = [
             ("folder", {"folder": "elsewhere"}),
             ("results", {"results": "others/signals.csv"}),
             ("map", {"map": "map.toml"}),
+            ("signals", Refused(signals="no_signal")),
         )
     ),
     ("import", "file", {"file": "model.xml"}, Refused(file="map.toml")),

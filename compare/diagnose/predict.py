@@ -7,7 +7,7 @@ is checked on every run of every diagnosis (:mod:`compare.diagnose.simulate`).
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -118,6 +118,7 @@ class Model:
     ) -> None:
         self.measured, self.rig, self.mechanism = measured, rig, mechanism
         self.courses = courses
+        self.rates = any(channel.signal.on_request for run in measured.runs for channel in run.channels.values())
         self._altered: dict[object, Mechanism] = {}
         self._tables: dict[object, tuple[Assembly, Freedom] | None] = {}
         self._turned: dict[object, Turning] = {}
@@ -256,9 +257,10 @@ class Model:
         sizes = [crank.theta.shape[-1] for crank in cranks]
         if mechanism.several or (mechanism.displaced and not mechanism.cranked):  # goes on from sample to sample
             nears = [self._near(run, time) for run, time, _ in motions]
-            found = [derived(assembly, crank, near) for crank, near in zip(cranks, nears, strict=True)]
+            each = zip(cranks, nears, strict=True)
+            found = [derived(assembly, crank, near, rates=self.rates) for crank, near in each]
         else:
-            found = _parted(derived(assembly, _joined(cranks), sizes=sizes), sizes)
+            found = _parted(derived(assembly, _joined(cranks), sizes=sizes, rates=self.rates), sizes)
         for k, landing in landings.items():
             found[k][LANDING] = landing
         return [
@@ -474,21 +476,26 @@ def _parted(signals: Mapping[str, np.ndarray], sizes: Sequence[int]) -> list[dic
 
 
 def derived(
-    assembly: Assembly, crank: Turning, near: Walk | None = None, sizes: Sequence[int] = ()
+    assembly: Assembly, crank: Turning, near: Walk | None = None, sizes: Sequence[int] = (), *, rates: bool = False
 ) -> dict[str, np.ndarray]:
     """Every signal with this motion of the crank, or of several inputs ``near`` what is known: pins on their bearings'
-    walls or in soft ones, links with a modulus bent.  ``sizes`` are the numbers of samples of several runs.
+    walls or in soft ones, links with a modulus bent.  ``sizes`` are the numbers of samples of several runs; with
+    ``rates`` signals on request are among them.
     """
     mechanism = assembly.mechanism
     if mechanism.displaced:
         found = _displaced(assembly, crank, near, sizes)
-        ideal, signals = found.ideal, _over_gaps(found, sizes)
+        ideal, signals = found.ideal, _over_gaps(found, sizes, rates)
     else:
         ideal = kinetostatics(kinematics(assembly, crank.theta, crank.omega, crank.alpha, path=near))
-        signals = ideal.signals()
+        signals = _signals(ideal, rates)
     if mechanism.bends:
         signals = superposed(signals, compliance(ideal.motion, inertia=True))
     return with_derived(signals, mechanism)
+
+
+def _signals(answer: Displaced | Reactions, rates: bool) -> dict[str, np.ndarray]:
+    return answer.signals() | (answer.rates() if rates else {})
 
 
 def _displaced(assembly: Assembly, crank: Turning, near: Walk | None, sizes: Sequence[int]) -> Displaced:
@@ -503,14 +510,14 @@ def _displaced(assembly: Assembly, crank: Turning, near: Walk | None, sizes: Seq
     return displaced(assembly, crank.theta, crank.omega, alpha=crank.alpha, near=near, motions=sizes)
 
 
-def _over_gaps(found: Displaced, sizes: Sequence[int]) -> dict[str, np.ndarray]:
+def _over_gaps(found: Displaced, sizes: Sequence[int], rates: bool) -> dict[str, np.ndarray]:
     """Every signal (N,); where pins have no place of rest, what clearance changes is on a straight line between
     neighbours of the same run, as the signal itself is not.  NaN in runs where they never have one.
     """
-    signals = found.signals()
+    signals = _signals(found, rates)
     if not found.flags:
         return signals
-    ideal, lost = found.ideal.signals(), np.zeros(found.ideal.motion.theta.size, bool)
+    ideal, lost = _signals(found.ideal, rates), np.zeros(found.ideal.motion.theta.size, bool)
     lost[list(found.flags)] = True
     runs = np.split(np.arange(lost.size), np.cumsum(sizes)[:-1])
     pairs = [(run[~lost[run]], run[lost[run]]) for run in runs if 0 < lost[run].sum() < run.size]
@@ -521,9 +528,10 @@ def _over_gaps(found: Displaced, sizes: Sequence[int]) -> dict[str, np.ndarray]:
     return signals
 
 
-def _aged(moved: Reactions, wanted: Iterable[str], time: np.ndarray, delay: float) -> dict[str, np.ndarray]:
+def _aged(moved: Reactions, wanted: Collection[str], time: np.ndarray, delay: float) -> dict[str, np.ndarray]:
     """Signals (N,) of a free run some seconds ago, by cubic splines; before the first sample the first holds."""
     known = with_derived(moved.signals(), moved.motion.structure.mechanism)
+    known |= {} if known.keys() >= set(wanted) else moved.rates()
     signals = {name: known[name] for name in wanted}
     if delay == 0:
         return signals

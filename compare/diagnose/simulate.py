@@ -29,8 +29,10 @@ from compare.diagnose.predict import (
     turned_by,
 )
 from compare.judge.signals import with_derived
+from compare.omissions import untold
 from compare.recorded.motion import released_from
 from sim_models.common.backlash import TURN_TO_LAND
+from sim_models.common.rates import with_rates
 from sim_models.engine import (
     Engine,
     JointModel,
@@ -132,7 +134,7 @@ def _driven(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray)
         schedule = Schedule.at_angles(mechanism, motor.at(times).theta)
         request = Request(mechanism, _joint_model(mechanism), schedule, lead_in=lead_in)
     trace = _run(chosen, request)
-    return trace, with_derived(trace.signals, mechanism) | {
+    return trace, _signals(mechanism, trace, run) | {
         task.rig.encoder: turned_by(run, motor.at(times), task.hypothesis, task.rig).theta
     }
 
@@ -147,7 +149,7 @@ def _several(
     courses = {joint: (knots - knots[0], course) for joint, course in moved.items()}
     trace = _run(chosen, Request(mechanism, _joint_model(mechanism), Schedule.along(courses, times - knots[0])))
     read = dict(zip(task.rig.encoders, followed[1], strict=True))
-    return trace, with_derived(trace.signals, mechanism) | read
+    return trace, _signals(mechanism, trace, task.run) | read
 
 
 def _knots(times: np.ndarray) -> np.ndarray:
@@ -164,7 +166,16 @@ def _free(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray) -
     since = np.maximum(times - task.run.time[0], 0.0)
     distinct, back = np.unique(since, return_inverse=True)
     trace = _run(chosen, Request(mechanism, _joint_model(mechanism), Schedule.released(mechanism, distinct, rate)))
-    return trace, {name: values[back] for name, values in with_derived(trace.signals, mechanism).items()}
+    return trace, {name: values[back] for name, values in _signals(mechanism, trace, task.run).items()}
+
+
+def _signals(mechanism: Mechanism, trace: Trace, run: MeasuredRun) -> dict[str, np.ndarray]:
+    """What a trace says, with the signals on request that a run has.  Raises Unsupported where it does not say one."""
+    asked = [name for name, channel in run.channels.items() if channel.signal.on_request]
+    told = with_rates(mechanism, trace, asked)
+    if lacking := untold(trace.simulator, asked, told):
+        raise Unsupported(lacking[0])
+    return with_derived(told, mechanism)
 
 
 def _run(chosen: Engine, request: Request) -> Trace:
