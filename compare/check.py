@@ -103,8 +103,9 @@ def check(question: CheckQuestion) -> CrossCheck:
         left_out += omitted(given, Asked("check", motion, (chosen or "contact",), begun=begun))
         set_off(Assembly(given), recordings[0].schedule(given, motion == "static"))  # raises where it has no freedom
         given = given.replace(initial={})  # the recordings have it
+    moves = _followed(given, *recordings)
     job = Job(
-        _followed(given, *recordings),
+        _loaded(moves, recordings[0], motion) if len(recordings) == 1 else moves,
         names,
         tolerances,
         Schedule(),
@@ -293,6 +294,36 @@ def _followed(mechanism: Mechanism, *recordings: Recording) -> Mechanism:
     return mechanism.replace(drive=mechanism.drive.model_dump(exclude_unset=True) | {"speed": "measured"})
 
 
+def _loaded(mechanism: Mechanism, record: Recording, motion: Motion) -> Mechanism:
+    """A mechanism with the loads that are columns of a recording.  Raises DataError."""
+    if not record.table.loads:
+        return mechanism
+    return mechanism.replace(loads=(*mechanism.loads, *record.loads(record.schedule(mechanism, motion == "static"))))
+
+
+def _loaded_otherwise(record: Recording) -> Recording:
+    """A recording whose loads are off by what they are rounded to, or, where the motion between samples follows from
+    them, are known at every second one alone.
+    """
+    loads = []
+    for column, values in record.table.loads:
+        if isinstance(record.moved, ReleaseState):
+            row = np.arange(values.size)
+            loads.append((column, np.where((row % 2 == 0) | (row == values.size - 1), values, math.nan)))
+        else:
+            loads.append((column, values + column.step * rounding(column.readings(values))))
+    return replace(record, table=replace(record.table, loads=tuple(loads)))
+
+
+def _with_load_errors(side: Reference, other: Reference) -> Reference:
+    """A side with what its loads leave open, by how far it is from another with the ``other`` loads."""
+    unsure = {name: np.array(values) for name, values in side.unsure.items()}
+    for name in side.signals.keys() & other.signals.keys():
+        apart = np.nan_to_num(np.abs(np.asarray(side.signals[name] - other.signals[name])))
+        unsure[name] = unsure.get(name, 0.0) + apart / SIGMAS
+    return replace(side, unsure=unsure)
+
+
 @dataclass(frozen=True)
 class _Asked:
     """The check of each file: the mechanism as it is given, and the job with the joint model that all have."""
@@ -303,21 +334,28 @@ class _Asked:
     motion: Motion
 
     def mechanism(self, record: Recording) -> Mechanism:
-        """The mechanism as it moves in a recording."""
-        return _followed(self.given, record)
+        """The mechanism as it moves in a recording, with the loads that this has."""
+        return _loaded(_followed(self.given, record), record, self.motion)
 
     def job_of(self, record: Recording) -> Job:
         """The job for the samples of a recording."""
         m = self.mechanism(record)
         return replace(self.job, mechanism=m, schedule=record.schedule(m, self.motion == "static"))
 
-    def side(self, record: Recording) -> Reference:
-        """The analytic side at a recording's samples.  Raises AssemblyError."""
-        return _analytic_side(record, self.mechanism(record), self.motion, self.joint_model, self.job.model)
+    def side(self, record: Recording, tried: bool = False) -> Reference:
+        """The analytic side at a recording's samples, with what its loads leave open unless it is only ``tried``.
+        Raises AssemblyError.
+        """
 
-    def judged(self, record: Recording) -> tuple[Reference, JudgedRun]:
+        def of(record: Recording) -> Reference:
+            return _analytic_side(record, self.mechanism(record), self.motion, self.joint_model, self.job.model)
+
+        exact = tried or not record.table.loads
+        return of(record) if exact else _with_load_errors(of(record), of(_loaded_otherwise(record)))
+
+    def judged(self, record: Recording, tried: bool = False) -> tuple[Reference, JudgedRun]:
         """The analytic side of a recording, and the recording held to it.  Raises AssemblyError."""
-        side = self.side(record)
+        side = self.side(record, tried)
         trace = _trace(record, self.mechanism(record), self.joint_model, self.motion)
         judgement = judged(self.job_of(record), _with_rounding(side, record), trace)
         if not judgement.rules and not judgement.run.reason:
@@ -345,7 +383,9 @@ class _Asked:
         return sentences
 
     def rests(self, record: Recording) -> bool:
-        """Whether rows that have no time are as the linkage is at rest."""
+        """Whether rows that have no time are as the linkage is at rest; where loads act over it they are not."""
+        if record.table.loads:
+            return False
         still = replace(self, motion="static")
         return still.judged(record)[1].run.verdict == "agrees"
 
@@ -381,7 +421,7 @@ class _Asked:
         """Whether each signal agrees; nothing where the linkage does not move so."""
         try:
             again = recording(record.name, record.file, reading.table, self.given, self.motion, self.joint_model)
-            discrepancies = self.judged(again)[1].run.discrepancies
+            discrepancies = self.judged(again, tried=True)[1].run.discrepancies
         except (DataError, AssemblyError):
             return {}
         return {each.signal: each.verdict == "agrees" for each in discrepancies}

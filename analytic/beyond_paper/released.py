@@ -18,6 +18,7 @@ from analytic.kinematics.motion import kinematics
 from analytic.mechanism.one_line import angles, one_line
 from analytic.paper.kinetostatics import Reactions, kinetostatics
 
+OF_TABLES = 1e-8  # relative accuracy under a load by a table over time: a finer one would halt at every corner of it
 # s before and after the crank turns back, in which simulations preslide, or are within a step of the reversal
 REVERSAL_TIME = 1e-3
 REST_SPEED = 1e-150  # rad/s: enough to give friction its direction, too little to change any number
@@ -92,6 +93,8 @@ def _stretch(assembly: Assembly, time: np.ndarray, now: float, state: tuple[floa
         return float(direction * state[1])
 
     onward.terminal, onward.direction = True, -1.0  # type: ignore[attr-defined]  # scipy's way to say so
+    timed = assembly.mechanism.timed_load
+    accuracy = OF_TABLES if timed is not None and timed.table else INTEGRATION_ACCURACY
     span = (now, max(float(time[-1]), now + 1e-12))
     solution = solve_ivp(
         rate,
@@ -100,8 +103,8 @@ def _stretch(assembly: Assembly, time: np.ndarray, now: float, state: tuple[floa
         "DOP853",
         t_eval=time,
         events=onward if direction else None,
-        rtol=INTEGRATION_ACCURACY,
-        atol=INTEGRATION_ACCURACY,
+        rtol=accuracy,
+        atol=accuracy,
         max_step=assembly.mechanism.shortest_stretch,
     )
     if not solution.success:

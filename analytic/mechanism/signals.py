@@ -16,7 +16,7 @@ import numpy as np
 from analytic.mechanism.parts import Body, Drive, Joint
 from analytic.mechanism.units import SiUnit as SiUnit
 
-SignalKind = Literal["pose", "rate", "rotation", "reaction", "clearance", "position", "drive", "time"]
+SignalKind = Literal["pose", "rate", "rotation", "reaction", "clearance", "position", "drive", "time", "load"]
 Component = Literal["x", "y", "angle", "magnitude", "moment", "angular_velocity", "travel", "torque", "force", "time"]
 DRIVE_TORQUE = "drive_torque"
 REACTION: tuple[Component, ...] = ("angle", "magnitude", "x", "y")
@@ -43,12 +43,17 @@ _UNITS: dict[tuple[SignalKind, Component], SiUnit] = {
     ("drive", "torque"): "N.m",
     ("drive", "force"): "N",
     ("time", "time"): "s",
+    ("load", "force"): "N",
+    ("load", "torque"): "N.m",
 }
 
 
 @dataclass(frozen=True)
 class Signal:
-    """One signal: a ``component`` of some ``kind`` of quantity at a ``place``: body, joint, or "" for the one drive."""
+    """One signal: a ``component`` of some ``kind`` of quantity at a ``place``: body, joint, or "" for the one drive.
+
+    A load that is a column of a file has the column's heading for a place.
+    """
 
     kind: SignalKind
     place: str
@@ -69,6 +74,8 @@ class Signal:
             return f"drive_{self.component}_{self.place}" if self.place else DRIVE_TORQUE
         if self.kind == "position":
             return f"position_{self.place}"
+        if self.kind == "load":
+            return self.place
         if self.kind in ("reaction", "clearance"):
             return f"{self.kind}_{self.place}_{self.component}"
         return f"{self.place}_rotation" if self.kind == "rotation" else f"{self.place}_{self.component}"

@@ -131,7 +131,7 @@ def _driven(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray)
         lead_in = TURN_TO_LAND if mechanism.half_gap and turns_fully(Assembly(mechanism)) else 0.0
         schedule = Schedule.at_angles(mechanism, motor.at(times).theta)
         request = Request(mechanism, _joint_model(mechanism), schedule, lead_in=lead_in)
-    trace = _run(chosen, request)
+    trace = _run(chosen, _clocked(request, times))
     return trace, with_derived(trace.signals, mechanism) | {
         task.rig.encoder: turned_by(run, motor.at(times), task.hypothesis, task.rig).theta
     }
@@ -145,7 +145,8 @@ def _several(
     followed = [turned_by(task.run, motors.at(t), task.hypothesis, task.rig).theta for t in (knots, times)]
     moved = dict(zip((joint.name for joint in mechanism.motors), followed[0], strict=True))
     courses = {joint: (knots - knots[0], course) for joint, course in moved.items()}
-    trace = _run(chosen, Request(mechanism, _joint_model(mechanism), Schedule.along(courses, times - knots[0])))
+    request = Request(mechanism, _joint_model(mechanism), Schedule.along(courses, times - knots[0]))
+    trace = _run(chosen, _clocked(request, times))
     read = dict(zip(task.rig.encoders, followed[1], strict=True))
     return trace, with_derived(trace.signals, mechanism) | read
 
@@ -165,6 +166,14 @@ def _free(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray) -
     distinct, back = np.unique(since, return_inverse=True)
     trace = _run(chosen, Request(mechanism, _joint_model(mechanism), Schedule.released(mechanism, distinct, rate)))
     return trace, {name: values[back] for name, values in with_derived(trace.signals, mechanism).items()}
+
+
+def _clocked(request: Request, times: np.ndarray) -> Request:
+    """A request for times (N,) s of a run's clock, with loads over that clock as loads over its own schedule's."""
+    m, by = request.mechanism, float(request.schedule.time[0] - times[0])
+    if m.timed_load is None or by == 0:
+        return request
+    return replace(request, mechanism=m.replace(loads=tuple(load.later(by) for load in m.loads)))
 
 
 def _run(chosen: Engine, request: Request) -> Trace:

@@ -10,7 +10,7 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.initial import set_off
 from analytic.kinematics.schedule import Schedule, Turning
-from analytic.mechanism import Mechanism
+from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import position, turned_near, unwound
 from compare.faults import ArgumentError
@@ -58,6 +58,17 @@ class Recording:
         if isinstance(self.moved, ReleaseState):
             return Schedule.released(mechanism, self.table.time - self.table.time[0], self.moved.rate)
         return Schedule.at_angles(mechanism, self.theta, at_rest=at_rest)
+
+    def loads(self, schedule: Schedule) -> tuple[Load, ...]:
+        """Its columns that act as loads, over the time of its schedule.  Raises DataError where it rests."""
+        file = Path(self.file).name
+        if schedule.at_rest and self.table.loads:
+            titles = " and ".join(repr(column.title) for column, _ in self.table.loads)
+            raise DataError(
+                f"{file}: {titles} {'act as loads' if len(self.table.loads) > 1 else 'acts as a load'} over time, which"
+                ' rows at rest have not; ask for motion = "driven", or say a [[load]] over the crank\'s angle'
+            )
+        return self.table.acting(file, schedule.time)
 
     def moving(self, assembly: Assembly, at_rest: bool) -> tuple[Turning | None, Turning | None]:
         """Its inputs as they were recorded, where the schedule has others, and how exactly they are known (rms)."""
@@ -181,5 +192,4 @@ def _kept(table: Table) -> Table:
     if every == 1:
         return table
     note = f"of {rows} rows one in {every} is compared"
-    values = {name: each[::every] for name, each in table.values.items()}
-    return replace(table, time=table.time[::every], values=values, notes=(*table.notes, note))
+    return replace(table.at(slice(None, None, every)), notes=(*table.notes, note))
