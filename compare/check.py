@@ -38,6 +38,7 @@ from compare.arguments import (
 )
 from compare.crosscheck import STRIKING, Job, Ran, concluded, judged, run_all
 from compare.diagnose.data.quality import LIKE_UNIT, REVERSED, looks
+from compare.diagnose.data.recording import Measured, MeasuredRun
 from compare.faults import ArgumentError
 from compare.judge.discrepancy import UNCOMPARED, Rule, difference
 from compare.judge.reference import (
@@ -80,7 +81,8 @@ LEFT_OPEN = 0.5  # of what a signal may differ by: where the course leaves it op
 def check(question: CheckQuestion) -> CrossCheck:
     """Hold the analytic model of a linkage against what another program has computed of it.
 
-    ``map`` says what the columns of ``results`` are where their headings do not.  In ``driven`` motion the analytic
+    ``map`` says what the columns of ``results`` are where their headings do not; measured data (``lc.measured``) say so
+    themselves, and what they are of.  In ``driven`` motion the analytic
     side follows the crank's angle over time; without that column it turns at ``drive.speed``; a linkage without a motor
     is let go in the state that the file begins with.  In ``static`` motion every row is an equilibrium, of several
     drives at its time.  ``simulators`` simulate the first file's motion beside.
@@ -90,8 +92,10 @@ def check(question: CheckQuestion) -> CrossCheck:
     """
     motion, chosen, map = question.motion, question.joint_model, question.map
     tolerances, layout = laid_over(question.tolerances), map if isinstance(map, Layout) else layout_of(map)
+    measured = question.results if isinstance(question.results, Measured) else None
     with noted() as warned:
-        given = rigidly_and_evenly_driven(linkage(question.mechanism, question.clearance, large=question.large))
+        mechanism = question.mechanism if measured is None else _of_measured(measured, question)
+        given = rigidly_and_evenly_driven(linkage(mechanism, question.clearance, large=question.large))
         names, left_out = engines(question.simulator) if question.simulator is not None else ((), [])
         loose(given, chosen)
         model: JointModel = chosen or ("contact" if given.clearances else "ideal")
@@ -99,6 +103,9 @@ def check(question: CheckQuestion) -> CrossCheck:
         timed = motion == "driven" or not given.cranked
         tables = _tables(result_files(question.results), given, layout, str(map), timed=timed)
         recordings = [recording(name, file, table, given, motion, model) for name, file, table in tables]
+        for k, run in enumerate(measured.runs if measured else ()):
+            noise = {signal: channel.noise for signal, channel in run.channels.items()}
+            recordings[k] = replace(recordings[k], replaced=run.loads, noise=noise)
         begun = all(isinstance(each.moved, ReleaseState) and each.moved.recorded for each in recordings)
         left_out += omitted(given, Asked("check", motion, (chosen or "contact",), begun=begun))
         set_off(Assembly(given), recordings[0].schedule(given, motion == "static"))  # raises where it has no freedom
@@ -117,19 +124,13 @@ def check(question: CheckQuestion) -> CrossCheck:
     asked = _Asked(given, job, model, motion)
     remarks: list[str] = []
     ran = Ran()
-    for record in recordings:
-        try:
-            side, judgement = asked.judged(record)
-        except AssemblyError as error:
-            remedy = asked.meant(record) or "check the angles, their unit and their sign"
-            raise DataError(f"{Path(record.file).name}: {error}; {remedy}") from None
-        if contradictions := _contradictions(record, judgement):
-            remedy = asked.meant(record) or "leave one of them out"
-            raise DataError(*(f"{Path(record.file).name}: {each}; {remedy}" for each in contradictions))
-        remarks += [*side.remarks, *asked.sentences(record, side, judgement)]
-        ran += Ran((judgement,))
-    if names:
-        with progress_bar(question.progress) as progress:
+    with progress_bar(question.progress) as progress:
+        for k, record in enumerate(recordings):
+            progress(f"check {record.name}", k, len(recordings))
+            judgement, told = _held(asked, record)
+            remarks += told
+            ran += Ran((judgement,))
+        if names:
             ran += _engines(asked, recordings[0], progress)
     first = ran.judged[0]
     others = dict.fromkeys(run.run.simulator.name for run in ran.judged if not _alike(run, first))
@@ -140,6 +141,19 @@ def check(question: CheckQuestion) -> CrossCheck:
         )
     job = replace(job, warnings=(*job.warnings, *remarks))
     return concluded(job, ran, lambda run: _alike(run, first))
+
+
+def _held(asked: _Asked, record: Recording) -> tuple[JudgedRun, list[str]]:
+    """A recording held to the analytic side, and what there is to say of it.  Raises DataError."""
+    try:
+        side, judgement = asked.judged(record)
+    except AssemblyError as error:
+        remedy = asked.meant(record) or "check the angles, their unit and their sign"
+        raise DataError(f"{Path(record.file).name}: {error}; {remedy}") from None
+    if contradictions := _contradictions(record, judgement):
+        remedy = asked.meant(record) or "leave one of them out"
+        raise DataError(*(f"{Path(record.file).name}: {each}; {remedy}" for each in contradictions))
+    return judgement, [*side.remarks, *asked.sentences(record, side, judgement)]
 
 
 # ---------------------------------------------------------------- files
@@ -154,6 +168,8 @@ def result_files(results: object) -> dict[str, Path | FrameSource]:
     """Files and frames by the name of whoever wrote them: files' own names without what is alike.  Raises ArgumentError
     or DataError.
     """
+    if isinstance(results, Measured):
+        return {run.name: _as_frame(run, results.mechanism) for run in results.runs}
     if is_frame(results) and not isinstance(results, Mapping):
         return {FRAME: frame_source(FRAME, results)}
     if isinstance(results, Mapping) and results:
@@ -176,6 +192,29 @@ def result_files(results: object) -> dict[str, Path | FrameSource]:
         twice = next(name for name in names if names.count(name) > 1)
         raise ArgumentError("results", f"{twice} is there twice; give each file once")
     return dict(zip(names, files, strict=True))
+
+
+def _of_measured(measured: Measured, question: CheckQuestion) -> Mechanism:
+    """The mechanism that measured data are of, free where its runs are.  Raises ArgumentError for what they say."""
+    m, drives = measured.mechanism, {run.drive for run in measured.runs}
+    if question.mechanism != CheckQuestion.mechanism:
+        raise ArgumentError("mechanism", f"these data are measured of {m.name}; leave it out, or read them for another")
+    if question.map is not None:
+        raise ArgumentError("map", "measured data say which signal each column is; leave it out")
+    if drives == {"free"} and m.drive is not None:
+        return m.replace(drive=m.drive.model_dump(exclude_unset=True) | {"speed": "free"})
+    if "free" in drives and len(drives) > 1:
+        raise ArgumentError("results", "some runs are free and others driven; give lc.measured runs of one kind")
+    return m
+
+
+def _as_frame(run: MeasuredRun, m: Mechanism) -> FrameSource:
+    """A measured run as a frame in SI; one without an encoder has its command for it."""
+    columns: dict[str, np.ndarray | str] = {"time [s]": run.time}
+    columns |= {f"{name} [{channel.signal.unit}]": channel.values for name, channel in run.channels.items()}
+    if run.speed is not None and run.angle is not None and m.encoder.name not in run.channels:
+        columns[f"{m.encoder.name} [{m.encoder.unit}]"] = run.angle + run.speed * run.time
+    return FrameSource(f"run {run.name!r}", columns)
 
 
 def _tables(
@@ -295,10 +334,10 @@ def _followed(mechanism: Mechanism, *recordings: Recording) -> Mechanism:
 
 
 def _loaded(mechanism: Mechanism, record: Recording, motion: Motion) -> Mechanism:
-    """A mechanism with the loads that are columns of a recording.  Raises DataError."""
-    if not record.table.loads:
+    """A mechanism with the loads of a recording.  Raises DataError."""
+    if not record.table.loads and record.replaced is None:
         return mechanism
-    return mechanism.replace(loads=(*mechanism.loads, *record.loads(record.schedule(mechanism, motion == "static"))))
+    return mechanism.replace(loads=record.loads(mechanism, motion == "static"))
 
 
 def _loaded_otherwise(record: Recording) -> Recording:
@@ -460,10 +499,12 @@ def _with_rounding(side: Reference, record: Recording) -> Reference:
     for name in table.values:
         steps = rounding(side.signals[name]) if name in side.signals else np.zeros(1)
         steps = steps if np.max(steps) > SIGMAS * np.max(unsure.get(name, np.zeros(1))) else np.zeros(1)
-        unsure[name] = unsure.get(name, 0.0) + np.maximum(table.rounding(name) - steps, 0.0) / SIGMAS
+        open_by = np.maximum(table.rounding(name) - steps, 0.0) / SIGMAS
+        unsure[name] = unsure.get(name, 0.0) + np.maximum(open_by, record.noise.get(name, 0.0))
     for name in [name for name in side.signals if name.endswith("_magnitude")]:
         joint = name.removeprefix("reaction_").removesuffix("_magnitude")
-        step = np.hypot(*(table.rounding(Signal("reaction", joint, axis).name) for axis in ("x", "y"))) / SIGMAS
+        both = [Signal("reaction", joint, axis).name for axis in ("x", "y")]
+        step = np.hypot(*(np.maximum(table.rounding(n) / SIGMAS, record.noise.get(n, 0.0)) for n in both))
         turned = Signal("reaction", joint, "angle").name
         size = np.fmax(np.abs(side.signals[name]), 1e-300)
         unsure[name] = unsure.get(name, 0.0) + step

@@ -16,7 +16,8 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.columns import MapError
 from analytic.mechanism.file import dumps, load
 from analytic.paper.kinetostatics import kinetostatics
-from compare.diagnose.data.recording import MeasuredError
+from compare.diagnose.data.recording import Measured, MeasuredError
+from compare.faults import ArgumentError
 from compare.recorded.errors import DataError
 from engines_here import missing
 from measured_files import RunTable, csv_text, write_measured
@@ -195,3 +196,40 @@ def test_what_a_diagnosis_cannot_follow_over_time_is_refused(tmp_path: Path) -> 
     path.write_text(path.read_text().replace("drive_speed = 9.0", 'drive = "free"').replace("drive_angle = 0.3\n", ""))
     with pytest.raises(MeasuredError, match="'slow': is free, and the load on 'slider' varies over time"):
         lc.diagnose(path, simulator="mujoco")
+
+
+# ---------------------------------------------------------------- measured data in a check
+
+
+def bench(mass: float = 0.0, **fields: object) -> Measured:
+    """Two runs of the press in memory, each under its own push, of a slider that is so much (kg) heavier; by hand."""
+    frames, rng = {}, np.random.default_rng(7)
+    made = press().with_body("slider", mass=press().body("slider").mass + mass)
+    for name, speed in (("slow", 9.0), ("fast", 21.0)):
+        time, columns = recorded(10.0 * speed, speed)
+        theta = columns.pop("crank_angle [rad]")
+        torque = kinetostatics(kinematics(Assembly(made), theta, speed)).drive_torque + columns["press [N]"] * arm(
+            theta
+        )
+        columns["drive_torque [N.m]"] = torque + 0.02 * rng.standard_normal(time.size)
+        frames[name] = {"time [s]": time, **columns}
+    given = {"drive_angle": 0.3, "noise": {"drive_torque": 0.02}, "columns": {"press": PUSH}}
+    return lc.measured(press(), frames, speed={"slow": 9.0, "fast": "21 rad/s"}, **given | fields)
+
+
+def test_measured_data_are_checked_with_their_loads_speeds_and_noise() -> None:
+    told: list[str] = []
+    result = lc.check(bench(), progress=lambda what, done, total: told.append(what))
+    assert result.mechanism.name == press().name
+    assert [(run.simulator.name, run.verdict) for run in result.runs] == [("slow", "agrees"), ("fast", "agrees")]
+    assert told == ["check slow", "check fast"]
+    assert [run.verdict for run in lc.check(bench(mass=0.15)).runs] == ["agrees", "disagrees"]  # 5 times the inertia
+    quiet = bench(noise={"drive_torque": 1e-4})
+    assert lc.check(quiet).verdict == "disagrees"
+
+
+def test_what_measured_data_say_themselves_is_not_said_again(tmp_path: Path) -> None:
+    with pytest.raises(ArgumentError, match=r"mechanism: .*these data are measured of slider-crank; leave it out"):
+        lc.check(bench(), mechanism="pendulum")
+    with pytest.raises(ArgumentError, match="map: measured data say which signal each column is"):
+        lc.check(bench(), map=mapped(tmp_path, PUSH))

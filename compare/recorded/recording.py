@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +44,8 @@ class Recording:
     theta: np.ndarray
     moved: RecordedMotion | RecordedDrives | ReleaseState | None = None
     error: float = 0.0  # rad, rms, of angles of a crank that turns evenly
+    replaced: tuple[Load, ...] | None = None  # what acts in place of the mechanism's loads, over the table's time
+    noise: Mapping[str, float] = field(default_factory=dict)  # 1-sigma, SI, by signal
 
     @property
     def time(self) -> np.ndarray | None:
@@ -59,16 +62,18 @@ class Recording:
             return Schedule.released(mechanism, self.table.time - self.table.time[0], self.moved.rate)
         return Schedule.at_angles(mechanism, self.theta, at_rest=at_rest)
 
-    def loads(self, schedule: Schedule) -> tuple[Load, ...]:
-        """Its columns that act as loads, over the time of its schedule.  Raises DataError where it rests."""
-        file = Path(self.file).name
+    def loads(self, m: Mechanism, at_rest: bool) -> tuple[Load, ...]:
+        """What acts on a mechanism in it, over its schedule's time.  Raises DataError for columns where it rests."""
+        file, schedule = Path(self.file).name, self.schedule(m, at_rest)
         if schedule.at_rest and self.table.loads:
             titles = " and ".join(repr(column.title) for column, _ in self.table.loads)
             raise DataError(
                 f"{file}: {titles} {'act as loads' if len(self.table.loads) > 1 else 'acts as a load'} over time, which"
                 ' rows at rest have not; ask for motion = "driven", or say a [[load]] over the crank\'s angle'
             )
-        return self.table.acting(file, schedule.time)
+        if self.replaced is None:
+            return (*m.loads, *self.table.acting(file, schedule.time))
+        return tuple(load.later(float(schedule.time[0] - self.table.time[0])) for load in self.replaced)
 
     def moving(self, assembly: Assembly, at_rest: bool) -> tuple[Turning | None, Turning | None]:
         """Its inputs as they were recorded, where the schedule has others, and how exactly they are known (rms)."""
