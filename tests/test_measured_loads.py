@@ -130,6 +130,7 @@ def test_a_released_wheel_gains_the_impulse_of_a_recorded_torque(tmp_path: Path,
 @pytest.mark.parametrize(
     ("entry", "motion", "sentence"),
     [
+        ({"loda": {"body": "slider"}}, "driven", "columns.press.loda is not a field; did you mean 'load'"),
         ({}, "driven", "a column is either a signal or a load"),
         (PUSH | {"signal": "slider_x"}, "driven", "a column is either a signal or a load"),
         ({"load": {"body": "sledge", "force": [1.0, 0.0]}}, "driven", "columns.press.load cannot act:.*'sledge'"),
