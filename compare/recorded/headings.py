@@ -216,7 +216,7 @@ def read_headings(cells: Sequence[str], units: Mapping[int, str], names: Naming,
         elif column is not None:
             faults.append(column)
     if ignored:
-        notes.append(ignored_columns(ignored, "no signal of the linkage"))
+        notes.append(ignored_columns(ignored, "no signal of the linkage") + _of_a_load(ignored))
     faults += _twice(where, columns, cells, names)
     time = next((c for c in columns if c.signal == TIME), None)
     loads = tuple(c for c in columns if c.signal.kind == "load")
@@ -307,6 +307,12 @@ def _twice(where: str, columns: Sequence[Column], cells: Sequence[str], names: N
 def _own_and_alias(signal: str, mechanism: Mechanism) -> list[str]:
     """The names of a signal: its own and its alias."""
     return sorted(fold(name) for name in {signal, *ALIASES} if canonical(name, mechanism) == signal)
+
+
+def _of_a_load(cells: Sequence[str]) -> str:
+    """What one may say of the first of these columns that is a force or a torque; empty without one."""
+    push = next((cell.strip() for cell in cells for kind in ("force", "torque") if is_unit(unit_of(cell), kind)), None)
+    return "" if push is None else f"; if {shown(push)} acts on it, [columns] may say so: load = {{ body = ..., ... }}"
 
 
 def ignored_columns(cells: Sequence[str], what: str) -> str:
