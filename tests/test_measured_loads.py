@@ -235,3 +235,25 @@ def test_what_measured_data_say_themselves_is_not_said_again(tmp_path: Path) -> 
         lc.check(bench(), mechanism="pendulum")
     with pytest.raises(ArgumentError, match="map: measured data say which signal each column is"):
         lc.check(bench(), map=mapped(tmp_path, PUSH))
+
+
+def test_free_runs_are_let_go_and_runs_of_two_kinds_are_refused() -> None:
+    """A wheel without weight whose bearing drags: its rate dies away by an exponential."""
+    wheel = load("pendulum").replace(gravity=(0.0, 0.0)).with_joint("O", damping=0.05)
+    body, time = wheel.bodies[0], np.linspace(0.0, 2.0, 201)
+    rate = 0.05 / (body.moment_of_inertia + body.mass * abs(body.centre) ** 2)
+    swing = {
+        "time [s]": time,
+        "pendulum_angle [rad]": 0.4 + 3.0 / rate * (1 - np.exp(-rate * time)),
+        "pendulum_angular_velocity [rad/s]": 3.0 * np.exp(-rate * time),
+    }
+    given = {"speed": "free", "noise": {"pendulum_angle": 1e-5, "pendulum_angular_velocity": 1e-5}}
+    (run,) = lc.check(lc.measured(wheel, {"swing": swing}, **given)).runs
+    assert (run.simulator.name, run.verdict) == ("swing", "agrees")
+    dragged = wheel.with_joint("O", damping=0.06)
+    assert lc.check(lc.measured(dragged, {"swing": swing}, **given)).verdict == "disagrees"
+    columns = recorded()[1]
+    frame = {"time [s]": recorded()[0], **{name: columns[name] for name in list(columns)[:2]}}
+    both = lc.measured(press(), {"driven": frame, "let go": frame}, speed={"driven": "measured", "let go": "free"})
+    with pytest.raises(ArgumentError, match="results: some runs are free and others driven"):
+        lc.check(both)
