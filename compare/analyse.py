@@ -53,7 +53,7 @@ from sim_models.engine import Motion, Request, engine
 FEWEST = 8  # crank angles between which they are looked for
 ROUNDING = 1e-9  # of what a table of a load goes over: by so much a motion does not leave it
 MOST_TURNS = 4  # that are looked through so closely
-PEAK_STEP = radians(1.0)  # crank angle between looks: a parabola misses the peak of a tenth harmonic by 1e-5 of it
+PEAK_STEP = radians(1.0)  # crank angle between looks: a parabola misses the peak of a tenth harmonic by 2e-5 of it
 UNEVEN = 0.2  # of how a signal bends at a peak: where it bends by so much more or less beside it, it is no parabola
 CLOSER = 5  # looks in a PEAK_STEP around such a peak
 
