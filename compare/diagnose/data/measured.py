@@ -347,7 +347,7 @@ def _acting(where: str, entry: Entry, mechanism: Mechanism, table: Table, drive:
     recorded = table.acting(entry.file, table.time)
     loads = (*(mechanism.loads if entry.loads is None else entry.loads), *recorded)
     timed = next((load for load in loads if load.over == "time"), None)
-    springy = mechanism.drive is not None and (mechanism.drive.stiffness is not None or mechanism.drive.half_gap)
+    springy = any(each.stiffness is not None or each.half_gap for each in mechanism.drives)
     if timed is not None and (drive == "free" or springy):
         why = "is free" if drive == "free" else "has a drive that yields"
         raise MeasuredError(
