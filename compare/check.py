@@ -102,10 +102,11 @@ def check(question: CheckQuestion) -> CrossCheck:
         warn_of_friction(given, model, motion)
         timed = motion == "driven" or not given.cranked
         tables = _tables(result_files(question.results), given, layout, str(map), timed=timed)
+        if measured is not None:
+            tables = [(*t[:2], _scattered(t[2], run)) for t, run in zip(tables, measured.runs, strict=True)]
         recordings = [recording(name, file, table, given, motion, model) for name, file, table in tables]
-        for k, run in enumerate(measured.runs if measured else ()):
-            noise = {signal: channel.noise for signal, channel in run.channels.items()}
-            recordings[k] = replace(recordings[k], replaced=run.loads, noise=noise)
+        if measured is not None:
+            recordings = [replace(r, replaced=run.loads) for r, run in zip(recordings, measured.runs, strict=True)]
         begun = all(isinstance(each.moved, ReleaseState) and each.moved.recorded for each in recordings)
         left_out += omitted(given, Asked("check", motion, (chosen or "contact",), begun=begun))
         set_off(Assembly(given), recordings[0].schedule(given, motion == "static"))  # raises where it has no freedom
@@ -215,6 +216,11 @@ def _as_frame(run: MeasuredRun, m: Mechanism) -> FrameSource:
     if run.speed is not None and run.angle is not None and m.encoder.name not in run.channels:
         columns[f"{m.encoder.name} [{m.encoder.unit}]"] = run.angle + run.speed * run.time
     return FrameSource(f"run {run.name!r}", columns)
+
+
+def _scattered(table: Table, run: MeasuredRun) -> Table:
+    """A table of a measured run, whose readings scatter by its sensors' noise."""
+    return replace(table, scatter={name: SIGMAS * channel.noise for name, channel in run.channels.items()})
 
 
 def _tables(
@@ -499,12 +505,10 @@ def _with_rounding(side: Reference, record: Recording) -> Reference:
     for name in table.values:
         steps = rounding(side.signals[name]) if name in side.signals else np.zeros(1)
         steps = steps if np.max(steps) > SIGMAS * np.max(unsure.get(name, np.zeros(1))) else np.zeros(1)
-        open_by = np.maximum(table.rounding(name) - steps, 0.0) / SIGMAS
-        unsure[name] = unsure.get(name, 0.0) + np.maximum(open_by, record.noise.get(name, 0.0))
+        unsure[name] = unsure.get(name, 0.0) + np.maximum(table.rounding(name) - steps, 0.0) / SIGMAS
     for name in [name for name in side.signals if name.endswith("_magnitude")]:
         joint = name.removeprefix("reaction_").removesuffix("_magnitude")
-        both = [Signal("reaction", joint, axis).name for axis in ("x", "y")]
-        step = np.hypot(*(np.maximum(table.rounding(n) / SIGMAS, record.noise.get(n, 0.0)) for n in both))
+        step = np.hypot(*(table.rounding(Signal("reaction", joint, axis).name) for axis in ("x", "y"))) / SIGMAS
         turned = Signal("reaction", joint, "angle").name
         size = np.fmax(np.abs(side.signals[name]), 1e-300)
         unsure[name] = unsure.get(name, 0.0) + step

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -45,7 +44,6 @@ class Recording:
     moved: RecordedMotion | RecordedDrives | ReleaseState | None = None
     error: float = 0.0  # rad, rms, of angles of a crank that turns evenly
     replaced: tuple[Load, ...] | None = None  # what acts in place of the mechanism's loads, over the table's time
-    noise: Mapping[str, float] = field(default_factory=dict)  # 1-sigma, SI, by signal
 
     @property
     def time(self) -> np.ndarray | None:

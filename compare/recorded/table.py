@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -42,6 +42,7 @@ class Table:
     used: frozenset[str] = frozenset()
     clock: Column | None = None
     loads: tuple[tuple[Column, np.ndarray], ...] = ()
+    scatter: Mapping[str, float] = field(default_factory=dict)  # SI, by signal: how far readings are off at the most
 
     def at(self, rows: slice | np.ndarray) -> Table:
         """Some of its rows."""
@@ -71,11 +72,14 @@ class Table:
         return tuple(found)
 
     def rounding(self, signal: str) -> np.ndarray:
-        """By how much a signal (N,) may be off as its numbers are rounded, in SI; 0 for one that is not there."""
+        """By how much a signal (N,) may be off as its numbers are rounded, or scatter, in SI; 0 for one that is not
+        there.
+        """
         if signal not in self.values:
             return np.zeros(next(iter(self.values.values())).shape)
         column = next(c for c in self.columns if c.signal.name == signal)
-        return column.step * rounding(column.readings(self.values[signal]))
+        rounded = column.step * rounding(column.readings(self.values[signal]))
+        return np.maximum(rounded, self.scatter.get(signal, 0.0))
 
     def off(self, signal: str, exact: np.ndarray) -> float:
         """By how much a signal is off ``exact`` values (N,), SI, where that may be its last decimal; else 0.
