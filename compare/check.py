@@ -38,6 +38,7 @@ from compare.arguments import (
 )
 from compare.crosscheck import STRIKING, Job, Ran, concluded, judged, run_all
 from compare.diagnose.data.quality import LIKE_UNIT, REVERSED, looks
+from compare.diagnose.data.recording import Measured, MeasuredRun
 from compare.faults import ArgumentError
 from compare.judge.discrepancy import UNCOMPARED, Rule, difference
 from compare.judge.reference import (
@@ -83,31 +84,39 @@ LEFT_OPEN = 0.5  # of what a signal may differ by: where the course leaves it op
 def check(question: CheckQuestion) -> CrossCheck:
     """Hold the analytic model of a linkage against what another program has computed of it.
 
-    ``map`` says what the columns of ``results`` are where their headings do not.  In ``driven`` motion the analytic
-    side follows the crank's angle over time; without that column it turns at ``drive.speed``; a linkage without a motor
-    is let go in the state that the file begins with, and so are freedoms beside driven ones.  In ``static`` motion
-    every row is an equilibrium, of several drives at its time.  ``simulators`` simulate the first file's motion beside.
+    ``map`` says what the columns of ``results`` are where their headings do not; measured data (``lc.measured``) say so
+    themselves, and what they are of.  In ``driven`` motion the analytic side follows the crank's angle over time;
+    without that column it turns at ``drive.speed``; a linkage without a motor is let go in the state that the file
+    begins with, and so are freedoms beside driven ones.  In ``static`` motion every row is an equilibrium, of several
+    drives at its time.  ``simulators`` simulate the first file's motion beside.
 
     Raises MechanismError, ArgumentError, ToleranceError, MapError, DataError with every fault of the files,
     ScheduleError, AssemblyError, Unsupported or SimulatorMissing.
     """
     motion, chosen, map = question.motion, question.joint_model, question.map
     tolerances, layout = laid_over(question.tolerances), map if isinstance(map, Layout) else layout_of(map)
+    measured = question.results if isinstance(question.results, Measured) else None
     with noted() as warned:
-        given = rigidly_and_evenly_driven(linkage(question.mechanism, question.clearance, large=question.large))
+        mechanism = question.mechanism if measured is None else _of_measured(measured, question)
+        given = rigidly_and_evenly_driven(linkage(mechanism, question.clearance, large=question.large))
         names, left_out = engines(question.simulator) if question.simulator is not None else ((), [])
         loose(given, chosen)
         model: JointModel = chosen or ("contact" if given.clearances else "ideal")
         warn_of_friction(given, model, motion)
         timed = motion == "driven" or not given.cranked
         tables = _tables(result_files(question.results), given, layout, str(map), timed=timed)
+        if measured is not None:
+            tables = [(*t[:2], _scattered(t[2], run)) for t, run in zip(tables, measured.runs, strict=True)]
         recordings = [recording(name, file, table, given, motion, model) for name, file, table in tables]
+        if measured is not None:
+            recordings = [replace(r, replaced=run.loads) for r, run in zip(recordings, measured.runs, strict=True)]
         begun = all(each.starts and all(state.recorded for state in each.starts) for each in recordings)
         left_out += omitted(given, Asked("check", motion, (chosen or "contact",), begun=begun))
         set_off(Assembly(given), recordings[0].schedule(given, motion == "static"))  # raises where it has no freedom
         given = given.replace(initial={})  # the recordings have it
+    moves = _followed(given, *recordings)
     job = Job(
-        _followed(given, *recordings),
+        _loaded(moves, recordings[0], motion) if len(recordings) == 1 else moves,
         names,
         tolerances,
         Schedule(),
@@ -119,19 +128,13 @@ def check(question: CheckQuestion) -> CrossCheck:
     asked = _Asked(given, job, model, motion)
     remarks: list[str] = []
     ran = Ran()
-    for record in recordings:
-        try:
-            side, judgement = asked.judged(record)
-        except AssemblyError as error:
-            remedy = asked.meant(record) or "check the angles, their unit and their sign"
-            raise DataError(f"{Path(record.file).name}: {error}; {remedy}") from None
-        if contradictions := _contradictions(record, judgement):
-            remedy = asked.meant(record) or "leave one of them out"
-            raise DataError(*(f"{Path(record.file).name}: {each}; {remedy}" for each in contradictions))
-        remarks += [*side.remarks, *asked.sentences(record, side, judgement)]
-        ran += Ran((judgement,))
-    if names:
-        with progress_bar(question.progress) as progress:
+    with progress_bar(question.progress) as progress:
+        for k, record in enumerate(recordings):
+            progress(f"check {record.name}", k, len(recordings))
+            judgement, told = _held(asked, record)
+            remarks += told
+            ran += Ran((judgement,))
+        if names:
             ran += _engines(asked, recordings[0], progress)
     first = ran.judged[0]
     others = dict.fromkeys(run.run.simulator.name for run in ran.judged if not _alike(run, first))
@@ -142,6 +145,19 @@ def check(question: CheckQuestion) -> CrossCheck:
         )
     job = replace(job, warnings=(*job.warnings, *remarks))
     return concluded(job, ran, lambda run: _alike(run, first))
+
+
+def _held(asked: _Asked, record: Recording) -> tuple[JudgedRun, list[str]]:
+    """A recording held to the analytic side, and what there is to say of it.  Raises DataError."""
+    try:
+        side, judgement = asked.judged(record)
+    except AssemblyError as error:
+        remedy = asked.meant(record) or "check the angles, their unit and their sign"
+        raise DataError(f"{Path(record.file).name}: {error}; {remedy}") from None
+    if contradictions := _contradictions(record, judgement):
+        remedy = asked.meant(record) or "leave one of them out"
+        raise DataError(*(f"{Path(record.file).name}: {each}; {remedy}" for each in contradictions))
+    return judgement, [*side.remarks, *asked.sentences(record, side, judgement)]
 
 
 # ---------------------------------------------------------------- files
@@ -156,6 +172,8 @@ def result_files(results: object) -> dict[str, Path | FrameSource]:
     """Files and frames by the name of whoever wrote them: files' own names without what is alike.  Raises ArgumentError
     or DataError.
     """
+    if isinstance(results, Measured):
+        return {run.name: _as_frame(run, results.mechanism) for run in results.runs}
     if is_frame(results) and not isinstance(results, Mapping):
         return {FRAME: frame_source(FRAME, results)}
     if isinstance(results, Mapping) and results:
@@ -178,6 +196,34 @@ def result_files(results: object) -> dict[str, Path | FrameSource]:
         twice = next(name for name in names if names.count(name) > 1)
         raise ArgumentError("results", f"{twice} is there twice; give each file once")
     return dict(zip(names, files, strict=True))
+
+
+def _of_measured(measured: Measured, question: CheckQuestion) -> Mechanism:
+    """The mechanism that measured data are of, free where its runs are.  Raises ArgumentError for what they say."""
+    m, drives = measured.mechanism, {run.drive for run in measured.runs}
+    if question.mechanism != CheckQuestion.mechanism:
+        raise ArgumentError("mechanism", f"these data are measured of {m.name}; leave it out, or read them for another")
+    if question.map is not None:
+        raise ArgumentError("map", "measured data say which signal each column is; leave it out")
+    if drives == {"free"} and m.drive is not None:
+        return m.replace(drive=m.drive.model_dump(exclude_unset=True) | {"speed": "free"})
+    if "free" in drives and len(drives) > 1:
+        raise ArgumentError("results", "some runs are free and others driven; give lc.measured runs of one kind")
+    return m
+
+
+def _as_frame(run: MeasuredRun, m: Mechanism) -> FrameSource:
+    """A measured run as a frame in SI; one without an encoder has its command for it."""
+    columns: dict[str, np.ndarray | str] = {"time [s]": run.time}
+    columns |= {f"{name} [{channel.signal.unit}]": channel.values for name, channel in run.channels.items()}
+    if run.speed is not None and run.angle is not None and m.encoder.name not in run.channels:
+        columns[f"{m.encoder.name} [{m.encoder.unit}]"] = run.angle + run.speed * run.time
+    return FrameSource(f"run {run.name!r}", columns)
+
+
+def _scattered(table: Table, run: MeasuredRun) -> Table:
+    """A table of a measured run, whose readings scatter by its sensors' noise."""
+    return replace(table, scatter={name: SIGMAS * channel.noise for name, channel in run.channels.items()})
 
 
 def _tables(
@@ -309,6 +355,36 @@ def _followed(mechanism: Mechanism, *recordings: Recording) -> Mechanism:
     return mechanism.replace(drive=mechanism.drive.model_dump(exclude_unset=True) | {"speed": "measured"})
 
 
+def _loaded(mechanism: Mechanism, record: Recording, motion: Motion) -> Mechanism:
+    """A mechanism with the loads of a recording.  Raises DataError."""
+    if not record.table.loads and record.replaced is None:
+        return mechanism
+    return mechanism.replace(loads=record.loads(mechanism, motion == "static"))
+
+
+def _loaded_otherwise(record: Recording) -> Recording:
+    """A recording whose loads are off by what they are rounded to, or, where the motion between samples follows from
+    them, are known at every second one alone.
+    """
+    loads = []
+    for column, values in record.table.loads:
+        if record.starts:
+            row = np.arange(values.size)
+            loads.append((column, np.where((row % 2 == 0) | (row == values.size - 1), values, math.nan)))
+        else:
+            loads.append((column, values + column.step * rounding(column.readings(values))))
+    return replace(record, table=replace(record.table, loads=tuple(loads)))
+
+
+def _with_load_errors(side: Reference, other: Reference) -> Reference:
+    """A side with what its loads leave open, by how far it is from another with the ``other`` loads."""
+    unsure = {name: np.array(values) for name, values in side.unsure.items()}
+    for name in side.signals.keys() & other.signals.keys():
+        apart = np.nan_to_num(np.abs(np.asarray(side.signals[name] - other.signals[name])))
+        unsure[name] = unsure.get(name, 0.0) + apart / SIGMAS
+    return replace(side, unsure=unsure)
+
+
 @dataclass(frozen=True)
 class _Asked:
     """The check of each file: the mechanism as it is given, and the job with the joint model that all have."""
@@ -319,21 +395,28 @@ class _Asked:
     motion: Motion
 
     def mechanism(self, record: Recording) -> Mechanism:
-        """The mechanism as it moves in a recording."""
-        return _followed(self.given, record)
+        """The mechanism as it moves in a recording, with the loads that this has."""
+        return _loaded(_followed(self.given, record), record, self.motion)
 
     def job_of(self, record: Recording) -> Job:
         """The job for the samples of a recording."""
         m = self.mechanism(record)
         return replace(self.job, mechanism=m, schedule=record.schedule(m, self.motion == "static"))
 
-    def side(self, record: Recording) -> Reference:
-        """The analytic side at a recording's samples.  Raises AssemblyError."""
-        return _analytic_side(record, self.mechanism(record), self.motion, self.joint_model, self.job.model)
+    def side(self, record: Recording, tried: bool = False) -> Reference:
+        """The analytic side at a recording's samples, with what its loads leave open unless it is only ``tried``.
+        Raises AssemblyError.
+        """
 
-    def judged(self, record: Recording) -> tuple[Reference, JudgedRun]:
+        def of(record: Recording) -> Reference:
+            return _analytic_side(record, self.mechanism(record), self.motion, self.joint_model, self.job.model)
+
+        exact = tried or not record.table.loads
+        return of(record) if exact else _with_load_errors(of(record), of(_loaded_otherwise(record)))
+
+    def judged(self, record: Recording, tried: bool = False) -> tuple[Reference, JudgedRun]:
         """The analytic side of a recording, and the recording held to it.  Raises AssemblyError."""
-        side = self.side(record)
+        side = self.side(record, tried)
         trace = _trace(record, self.mechanism(record), self.joint_model, self.motion)
         judgement = judged(self.job_of(record), _with_rounding(side, record), trace)
         if not judgement.rules and not judgement.run.reason:
@@ -361,7 +444,9 @@ class _Asked:
         return sentences
 
     def rests(self, record: Recording) -> bool:
-        """Whether rows that have no time are as the linkage is at rest."""
+        """Whether rows that have no time are as the linkage is at rest; where loads act over it they are not."""
+        if record.table.loads:
+            return False
         still = replace(self, motion="static")
         return still.judged(record)[1].run.verdict == "agrees"
 
@@ -399,7 +484,7 @@ class _Asked:
         """Whether each signal agrees; nothing where the linkage does not move so."""
         try:
             again = recording(record.name, record.file, reading.table, self.given, self.motion, self.joint_model)
-            discrepancies = self.judged(again)[1].run.discrepancies
+            discrepancies = self.judged(again, tried=True)[1].run.discrepancies
         except (DataError, AssemblyError):
             return {}
         return {each.signal: each.verdict == "agrees" for each in discrepancies}

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tomli_w
 from scipy.integrate import solve_ivp
 
 import linkage_crosscheck as lc
@@ -33,20 +34,30 @@ def followed(slope: Callable[[float, np.ndarray], list[float]], start: list[floa
     return np.asarray(solve_ivp(slope, (0.0, TIME[-1]), start, "DOP853", TIME, rtol=1e-11, atol=1e-12).y)
 
 
-def on_a_cart() -> dict[str, np.ndarray]:
-    """J q'' = m c (x'' sin q - g cos q), of a bob at angle q from the x axis on a cart at x = 0.05 sin 4t."""
+def on_a_cart(twist: float = 0.0, rates: bool = False) -> dict[str, np.ndarray]:
+    """J q'' = m c (x'' sin q - g cos q) + twist sin 9t (N.m), of a bob at angle q from the x axis on a cart at
+    x = 0.05 sin 4t.
+    """
 
     def bent(t: np.ndarray, q: np.ndarray) -> np.ndarray:
-        return BOB * ARM / TURNED * (-0.8 * np.sin(4 * t) * np.sin(q) - G * np.cos(q))
+        return (BOB * ARM * (-0.8 * np.sin(4 * t) * np.sin(q) - G * np.cos(q)) + twist * np.sin(9 * t)) / TURNED
 
     q, w = followed(lambda t, x: [x[1], float(bent(np.array(t), x[0]))], [-0.7, 2.5])
-    swung = BOB * ARM * (-np.sin(q) * bent(TIME, q) - np.cos(q) * w**2)
-    return {
+    rise, pushed = bent(TIME, q), -0.8 * np.sin(4 * TIME)
+    force = (CART_MASS + BOB) * pushed + BOB * ARM * (-np.sin(q) * rise - np.cos(q) * w**2)
+    columns = {
         "position_S [m]": 0.05 * np.sin(4 * TIME),
         "bob_angle [rad]": q,
         "bob_angular_velocity [rad/s]": w,
-        "drive_force_S [N]": (CART_MASS + BOB) * -0.8 * np.sin(4 * TIME) + swung,
+        "drive_force_S [N]": force,
     }
+    moving = {
+        "bob_angular_acceleration [rad/s^2]": rise,
+        "velocity_P [rad/s]": w,
+        "acceleration_S [m/s^2]": pushed,
+        "drive_power [W]": force * 0.2 * np.cos(4 * TIME),
+    }
+    return columns | (moving if rates else {}) | ({"brake [N.m]": twist * np.sin(9 * TIME)} if twist else {})
 
 
 def checked(
@@ -72,6 +83,30 @@ def test_a_wrong_bob_is_found(tmp_path: Path) -> None:
     result = checked(tmp_path, on_a_cart(), DRIVEN_CART.with_body("bob", mass=0.63))
     off = {each.signal for each in result.runs[0].discrepancies if each.verdict == "disagrees"}
     assert {"bob_angle", "drive_force_S"} <= off
+
+
+def test_rates_and_power_are_judged_beside_what_they_follow_from(tmp_path: Path) -> None:
+    result = checked(tmp_path, on_a_cart(rates=True), DRIVEN_CART)
+    assert result.verdict == "agrees"
+    of = {each.signal: abs(each.max) for each in result.runs[0].discrepancies}
+    assert of["bob_angular_acceleration"] < 5e-3  # of 30 rad/s2, as the force
+    assert of["drive_power"] < 5e-4
+    heavier = checked(tmp_path, on_a_cart(rates=True), DRIVEN_CART.with_body("bob", mass=0.63)).runs[0]
+    off = {each.signal for each in heavier.discrepancies if each.verdict == "disagrees"}
+    assert {"bob_angular_acceleration", "velocity_P", "drive_power"} <= off
+    assert "acceleration_S" not in off  # of the drive, that goes as it does
+
+
+@pytest.mark.parametrize("late", [0.0, 3.0])
+@pytest.mark.parametrize("engine", [None, pytest.param("mujoco", marks=pytest.mark.mujoco)])
+def test_a_recorded_torque_acts_on_what_runs_free(engine: str | None, late: float, tmp_path: Path) -> None:
+    columns = on_a_cart(twist=0.3, rates=True)
+    brake = {"load": {"body": "bob", "torque": 1.0}}
+    for scale, verdict in ((1.0, "agrees"), (1.05, "disagrees")):
+        (tmp_path / "map.toml").write_text(tomli_w.dumps({"columns": {"brake": brake | {"scale": scale}}}))
+        result = checked(tmp_path, columns, DRIVEN_CART, late, map=tmp_path / "map.toml", simulator=engine)
+        assert result.runs[0].verdict == verdict
+        assert [run.verdict for run in result.runs[1:]] == ["agrees"] * bool(engine)
 
 
 def test_how_fast_it_begins_is_told_by_its_positions_or_by_the_file(tmp_path: Path) -> None:

@@ -653,6 +653,17 @@ def of_load(**fields: Any) -> Callable[[dict[str, Any]], None]:
     return lambda said: said["run"][0]["load"][0].update(fields)
 
 
+def acting(body: str) -> Callable[[dict[str, Any]], None]:
+    """The column of the drive's torque as a torque on a body."""
+
+    def edit(said: dict[str, Any]) -> None:
+        said["columns"]["drive_torque [N.m]"] = {"load": {"body": body, "torque": 1.0}}
+        for run in said["run"]:
+            run["noise"].pop("drive_torque", None)
+
+    return edit
+
+
 FREE = {"drive_speed": None, "drive_angle": None, "drive": "free"}
 BEGUN = {"crank_angle": 0.1}
 SAME = changed()
@@ -664,6 +675,7 @@ FIELDS: list[Any] = [  # field, what to begin with, what to change, and with whi
     ("decimal", SAME, changed(decimal=","), "has a decimal point"),
     ("columns", SAME, lambda said: said["columns"].update({"follower_angle [rad]": "ignore"}), "noise.follower"),
     ("columns.signal", SAME, of_encoder(signal="coupler_angle"), "noise.crank_angle is not a column"),
+    ("columns.load", acting("follower"), acting("coupler"), ""),
     ("columns.unit", SAME, of_encoder(unit="rad"), "the column looks like degrees"),
     ("columns.scale", SAME, of_encoder(scale=1.001), ""),
     ("columns.offset", SAME, of_encoder(offset=1.0), ""),

@@ -17,9 +17,11 @@ import numpy as np
 from analytic.beyond_paper.drive import TimeFunction
 from analytic.kinematics.assembly import Assembly, AssemblyError, Walk
 from analytic.kinematics.motion import kinematics
+from analytic.mechanism import Mechanism
 from analytic.paper.kinetostatics import Reactions, kinetostatics
 
 INTEGRATION_ACCURACY = 1e-10  # relative, of the integration
+OF_TABLES = 1e-8  # the same under a load by a table over time: a finer one would halt at every corner of it
 NO_RATES: Mapping[str, float] = MappingProxyType({})
 
 
@@ -41,6 +43,12 @@ def free_motion(
     return _FreeMotion(assembly, courses).at(
         np.asarray(time, float), rates, assembly.inputs if start is None else start
     )
+
+
+def integration_accuracy(mechanism: Mechanism) -> float:
+    """Relative accuracy with which a free motion is integrated."""
+    timed = mechanism.timed_load
+    return OF_TABLES if timed is not None and timed.table else INTEGRATION_ACCURACY
 
 
 def _check(assembly: Assembly) -> None:
@@ -91,14 +99,14 @@ class _FreeMotion:
         def rate(t: float, state: np.ndarray) -> np.ndarray:
             return np.concatenate([state[len(self.free) :], self.accelerations(t, state)])
 
+        m = self.assembly.mechanism
+        accuracy, span = integration_accuracy(m), (0.0, float(time[-1]))
         solution: Any = solve_ivp(
-            rate, (0.0, float(time[-1])), start, "DOP853", time, rtol=INTEGRATION_ACCURACY, atol=INTEGRATION_ACCURACY,
-            max_step=self.assembly.mechanism.shortest_stretch,
-        )  # fmt: skip
+            rate, span, start, "DOP853", time, rtol=accuracy, atol=accuracy, max_step=m.shortest_stretch
+        )
         if not solution.success:
             raise AssemblyError(
-                f"{self.assembly.mechanism.name}: the free motion cannot be followed beyond {solution.t[-1]:g} s"
-                f" ({solution.message})"
+                f"{m.name}: the free motion cannot be followed beyond {solution.t[-1]:g} s ({solution.message})"
             )
         return np.asarray(solution.y)
 

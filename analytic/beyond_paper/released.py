@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from analytic.beyond_paper.free_motion import INTEGRATION_ACCURACY
+from analytic.beyond_paper.free_motion import integration_accuracy
 from analytic.beyond_paper.freedom import coefficients, resistance, stopping
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import kinematics
@@ -98,6 +98,7 @@ def _stretch(
         return float(direction * state[1])
 
     onward.terminal, onward.direction = True, -1.0  # type: ignore[attr-defined]  # scipy's way to say so
+    accuracy = integration_accuracy(assembly.mechanism)
     span = (now, max(float(time[-1]), now + 1e-12))
     solution = solve_ivp(
         rate,
@@ -106,8 +107,8 @@ def _stretch(
         "DOP853",
         t_eval=time,
         events=onward if direction else None,
-        rtol=INTEGRATION_ACCURACY,
-        atol=INTEGRATION_ACCURACY,
+        rtol=accuracy,
+        atol=accuracy,
         max_step=assembly.mechanism.shortest_stretch,
     )
     if not solution.success:

@@ -535,6 +535,9 @@ class Drive(MechanismPart):
     periodic_torque: PeriodicTorque | None = None
 
 
+PULSE = 0.01  # of the largest factor of a table: what comes and goes by less, an integrator may step over
+
+
 class Table(tuple[Vector, ...]):
     """Pairs of value and factor; it keeps the arrays between which straight lines lie, as engines ask in every step."""
 
@@ -543,6 +546,28 @@ class Table(tuple[Vector, ...]):
         if angular:
             return cast(Amount, np.interp(value % math.tau, *self._turn))
         return cast(Amount, np.interp(value, *self._line))
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    @cached_property
+    def _hash(self) -> int:  # kept: a recorded load has thousands of pairs, and what it changes is looked up by it
+        return super().__hash__()
+
+    @property
+    def narrowest(self) -> float:
+        """Half the width of the narrowest rise and fall, or fall and rise, of more than a PULSE of the largest factor;
+        endless without one.
+        """
+        if not self:
+            return math.inf
+        values, factors = self._line
+        steps = np.diff(np.round(factors / (PULSE * np.abs(factors).max() or 1.0)))
+        moved = np.flatnonzero(steps)
+        turns = np.flatnonzero(np.diff(np.sign(steps[moved]), prepend=0.0))  # where it begins to rise, or to fall
+        ends = np.append(turns[1:], moved.size) - 1
+        widths = values[moved[ends[1:]] + 1] - values[moved[turns[:-1]]]
+        return float(np.min(widths, initial=math.inf)) / 2
 
     @cached_property
     def _line(self) -> tuple[np.ndarray, np.ndarray]:
@@ -615,9 +640,22 @@ class Load(MechanismPart):
 
     @property
     def shortest_stretch(self) -> float:
-        """The shortest stretch of its quantity (rad, m, s) that it knows; endless where it does not vary over one."""
-        at = [value for value, _ in self.table] or [end for end in (self.start, self.end) if end is not None]
-        return min((abs(b - a) for a, b in pairwise(at)), default=math.inf)
+        """The shortest stretch of its quantity (rad, m, s) in which it comes and goes; endless where it does not."""
+        if self.start is not None and self.end is not None:
+            return abs(self.end - self.start)
+        return (self.table if isinstance(self.table, Table) else Table(self.table)).narrowest
+
+    @property
+    def largest(self) -> float:
+        """The largest size of what it is multiplied by."""
+        return max((abs(factor) for _, factor in self.table), default=1.0)
+
+    def later(self, by: float) -> Load:
+        """The same so much (s) later where it varies over time."""
+        if self.over != "time":
+            return self
+        ends = {name: None if at is None else at + by for name, at in (("start", self.start), ("end", self.end))}
+        return self.model_copy(update=ends | {"table": Table((at + by, factor) for at, factor in self.table)})
 
     def scaled(self, unit: float) -> Load:
         """The same with its quantity, which is no angle, in units of ``unit`` (m, s)."""

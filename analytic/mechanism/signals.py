@@ -18,7 +18,7 @@ from analytic.mechanism.units import SiUnit as SiUnit
 
 SignalKind = Literal[
     "pose", "rate", "velocity", "acceleration", "rotation", "reaction", "clearance", "position", "joint_velocity",
-    "joint_acceleration", "drive", "power", "time",
+    "joint_acceleration", "drive", "power", "time", "load",
 ]  # fmt: skip
 Component = Literal[
     "x", "y", "angle", "magnitude", "moment", "angular_velocity", "travel", "torque", "force", "power", "time"
@@ -62,12 +62,17 @@ _UNITS: dict[tuple[SignalKind, Component], SiUnit] = {
     ("drive", "force"): "N",
     ("power", "power"): "W",
     ("time", "time"): "s",
+    ("load", "force"): "N",
+    ("load", "torque"): "N.m",
 }
 
 
 @dataclass(frozen=True)
 class Signal:
-    """One signal: a ``component`` of some ``kind`` of quantity at a ``place``: body, joint, or "" for the one drive."""
+    """One signal: a ``component`` of some ``kind`` of quantity at a ``place``: body, joint, or "" for the one drive.
+
+    A load that is a column of a file has the column's heading for a place.
+    """
 
     kind: SignalKind
     place: str
@@ -82,8 +87,8 @@ class Signal:
     @cached_property
     def name(self) -> str:
         """The signal's name in files."""
-        if self.kind == "time":
-            return "time"
+        if self.kind in ("time", "load"):
+            return self.place or "time"
         if self.kind in ("drive", "power"):
             return f"drive_{self.component}_{self.place}" if self.place else f"drive_{self.component}"
         if self.kind in ("position", "joint_velocity", "joint_acceleration"):

@@ -118,7 +118,8 @@ def _factor(unit: str, si: str, accepted: str) -> float:
     if not _UNIT.fullmatch(unit):
         raise UnitError(f"unit {shown(unit)}, which cannot be read; {accepted}")
     try:
-        powers = re.sub(r"(?<=[^\W\d_])(-?\d)", r"^\1", unit)  # kg.m2 as kg.m^2
+        meant = re.sub(r"\b(lb|oz)s?\b", r"\1f", unit) if si == "N.m" else unit  # a torque in in-lb is one of forces
+        powers = re.sub(r"(?<=[^\W\d_])(-?\d)", r"^\1", meant)  # kg.m2 as kg.m^2
         quantity = _in_base_units(re.sub(r"[.·⋅ ]|-(?!\d)", "*", powers))
     except (_pint().PintError, ValueError, TypeError):  # such as of nan, which is a number
         raise UnitError(f"unit {unit!r}, which is unknown; {accepted}") from None
@@ -144,6 +145,7 @@ def _pint() -> Any:
 def _registry() -> pint.UnitRegistry[float]:
     registry: pint.UnitRegistry[float] = _pint().UnitRegistry()
     registry.define("newton_meter = newton * meter = Nm")  # so written on many a torque sensor
+    registry.define("newton_millimeter = newton * millimeter = Nmm")
     registry.define("@alias turn = rev")
     return registry
 

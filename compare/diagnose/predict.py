@@ -232,6 +232,7 @@ class Model:
         half_gap = drive.half_gap if drive else 0.0
         turns = bool(stiffness or half_gap) and turns_fully(assembly)
         seen: list[np.ndarray] = []
+        clocks: list[np.ndarray] = []
         cranks: list[Turning] = []
         landings: dict[int, np.ndarray] = {}
         for run, told, jitter in motions:
@@ -239,6 +240,7 @@ class Model:
             time = told
             if jitter and isinstance(motor, Motor):
                 time = told - run.time + read_at(run, self.rig.encoder, motor, jitter)
+            clocks.append(time)
             shaft = self._course(run, time) if run.drive == "measured" else motor.at(time)
             crank = shaft
             if half_gap and isinstance(motor, Motor):
@@ -257,10 +259,11 @@ class Model:
         sizes = [crank.theta.shape[-1] for crank in cranks]
         if mechanism.several or (mechanism.displaced and not mechanism.cranked):  # goes on from sample to sample
             nears = [self._near(run, time) for run, time, _ in motions]
-            each = zip(cranks, nears, strict=True)
-            found = [derived(assembly, crank, near, rates=self.rates) for crank, near in each]
+            each = zip(cranks, nears, clocks, strict=True)
+            found = [derived(assembly, crank, near, time=time, rates=self.rates) for crank, near, time in each]
         else:
-            found = _parted(derived(assembly, _joined(cranks), sizes=sizes, rates=self.rates), sizes)
+            crank, clock = _joined(cranks), np.concatenate(clocks)
+            found = _parted(derived(assembly, crank, sizes=sizes, time=clock, rates=self.rates), sizes)
         for k, landing in landings.items():
             found[k][LANDING] = landing
         return [
@@ -476,18 +479,24 @@ def _parted(signals: Mapping[str, np.ndarray], sizes: Sequence[int]) -> list[dic
 
 
 def derived(
-    assembly: Assembly, crank: Turning, near: Walk | None = None, sizes: Sequence[int] = (), *, rates: bool = False
+    assembly: Assembly,
+    crank: Turning,
+    near: Walk | None = None,
+    sizes: Sequence[int] = (),
+    time: np.ndarray | None = None,
+    *,
+    rates: bool = False,
 ) -> dict[str, np.ndarray]:
     """Every signal with this motion of the crank, or of several inputs ``near`` what is known: pins on their bearings'
-    walls or in soft ones, links with a modulus bent.  ``sizes`` are the numbers of samples of several runs; with
-    ``rates`` signals on request are among them.
+    walls or in soft ones, links with a modulus bent.  ``sizes`` are the numbers of samples of several runs,
+    ``time`` (N,) s that of loads over it; with ``rates`` signals on request are among them.
     """
     mechanism = assembly.mechanism
     if mechanism.displaced:
-        found = _displaced(assembly, crank, near, sizes)
+        found = _displaced(assembly, crank, near, sizes, time)
         ideal, signals = found.ideal, _over_gaps(found, sizes, rates)
     else:
-        ideal = kinetostatics(kinematics(assembly, crank.theta, crank.omega, crank.alpha, path=near))
+        ideal = kinetostatics(kinematics(assembly, crank.theta, crank.omega, crank.alpha, path=near, time=time))
         signals = _signals(ideal, rates)
     if mechanism.bends:
         signals = superposed(signals, compliance(ideal.motion, inertia=True))
@@ -498,16 +507,18 @@ def _signals(answer: Displaced | Reactions, rates: bool) -> dict[str, np.ndarray
     return answer.signals() | (answer.rates() if rates else {})
 
 
-def _displaced(assembly: Assembly, crank: Turning, near: Walk | None, sizes: Sequence[int]) -> Displaced:
+def _displaced(
+    assembly: Assembly, crank: Turning, near: Walk | None, sizes: Sequence[int], time: np.ndarray | None
+) -> Displaced:
     """The linkage with its pins where they come to rest; soft bearings that hardly give, to first order with the
     reactions of the linkage that they displace: what that leaves out is as small as the square of what they give.
     """
     if not assembly.mechanism.clearances:
-        found = displaced(assembly, crank.theta, crank.omega, alpha=crank.alpha, model="first_order")
+        found = displaced(assembly, crank.theta, crank.omega, alpha=crank.alpha, model="first_order", time=time)
         shortest = min(body.length for body in assembly.mechanism.bodies if body.length)
         if max(float(np.abs(gap).max()) for gap in found.gaps.values()) < STIFF * shortest:
             return replace(found, reactions=found.configuration)
-    return displaced(assembly, crank.theta, crank.omega, alpha=crank.alpha, near=near, motions=sizes)
+    return displaced(assembly, crank.theta, crank.omega, alpha=crank.alpha, near=near, motions=sizes, time=time)
 
 
 def _over_gaps(found: Displaced, sizes: Sequence[int], rates: bool) -> dict[str, np.ndarray]:

@@ -295,7 +295,7 @@ def _rig(measured: Measured, mechanism: Mechanism, courses: Mapping[str, Motor |
     speed = max([*speeds, 1e-3])
     weight = sum(b.mass for b in mechanism.bodies) * abs(complex(*mechanism.gravity))
     given = [load for run in measured.runs for load in (run.loads if run.loads is not None else mechanism.loads)]
-    loads = [abs(complex(*load.force)) + abs(load.torque) / length for load in given]
+    loads = [load.largest * (abs(complex(*load.force)) + abs(load.torque) / length) for load in given]
     inertia = max(b.mass for b in mechanism.bodies) * length * speed**2
     return Rig(
         mechanism,
@@ -309,6 +309,7 @@ def _rig(measured: Measured, mechanism: Mechanism, courses: Mapping[str, Motor |
         least,
         {run.name: tuple(run.channels) for run in measured.runs},
         _postures(measured, mechanism, courses),
+        any(load.over == "time" for load in given),
     )
 
 

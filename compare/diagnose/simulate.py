@@ -133,7 +133,7 @@ def _driven(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray)
         lead_in = TURN_TO_LAND if mechanism.half_gap and turns_fully(Assembly(mechanism)) else 0.0
         schedule = Schedule.at_angles(mechanism, motor.at(times).theta)
         request = Request(mechanism, _joint_model(mechanism), schedule, lead_in=lead_in)
-    trace = _run(chosen, request)
+    trace = _run(chosen, _clocked(request, times))
     return trace, _signals(mechanism, trace, run) | {
         task.rig.encoder: turned_by(run, motor.at(times), task.hypothesis, task.rig).theta
     }
@@ -147,7 +147,8 @@ def _several(
     followed = [turned_by(task.run, motors.at(t), task.hypothesis, task.rig).theta for t in (knots, times)]
     moved = dict(zip((joint.name for joint in mechanism.motors), followed[0], strict=True))
     courses = {joint: (knots - knots[0], course) for joint, course in moved.items()}
-    trace = _run(chosen, Request(mechanism, _joint_model(mechanism), Schedule.along(courses, times - knots[0])))
+    request = Request(mechanism, _joint_model(mechanism), Schedule.along(courses, times - knots[0]))
+    trace = _run(chosen, _clocked(request, times))
     read = dict(zip(task.rig.encoders, followed[1], strict=True))
     return trace, _signals(mechanism, trace, task.run) | read
 
@@ -176,6 +177,14 @@ def _signals(mechanism: Mechanism, trace: Trace, run: MeasuredRun) -> dict[str, 
     if lacking := untold(trace.simulator, asked, told):
         raise Unsupported(lacking[0])
     return with_derived(told, mechanism)
+
+
+def _clocked(request: Request, times: np.ndarray) -> Request:
+    """A request for times (N,) s of a run's clock, with loads over that clock as loads over its own schedule's."""
+    m, by = request.mechanism, float(request.schedule.time[0] - times[0])
+    if m.timed_load is None or by == 0:
+        return request
+    return replace(request, mechanism=m.replace(loads=tuple(load.later(by) for load in m.loads)))
 
 
 def _run(chosen: Engine, request: Request) -> Trace:

@@ -96,7 +96,8 @@ def difference(values: np.ndarray, tolerance: np.ndarray | None = None, tube: Tu
         allowed, share = np.full(values.shape, np.nan), np.abs(values)
     else:
         allowed = tolerance if tube is None else tolerance + np.where(values > 0, tube.above, tube.below)
-        share = np.abs(values) / np.maximum(allowed, np.finfo(float).tiny)
+        with np.errstate(over="ignore"):  # beyond all bounds where nothing is allowed
+            share = np.abs(values) / np.maximum(allowed, np.finfo(float).tiny)
     if not np.isfinite(share).any():
         return None
     at = int(np.nanargmax(share))

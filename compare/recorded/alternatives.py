@@ -28,8 +28,7 @@ class TableReading:
     @classmethod
     def of(cls, table: Table) -> TableReading:
         """A table as it is read."""
-        values = {name: each[:FIRST_ROWS] for name, each in table.values.items()}
-        return cls(replace(table, time=table.time[:FIRST_ROWS], values=values))
+        return cls(table.at(slice(FIRST_ROWS)))
 
     @property
     def words(self) -> str:

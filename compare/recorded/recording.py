@@ -13,7 +13,7 @@ from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.initial import set_off
 from analytic.kinematics.schedule import Schedule, Turning
 from analytic.kinematics.structure import Structure
-from analytic.mechanism import Mechanism
+from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import position, turned_near, unwound
 from compare.faults import ArgumentError
@@ -47,6 +47,7 @@ class Recording:
     theta: np.ndarray
     moved: RecordedMotion | RecordedDrives | RecordedRelease | ReleaseState | None = None
     error: float = 0.0  # rad, rms, of angles of a crank that turns evenly
+    replaced: tuple[Load, ...] | None = None  # what acts in place of the mechanism's loads, over the table's time
 
     @property
     def drives(self) -> Mapping[str, RecordedMotion]:
@@ -77,6 +78,19 @@ class Recording:
         if isinstance(self.moved, ReleaseState):
             return Schedule.released(mechanism, self.table.time - self.table.time[0], self.moved.rate)
         return Schedule.at_angles(mechanism, self.theta, at_rest=at_rest)
+
+    def loads(self, m: Mechanism, at_rest: bool) -> tuple[Load, ...]:
+        """What acts on a mechanism in it, over its schedule's time.  Raises DataError for columns where it rests."""
+        file, schedule = Path(self.file).name, self.schedule(m, at_rest)
+        if schedule.at_rest and self.table.loads:
+            titles = " and ".join(repr(column.title) for column, _ in self.table.loads)
+            raise DataError(
+                f"{file}: {titles} {'act as loads' if len(self.table.loads) > 1 else 'acts as a load'} over time, which"
+                ' rows at rest have not; ask for motion = "driven", or say a [[load]] over the crank\'s angle'
+            )
+        if self.replaced is None:
+            return (*m.loads, *self.table.acting(file, schedule.time))
+        return tuple(load.later(float(schedule.time[0] - self.table.time[0])) for load in self.replaced)
 
     def moving(self, assembly: Assembly, at_rest: bool) -> tuple[Turning | None, Turning | None]:
         """Its inputs as they were recorded, where the schedule has others, and how exactly they are known (rms)."""
@@ -276,5 +290,4 @@ def _kept(table: Table) -> Table:
     if every == 1:
         return table
     note = f"of {rows} rows one in {every} is compared"
-    values = {name: each[::every] for name, each in table.values.items()}
-    return replace(table, time=table.time[::every], values=values, notes=(*table.notes, note))
+    return replace(table.at(slice(None, None, every)), notes=(*table.notes, note))

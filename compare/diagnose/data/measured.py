@@ -19,7 +19,7 @@ import numpy as np
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.structure import StructureError
-from analytic.mechanism import Mechanism, MechanismError
+from analytic.mechanism import Load, Mechanism, MechanismError
 from analytic.mechanism.assumed import Assumed
 from analytic.mechanism.columns import Layout
 from analytic.mechanism.one_line import count, shown
@@ -198,7 +198,7 @@ def _run(called: str, entry: Entry, mechanism: Mechanism, tables: _Tables) -> tu
         speed,
         angle,
         start,
-        entry.loads,
+        _acting(where, entry, mechanism, table, drive),
         entry.from_rest,
         entry.file,
         entry.role,
@@ -318,14 +318,6 @@ def _check_fields(where: str, entry: Entry, mechanism: Mechanism, drive: Drive) 
                 f"{where}: load on {shown(applied.body)} has {applied.force} N and {applied.torque} N.m; give what is"
                 f" below {LARGEST_READING:g}"
             )
-    timed = next(
-        (load for load in (mechanism.loads if entry.loads is None else entry.loads) if load.over == "time"), None
-    )
-    if timed is not None:
-        raise MeasuredError(
-            f"{where}: the load on {shown(timed.body)} varies over time, and a diagnosis looks at what comes back with"
-            " each turn; give over = crank_angle, or leave the run out"
-        )
     states = [f"{body}_{part}" for body in mechanism.moving for part in ("angle", "angular_velocity")]
     for name in entry.start or {}:
         if name not in states:
@@ -346,6 +338,23 @@ def _check_fields(where: str, entry: Entry, mechanism: Mechanism, drive: Drive) 
         mechanism.replace(loads=entry.loads or ())
     except MechanismError as error:
         raise MeasuredError(f"{where}: {error}") from None
+
+
+def _acting(where: str, entry: Entry, mechanism: Mechanism, table: Table, drive: Drive) -> tuple[Load, ...] | None:
+    """The loads of a run: its own in place of the mechanism's, and columns that are loads beside them.  Raises
+    MeasuredError or DataError for one over time where nothing in a diagnosis can follow it.
+    """
+    recorded = table.acting(entry.file, table.time)
+    loads = (*(mechanism.loads if entry.loads is None else entry.loads), *recorded)
+    timed = next((load for load in loads if load.over == "time"), None)
+    springy = any(each.stiffness is not None or each.half_gap for each in mechanism.drives)
+    if timed is not None and (drive == "free" or springy):
+        why = "is free" if drive == "free" else "has a drive that yields"
+        raise MeasuredError(
+            f"{where}: {why}, and the load on {shown(timed.body)} varies over time, which a diagnosis follows in runs"
+            " behind a rigid motor; give over = crank_angle, or leave the run out"
+        )
+    return loads if recorded else entry.loads
 
 
 def _of_start(entry: Entry, mechanism: Mechanism) -> list[Fault]:
@@ -447,9 +456,7 @@ def _held(run: str, table: Table, encoder: str) -> tuple[Table, list[Fault]]:
         f" {count(lost.size, 'row')}"
         " without it are left out"
     )
-    return Table(table.columns, table.time[keep], {s: v[keep] for s, v in table.values.items()}), [
-        Fault(run, encoder, "absent", lost.size, text)
-    ]
+    return table.at(keep), [Fault(run, encoder, "absent", lost.size, text)]
 
 
 def _check_speed(where: str, file: str, time: np.ndarray, encoder: Channel, speed: float, angle: float) -> None:

@@ -29,7 +29,7 @@ class DriveCompliance(Reciprocal):
     parameters = (Parameter("stiffness", "N.m/rad", "stiffness", 0.0),)
 
     def places(self, rig: Rig) -> Sequence[str]:
-        return ["drive"] if rig.turning and not (rig.mechanism.drive and rig.mechanism.drive.stiffness) else []
+        return ["drive"] if rig.repeating and not (rig.mechanism.drive and rig.mechanism.drive.stiffness) else []
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (1e-5 / rig.torque,)
@@ -123,7 +123,7 @@ class DriveBacklash(Effect):
     parameters = (Parameter("half_gap", "rad", "angle", 0.0),)
 
     def places(self, rig: Rig) -> Sequence[str]:
-        return ["drive"] if rig.turning and not (rig.mechanism.drive and rig.mechanism.drive.half_gap) else []
+        return ["drive"] if rig.repeating and not (rig.mechanism.drive and rig.mechanism.drive.half_gap) else []
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (1e-4,)  # in smaller steps what lands a sample sooner would drown what the crank lags

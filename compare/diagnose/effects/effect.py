@@ -79,6 +79,7 @@ class Rig:
     noise: Mapping[str, float] = field(default_factory=dict)  # 1-sigma by signal
     recorded: Mapping[str, Sequence[str]] = field(default_factory=dict)  # signals by run, where not all are in all
     postures: Sequence[np.ndarray] = ()  # (k, STOPS) rad, m each: where the drives are in a run, of no crank
+    timed: bool = False  # whether a run has a load over time: what comes back with each turn, not all that it does
 
     @cached_property
     def encoders(self) -> tuple[str, ...]:
@@ -94,6 +95,11 @@ class Rig:
     def turning(self) -> Sequence[str]:
         """The driven runs, if a crank is turned in them: none of a slide or of several drives."""
         return self.driven if self.mechanism.cranked else ()
+
+    @property
+    def repeating(self) -> Sequence[str]:
+        """The driven runs of a crank, if each turn of all of them is as the one before."""
+        return () if self.timed else self.turning
 
     @cached_property
     def known(self) -> Mapping[str, Signal]:
