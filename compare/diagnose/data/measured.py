@@ -26,7 +26,7 @@ from analytic.mechanism.one_line import count, shown
 from analytic.mechanism.signals import undirected, unwound, wrapped
 from compare.diagnose.data.clipping import clipped
 from compare.diagnose.data.measured_file import Entry, Said, nominal, read_file, tolerances
-from compare.diagnose.data.quality import FLOOR, gaps, noise, outliers, unwrapped
+from compare.diagnose.data.quality import FLOOR, evened, gaps, noise, outliers, unwrapped
 from compare.diagnose.data.recording import Channel, Drive, Fault, Measured, MeasuredError, MeasuredRun
 from compare.diagnose.data.thin import frozen, held, missed, picked
 from compare.progress import progress_bar
@@ -91,7 +91,7 @@ def recorded(
             read.append(_run(called, entry, mechanism, tables))
         except DataError as error:
             wrong += error.faults
-    wrong += tables.unused(called) if not wrong else []
+    wrong += tables.unused(called, file.runs) if not wrong else []
     if wrong:
         raise MeasuredError(*dict.fromkeys(wrong))
     return Measured(
@@ -125,19 +125,27 @@ class _Tables:
 
     def __init__(self, data: Callable[[str], Path | FrameSource], mechanism: Mechanism, layout: Layout) -> None:
         self._data, self._mechanism, self._layout = data, mechanism, layout
-        self._read: dict[str, Table] = {}
+        self._read: dict[tuple[str, str], Table] = {}
 
-    def __call__(self, file: str) -> Table:
-        """The table of a file.  Raises DataError."""
-        if file not in self._read:
-            self._read[file] = read_table(self._data(file), self._mechanism, self._layout)
-        return self._read[file]
+    def __call__(self, entry: Entry) -> Table:
+        """The table of a run's file, as the run's own columns mean it.  Raises DataError."""
+        key = entry.file, repr(entry.columns)
+        if key not in self._read:
+            columns = {**self._layout.columns, **entry.columns}
+            layout = self._layout.model_copy(update={"columns": columns})
+            self._read[key] = read_table(self._data(entry.file), self._mechanism, layout)
+        return self._read[key]
 
-    def unused(self, name: str) -> list[str]:
-        """A fault for each entry of [columns] that no file has."""
+    def unused(self, name: str, runs: Sequence[Entry]) -> list[str]:
+        """A fault for each entry of [columns] that no file has, and of a run's that its own has not."""
         used = {entry for table in self._read.values() for entry in table.used}
         headings = list(dict.fromkeys(heading for table in self._read.values() for heading in table.headings))
-        return [unused(f"{name}: ", entry, headings) for entry in self._layout.columns if entry not in used]
+        faults = [unused(f"{name}: ", entry, headings) for entry in self._layout.columns if entry not in used]
+        for run in runs:
+            table = self(run)
+            where = f"{name}: run {run.name!r}: "
+            faults += [unused(where, entry, table.headings) for entry in run.columns if entry not in table.used]
+        return faults
 
 
 def _run(called: str, entry: Entry, mechanism: Mechanism, tables: _Tables) -> tuple[MeasuredRun, list[Fault]]:
@@ -151,7 +159,7 @@ def _run(called: str, entry: Entry, mechanism: Mechanism, tables: _Tables) -> tu
     entry = entry.model_copy(update=meant)
     drive, speed, angle = _command(where, entry, mechanism)
     _check_fields(where, entry, mechanism, drive)
-    table = tables(entry.file)
+    table = tables(entry)
     for signal in entry.noise:
         if signal not in table.values:
             raise MeasuredError(
@@ -203,7 +211,8 @@ def _run(called: str, entry: Entry, mechanism: Mechanism, tables: _Tables) -> tu
         entry.file,
         entry.role,
     )
-    return _thinned(where, run, encoders, faults)
+    run, rounded = evened(run)
+    return _thinned(where, run, encoders, [*faults, *rounded])
 
 
 def _check_encoders(
@@ -424,7 +433,8 @@ def _channel(
             f"scatters by {estimate / column.factor:.3g} {column.unit} from line to line, and a noise of"
             f" {given / column.factor:.3g} {column.unit} is given; the given one is used",
         )
-    return Channel(column.signal, frozen(values), given or estimate, given is not None, column.unit, isolated), faults
+    read = frozen(values), given or estimate, given is not None
+    return Channel(column.signal, *read, column.unit, isolated, column), faults
 
 
 def _gap_fault(run: str, time: np.ndarray) -> list[Fault]:

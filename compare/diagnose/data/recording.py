@@ -18,6 +18,7 @@ from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal, named
 from compare.presentation import presentation
 from compare.recorded.errors import DataError
+from compare.recorded.headings import Column
 from compare.results.document import as_dataframe
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ class Fault:
     sentence.
 
     ``kind`` is clipped, outliers, constant, absent, noise, wrapped, course, rest (one signal), gap, thinned, columns,
-    start (the run, ``signal`` is ``time``), swapped or unit.
+    start, stamps (the run, ``signal`` is ``time``), or what :mod:`compare.diagnose.slips` finds.
     """
 
     run: str
@@ -52,7 +53,8 @@ class Channel:
     """One sensor in one run: ``values`` (N,) SI, NaN where absent or faulty, angles continued; ``noise`` is one sigma,
     SI, > 0.
 
-    ``noise_given`` says whether measured.toml gave it (else it is estimated); ``unit`` is the header's, for people.
+    ``noise_given`` says whether measured.toml gave it (else it is estimated); ``unit`` is the header's, for people;
+    ``column`` is the file's, where there is one.
     ``spikes`` (N,) are the readings that were left out as isolated spikes, NaN elsewhere: where pins strike, they are
     evidence.
     """
@@ -63,6 +65,7 @@ class Channel:
     noise_given: bool
     unit: str
     spikes: np.ndarray | None = None
+    column: Column | None = None
 
     @property
     def raw(self) -> np.ndarray:
