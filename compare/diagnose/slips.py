@@ -23,15 +23,14 @@ from analytic.mechanism.signals import AXES, turned_near
 from analytic.mechanism.units import OFFERED, dimension, factor
 from compare.diagnose import prepare
 from compare.diagnose.data.measured import ASTRAY
-from compare.diagnose.data.recording import Channel, Fault, Measured, MeasuredError, MeasuredRun
+from compare.diagnose.data.recording import Channel, Fault, Measured, MeasuredError, MeasuredRun, same_numbers
 from compare.diagnose.data.thin import picked
 from compare.diagnose.effects.effect import Rig
 from compare.diagnose.effects.sensors import EncoderOffset
 from compare.diagnose.noise import CLOSED
 from compare.diagnose.predict import Hypothesis, Model, Motors, Term
-from compare.recorded.alternatives import REVERSED, line, looks, mended, otherwise, read_as
+from compare.recorded.alternatives import REVERSED, less, line, looks, mended, otherwise, swapped
 from compare.recorded.headings import TIME, Column
-from compare.recorded.text import MIN_ROWS
 
 # times, by which a slip must bring readings nearer to the model, and by which they must be off in noise without it.  A
 # genuine effect that happens to look like one would have to be what the slip makes of the readings to a fifth of it,
@@ -239,16 +238,14 @@ def _copies(run: MeasuredRun, said: Said) -> list[Slip]:
     """Pairs of columns with the same numbers, of which the model says that they are not: noise is never the same."""
     found = []
     for a, b in combinations(run.channels, 2):
-        pair = [run.channels[s] for s in (a, b)]
-        factors = [_column(c).factor for c in pair]
-        noise = [c.noise / f for c, f in zip(pair, factors, strict=True)]
-        one, other = (c.values / f for c, f in zip(pair, factors, strict=True))
-        apart = np.abs(one - other)[np.isfinite(one - other)]
-        model = np.abs(said[a] / factors[0] - said[b] / factors[1])
-        same = apart.size >= MIN_ROWS and apart.max() < min(noise) / TELLING
-        if not same or not np.any(model > TELLING * max(noise)):
+        one, other = run.channels[a], run.channels[b]
+        if not same_numbers(one, other):
             continue
-        off = {s: _match(c, c.values, said[s]).off for s, c in zip((a, b), pair, strict=True)}
+        factors = _column(one).factor, _column(other).factor
+        noise = max(one.noise / factors[0], other.noise / factors[1])
+        if not np.any(np.abs(said[a] / factors[0] - said[b] / factors[1]) > TELLING * noise):
+            continue
+        off = {s: _match(c, c.values, said[s]).off for s, c in ((a, one), (b, other))}
         of, copy = sorted(off, key=lambda s: off[s])
         heading = line(_column(run.channels[copy])).partition(" = ")[0]
         text = f"{copy} and {of} of {{}} are the same numbers: one column is there twice, and {copy} does not fit"
@@ -281,9 +278,8 @@ def _swapped(run: MeasuredRun, said: Said, a: str, b: str, off: Mapping[str, _Ma
     before, after = (math.hypot(*(m.off for m in each)) for each in ((off[a], off[b]), there))
     if not all(match.alike for match in there) or before <= TELLING * after:
         return None
-    meant = (read_as(_column(c), d.signal, d.unit) for c, d in ((one, other), (other, one)))
     text = f"{a} and {b} of {{}} look swapped: each is the other's prediction and not its own"
-    return Slip(run, a, "swapped", text, before, after, tuple(line(each) for each in meant))
+    return Slip(run, a, "swapped", text, before, after, swapped(_column(one), _column(other)))
 
 
 def _converted(run: MeasuredRun, name: str, predicted: np.ndarray, off: _Match) -> Slip | None:
@@ -310,13 +306,7 @@ def _zero(run: MeasuredRun, name: str, off: _Match) -> Slip | None:
     if not channel.signal.wraps or abs(off.mean) < ASTRAY or not off.alike or off.off <= TELLING * off.scatter:
         return None
     text = f"{name} of {{}} reads {math.degrees(off.mean):.4g} deg too much throughout: its zero is elsewhere"
-    return Slip(run, name, "zero", text, off.off, off.scatter, (_less(channel, off.mean),))
-
-
-def _less(channel: Channel, much: float) -> str:
-    """The line of a column that reads so much (SI) too much."""
-    column = _column(channel)
-    return line(otherwise(column, column.unit, less=float(f"{much / column.factor:.6g}")))
+    return Slip(run, name, "zero", text, off.off, off.scatter, (less(_column(channel), off.mean),))
 
 
 def _without_effects(slips: Sequence[Slip], runs: Sequence[MeasuredRun]) -> list[Slip]:
@@ -359,6 +349,14 @@ def _drives(nominal: _Nominal, run: MeasuredRun) -> Iterator[tuple[float, Slip]]
     """Each change of what is said of a run's drive, with the squares that it leaves."""
     for encoder in nominal.encoders if run.drive == "measured" else ():
         yield from _encoders(nominal, run, encoder)
+    clock = run.clock or Column(TIME, "s", 1.0, heading="time [s]")
+    for unit in OFFERED["time"]:
+        meant = otherwise(clock, unit)
+        if meant.factor != clock.factor:
+            there = replace(run, time=meant.si(clock.readings(run.time)))
+            (said,) = nominal.says(there)
+            text = f"time of {{}} looks in {unit}, but its column says {clock.unit}"
+            yield _cost(run, said, nominal.judged(run)), Slip(run, TIME.name, "unit", text, 0, 0, (line(meant),))
     if run.drive == "speed" and nominal.encoders[0] not in run.channels and nominal.mechanism.cranked:
         after, zero = _best_zero(nominal, run, nominal.encoders[0])
         if abs(zero) > ASTRAY:
@@ -385,15 +383,14 @@ def _encoders(nominal: _Nominal, run: MeasuredRun, encoder: str) -> Iterator[tup
             yield after, Slip(run, encoder, kind_of, text, 0, 0, column=meant, zero=zero)
     for name in judged:
         other = run.channels[name]
-        if dimension(other.signal) == kind:
-            values = {encoder: replace(channel, values=other.values), name: replace(other, values=channel.values)}
-            there = replace(run, channels={**run.channels, **values})
-            swapped = [read_as(_column(c), d.signal) for c, d in ((channel, other), (other, channel))]
+        ratio = column.factor / _column(other).factor
+        pair = replace(channel, values=other.values * ratio), replace(other, values=channel.values / ratio)
+        there = replace(run, channels={**run.channels, encoder: pair[0], name: pair[1]})
+        (said,) = nominal.says(there)
+        if said is not None:
             text = f"{encoder} and {name} of {{}} look swapped: all sensors fit the other way round"
-            columns = tuple(line(each) for each in swapped)
-            (said,) = nominal.says(there)
-            if said is not None:
-                yield _cost(there, said, judged), Slip(run, encoder, "swapped", text, 0, 0, columns)
+            lines = swapped(column, _column(other))
+            yield _cost(there, said, judged), Slip(run, encoder, "swapped", text, 0, 0, lines)
 
 
 def _line(readings: np.ndarray, values: np.ndarray, meant: Column) -> tuple[float, float]:
@@ -468,8 +465,7 @@ def _with_zeros(slips: Sequence[Slip]) -> list[Slip]:
         known.append(zero)
         words = [slip.text.rstrip(), f"reads {math.degrees(zero):.4g} deg too much throughout"][: 1 + bool(zero)]
         joint = " " if slip.kind == "zero" else " and "
-        less = float(f"{zero / slip.column.factor:.6g}")
-        columns = (line(otherwise(slip.column, slip.column.unit, less=less)),)
+        columns = (less(slip.column, zero) if zero else line(slip.column),)
         found.append(replace(slip, text=f"{joint.join(words)}, as all other sensors have it", columns=columns))
     return found
 

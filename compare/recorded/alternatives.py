@@ -129,6 +129,18 @@ def otherwise(column: Column, unit: str, sign: int = 1, scale: float = 1.0, less
     return replace(column, unit=unit, factor=factor(unit, dimension(column.signal)), meaning=meaning)
 
 
+def less(column: Column, much: float) -> str:
+    """The line of a map for a column that reads so much (SI) too much."""
+    return line(otherwise(column, column.unit, less=float(f"{much / column.factor:.6g}")))
+
+
+def swapped(one: Column | None, other: Column | None) -> tuple[str, ...]:
+    """The lines of a map for two columns that are in each other's place, as their numbers are."""
+    if one is None or other is None:
+        return ()
+    return line(read_as(one, other.signal, other.unit)), line(read_as(other, one.signal, one.unit))
+
+
 def read_as(column: Column, signal: Signal, unit: str | None = None) -> Column:
     """A column as another signal, of another kind in this unit."""
     before = column.meaning or ColumnMeaning(signal=column.signal.name, unit=column.unit)

@@ -27,9 +27,10 @@ from analytic.mechanism.signals import undirected, unwound, wrapped
 from compare.diagnose.data.clipping import clipped
 from compare.diagnose.data.measured_file import Entry, Said, nominal, read_file, tolerances
 from compare.diagnose.data.quality import FLOOR, evened, gaps, noise, outliers, unwrapped
-from compare.diagnose.data.recording import Channel, Drive, Fault, Measured, MeasuredError, MeasuredRun
+from compare.diagnose.data.recording import Channel, Drive, Fault, Measured, MeasuredError, MeasuredRun, same_numbers
 from compare.diagnose.data.thin import frozen, held, missed, picked
 from compare.progress import progress_bar
+from compare.recorded.alternatives import less, swapped
 from compare.recorded.errors import DataError
 from compare.recorded.frames import FrameSource
 from compare.recorded.headings import TIME, Column, canonical
@@ -196,7 +197,7 @@ def _run(called: str, entry: Entry, mechanism: Mechanism, tables: _Tables) -> tu
         beside = f" besides {'its encoders' if len(followed) > 1 else 'the encoder'}" if followed else ""
         raise MeasuredError(f"{where}: {entry.file} has no usable signal{beside}{told}; add a sensor")
     if speed is not None and encoders[0] in channels:
-        _check_speed(where, entry.file, table.time, channels[encoders[0]], speed, angle or 0.0)
+        _check_speed(where, entry.file, table.time, channels, encoders[0], speed, angle or 0.0)
     start = _start(entry, mechanism, table.time, channels) if drive == "free" else {}
     run = MeasuredRun(
         entry.name,
@@ -210,6 +211,7 @@ def _run(called: str, entry: Entry, mechanism: Mechanism, tables: _Tables) -> tu
         entry.from_rest,
         entry.file,
         entry.role,
+        table.clock,
     )
     run, rounded = evened(run)
     return _thinned(where, run, encoders, [*faults, *rounded])
@@ -462,27 +464,52 @@ def _held(run: str, table: Table, encoder: str) -> tuple[Table, list[Fault]]:
     ]
 
 
-def _check_speed(where: str, file: str, time: np.ndarray, encoder: Channel, speed: float, angle: float) -> None:
+def _check_speed(
+    where: str, file: str, time: np.ndarray, channels: Mapping[str, Channel], name: str, speed: float, angle: float
+) -> None:
     """The encoder does not contradict the command by a clean factor, by a multiple, or by a large angle."""
-    here = np.flatnonzero(np.isfinite(encoder.values))
-    lag = max(1, here.size // 2)  # far apart, so that a coarse encoder has moved
-    found = float(
-        np.median((encoder.values[here[lag:]] - encoder.values[here[:-lag]]) / (time[here[lag:]] - time[here[:-lag]]))
-    )
+    encoder = channels[name]
+    found = _rate(time, encoder.values)
+    here = np.isfinite(encoder.values)
     away = float(np.median(wrapped(encoder.values[here] - angle - speed * time[here])))
     if abs(found / speed - 1) < 0.03 and abs(away) > ASTRAY:
-        text = f"{encoder.signal.name} in {file} is {math.degrees(away):.4g} deg ahead of its command throughout"
-        raise MeasuredError(f"{where}: {text}; check drive_angle = {angle:g} rad, which is the angle at time 0")
+        text = f"{name} in {file} is {math.degrees(away):.4g} deg ahead of its command throughout"
+        zero = "" if encoder.column is None else f", or, if its zero is elsewhere, say {less(encoder.column, away)}"
+        raise MeasuredError(f"{where}: {text}; check drive_angle = {angle:g} rad, which is the angle at time 0{zero}")
+    if (other := _instead(time, channels, name, speed)) and abs(found / speed - 1) > 0.03:
+        text = f"drive_speed = {speed:g} rad/s, and the numbers in {other} turn so, not those in {name}"
+        lines = " and ".join(swapped(channels[name].column, channels[other].column))
+        raise MeasuredError(f"{where}: {text}: the columns look swapped in {file}; say {lines} in columns")
     for ratio, remedy in SLIPS.items():
         if abs(found / speed / ratio - 1) < 0.03:
             text = (
-                f"drive_speed = {speed:g} rad/s, but {encoder.signal.name} in {file} turns at {found:.5g} rad/s,"
+                f"drive_speed = {speed:g} rad/s, but {name} in {file} turns at {found:.5g} rad/s,"
                 f" {found / speed:.4g} times as fast"
             )
             raise MeasuredError(f"{where}: {text}; {remedy}")
     if not 1 / MULTIPLE < found / speed < MULTIPLE:
-        text = f"drive_speed = {speed:g} rad/s, but {encoder.signal.name} in {file} turns at {found:.5g} rad/s"
-        raise MeasuredError(f"{where}: {text}; put the one right that is wrong")
+        text = f"drive_speed = {speed:g} rad/s, but {name} in {file} turns at {found:.5g} rad/s"
+        twin = next((s for s, c in channels.items() if s != name and same_numbers(encoder, c)), None)
+        copy = f"{name} and {twin} are the same numbers, one column there twice: " if twin else ""
+        raise MeasuredError(f"{where}: {copy}{text}; put the one right that is wrong")
+
+
+def _rate(time: np.ndarray, values: np.ndarray) -> float:
+    """How fast values (N,) change with time (N,), from samples far apart, so that a coarse encoder has moved."""
+    here = np.flatnonzero(np.isfinite(values))
+    lag = max(1, here.size // 2)
+    return float(np.median((values[here[lag:]] - values[here[:-lag]]) / (time[here[lag:]] - time[here[:-lag]])))
+
+
+def _instead(time: np.ndarray, channels: Mapping[str, Channel], name: str, speed: float) -> str | None:
+    """The sensor whose column has numbers that turn at a speed (rad/s) as those in an encoder's column should."""
+    column = channels[name].column
+    for other, channel in channels.items():
+        if other != name and column is not None and channel.column is not None:
+            turned = channel.values * (column.factor / channel.column.factor)
+            if abs(_rate(time, turned) / speed - 1) < 0.03 and not same_numbers(channels[name], channel):
+                return other
+    return None
 
 
 def _start(entry: Entry, mechanism: Mechanism, time: np.ndarray, channels: Mapping[str, Channel]) -> dict[str, float]:
