@@ -51,7 +51,7 @@ def _made(seed: int, rng: np.random.Generator, folder: Path, good: bool) -> Fals
     follows = kind == "zero" or (kind not in ("speed", "stamps") and rng.random() < 0.4)
     e = replace(e, plans=tuple(replace(plan, follows=follows) for plan in e.plans), units={})
     digits = 12
-    if kind == "stamps":
+    if kind == "stamps" and not good:
         e, digits = _coarse(e, rng)
     hidden = Hidden(seed, "none", e, draw_source(rng, "mujoco", ()), "mujoco")
     rows = with_noise(hidden, [recorded(hidden, plan) for plan in e.plans], rng)
@@ -106,8 +106,6 @@ def _able(names: Sequence[str]) -> Sequence[str]:
     if not names:
         raise Rejected("no sensor shows it")
     return names
-
-
 
 
 def _apart(rows: Rows, some: Sequence[int], one: str, other: str, e: Experiment) -> bool:

@@ -24,21 +24,22 @@ from analytic.mechanism.units import OFFERED, dimension, factor
 from compare.diagnose import prepare
 from compare.diagnose.data.measured import ASTRAY
 from compare.diagnose.data.recording import Channel, Fault, Measured, MeasuredError, MeasuredRun, same_numbers
-from compare.diagnose.data.thin import picked
 from compare.diagnose.effects.effect import Rig
 from compare.diagnose.effects.sensors import EncoderOffset
 from compare.diagnose.noise import CLOSED
-from compare.diagnose.predict import Hypothesis, Model, Motors, Term
+from compare.diagnose.predict import Hypothesis, Model, Motors, Term, commanded
 from compare.recorded.alternatives import REVERSED, less, line, looks, mended, otherwise, swapped
 from compare.recorded.headings import TIME, Column
+from compare.recorded.text import MIN_ROWS
 
 # times, by which a slip must bring readings nearer to the model, and by which they must be off in noise without it.  A
 # genuine effect that happens to look like one would have to be what the slip makes of the readings to a fifth of it,
 # over all that a turn shows: of some ten independent numbers, once in 5^10, ten million.
 TELLING = 5.0
 SURE = 5.0  # sigmas: by chance once in two million times, of some hundred sensors and runs that are looked at
+UNLIKELY = math.log(1000)  # of a slip, log odds against it: there is one among some thousand columns
 STARTS = 36  # zeros over a turn, 10 degrees apart, that are tried: a linkage's signals have few waves a turn
-SCANNED = 60  # samples of a run for that
+SCANNED = 60  # samples for that, of a turn at most: what turns too often takes long to follow
 # rad: zeros of two runs that differ by less are one; what is between them is as an encoder's offset is (prior.py)
 SAME_ZERO = 0.03
 STEPS = 4  # of Gauss and Newton for a rate: the problem is nearly linear
@@ -65,6 +66,11 @@ class Slip:
     field: str = ""
     column: Column | None = None
     zero: float = 0.0
+
+    @property
+    def told(self) -> float:
+        """Sum of squares, in noise, that it takes away."""
+        return self.run.time.size * (self.off**2 - self.left**2)
 
 
 def refuse(measured: Measured, mechanism: Mechanism) -> None:
@@ -138,12 +144,17 @@ def _of_run(nominal: _Nominal, run: MeasuredRun) -> list[Slip]:
         return [whole[1]] if (whole := _of_drive(nominal, run, math.inf)) else []
     if copies := _copies(run, said):
         return copies
-    before = _cost(run, said, judged)
-    found = _of_channels(run, said, judged)
-    if before > TELLING**2 * sum(np.isfinite(run.channels[s].values).sum() for s in judged):
-        whole = _of_drive(nominal, run, before)
-        if whole and whole[0] < before - sum(s.run.time.size * (s.off**2 - s.left**2) for s in found):
-            return [whole[1]]
+    before, found = _cost(run, said, judged), _of_channels(run, said, judged)
+    samples = sum(np.isfinite(run.channels[s].values).sum() for s in judged)
+    if before <= TELLING**2 * samples:
+        return found or _of_rate(nominal, run)
+    after = before - sum(slip.told for slip in found)
+    if len(found) == 1 and after < CLOSED**2 * samples:
+        return found
+    whole = _of_drive(nominal, run, before)
+    # one that tells as much is as many times likelier as there are fewer of them
+    if whole and whole[0] < after + 2 * UNLIKELY * (len(found) - 1):
+        return [whole[1]]
     return found or _of_rate(nominal, run)
 
 
@@ -170,6 +181,11 @@ class _Nominal:
         courses = self.courses(run) if courses is None else courses
         model = Model(replace(self.measured, runs=(run,)), rig, self.mechanism, courses)
         return [None if found is None else found[0] for found in model(hypotheses)]
+
+    def drives(self, run: MeasuredRun, courses: Mapping[str, Motor | Motors]) -> np.ndarray:
+        """Where the drives are (k, N) in a run."""
+        motor = courses.get(run.name) or commanded(run, self.mechanism)
+        return np.atleast_2d(motor.at(run.time).theta)
 
     def courses(self, run: MeasuredRun) -> dict[str, Motor | Motors]:
         """The course of a run that follows its encoders."""
@@ -337,7 +353,7 @@ def _of_drive(nominal: _Nominal, run: MeasuredRun, before: float) -> tuple[float
     """
     judged = nominal.judged(run)
     before = min(before, _cost(run, None, judged))
-    for after, slip in _drives(nominal, run):
+    for after, slip in _drives(nominal, run, before):
         if before > TELLING**2 * after:
             samples = sum(np.isfinite(run.channels[s].values).sum() for s in judged)
             off, left = (math.sqrt(total / samples) for total in (before, after))
@@ -345,10 +361,10 @@ def _of_drive(nominal: _Nominal, run: MeasuredRun, before: float) -> tuple[float
     return None
 
 
-def _drives(nominal: _Nominal, run: MeasuredRun) -> Iterator[tuple[float, Slip]]:
+def _drives(nominal: _Nominal, run: MeasuredRun, before: float) -> Iterator[tuple[float, Slip]]:
     """Each change of what is said of a run's drive, with the squares that it leaves."""
     for encoder in nominal.encoders if run.drive == "measured" else ():
-        yield from _encoders(nominal, run, encoder)
+        yield from _encoders(nominal, run, encoder, before)
     clock = run.clock or Column(TIME, "s", 1.0, heading="time [s]")
     for unit in OFFERED["time"]:
         meant = otherwise(clock, unit)
@@ -358,14 +374,14 @@ def _drives(nominal: _Nominal, run: MeasuredRun) -> Iterator[tuple[float, Slip]]
             text = f"time of {{}} looks in {unit}, but its column says {clock.unit}"
             yield _cost(run, said, nominal.judged(run)), Slip(run, TIME.name, "unit", text, 0, 0, (line(meant),))
     if run.drive == "speed" and nominal.encoders[0] not in run.channels and nominal.mechanism.cranked:
-        after, zero = _best_zero(nominal, run, nominal.encoders[0])
+        after, zero = _best_zero(nominal, run, nominal.encoders[0], before)
         if abs(zero) > ASTRAY:
             text = f"{{}} is {math.degrees(zero):.4g} deg ahead of its command throughout, as all sensors have it"
             angle = (run.angle or 0.0) + zero
             yield after, Slip(run, TIME.name, "zero", text, 0, 0, (), f"drive_angle = {angle:.6g}")
 
 
-def _encoders(nominal: _Nominal, run: MeasuredRun, encoder: str) -> Iterator[tuple[float, Slip]]:
+def _encoders(nominal: _Nominal, run: MeasuredRun, encoder: str, before: float) -> Iterator[tuple[float, Slip]]:
     """What the encoder that a run follows may be instead."""
     channel, judged = run.channels[encoder], nominal.judged(run)
     kind, column = dimension(channel.signal), _column(channel)
@@ -375,7 +391,7 @@ def _encoders(nominal: _Nominal, run: MeasuredRun, encoder: str) -> Iterator[tup
         twice = {f"converted from {unit} twice": 1 / factor(unit, kind) for unit in OFFERED[kind]}
         units |= {what: otherwise(column, column.unit, scale=k) for what, k in twice.items() if k != 1}
     for what, meant in ({"": column, REVERSED: otherwise(column, column.unit, -1)} | units).items():
-        after, zero = _best_zero(nominal, run, encoder, *_line(readings, channel.values, meant))
+        after, zero = _best_zero(nominal, run, encoder, before, *_line(readings, channel.values, meant))
         if what or abs(zero) > ASTRAY:
             text = f"{encoder} of {{}}, which its drive follows, {f'is {what}' if what else ''}"
             kind_of = "zero" if not what else "sign" if what == REVERSED else "unit"
@@ -386,8 +402,10 @@ def _encoders(nominal: _Nominal, run: MeasuredRun, encoder: str) -> Iterator[tup
         ratio = column.factor / _column(other).factor
         pair = replace(channel, values=other.values * ratio), replace(other, values=channel.values / ratio)
         there = replace(run, channels={**run.channels, encoder: pair[0], name: pair[1]})
-        (said,) = nominal.says(there)
-        if said is not None:
+        few = _first_turn(there, nominal.drives(there, nominal.courses(there)))
+        (said,) = nominal.says(few, courses=nominal.courses(there))
+        if TELLING**2 * _cost(few, said, judged) * run.time.size < before * few.time.size:
+            (said,) = nominal.says(there)
             text = f"{encoder} and {name} of {{}} look swapped: all sensors fit the other way round"
             lines = swapped(column, _column(other))
             yield _cost(there, said, judged), Slip(run, encoder, "swapped", text, 0, 0, lines)
@@ -416,18 +434,22 @@ class _Scaled:
 
 
 def _best_zero(
-    nominal: _Nominal, run: MeasuredRun, encoder: str, factor: float = 1.0, constant: float = 0.0
+    nominal: _Nominal, run: MeasuredRun, encoder: str, before: float, factor: float = 1.0, constant: float = 0.0
 ) -> tuple[float, float]:
     """By how much (rad) the encoder that a run follows reads too much, or its command says too little, within half a
-    turn, and the squares that this leaves; of a travel nothing.  Its readings are times a factor, and a constant.
+    turn, and the squares that this leaves of those ``before``, infinite where they are as many; of a travel nothing.
+    Its readings are times a factor, and a constant.
     """
     judged, signal = nominal.judged(run), nominal.mechanism.encoders[nominal.encoders.index(encoder)]
-    few, courses = picked(run, max(1, run.time.size // SCANNED)), nominal.courses(run)
+    courses = nominal.courses(run)
     if (factor, constant) != (1.0, 0.0):
         of, followed = nominal.encoders.index(encoder), courses[run.name]
         each = list(followed.each if isinstance(followed, Motors) else (followed,))
         each[of] = Motor(_Scaled(each[of], factor, constant))
         courses = {run.name: Motors(tuple(each)) if isinstance(followed, Motors) else each[0]}
+
+    few = _first_turn(run, nominal.drives(run, courses))
+    samples = [sum(np.isfinite(each.channels[s].values).sum() for s in judged) for each in (few, run)]
 
     def left(zeros: np.ndarray, of: MeasuredRun) -> list[float]:
         if run.drive == "measured":
@@ -446,8 +468,19 @@ def _best_zero(
     def cost(at: float) -> float:
         return min(left(np.array([at]), few)[0], LARGEST)
 
-    zero = float(minimize_scalar(cost, bounds=(zero - step, zero + step), method="bounded", options={"xatol": 1e-6}).x)
+    best = minimize_scalar(cost, bounds=(zero - step, zero + step), method="bounded", options={"xatol": 1e-6})
+    zero = float(best.x)
+    if TELLING**2 * best.fun * samples[1] > before * samples[0]:
+        return math.inf, 0.0
     return left(np.array([zero]), run)[0], float(turned_near(zero, 0.0))
+
+
+def _first_turn(run: MeasuredRun, theta: np.ndarray) -> MeasuredRun:
+    """The first turn of a run whose drive is at theta (k, N), or so much of it as there is, of a few samples."""
+    gone = np.abs(theta - theta[:, :1]).max(axis=0)
+    rows = np.arange(max(MIN_ROWS, int(np.argmax(gone > 2 * math.pi)) or run.time.size))[: run.time.size]
+    rows = rows[:: max(1, rows.size // SCANNED)]
+    return replace(run, time=run.time[rows], channels={s: c.at(rows) for s, c in run.channels.items()})
 
 
 def _with_zeros(slips: Sequence[Slip]) -> list[Slip]:
