@@ -302,7 +302,8 @@ def _converted(run: MeasuredRun, name: str, predicted: np.ndarray, off: _Match) 
     """A sensor that is its prediction in another unit, converted twice, or of the other sign."""
     channel = run.channels[name]
     here = np.isfinite(channel.values) & np.isfinite(predicted)
-    found = looks(dimension(channel.signal), channel.unit, predicted[here], channel.values[here], channel.noise)
+    read = dimension(channel.signal), channel.unit, predicted[here], channel.values[here]
+    found = looks(*read, channel.noise) or looks(*read)  # what is stated of its noise may be of other units
     if found is None:
         return None
     slope, what = found
@@ -347,18 +348,21 @@ def _without_effects(slips: Sequence[Slip], runs: Sequence[MeasuredRun]) -> list
 
 
 def _of_drive(nominal: _Nominal, run: MeasuredRun, before: float) -> tuple[float, Slip] | None:
-    """The first change of what a run's drive is said to do that tells all of its sensors, with the squares it leaves:
+    """The one change of what a run's drive is said to do that tells all of its sensors, with the squares it leaves:
     the zero, sign or unit of an encoder that it follows, or another in its place; of a commanded run without an
     encoder its angle.
     """
     judged = nominal.judged(run)
     before = min(before, _cost(run, None, judged))
+    samples = sum(np.isfinite(run.channels[s].values).sum() for s in judged)
+    best: tuple[float, Slip] | None = None
     for after, slip in _drives(nominal, run, before):
-        if before > TELLING**2 * after:
-            samples = sum(np.isfinite(run.channels[s].values).sum() for s in judged)
+        if before > TELLING**2 * after and (best is None or after < best[0]):
             off, left = (math.sqrt(total / samples) for total in (before, after))
-            return after, replace(slip, off=off, left=left)
-    return None
+            best = after, replace(slip, off=off, left=left)
+            if left < CLOSED:  # nothing could tell more
+                break
+    return best
 
 
 def _drives(nominal: _Nominal, run: MeasuredRun, before: float) -> Iterator[tuple[float, Slip]]:
