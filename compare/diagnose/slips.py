@@ -290,7 +290,10 @@ def _swapped(run: MeasuredRun, said: Said, a: str, b: str, off: Mapping[str, _Ma
     """Two sensors each of which is the other's prediction, as its column's numbers are in the other's unit."""
     one, other = run.channels[a], run.channels[b]
     units = _column(one).factor / _column(other).factor
-    there = _match(other, one.values / units, said[b]), _match(one, other.values * units, said[a])
+    noises = [c.noise * k for c, k in ((one, 1 / units), (other, units))]  # where they are estimated, they go along
+    pairs = zip((one, other), (other, one), noises, strict=True)
+    meant = [d if c.noise_given else replace(d, noise=noise) for c, d, noise in pairs]
+    there = _match(meant[0], one.values / units, said[b]), _match(meant[1], other.values * units, said[a])
     before, after = (math.hypot(*(m.off for m in each)) for each in ((off[a], off[b]), there))
     if not all(match.alike for match in there) or before <= TELLING * after:
         return None
