@@ -478,8 +478,10 @@ def _check_speed(
         raise MeasuredError(f"{where}: {text}; check drive_angle = {angle:g} rad, which is the angle at time 0{zero}")
     if (other := _instead(time, channels, name, speed)) and abs(found / speed - 1) > 0.03:
         text = f"drive_speed = {speed:g} rad/s, and the numbers in {other} turn so, not those in {name}"
-        lines = " and ".join(swapped(channels[name].column, channels[other].column))
-        raise MeasuredError(f"{where}: {text}: the columns look swapped in {file}; say {lines} in columns")
+        lines = ", ".join(swapped(channels[name].column, channels[other].column))
+        raise MeasuredError(
+            f"{where}: {text}: the columns look swapped in {file}; say columns = {{ {lines} }} in the run"
+        )
     for ratio, remedy in SLIPS.items():
         if abs(found / speed / ratio - 1) < 0.03:
             text = (
