@@ -22,7 +22,7 @@ from analytic.mechanism.columns import ANY_LAYOUT, Layout, read_map
 from analytic.mechanism.errors import quoted
 from analytic.mechanism.one_line import enumerated, shown
 from analytic.mechanism.signals import Signal, driving, named, position
-from analytic.mechanism.units import dimension, factor
+from analytic.mechanism.units import dimension
 from analytic.paper.clearance import Model
 from compare.arguments import (
     cores,
@@ -37,7 +37,6 @@ from compare.arguments import (
     warn_of_friction,
 )
 from compare.crosscheck import STRIKING, Job, Ran, concluded, judged, run_all
-from compare.diagnose.data.quality import LIKE_UNIT, REVERSED, looks
 from compare.diagnose.data.recording import Measured, MeasuredRun
 from compare.faults import ArgumentError
 from compare.judge.discrepancy import UNCOMPARED, Rule, difference
@@ -55,7 +54,7 @@ from compare.omissions import Asked, omitted
 from compare.progress import Progress, progress_bar
 from compare.questions.check import CheckQuestion
 from compare.questions.question import answers
-from compare.recorded.alternatives import TableReading, line, otherwise
+from compare.recorded.alternatives import LIKE_UNIT, REVERSED, TableReading, line, looks, mended
 from compare.recorded.errors import DataError
 from compare.recorded.frames import FrameSource, frame_source, is_frame
 from compare.recorded.headings import Column
@@ -685,25 +684,19 @@ def _units(record: Recording, side: Reference, judged: JudgedRun) -> list[str]:
         look = looks(kind, column.unit, model, recorded)
         if look is not None:
             slope, what = look
-            looked = _remedy(record.table, column, what)
+            looked = _remedy(column, what)
             sentences.append(f"{record.name}: {name} is {slope:.4g} times the analytic side's: it looks {looked}")
     return sentences
 
 
-def _remedy(table: Table, column: Column, what: str) -> str:
+def _remedy(column: Column, what: str) -> str:
     """The unit or sign in which a column looks like its signal, and the line of a map that mends it."""
-    how, *words = what.split()
+    told = what
     if what == REVERSED:
-        what += " or is the force on the other body" * (column.signal.kind == "reaction")
-        meant = otherwise(column, column.unit, -1)
+        told += " or is the force on the other body" * (column.signal.kind == "reaction")
     else:
-        what += f", but is read in {column.unit}"
-        meant = (
-            otherwise(column, words[0])
-            if how == "in"
-            else otherwise(column, column.unit, scale=1 / factor(words[1], dimension(column.signal)))
-        )
-    return f"{what}: say {line(table, meant)} under [columns] of a map"
+        told += f", but is read in {column.unit}"
+    return f"{told}: say {line(mended(column, what))} under [columns] of a map"
 
 
 # ---------------------------------------------------------------- engines beside

@@ -269,7 +269,7 @@ def test_the_messages_about_mechanism_files_are_the_real_ones(
         (
             "forward.csv",
             ("follower_angle [deg]", "follower_angle [rad]"),
-            "follower_angle of run 'forward' is 57.37 times its prediction: it looks in deg, but forward.csv says rad",
+            "follower_angle of run 'forward' is 57.37 times its prediction: it looks in deg, but its column says rad",
         ),
         (
             "measured.toml",

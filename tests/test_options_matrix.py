@@ -681,6 +681,7 @@ FIELDS: list[Any] = [  # field, what to begin with, what to change, and with whi
     ("columns.offset", SAME, of_encoder(offset=1.0), ""),
     ("columns.sign", SAME, of_encoder(sign=-1), "negate drive_speed or the column"),
     ("run", SAME, lambda said: said["run"].pop(), ""),
+    ("run.columns", SAME, in_run(columns={"follower_angle [rad]": "ignore"}), "noise.follower"),
     ("run.name", SAME, in_run(name="fast"), ""),
     ("run.file", SAME, in_run(file="swift.csv"), ""),
     ("run.drive_speed", SAME, in_run(drive_speed=31.5), ""),

@@ -38,7 +38,7 @@ BRACKETS = re.compile(r"\[[^\[\]]*\]|\([^()]*\)")
 @dataclass(frozen=True)
 class Column:
     """A column: its signal, the unit as written and its factor to SI; ``place`` is its index in the file, ``meaning``
-    what a map makes of its readings.
+    what a map makes of its readings, and ``heading`` what the file calls it.
     """
 
     signal: Signal
@@ -46,6 +46,7 @@ class Column:
     factor: float
     place: int = 0
     meaning: ColumnMeaning | None = None
+    heading: str = ""
 
     @property
     def title(self) -> str:
@@ -250,7 +251,7 @@ def _mapped(
         )
     assert signal is not None
     unit = meaning.unit if meaning.unit is not None else names.parted(cell)[2] or units.get(place, "")
-    return _column(at, place, signal, unit, meaning)
+    return _column(at, place, cell, signal, unit, meaning)
 
 
 def _named(at: str, place: int, cell: str, units: Mapping[int, str], names: Naming) -> Column | str | None:
@@ -259,7 +260,7 @@ def _named(at: str, place: int, cell: str, units: Mapping[int, str], names: Nami
         return f"{at} is {shown(cell)}; write 'signal [unit]', such as 'crank_angle [deg]'"
     signal, name, unit = names.parted(cell)
     if signal is not None:
-        return _column(at, place, signal, unit if unit is not None else units.get(place, ""), None)
+        return _column(at, place, cell, signal, unit if unit is not None else units.get(place, ""), None)
     near = names.nearest(name) if name else None
     if near is None:
         return None
@@ -270,14 +271,14 @@ def _named(at: str, place: int, cell: str, units: Mapping[int, str], names: Nami
     )
 
 
-def _column(at: str, place: int, signal: Signal, unit: str, meaning: ColumnMeaning | None) -> Column | str:
+def _column(at: str, place: int, cell: str, signal: Signal, unit: str, meaning: ColumnMeaning | None) -> Column | str:
     if "," in unit:
         return (
             f"{at}: unit {shown(unit)} has a comma: it looks as if the file has decimal commas; save it with decimal"
             f" points, in units too ({shown(unit.replace(',', '.'))})"
         )
     try:
-        return Column(signal, unit, factor(unit, dimension(signal)), place, meaning)
+        return Column(signal, unit, factor(unit, dimension(signal)), place, meaning, cell.strip())
     except UnitError as error:
         return f"{at}, {signal.name!r}, has {error}"
 

@@ -60,7 +60,7 @@ class SpeedRipple(Wave):
         return ["drive"] if set(rig.turning) - set(rig.following) and not uneven else []
 
     def variants(self, rig: Rig, where: str) -> Sequence[float]:
-        return [float(h) for h in HARMONICS]
+        return rig.told(HARMONICS)
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (1e-5, 1e-5)
@@ -93,7 +93,7 @@ class TorqueWave(Wave):
         return ["drive"] if rig.turning and rig.mechanism.periodic_torque is None else []
 
     def variants(self, rig: Rig, where: str) -> Sequence[float]:
-        return [float(h) for h in OF_TORQUE]
+        return rig.told(OF_TORQUE)
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (1e-3 * rig.torque, 1e-3 * rig.torque)
