@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from math import degrees, tau
+from math import ceil, degrees, radians, tau
 from typing import Any
 
 import numpy as np
@@ -20,12 +20,13 @@ from analytic.mechanism.signals import position
 from analytic.paper.clearance import Model, displaced
 from analytic.paper.envelope import condition, transmission
 from analytic.paper.superposition import accuracy as cycle_accuracy
-from analytic.paper.superposition import closely, whole_turn
+from analytic.paper.superposition import whole_turn
 from compare.arguments import (
     idle,
     linkage,
     loose,
     noted,
+    on_request,
     one_engine,
     rigidly_and_evenly_driven,
     warn_of_friction,
@@ -37,22 +38,26 @@ from compare.judge.reference import (
     with_flexible_links,
 )
 from compare.judge.reruns import too_soft
-from compare.judge.signals import with_derived
-from compare.omissions import Asked, omitted, rigid_walls
+from compare.judge.signals import only, with_derived
+from compare.omissions import Asked, omitted, rigid_walls, untold
 from compare.quantities import plain, shown
-from compare.questions.analyse import AnalyseQuestion, SimulateQuestion
+from compare.questions.analyse import AnalyseQuestion, RunQuestion, SimulateQuestion
 from compare.questions.question import answers
 from compare.results.analysis import Analysis, Extremes, OutputError, Simulation
 from compare.results.crosscheck import PinPath, Simulator
 from compare.schedules import scheduled
 from compare.toleranced import of_signals, states_tolerances, varying
 from sim_models.common.contact_laws import assumed_of_contact
+from sim_models.common.rates import with_rates
 from sim_models.common.simulate import answered
 from sim_models.engine import Motion, Request, engine
 
 FEWEST = 8  # crank angles between which they are looked for
 ROUNDING = 1e-9  # of what a table of a load goes over: by so much a motion does not leave it
 MOST_TURNS = 4  # that are looked through so closely
+PEAK_STEP = radians(1.0)  # crank angle between looks: a parabola misses the peak of a tenth harmonic by 2e-5 of it
+UNEVEN = 0.2  # of how a signal bends at a peak: where it bends by so much more or less beside it, it is no parabola
+CLOSER = 5  # looks in a PEAK_STEP around such a peak
 
 
 @answers(AnalyseQuestion)
@@ -84,7 +89,8 @@ def analyse(question: AnalyseQuestion) -> Analysis:
         warned += _without_use(m, side, schedule.time)
     optional, crossing = ({}, []) if compliance else _of_outputs(assembly, schedule, motion)
     if not compliance and schedule.crank_angle is not None:
-        optional["extremes"] = _extremes(assembly, schedule.crank_angle, motion == "driven", model)
+        found = _extremes(assembly, schedule.crank_angle, motion == "driven", model, bool(question.signals))
+        optional["extremes"] = only(found, m, side.signals)
     optional |= {} if schedule.crank_angle is not None else {"time": schedule.time}
     if states_tolerances(m) or question.samples or question.seed:
         varied, told = varying(m, question.clearance is not None)
@@ -116,7 +122,9 @@ def analyse(question: AnalyseQuestion) -> Analysis:
 
 def _side(assembly: Assembly, schedule: Schedule, question: AnalyseQuestion) -> Reference:
     """The model that a question asks for."""
-    side = reference(assembly, schedule, question.model, assembly.mechanism.clearances)
+    m = assembly.mechanism
+    more = on_request(question.signals, m, question.motion)
+    side = reference(assembly, schedule, question.model, m.clearances, more=more)
     return with_flexible_links(side, assembly, schedule) if question.compliance else side
 
 
@@ -186,30 +194,79 @@ def _without_use(m: Mechanism, side: Reference, time: np.ndarray) -> Iterator[st
                 )
 
 
-def _extremes(assembly: Assembly, theta: np.ndarray, inertia: bool, model: Model) -> dict[str, Extremes]:
+def _extremes(assembly: Assembly, theta: np.ndarray, inertia: bool, model: Model, rates: bool) -> dict[str, Extremes]:
     """The highest and lowest value of each signal over the stretch of these crank angles (N,), or over the whole turn
     that they make; nothing where there are too few, or where the linkage cannot be followed closely.
+
+    Between angles PEAK_STEP apart a signal is the parabola through three of them, where it bends evenly; around a peak
+    where it does not it is looked at again, more closely.
     """
     if theta.size < FEWEST or np.ptp(theta) > MOST_TURNS * tau or assembly.mechanism.timed_load is not None:
         return {}
-    ends = [theta.min() + tau] if whole_turn(theta) else []
-    close = np.unique([*closely(theta), *theta, *ends])
-    m = assembly.mechanism
+    whole, m = whole_turn(theta), assembly.mechanism
+    low, high = float(theta.min()), float(theta.min()) + tau if whole else float(theta.max())
+    close = np.linspace(low, high, ceil((high - low) / PEAK_STEP - ROUNDING) + 1)
+
+    def look(angles: np.ndarray) -> dict[str, np.ndarray]:
+        moved = displaced(assembly, angles, m.speed or 1.0, model=model, inertia=inertia, clearances=m.clearances)
+        signals = with_derived(moved.signals() | (moved.rates() if rates else {}), m)
+        return {name: values for name, values in signals.items() if np.isfinite(values).any()}
+
     try:
-        moved = displaced(assembly, close, m.speed or 1.0, model=model, inertia=inertia, clearances=m.clearances)
+        signals = look(close)
+        step, peaks = close[1] - close[0], {name: _peaks(values, close, whole) for name, values in signals.items()}
+        rough = np.unique([x for ends in peaks.values() for value, x in ends if value is None])
+        around = np.unique(np.add.outer(rough, step * np.arange(-CLOSER, CLOSER + 1) / CLOSER))
+        around = around[(around >= low) & (around <= high)]
+        closer = look(around) if around.size else {}
     except AssemblyError:
         return {}
-    signals = with_derived(moved.signals(), m)
-    return {name: _extreme(values, close) for name, values in signals.items() if np.isfinite(values).any()}
+    return {name: _extreme(ends, (close, signals[name]), (around, closer.get(name))) for name, ends in peaks.items()}
 
 
-def _extreme(values: np.ndarray, theta: np.ndarray) -> Extremes:
-    high, low = int(np.nanargmax(values)), int(np.nanargmin(values))
+Peak = tuple[float | None, float]  # value, None where it is not known well enough, and angle (rad)
+Sampled = tuple[np.ndarray, np.ndarray | None]  # angles (N,) rad, and values at them
+
+
+def _peaks(values: np.ndarray, theta: np.ndarray, whole: bool) -> tuple[Peak, Peak]:
+    """The highest and the lowest value (N,) at angles evenly apart, of which the last is the first where they make a
+    whole turn.
+    """
+    ends = (values[-2:-1], values[1:2]) if whole else (np.full(1, np.nan), np.full(1, np.nan))
+    around = np.concatenate([np.full(1, np.nan), ends[0], values, ends[1], np.full(1, np.nan)])
+    bends = np.diff(around, 2)
+
+    def peak(sign: float) -> Peak:
+        k = int(np.nanargmax(sign * values))
+        before, here, after = bends[k : k + 3]
+        if max(abs(before - here), abs(after - here)) < UNEVEN * abs(here) and sign * here < 0:  # not where one is NaN
+            slope = (around[k + 3] - around[k + 1]) / 2
+            share = float(np.clip(-slope / here, -0.5, 0.5))
+            at = float(theta[k] + share * (theta[1] - theta[0]))
+            return float(values[k] + slope * share + here * share**2 / 2), at + tau if at < theta[0] else at
+        flat = np.nanmax(values) - np.nanmin(values) <= ROUNDING * np.nanmax(np.abs(values))
+        end = not whole and k in (0, values.size - 1)
+        return (float(values[k]) if flat or end else None), float(theta[k])
+
+    return peak(1.0), peak(-1.0)
+
+
+def _extreme(ends: tuple[Peak, Peak], close: Sampled, closer: Sampled) -> Extremes:
+    """The peaks of a signal that is known at angles over its stretch, and more closely around those that are open."""
+    theta, values = close
+    assert values is not None
+    every = np.concatenate([values, np.zeros(0) if closer[1] is None else closer[1]])
+    angles = np.concatenate([theta, closer[0] if closer[1] is not None else np.zeros(0)])
+    found: list[tuple[float, float]] = []
+    for (value, at), where in zip(ends, (np.nanargmax, np.nanargmin), strict=True):
+        k = int(where(every))
+        found.append((float(every[k]), float(angles[k])) if value is None else (value, at))
+    (highest, highest_at), (lowest, lowest_at) = found
     return Extremes(
-        highest=float(values[high]),
-        highest_at=float(theta[high]),
-        lowest=float(values[low]),
-        lowest_at=float(theta[low]),
+        highest=highest,
+        highest_at=highest_at,
+        lowest=lowest,
+        lowest_at=lowest_at,
         mean=float(np.trapezoid(values, theta) / (theta[-1] - theta[0])),
     )
 
@@ -234,7 +291,10 @@ def simulate(question: SimulateQuestion) -> Simulation:
         warned += omitted(m, Asked.of_engines("simulate", m, motion, joint_model))
         name = one_engine(question.simulator)
         warn_of_friction(m, joint_model, motion)
+        asked = on_request(question.signals, m, motion)
         trace = answered(name, request(m, question), engine(name).simulate)
+        signals = only(with_rates(m, trace, asked), m, asked)
+        warned += untold(name, asked, signals)
     simulation = Simulation(
         case=m.name,
         mechanism=m,
@@ -244,7 +304,7 @@ def simulate(question: SimulateQuestion) -> Simulation:
         joint_model=joint_model,
         settings=dict(trace.settings),
         crank_angle=trace.crank_angle,
-        signals=with_derived(trace.signals, m),
+        signals=with_derived(signals, m),
         journal={name: PinPath(x=path[:, 0], y=path[:, 1]) for name, path in trace.journal.items()},
         free_share=dict(trace.free_share),
         warnings=tuple(warned),
@@ -262,7 +322,7 @@ def simulate(question: SimulateQuestion) -> Simulation:
     return simulation if trace.time is None else simulation.model_copy(update={"time": trace.time})
 
 
-def request(m: Mechanism, question: SimulateQuestion) -> Request:
+def request(m: Mechanism, question: RunQuestion) -> Request:
     """The run of a linkage that a cross-check makes of this joint model.  Raises what
     :func:`compare.schedules.scheduled` does.
     """

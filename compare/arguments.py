@@ -12,6 +12,7 @@ import os
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from difflib import get_close_matches
 from numbers import Real
 from os import PathLike
 from pathlib import Path
@@ -23,6 +24,7 @@ from analytic.kinematics.structure import StructureError
 from analytic.mechanism import Joint, Mechanism
 from analytic.mechanism.errors import MechanismError, quoted
 from analytic.mechanism.file import load
+from analytic.mechanism.signals import named
 from analytic.mechanism.units import UnitError
 from analytic.mechanism.written import quantity
 from analytic.paper.clearance import Model
@@ -56,6 +58,7 @@ Metres = Mapping[str, float | str] | float | str
 Values = str | float | Sequence[float | str] | np.ndarray
 """Values of a field: a number (SI), a text with a unit, a range ``start:stop:step``, several with commas, a list."""
 
+EVERY_SIGNAL = "all"  # of those on request
 CAPACITY = 1_000_000  # crank angles, and samples of a Monte Carlo: what a memory holds
 SMALL_CLEARANCE = 0.1  # of a body's length: a clearance up to this is small, as the paper's displacements are
 
@@ -92,6 +95,23 @@ def names(given: object, called: str, least: int = 0) -> tuple[str, ...]:
     if given_names is None or len(given_names) < least or not all(isinstance(each, str) for each in given_names):
         raise unusable(called, given, "one name or a list of names")
     return tuple(dict.fromkeys(given_names))
+
+
+def on_request(given: object, mechanism: Mechanism, motion: Motion) -> tuple[str, ...]:
+    """The signals beside the usual ones that are asked for: by name, or ``all``.  Raises ArgumentError."""
+    if given is None:
+        return ()
+    known = named(mechanism.bodies, mechanism.joints, mechanism.drives)
+    more = tuple(name for name, signal in known.items() if signal.on_request)
+    if motion == "static":
+        raise ArgumentError("signals", "nothing moves in static motion; ask for driven motion, or leave signals out")
+    asked = names(given, "signals")
+    for name in asked if asked != (EVERY_SIGNAL,) else ():
+        if name not in known:
+            near = get_close_matches(name, more, n=1)
+            remedy = f"did you mean {near[0]!r}" if near else f"give {EVERY_SIGNAL!r}, or some of {', '.join(more)}"
+            raise ArgumentError("signals", f"{quoted(name)} is no signal of {mechanism.name}; {remedy}")
+    return more if asked == (EVERY_SIGNAL,) else tuple(name for name in asked if name in more)
 
 
 def path(given: object, called: str) -> Path:

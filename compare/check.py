@@ -20,9 +20,9 @@ from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from analytic.mechanism.columns import ANY_LAYOUT, Layout, read_map
 from analytic.mechanism.errors import quoted
-from analytic.mechanism.one_line import shown
+from analytic.mechanism.one_line import enumerated, shown
 from analytic.mechanism.signals import Signal, driving, named, position
-from analytic.mechanism.units import dimension, factor
+from analytic.mechanism.units import dimension
 from analytic.paper.clearance import Model
 from compare.arguments import (
     cores,
@@ -37,22 +37,24 @@ from compare.arguments import (
     warn_of_friction,
 )
 from compare.crosscheck import STRIKING, Job, Ran, concluded, judged, run_all
-from compare.diagnose.data.quality import LIKE_UNIT, REVERSED, looks
+from compare.diagnose.data.recording import Measured, MeasuredRun
 from compare.faults import ArgumentError
 from compare.judge.discrepancy import UNCOMPARED, Rule, difference
 from compare.judge.reference import (
     SIGMAS,
     Reference,
+    left_open,
     reference,
     silenced,
-    without_load_edges,
+    without_edges,
 )
 from compare.judge.reruns import JudgedRun
+from compare.judge.signals import prescribed
 from compare.omissions import Asked, omitted
 from compare.progress import Progress, progress_bar
 from compare.questions.check import CheckQuestion
 from compare.questions.question import answers
-from compare.recorded.alternatives import TableReading, line, otherwise
+from compare.recorded.alternatives import LIKE_UNIT, REVERSED, TableReading, line, looks, mended
 from compare.recorded.errors import DataError
 from compare.recorded.frames import FrameSource, frame_source, is_frame
 from compare.recorded.headings import Column
@@ -60,6 +62,7 @@ from compare.recorded.motion import (
     LEAST_SAMPLES,
     RecordedDrives,
     RecordedMotion,
+    RecordedRelease,
     ReleaseState,
     evenly,
     released_from,
@@ -80,9 +83,10 @@ LEFT_OPEN = 0.5  # of what a signal may differ by: where the course leaves it op
 def check(question: CheckQuestion) -> CrossCheck:
     """Hold the analytic model of a linkage against what another program has computed of it.
 
-    ``map`` says what the columns of ``results`` are where their headings do not.  In ``driven`` motion the analytic
-    side follows the crank's angle over time; without that column it turns at ``drive.speed``; a linkage without a motor
-    is let go in the state that the file begins with.  In ``static`` motion every row is an equilibrium, of several
+    ``map`` says what the columns of ``results`` are where their headings do not; measured data (``lc.measured``) say so
+    themselves, and what they are of.  In ``driven`` motion the analytic side follows the crank's angle over time;
+    without that column it turns at ``drive.speed``; a linkage without a motor is let go in the state that the file
+    begins with, and so are freedoms beside driven ones.  In ``static`` motion every row is an equilibrium, of several
     drives at its time.  ``simulators`` simulate the first file's motion beside.
 
     Raises MechanismError, ArgumentError, ToleranceError, MapError, DataError with every fault of the files,
@@ -90,21 +94,28 @@ def check(question: CheckQuestion) -> CrossCheck:
     """
     motion, chosen, map = question.motion, question.joint_model, question.map
     tolerances, layout = laid_over(question.tolerances), map if isinstance(map, Layout) else layout_of(map)
+    measured = question.results if isinstance(question.results, Measured) else None
     with noted() as warned:
-        given = rigidly_and_evenly_driven(linkage(question.mechanism, question.clearance, large=question.large))
+        mechanism = question.mechanism if measured is None else _of_measured(measured, question)
+        given = rigidly_and_evenly_driven(linkage(mechanism, question.clearance, large=question.large))
         names, left_out = engines(question.simulator) if question.simulator is not None else ((), [])
         loose(given, chosen)
         model: JointModel = chosen or ("contact" if given.clearances else "ideal")
         warn_of_friction(given, model, motion)
         timed = motion == "driven" or not given.cranked
         tables = _tables(result_files(question.results), given, layout, str(map), timed=timed)
+        if measured is not None:
+            tables = [(*t[:2], _scattered(t[2], run)) for t, run in zip(tables, measured.runs, strict=True)]
         recordings = [recording(name, file, table, given, motion, model) for name, file, table in tables]
-        begun = all(isinstance(each.moved, ReleaseState) and each.moved.recorded for each in recordings)
+        if measured is not None:
+            recordings = [replace(r, replaced=run.loads) for r, run in zip(recordings, measured.runs, strict=True)]
+        begun = all(each.starts and all(state.recorded for state in each.starts) for each in recordings)
         left_out += omitted(given, Asked("check", motion, (chosen or "contact",), begun=begun))
         set_off(Assembly(given), recordings[0].schedule(given, motion == "static"))  # raises where it has no freedom
         given = given.replace(initial={})  # the recordings have it
+    moves = _followed(given, *recordings)
     job = Job(
-        _followed(given, *recordings),
+        _loaded(moves, recordings[0], motion) if len(recordings) == 1 else moves,
         names,
         tolerances,
         Schedule(),
@@ -116,19 +127,13 @@ def check(question: CheckQuestion) -> CrossCheck:
     asked = _Asked(given, job, model, motion)
     remarks: list[str] = []
     ran = Ran()
-    for record in recordings:
-        try:
-            side, judgement = asked.judged(record)
-        except AssemblyError as error:
-            remedy = asked.meant(record) or "check the angles, their unit and their sign"
-            raise DataError(f"{Path(record.file).name}: {error}; {remedy}") from None
-        if contradictions := _contradictions(record, judgement):
-            remedy = asked.meant(record) or "leave one of them out"
-            raise DataError(*(f"{Path(record.file).name}: {each}; {remedy}" for each in contradictions))
-        remarks += [*side.remarks, *asked.sentences(record, side, judgement)]
-        ran += Ran((judgement,))
-    if names:
-        with progress_bar(question.progress) as progress:
+    with progress_bar(question.progress) as progress:
+        for k, record in enumerate(recordings):
+            progress(f"check {record.name}", k, len(recordings))
+            judgement, told = _held(asked, record)
+            remarks += told
+            ran += Ran((judgement,))
+        if names:
             ran += _engines(asked, recordings[0], progress)
     first = ran.judged[0]
     others = dict.fromkeys(run.run.simulator.name for run in ran.judged if not _alike(run, first))
@@ -139,6 +144,19 @@ def check(question: CheckQuestion) -> CrossCheck:
         )
     job = replace(job, warnings=(*job.warnings, *remarks))
     return concluded(job, ran, lambda run: _alike(run, first))
+
+
+def _held(asked: _Asked, record: Recording) -> tuple[JudgedRun, list[str]]:
+    """A recording held to the analytic side, and what there is to say of it.  Raises DataError."""
+    try:
+        side, judgement = asked.judged(record)
+    except AssemblyError as error:
+        remedy = asked.meant(record) or "check the angles, their unit and their sign"
+        raise DataError(f"{Path(record.file).name}: {error}; {remedy}") from None
+    if contradictions := _contradictions(record, judgement):
+        remedy = asked.meant(record) or "leave one of them out"
+        raise DataError(*(f"{Path(record.file).name}: {each}; {remedy}" for each in contradictions))
+    return judgement, [*side.remarks, *asked.sentences(record, side, judgement)]
 
 
 # ---------------------------------------------------------------- files
@@ -153,6 +171,8 @@ def result_files(results: object) -> dict[str, Path | FrameSource]:
     """Files and frames by the name of whoever wrote them: files' own names without what is alike.  Raises ArgumentError
     or DataError.
     """
+    if isinstance(results, Measured):
+        return {run.name: _as_frame(run, results.mechanism) for run in results.runs}
     if is_frame(results) and not isinstance(results, Mapping):
         return {FRAME: frame_source(FRAME, results)}
     if isinstance(results, Mapping) and results:
@@ -175,6 +195,34 @@ def result_files(results: object) -> dict[str, Path | FrameSource]:
         twice = next(name for name in names if names.count(name) > 1)
         raise ArgumentError("results", f"{twice} is there twice; give each file once")
     return dict(zip(names, files, strict=True))
+
+
+def _of_measured(measured: Measured, question: CheckQuestion) -> Mechanism:
+    """The mechanism that measured data are of, free where its runs are.  Raises ArgumentError for what they say."""
+    m, drives = measured.mechanism, {run.drive for run in measured.runs}
+    if question.mechanism != CheckQuestion.mechanism:
+        raise ArgumentError("mechanism", f"these data are measured of {m.name}; leave it out, or read them for another")
+    if question.map is not None:
+        raise ArgumentError("map", "measured data say which signal each column is; leave it out")
+    if drives == {"free"} and m.drive is not None:
+        return m.replace(drive=m.drive.model_dump(exclude_unset=True) | {"speed": "free"})
+    if "free" in drives and len(drives) > 1:
+        raise ArgumentError("results", "some runs are free and others driven; give lc.measured runs of one kind")
+    return m
+
+
+def _as_frame(run: MeasuredRun, m: Mechanism) -> FrameSource:
+    """A measured run as a frame in SI; one without an encoder has its command for it."""
+    columns: dict[str, np.ndarray | str] = {"time [s]": run.time}
+    columns |= {f"{name} [{channel.signal.unit}]": channel.values for name, channel in run.channels.items()}
+    if run.speed is not None and run.angle is not None and m.encoder.name not in run.channels:
+        columns[f"{m.encoder.name} [{m.encoder.unit}]"] = run.angle + run.speed * run.time
+    return FrameSource(f"run {run.name!r}", columns)
+
+
+def _scattered(table: Table, run: MeasuredRun) -> Table:
+    """A table of a measured run, whose readings scatter by its sensors' noise."""
+    return replace(table, scatter={name: SIGMAS * channel.noise for name, channel in run.channels.items()})
 
 
 def _tables(
@@ -207,6 +255,7 @@ def _warnings(mechanism: Mechanism, recordings: Sequence[Recording], motion: Mot
                 f"{record.name}: does not say where the linkage begins; it is let go as it is assembled,"
                 + (f" at {record.moved.rate:.5g} rad/s" if record.moved.rate else " at rest")
             )
+        sentences += _not_told(record, mechanism)
         sentences += _off_speed(record, mechanism) if motion == "driven" else []
         if record.moved is None and record.table.time.size and mechanism.encoder.name not in record.table.values:
             where = f"{np.degrees(mechanism.assembly[mechanism.driven]):.4g} deg"
@@ -215,6 +264,20 @@ def _warnings(mechanism: Mechanism, recordings: Sequence[Recording], motion: Mot
                 " linkage is assembled"
             )
         sentences += _absent(record)
+    return sentences
+
+
+def _not_told(record: Recording, mechanism: Mechanism) -> list[str]:
+    """Sentences on freedoms beside others of which the table does not say how they begin."""
+    sentences = []
+    for joint, state in record.moved.start.items() if isinstance(record.moved, RecordedRelease) else ():
+        unit = "m/s" if mechanism.joint(joint).prismatic else "rad/s"
+        rate = f"at {state.rate:.5g} {unit}" if state.rate else "at rest"
+        how = ", as its positions begin" if state.errors[1] else ""
+        what = f"how fast joint {joint} begins; it is let go" if state.placed else f"where joint {joint} begins; it is"
+        if not state.recorded or not state.placed:
+            as_file = "" if state.placed else " let go as it is assembled,"
+            sentences.append(f"{record.name}: does not say {what}{as_file} {rate}{how}")
     return sentences
 
 
@@ -237,9 +300,7 @@ def _followed_drives(record: Recording, mechanism: Mechanism) -> dict[Signal, tu
     """
     if isinstance(record.moved, RecordedMotion) and mechanism.speed is not None:
         return {mechanism.encoder: (record.theta, mechanism.speed)}
-    if not isinstance(record.moved, RecordedDrives):
-        return {}
-    drives, speeds = record.moved.drives, mechanism.drive_speeds
+    drives, speeds = record.drives, mechanism.drive_speeds
     return {position(mechanism.joint(n)): (each.moving.theta, speeds[n]) for n, each in drives.items() if n in speeds}
 
 
@@ -293,6 +354,36 @@ def _followed(mechanism: Mechanism, *recordings: Recording) -> Mechanism:
     return mechanism.replace(drive=mechanism.drive.model_dump(exclude_unset=True) | {"speed": "measured"})
 
 
+def _loaded(mechanism: Mechanism, record: Recording, motion: Motion) -> Mechanism:
+    """A mechanism with the loads of a recording.  Raises DataError."""
+    if not record.table.loads and record.replaced is None:
+        return mechanism
+    return mechanism.replace(loads=record.loads(mechanism, motion == "static"))
+
+
+def _loaded_otherwise(record: Recording) -> Recording:
+    """A recording whose loads are off by what they are rounded to, or, where the motion between samples follows from
+    them, are known at every second one alone.
+    """
+    loads = []
+    for column, values in record.table.loads:
+        if record.starts:
+            row = np.arange(values.size)
+            loads.append((column, np.where((row % 2 == 0) | (row == values.size - 1), values, math.nan)))
+        else:
+            loads.append((column, values + column.step * rounding(column.readings(values))))
+    return replace(record, table=replace(record.table, loads=tuple(loads)))
+
+
+def _with_load_errors(side: Reference, other: Reference) -> Reference:
+    """A side with what its loads leave open, by how far it is from another with the ``other`` loads."""
+    unsure = {name: np.array(values) for name, values in side.unsure.items()}
+    for name in side.signals.keys() & other.signals.keys():
+        apart = np.nan_to_num(np.abs(np.asarray(side.signals[name] - other.signals[name])))
+        unsure[name] = unsure.get(name, 0.0) + apart / SIGMAS
+    return replace(side, unsure=unsure)
+
+
 @dataclass(frozen=True)
 class _Asked:
     """The check of each file: the mechanism as it is given, and the job with the joint model that all have."""
@@ -303,21 +394,28 @@ class _Asked:
     motion: Motion
 
     def mechanism(self, record: Recording) -> Mechanism:
-        """The mechanism as it moves in a recording."""
-        return _followed(self.given, record)
+        """The mechanism as it moves in a recording, with the loads that this has."""
+        return _loaded(_followed(self.given, record), record, self.motion)
 
     def job_of(self, record: Recording) -> Job:
         """The job for the samples of a recording."""
         m = self.mechanism(record)
         return replace(self.job, mechanism=m, schedule=record.schedule(m, self.motion == "static"))
 
-    def side(self, record: Recording) -> Reference:
-        """The analytic side at a recording's samples.  Raises AssemblyError."""
-        return _analytic_side(record, self.mechanism(record), self.motion, self.joint_model, self.job.model)
+    def side(self, record: Recording, tried: bool = False) -> Reference:
+        """The analytic side at a recording's samples, with what its loads leave open unless it is only ``tried``.
+        Raises AssemblyError.
+        """
 
-    def judged(self, record: Recording) -> tuple[Reference, JudgedRun]:
+        def of(record: Recording) -> Reference:
+            return _analytic_side(record, self.mechanism(record), self.motion, self.joint_model, self.job.model)
+
+        exact = tried or not record.table.loads
+        return of(record) if exact else _with_load_errors(of(record), of(_loaded_otherwise(record)))
+
+    def judged(self, record: Recording, tried: bool = False) -> tuple[Reference, JudgedRun]:
         """The analytic side of a recording, and the recording held to it.  Raises AssemblyError."""
-        side = self.side(record)
+        side = self.side(record, tried)
         trace = _trace(record, self.mechanism(record), self.joint_model, self.motion)
         judgement = judged(self.job_of(record), _with_rounding(side, record), trace)
         if not judgement.rules and not judgement.run.reason:
@@ -345,16 +443,20 @@ class _Asked:
         return sentences
 
     def rests(self, record: Recording) -> bool:
-        """Whether rows that have no time are as the linkage is at rest."""
+        """Whether rows that have no time are as the linkage is at rest; where loads act over it they are not."""
+        if record.table.loads:
+            return False
         still = replace(self, motion="static")
         return still.judged(record)[1].run.verdict == "agrees"
 
     def meant(self, record: Recording) -> str:
         """What a map has to say where most of what disagrees agrees once the clock or an encoder is read otherwise;
-        empty where nothing does.
+        empty where nothing does, and of freedoms that are let go beside others, of which each reading takes too long.
 
         Where bodies are depends on the encoders alone, so that these are right where no pose disagrees.
         """
+        if isinstance(record.moved, RecordedRelease):
+            return ""
         best = TableReading.of(record.table)
         as_read = agreeing = self._agreeing(record, best)
         ways: list[Callable[[TableReading], Iterable[TableReading]]] = [
@@ -381,7 +483,7 @@ class _Asked:
         """Whether each signal agrees; nothing where the linkage does not move so."""
         try:
             again = recording(record.name, record.file, reading.table, self.given, self.motion, self.joint_model)
-            discrepancies = self.judged(again)[1].run.discrepancies
+            discrepancies = self.judged(again, tried=True)[1].run.discrepancies
         except (DataError, AssemblyError):
             return {}
         return {each.signal: each.verdict == "agrees" for each in discrepancies}
@@ -395,10 +497,17 @@ def _analytic_side(
     rubs = joint_model in ("ideal", "contact")
     assembly = Assembly(mechanism if rubs else mechanism.without_contact_friction())
     at_rest = motion == "static"
-    schedule = record.schedule(mechanism, at_rest)
-    side = reference(assembly, schedule, model, clearances, *record.moving(assembly, at_rest))
-    side = without_load_edges(side, mechanism, schedule.time)
+    more = [column.signal.name for column in record.table.columns if column.signal.on_request]
+
+    def moved_as(one: Recording) -> Reference:
+        along = one.schedule(mechanism, at_rest)
+        return reference(assembly, along, model, clearances, *one.moving(assembly, at_rest), more)
+
+    side = moved_as(record)
     moved = record.moved
+    if isinstance(moved, RecordedRelease):
+        side = left_open(side, (moved_as(replace(record, moved=other)) for other in moved.others()), mechanism)
+    side = without_edges(side, mechanism, record.schedule(mechanism, at_rest).time)
     return silenced(side, _standing(moved, mechanism)) if at_rest and isinstance(moved, RecordedDrives) else side
 
 
@@ -439,8 +548,8 @@ def _trace(record: Recording, mechanism: Mechanism, joint_model: JointModel, mot
         settings["contact_stiffness"] = min(law.stiffness for law in laws)
     if isinstance(record.moved, RecordedMotion):
         settings["acceleration_known_to"] = float(SIGMAS * np.max(record.moved.errors.alpha))
-    if isinstance(record.moved, RecordedDrives) and motion == "driven":
-        for name, each in record.moved.drives.items():
+    if motion == "driven":
+        for name, each in record.drives.items():
             settings[f"acceleration_known_to_{name}"] = float(SIGMAS * np.max(each.errors.alpha))
     time = None if motion == "static" and not isinstance(record.moved, RecordedDrives) else record.time
     return Trace(
@@ -467,14 +576,13 @@ def _not_judged(record: Recording, side: Reference, judgement: JudgedRun, mechan
     rest = [s for s in rest if s not in mechanism.encoders and not _judged_by(s, judged_on)]
     rest = [s for s in rest if s.kind != "reaction" or s.place not in side.undetermined]
     crank = mechanism.driven if mechanism.cranked else ""
-    prescribed = [s.name for s in rest if s.place == crank and s.kind in ("rate", "rotation")]
+    by_motor = prescribed(mechanism) | {Signal("rotation", crank, "angle").name}
+    followed = [s.name for s in rest if s.name in by_motor]
     bare = [s.name for s in rest if _judged_by(s, judgement.rules)]
-    others = [s.name for s in rest if s.name not in (*prescribed, *bare)]
+    others = [s.name for s in rest if s.name not in (*followed, *bare)]
     why = f"the motion of the {crank} is prescribed, and the analytic side follows it"
     sentences = (
-        [f"{' and '.join(prescribed)} {'is' if len(prescribed) == 1 else 'are'} not judged: {why}"]
-        if prescribed
-        else []
+        [f"{enumerated(followed)} {'is' if len(followed) == 1 else 'are'} not judged: {why}"] if followed else []
     )
     sentences += [f"{', '.join(bare)} {'is' if len(bare) == 1 else 'are'} not judged: {UNCOMPARED}"] if bare else []
     if others:
@@ -576,25 +684,19 @@ def _units(record: Recording, side: Reference, judged: JudgedRun) -> list[str]:
         look = looks(kind, column.unit, model, recorded)
         if look is not None:
             slope, what = look
-            looked = _remedy(record.table, column, what)
+            looked = _remedy(column, what)
             sentences.append(f"{record.name}: {name} is {slope:.4g} times the analytic side's: it looks {looked}")
     return sentences
 
 
-def _remedy(table: Table, column: Column, what: str) -> str:
+def _remedy(column: Column, what: str) -> str:
     """The unit or sign in which a column looks like its signal, and the line of a map that mends it."""
-    how, *words = what.split()
+    told = what
     if what == REVERSED:
-        what += " or is the force on the other body" * (column.signal.kind == "reaction")
-        meant = otherwise(column, column.unit, -1)
+        told += " or is the force on the other body" * (column.signal.kind == "reaction")
     else:
-        what += f", but is read in {column.unit}"
-        meant = (
-            otherwise(column, words[0])
-            if how == "in"
-            else otherwise(column, column.unit, scale=1 / factor(words[1], dimension(column.signal)))
-        )
-    return f"{what}: say {line(table, meant)} under [columns] of a map"
+        told += f", but is read in {column.unit}"
+    return f"{told}: say {line(mended(column, what))} under [columns] of a map"
 
 
 # ---------------------------------------------------------------- engines beside
@@ -607,7 +709,11 @@ def _engines(asked: _Asked, record: Recording, progress: Progress) -> Ran:
         record = replace(record, moved=record.moved.smooth())
     job = replace(asked.job_of(record), beside=tuple(record.table.values))
     side = _analytic_side(record, m, job.motion, joint_model, job.model)
-    let_go = released_from(m.ideal(), record.moved.angle) if isinstance(record.moved, ReleaseState) else m
+    let_go = m
+    if isinstance(record.moved, ReleaseState):
+        let_go = released_from(m.ideal(), record.moved.angle)
+    elif isinstance(record.moved, RecordedRelease):
+        let_go = record.moved.assembled(m)
     request = Request(let_go, joint_model, record.schedule(let_go, job.schedule.at_rest))
     pair = (joint_model, job.motion)
     tasks = [(name, request) for name in job.simulators if pair in engine(name).capabilities.runs]

@@ -10,6 +10,7 @@ import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from analytic.mechanism.assumed import Assumed, assumed
 from analytic.mechanism.one_line import count
-from analytic.mechanism.signals import Signal
+from analytic.mechanism.signals import Signal, named
 from analytic.paper.clearance import Model
 from analytic.paper.printed import printed_figures
 from compare.arguments import (
@@ -33,6 +34,7 @@ from compare.arguments import (
     linkage,
     loose,
     noted,
+    on_request,
     rigidly_and_evenly_driven,
     warn_of_friction,
     with_map,
@@ -41,6 +43,7 @@ from compare.faults import ArgumentError
 from compare.judge.assumptions import failing_assumption
 from compare.judge.attribution import attribute
 from compare.judge.discrepancy import (
+    NOT_TOLD_APART,
     Comparison,
     Rule,
     Scales,
@@ -54,13 +57,13 @@ from compare.judge.reference import (
     Reference,
     reference,
     with_flexible_links,
-    without_load_edges,
+    without_edges,
 )
 from compare.judge.reruns import JudgedRun, prolong, settle, span, too_soft
-from compare.judge.signals import compared, recorded, with_derived, with_rotations
+from compare.judge.signals import compared, only, prescribed, recorded, with_derived, with_rotations
 from compare.judge.statistics import compared_statistics
 from compare.judge.tolerances import Tolerances, check_known, known_differences
-from compare.omissions import Asked, omitted, rigid_walls
+from compare.omissions import Asked, omitted, rigid_walls, untold
 from compare.pace import Pace
 from compare.progress import Progress, progress_bar
 from compare.questions.crosscheck import MOST_REVOLUTIONS, CrosscheckQuestion
@@ -82,6 +85,7 @@ from compare.schedules import scheduled
 from compare.simulations import ContactTrace, Resolve, simulate_all
 from compare.versions import versions
 from sim_models.common.contact_laws import assumed_of_contact
+from sim_models.common.rates import with_rates
 from sim_models.engine import (
     JOINT_MODELS,
     SEPARATOR,
@@ -195,6 +199,7 @@ def job_of(question: CrosscheckQuestion) -> Job:
         model=question.analytic,
         warnings=(*warned, *left_out, *unused),
         flexible=flexible,
+        beside=on_request(question.signals, m, motion),
         revolutions=turns,
     )
 
@@ -278,7 +283,7 @@ def crosscheck_job(
     job: Job,
     progress: Progress = lambda what, done, total: None,
     resolve: Resolve | None = None,
-    measure: AnalyticSide = reference,
+    measure: AnalyticSide | None = None,
 ) -> CrossCheck:
     """Run a job.
 
@@ -287,6 +292,7 @@ def crosscheck_job(
     """
     check_known(job.tolerances, job.mechanism)
     resolve = resolve or (Beams.of if job.flexible else engine)
+    measure = measure or partial(reference, more=job.beside)
     assembly = Assembly(job.mechanism)
     tasks = [(name, request) for name in job.simulators for request in _requests(job, assembly, name, resolve)]
     if job.schedule.crank is None and job.joint_model is None:
@@ -397,6 +403,7 @@ def concluded(job: Job, ran: Ran, alike: Callable[[JudgedRun], bool] = lambda on
                 if not run.simulator.recorded
                 for why in rigid_walls(job.mechanism, run.simulator.name, run.joint_model, run.settings)
             ),
+            *(why for run in runs for why in _not_judged(job, run)),
             *_of_file_models(runs),
         ),
         assumed=tuple(_assumed(job.mechanism, runs)),
@@ -458,7 +465,7 @@ def watched(request: Request, turns: int) -> Request:
 
 def _analytic_side(job: Job, assembly: Assembly, ideal: bool, measure: AnalyticSide) -> Reference:
     side = measure(assembly, job.schedule, job.model, {} if ideal else job.mechanism.clearances)
-    side = without_load_edges(side, job.mechanism, job.schedule.time)
+    side = without_edges(side, job.mechanism, job.schedule.time)
     return with_flexible_links(side, assembly, job.schedule) if job.flexible else side
 
 
@@ -466,7 +473,8 @@ def _judged_run(job: Job, side: Reference, trace: Trace) -> tuple[Run, dict[str,
     """Both sides of one run, and the verdict on all samples but the flagged ones; and the rules by which it was
     judged.
     """
-    measured = with_derived(trace.signals, job.mechanism)
+    told = only(with_rates(job.mechanism, trace, job.beside), job.mechanism, side.signals)
+    measured = with_derived(told, job.mechanism)
     if trace.clearance:
         measured = with_rotations(measured, side.ideal_angles)
     if trace.recorded:
@@ -552,8 +560,10 @@ def _rules(job: Job, side: Reference, trace: Trace, simulated: Mapping[str, np.n
         wanted = recorded(m, clearances, (s for s, values in simulated.items() if np.any(np.isfinite(values))))
     elif any(signal.name not in simulated for signal in compared(m, clearances)):
         wanted = _given_signals(m, clearances, simulated)
-    elif job.beside:
-        wanted = recorded(m, clearances, (*(s.name for s in compared(m, clearances)), *job.beside))
+    if job.beside and not trace.recorded:
+        usual = compared(m, clearances) if wanted is None else wanted
+        beside = (name for name in job.beside if name in simulated)
+        wanted = recorded(m, clearances, (*(s.name for s in usual), *beside))
     if side.undetermined:
         every = compared(m, clearances) if wanted is None else wanted
         wanted = tuple(s for s in every if s.kind != "reaction" or s.place not in side.undetermined)
@@ -561,7 +571,7 @@ def _rules(job: Job, side: Reference, trace: Trace, simulated: Mapping[str, np.n
     if trace.recorded and give:  # how stiff its contact was nobody knows
         stiff = run_rules(job.tolerances, m, trace.motion, trace.joint_model, clearances, scales, 0.0, wanted)
         given = {s: rules[s].tolerance(side.signals) - rule.tolerance(side.signals) for s, rule in stiff.items()}
-        rules = {s: replace(rule, unsure=np.nan_to_num(given[s])) for s, rule in stiff.items()}
+        rules = {s: replace(rule, unsure=rule.unsure + np.nan_to_num(given[s])) for s, rule in stiff.items()}
     if side.unsure:
         rules = {s: replace(r, unsure=r.unsure + SIGMAS * side.unsure.get(s, 0.0)) for s, r in rules.items()}
     return softened(rules, side, clearances, job.mechanism) if job.flexible else rules
@@ -596,7 +606,23 @@ def _discrepancies(
     if trace.recorded:  # a cell that is empty says nothing
         analytic |= {s: np.where(np.isnan(simulated[s]), np.nan, analytic[s]) for s in rules}
     judged = (judge(rule, simulated, analytic, theta, known.get(name)) for name, rule in rules.items())
-    return [one for one in judged if one is not None]
+    compared = [one for one in judged if one is not None]
+    if trace.recorded:
+        return compared
+    return [one for one in compared if one.verdict != "unjudged" or not one.signal.on_request]  # see _not_judged
+
+
+def _not_judged(job: Job, run: Run) -> Iterator[str]:
+    """Why signals that were asked for beside the usual ones of an engine's run are not judged, in sentences."""
+    if run.simulator.recorded:
+        return
+    known = named(job.mechanism.bodies, job.mechanism.joints, job.mechanism.drives)
+    asked = [name for name in job.beside if known[name].on_request]
+    yield from untold(run.simulator.name, asked, run.simulated)
+    told = {each.signal for each in run.discrepancies} | prescribed(job.mechanism)
+    small = [name for name in asked if name in run.simulated and name not in told]
+    if small:
+        yield f"{run.title}: {', '.join(small)} {'is' if len(small) == 1 else 'are'} not judged: {NOT_TOLD_APART}"
 
 
 def _of_file_models(runs: Sequence[Run]) -> Iterator[str]:

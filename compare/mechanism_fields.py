@@ -29,6 +29,7 @@ PARTS: Mapping[str, type[MechanismPart]] = {
     "ripple": parts.Ripple,
     "periodic_torque": parts.PeriodicTorque,
     "spring": parts.Spring,
+    "stop": parts.Stop,
     "load": parts.Load,
     "tolerance": parts.Tolerance,
 }
@@ -40,6 +41,7 @@ MEANS = {
     ("Mechanism", "joint"): "`[[joint]]`, one for each joint",
     ("Mechanism", "drive"): "`[drive]`, the motor, or `[[drive]]`, several; left out: none",
     ("Mechanism", "spring"): "`[[spring]]`, any number",
+    ("Mechanism", "stop"): "`[[stop]]`, any number",
     ("Mechanism", "load"): "`[[load]]`, any number",
     ("Mechanism", "assembly"): "rad by body: roughly the angles at which the linkage is assembled",
     (
@@ -83,6 +85,12 @@ MEANS = {
     ("Ripple", "harmonic"): "how often in a turn",
     ("Spring", "bodies"): "the two bodies (or `ground`) that it joins",
     ("Spring", "points"): 'a point of each, or `"com"`: its marker',
+    (
+        "Stop",
+        "joint",
+    ): "whose travel it limits: the second body's position relative to the first, in the turns of the assembly",
+    ("Stop", "from"): "rad (prismatic: m): below it the stop pushes",
+    ("Stop", "to"): "rad (prismatic: m): above it the stop pushes",
     ("Load", "body"): "where it acts",
     ("Load", "point"): 'a point of the body, or `"com"`: its marker',
     ("Load", "force"): "N, ground frame, fixed in direction",

@@ -6,7 +6,7 @@ Drives are told of where they are looked at (:func:`compare.arguments.rigidly_an
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -134,7 +134,7 @@ OMISSIONS: tuple[Omission, ...] = (
     ),
     Omission(
         (
-            *("body.inertia", "spring.damping", "drive.speed", "mechanism.initial"),
+            *("body.inertia", "spring.damping", "stop.damping", "drive.speed", "mechanism.initial"),
             *(f"joint.{field}" for field in ("damping", "drag", "stribeck_speed", *AT_SPEED)),
         ),
         "`static` motion; of `drive.speed` the direction is used, by friction",
@@ -327,6 +327,12 @@ def omitted(mechanism: Mechanism, asked: Asked) -> list[str]:
     return sentences
 
 
+def untold(simulator: str, asked: Iterable[str], signals: Container[str]) -> list[str]:
+    """A sentence on signals that were asked for and that a run does not have."""
+    lacking = [name for name in asked if name not in signals]
+    return [f"{simulator}: does not say {', '.join(lacking)}"] if lacking else []
+
+
 def rigid_walls(
     mechanism: Mechanism, simulator: str, joint_model: JointModel, settings: Mapping[str, SettingValue]
 ) -> list[str]:
@@ -343,6 +349,7 @@ def _given(mechanism: Mechanism, kind: str, field: str) -> Iterator[tuple[str, M
         "body": list(mechanism.moving.items()),
         "joint": [(joint.name, joint) for joint in mechanism.joints],
         "spring": [(" to ".join(".".join(end) for end in each.ends), each) for each in mechanism.springs],
+        "stop": [(stop.joint, stop) for stop in mechanism.stops],
         "load": [(f"{load.body}.{load.point}", load) for load in mechanism.loads],
         "drive": [(drive.joint, drive) for drive in mechanism.drives],
         "mechanism": [(mechanism.name, mechanism)],
@@ -359,7 +366,7 @@ def _given(mechanism: Mechanism, kind: str, field: str) -> Iterator[tuple[str, M
 
 
 def _called(kind: str, names: Sequence[str]) -> str:
-    words = {"joint": "joint", "spring": "the spring", "load": "the load", "drive": "the drive"}
+    words = {"joint": "joint", "spring": "the spring", "stop": "the stop", "load": "the load", "drive": "the drive"}
     word = words.get(kind, "")
     word += "s" * (len(names) > 1 and bool(word))
     return f"{word} {enumerated(names)}".strip()

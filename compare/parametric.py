@@ -12,6 +12,7 @@ from typing import cast
 import numpy as np
 from pydantic import BaseModel, JsonValue
 
+from analytic.compiled.run import in_bulk
 from analytic.errors import Error
 from analytic.mechanism import Mechanism
 from analytic.mechanism.dotted import Dotted, FieldError, find, with_values
@@ -252,7 +253,7 @@ def _answer(run: Mapping[str, object]) -> Answer:
     base = Mechanism.model_validate(run["mechanism"])
     asked = QUESTIONS[asks][1]
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), in_bulk():
             warnings.simplefilter("ignore")  # they are in the result
             varied = with_values(base, {find(base, name): value for name, value in values.items()})
             result = asked(varied, **options)

@@ -24,7 +24,7 @@ from analytic.mechanism.errors import quoted
 from analytic.mechanism.signals import Signal, position, turned_near
 from compare.arguments import CAPACITY, numbers
 from compare.faults import ArgumentError, DegreesWarning
-from compare.questions.analyse import AnalyseQuestion, SimulateQuestion
+from compare.questions.analyse import AnalyseQuestion, RunQuestion
 from compare.questions.crosscheck import CrosscheckQuestion
 from compare.questions.option import FARTHEST_ANGLE, GridError
 from compare.questions.shared import AnyPath
@@ -34,7 +34,7 @@ from sim_models.engine import Motion
 if TYPE_CHECKING:
     from compare.recorded.table import Table
 
-MovedQuestion = CrosscheckQuestion | AnalyseQuestion | SimulateQuestion
+MovedQuestion = CrosscheckQuestion | AnalyseQuestion | RunQuestion
 MOST_LIKELY_DEGREES = 4 * math.pi  # rad; crank angles beyond two turns were probably given in degrees
 USUAL_TIME = 1.0  # s, as far as the drives get
 DEFAULT_TIMES = 50

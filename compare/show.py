@@ -213,7 +213,7 @@ def _equations(run: Run, signal: Signal, over_time: bool) -> Iterator[Equation]:
     """The equations that an analytic number was computed from."""
     if over_time and not run.drive_position:
         yield Equation(words=words.SWUNG, module=RELEASED)
-    elif signal.kind in ("reaction", "drive"):
+    elif signal.kind in ("reaction", "drive", "power"):
         yield from _forces(run)
     else:
         yield from _motion(run, signal)

@@ -33,7 +33,7 @@ Feature = Literal[
     "prismatic", "coulomb_friction", "stribeck_friction", "load_friction", "guide_friction", "viscous_friction", "drag",
     "joint_spring", "nonlinear_spring", "contact_friction", "drive_compliance", "backlash", "periodic_torque",
     "soft_bearing", "course", "released", "several_drives", "point_spring",
-    "contact_law", "guide_clearance", "varying_load",
+    "contact_law", "guide_clearance", "varying_load", "stop",
 ]  # fmt: skip
 Pair = tuple[JointModel, Motion]
 SettingValue = str | bool | int | float | None | Mapping[str, float]
@@ -62,6 +62,7 @@ IN_WORDS: Mapping[Feature, str] = {
     "contact_law": "contact laws by name",
     "guide_clearance": "clearance in prismatic joints",
     "varying_load": "loads that vary over the motion",
+    "stop": "stops of joints",
 }
 MOVING: frozenset[Feature] = frozenset(
     {"viscous_friction", "drag", "course", "released", "contact_law"}
@@ -610,17 +611,26 @@ def needed(request: Request) -> dict[Feature, str]:
         asked_for["backlash"] = f"drive.half_gap = {m.half_gap:g}"
     if m.periodic_torque is not None:
         asked_for["periodic_torque"] = f"drive.periodic_torque.amplitude = {m.periodic_torque.amplitude:g}"
-    if m.varying_load is not None:
-        how = f"over = {m.varying_load.over!r}" if m.varying_load.over else "opposes = true"
-        asked_for["varying_load"] = f"{how} of the load on {m.varying_load.body!r}"
-    if m.springs:
-        asked_for["point_spring"] = f"the [[spring]] between {' and '.join(m.springs[0].bodies)}"
+    asked_for |= _of_forces(m)
     if request.schedule.crank is None:
         asked_for["several_drives"] = "what is not a crank's drive"
     elif request.schedule.courses:
         asked_for["course"] = "a course"
     elif request.schedule.lets_go:
         asked_for["released"] = "the release, with a drive.speed in rad/s"
+    return asked_for
+
+
+def _of_forces(m: Mechanism) -> dict[Feature, str]:
+    """The same of a mechanism's loads, springs and stops."""
+    asked_for: dict[Feature, str] = {}
+    if m.varying_load is not None:
+        how = f"over = {m.varying_load.over!r}" if m.varying_load.over else "opposes = true"
+        asked_for["varying_load"] = f"{how} of the load on {m.varying_load.body!r}"
+    if m.stops:
+        asked_for["stop"] = f"the [[stop]] of joint {m.stops[0].joint!r}"
+    if m.springs:
+        asked_for["point_spring"] = f"the [[spring]] between {' and '.join(m.springs[0].bodies)}"
     return asked_for
 
 

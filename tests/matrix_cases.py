@@ -156,7 +156,7 @@ def mechanism(text: str, edits: Edits) -> Mechanism:
             place[last] = copy.deepcopy(value)
     for kind in ("body", "joint"):
         data[kind] = [{"name": name, **part} for name, part in data[kind].items()]
-    for kind in ("load", "spring"):
+    for kind in ("load", "spring", "stop"):
         data[kind] = list(data.get(kind, {}).values())
     return Mechanism(**data)
 
@@ -193,6 +193,8 @@ COGGING = {"drive.stiffness": 2000.0, "drive.periodic_torque": {"amplitude": 0.5
 
 STROKE = {"load.0.over": "crank_angle", "load.0.from": 0.0, "load.0.to": 6.28}
 TABLED = {"load.0.over": "crank_angle", "load.0.table": [[0.0, 0.2], [6.0, 1.0]]}
+
+LIMITED = {"stop.0.joint": "D", "stop.0.from": 2.5, "stop.0.to": 3.0, "stop.0.stiffness": 9.0, "stop.0.damping": 0.5}
 
 CHANGES: dict[str, Change] = {
     "Mechanism.name": Change({"name": "another"}),
@@ -288,6 +290,11 @@ CHANGES: dict[str, Change] = {
     "Tolerance.limits": Change((r"0.3502", "0.3504"), base=TOLERANCED),
     "Tolerance.distribution": Change((r"triangular", "uniform"), base=TOLERANCED),
     "Tolerance.group": Change((r"1e-5, group = .lot.", '1e-5, group = "other"'), base=TOLERANCED),
+    "Stop.joint": Change({"stop.0.joint": "A"}, LIMITED),
+    "Stop.start": Change({"stop.0.from": 2.8}, LIMITED),
+    "Stop.end": Change({"stop.0.to": 1.5}, LIMITED | {"stop.0.from": 1.0, "stop.0.to": 1.7}),
+    "Stop.stiffness": Change({"stop.0.stiffness": 20.0}, LIMITED),
+    "Stop.damping": Change({"stop.0.damping": 3.0}, LIMITED),
 }
 
 SLACK = {"load.0.force": None, "load.0.torque": 0.0}

@@ -51,7 +51,7 @@ def clearance_four_bar_ode(
     """Bodies crank, coupler, follower; radial clearance (m) in ``joint``, the one between coupler and follower.
 
     Starts centred: at crank angle ``theta`` (rad) with the ideal linkage's angles ``coupler`` and ``follower`` (rad)
-    and its velocities.  Contact pushes with max(0, K d + C d') at penetration d > 0.
+    and its velocities.  Contact pushes with max(0, K d + C d') at penetration d > 0, and so do stops of the follower.
     """
     m = mechanism
     speed = m.speed
@@ -73,6 +73,7 @@ def clearance_four_bar_ode(
                 (links[load.body].point(load.point) - hinge[load.body], complex(*load.force), load.torque)
             )
     gravity = complex(*m.gravity)
+    limits = [(stop.end, stop.stiffness, stop.damping) for stop in m.stops]  # of the follower's angle, above
 
     def contact(t: float, phi: float, psi: float, phi_t: float, psi_t: float) -> tuple[complex, complex]:
         """Gap and force on the follower."""
@@ -100,6 +101,8 @@ def clearance_four_bar_ode(
                 com[name] * e, links[name].mass * (gravity - base_acceleration)
             )
             moment += sum(_cross(arm * e, f) + torque for arm, f, torque in push[name])
+            if name == "follower":
+                moment -= sum(max(0.0, k * (psi - end) + c * psi_t) for end, k, c in limits if psi > end)
             turn.append(moment / inertia[name])
         return [phi_t, psi_t, *turn]
 

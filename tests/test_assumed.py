@@ -21,6 +21,7 @@ from analytic.mechanism import (
     PeriodicTorque,
     Ripple,
     Spring,
+    Stop,
     Tolerance,
 )
 from analytic.mechanism.assumed import Assumed, assumed
@@ -81,6 +82,7 @@ NOTHING = {
         "gravity": "none",
         "drives": "none",
         "springs": "none",
+        "stops": "none",
         "loads": "none",
         "assembly": "refused where an angle is needed",
         "tolerances": "none",
@@ -117,6 +119,11 @@ NOTHING = {
         "opposes": "fixed in direction",
     },
     Spring: {"damping": "none"},
+    Stop: {
+        "start": "none, or refused where it is needed",
+        "end": "none, or refused where it is needed",
+        "damping": "none",
+    },
     Ripple: {},
     PeriodicTorque: {},
     Tolerance: {
@@ -188,7 +195,7 @@ def test_every_field_that_may_be_left_out_is_nothing_or_listed_or_a_contact_s() 
         known = [set(NOTHING[part]), set(LISTED.get(part, {})), OF_CONTACT if part is Joint else set()]
         assert sum(map(len, known)) == len(set.union(*known)), part
         assert optional == set.union(*known), part
-    reached = {Mechanism, Ground, Body, Joint, Elasticity, Drive, Ripple, PeriodicTorque, Load, Spring, Tolerance}
+    reached = {Mechanism, Ground, Body, Joint, Elasticity, Drive, Ripple, PeriodicTorque, Load, Spring, Stop, Tolerance}
     assert set(NOTHING) == reached == _parts(Mechanism)
 
 

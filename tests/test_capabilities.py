@@ -49,6 +49,7 @@ KNOTS = np.linspace(0.0, 0.03, 7)  # s
 COURSE = FIRST + 5.0 * KNOTS + 60.0 * KNOTS**2  # rad
 COMPLIANCE = 400.0  # N.m/rad
 HALF_GAP = 2e-3  # rad
+LIMIT = {"joint": "E", "to": 0.5, "stiffness": 10.0, "damping": 0.1}
 RISING = [[0.0, 0.0], [3.0, 2.0]]  # rad, times a load
 SPRING = {"stiffness": 300.0, "length": 0.2, "damping": 2.0}  # N/m, m, N.s/m
 
@@ -79,6 +80,7 @@ def mechanism(model: JointModel, feature: Feature | None) -> Mechanism:
     laws["soft_bearing"] = {"radial_stiffness": 1e5}
     parts = {
         "point_spring": {"springs": [{"bodies": ("crank", "follower"), "points": ("A", "E"), **SPRING}]},
+        "stop": {"stops": [LIMIT]},
         "varying_load": {"loads": [{"body": "follower", "torque": -0.5, "over": "crank_angle", "table": RISING}]},
     }
     if feature in parts:

@@ -307,6 +307,14 @@ def test_it_serves_large_batches_and_many_calls() -> None:
     assert not kinematics(Assembly(load("crank-rocker")), theta[:1]).compiled
 
 
+def test_it_serves_smaller_batches_of_many_linkages() -> None:
+    theta = np.linspace(0.0, 6.0, run.BULK)
+    with run.in_bulk():
+        assert kinematics(Assembly(load("crank-rocker")), theta).compiled
+        assert not kinematics(Assembly(load("crank-rocker")), theta[:-1]).compiled
+    assert not kinematics(Assembly(load("crank-rocker")), theta).compiled
+
+
 def test_it_serves_fewer_poses_of_several_drives() -> None:
     assembly = Assembly(load("five-bar"))
     inputs = np.repeat(assembly.inputs[:, None], run.POSES, axis=1)

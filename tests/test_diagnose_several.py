@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import math
 import os
+import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -144,6 +146,19 @@ def arm(folder: Path, **fields: Any) -> Path:
         columns[position(m, name)] = read + random.normal(0.0, ENCODER["rad"], TIME.size)
         columns[motor(m, name)] = torque + random.normal(0.0, 2e-3, TIME.size)
     return write_measured(folder, dumps(m), [RunTable("swing", TIME, columns, fields or FOLLOWS)])
+
+
+def test_the_arm_s_data_in_a_check_miss_its_damped_elbow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By smooth courses through encoders that scatter, and by as much as its sensors' noise."""
+    monkeypatch.setattr(sys.modules[__name__], "LOST", 0.0)
+    measured = load_measured(arm(tmp_path))
+    (run,) = lc.check(measured).runs
+    assert {each.signal: each.verdict for each in run.discrepancies} == {
+        "drive_torque_O": "agrees",
+        "drive_torque_K": "disagrees",
+    }
+    damped = measured.mechanism.with_joint("K", damping=DAMPING)
+    assert lc.check(replace(measured, mechanism=damped)).verdict == "agrees"
 
 
 @pytest.fixture(scope="module")

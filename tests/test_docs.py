@@ -204,7 +204,7 @@ def test_the_files_of_measured_data_can_be_read(tmp_path: Path) -> None:
     found = blocks(DOCS / "reference" / "measured-data.md")
     (data,) = (block.text for block in found if block.kind == "text")
     layout, measured = (block.text for block in found if block.kind == "toml")
-    assert set(Layout.model_validate(tomllib.loads(layout)).columns) == {"phi_deg", "enc", "temp"}
+    assert set(Layout.model_validate(tomllib.loads(layout)).columns) == {"phi_deg", "enc", "temp", "push"}
     header, *shown = data.splitlines()
     assert [row.count(",") for row in shown] == [header.count(",")] * 2
     (tmp_path / "measured.toml").write_text(measured, encoding="utf-8")
@@ -269,7 +269,7 @@ def test_the_messages_about_mechanism_files_are_the_real_ones(
         (
             "forward.csv",
             ("follower_angle [deg]", "follower_angle [rad]"),
-            "follower_angle of run 'forward' is 57.37 times its prediction: it looks in deg, but forward.csv says rad",
+            "follower_angle of run 'forward' is 57.37 times its prediction: it looks in deg, but its column says rad",
         ),
         (
             "measured.toml",

@@ -141,7 +141,7 @@ def test_every_signal_of_every_case_is_there(reference: ModuleType) -> None:
     for case in shipped_cases():
         linkage = load(case)
         for signal in signals.signals(linkage.bodies, linkage.joints, linkage.drives):
-            place = "<joint>" if signal.kind in ("reaction", "clearance", "position", "drive") else "<body>"
+            place = "<joint>" if signal.of_joint else "<body>"
             forms = {signal.name}
             if signal.place:
                 head, _, tail = signal.name.rpartition(f"_{signal.place}")

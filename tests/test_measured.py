@@ -19,11 +19,13 @@ from analytic.mechanism.columns import ANY_LAYOUT, readable
 from analytic.mechanism.file import dumps, load
 from analytic.mechanism.units import OFFERED, SI, QuantityKind, UnitError, factor
 from analytic.paper.kinetostatics import kinetostatics
+from compare.diagnose import slips
 from compare.diagnose.data import measured, quality
 from compare.diagnose.data.clipping import clipped
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import Measured
 from compare.judge.signals import with_derived
+from compare.recorded.alternatives import looks
 from compare.recorded.headings import Naming, read_headings
 from compare.recorded.table import read_table
 from compare.recorded.text import _RowReader, coding, header
@@ -77,6 +79,10 @@ def kinds(found: Measured) -> dict[str, str]:
         ("mN.m", "torque", 1e-3),
         ("N·mm", "torque", 1e-3),
         ("lbf.in", "torque", 0.1129848290276167),
+        ("in-lb", "torque", 0.1129848290276167),
+        ("ft-lbs", "torque", 1.3558179483314004),
+        ("oz-in", "torque", 0.1129848290276167 / 16),
+        ("Nmm", "torque", 1e-3),
         ("ms", "time", 1e-3),
         ("us", "time", 1e-6),
         ("min", "time", 60.0),
@@ -139,14 +145,17 @@ def test_every_signal_is_read_in_any_unit(tmp_path: Path) -> None:
     exact |= {
         name: rng.normal(size=time.size)
         for name in readable(CRANK_ROCKER)
-        if name.startswith("clearance") or "angular_velocity" in name
+        if name.startswith("clearance") or "angular_velocity" in name or readable(CRANK_ROCKER)[name].on_request
     }
     exact |= {name: exact["crank_angle"] for name in readable(CRANK_ROCKER) if name.startswith("position")}
     other = {"angle": "deg", "angular_velocity": "rpm", "_x": "mm", "_y": "mm", "torque": "kN.m"}
+    of_rates = {"m/s": "mm/s", "m/s^2": "g", "rad/s": "rpm", "rad/s^2": "deg/s^2", "W": "kW"}
     columns = {}
-    for name in readable(CRANK_ROCKER):
+    for name, signal in readable(CRANK_ROCKER).items():
         unit = (
-            "kN"
+            of_rates[signal.unit]
+            if signal.on_request
+            else "kN"
             if name.startswith("reaction") and not name.endswith("angle")
             else "deg"
             if name.startswith("position")
@@ -530,18 +539,22 @@ def test_swapped_columns_and_wrong_units_are_seen_with_a_model(tmp_path: Path) -
         "reaction_E_x [N]": -noisy["reaction_E_x"],
         "drive_torque [N.m]": -noisy["drive_torque"],
     }
-    run = one(tmp_path, time, columns).runs[0]
-    (swap,) = quality.suspicious_swaps(run, exact)
-    assert (swap.kind, swap.signal) == ("swapped", "reaction_B_x")
-    assert "reaction_B_y" in swap.text
-    units = {f.signal: f.text for f in quality.suspicious_units(run, exact)}
-    assert set(units) == {
-        "coupler_x",
-        "follower_angle",
-        "drive_torque",
-    }  # a load cell upside down is an effect, not a slip
-    assert "it looks in mm" in units["coupler_x"]
-    assert "it looks in deg" in units["follower_angle"]
+    found = one(tmp_path, time, columns)
+    told = {f.signal: (f.kind, f.text) for f in slips.as_faults(slips.driven(found, found.mechanism), found.runs)}
+    assert {signal: kind for signal, (kind, _) in told.items()} == {
+        "reaction_B_x": "swapped",
+        "coupler_x": "unit",
+        "follower_angle": "unit",
+        "reaction_E_x": "sign",  # one axis of a load cell alone is no cell that is mounted upside down
+        "drive_torque": "sign",
+    }
+    for signal, words in (
+        ("reaction_B_x", '"reaction_B_x [N]" = { signal = "reaction_B_y", unit = "N" }'),
+        ("coupler_x", "it looks in mm, but its column says m"),
+        ("follower_angle", '"follower_angle [rad]" = { signal = "follower_angle", unit = "deg" }'),
+        ("drive_torque", "sign = -1"),
+    ):
+        assert words in told[signal][1]
 
 
 @pytest.mark.parametrize(
@@ -568,7 +581,7 @@ def test_a_slope_is_told_by_the_unit_that_a_column_is_read_in(
     kind: QuantityKind, unit: str, slope: float, what: str | None
 ) -> None:
     model = np.sin(np.linspace(0.0, 5.0, 50))
-    told = quality.looks(kind, unit, model, slope * model)
+    told = looks(kind, unit, model, slope * model)
     assert told == (None if what is None else (pytest.approx(slope), what))
 
 
@@ -580,9 +593,8 @@ def test_right_columns_raise_no_suspicion(tmp_path: Path) -> None:
         f"{s} [{u}]": exact[s] * 1.02 + 1e-2 * np.ptp(exact[s]) * rng.normal(size=time.size) for s, u in units.items()
     }
     columns["crank_angle [rad]"] = exact["crank_angle"]
-    run = one(tmp_path, time, columns).runs[0]
-    assert quality.suspicious_swaps(run, exact) == []
-    assert quality.suspicious_units(run, exact) == []
+    found = one(tmp_path, time, columns)
+    assert slips.driven(found, found.mechanism) == []
 
 
 @pytest.mark.slow

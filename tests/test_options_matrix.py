@@ -134,6 +134,10 @@ OPTIONS_MATTER: list[Row] = [
     ("analyse", "clearance", PAPER, LOOSE),
     ("analyse", "model", PAPER, {"model": "first_order"}),
     ("analyse", "compliance", PAPER, {"compliance": True}),
+    ("compare", "signals", {**ROCKER, **IDEAL}, {"signals": "all"}),
+    ("analyse", "signals", ROCKER, {"signals": "coupler_velocity_x"}),
+    ("simulate", "signals", ROCKER, {"signals": ["drive_power", "acceleration_B"]}),
+    ("analyse", "signals", PAPER, Refused(signals="all")),  # nothing moves at rest
     *_along("simulate", PLAIN, {"simulator": "mujoco"}),
     ("simulate", "simulator", {**PAPER}, Refused(simulator="no-engine")),
     ("simulate", "joint_model", PAPER, {"joint_model": "massless-link"}),
@@ -247,6 +251,7 @@ OPTIONS_MATTER: list[Row] = [
             ("folder", {"folder": "elsewhere"}),
             ("results", {"results": "others/signals.csv"}),
             ("map", {"map": "map.toml"}),
+            ("signals", Refused(signals="no_signal")),
         )
     ),
     ("import", "file", {"file": "model.xml"}, Refused(file="map.toml")),
@@ -648,6 +653,17 @@ def of_load(**fields: Any) -> Callable[[dict[str, Any]], None]:
     return lambda said: said["run"][0]["load"][0].update(fields)
 
 
+def acting(body: str) -> Callable[[dict[str, Any]], None]:
+    """The column of the drive's torque as a torque on a body."""
+
+    def edit(said: dict[str, Any]) -> None:
+        said["columns"]["drive_torque [N.m]"] = {"load": {"body": body, "torque": 1.0}}
+        for run in said["run"]:
+            run["noise"].pop("drive_torque", None)
+
+    return edit
+
+
 FREE = {"drive_speed": None, "drive_angle": None, "drive": "free"}
 BEGUN = {"crank_angle": 0.1}
 SAME = changed()
@@ -659,11 +675,13 @@ FIELDS: list[Any] = [  # field, what to begin with, what to change, and with whi
     ("decimal", SAME, changed(decimal=","), "has a decimal point"),
     ("columns", SAME, lambda said: said["columns"].update({"follower_angle [rad]": "ignore"}), "noise.follower"),
     ("columns.signal", SAME, of_encoder(signal="coupler_angle"), "noise.crank_angle is not a column"),
+    ("columns.load", acting("follower"), acting("coupler"), ""),
     ("columns.unit", SAME, of_encoder(unit="rad"), "the column looks like degrees"),
     ("columns.scale", SAME, of_encoder(scale=1.001), ""),
     ("columns.offset", SAME, of_encoder(offset=1.0), ""),
     ("columns.sign", SAME, of_encoder(sign=-1), "negate drive_speed or the column"),
     ("run", SAME, lambda said: said["run"].pop(), ""),
+    ("run.columns", SAME, in_run(columns={"follower_angle [rad]": "ignore"}), "noise.follower"),
     ("run.name", SAME, in_run(name="fast"), ""),
     ("run.file", SAME, in_run(file="swift.csv"), ""),
     ("run.drive_speed", SAME, in_run(drive_speed=31.5), ""),

@@ -43,14 +43,32 @@ def test_what_is_left_is_turns_times_what_a_turn_took() -> None:
     assert told == [
         ("a b; a remark", 0, 3),
         ("a ideal; a remark", 1, 3),  # 4 turns at 1 s on two workers: 2 s
-        ("a contact; about 10 s left; a remark", 2, 3),  # 2 turns of b at what contact took in a: 8 s
+        ("a contact; more than 10 s left; a remark", 2, 3),  # 2 turns of b at what contact took in a: 8 s
         ("b contact", 3, 3),
     ]
     assert pace.left([("b", asked("contact", 8)), ("a", asked("contact", 8))]) == 8 * 40.0  # the longest alone
     assert pace.left([("a", asked("contact", 8)), ("a", asked("contact", 4))]) == 4.0 * 8
     assert pace.left([("a", asked("spring-damper", 1))]) == (1.0 + 4.0 + 40.0) / 3 * 1
+    assert pace.knows([("b", asked("contact", 8))])
+    assert not pace.knows([("c", asked("contact", 8))])
+    assert not pace.knows([("a", asked("contact", 8)), ("b", asked("spring-damper", 8))])
     list(pace.run([("b", asked("contact", 8))]))
     assert told[-2:] == [("b; about 5 min left", 3, 4), ("b contact", 4, 4)]
+
+
+def test_what_no_engine_has_run_yet_is_said_to_take_longer() -> None:
+    """The contact of b: what a's contact takes, 4 s a turn, times what b takes of a's time with ideal joints, 3."""
+    told: list[str] = []
+    rates = {("a", "ideal"): 1.0, ("b", "ideal"): 3.0, ("a", "contact"): 4.0, ("b", "contact"): 12.0}
+    tasks = [(name, asked(model, 2)) for name, model in rates]
+
+    def simulated(tasks: Sequence[Task], took: Took) -> Iterator[tuple[int, Failure]]:
+        for i, (name, request) in enumerate(tasks):
+            took(i, rates[name, request.joint_model] * length(request))
+            yield i, Failure(simulator=name, joint_model=request.joint_model, why="nothing is simulated")
+
+    list(Pace(simulated, 1, lambda what, *_: told.append(what)).run(tasks))
+    assert told[2:] == ["b ideal; more than 10 s left", "a contact; about 25 s left", "b contact"]
 
 
 @pytest.mark.parametrize(

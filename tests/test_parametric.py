@@ -18,6 +18,7 @@ from analytic.mechanism.dotted import FieldError, find, with_values
 from analytic.mechanism.file import dumps, load, shipped_cases
 from compare.faults import ArgumentError
 from compare.parametric import values_of
+from compare.report.sweep import panels
 from compare.results.sweep import Sweep
 
 RPM = math.pi / 30
@@ -252,7 +253,12 @@ def test_a_point_that_does_not_assemble_says_so_and_the_others_stand(tmp_path: P
     assert np.isnan(column(result, "drive_torque")[1])
     assert column(result, "drive_torque")[2] < column(result, "drive_torque")[0] < 0
     assert "it does not close" in done.stdout
-    assert {"sweep.json", "sweep.csv", "sweep.svg"} == {path.name for path in (tmp_path / "out").iterdir()}
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert names == {"sweep.json", "sweep.html", "sweep.csv", "sweep.svg"}
+    page = (tmp_path / "out" / "sweep.html").read_text(encoding="utf-8")
+    assert page.count("<tr>") == 1 + len(result.points)
+    assert page.count("<figure>") == len(list(panels(result)))
+    assert "it does not close" in page
     nothing = commands.compare(
         *words[:3], "--set", "body.crank.mass=-1,-2", "--workers", "1", "--out", "bad", cwd=tmp_path
     )

@@ -311,7 +311,8 @@ def test_a_table_of_contact_stands_open_only_where_contact_was_lost(agreeing: Cr
     kept = CrossCheck.model_validate(content)
     assert not describe(kept).tables[0].lost
     section = kept.files()["report.html"].split('id="contact"')[1].split("</section>")[0]
-    assert section.index("<summary>Forces and wear in B, always in contact</summary>") < section.index("<table")
+    summary = "<summary>Contact forces and load times sliding distance in B, always in contact</summary>"
+    assert section.index(summary) < section.index("<table")
 
 
 def test_figures_of_contact_are_files_that_the_markdown_links(agreeing: CrossCheck) -> None:

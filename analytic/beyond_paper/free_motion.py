@@ -17,23 +17,38 @@ import numpy as np
 from analytic.beyond_paper.drive import TimeFunction
 from analytic.kinematics.assembly import Assembly, AssemblyError, Walk
 from analytic.kinematics.motion import kinematics
+from analytic.mechanism import Mechanism
 from analytic.paper.kinetostatics import Reactions, kinetostatics
 
 INTEGRATION_ACCURACY = 1e-10  # relative, of the integration
+OF_TABLES = 1e-8  # the same under a load by a table over time: a finer one would halt at every corner of it
 NO_RATES: Mapping[str, float] = MappingProxyType({})
 
 
 def free_motion(
-    assembly: Assembly, time: np.ndarray, courses: Mapping[str, TimeFunction], rates: Mapping[str, float] = NO_RATES
+    assembly: Assembly,
+    time: np.ndarray,
+    courses: Mapping[str, TimeFunction],
+    rates: Mapping[str, float] = NO_RATES,
+    start: np.ndarray | None = None,
 ) -> Reactions:
     """Motion and reactions at times (N,) s, ascending, from 0 on.
 
     Driven joints follow ``courses`` (position, rad or m, second body relative to first, as a function of time and order
-    of derivative); free ones start at the assembly's positions with ``rates`` (rad/s, m/s), at rest where none is
-    given.  Raises AssemblyError where the motion meets a change point, or has dry friction.
+    of derivative); free ones start where the assembly has them, or among inputs ``start`` (n_inputs,) rad, m, with
+    ``rates`` (rad/s, m/s), at rest where none is given.  Raises AssemblyError where the motion meets a change point, or
+    has dry friction.
     """
     _check(assembly)
-    return _FreeMotion(assembly, courses).at(np.asarray(time, float), rates)
+    return _FreeMotion(assembly, courses).at(
+        np.asarray(time, float), rates, assembly.inputs if start is None else start
+    )
+
+
+def integration_accuracy(mechanism: Mechanism) -> float:
+    """Relative accuracy with which a free motion is integrated."""
+    timed = mechanism.timed_load
+    return OF_TABLES if timed is not None and timed.table else INTEGRATION_ACCURACY
 
 
 def _check(assembly: Assembly) -> None:
@@ -63,11 +78,9 @@ class _FreeMotion:
         self.joints, self.signs = joints, [float(s.signs[i]) for i in s.inputs]
         self.last: np.ndarray = np.zeros((0, 0))  # coordinates (n, 1) where the linkage was last
 
-    def at(self, time: np.ndarray, rates: Mapping[str, float]) -> Reactions:
-        """The motion at times (N,) s."""
-        start = np.concatenate(
-            [self.assembly.inputs[self.free], [self.signs[k] * rates.get(self.joints[k], 0.0) for k in self.free]]
-        )
+    def at(self, time: np.ndarray, rates: Mapping[str, float], home: np.ndarray) -> Reactions:
+        """The motion at times (N,) s, from inputs ``home`` (n_inputs,) of which the free ones count."""
+        start = np.concatenate([home[self.free], [self.signs[k] * rates.get(self.joints[k], 0.0) for k in self.free]])
         begin, _, _ = self.inputs(0.0, start)
         self.last = self.assembly.follow(begin[:, None]).coordinates
         states = self.integrated(time, start)
@@ -86,14 +99,14 @@ class _FreeMotion:
         def rate(t: float, state: np.ndarray) -> np.ndarray:
             return np.concatenate([state[len(self.free) :], self.accelerations(t, state)])
 
+        m = self.assembly.mechanism
+        accuracy, span = integration_accuracy(m), (0.0, float(time[-1]))
         solution: Any = solve_ivp(
-            rate, (0.0, float(time[-1])), start, "DOP853", time, rtol=INTEGRATION_ACCURACY, atol=INTEGRATION_ACCURACY,
-            max_step=self.assembly.mechanism.shortest_stretch,
-        )  # fmt: skip
+            rate, span, start, "DOP853", time, rtol=accuracy, atol=accuracy, max_step=m.shortest_stretch
+        )
         if not solution.success:
             raise AssemblyError(
-                f"{self.assembly.mechanism.name}: the free motion cannot be followed beyond {solution.t[-1]:g} s"
-                f" ({solution.message})"
+                f"{m.name}: the free motion cannot be followed beyond {solution.t[-1]:g} s ({solution.message})"
             )
         return np.asarray(solution.y)
 

@@ -40,7 +40,15 @@ class Freedom:
 
     @classmethod
     def of(cls, assembly: Assembly) -> Freedom:
-        """The freedom of a linkage whose crank turns fully.  Raises AssemblyError where it does not."""
+        """The freedom of a linkage whose crank turns fully.  Raises AssemblyError where it does not, and for stops, of
+        whose pushing no table over a revolution tells.
+        """
+        if assembly.mechanism.stops:
+            raise AssemblyError(
+                f"{assembly.mechanism.name}: a diagnosis knows no released motion with stops (stop of joint"
+                f" {assembly.mechanism.stops[0].joint!r})",
+                remedy="leave them out, or the released runs",
+            )
         theta = np.arange(TABLE_POINTS) * 2 * math.pi / TABLE_POINTS
         first = coefficients(assembly, theta)
         wound = np.zeros(TABLE_POINTS)
@@ -109,6 +117,16 @@ def coefficients(assembly: Assembly, theta: np.ndarray, time: np.ndarray | None 
             length = (np.conj(apart) * rate).real / np.abs(apart)
             viscous = viscous + spring.damping * length.reshape(omega.size, -1)[2] ** 2
     return np.array([pushed - g, (ahead + astern) / 2 - g, viscous, coulomb, g, drag, *stribeck])
+
+
+def stopping(assembly: Assembly, theta: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    """Torque (N,) N.m that the stops of joints need of a crank at angles theta (N,) rad and rates omega (N,) rad/s."""
+    limited = [joint for joint in assembly.mechanism.joints if joint.stops]
+    if not limited:
+        return np.zeros(theta.size)
+    motion = kinematics(assembly, theta, np.ones(theta.size))
+    ways = [(joint, motion.slip(joint)) for joint in limited]  # by the crank's
+    return -sum((joint.stop(motion.relative(joint), way * omega) * way for joint, way in ways), np.zeros(theta.size))
 
 
 def resistance(coefficients: np.ndarray, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

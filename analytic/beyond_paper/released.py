@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from analytic.beyond_paper.free_motion import INTEGRATION_ACCURACY
-from analytic.beyond_paper.freedom import coefficients, resistance
+from analytic.beyond_paper.free_motion import integration_accuracy
+from analytic.beyond_paper.freedom import coefficients, resistance, stopping
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import kinematics
 from analytic.mechanism.one_line import angles, one_line
@@ -53,22 +53,26 @@ def released(assembly: Assembly, time: np.ndarray, theta: float | None = None, o
             remedy="leave one of them out",
         )
     rubs = any(joint.rubs for joint in m.joints) or any(load.opposes for load in m.loads)
+    # stops push over a part of the motion only, so that few rates do not tell their law
+    bare = Assembly(m.replace(stops=())) if m.stops else assembly
     angles, speeds, accelerations = np.empty((3, time.size))
     grip, held = np.ones(time.size), np.zeros(time.size, bool)
     angle, speed, now, k = assembly.start if theta is None else theta, omega, 0.0, 0
     while k < time.size:
-        now_at = coefficients(assembly, np.array([angle]), np.array([now]))
-        rest, friction = float(now_at[4, 0]), float(resistance(now_at, np.zeros(1))[1][0])
+        here, still = np.array([angle]), np.zeros(1)
+        now_at = coefficients(bare, here, np.array([now]))
+        rest = float(now_at[4, 0] + stopping(assembly, here, still)[0])
+        friction = float(resistance(now_at, still)[1][0])
         direction = float(np.sign(speed) or -np.sign(rest)) if rubs else 0.0
         if rubs and speed == 0 and abs(rest) <= friction:
             angles[k:], speeds[k:], accelerations[k:] = angle, direction * REST_SPEED, 0.0
             grip[k:], held[k:] = abs(rest) / friction if friction else 1.0, True
             break
-        solution = _stretch(assembly, time[k:], now, (angle, speed), direction)
+        solution = _stretch(assembly, bare, time[k:], now, (angle, speed), direction)
         part = slice(k, k + solution.t.size)
         angles[part], speeds[part] = solution.y
         speeds[part] += direction * REST_SPEED  # at rest for an instant, friction is that of the motion to come
-        accelerations[part] = _acceleration(assembly, time[part], angles[part], speeds[part], direction)
+        accelerations[part] = _acceleration(assembly, bare, time[part], angles[part], speeds[part], direction)
         if solution.status == 1:
             now, angle, speed = float(solution.t_events[0][0]), float(solution.y_events[0][0, 0]), 0.0
         k = part.stop
@@ -77,21 +81,24 @@ def released(assembly: Assembly, time: np.ndarray, theta: float | None = None, o
     return Released(kinetostatics(motion, grip=grip), held, turning)
 
 
-def _stretch(assembly: Assembly, time: np.ndarray, now: float, state: tuple[float, float], direction: float) -> Any:
+def _stretch(
+    assembly: Assembly, bare: Assembly, time: np.ndarray, now: float, state: tuple[float, float], direction: float
+) -> Any:
     """The motion from a state (rad, rad/s) at ``now`` (s) on, at the times, until it would turn back; with direction 0
-    it may.
+    it may.  Where a joint comes to its stop, the integration's own accuracy makes its steps short.
     """
     from scipy.integrate import solve_ivp
 
     def rate(t: float, state: np.ndarray) -> list[float]:
         angle, speed = state
         here = np.array([t]), np.array([angle]), np.array([speed])
-        return [speed, float(_acceleration(assembly, *here, direction)[0])]
+        return [speed, float(_acceleration(assembly, bare, *here, direction)[0])]
 
     def onward(_: float, state: np.ndarray) -> float:
         return float(direction * state[1])
 
     onward.terminal, onward.direction = True, -1.0  # type: ignore[attr-defined]  # scipy's way to say so
+    accuracy = integration_accuracy(assembly.mechanism)
     span = (now, max(float(time[-1]), now + 1e-12))
     solution = solve_ivp(
         rate,
@@ -100,8 +107,8 @@ def _stretch(assembly: Assembly, time: np.ndarray, now: float, state: tuple[floa
         "DOP853",
         t_eval=time,
         events=onward if direction else None,
-        rtol=INTEGRATION_ACCURACY,
-        atol=INTEGRATION_ACCURACY,
+        rtol=accuracy,
+        atol=accuracy,
         max_step=assembly.mechanism.shortest_stretch,
     )
     if not solution.success:
@@ -114,12 +121,13 @@ def _stretch(assembly: Assembly, time: np.ndarray, now: float, state: tuple[floa
 
 
 def _acceleration(
-    assembly: Assembly, time: np.ndarray, angle: np.ndarray, speed: np.ndarray, direction: float
+    assembly: Assembly, bare: Assembly, time: np.ndarray, angle: np.ndarray, speed: np.ndarray, direction: float
 ) -> np.ndarray:
     """Acceleration (rad/s^2) of the free crank at times (s), angles (rad) and speeds (rad/s), (N,) each, friction
-    against ``direction``.
+    against ``direction``; ``bare`` is the linkage without its stops.
     """
-    terms = coefficients(assembly, angle, time)
+    terms = coefficients(bare, angle, time)
     mass, half, _, _, rest = terms[:5]
     damped, dry = resistance(terms, speed)
-    return np.asarray(-(half * speed**2 + damped + dry * direction + rest) / mass)
+    stopped = stopping(assembly, angle, speed)
+    return np.asarray(-(half * speed**2 + damped + dry * direction + rest + stopped) / mass)

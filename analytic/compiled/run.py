@@ -9,7 +9,9 @@ say what is wrong.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from functools import cache
 from typing import TYPE_CHECKING
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
     from analytic.compiled.program import Program, WalkProgram
 
 BATCH = 4000  # configurations of a crank in one call from which the compiled code serves
+BULK = 1000  # of a crank in a portion, where many linkages follow one another
 POSES = 1000  # of several drives, which take numpy some hundred times as long to follow
 CALLS = 100  # calls with one assembly after which it does, whatever their size
 NO_ARRAY = np.zeros((1, 1))
@@ -41,6 +44,7 @@ class Programs:
     calls: int = 0
 
 
+_least: ContextVar[int] = ContextVar("configurations in one call from which the compiled code serves")
 _programs: WeakKeyDictionary[Assembly, Programs] = WeakKeyDictionary()
 
 
@@ -61,15 +65,25 @@ def serves(assembly: Assembly, count: int) -> bool:
     """
     programs = programs_of(assembly)
     programs.calls += 1
-    least = BATCH if assembly.structure.by_crank else POSES
+    least = _least.get(BATCH) if assembly.structure.by_crank else POSES
     return (count >= least or programs.calls > CALLS) and _kernel() is not None
+
+
+@contextmanager
+def in_bulk() -> Iterator[None]:
+    """Let the compiled code serve smaller batches: of many linkages, for which it is loaded once."""
+    token = _least.set(BULK)
+    try:
+        yield
+    finally:
+        _least.reset(token)
 
 
 def foresee(assembly: Assembly, count: int) -> None:
     """Let the compiled code serve all calls with an assembly of which so many configurations will be asked, in whatever
     portions.
     """
-    if count >= BATCH:
+    if count >= _least.get(BATCH):
         programs = programs_of(assembly)
         programs.calls = max(programs.calls, CALLS)
 
@@ -181,7 +195,7 @@ def balanced(
     """
     s, programs, n = assembly.structure, programs_of(assembly), coordinates[0].shape[1]
     shapes = {x.shape for x in coordinates}, {x.shape for x in columns}
-    if s.mechanism.varying_load or shapes != ({(len(s.coordinates), n)}, {(s.n_columns, n)}):
+    if s.mechanism.varying_load or s.mechanism.stops or shapes != ({(len(s.coordinates), n)}, {(s.n_columns, n)}):
         return None
     kind = bool(inertia), displaced, grip is not None
     if kind not in programs.balances:

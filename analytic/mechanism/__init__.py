@@ -18,6 +18,7 @@ from analytic.mechanism.parts import (
     PeriodicTorque,
     Ripple,
     Spring,
+    Stop,
     Tolerance,
 )
 
@@ -39,5 +40,6 @@ __all__ = [
     "PeriodicTorque",
     "Ripple",
     "Spring",
+    "Stop",
     "Tolerance",
 ]

@@ -9,7 +9,7 @@ import math
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 
-from analytic.mechanism.parts import GROUND, SMALLEST_NUMBER, Body, Drive, Ground, Joint, Load, Spring
+from analytic.mechanism.parts import GROUND, SMALLEST_NUMBER, Body, Drive, Ground, Joint, Load, Spring, Stop
 from analytic.mechanism.signals import signals
 from analytic.mechanism.varying import Quantity
 from analytic.mechanism.written import INITIAL
@@ -224,6 +224,14 @@ def check_springs(springs: Iterable[Spring], parts: PartsByName, joints: Sequenc
                     f"spring.points are both at joint {joint.name!r}, where its force has no direction; give two points"
                     " that are apart"
                 )
+
+
+def check_stops(stops: Iterable[Stop], joints: Sequence[Joint]) -> None:
+    """Stops are those of joints that exist."""
+    names = [joint.name for joint in joints]
+    for stop in stops:
+        if stop.joint not in names:
+            raise ValueError(f"stop.joint = {stop.joint!r} is not a joint; the joints are {', '.join(names)}")
 
 
 def check_assembly(assembly: Iterable[str], bodies: Iterable[str], driven: str | None) -> None:

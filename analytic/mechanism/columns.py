@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Annotated, Literal, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from analytic.errors import Error
-from analytic.mechanism import Mechanism
+from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.errors import describe
 from analytic.mechanism.reading import ReadingError, read_toml
 from analytic.mechanism.signals import Signal, named
@@ -59,9 +59,24 @@ class Conversion(MapPart):
 
 
 class ColumnMeaning(Conversion):
-    """What one column is: the ``signal`` (or ``time``).  Without a unit that of the heading holds."""
+    """What one column is: the ``signal`` (or ``time``), or a ``load``, a force or a torque over the time of its
+    file, as many times as the column says.  Without a unit that of the heading holds.
+    """
 
-    signal: Annotated[str, Field(min_length=1, max_length=200)]
+    signal: Annotated[str, Field(min_length=1, max_length=200)] | None = None
+    load: Load | None = None
+
+    @model_validator(mode="after")
+    def _check(self) -> ColumnMeaning:
+        if (self.signal is None) == (self.load is None):
+            raise ValueError(
+                'a column is either a signal or a load: give signal = "...", or load = { body = "...", ... }'
+            )
+        if self.load is not None and self.load.over:
+            raise ValueError("a column's load varies with the column over its file's time; leave over out")
+        if self.load is not None and any(self.load.force) == bool(self.load.torque):
+            raise ValueError("a column's load is either force = [x, y], the direction of 1 N, or torque = 1")
+        return self
 
 
 class Layout(MapPart):

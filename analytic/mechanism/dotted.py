@@ -1,9 +1,9 @@
 """A field of a mechanism by its dotted name, as its file nests it: ``drive.speed``, ``joint.B.clearance``,
 ``body.crank.points.A.x``, ``load.coupler.force.y``; and mechanisms that differ in such fields.
 
-A part is named by its name, a drive by its joint, a load by its body, a spring by its number in the file, from 1; where
-there is one of a kind, its name may be left out.  ``body.<name>.length`` is no field of a file: it moves the last of
-the two places at which a body has points.
+A part is named by its name, a drive or a stop by its joint, a load by its body, a spring by its number in the file,
+from 1; where there is one of a kind, its name may be left out.  ``body.<name>.length`` is no field of a file: it moves
+the last of the two places at which a body has points.
 """
 
 from __future__ import annotations
@@ -21,8 +21,10 @@ from analytic.mechanism.errors import MechanismError, accepted, describe, quoted
 from analytic.mechanism.model import Mechanism, as_written
 from analytic.mechanism.written import WAVES, si_unit
 
-TABLES = ("gravity", "ground", "body", "joint", "drive", "spring", "load", "assembly", "initial")
-CALLED = {"body": "name", "joint": "name", "drive": "joint", "load": "body", "spring": ""}  # what names a part of each
+TABLES = ("gravity", "ground", "body", "joint", "drive", "spring", "stop", "load", "assembly", "initial")
+# what names a part of each; where that is not one part's alone, and of springs, its number does
+CALLED = {"body": "name", "joint": "name", "drive": "joint", "load": "body", "spring": "", "stop": "joint"}
+NUMBERED = ("load", "spring", "stop")
 WITHIN = ("elasticity", *WAVES)  # fields that are tables
 STEPS = {"section": ("height", "depth"), "guide": ("length", "height")}  # other lists are x, y and z
 FROM_NOTHING = ("gravity", "force")  # lists that are zero where they are left out
@@ -126,7 +128,7 @@ def _ends(body: Mapping[str, Any]) -> list[tuple[float, float]]:
 def _part(name: str, rest: str, table: str, parts: Sequence[Mapping[str, Any]]) -> tuple[int, str]:
     """The index of the part of a table that is meant, and what is left of the name."""
     called = [str(part.get(CALLED[table], "")) for part in parts]
-    keys = {str(k): k - 1 for k in range(1, len(parts) + 1)} if table in ("load", "spring") else {}
+    keys = {str(k): k - 1 for k in range(1, len(parts) + 1)} if table in NUMBERED else {}
     keys |= {each: k for k, each in enumerate(called) if each and called.count(each) == 1}
     if len(parts) == 1 and not any(rest == key or rest.startswith(f"{key}.") for key in keys):
         return 0, rest

@@ -25,6 +25,7 @@ from analytic.mechanism.checks import (
     check_loads,
     check_names,
     check_springs,
+    check_stops,
     warn_of_degrees,
     warn_of_millimetres,
 )
@@ -44,6 +45,7 @@ from analytic.mechanism.parts import (
     PeriodicTorque,
     SiNumber,
     Spring,
+    Stop,
     Tolerance,
     Vector,
     as_tuple,
@@ -83,6 +85,7 @@ class Mechanism(MechanismPart):
     # a file's [drive], or its [[drive]] one after the other
     drives: Annotated[tuple[Drive, ...], BeforeValidator(one_or_many), Field(alias="drive")] = ()
     springs: Annotated[tuple[Spring, ...], BeforeValidator(as_tuple), Field(alias="spring")] = ()
+    stops: Annotated[tuple[Stop, ...], BeforeValidator(as_tuple), Field(alias="stop")] = ()
     loads: Annotated[tuple[Load, ...], BeforeValidator(as_tuple), Field(alias="load")] = ()
     assembly: Mapping[PartName, Annotated[float, Field(ge=-FARTHEST_ANGLE, le=FARTHEST_ANGLE)]] = Field(
         default_factory=dict
@@ -415,8 +418,10 @@ class Mechanism(MechanismPart):
         check_initial(self.initial, self.joints, self.motors)
         check_loads(self.loads, self.moving, self.load_quantities)
         check_springs(self.springs, self.parts, self.joints)
+        check_stops(self.stops, self.joints)
         check_assembly(self.assembly, self.moving, self.driven if self.cranked else None)
-        object.__setattr__(self, "joints", _in_their_turns(self.joints, self.assembly))
+        limited = [j.stopped(tuple(stop for stop in self.stops if stop.joint == j.name)) for j in self.joints]
+        object.__setattr__(self, "joints", _in_their_turns(limited, self.assembly))
         for body in self.bodies:
             check_body(body, self.joints)
         warn_of_millimetres(self.name, self.parts, self.joints)

@@ -228,6 +228,49 @@ class Elasticity(MechanismPart):
     rotation: SiPositive
 
 
+class Stop(MechanismPart):
+    """A limit of a joint's travel ``from`` one position and ``to`` another, or one of these: a spring and damper that
+    push the second body back where it is beyond, and never pull.
+    """
+
+    joint: PartName
+    start: Annotated[SiNumber | None, Field(alias="from")] = None  # rad (prismatic: m)
+    end: Annotated[SiNumber | None, Field(alias="to")] = None
+    stiffness: SiPositive  # N.m/rad (prismatic: N/m)
+    damping: SiNotNegative = 0.0  # N.m.s/rad (prismatic: N.s/m)
+
+    @model_validator(mode="after")
+    def _check(self) -> Stop:
+        if self.start is None and self.end is None:
+            raise ValueError("a stop has from or to, or both")
+        if self.start is not None and self.end is not None and self.start >= self.end:
+            raise ValueError(f"from = {self.start:g} is not less than to = {self.end:g}; a joint moves between them")
+        return self
+
+    def depths(self, position: Amount) -> list[tuple[float, Amount]]:
+        """How deep (rad; m) a position is in each of its ends, and the way in which that pushes the second body."""
+        below = [] if self.start is None else [(1.0, self.start - position)]
+        return below + ([] if self.end is None else [(-1.0, position - self.end)])
+
+    def push(self, position: Amount, rate: Amount, over: float = 0.0) -> Amount:
+        """Torque (N.m; prismatic: force, N) on the second body at a position (rad; m) and rate (rad/s; m/s).
+
+        Its damper sets in at once, or ``over`` a time (s), half of it before: in steps as long, the impulse of a damper
+        that sets in at once does not depend on where in a step it does.
+        """
+        total = 0.0 * position
+        for way, depth in self.depths(position):
+            share = np.clip(depth / np.maximum(over * abs(rate), TINY) + 0.5, 0.0, 1.0) if over else depth > 0
+            spring = self.stiffness * np.maximum(depth, 0.0)
+            total = total + way * np.maximum(spring - share * way * self.damping * rate, 0.0)
+        return total
+
+    def energy(self, position: Amount) -> Amount:
+        """What its spring holds (J) at a position (rad; m)."""
+        deep = [np.maximum(depth, 0.0) for _, depth in self.depths(position)]
+        return self.stiffness / 2 * sum((each**2 for each in deep), 0.0 * position)
+
+
 class Joint(MechanismPart):
     """A revolute or prismatic joint; its reaction is the force of the first body on the second."""
 
@@ -260,6 +303,20 @@ class Joint(MechanismPart):
     rest_angle: SiNumber = 0.0  # rad (prismatic: m)
     elasticity: Elasticity | None = None
     radial_stiffness: SiPositive | None = None  # N/m, revolute: of a soft bearing; left out: rigid
+    _stops: tuple[Stop, ...] = ()
+
+    @property
+    def stops(self) -> tuple[Stop, ...]:
+        """The stops that its mechanism gives it."""
+        return self._stops
+
+    def stopped(self, stops: tuple[Stop, ...]) -> Joint:
+        """The joint with these stops in place of its own."""
+        if stops == self._stops:
+            return self
+        joint = self.model_copy()
+        joint._stops = stops
+        return joint
 
     @field_validator("fit")
     @classmethod
@@ -378,7 +435,7 @@ class Joint(MechanismPart):
     @property
     def has_law(self) -> bool:
         """Whether a torque (prismatic: a force) of the joint's own acts on its free motion."""
-        return self.rubs or self.damped or self.springy
+        return self.rubs or self.damped or self.springy or bool(self.stops)
 
     def dry(self, rate: Amount) -> Amount:
         """Size (N.m; prismatic: N) of dry friction at a rate (rad/s; m/s): Coulomb's, and above it what Stribeck's
@@ -422,6 +479,25 @@ class Joint(MechanismPart):
         stretch = position - self.rest_angle
         return -(self.stiffness + self.cubic * stretch**2) * stretch
 
+    def stop(self, position: Amount, rate: Amount, over: float = 0.0) -> Amount:
+        """Torque (N.m; prismatic: force, N) of its stops on the second body at an angle (rad; travel, m) and rate;
+        ``over`` as in :meth:`Stop.push`.
+        """
+        return sum((stop.push(position, rate, over) for stop in self.stops), 0.0 * position)
+
+    def give(self, position: Amount, rate: Amount, over: float = 0.0) -> Amount:
+        """The same of all that is no friction: spring, damper and stops."""
+        pushed = self.stop(position, rate, over) if self.stops else 0.0
+        return self.spring(position) + self.damper(rate) + pushed
+
+    def stiffest(self, position: Amount | None = None) -> Amount | float:
+        """Stiffness (N.m/rad; prismatic: N/m) of the stops that push at a position (rad; m), or of all of them."""
+        if position is None:
+            return sum((stop.stiffness for stop in self.stops), 0.0)
+        return sum(
+            (stop.stiffness * (depth > 0) for stop in self.stops for _, depth in stop.depths(position)), 0.0 * position
+        )
+
 
 class Ripple(MechanismPart):
     """Unevenness of a motor: its angle is the command plus amplitude (rad) times sin(harmonic * command + phase)."""
@@ -459,6 +535,9 @@ class Drive(MechanismPart):
     periodic_torque: PeriodicTorque | None = None
 
 
+PULSE = 0.01  # of the largest factor of a table: what comes and goes by less, an integrator may step over
+
+
 class Table(tuple[Vector, ...]):
     """Pairs of value and factor; it keeps the arrays between which straight lines lie, as engines ask in every step."""
 
@@ -467,6 +546,28 @@ class Table(tuple[Vector, ...]):
         if angular:
             return cast(Amount, np.interp(value % math.tau, *self._turn))
         return cast(Amount, np.interp(value, *self._line))
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    @cached_property
+    def _hash(self) -> int:  # kept: a recorded load has thousands of pairs, and what it changes is looked up by it
+        return super().__hash__()
+
+    @property
+    def narrowest(self) -> float:
+        """Half the width of the narrowest rise and fall, or fall and rise, of more than a PULSE of the largest factor;
+        endless without one.
+        """
+        if not self:
+            return math.inf
+        values, factors = self._line
+        steps = np.diff(np.round(factors / (PULSE * np.abs(factors).max() or 1.0)))
+        moved = np.flatnonzero(steps)
+        turns = np.flatnonzero(np.diff(np.sign(steps[moved]), prepend=0.0))  # where it begins to rise, or to fall
+        ends = np.append(turns[1:], moved.size) - 1
+        widths = values[moved[ends[1:]] + 1] - values[moved[turns[:-1]]]
+        return float(np.min(widths, initial=math.inf)) / 2
 
     @cached_property
     def _line(self) -> tuple[np.ndarray, np.ndarray]:
@@ -539,9 +640,22 @@ class Load(MechanismPart):
 
     @property
     def shortest_stretch(self) -> float:
-        """The shortest stretch of its quantity (rad, m, s) that it knows; endless where it does not vary over one."""
-        at = [value for value, _ in self.table] or [end for end in (self.start, self.end) if end is not None]
-        return min((abs(b - a) for a, b in pairwise(at)), default=math.inf)
+        """The shortest stretch of its quantity (rad, m, s) in which it comes and goes; endless where it does not."""
+        if self.start is not None and self.end is not None:
+            return abs(self.end - self.start)
+        return (self.table if isinstance(self.table, Table) else Table(self.table)).narrowest
+
+    @property
+    def largest(self) -> float:
+        """The largest size of what it is multiplied by."""
+        return max((abs(factor) for _, factor in self.table), default=1.0)
+
+    def later(self, by: float) -> Load:
+        """The same so much (s) later where it varies over time."""
+        if self.over != "time":
+            return self
+        ends = {name: None if at is None else at + by for name, at in (("start", self.start), ("end", self.end))}
+        return self.model_copy(update=ends | {"table": Table((at + by, factor) for at, factor in self.table)})
 
     def scaled(self, unit: float) -> Load:
         """The same with its quantity, which is no angle, in units of ``unit`` (m, s)."""

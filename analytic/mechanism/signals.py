@@ -16,8 +16,17 @@ import numpy as np
 from analytic.mechanism.parts import Body, Drive, Joint
 from analytic.mechanism.units import SiUnit as SiUnit
 
-SignalKind = Literal["pose", "rate", "rotation", "reaction", "clearance", "position", "drive", "time"]
-Component = Literal["x", "y", "angle", "magnitude", "moment", "angular_velocity", "travel", "torque", "force", "time"]
+SignalKind = Literal[
+    "pose", "rate", "velocity", "acceleration", "rotation", "reaction", "clearance", "position", "joint_velocity",
+    "joint_acceleration", "drive", "power", "time", "load",
+]  # fmt: skip
+Component = Literal[
+    "x", "y", "angle", "magnitude", "moment", "angular_velocity", "travel", "torque", "force", "power", "time"
+]
+# what a linkage has beside what every result holds: it is computed, written and shown where somebody asks for it
+ON_REQUEST: frozenset[SignalKind] = frozenset(
+    {"velocity", "acceleration", "joint_velocity", "joint_acceleration", "power"}
+)
 DRIVE_TORQUE = "drive_torque"
 REACTION: tuple[Component, ...] = ("angle", "magnitude", "x", "y")
 POSE: tuple[Component, ...] = ("angle", "x", "y")
@@ -29,6 +38,11 @@ _UNITS: dict[tuple[SignalKind, Component], SiUnit] = {
     ("pose", "y"): "m",
     ("pose", "angle"): "rad",
     ("rate", "angular_velocity"): "rad/s",
+    ("velocity", "x"): "m/s",
+    ("velocity", "y"): "m/s",
+    ("acceleration", "x"): "m/s^2",
+    ("acceleration", "y"): "m/s^2",
+    ("acceleration", "angle"): "rad/s^2",
     ("rotation", "angle"): "rad",
     ("reaction", "x"): "N",
     ("reaction", "y"): "N",
@@ -40,15 +54,25 @@ _UNITS: dict[tuple[SignalKind, Component], SiUnit] = {
     ("clearance", "angle"): "rad",
     ("position", "angle"): "rad",
     ("position", "travel"): "m",
+    ("joint_velocity", "angle"): "rad/s",
+    ("joint_velocity", "travel"): "m/s",
+    ("joint_acceleration", "angle"): "rad/s^2",
+    ("joint_acceleration", "travel"): "m/s^2",
     ("drive", "torque"): "N.m",
     ("drive", "force"): "N",
+    ("power", "power"): "W",
     ("time", "time"): "s",
+    ("load", "force"): "N",
+    ("load", "torque"): "N.m",
 }
 
 
 @dataclass(frozen=True)
 class Signal:
-    """One signal: a ``component`` of some ``kind`` of quantity at a ``place``: body, joint, or "" for the one drive."""
+    """One signal: a ``component`` of some ``kind`` of quantity at a ``place``: body, joint, or "" for the one drive.
+
+    A load that is a column of a file has the column's heading for a place.
+    """
 
     kind: SignalKind
     place: str
@@ -63,12 +87,15 @@ class Signal:
     @cached_property
     def name(self) -> str:
         """The signal's name in files."""
-        if self.kind == "time":
-            return "time"
-        if self.kind == "drive":
-            return f"drive_{self.component}_{self.place}" if self.place else DRIVE_TORQUE
-        if self.kind == "position":
-            return f"position_{self.place}"
+        if self.kind in ("time", "load"):
+            return self.place or "time"
+        if self.kind in ("drive", "power"):
+            return f"drive_{self.component}_{self.place}" if self.place else f"drive_{self.component}"
+        if self.kind in ("position", "joint_velocity", "joint_acceleration"):
+            return f"{self.kind.removeprefix('joint_')}_{self.place}"
+        if self.kind in ("velocity", "acceleration"):
+            turning = self.component == "angle"
+            return f"{self.place}_angular_{self.kind}" if turning else f"{self.place}_{self.kind}_{self.component}"
         if self.kind in ("reaction", "clearance"):
             return f"{self.kind}_{self.place}_{self.component}"
         return f"{self.place}_rotation" if self.kind == "rotation" else f"{self.place}_{self.component}"
@@ -84,9 +111,20 @@ class Signal:
         return self.unit == "rad"
 
     @property
+    def on_request(self) -> bool:
+        """Whether results hold it only where somebody asks for it."""
+        return self.kind in ON_REQUEST
+
+    @property
+    def of_joint(self) -> bool:
+        """Whether its place is a joint."""
+        joints = ("reaction", "clearance", "position", "joint_velocity", "joint_acceleration")
+        return self.kind in joints or (self.kind == "drive" and bool(self.place))
+
+    @property
     def owner(self) -> str:
         """The body, joint or drive that has the signal, for messages: ``joint 'B'``."""
-        if self.kind in ("reaction", "clearance", "position") or (self.kind == "drive" and self.place):
+        if self.of_joint:
             return f"joint {self.place!r}"
         return f"body {self.place!r}" if self.place else "the drive"
 
@@ -98,6 +136,9 @@ class Signal:
         """One series (N,) of this signal minus another; angles modulo a turn, in [-pi, pi)."""
         difference = np.asarray(one, float) - np.asarray(other, float)
         return wrapped(difference) if self.wraps else difference
+
+
+POWER = Signal("power", "", "power")
 
 
 def signals(bodies: Iterable[Body], joints: Iterable[Joint], drives: Iterable[Drive] = ()) -> Iterator[Signal]:
@@ -114,8 +155,11 @@ def signals(bodies: Iterable[Body], joints: Iterable[Joint], drives: Iterable[Dr
         yield Signal("rotation", body.name, "angle")
         yield from (Signal("pose", body.name, component) for component in POSE)
         yield Signal("rate", body.name, "angular_velocity")
-    yield from (position(joint) for joint in known.values())
+        yield from moving(body.name)
+    for joint in known.values():
+        yield from (position(joint), *slipping(joint))
     yield from driving([known[drive.joint] for drive in drives if drive.speed != "free"])
+    yield POWER
 
 
 def play(joint: Joint) -> Iterator[Signal]:
@@ -132,6 +176,19 @@ def play(joint: Joint) -> Iterator[Signal]:
 def position(joint: Joint) -> Signal:
     """Where a joint is: its second body relative to its first, an angle, or a travel along its axis."""
     return Signal.of("position", joint.name, "travel" if joint.prismatic else "angle")
+
+
+def moving(body: str) -> Iterator[Signal]:
+    """How a body moves beside its angular velocity: velocity and acceleration of its marker, angular acceleration."""
+    yield from (Signal.of("velocity", body, axis) for axis in AXES)
+    yield from (Signal.of("acceleration", body, axis) for axis in AXES)
+    yield Signal.of("acceleration", body, "angle")
+
+
+def slipping(joint: Joint) -> tuple[Signal, Signal]:
+    """Rate and acceleration of a joint's position."""
+    component = position(joint).component
+    return Signal.of("joint_velocity", joint.name, component), Signal.of("joint_acceleration", joint.name, component)
 
 
 def driving(driven: Sequence[Joint]) -> list[Signal]:

@@ -1,9 +1,9 @@
 """What varies from one made linkage to another: the fields that ``[tolerances]`` name, and fits of pins.
 
 A field is a dotted path: ``body.crank.mass``, ``body.coupler.points.B.x``, ``joint.B.clearance``,
-``ground.points.E.y``, ``load.coupler.force.x`` (loads by their body; where one has several, and springs, by number
-from 1), ``drive.speed`` (of several ``drive.A.speed``), ``gravity.y``.  ``body.crank.length`` is the distance between
-the two points of a body: its last moves along the line through both.
+``ground.points.E.y``, ``load.coupler.force.x`` (loads by their body, stops by their joint; where one has several, and
+springs, by number from 1), ``drive.speed`` (of several ``drive.A.speed``), ``gravity.y``.  ``body.crank.length`` is the
+distance between the two points of a body: its last moves along the line through both.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ MAY_VARY: Mapping[str, tuple[str, ...]] = {
     "ground": ("points",),
     "load": ("force", "torque"),
     "spring": ("stiffness", "length", "damping"),
+    "stop": ("from", "to", "stiffness", "damping"),
     "drive": ("speed",),
 }  # fmt: skip
 MOST_SIGMAS = 3.0  # of a normal distribution that has limits: they are so many standard deviations off its middle

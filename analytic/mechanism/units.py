@@ -16,24 +16,35 @@ from analytic.mechanism.one_line import shown
 if TYPE_CHECKING:
     import pint
 
-SiUnit = Literal["m", "rad", "rad/s", "N", "N.m", "s"]
-QuantityKind = Literal["time", "angle", "angular velocity", "length", "force", "torque"]
+SiUnit = Literal["m", "m/s", "m/s^2", "rad", "rad/s", "rad/s^2", "N", "N.m", "W", "s"]
+QuantityKind = Literal[
+    "time", "angle", "angular velocity", "angular acceleration", "length", "velocity", "acceleration", "force",
+    "torque", "power",
+]  # fmt: skip
 SI: dict[QuantityKind, SiUnit] = {
     "time": "s",
     "angle": "rad",
     "angular velocity": "rad/s",
+    "angular acceleration": "rad/s^2",
     "length": "m",
+    "velocity": "m/s",
+    "acceleration": "m/s^2",
     "force": "N",
     "torque": "N.m",
+    "power": "W",
 }
 Powers = tuple[int, int, int]  # of length, mass and time
 POWERS: dict[SiUnit, Powers] = {
     "s": (0, 0, 1),
     "rad": (0, 0, 0),
     "rad/s": (0, 0, -1),
+    "rad/s^2": (0, 0, -2),
     "m": (1, 0, 0),
+    "m/s": (1, 0, -1),
+    "m/s^2": (1, 0, -2),
     "N": (1, 1, -2),
     "N.m": (2, 1, -2),
+    "W": (2, 1, -3),
 }
 DIMENSIONS: dict[SiUnit, QuantityKind] = {unit: kind for kind, unit in SI.items()}
 # What messages offer; any other unit of the dimension that pint knows is accepted as well.
@@ -41,9 +52,13 @@ OFFERED: dict[QuantityKind, tuple[str, ...]] = {
     "time": ("s", "ms", "us", "min"),
     "angle": ("rad", "mrad", "deg", "rev"),
     "angular velocity": ("rad/s", "deg/s", "rpm"),
+    "angular acceleration": ("rad/s^2", "deg/s^2"),
     "length": ("m", "mm", "um", "in"),
+    "velocity": ("m/s", "mm/s", "in/s"),
+    "acceleration": ("m/s^2", "mm/s^2", "g"),
     "force": ("N", "kN", "mN", "kgf", "lbf"),
     "torque": ("N.m", "N.mm", "kN.m", "lbf.in"),
+    "power": ("W", "mW", "kW"),
 }
 # What is written most, so that pint need not be loaded for it (a third of a second).
 COMMON: dict[tuple[str, str], float] = {
@@ -58,6 +73,7 @@ COMMON: dict[tuple[str, str], float] = {
     ("GPa", "Pa"): 1e9,
     ("MPa", "Pa"): 1e6,
 }
+NAMESAKES: dict[tuple[str, str], float] = {("g", "m/s^2"): 9.80665}  # of accelerometers; alone, pint's g is a gram
 _FACTOR = r"[A-Za-zµμ°]+(\^?-?\d)?"
 _UNIT = re.compile(rf"(1|{_FACTOR})([./*·⋅ -]{_FACTOR}){{0,3}}")  # no numbers and no towers of powers reach pint
 
@@ -97,12 +113,13 @@ def factor_to_si(unit: str, si: str) -> float:
 def _factor(unit: str, si: str, accepted: str) -> float:
     if unit == si:
         return 1.0
-    if (unit, si) in COMMON:
-        return COMMON[unit, si]
+    if (known := (COMMON | NAMESAKES).get((unit, si))) is not None:
+        return known
     if not _UNIT.fullmatch(unit):
         raise UnitError(f"unit {shown(unit)}, which cannot be read; {accepted}")
     try:
-        powers = re.sub(r"(?<=[^\W\d_])(-?\d)", r"^\1", unit)  # kg.m2 as kg.m^2
+        meant = re.sub(r"\b(lb|oz)s?\b", r"\1f", unit) if si == "N.m" else unit  # a torque in in-lb is one of forces
+        powers = re.sub(r"(?<=[^\W\d_])(-?\d)", r"^\1", meant)  # kg.m2 as kg.m^2
         quantity = _in_base_units(re.sub(r"[.·⋅ ]|-(?!\d)", "*", powers))
     except (_pint().PintError, ValueError, TypeError):  # such as of nan, which is a number
         raise UnitError(f"unit {unit!r}, which is unknown; {accepted}") from None
@@ -128,6 +145,7 @@ def _pint() -> Any:
 def _registry() -> pint.UnitRegistry[float]:
     registry: pint.UnitRegistry[float] = _pint().UnitRegistry()
     registry.define("newton_meter = newton * meter = Nm")  # so written on many a torque sensor
+    registry.define("newton_millimeter = newton * millimeter = Nmm")
     registry.define("@alias turn = rev")
     return registry
 

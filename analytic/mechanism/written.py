@@ -56,6 +56,8 @@ PRISMATIC = {
 }
 ELASTICITY = {"translation": "N/m", "rotation": "N.m/rad"}
 SPRING = {"stiffness": "N/m", "length": "m", "damping": "N.s/m"}
+STOP = {"from": "rad", "to": "rad", "stiffness": "N.m/rad", "damping": "N.m.s/rad"}
+SLIDE_STOP = {"from": "m", "to": "m", "stiffness": "N/m", "damping": "N.s/m"}
 WAVE = {"amplitude": "rad", "phase": "rad"}
 WAVES = ("ripple", "periodic_torque")
 INITIAL = "velocity_"  # with a joint's name after it: a field of ``initial``
@@ -116,6 +118,7 @@ def _units_by_table(fields: Mapping[str, Any]) -> Mapping[str, Callable[[Mapping
         "joint": lambda j: JOINT | (PRISMATIC if j.get("type") == "prismatic" else REVOLUTE),
         "drive": lambda d: DRIVE | {"speed": "m/s" if d.get("joint") in slides else "rad/s"},
         "spring": lambda _: SPRING,
+        "stop": lambda stop: SLIDE_STOP if stop.get("joint") in slides else STOP,
         "load": lambda load: LOAD | dict.fromkeys(("from", "to", "table"), over.get(str(load.get("over")), "")),
     }
 

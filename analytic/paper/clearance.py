@@ -99,8 +99,17 @@ class Displaced:
         for body in self.ideal.motion.structure.bodies[1:]:
             turned = self.configuration.motion.angle(body) - self.ideal.motion.angle(body)
             out[Signal.of("rotation", body, "angle").name] = turned
+        return self._blank(out)
+
+    def rates(self) -> dict[str, np.ndarray]:
+        """Velocities, accelerations and power of the displaced linkage (:meth:`Reactions.rates`), its pins' own motion
+        in their bearings with them; NaN at flagged angles.
+        """
+        return self._blank(replace(self.configuration, drive_loads=self.reactions.drive_loads).rates())
+
+    def _blank(self, signals: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         flagged = list(self.flags)
-        return {name: _blank(values, flagged) for name, values in out.items()}
+        return {name: _blank(values, flagged) for name, values in signals.items()}
 
 
 def displaced(  # noqa: PLR0913 - a motion, and what may replace the linkage's own

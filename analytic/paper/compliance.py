@@ -215,7 +215,7 @@ class _Structure:
             ties.append(slip[:, tied])
             if springs.any():
                 k += slip.swapaxes(1, 2) @ (springs[:, None] * slip)
-            if joint.cubic:
+            if joint.cubic or joint.stops:
                 free = slip[:, [self.kept.index(_free(joint))]]
                 k += free.swapaxes(1, 2) @ (self.stiffening(joint)[block, None, None] * free)
         for spring in self.mechanism.springs:
@@ -224,8 +224,9 @@ class _Structure:
         return k, np.concatenate(ties, axis=1)
 
     def stiffening(self, joint: Joint) -> np.ndarray:
-        """How much stiffer (N,) than at rest a joint's cubic spring is in its place."""
-        return np.asarray(3 * joint.cubic * (self.motion.relative(joint) - joint.rest_angle) ** 2)
+        """How much stiffer (N,) than at rest a joint's cubic spring, and what stops it, is in its place."""
+        position = self.motion.relative(joint)
+        return np.asarray(3 * joint.cubic * (position - joint.rest_angle) ** 2 + joint.stiffest(position))
 
     def reach(self, spring: Spring) -> np.ndarray:
         """Form (N, 2, n) of how a spring's second point moves against its first, x and y."""
@@ -336,7 +337,9 @@ class _Structure:
     def by_springs(self, u: np.ndarray, positions: LoadValues) -> dict[str, np.ndarray]:
         """What springs ask more of joints and drives, N and N.m by signal, where displacements (N, n) take them."""
         m = self.mechanism
-        laws = {j.name: -(j.stiffness + self.stiffening(j)) * positions[j.name] for j in m.joints if j.springy}
+        laws = {
+            j.name: -(j.stiffness + self.stiffening(j)) * positions[j.name] for j in m.joints if j.springy or j.stops
+        }
         pulls = []
         for spring in m.springs:
             x, y = (self.held_by(spring) @ self.reach(spring) @ u[..., None])[..., 0].T

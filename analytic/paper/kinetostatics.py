@@ -29,7 +29,7 @@ from analytic.kinematics.motion import (
 from analytic.kinematics.structure import Group, Structure
 from analytic.mechanism import MASS_CENTRE, Joint, Load, Spring
 from analytic.mechanism.one_line import angles, largest, one_line
-from analytic.mechanism.signals import Signal, driving, position
+from analytic.mechanism.signals import POWER, Signal, driving, moving, position, slipping
 from analytic.mechanism.varying import Seen, Vectors
 from analytic.paper.friction import Rubbing, friction
 from analytic.paper.guide import GuidedBlock
@@ -79,6 +79,22 @@ class Reactions:
     def signals(self) -> dict[str, np.ndarray]:
         """Every signal of the contract that an ideal or displaced configuration has, by name (SI units)."""
         return {one.name: values for one, values in self._signals()}
+
+    def rates(self) -> dict[str, np.ndarray]:
+        """Velocities and accelerations of markers and joints, and the power of the drives, by name (SI units): what is
+        on request (:attr:`analytic.mechanism.signals.Signal.on_request`).
+        """
+        m, mechanism = self.motion, self.motion.structure.mechanism
+        found: dict[str, np.ndarray] = {}
+        for body in self.motion.structure.bodies[1:]:
+            velocity, acceleration = m.velocity(body), m.acceleration(body)
+            parts = velocity.real, velocity.imag, acceleration.real, acceleration.imag, m.angular_acceleration(body)
+            found |= zip((signal.name for signal in moving(body)), parts, strict=True)
+        for joint in mechanism.joints:
+            slip = m.slip(joint), m.slip_acceleration(joint)
+            found |= zip((signal.name for signal in slipping(joint)), slip, strict=True)
+        drives = {name: load * m.slip(mechanism.joint(name)) for name, load in self.drive_loads.items()}
+        return found | {POWER.name: np.sum([*drives.values(), np.zeros(m.theta.size)], axis=0)}
 
     def loads(self) -> dict[str, np.ndarray]:
         """The signals of reactions and of what drives the linkage, by name (SI units)."""
@@ -439,14 +455,14 @@ def _torques(motion: Motion, inertia: bool, grip: np.ndarray | float) -> np.ndar
 
 
 def joint_law(joint: Joint, motion: Motion, moving: bool, grip: np.ndarray | float = 1.0) -> np.ndarray:
-    """Torque (N.m; prismatic: force, N) of a joint's spring and dry friction on its second body, (N,); of its damper
-    too in a linkage that is ``moving``.
+    """Torque (N.m; prismatic: force, N) of a joint's spring, stops and dry friction on its second body, (N,); of their
+    dampers too in a linkage that is ``moving``.
     """
     position, sign = motion.relative(joint), motion.slip_sign(joint)
     if not moving:
-        return joint.spring(position) - joint.stiction * grip * sign
+        return joint.give(position, np.zeros(1)) - joint.stiction * grip * sign
     rate = motion.slip(joint)
-    return joint.spring(position) + joint.damper(rate) - joint.dry(rate) * grip * sign
+    return joint.give(position, rate) - joint.dry(rate) * grip * sign
 
 
 def friction_turns(motion: Motion, within: float = 0.0, rough: Collection[str] = ()) -> dict[str, np.ndarray]:

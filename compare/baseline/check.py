@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +15,8 @@ from analytic.kinematics.structure import StructureError
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import shipped_cases
 from analytic.mechanism.one_line import count
-from compare.arguments import Linkage, engines, linkage, modelling, warn_of_friction
+from analytic.mechanism.signals import named
+from compare.arguments import Linkage, Names, engines, linkage, modelling, on_request, warn_of_friction
 from compare.baseline.comparison import fits, moved
 from compare.baseline.file import PLACE_COLUMNS, Baseline, BaselineError, StoredRun, owned, read, write
 from compare.baseline.runs import of_results, simulated
@@ -34,7 +37,7 @@ LOOK = Path("moved")  # a folder for baselines of what is found now, to be compa
 if TYPE_CHECKING:
     from compare.questions.check import Results
 
-Made = Callable[[Mechanism, str, Resolve], tuple[str, list[StoredRun]]]
+Made = Callable[[Mechanism, str, Resolve, Sequence[str]], tuple[str, list[StoredRun]]]
 Work = Callable[[Path, Mechanism, str, str, Resolve, Made], Entry]
 GRAVITY: dict[Status, Exit] = {
     "moved": Exit.DISAGREES,
@@ -54,6 +57,8 @@ def check_baselines(question: BaselinesQuestion) -> Baselines:
     Raises MechanismError for a case, Unsupported for an unknown engine, SimulatorMissing where none is installed.
     """
     _one_source(question)
+    if question.signals is not None:
+        raise ArgumentError("signals", "a baseline has the signals that it was written with; give them to an update")
     folder = Path(question.folder)
     if question.results is not None:
         return _recorded(check_file, question, question.results, folder)
@@ -67,10 +72,11 @@ def update_baselines(question: BaselinesQuestion) -> Baselines:
     stay as they are.  Raises OutputError, and what :func:`check_baselines` does.
     """
     _one_source(question)
+    update = partial(update_file, signals=question.signals)
     with made_folder(Path(question.folder), "--baselines") as folder, progress_bar(question.progress) as progress:
         if question.results is not None:
-            return _recorded(update_file, question, question.results, folder)
-        return _each(update_file, question, folder, progress)
+            return _recorded(update, question, question.results, folder)
+        return _each(update, question, folder, progress)
 
 
 def _one_source(question: BaselinesQuestion) -> None:
@@ -101,6 +107,7 @@ def _each(work: Work, question: BaselinesQuestion, folder: Path, progress: Progr
     names = [modelling(name) for name in installed]
     for mechanism, _ in mechanisms:
         warn_of_friction(mechanism, None, "static")
+        on_request(question.signals, mechanism, "driven")  # all of them, before a file is written
     entries = []
     for mechanism, typed in mechanisms:
         for name in names:
@@ -115,12 +122,13 @@ def _recorded(work: Work, question: BaselinesQuestion, results: Results, folder:
     if cases is None or not isinstance(cases, Mechanism | str | Path):
         raise ArgumentError("cases", "results are of one case; give it")
     mechanism = linkage(cases, large=True)
+    on_request(question.signals, mechanism, "driven")
     files, layout = result_files(results), layout_of(map)
     tables: list[Table] = []
 
-    def made(m: Mechanism, simulator: str, resolve: Resolve) -> tuple[str, list[StoredRun]]:
+    def made(m: Mechanism, simulator: str, resolve: Resolve, more: Sequence[str]) -> tuple[str, list[StoredRun]]:
         tables.append(read_table(files[simulator], m, layout, timed=False, derived=True))
-        return RECORDED, [of_results(m, tables[-1])]
+        return RECORDED, [of_results(m, tables[-1], more)]
 
     typed = cases.name if isinstance(cases, Mechanism) else str(cases)
     read_by = ["--map", str(map)] if isinstance(map, str | Path) else []
@@ -203,7 +211,7 @@ def check_file(
     Raises BaselineError, SimulationError, SimulatorMissing or Unsupported.
     """
     stored = read(path, mechanism.name, simulator, again)
-    version, fresh = made(mechanism, simulator, resolve)
+    version, fresh = made(mechanism, simulator, resolve, _more(mechanism, stored))
     misfit = fits(stored.runs, fresh)
     if misfit:
         raise BaselineError(f"{path}: {misfit}; if that is meant, write it anew with: {again}")
@@ -218,20 +226,22 @@ def update_file(
     checks: str,
     resolve: Resolve = engine,
     made: Made = simulated,
+    signals: Names | None = None,
 ) -> Entry:
     """Write the baseline of a file if anything in it changed; ``checks`` is the command that checks it.  A damaged file
-    of the case is replaced.  Raises what :func:`check_file` does.
+    of the case is replaced.  ``signals`` on request take the place of those that it had.  Raises what
+    :func:`check_file` does, and ArgumentError for a signal that the case has not.
     """
     owned(path, mechanism.name, simulator)
-    version, fresh = made(mechanism, simulator, resolve)
+    stored = None
+    with suppress(BaselineError):
+        stored = read(path, mechanism.name, simulator, "")
+    more = on_request(signals, mechanism, "driven") or _more(mechanism, stored)
+    version, fresh = made(mechanism, simulator, resolve, more)
     new = Baseline(mechanism.name, simulator, version, tuple(fresh))
     moves: tuple[Moved, ...] = ()
     old, why = new, "written"
-    try:
-        stored = read(path, mechanism.name, simulator, "")
-    except BaselineError:
-        pass
-    else:
+    if stored is not None:
         old, why, new = stored, "rewritten: other runs than before", replace(new, tolerance=stored.tolerance)
         if not fits(stored.runs, fresh):
             moves = _moved(stored, fresh)
@@ -240,6 +250,13 @@ def update_file(
     if why:
         write_atomically(path, write(new, checks))
     return _entry(path, old, version, moves, "written" if why else "unchanged", why)
+
+
+def _more(mechanism: Mechanism, stored: Baseline | None) -> list[str]:
+    """The signals on request that a baseline has of its case."""
+    known = named(mechanism.bodies, mechanism.joints, mechanism.drives)
+    names = dict.fromkeys(name for run in (stored.runs if stored else ()) for name in _signals(run))
+    return [name for name in names if name in known and known[name].on_request]
 
 
 def _entry(path: Path, stored: Baseline, version: str, moves: tuple[Moved, ...], became: Status, why: str) -> Entry:

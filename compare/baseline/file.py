@@ -19,6 +19,7 @@ from analytic.mechanism.reading import ReadingError, parse_toml, read_text, read
 from compare.faults import OptionError
 
 PLACE_COLUMNS = ("crank_angle [deg]", "time [s]")
+RATE_UNITS = ("m/s", "m/s^2", "rad/s", "rad/s^2", "W")  # of signals on request
 UNDIRECTED = 0.02  # of a joint's peak force, below which its direction is left open (nan)
 
 
@@ -55,7 +56,7 @@ class MovedLimits(_BaselinePart):
     """How far a number may be from the baseline's before it has moved."""
 
     angle: _Limit = 0.005  # deg; half of what must be seen
-    magnitude: _Limit = 1e-4  # of the joint's largest force in the run
+    magnitude: _Limit = 1e-4  # of the joint's largest force in the run; of a rate, an acceleration or power by itself
     rms: _Limit = 0.15  # of the stored value, of averages but a share; other roundings spread them by 0.02 (1 sigma)
     free_share: _Limit = 0.25  # of time; other roundings spread it by 0.04 (1 sigma)
 
@@ -206,12 +207,14 @@ def _rows(run: StoredRun) -> list[str]:
 
 
 def _decimals(run: StoredRun) -> list[int]:
-    """Digits after the point, by column: 1e-4 deg, and the sixth digit of the run's largest force."""
+    """Digits after the point, by column: 1e-4 deg, and the sixth digit of the run's largest force, or of what else the
+    column has.
+    """
     forces = [j for j, name in enumerate(run.columns) if name.endswith("[N]")]
-    largest = float(np.max(run.rows[:, forces], initial=0.0))
-    return [
-        max(0, 5 - math.floor(math.log10(largest))) if j in forces and largest else 4 for j in range(len(run.columns))
-    ]
+    largest = dict.fromkeys(forces, float(np.max(run.rows[:, forces], initial=0.0)))
+    rates = [j for j, name in enumerate(run.columns) if name.endswith(tuple(f"[{unit}]" for unit in RATE_UNITS))]
+    largest |= {j: float(np.max(np.abs(run.rows[:, j]))) for j in rates}
+    return [max(0, 5 - math.floor(math.log10(largest[j]))) if largest.get(j) else 4 for j in range(len(run.columns))]
 
 
 def _number(value: float, digits: int) -> str:

@@ -7,7 +7,7 @@ averages over its revolutions.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -19,12 +19,14 @@ from analytic.kinematics.reach import usual_angles
 from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Drive, Load, Mechanism
 from analytic.mechanism.file import load, shipped_cases
+from analytic.mechanism.signals import named
 from compare.baseline.file import UNDIRECTED, StoredRun
 from compare.recorded.errors import DataError
 from compare.recorded.table import Table
 from compare.results.crosscheck import Failure
 from compare.schedules import FREE_TIME, over_time
 from compare.simulations import ContactTrace, Resolve, simulate
+from sim_models.common.rates import with_rates
 from sim_models.engine import (
     JOINT_MODELS,
     TOUCHING,
@@ -147,8 +149,11 @@ def _thinned(grid: np.ndarray) -> np.ndarray:
     return grid[:: -(-grid.size // TABLE_ROWS)]
 
 
-def simulated(mechanism: Mechanism, simulator: str, resolve: Resolve) -> tuple[str, list[StoredRun]]:
-    """The engine's version, and the runs of a case in it; what it does not support is listed without a table.
+def simulated(
+    mechanism: Mechanism, simulator: str, resolve: Resolve, more: Sequence[str] = ()
+) -> tuple[str, list[StoredRun]]:
+    """The engine's version, and the runs of a case in it, with ``more`` signals on request of those that move; what it
+    does not support is listed without a table.
 
     Raises SimulatorMissing or Unsupported for the engine, SimulationError where a run fails.
     """
@@ -161,7 +166,7 @@ def simulated(mechanism: Mechanism, simulator: str, resolve: Resolve) -> tuple[s
             continue
         trace = _trace(engine, request)
         version = trace.version
-        runs.append(_averages(setup, trace) if setup.impacting else _table(setup, trace))
+        runs.append(_averages(setup, trace) if setup.impacting else _table(setup, trace, more))
     return version, runs
 
 
@@ -195,9 +200,9 @@ def _reaction(joint: str, force: np.ndarray, least: float = 0.0) -> dict[str, np
     return {f"reaction_{joint}_angle [deg]": angle, f"reaction_{joint}_magnitude [N]": size}
 
 
-def _table(setup: Setup, trace: Trace) -> StoredRun:
-    """Direction (deg) and size (N) of every reaction, a row for each crank angle (deg), or time (s) of a released
-    linkage.
+def _table(setup: Setup, trace: Trace, more: Sequence[str]) -> StoredRun:
+    """Direction (deg) and size (N) of every reaction, and where it moves ``more`` signals (SI), a row for each crank
+    angle (deg), or time (s) of a released linkage.
     """
     forces = {joint.name: _force(trace, joint.name) for joint in setup.request.mechanism.joints}
     largest = max(float(np.abs(f).max()) for f in forces.values())
@@ -206,11 +211,21 @@ def _table(setup: Setup, trace: Trace) -> StoredRun:
     columns = angles if schedule.turns_evenly else {"time [s]": schedule.time}
     for joint, force in forces.items():
         columns |= _reaction(joint, force, NO_FORCE * largest)
+    if trace.motion == "driven":
+        m = setup.request.mechanism
+        columns |= _named(m, with_rates(m, trace, more), more)
     return StoredRun(setup.name, setup.added, tuple(columns), np.column_stack(list(columns.values())))
 
 
-def of_results(mechanism: Mechanism, table: Table) -> StoredRun:
-    """The reactions that a file of results has, as a run: a row for each of at most ROWS of its samples.
+def _named(mechanism: Mechanism, signals: Mapping[str, np.ndarray], more: Sequence[str]) -> dict[str, np.ndarray]:
+    """Those of ``more`` signals that there are, by name and unit."""
+    known = named(mechanism.bodies, mechanism.joints, mechanism.drives)
+    return {f"{name} [{known[name].unit}]": signals[name] for name in more if name in signals}
+
+
+def of_results(mechanism: Mechanism, table: Table, more: Sequence[str] = ()) -> StoredRun:
+    """The reactions that a file of results has, and ``more`` of its signals, as a run: a row for each of at most ROWS
+    of its samples.
 
     Raises DataError where it has none.
     """
@@ -228,6 +243,7 @@ def of_results(mechanism: Mechanism, table: Table) -> StoredRun:
         if sides[0] is None or sides[1] is None:
             continue
         columns |= _reaction(joint, (sides[0] + 1j * sides[1])[every])
+    columns |= {name: values[every] for name, values in _named(mechanism, table.values, more).items()}
     if len(columns) == 1 or not all(np.all(np.isfinite(v)) for n, v in columns.items() if not n.endswith("[deg]")):
         raise DataError(
             f"the results of {mechanism.name} have no reaction in every row with both components, reaction_<joint>_x"

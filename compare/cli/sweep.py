@@ -31,7 +31,7 @@ def answer(line: CommandLine, asks: Asks, question: type[Question], caught: Sequ
     """
     from compare.parametric import swept
 
-    files = ("sweep.json", "sweep.csv", "sweep.svg")
+    files = ("sweep.json", "sweep.html", "sweep.csv", "sweep.svg")
     folder = line.folder(f"{line.stem}-{asks}", *files)
     options = line.arguments(question)
     options.pop("mechanism", None)

@@ -130,8 +130,9 @@ class Variations:
 
     @property
     def loads(self) -> tuple[Load, ...]:
-        """The loads of the run."""
-        return self.base.loads if self.base.loads is not None else self.rig.mechanism.loads
+        """The loads of the run, but for those over its time: they are whatever acted on it."""
+        loads = self.base.loads if self.base.loads is not None else self.rig.mechanism.loads
+        return tuple(load for load in loads if load.over != "time")
 
     def other_loads(self) -> Iterator[Trial]:
         """The loads turned, doubled and taken off; where there are none, one up and one down."""
@@ -245,6 +246,9 @@ def as_toml(run: MeasuredRun) -> str:
     if run.loads == ():
         lines.append("load = []")  # none, not the mechanism's own
     for load in run.loads or ():
+        if load.over == "time":
+            lines.append(f"# and what acts on {load.body} meanwhile, recorded: [columns] of the run says how")
+            continue
         lines += [
             "[[run.load]]",
             f"body = {_quoted(load.body)}",
@@ -252,4 +256,8 @@ def as_toml(run: MeasuredRun) -> str:
             f"force = [{load.force[0]!r}, {load.force[1]!r}]",
         ]
         lines += [f"torque = {load.torque!r}"] if load.torque else []
+        lines += [f"over = {_quoted(load.over)}"] if load.over else []
+        lines += [f"from = {load.start!r}", f"to = {load.end!r}"] if load.start is not None else []
+        lines += [f"table = {[list(pair) for pair in load.table]!r}"] if load.table else []
+        lines += ["opposes = true"] if load.opposes else []
     return "\n".join(lines)

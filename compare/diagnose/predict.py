@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -140,6 +140,7 @@ class Model:
     ) -> None:
         self.measured, self.rig, self.mechanism = measured, rig, mechanism
         self.courses = courses
+        self.rates = any(channel.signal.on_request for run in measured.runs for channel in run.channels.values())
         self._altered: dict[object, Mechanism] = {}
         self._tables: dict[object, tuple[Assembly, Freedom] | None] = {}
         self._turned: dict[object, Turning] = {}
@@ -251,6 +252,7 @@ class Model:
         half_gap = drive.half_gap if drive else 0.0
         turns = bool(stiffness or half_gap) and turns_fully(assembly)
         seen: list[np.ndarray] = []
+        clocks: list[np.ndarray] = []
         cranks: list[Turning] = []
         landings: dict[int, np.ndarray] = {}
         for run, told, jitter in motions:
@@ -258,6 +260,7 @@ class Model:
             time = told
             if jitter and isinstance(motor, Motor):
                 time = told - run.time + read_at(run, self.rig.encoder, motor, jitter)
+            clocks.append(time)
             shaft = self._course(run, time) if run.drive == "measured" else motor.at(time)
             crank = shaft
             if half_gap and isinstance(motor, Motor):
@@ -276,9 +279,11 @@ class Model:
         sizes = [crank.theta.shape[-1] for crank in cranks]
         if mechanism.several or (mechanism.displaced and not mechanism.cranked):  # goes on from sample to sample
             nears = [self._near(run, time) for run, time, _ in motions]
-            found = [derived(assembly, crank, near) for crank, near in zip(cranks, nears, strict=True)]
+            each = zip(cranks, nears, clocks, strict=True)
+            found = [derived(assembly, crank, near, time=time, rates=self.rates) for crank, near, time in each]
         else:
-            found = _parted(derived(assembly, _joined(cranks), sizes=sizes), sizes)
+            crank, clock = _joined(cranks), np.concatenate(clocks)
+            found = _parted(derived(assembly, crank, sizes=sizes, time=clock, rates=self.rates), sizes)
         for k, landing in landings.items():
             found[k][LANDING] = landing
         return [
@@ -336,7 +341,7 @@ class Model:
             for same in (every[k : k + most] for k in range(0, len(every), most)):
                 assert linkage is not None
                 moved = np.concatenate([motions[key] for key in same], axis=1)
-                signals = kinetostatics(kinematics(linkage[0], *moved)).signals()
+                signals = _signals(kinetostatics(kinematics(linkage[0], *moved)), self.rates)
                 whole = with_derived(signals, linkage[0].mechanism)
                 found |= zip(same, _parted(whole, [run.time.size] * len(same)), strict=True)
         for key, said in found.items():
@@ -522,43 +527,56 @@ def _parted(signals: Mapping[str, np.ndarray], sizes: Sequence[int]) -> list[dic
 
 
 def derived(
-    assembly: Assembly, crank: Turning, near: Walk | None = None, sizes: Sequence[int] = ()
+    assembly: Assembly,
+    crank: Turning,
+    near: Walk | None = None,
+    sizes: Sequence[int] = (),
+    time: np.ndarray | None = None,
+    *,
+    rates: bool = False,
 ) -> dict[str, np.ndarray]:
     """Every signal with this motion of the crank, or of several inputs ``near`` what is known: pins on their bearings'
-    walls or in soft ones, links with a modulus bent.  ``sizes`` are the numbers of samples of several runs.
+    walls or in soft ones, links with a modulus bent.  ``sizes`` are the numbers of samples of several runs,
+    ``time`` (N,) s that of loads over it; with ``rates`` signals on request are among them.
     """
     mechanism = assembly.mechanism
     if mechanism.displaced:
-        found = _displaced(assembly, crank, near, sizes)
-        ideal, signals = found.ideal, _over_gaps(found, sizes)
+        found = _displaced(assembly, crank, near, sizes, time)
+        ideal, signals = found.ideal, _over_gaps(found, sizes, rates)
     else:
-        ideal = kinetostatics(kinematics(assembly, crank.theta, crank.omega, crank.alpha, path=near))
-        signals = ideal.signals()
+        ideal = kinetostatics(kinematics(assembly, crank.theta, crank.omega, crank.alpha, path=near, time=time))
+        signals = _signals(ideal, rates)
     if mechanism.bends:
         signals = superposed(signals, compliance(ideal.motion, inertia=True))
     return with_derived(signals, mechanism)
 
 
-def _displaced(assembly: Assembly, crank: Turning, near: Walk | None, sizes: Sequence[int]) -> Displaced:
+def _signals(answer: Displaced | Reactions, rates: bool) -> dict[str, np.ndarray]:
+    return answer.signals() | (answer.rates() if rates else {})
+
+
+def _displaced(
+    assembly: Assembly, crank: Turning, near: Walk | None, sizes: Sequence[int], time: np.ndarray | None
+) -> Displaced:
     """The linkage with its pins where they come to rest; soft bearings that hardly give, to first order with the
     reactions of the linkage that they displace: what that leaves out is as small as the square of what they give.
     """
     if not assembly.mechanism.clearances:
-        found = displaced(assembly, crank.theta, crank.omega, alpha=crank.alpha, model="first_order")
+        found = displaced(assembly, crank.theta, crank.omega, alpha=crank.alpha, model="first_order", time=time)
         shortest = min(body.length for body in assembly.mechanism.bodies if body.length)
         if max(float(np.abs(gap).max()) for gap in found.gaps.values()) < STIFF * shortest:
             return replace(found, reactions=found.configuration)
-    return displaced(assembly, crank.theta, crank.omega, alpha=crank.alpha, near=near, motions=sizes)
+    return displaced(assembly, crank.theta, crank.omega, alpha=crank.alpha, near=near, motions=sizes, time=time)
 
 
-def _over_gaps(found: Displaced, sizes: Sequence[int]) -> dict[str, np.ndarray]:
+def _over_gaps(found: Displaced, sizes: Sequence[int], rates: bool) -> dict[str, np.ndarray]:
     """Every signal (N,); where pins have no place of rest, what clearance changes is on a straight line between
     neighbours of the same run, as the signal itself is not.  NaN in runs where they never have one.
     """
-    signals = found.signals()
+    signals = _signals(found, rates)
     if not found.flags:
         return signals
-    ideal, lost = found.ideal.signals(), np.zeros(found.ideal.motion.theta.size, bool)
+    ideal, lost = _signals(found.ideal, rates), np.zeros(found.ideal.motion.theta.size, bool)
     lost[list(found.flags)] = True
     runs = np.split(np.arange(lost.size), np.cumsum(sizes)[:-1])
     pairs = [(run[~lost[run]], run[lost[run]]) for run in runs if 0 < lost[run].sum() < run.size]
@@ -569,7 +587,7 @@ def _over_gaps(found: Displaced, sizes: Sequence[int]) -> dict[str, np.ndarray]:
     return signals
 
 
-def _aged(moved: Signals, wanted: Iterable[str], time: np.ndarray, delay: float) -> dict[str, np.ndarray]:
+def _aged(moved: Signals, wanted: Sequence[str], time: np.ndarray, delay: float) -> dict[str, np.ndarray]:
     """Signals (N,) of a free run some seconds ago, by cubic splines; before the first sample the first holds."""
     signals = {name: moved[name] for name in wanted}
     if delay == 0:

@@ -27,7 +27,7 @@ from compare.diagnose.data.thin import frozen, missed, picked
 from compare.diagnose.effects.effect import STOPS, Effect, Parameter, Rig
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.fit import Bounds
-from compare.diagnose.predict import Model, Motors, StartOfRun, Term
+from compare.diagnose.predict import Model, Motors, StartOfRun, Term, commanded
 from compare.diagnose.residuals import Data
 from compare.recorded.smooth import Smoother
 from compare.recorded.text import MIN_ROWS
@@ -295,7 +295,7 @@ def _rig(measured: Measured, mechanism: Mechanism, courses: Mapping[str, Motor |
     speed = max([*speeds, 1e-3])
     weight = sum(b.mass for b in mechanism.bodies) * abs(complex(*mechanism.gravity))
     given = [load for run in measured.runs for load in (run.loads if run.loads is not None else mechanism.loads)]
-    loads = [abs(complex(*load.force)) + abs(load.torque) / length for load in given]
+    loads = [load.largest * (abs(complex(*load.force)) + abs(load.torque) / length) for load in given]
     inertia = max(b.mass for b in mechanism.bodies) * length * speed**2
     return Rig(
         mechanism,
@@ -309,7 +309,17 @@ def _rig(measured: Measured, mechanism: Mechanism, courses: Mapping[str, Motor |
         least,
         {run.name: tuple(run.channels) for run in measured.runs},
         _postures(measured, mechanism, courses),
+        any(load.over == "time" for load in given),
+        _turned(measured, mechanism, courses),
     )
+
+
+def _turned(measured: Measured, mechanism: Mechanism, courses: Mapping[str, Motor | Motors]) -> tuple[np.ndarray, ...]:
+    """Where the crank (N,) rad is at the samples of each driven run; none of what no crank moves."""
+    if not mechanism.cranked:
+        return ()
+    driven = [run for run in measured.runs if run.drive != "free"]
+    return tuple((courses.get(run.name) or commanded(run, mechanism)).at(run.time).theta for run in driven)
 
 
 def _postures(
@@ -465,14 +475,14 @@ def bounds(rig: Rig, tolerance: Mapping[str, float]) -> Bounds:
     def bounds(term: Term) -> tuple[np.ndarray, np.ndarray]:
         effect = term.effect
         low = np.array(effect.lowest(rig, term.where, term.variant), float)
-        high = np.full(low.size, math.inf)
+        high = np.array(effect.highest(rig, term.where, term.variant), float)
         for i in range(low.size):
             p = effect.measured_by(i)
             kind = "length" if p.quantity == "angle" and effect.unit(rig, term.where, p.name) == "m" else p.quantity
             limit = _limit(effect, replace(p, quantity=kind), tolerance)
             if limit is not None and effect.blames(p.name):
                 middle = effect.middle(term.variant)
-                low[i], high[i] = max(low[i], -limit - middle), limit - middle
+                low[i], high[i] = max(low[i], -limit - middle), min(high[i], limit - middle)
         return low, high
 
     return bounds

@@ -18,8 +18,9 @@ from analytic.beyond_paper.drive import Motor
 from analytic.mechanism import MechanismWarning
 from compare.arguments import path
 from compare.diagnose import prepare
+from compare.diagnose import slips as of_data
 from compare.diagnose.data.measured import load_measured
-from compare.diagnose.data.quality import gaps, suspicious_swaps, suspicious_units
+from compare.diagnose.data.quality import gaps
 from compare.diagnose.data.recording import Fault as SensorFault
 from compare.diagnose.data.recording import Measured, MeasuredRun
 from compare.diagnose.data.thin import picked
@@ -59,7 +60,9 @@ def _shown(data: Measured) -> Preview:
     """The data beside the nominal model."""
     data = prepare.on_one_turn(data)
     mechanism = data.mechanism.rigid()
-    courses, data = prepare.followed(prepare.thinned(data))
+    data = prepare.thinned(data)
+    found = of_data.driven(data, mechanism)
+    courses, data = prepare.followed(data)
     rig, model = prepare.nominal(data, mechanism, courses)
     data, rig, model = prepare.sorted_out(data, rig, model)
     noise = {(run.name, s): c.noise for run in data.runs for s, c in run.channels.items()}
@@ -69,8 +72,7 @@ def _shown(data: Measured) -> Preview:
     assert nominal is not None  # the fit has been there
     slips: list[RecordingFault | SensorFault] = [
         replace(slip, text=f"{slip.text}; a diagnosis refuses it")
-        for run, said in zip(data.runs, nominal, strict=True)
-        for slip in (*suspicious_swaps(run, said), *suspicious_units(run, said))
+        for slip in of_data.as_faults([*found, *of_data.free(data.runs, nominal)], data.runs)
     ]
     slips += [turned for run, said in zip(data.runs, nominal, strict=True) for turned in _upside_down(run, said)]
     shown, hidden = _visible(data, model, courses, base)

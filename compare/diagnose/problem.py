@@ -12,9 +12,8 @@ from functools import cached_property
 import numpy as np
 
 from analytic.mechanism import Mechanism
-from compare.diagnose import prepare
+from compare.diagnose import prepare, slips
 from compare.diagnose.colour import colours
-from compare.diagnose.data.quality import suspicious_swaps, suspicious_units
 from compare.diagnose.data.recording import Measured, MeasuredError, MeasuredRun
 from compare.diagnose.effects.effect import Effect, Rig
 from compare.diagnose.effects.vocabulary import VOCABULARY
@@ -146,7 +145,9 @@ class Problem:
     def of(cls, measured: Measured, mechanism: Mechanism, options: Options) -> Problem:
         """Prepare: the rig, the noise floor, the nominal model and what each engine says of it."""
         engines, skipped = options.engines()
-        courses, measured = prepare.followed(prepare.thinned(measured))
+        measured = prepare.thinned(measured)
+        slips.refuse(measured, mechanism)
+        courses, measured = prepare.followed(measured)
         noise = {(run.name, s): c.noise for run in measured.runs for s, c in run.channels.items()}
         rig, model = prepare.nominal(measured, mechanism, courses)
         measured, rig, model = prepare.sorted_out(measured, rig, model)
@@ -166,7 +167,7 @@ class Problem:
             measured, rig, mechanism, model, data, fitter, terms, ruled_out, options, engines, skipped,
             begun(model, fitter), Engines(model, options.simulator, workers),
         )  # fmt: skip
-        problem.refuse_slips()
+        slips.told(slips.free(problem.measured.runs, problem.analytic(problem.base)), problem.measured.runs)
         problem.note_limits()
         problem.raise_noise_floor(noise)
         problem.nominal = problem.engine_runs.begin(problem.base.values(rig), engines[1:])
@@ -205,13 +206,6 @@ class Problem:
     def sought(self) -> list[Term]:
         """The terms that are looked for sample by sample."""
         return [t for t in self.terms if t.key not in self.ruled_out and not t.effect.asked_for]
-
-    def refuse_slips(self) -> None:
-        """Refuse columns that are plainly another sensor's, or in another unit than they say.  Raises MeasuredError."""
-        for run, predicted in zip(self.measured.runs, self.analytic(self.base), strict=True):
-            slips = [*suspicious_swaps(run, predicted), *suspicious_units(run, predicted)]
-            if slips:
-                raise MeasuredError(f"{run.file}: {slips[0].text}")
 
     def note_limits(self) -> None:
         """Note what is not modelled in these runs."""

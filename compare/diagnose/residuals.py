@@ -261,7 +261,7 @@ def _without(residual: np.ndarray, basis: np.ndarray, less: np.ndarray) -> np.nd
 
 def _sudden(signal: Signal) -> bool:
     """Whether an impact makes a signal jump."""
-    return signal.kind in ("reaction", "drive", "rate")
+    return signal.kind in ("reaction", "drive", "rate") or signal.on_request
 
 
 def _spared(left: np.ndarray, landing: np.ndarray) -> np.ndarray:

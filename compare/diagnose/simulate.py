@@ -29,8 +29,10 @@ from compare.diagnose.predict import (
     turned_by,
 )
 from compare.judge.signals import with_derived
+from compare.omissions import untold
 from compare.recorded.motion import released_from
 from sim_models.common.backlash import TURN_TO_LAND
+from sim_models.common.rates import with_rates
 from sim_models.engine import (
     Engine,
     JointModel,
@@ -131,8 +133,8 @@ def _driven(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray)
         lead_in = TURN_TO_LAND if mechanism.half_gap and turns_fully(Assembly(mechanism)) else 0.0
         schedule = Schedule.at_angles(mechanism, motor.at(times).theta)
         request = Request(mechanism, _joint_model(mechanism), schedule, lead_in=lead_in)
-    trace = _run(chosen, request)
-    return trace, with_derived(trace.signals, mechanism) | {
+    trace = _run(chosen, _clocked(request, times))
+    return trace, _signals(mechanism, trace, run) | {
         task.rig.encoder: turned_by(run, motor.at(times), task.hypothesis, task.rig).theta
     }
 
@@ -145,9 +147,10 @@ def _several(
     followed = [turned_by(task.run, motors.at(t), task.hypothesis, task.rig).theta for t in (knots, times)]
     moved = dict(zip((joint.name for joint in mechanism.motors), followed[0], strict=True))
     courses = {joint: (knots - knots[0], course) for joint, course in moved.items()}
-    trace = _run(chosen, Request(mechanism, _joint_model(mechanism), Schedule.along(courses, times - knots[0])))
+    request = Request(mechanism, _joint_model(mechanism), Schedule.along(courses, times - knots[0]))
+    trace = _run(chosen, _clocked(request, times))
     read = dict(zip(task.rig.encoders, followed[1], strict=True))
-    return trace, with_derived(trace.signals, mechanism) | read
+    return trace, _signals(mechanism, trace, task.run) | read
 
 
 def _knots(times: np.ndarray) -> np.ndarray:
@@ -164,7 +167,24 @@ def _free(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray) -
     since = np.maximum(times - task.run.time[0], 0.0)
     distinct, back = np.unique(since, return_inverse=True)
     trace = _run(chosen, Request(mechanism, _joint_model(mechanism), Schedule.released(mechanism, distinct, rate)))
-    return trace, {name: values[back] for name, values in with_derived(trace.signals, mechanism).items()}
+    return trace, {name: values[back] for name, values in _signals(mechanism, trace, task.run).items()}
+
+
+def _signals(mechanism: Mechanism, trace: Trace, run: MeasuredRun) -> dict[str, np.ndarray]:
+    """What a trace says, with the signals on request that a run has.  Raises Unsupported where it does not say one."""
+    asked = [name for name, channel in run.channels.items() if channel.signal.on_request]
+    told = with_rates(mechanism, trace, asked)
+    if lacking := untold(trace.simulator, asked, told):
+        raise Unsupported(lacking[0])
+    return with_derived(told, mechanism)
+
+
+def _clocked(request: Request, times: np.ndarray) -> Request:
+    """A request for times (N,) s of a run's clock, with loads over that clock as loads over its own schedule's."""
+    m, by = request.mechanism, float(request.schedule.time[0] - times[0])
+    if m.timed_load is None or by == 0:
+        return request
+    return replace(request, mechanism=m.replace(loads=tuple(load.later(by) for load in m.loads)))
 
 
 def _run(chosen: Engine, request: Request) -> Trace:

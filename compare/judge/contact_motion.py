@@ -260,7 +260,7 @@ class WatchedRun:
                 return None
             position, rate = self._moved(joint)
             dry = joint.dry(rate) * np.clip(rate / (SLOW_TURNING * float(np.abs(rate).max()) or 1.0), -1, 1)
-            power = power - (joint.spring(position) + joint.damper(rate) - dry) * rate
+            power = power - (joint.give(position, rate) - dry) * rate
         return power
 
     def _moved(self, joint: Joint) -> tuple[np.ndarray, np.ndarray]:

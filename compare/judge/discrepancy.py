@@ -10,7 +10,7 @@ import numpy as np
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism.signals import AXES, Signal, SiUnit
-from compare.judge.signals import ToleranceKind, compared, kind_of
+from compare.judge.signals import LINE_OF, ToleranceKind, compared, kind_of
 from compare.judge.tolerances import Known, Tolerances
 from sim_models.engine import JointModel, Motion, SettingValue
 
@@ -62,6 +62,9 @@ class Difference:
     allowed: float = float("nan")
 
 
+RATE_POWERS: dict[ToleranceKind, tuple[int, int]] = {  # of the longest body's length, and of the fastest rate
+    "velocity": (0, 1), "speed": (1, 1), "angular_acceleration": (0, 2), "acceleration": (1, 2),
+}  # fmt: skip
 NO_DIFFERENCE = Difference(float("nan"), float("nan"), -1, 0.0)  # there is no such sample
 
 
@@ -93,7 +96,8 @@ def difference(values: np.ndarray, tolerance: np.ndarray | None = None, tube: Tu
         allowed, share = np.full(values.shape, np.nan), np.abs(values)
     else:
         allowed = tolerance if tube is None else tolerance + np.where(values > 0, tube.above, tube.below)
-        share = np.abs(values) / np.maximum(allowed, np.finfo(float).tiny)
+        with np.errstate(over="ignore"):  # beyond all bounds where nothing is allowed
+            share = np.abs(values) / np.maximum(allowed, np.finfo(float).tiny)
     if not np.isfinite(share).any():
         return None
     at = int(np.nanargmax(share))
@@ -116,6 +120,13 @@ class Scales:
     mass: float = 0.0
     rate: float = 0.0
     peaks: Mapping[str, float] = field(default_factory=dict)
+
+    def push(self, kind: ToleranceKind) -> float:
+        """What the largest reaction gives the linkage's whole mass, if this kind of signal is an acceleration, else 0:
+        a pin in its clearance swings and yields by itself, and a share of its force is that share of this.
+        """
+        per = {"acceleration": 1.0, "angular_acceleration": self.length}.get(kind, 0.0)
+        return self.force / (self.mass * per) if self.mass * per else 0.0
 
     @classmethod
     def of(
@@ -188,7 +199,7 @@ class Rule:
         the smallest of the run's (every contact yields alike).  Raises ToleranceError if the file has no such line.
         """
         kind = kind_of(signal)
-        line = tolerances.line(motion, joint_model, "torque" if kind == "force" else kind)  # of a motor, both
+        line = tolerances.line(motion, joint_model, LINE_OF.get(kind, kind))
         yielding = give / clearance if kind in ("displacement", "rotation") and clearance else 0.0
         return cls(
             signal,
@@ -200,6 +211,7 @@ class Rule:
             clearance,
             line.window,
             tolerances.rest,
+            line.relative * scales.push(kind) if clearance else 0.0,
         )
 
     @property
@@ -243,8 +255,8 @@ class Rule:
 
     def _peak(self, values: np.ndarray) -> np.ndarray:
         """What ``relative`` refers to (N,): a signal's peak; for a displacement the clearance, for a rotation at least
-        the clearance over the longest body, for a rate at least that of what turns fastest, and for a place that body's
-        length, or what the rule has as clearance.
+        the clearance over the longest body, for a place that body's length, or what the rule has as clearance; for a
+        rate or an acceleration at least those of what turns fastest, of a point at that body's length from its axis.
         """
         if self.kind == "displacement":
             return np.full(values.shape, self.clearance)
@@ -252,8 +264,9 @@ class Rule:
             return np.full(values.shape, self.clearance or self.scales.length)
         whole = self.kind == "magnitude"
         peak = self._largest(self.signal.sibling("magnitude").name if whole else self.signal.name, values)
-        if self.kind == "velocity":
-            return np.maximum(peak, self.scales.rate)
+        if self.kind in RATE_POWERS:
+            length, order = RATE_POWERS[self.kind]
+            return np.maximum(peak, self.scales.length**length * self.scales.rate**order)
         return np.maximum(peak, self.clearance / self.scales.length) if self.kind == "rotation" else peak
 
     def _largest(self, signal: str, values: np.ndarray) -> np.ndarray:
@@ -269,7 +282,9 @@ class Rule:
 
     @property
     def _noise(self) -> float:
-        return self._no_force * {"magnitude": 1.0, "force": 1.0, "torque": self.scales.length}.get(self.kind, 0.0)
+        speed = self.scales.length * self.scales.rate
+        of = {"magnitude": 1.0, "force": 1.0, "torque": self.scales.length, "power": speed}
+        return self._no_force * of.get(self.kind, 0.0)
 
     @property
     def _no_force(self) -> float:

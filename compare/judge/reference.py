@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
@@ -17,14 +17,14 @@ from analytic.kinematics.reach import usual_angles
 from analytic.kinematics.schedule import Schedule, Turning
 from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import count, one_line
-from analytic.mechanism.signals import Signal, driving, named, wrapped
+from analytic.mechanism.signals import Signal, driving, named, position, wrapped
 from analytic.paper.clearance import Displaced, Model, displaced
 from analytic.paper.compliance import compliance
 from analytic.paper.envelope import condition
-from analytic.paper.kinetostatics import friction_turns, load_turns
+from analytic.paper.kinetostatics import Reactions, friction_turns, load_turns
 from analytic.paper.superposition import ILL_CONDITIONED, superposed
 from compare.judge.discrepancy import difference, largest
-from compare.judge.signals import compared, with_derived
+from compare.judge.signals import compared, only, with_derived
 from compare.results.crosscheck import OrderDifference
 
 SIGMAS = 4.0  # rms errors of a motion that is known no better, by which a signal may be off
@@ -61,6 +61,11 @@ class Reference:
     silent: Mapping[str, np.ndarray] = field(default_factory=dict)
     cautions: tuple[str, ...] = ()
 
+    def only(self, mechanism: Mechanism, asked: Iterable[str]) -> Reference:
+        """The same with those signals on request alone that are ``asked`` for by name."""
+        signals, unsure = (only(each, mechanism, asked) for each in (self.signals, self.unsure))
+        return replace(self, signals=signals, unsure=unsure, peaks=only(self.peaks, mechanism, asked))
+
     @property
     def remarks(self) -> tuple[str, ...]:
         """Remarks for the reader, in sentences."""
@@ -92,6 +97,7 @@ def reference(
     clearances: Mapping[str, float],
     moving: Turning | None = None,
     errors: Turning | None = None,
+    more: Collection[str] = (),
 ) -> Reference:
     """The analytic model at the instants (N,) of a schedule, with these clearances (m; none for ideal joints).
 
@@ -100,27 +106,47 @@ def reference(
     freely, with ideal joints.
 
     ``moving`` are the inputs as a record has them, (N,) of a crank or (n_inputs, N), where these are not just what the
-    schedule's drives do; of a linkage that is let go, the state (1,) in which it is.  ``errors`` say how exactly
-    they are known (rms, the same shapes).  Raises AssemblyError.
+    schedule's drives do; of a linkage that is let go, the state (1,) in which it is, and where only some of its
+    freedoms are, the inputs (n_inputs, 1) where they begin.  ``errors`` say how exactly they are known (rms, the same
+    shapes).  ``more`` are the names of signals on request that are asked for.  Raises AssemblyError.
     """
+    side = _every(assembly, schedule, model, clearances, moving, errors, bool(more))
+    return side.only(assembly.mechanism, more) if more else side
+
+
+def _every(
+    assembly: Assembly,
+    schedule: Schedule,
+    model: Model,
+    clearances: Mapping[str, float],
+    moving: Turning | None,
+    errors: Turning | None,
+    rates: bool,
+) -> Reference:
+    """The same with all signals on request, or none."""
     if schedule.lets_go and schedule.crank is not None:
         start = moving or Turning(
             *(np.array([x]) for x in (assembly.start, schedule.start_speed(assembly.mechanism), 0))
         )
-        return _let_go(assembly, schedule.time, start, errors)
+        return _let_go(assembly, schedule.time, start, errors, rates)
     if assembly.left_free(schedule):
-        return _free(assembly, schedule)
+        return _free(assembly, schedule, None if moving is None else moving.theta[:, 0], rates)
     moving = moving or assembly.inputs_along(schedule)
     still = _still(assembly, schedule) if schedule.at_rest else frozenset()
-    side = _side(assembly, moving, schedule, model, clearances, still)
-    side = _at_rest(side) if schedule.at_rest else side
+    side = _side(assembly, moving, schedule, model, clearances, rates, still)
+    side = _at_rest(side, assembly.mechanism) if schedule.at_rest else side
     if errors is not None:
-        side = replace(side, unsure=_unsure(side, assembly, moving, errors, schedule, model, clearances))
-    return _with_usual_peaks(side, assembly, schedule, model, clearances) if schedule.turns_evenly else side
+        side = replace(side, unsure=_unsure(side, assembly, moving, errors, schedule, model, clearances, rates))
+    return _with_usual_peaks(side, assembly, schedule, model, clearances, rates) if schedule.turns_evenly else side
 
 
 def _with_usual_peaks(
-    side: Reference, assembly: Assembly, schedule: Schedule, model: Model, clearances: Mapping[str, float]
+    side: Reference,
+    assembly: Assembly,
+    schedule: Schedule,
+    model: Model,
+    clearances: Mapping[str, float],
+    rates: bool,
 ) -> Reference:
     """A side with the peaks that its signals have at a crank's usual angles, as far as the displaced linkage reaches
     them.
@@ -133,7 +159,7 @@ def _with_usual_peaks(
     side, speed = replace(side, peaks={}), schedule.crank_motion(assembly.mechanism).rate(0.0)
     with suppress(AssemblyError):
         at = displaced(assembly, usual, speed, model=model, inertia=moves, clearances=clearances)
-        side = replace(side, peaks=largest(with_derived(at.signals(), assembly.mechanism)))
+        side = replace(side, peaks=largest(_signals(at, assembly.mechanism, rates)))
     return side
 
 
@@ -145,6 +171,7 @@ def _unsure(
     schedule: Schedule,
     model: Model,
     clearances: Mapping[str, float],
+    rates: bool,
 ) -> dict[str, np.ndarray]:
     """How far each signal (N,) changes with what the motion's ``errors`` leave open; at rest that is its positions.
 
@@ -165,7 +192,7 @@ def _unsure(
                 assembly, other.theta, other.omega, alpha=other.alpha, model=model, inertia=not schedule.at_rest,
                 clearances=clearances, time=None if schedule.at_rest else schedule.time,
             )  # fmt: skip
-            for name, values in with_derived(changed.signals(), assembly.mechanism).items():
+            for name, values in _signals(changed, assembly.mechanism, rates).items():
                 apart = known[name].apart(values, side.signals[name])
                 if part == "theta":
                     limits[name] = limits.get(name, 0.0) + np.abs(apart)
@@ -183,6 +210,7 @@ def _side(
     schedule: Schedule,
     model: Model,
     clearances: Mapping[str, float],
+    rates: bool,
     still: Collection[str] = (),
 ) -> Reference:
     """The analytic model along a schedule's motion of the crank, or of several inputs, flagged where friction has no
@@ -206,7 +234,7 @@ def _side(
     models: tuple[Model, ...] = ("equilibrium", "first_order") if clearances else (model,)
     sides = {each: at(each) for each in models}
     answer = sides[model]
-    signals = {each: with_derived(side.signals(), mechanism) for each, side in sides.items()}
+    signals = {each: _signals(side, mechanism, rates) for each, side in sides.items()}
     order: dict[str, OrderDifference] = {}
     for signal in compared(mechanism, clearances) if clearances else ():
         apart = signal.apart(*(signals[each][signal.name] for each in ("first_order", "equilibrium")))
@@ -231,11 +259,11 @@ def _side(
     return silenced(side, {signal.name: turned for signal, turned in by_motor.values()})
 
 
-def _free(assembly: Assembly, schedule: Schedule) -> Reference:
-    """The analytic motion of a linkage of several freedoms, some of which no drive moves."""
+def _free(assembly: Assembly, schedule: Schedule, start: np.ndarray | None, rates: bool) -> Reference:
+    """The analytic motion of a linkage of several freedoms, some of which no drive moves, from inputs (n_inputs,)."""
     drives = {name: motor.positions for name, motor in schedule.drives.items()}
-    motion = free_motion(assembly, schedule.time, drives, schedule.rates)
-    signals = with_derived(motion.signals(), assembly.mechanism)
+    motion = free_motion(assembly, schedule.time, drives, schedule.rates, start)
+    signals = _signals(motion, assembly.mechanism, rates)
     return Reference(signals, _angles(motion.motion), {}, {}, peaks=largest(signals), undetermined=motion.undetermined)
 
 
@@ -246,9 +274,19 @@ def _still(assembly: Assembly, schedule: Schedule) -> frozenset[str]:
     return frozenset(standing if moves else (joint.name for joint in assembly.mechanism.joints))
 
 
-def without_load_edges(side: Reference, m: Mechanism, time: np.ndarray) -> Reference:
-    """A side at times (N,) s flagged where loads begin or end: there rounding decides whether a simulation has them."""
+def without_edges(side: Reference, m: Mechanism, time: np.ndarray) -> Reference:
+    """A side at times (N,) s flagged where loads begin or end, or a damped stop is struck: there rounding decides
+    whether a simulation has them.
+    """
     flags: dict[int, str] = {}
+    for stop in m.stops:
+        joint = m.joint(stop.joint)
+        values = side.signals.get(position(joint).name) if stop.damping else None
+        near = AT_EDGE * (max(body.length for body in m.bodies) or 1.0 if joint.prismatic else 1.0)
+        for _, depth in stop.depths(values) if values is not None else ():
+            flags |= dict.fromkeys(
+                np.flatnonzero(np.abs(depth) < near).tolist(), f"joint {joint.name} comes to its stop here"
+            )
     for load in m.loads:
         values = m.load_values(load, side.signals, time) if load.over else None
         if load.start is None or load.end is None or values is None:
@@ -263,10 +301,16 @@ def without_load_edges(side: Reference, m: Mechanism, time: np.ndarray) -> Refer
     return _without({i: why for i, why in flags.items() if i not in side.flags}, side) if flags else side
 
 
-def _at_rest(side: Reference) -> Reference:
-    """A side whose bodies do not move: their rates are 0."""
-    rates = (Signal("rate", body, "angular_velocity").name for body in side.ideal_angles)
-    return replace(side, signals={**side.signals, **{name: np.zeros(side.signals[name].shape) for name in rates}})
+def _at_rest(side: Reference, m: Mechanism) -> Reference:
+    """A side whose bodies do not move: their rates, accelerations and powers are 0."""
+    known = named(m.bodies, m.joints, m.drives)
+    moves = [name for name in side.signals if (one := known[name]).on_request or one.kind == "rate"]
+    return replace(side, signals={**side.signals, **{name: np.zeros(side.signals[name].shape) for name in moves}})
+
+
+def _signals(answer: Displaced | Reactions, mechanism: Mechanism, rates: bool) -> dict[str, np.ndarray]:
+    """The signals (N,) of an analytic answer, with ``rates`` those on request too."""
+    return with_derived(answer.signals() | (answer.rates() if rates else {}), mechanism)
 
 
 def _axis(motion: Moving) -> np.ndarray:
@@ -297,27 +341,32 @@ def with_flexible_links(side: Reference, assembly: Assembly, schedule: Schedule)
     )
 
 
-def _let_go(assembly: Assembly, time: np.ndarray, start: Turning, errors: Turning | None) -> Reference:
+def _let_go(assembly: Assembly, time: np.ndarray, start: Turning, errors: Turning | None, rates: bool) -> Reference:
     """The analytic motion of a linkage of one crank at times (N,) s after its release, and how far what its start's
     ``errors`` leave open moves it.
     """
     angle, rate = float(start.theta[0]), float(start.omega[0])
-    side = _released(assembly, time, angle, rate)
-    known = named(assembly.mechanism.bodies, assembly.mechanism.joints, assembly.mechanism.drives)
-    squares: dict[str, np.ndarray] = {}
+    side = _released(assembly, time, angle, rate, rates)
     off = (0.0, 0.0) if errors is None else (float(errors.theta[0]), float(errors.omega[0]))
-    for other in ((angle + off[0], rate), (angle, rate + off[1])):
-        if other != (angle, rate):
-            for name, values in _released(assembly, time, *other).signals.items():
-                squares[name] = squares.get(name, 0.0) + known[name].apart(values, side.signals[name]) ** 2
+    others = [other for other in ((angle + off[0], rate), (angle, rate + off[1])) if other != (angle, rate)]
+    return left_open(side, [_released(assembly, time, *other, rates) for other in others], assembly.mechanism)
+
+
+def left_open(side: Reference, others: Iterable[Reference], mechanism: Mechanism) -> Reference:
+    """A side that is known as exactly as ``others`` leave it, each with another thing off by its rms error."""
+    known = named(mechanism.bodies, mechanism.joints, mechanism.drives)
+    squares: dict[str, np.ndarray] = {}
+    for other in others:
+        for name, values in other.signals.items():
+            squares[name] = squares.get(name, 0.0) + known[name].apart(values, side.signals[name]) ** 2
     return replace(side, unsure={name: np.nan_to_num(np.sqrt(total)) for name, total in squares.items()})
 
 
-def _released(assembly: Assembly, time: np.ndarray, angle: float, rate: float) -> Reference:
+def _released(assembly: Assembly, time: np.ndarray, angle: float, rate: float, rates: bool) -> Reference:
     motion = released(assembly, time, angle, rate)
     mechanism, reactions = assembly.mechanism, motion.reactions
     ideal = _angles(reactions.motion)
-    signals = with_derived(reactions.signals(), mechanism)
+    signals = _signals(reactions, mechanism, rates)
     rubbing = [joint.name for joint in mechanism.joints if joint.rubs]
     rubbing += [f"the load on {load.body}" for load in mechanism.loads if load.opposes]
     why = f"at rest, where nothing says how friction in {' and '.join(rubbing)} share what they hold"

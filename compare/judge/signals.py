@@ -3,16 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 
 from analytic.mechanism import Mechanism
-from analytic.mechanism.signals import AXES, Component, Signal, SignalKind, continued, driving, play
+from analytic.mechanism.signals import (
+    AXES,
+    Component,
+    Signal,
+    SignalKind,
+    continued,
+    driving,
+    moving,
+    play,
+    signals,
+    slipping,
+)
 
 ToleranceKind = Literal[
-    "angle", "magnitude", "displacement", "rotation", "torque", "force", "position", "place", "velocity"
-]
+    "angle", "magnitude", "displacement", "rotation", "torque", "force", "position", "place", "velocity", "speed",
+    "acceleration", "angular_acceleration", "power",
+]  # fmt: skip
 _KINDS: dict[tuple[SignalKind, Component], ToleranceKind] = {
     ("reaction", "angle"): "angle",
     ("reaction", "magnitude"): "magnitude",
@@ -27,11 +39,26 @@ _KINDS: dict[tuple[SignalKind, Component], ToleranceKind] = {
     ("pose", "x"): "place",
     ("pose", "y"): "place",
     ("rate", "angular_velocity"): "velocity",
+    ("velocity", "x"): "speed",
+    ("velocity", "y"): "speed",
+    ("acceleration", "x"): "acceleration",
+    ("acceleration", "y"): "acceleration",
+    ("acceleration", "angle"): "angular_acceleration",
+    ("joint_velocity", "angle"): "velocity",
+    ("joint_velocity", "travel"): "speed",
+    ("joint_acceleration", "angle"): "angular_acceleration",
+    ("joint_acceleration", "travel"): "acceleration",
+    ("power", "power"): "power",
     ("position", "angle"): "position",
     ("position", "travel"): "place",
     ("drive", "torque"): "torque",
     ("drive", "force"): "force",
 }
+
+LINE_OF: dict[ToleranceKind, ToleranceKind] = {  # a line of tolerances.toml is of both, each in its unit
+    "force": "torque", "power": "torque", "speed": "velocity", "angular_acceleration": "acceleration",
+}  # fmt: skip
+Values = TypeVar("Values")
 
 
 def kind_of(signal: Signal) -> ToleranceKind:
@@ -109,12 +136,10 @@ def _slides_freely(mechanism: Mechanism) -> bool:
 def recorded(mechanism: Mechanism, clearances: Iterable[str], given: Iterable[str]) -> tuple[Signal, ...]:
     """The signals on which a file of results is judged that has these: those of every run, and what else it gives.
 
-    A reaction's components are judged where the file has one of them alone; the angle of a body with a motor is not,
-    because the analytic side follows it.
+    A reaction's components are judged where the file has one of them alone; how a motor turns its crank is not, because
+    the analytic side follows it.
     """
-    names = set(given)
-    if mechanism.cranked and mechanism.motors:
-        names -= {f"{mechanism.driven}_{part}" for part in ("angle", "angular_velocity")}
+    names = set(given) - prescribed(mechanism)
     judged = [signal for signal in compared(mechanism, clearances) if signal.name in names]
     for joint in mechanism.joints:
         sides = [Signal("reaction", joint.name, axis) for axis in AXES]
@@ -124,4 +149,24 @@ def recorded(mechanism: Mechanism, clearances: Iterable[str], given: Iterable[st
         judged += [Signal("pose", body.name, axis) for axis in AXES if f"{body.name}_{axis}" in names]
         rate = Signal("rate", body.name, "angular_velocity")
         judged += [rate] if rate.name in names else []
+    judged += [signal for signal in _signals(mechanism) if signal.on_request and signal.name in names]
     return tuple(dict.fromkeys(judged))
+
+
+def prescribed(mechanism: Mechanism) -> frozenset[str]:
+    """Names of what a crank's motor says of it: its angle, its rate and its acceleration; of none that swings."""
+    if not (mechanism.cranked and mechanism.motors):
+        return frozenset()
+    crank, joint = mechanism.driven, mechanism.drive_joint
+    turning = [Signal("pose", crank, "angle"), Signal("rate", crank, "angular_velocity"), [*moving(crank)][-1]]
+    return frozenset(signal.name for signal in (*turning, *slipping(joint)))
+
+
+def only(values: Mapping[str, Values], mechanism: Mechanism, asked: Iterable[str]) -> dict[str, Values]:
+    """What is known by signal, of those on request what is ``asked`` for by name."""
+    idle = {signal.name for signal in _signals(mechanism) if signal.on_request} - set(asked)
+    return {name: value for name, value in values.items() if name not in idle}
+
+
+def _signals(mechanism: Mechanism) -> Iterator[Signal]:
+    return signals(mechanism.bodies, mechanism.joints, mechanism.drives)

@@ -18,7 +18,7 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.errors import describe
 from analytic.mechanism.reading import ReadingError, read_toml
 from analytic.paper.clearance import Model
-from compare.judge.signals import ToleranceKind, compared
+from compare.judge.signals import LINE_OF, ToleranceKind, compared
 from compare.results.contact import STATISTICS, StatisticName
 from sim_models.engine import ENGINES, JOINT_MODELS, MOTIONS, JointModel, Motion, scheme_of
 
@@ -63,7 +63,7 @@ def _table(name: str, fields: Iterable[str], value: type[BaseModel]) -> type[_To
     return create_model(name, __base__=_TolerancePart, **optional)
 
 
-_Lines = _table("_Lines", (kind for kind in get_args(ToleranceKind) if kind != "force"), Line)
+_Lines = _table("_Lines", (kind for kind in get_args(ToleranceKind) if kind not in LINE_OF), Line)
 _Models = _table("_Models", JOINT_MODELS, _Lines)
 _Statistics = _table("_Statistics", STATISTICS, Line)
 

@@ -16,6 +16,7 @@ from compare.questions.shared import (
     GivenTimes,
     Large,
     ModelOption,
+    MoreSignals,
     OneModel,
     PathFile,
 )
@@ -41,9 +42,10 @@ class AnalyseQuestion(Question):
     times: GivenTimes = None
     course: CourseFile = None
     path: PathFile = None
+    signals: MoreSignals = None
 
 
-class SimulateQuestion(Question):
+class RunQuestion(Question):
     """The run that an engine is to make."""
 
     mechanism: CaseOption = "paper"
@@ -59,7 +61,14 @@ class SimulateQuestion(Question):
     path: PathFile = None
 
 
-class ExportQuestion(SimulateQuestion):
+class SimulateQuestion(RunQuestion):
+    """The run that an engine is to make, and what is read of it."""
+
+    _: KW_ONLY
+    signals: MoreSignals = None
+
+
+class ExportQuestion(RunQuestion):
     """The run that an engine is to make without this project."""
 
     simulator: Annotated[

@@ -5,12 +5,12 @@ from dataclasses import KW_ONLY
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from compare.questions.option import ArgumentKind, File, Files, Option, Written
+from compare.questions.option import ArgumentKind, File, Files, NameList, Option, Written
 from compare.questions.question import Question
 from compare.questions.shared import AnyPath, ProgressOption
 
 if TYPE_CHECKING:
-    from compare.arguments import Linkage, Simulators
+    from compare.arguments import Linkage, Names, Simulators
     from compare.questions.check import Results
 
 BASELINES = Path("reports") / "baselines"
@@ -31,6 +31,14 @@ class BaselinesQuestion(Question):
     _: KW_ONLY
     results: Annotated[
         "Results | None", Option("Another program's results of the case in place of an engine's.", Files("FILE"))
+    ] = None
+    signals: Annotated[
+        "Names | None",
+        Option(
+            "Signals beside the reactions of runs that move, kept from then on: velocities, accelerations and"
+            " drive_power, by name, or all of them; of an update.",
+            NameList("NAME,..."),
+        ),
     ] = None
     map: Annotated[AnyPath | None, Option("What the columns of those results are.", File("FILE"))] = None
     progress: ProgressOption = None

@@ -22,11 +22,14 @@ from compare.questions.shared import (
 if TYPE_CHECKING:
     from analytic.mechanism.columns import Layout
     from compare.arguments import Simulators
+    from compare.diagnose.data.recording import Measured
     from compare.recorded.frames import Frame
     from sim_models.engine import JointModel, Motion
 
-    Results = AnyPath | Frame | Sequence[AnyPath] | Mapping[str, AnyPath | Frame]
-    """A file of results or a frame, several files, or several of both by the name of the program that wrote each."""
+    Results = AnyPath | Frame | Measured | Sequence[AnyPath] | Mapping[str, AnyPath | Frame]
+    """A file of results or a frame, several files, or several of both by the name of the program that wrote each; or
+    the runs of measured data, with their mechanism, loads and noise.
+    """
 
 
 class CheckQuestion(Question):

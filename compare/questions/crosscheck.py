@@ -16,6 +16,7 @@ from compare.questions.shared import (
     GivenTimes,
     Large,
     ModelOption,
+    MoreSignals,
     PathFile,
     ProgressOption,
     PythonWorkers,
@@ -55,6 +56,7 @@ class CrosscheckQuestion(Question):
     times: GivenTimes = None
     course: CourseFile = None
     path: PathFile = None
+    signals: MoreSignals = None
     analytic: ModelOption = "equilibrium"
     flexible: Annotated[bool, Option("Let bodies with youngs_modulus bend, in static motion.", Switch())] = False
     tolerances: ToleranceOption = None

@@ -26,6 +26,7 @@ TABLES = (
     "ripple",
     "periodic_torque",
     "spring",
+    "stop",
     "load",
     "tolerance",
 )

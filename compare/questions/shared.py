@@ -3,11 +3,23 @@
 from os import PathLike
 from typing import TYPE_CHECKING, Annotated
 
-from compare.questions.option import Angles, ByJoint, Choice, File, Listed, Option, Switch, Times, TomlTolerances, Whole
+from compare.questions.option import (
+    Angles,
+    ByJoint,
+    Choice,
+    File,
+    Listed,
+    NameList,
+    Option,
+    Switch,
+    Times,
+    TomlTolerances,
+    Whole,
+)
 
 if TYPE_CHECKING:
     from analytic.paper.clearance import Model
-    from compare.arguments import Linkage, Metres, Numbers, Simulators, ToleranceFile
+    from compare.arguments import Linkage, Metres, Names, Numbers, Simulators, ToleranceFile
     from compare.progress import Progress
     from sim_models.engine import JointModel, Motion
 
@@ -54,6 +66,13 @@ GivenTimes = Annotated[
     "Numbers | None", Option("Times (s), of several drives or of one that turns no crank.", Times("START:STOP:STEP"))
 ]
 CourseFile = Annotated[AnyPath | None, Option("Course of the drives: time and position_<joint> columns.", File("FILE"))]
+MoreSignals = Annotated[
+    "Names | None",
+    Option(
+        "Signals beside the usual ones: velocities, accelerations and drive_power, by name, or all of them.",
+        NameList("NAME,..."),
+    ),
+]
 PathFile = Annotated[
     AnyPath | None, Option("Path of a platform: time and its <body>_x, _y, _angle columns.", File("FILE"))
 ]

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analytic.mechanism import Mechanism
+from analytic.mechanism import Load, Mechanism, MechanismError
 from analytic.mechanism.columns import ColumnMeaning, Layout, readable
 from analytic.mechanism.one_line import shown
 from analytic.mechanism.signals import Signal
@@ -38,7 +38,7 @@ BRACKETS = re.compile(r"\[[^\[\]]*\]|\([^()]*\)")
 @dataclass(frozen=True)
 class Column:
     """A column: its signal, the unit as written and its factor to SI; ``place`` is its index in the file, ``meaning``
-    what a map makes of its readings.
+    what a map makes of its readings, and ``heading`` what the file calls it.
     """
 
     signal: Signal
@@ -46,6 +46,7 @@ class Column:
     factor: float
     place: int = 0
     meaning: ColumnMeaning | None = None
+    heading: str = ""
 
     @property
     def title(self) -> str:
@@ -76,11 +77,12 @@ class Headings:
     faults: tuple[str, ...]
     cells: tuple[str, ...]
     used: frozenset[str]
+    loads: tuple[Column, ...] = ()
 
     @property
     def all(self) -> list[Column]:
-        """The columns that are read, time first."""
-        return [self.time, *self.columns] if self.time else list(self.columns)
+        """The columns that are read, time first, loads last."""
+        return [*([self.time] if self.time else []), *self.columns, *self.loads]
 
 
 class Naming:
@@ -108,6 +110,14 @@ class Naming:
         """The entry of the map that a heading is, as written or but for its unit; None if there is none."""
         keys = (cell, cell.strip(), BRACKETS.sub("", cell).strip())
         return next((key for key in keys if key in self.layout.columns), None)
+
+    def unloadable(self, load: Load) -> str:
+        """Why the linkage cannot carry a load, in words; empty where it can."""
+        try:
+            self.mechanism.replace(loads=(load,))
+        except MechanismError as error:
+            return f"cannot act: {error}"
+        return ""
 
     def parted(self, cell: str) -> tuple[Signal | None, str, str | None]:
         """The signal of a heading, its name and its unit; None for what there is not."""
@@ -207,10 +217,11 @@ def read_headings(cells: Sequence[str], units: Mapping[int, str], names: Naming,
         elif column is not None:
             faults.append(column)
     if ignored:
-        notes.append(ignored_columns(ignored, "no signal of the linkage"))
+        notes.append(ignored_columns(ignored, "no signal of the linkage") + _of_a_load(ignored))
     faults += _twice(where, columns, cells, names)
     time = next((c for c in columns if c.signal == TIME), None)
-    others = tuple(c for c in columns if c.signal != TIME)
+    loads = tuple(c for c in columns if c.signal.kind == "load")
+    others = tuple(c for c in columns if c.signal.kind not in ("time", "load"))
     if timed and time is None and not faults:
         faults.append(f"{where}: has no column of time among {_listed(cells)}; add 'time [s]', or say which it is")
     if not others and not faults:
@@ -218,23 +229,29 @@ def read_headings(cells: Sequence[str], units: Mapping[int, str], names: Naming,
         what = f"none of {_listed(rest)} is a signal of {names.mechanism.name!r}" if rest else "has no column but time"
         remedy = f"say in [columns] which they are, such as {_examples(names)}"
         faults.append(f"{where}: {what}; is it the header? if so, {remedy if names.mappable else 'rename its columns'}")
-    return Headings(time, others, tuple(notes), tuple(faults), tuple(cells), frozenset(used))
+    return Headings(time, others, tuple(notes), tuple(faults), tuple(cells), frozenset(used), loads)
 
 
 def _mapped(
     at: str, place: int, cell: str, units: Mapping[int, str], names: Naming, entry: str, meaning: ColumnMeaning
 ) -> Column | str:
     """A column that the map has, or what is wrong with it."""
-    signal = names.signal(meaning.signal)
-    if signal is None:
+    signal = names.signal(meaning.signal) if meaning.signal is not None else None
+    if meaning.load is not None:
+        fault = names.unloadable(meaning.load)
+        if fault:
+            return f"{at}, {shown(cell)}: columns.{shown(entry)[1:-1]}.load {fault}"
+        signal = Signal("load", BRACKETS.sub("", cell).strip(), "force" if any(meaning.load.force) else "torque")
+    elif signal is None and meaning.signal is not None:
         near = names.nearest(meaning.signal)
         remedy = f"did you mean {near!r}" if near else f"the signals are {', '.join(names.known)}"
         return (
             f"{at}, {shown(cell)}: columns.{shown(entry)[1:-1]}.signal = {shown(meaning.signal)} is not a signal of"
             f" {names.mechanism.name!r}; {remedy}"
         )
+    assert signal is not None
     unit = meaning.unit if meaning.unit is not None else names.parted(cell)[2] or units.get(place, "")
-    return _column(at, place, signal, unit, meaning)
+    return _column(at, place, cell, signal, unit, meaning)
 
 
 def _named(at: str, place: int, cell: str, units: Mapping[int, str], names: Naming) -> Column | str | None:
@@ -243,7 +260,7 @@ def _named(at: str, place: int, cell: str, units: Mapping[int, str], names: Nami
         return f"{at} is {shown(cell)}; write 'signal [unit]', such as 'crank_angle [deg]'"
     signal, name, unit = names.parted(cell)
     if signal is not None:
-        return _column(at, place, signal, unit if unit is not None else units.get(place, ""), None)
+        return _column(at, place, cell, signal, unit if unit is not None else units.get(place, ""), None)
     near = names.nearest(name) if name else None
     if near is None:
         return None
@@ -254,14 +271,14 @@ def _named(at: str, place: int, cell: str, units: Mapping[int, str], names: Nami
     )
 
 
-def _column(at: str, place: int, signal: Signal, unit: str, meaning: ColumnMeaning | None) -> Column | str:
+def _column(at: str, place: int, cell: str, signal: Signal, unit: str, meaning: ColumnMeaning | None) -> Column | str:
     if "," in unit:
         return (
             f"{at}: unit {shown(unit)} has a comma: it looks as if the file has decimal commas; save it with decimal"
             f" points, in units too ({shown(unit.replace(',', '.'))})"
         )
     try:
-        return Column(signal, unit, factor(unit, dimension(signal)), place, meaning)
+        return Column(signal, unit, factor(unit, dimension(signal)), place, meaning, cell.strip())
     except UnitError as error:
         return f"{at}, {signal.name!r}, has {error}"
 
@@ -291,6 +308,12 @@ def _twice(where: str, columns: Sequence[Column], cells: Sequence[str], names: N
 def _own_and_alias(signal: str, mechanism: Mechanism) -> list[str]:
     """The names of a signal: its own and its alias."""
     return sorted(fold(name) for name in {signal, *ALIASES} if canonical(name, mechanism) == signal)
+
+
+def _of_a_load(cells: Sequence[str]) -> str:
+    """What one may say of the first of these columns that is a force or a torque; empty without one."""
+    push = next((cell.strip() for cell in cells for kind in ("force", "torque") if is_unit(unit_of(cell), kind)), None)
+    return "" if push is None else f"; if {shown(push)} acts on it, [columns] may say so: load = {{ body = ..., ... }}"
 
 
 def ignored_columns(cells: Sequence[str], what: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -12,8 +12,8 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import maximum_filter1d
 
 from analytic.beyond_paper.drive import Motor
-from analytic.kinematics.assembly import Assembly
-from analytic.kinematics.schedule import Schedule, Turning
+from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.kinematics.schedule import Knots, Schedule, Turning
 from analytic.mechanism import Mechanism
 from compare.judge.reference import SIGMAS
 from compare.recorded.smooth import Smoother
@@ -28,6 +28,7 @@ COURSE_MARGIN = 1e-6  # of a course's length, beyond its ends
 LEAST_SAMPLES = 5  # angles by which a course is known
 LEFT_BY_COURSE = 2.0  # times what positions are rounded to, that a smooth course through them may be off
 GAINS = 1.18, 6.0  # rms error of a cubic spline's derivatives at its knots, a step apart, for one of 1 in those
+PLACED_EXACTLY = 1e-9  # rad, m: a freedom that is assembled so near to where it is let go begins there
 NEIGHBOURS = 7  # samples around one, whose errors may be its own
 
 
@@ -88,12 +89,82 @@ class RecordedDrives:
 
 @dataclass(frozen=True)
 class ReleaseState:
-    """A state (rad, rad/s) from which a linkage is let go, how exactly it is known, whether its rate is recorded."""
+    """A state (rad, rad/s; of a slide m, m/s) from which a crank or a freedom is let go, how exactly it is known,
+    whether its rate is recorded, and its position.
+    """
 
     angle: float
     rate: float
     errors: tuple[float, float] = (0.0, 0.0)
     recorded: bool = False
+    placed: bool = True
+
+
+@dataclass(frozen=True)
+class RecordedRelease:
+    """A motion in which freedoms are let go as the table begins, by joint, beside drives on recorded courses (K,) s,
+    from its first instant on, and (K,) rad, m.
+    """
+
+    driven: RecordedDrives
+    start: Mapping[str, ReleaseState]
+    courses: Mapping[str, Knots]
+
+    @classmethod
+    def of(cls, driven: RecordedDrives, start: Mapping[str, ReleaseState]) -> RecordedRelease:
+        """The motion whose courses begin with the table."""
+        first, last, count = driven.time[0], driven.time[-1], max(FINER * driven.time.size, COURSE_KNOTS)
+        knots = np.linspace(0.0, (last - first) * (1 + COURSE_MARGIN), count)
+        courses = {name: (knots, one.course.at(first + knots).theta) for name, one in driven.drives.items()}
+        return cls(driven, start, courses)
+
+    @property
+    def schedule(self) -> Schedule:
+        """The schedule of its courses and rates, from the table's first instant on."""
+        rates = {name: state.rate for name, state in self.start.items()}
+        return replace(Schedule.along(self.courses, self.driven.time - self.driven.time[0]), rates=rates)
+
+    def inputs(self, assembly: Assembly) -> np.ndarray:
+        """The inputs (n_inputs, 1) as it begins."""
+        here = {name: np.array([state.angle]) for name, state in self.start.items()}
+        return assembly.inputs_at(here | {name: values[:1] for name, (_, values) in self.courses.items()})
+
+    def assembled(self, mechanism: Mechanism) -> Mechanism:
+        """The linkage assembled where it is let go.  Raises AssemblyError on the way there, and where a slide would
+        have to begin elsewhere than where the linkage is assembled.
+        """
+        assembly = Assembly(mechanism)
+        moved = mechanism.replace(assembly={**mechanism.assembly, **_placed(assembly, self.inputs(assembly))})
+        home = Assembly(moved).positions
+        for name, state in self.start.items():
+            if abs(home[name] - state.angle) > PLACED_EXACTLY + SIGMAS * state.errors[0]:
+                raise AssemblyError(
+                    f"{mechanism.name}: joint {name!r} slides freely from {state.angle:g} m on, and engines let it go"
+                    f" where the linkage is assembled, at {home[name]:g} m",
+                    remedy="leave simulators out, or move the joint's points in the mechanism file",
+                )
+        return moved
+
+    def others(self) -> Iterator[RecordedRelease]:
+        """The same with each thing that is not known exactly off by its rms error: where and how fast each freedom
+        begins, and each drive's course, by what its positions are rounded to and by how far apart they are.
+        """
+        for name, state in self.start.items():
+            where, fast = state.errors
+            for off in (replace(state, angle=state.angle + where), replace(state, rate=state.rate + fast)):
+                if off != state:
+                    yield replace(self, start={**self.start, name: off})
+        time, draw = self.driven.time, np.random.default_rng(0)  # one draw of roundings, the same every time
+        half = np.unique(np.append(np.arange(0, time.size, 2), time.size - 1))
+        for name, one in self.driven.drives.items():
+            (knots, values), at, rounded = self.courses[name], one.moving.theta, SIGMAS * one.errors.theta
+            noise = rounded * draw.uniform(-1.0, 1.0, time.size)
+            others = [(time, at + noise, rounded, 1.0)] if noise.any() else []
+            if half.size >= LEAST_SAMPLES:
+                others.append((time[half], at[half], rounded[half], 1.0 / SIGMAS))
+            for instants, seen, allowed, share in others:
+                course = followed_as_given(instants, seen, allowed).course.at(time[0] + knots).theta
+                yield replace(self, courses={**self.courses, name: (knots, values + share * (course - values))})
 
 
 def off_by(time: np.ndarray, rounded: np.ndarray, late: np.ndarray, rate: np.ndarray | float) -> np.ndarray:
@@ -172,9 +243,12 @@ def evenly(
 
 def released_from(mechanism: Mechanism, angle: float) -> Mechanism:
     """The linkage let go at this angle (rad) of its driven body: assembled there, with no motor."""
-    assembly = Assembly(mechanism)
-    u = assembly.coordinates(np.array([angle]))
-    s = assembly.structure
-    placed = {s.bodies[b]: float(u[i, 0] + s.held_at[b]) for i, c in enumerate(s.coordinates) for b in c.bodies if b}
+    placed = _placed(Assembly(mechanism), np.array([[angle]]))
     drive = {"joint": mechanism.drive_joint.name, "speed": "free", "periodic_torque": mechanism.periodic_torque}
     return mechanism.replace(assembly=placed | {mechanism.driven: angle}, drive=drive)
+
+
+def _placed(assembly: Assembly, inputs: np.ndarray) -> dict[str, float]:
+    """Angles (rad) of the bodies where the inputs are (n_inputs, 1)."""
+    u, s = assembly.coordinates(inputs), assembly.structure
+    return {s.bodies[b]: float(u[i, 0] + s.held_at[b]) for i, c in enumerate(s.coordinates) for b in c.bodies if b}

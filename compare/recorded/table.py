@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+from pydantic import ValidationError
 
-from analytic.mechanism import Mechanism
+from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.columns import ANY_LAYOUT, Layout
+from analytic.mechanism.errors import describe
 from analytic.mechanism.one_line import count, shown
 from analytic.mechanism.signals import starts_again, undirected, unwound
 from compare.recorded.errors import DataError
@@ -29,7 +31,7 @@ SHORTEST_STEP = 1e-12  # s, between two rows
 class Table:
     """``time`` (N,) s, strictly increasing, empty where there is none; ``values`` (N,) by signal in SI, NaN in an empty
     cell.  ``notes`` say what was made of the file, ``headings`` are all that it has, and ``used`` the entries of the
-    map among them.
+    map among them.  ``loads`` are columns (N,) that act: each as many times, or with as many N or N.m, as it says.
     """
 
     columns: tuple[Column, ...]  # time apart, which is the clock's
@@ -39,13 +41,45 @@ class Table:
     headings: tuple[str, ...] = ()
     used: frozenset[str] = frozenset()
     clock: Column | None = None
+    loads: tuple[tuple[Column, np.ndarray], ...] = ()
+    scatter: Mapping[str, float] = field(default_factory=dict)  # SI, by signal: how far readings are off at the most
+
+    def at(self, rows: slice | np.ndarray) -> Table:
+        """Some of its rows."""
+        values = {name: each[rows] for name, each in self.values.items()}
+        loads = tuple((column, each[rows]) for column, each in self.loads)
+        return replace(self, time=self.time[rows] if self.time.size else self.time, values=values, loads=loads)
+
+    def acting(self, file: str, time: np.ndarray) -> tuple[Load, ...]:
+        """The loads that a ``file``'s columns are over times (N,) s of its rows; over empty cells on straight lines.
+
+        Raises DataError for a column that is no load of these rows.
+        """
+        found = []
+        for column, values in self.loads:
+            here, at = np.isfinite(values), f"{file}: column {column.title!r}"
+            if np.sum(here) < MIN_ROWS:
+                raise DataError(f"{at} acts as a load and has {count(int(np.sum(here)), 'number')}; give {MIN_ROWS}")
+            order = np.argsort(time[here], kind="stable")
+            pairs = np.stack([time[here], values[here]], axis=1)[order]
+            assert column.meaning
+            assert column.meaning.load
+            fields = column.meaning.load.model_dump(by_alias=True, exclude_unset=True)
+            try:
+                found.append(Load.model_validate({**fields, "over": "time", "table": pairs.tolist()}))
+            except ValidationError as error:
+                raise DataError(f"{at} is no load over time: {'; '.join(describe(error, fields, Load))}") from None
+        return tuple(found)
 
     def rounding(self, signal: str) -> np.ndarray:
-        """By how much a signal (N,) may be off as its numbers are rounded, in SI; 0 for one that is not there."""
+        """By how much a signal (N,) may be off as its numbers are rounded, or scatter, in SI; 0 for one that is not
+        there.
+        """
         if signal not in self.values:
             return np.zeros(next(iter(self.values.values())).shape)
         column = next(c for c in self.columns if c.signal.name == signal)
-        return column.step * rounding(column.readings(self.values[signal]))
+        rounded = column.step * rounding(column.readings(self.values[signal]))
+        return np.maximum(rounded, self.scatter.get(signal, 0.0))
 
     def off(self, signal: str, exact: np.ndarray) -> float:
         """By how much a signal is off ``exact`` values (N,), SI, where that may be its last decimal; else 0.
@@ -151,14 +185,19 @@ def _table(name: str, headings: Headings, notes: Sequence[str], read: Rows, time
     values = {c.signal.name: numbers for c, numbers in zip(wanted, series, strict=True)}
     faults += _differing(name, read, wanted, series)
     faults += _out_of_range(name, read, wanted, values)
-    time = values.pop(TIME.name, np.zeros(0))
+    time, acting = values.pop(TIME.name, np.zeros(0)), tuple((c, values.pop(c.signal.name)) for c in headings.loads)
     if headings.time is not None and not faults:
         faults += _disorder(name, read, time, headings.time)
     if faults:
         raise DataError(*faults)
     remarks = [f"{name}: {note}" for note in headings.notes]
+    remarks += [
+        f"{name}: {c.title} acts as a load on {c.meaning.load.body}"
+        for c in headings.loads
+        if c.meaning and c.meaning.load
+    ]
     columns = tuple({c.signal.name: c for c in headings.columns}.values())
-    return Table(columns, time, values, (*notes, *remarks), headings.cells, headings.used, headings.time)
+    return Table(columns, time, values, (*notes, *remarks), headings.cells, headings.used, headings.time, acting)
 
 
 def unused(where: str, entry: str, headings: Sequence[str]) -> str:

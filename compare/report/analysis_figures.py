@@ -10,6 +10,7 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import Motion, kinematics
 from analytic.mechanism import GROUND
+from analytic.mechanism.signals import AXES
 from compare.quantities import drive_signals, number, quantities, shown
 from compare.report.figure import Axis, Figure, Numbers, Series, scaled
 from compare.report.peaks import (
@@ -19,6 +20,7 @@ from compare.report.peaks import (
     Erring,
     Of,
     acting,
+    on_request,
     over,
     parts_of,
     peaks,
@@ -28,6 +30,12 @@ from compare.report.peaks import (
 from compare.results.analysis import Analysis, Simulation
 
 ROLES = ("massless-link", "spring-damper", "contact", "ideal", "force-1", "analytic")  # six, apart in the dark too
+ASKED = {  # by unit the name and title of a figure
+    "m/s": ("asked_velocity", "Velocity, by component"),
+    "rad/s": ("asked_joint_velocity", "Velocity of joints"),
+    "m/s^2": ("asked_acceleration", "Acceleration, by component"),
+    "rad/s^2": ("asked_angular_acceleration", "Acceleration of angles"),
+}
 MOST = len(ROLES)  # curves of a figure
 Band = tuple[str, np.ndarray, np.ndarray]  # its name, lower and upper edge (N,)
 
@@ -37,7 +45,7 @@ def figures(result: Analysis | Simulation) -> list[Figure]:
     found = [*_reactions(result), *_drive(result), *_loads(result), *_vectors(result)]
     if isinstance(result, Analysis):
         found += [*error_figures(result), *transmission_figure(result)]
-    return [*found, *_positions(result), *_rates(result)]
+    return [*found, *_positions(result), *_rates(result), *_asked(result)]
 
 
 def curves(
@@ -295,6 +303,15 @@ def _rates(result: Analysis | Simulation) -> Iterator[Figure]:
         largest = max((float(np.max(np.abs(v))) for v in lines.values()), default=0.0)
         lines = {body: v for body, v in lines.items() if np.max(np.abs(v)) > NOTHING * largest}
         yield from _in_sixes(result, name, title, axis, lines)
+
+
+def _asked(result: Analysis | Simulation) -> Iterator[Figure]:
+    """The velocities and accelerations that were asked for, each unit by itself; power has its figure."""
+    names = on_request(result)
+    for unit, (name, title) in ASKED.items():
+        kinds = {s: result.kinds[s] for s in names if result.kinds[s].unit == unit}
+        of = {f"{k.place} {k.component}" if k.component in AXES else k.place: s for s, k in kinds.items()}
+        yield from _in_sixes(result, name, title, Axis(title.split()[0].lower(), unit), *_lines(result, of))
 
 
 def _moved(result: Analysis | Simulation) -> Motion | None:

@@ -26,7 +26,11 @@ def figures(summary: Summary) -> list[Figure]:
         return []
     drives = [name for name in drive_signals(summary.result.mechanism) if any(name in run.analytic for run in runs)]
     drawn = [reaction_directions(summary, joint) for joint in joints]
-    drawn += [both_sides(summary, name) for name in (*(f"reaction_{joint}_magnitude" for joint in joints), *drives)]
+    asked = [
+        s.name for s in summary.result.signals.values() if s.on_request and any(s.name in r.analytic for r in runs)
+    ]
+    forces = [f"reaction_{joint}_magnitude" for joint in joints]
+    drawn += [both_sides(summary, name) for name in (*forces, *drives, *asked)]
     drawn += [journal_path(summary, joint) for joint in joints if any(_has_path(run, joint) for run in runs)]
     if all(run.simulator.recorded for run in runs):  # a figure of what no file has would be of one side
         drawn = [figure for figure in drawn if any(series.mark == "marker" for series in figure.series)]

@@ -99,8 +99,8 @@ def peak(result: Analysis | Simulation, quantity: Quantity) -> Peak:
 
 
 def peaks(result: Analysis | Simulation) -> Iterator[Peak]:
-    """Of each joint's reaction, of what the drives give, of how bodies turn that do not turn round, and of slides;
-    nothing that is zero, or stays where it is, throughout.
+    """Of each joint's reaction, of what the drives give, of how bodies turn that do not turn round, and of slides, and
+    of what was asked for beside; nothing that is zero, or stays where it is, throughout.
     """
     mechanism, known = result.mechanism, quantities(result.mechanism)
     reactions = [f"reaction_{joint.name}_magnitude" for joint in mechanism.joints]
@@ -117,6 +117,12 @@ def peaks(result: Analysis | Simulation) -> Iterator[Peak]:
     for name in (*turning, *sliding):
         if _range(result, name) > NOTHING * scale[known[name].unit]:
             yield peak(result, known[name])
+    yield from (peak(result, known[name]) for name in on_request(result) if _size(result, name))
+
+
+def on_request(result: Analysis | Simulation) -> list[str]:
+    """The signals that a result holds because somebody asked for them."""
+    return [name for name, signal in result.kinds.items() if signal.on_request]
 
 
 def _size(result: Analysis | Simulation, name: str) -> float:

@@ -155,8 +155,8 @@ class Summary:
         ]
 
     def keys(self, all_joints: bool = False) -> list[Quantity]:
-        """The signals of a short table: the paper's own, for these joints or for all, what a file of results has, and
-        whatever disagrees.
+        """The signals of a short table: the paper's own, for these joints or for all, what a file of results has, what
+        was asked for, and whatever disagrees.
         """
         mechanism = self.result.mechanism
         joints = [j.name for j in mechanism.joints] if all_joints else self.joints
@@ -165,7 +165,9 @@ class Summary:
         more = {
             row.quantity.signal
             for run, row in rows
-            if row.verdict in ("disagrees", "unjudged") or run.simulator.recorded
+            if row.verdict in ("disagrees", "unjudged")
+            or run.simulator.recorded
+            or self.result.signals[row.quantity.signal].on_request
         }
         loose = any(shown.run.clearance for shown in self.runs)
         chosen = [s for s in key_signals(mechanism, joints, loose) if s in present]

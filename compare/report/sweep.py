@@ -1,20 +1,23 @@
-"""A sweep, shown: one table for a terminal, one figure of a panel for each kind of number, and the rows as CSV."""
+"""A sweep, shown: a page, one table for a terminal, one figure of a panel for each kind of number, the rows as CSV."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import Console
 
+from analytic.mechanism.model import as_written
 from analytic.mechanism.one_line import count
 from compare.presentation import Presentation
-from compare.quantities import plain, shown
+from compare.quantities import DASH, plain, shown
 from compare.report.analysis_figures import MOST, ROLES
 from compare.report.figure import Axis, Series, scaled
 from compare.report.figure import Figure as Drawing
+from compare.report.pages import PageSection, Script, figures_context, page, warnings_context
 from compare.report.svg import HEIGHT, WIDTH, draw, picture
 from compare.report.tables import html_table, say, terminal_table
 from compare.results.sweep import FieldValue, Sweep, SweptPoint
@@ -34,8 +37,32 @@ LONGEST_WHY = 60  # characters of a reason in a table
 
 
 def files(result: Sweep) -> dict[str, str]:
-    """The rows for other programs, and the figure."""
-    return {"sweep.csv": result.to_csv(), "sweep.svg": figure(result)}
+    """The page, the rows for other programs, and the figure."""
+    return {"sweep.html": _page(result), "sweep.csv": result.to_csv(), "sweep.svg": figure(result)}
+
+
+def _page(result: Sweep) -> str:
+    drawn, (heads, rows) = list(drawings(result)), table(result)
+    data = {"figures": [asdict(each) for each in drawn], "motion": None}
+    context = figures_context(drawn, {each.name: draw(each) for each in drawn}) | warnings_context(result.warnings)
+    context |= {
+        "result": result,
+        "fields": " and ".join(field.name for field in result.fields),
+        "headline": repr(result).removeprefix(f"Sweep({result.case}, ").removesuffix(")"),
+        "heads": heads,
+        "rows": rows,
+        "reasons": _reasons(result),
+        "assumed": (),
+        "mechanism": json.dumps(as_written(result.mechanism), indent=2, ensure_ascii=False),
+    }
+    return page(
+        f"{result.case} {DASH} sweep",
+        PageSection("sweep/header.html.j2", context),
+        [PageSection(name, context) for name in ("sweep/points.html.j2", "figures.html.j2", "provenance.html.j2")],
+        script=Script(("chart.js", "linkage.js", "mover.js"), data),
+        skip_to="the points",
+        footer=f"All values come from {result.file} beside this page, which needs no network.",
+    )
 
 
 # ---------------------------------------------------------------- the table
@@ -216,7 +243,14 @@ def plot(result: Sweep, figure: Figure) -> None:
 
 def figure(result: Sweep) -> str:
     """The same as SVG text, one panel below the other."""
-    x, drawings = scaled(places(result)), []
+    drawn = [draw(each) for each in drawings(result)]
+    body = [text.replace("<svg ", f'<svg y="{k * HEIGHT:g}" ', 1) for k, text in enumerate(drawn)]
+    return picture(WIDTH, HEIGHT * max(len(body), 1), f"{result.case} over {result.fields[0].name}", body)
+
+
+def drawings(result: Sweep) -> Iterator[Drawing]:
+    """Each panel as a figure of its own."""
+    x = scaled(places(result))
     for k, panel in enumerate(panels(result)):
         series = [
             Series(name, x, scaled(curve), role)
@@ -227,9 +261,7 @@ def figure(result: Sweep) -> str:
         field = result.fields[0]
         title = f"{result.case}: {panel.title}"
         axes = Axis(field.name, field.written_unit), Axis(panel.title, panel.unit)
-        drawings.append(draw(Drawing(f"sweep_{k}", title, f"Over {field.name}.", *axes, tuple(series))))
-    body = [text.replace("<svg ", f'<svg y="{k * HEIGHT:g}" ', 1) for k, text in enumerate(drawings)]
-    return picture(WIDTH, HEIGHT * max(len(body), 1), f"{result.case} over {result.fields[0].name}", body)
+        yield Drawing(f"sweep_{k}", title, f"Over {field.name}.", *axes, tuple(series))
 
 
 PRESENTATION = Presentation(summary_html, print_table, files, plot)

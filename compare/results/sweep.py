@@ -72,8 +72,8 @@ class Sweep(Document):
 
     file: ClassVar[str] = "sweep.json"
     remedy: ClassVar[str] = "give the sweep.json of a command with --set"
-    opens: ClassVar[str] = "sweep.svg"
-    opened: ClassVar[str] = "figure"
+    opens: ClassVar[str] = "sweep.html"
+    opened: ClassVar[str] = "page"
 
     case: Annotated[str, Field(description="Name of the mechanism.")]
     asks: Annotated[Asks, Field(description="What is asked at each point.")]

@@ -230,10 +230,23 @@ MEANING = {
     ("pose", "x"): "position of the body's marker (its centre of mass, unless the file says otherwise), ground frame",
     ("pose", "y"): "the same",
     ("rate", "angular_velocity"): "rate of the body's angle",
+    ("velocity", "x"): "on request: velocity of the body's marker, ground frame",
+    ("velocity", "y"): "the same",
+    ("acceleration", "x"): "on request: acceleration of the body's marker, ground frame; gravity is no part of it",
+    ("acceleration", "y"): "the same",
+    ("acceleration", "angle"): "on request: rate of the body's angular velocity",
+    ("joint_velocity", "angle"): "on request: rate of `position_<joint>`; of prismatic joints in m/s",
+    ("joint_velocity", "travel"): "on request: rate of `position_<joint>`",
+    ("joint_acceleration", "angle"): "on request: rate of `velocity_<joint>`; of prismatic joints in m/s^2",
+    ("joint_acceleration", "travel"): "on request: rate of `velocity_<joint>`",
     ("position", "angle"): "revolute joints: angle of the second body less the first's",
     ("position", "travel"): "prismatic joints: how far the second body's point is from the first's along the axis",
     ("drive", "torque"): "torque of the motor on the driven body; of several, each on its joint's second body",
     ("drive", "force"): "force of a motor that slides, on the joint's second body along the axis",
+    (
+        "power",
+        "power",
+    ): "on request: what all drives together give the linkage: torque or force times rate of the joint",
 }
 
 
@@ -254,10 +267,8 @@ def signals() -> str:
     rows: dict[str, list[str]] = {}
     own = module.signals(linkage.bodies, linkage.joints, linkage.drives)
     for signal in (*own, *module.driving(turning.motors), *module.driving(sliding.motors)):
-        of_joint = signal.kind in ("reaction", "clearance", "position", "drive")
-        name = (
-            _with_place(signal.name, signal.place, "<joint>" if of_joint else "<body>") if signal.place else signal.name
-        )
+        word = "<joint>" if signal.of_joint else "<body>"
+        name = _with_place(signal.name, signal.place, word) if signal.place else signal.name
         rows.setdefault(name, [f"`{name}`", signal.unit, MEANING[signal.kind, signal.component]])
     return table(["signal", "unit", "meaning"], list(rows.values()))
 
@@ -279,6 +290,7 @@ def mechanism_file() -> str:
         "ripple": "ripple of a drive",
         "periodic_torque": "periodic_torque of a drive",
         "spring": "`[[spring]]`",
+        "stop": "`[[stop]]`",
         "load": "`[[load]]`",
     }
     out = []

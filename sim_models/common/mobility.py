@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 
 import numpy as np
@@ -42,6 +43,32 @@ def mobility(
     return np.asarray(
         bare - between.T @ np.linalg.pinv(ties * free @ ties.T, rcond=SINGULAR_ROWS, hermitian=True) @ between
     )
+
+
+STOP_PHASE = 5e-3  # of what swings freely on a stop, in a step, at most
+STOP_DECAY = 1e-3  # of its rate that the stop's damper takes in a step: the square of it is what a rebound is off by
+
+
+def stop_step(m: Mechanism) -> float:
+    """Longest step (s) with which what swings freely strikes the stops of its joints; endless without stops."""
+    longest_step = math.inf
+    for joint in m.joints:
+        if joint.stops:
+            inertia, damping = joint_inertia(m, joint), sum(stop.damping for stop in joint.stops)
+            phase = STOP_PHASE * math.sqrt(inertia / joint.stiffest())
+            longest_step = min(longest_step, phase, STOP_DECAY * inertia / damping if damping else math.inf)
+    return longest_step
+
+
+def joint_inertia(m: Mechanism, joint: Joint) -> float:
+    """Inertia (kg.m^2; prismatic: kg) of a joint's two bodies in its own free motion, each about the joint and both
+    otherwise free: by what stops of the joint are stepped.
+    """
+    ease = 0.0
+    for body in (m.moving[name] for name in joint.bodies if name in m.moving):
+        arm = abs(body.point(MASS_CENTRE) - body.point(joint.name))
+        ease += 1 / (body.mass if joint.prismatic else body.moment_of_inertia + body.mass * arm**2)
+    return 1 / ease
 
 
 def _apart(m: Mechanism, bodies: Mapping[str, Pose], joint: Joint, aside: complex = 0j) -> np.ndarray:

@@ -221,18 +221,23 @@ class TracedLinkage:
 
     def kink(self, joint: Joint) -> np.ndarray:
         """Force (N,) N that a contact may have at another instant of the step in which its pin touches the rim, or
-        leaves it; 0 elsewhere.
+        leaves it, and the stops of a slide at another instant of any step; 0 elsewhere.
 
         There an engine may have solved the step with the one, and report the other.
         """
-        step = self.trace.step
+        step, limited = self.trace.step, np.zeros(self.count)
+        if joint.prismatic and joint.stops and self.moves:
+            along = -1j * self.across(joint)
+            apart = self.place(joint.bodies[1], joint.name) - self.place(joint.bodies[0], joint.name)
+            moving = [dot(along, self.slip(joint, of)) for of in (self.velocity, self.acceleration)]
+            limited = self._striking(joint, dot(along, apart), *moving)
         if (
             joint.name not in self.trace.clearance
             or self.trace.joint_model == "massless-link"
             or self.still
             or not step
         ):
-            return np.zeros(self.count)
+            return limited
         gap, guide = self.gap(joint), self.guide(joint)
         stiffness = contact_parameters(self.m, joint, self.request.motion).stiffness
         if guide is not None:  # of whichever corners
@@ -240,7 +245,7 @@ class TracedLinkage:
             spin = np.abs(self.spin(second) - self.spin(first))
             inwards = step * (np.abs(dot(self.across(joint), self.slip(joint))) + guide.length / 2 * spin)
             near = np.abs(guide.reach(dot(self.across(joint), gap), self.turned(joint)) - joint.clearance) <= inwards
-            return np.where(near, 2 * stiffness * inwards, 0.0)
+            return limited + np.where(near, 2 * stiffness * inwards, 0.0)
         inwards = step * np.abs(dot(gap, self.slip(joint))) / np.maximum(np.abs(gap), TINY)
         return np.where(np.abs(np.abs(gap) - joint.clearance) <= inwards, stiffness * inwards, 0.0)
 
@@ -254,11 +259,28 @@ class TracedLinkage:
             return self.signal(f"reaction_{joint.name}_moment"), np.zeros(self.count)
         first, second = joint.bodies
         rate = self.spin(second) - self.spin(first)
-        torque = joint.spring(self.angle(second) - self.angle(first)) + joint.damper(rate)
+        torque = joint.give(self.angle(second) - self.angle(first), 0.0 * rate if self.still else rate)
         known = np.abs(rate) > FADING * self.pace
         by_load = joint.load_friction(np.abs(self.reaction(joint)))
         dry = (joint.dry(rate) + by_load) * np.sign(rate)
-        return torque - np.where(known, dry, 0.0), np.where(known, 0.0, joint.stiction + by_load)
+        hidden = np.where(known, 0.0, joint.stiction + by_load)
+        if joint.stops:
+            hidden = hidden + self._striking(
+                joint, self.angle(second) - self.angle(first), rate, self.spin_up(second) - self.spin_up(first)
+            )
+        return torque - np.where(known, dry, 0.0), hidden
+
+    def _striking(self, joint: Joint, position: np.ndarray, rate: np.ndarray, rise: np.ndarray) -> np.ndarray:
+        """Torque or force (N,) that dampers of a joint's stops may have at another instant of a step: all of theirs
+        where it strikes them, and what its acceleration ``rise`` (N,) gives them in a step where they push.
+        """
+        step, unknown = self.trace.step or 0.0, np.zeros(self.count)
+        for stop in joint.stops:
+            for _, depth in stop.depths(position):
+                struck = np.abs(depth) <= 2 * np.abs(rate) * step
+                speed = np.where(struck, np.abs(rate), np.where(depth > 0, np.abs(rise) * step, 0.0))
+                unknown = unknown + stop.damping * speed
+        return unknown
 
     def driving(self) -> dict[str, np.ndarray]:
         """Torques (N,) N.m that motors, and what else turns a crank over its angle, exert on bodies.

@@ -18,7 +18,7 @@ import numpy as np
 
 from analytic.kinematics.schedule import Course, DriveMotion, Schedule, Steady
 from analytic.kinematics.structure import structure
-from analytic.mechanism import Body, Drive, Joint, Load, Mechanism, Spring
+from analytic.mechanism import Body, Drive, Joint, Load, Mechanism, Spring, Stop
 from analytic.mechanism.signals import named
 from analytic.mechanism.units import POWERS
 from analytic.mechanism.units import Powers as Dimension
@@ -87,6 +87,8 @@ PRISMATIC = {
     "rest_angle": LENGTH,
 }
 GUIDED = {name: dimension for name, dimension in PRISMATIC.items() if name != "friction"}  # a coefficient there
+STOP = {"stiffness": TORQUE_DIMENSION, "damping": (2, 1, -1)}
+SLIDE_STOP = {"start": LENGTH, "end": LENGTH, "stiffness": STIFFNESS, "damping": DAMPING}
 SPRING = {"stiffness": STIFFNESS, "length": LENGTH, "damping": DAMPING}
 SETTINGS = {
     "step": TIME_DIMENSION,
@@ -137,7 +139,7 @@ class Units:
             return {name: self.from_si(at, LENGTH) for name, at in of.items()}
 
         def fields(
-            part: Body | Joint | Drive | Load | Spring, dimensions: Mapping[str, Dimension]
+            part: Body | Joint | Drive | Load | Spring | Stop, dimensions: Mapping[str, Dimension]
         ) -> dict[str, object]:
             given = {
                 name: getattr(part, name)
@@ -180,6 +182,9 @@ class Units:
             joints=tuple(joint(j) for j in m.joints),
             drives=tuple(drive(d) for d in m.drives),
             springs=tuple(s.model_copy(update=fields(s, SPRING)) for s in m.springs),
+            stops=tuple(
+                s.model_copy(update=fields(s, SLIDE_STOP if m.joint(s.joint).prismatic else STOP)) for s in m.stops
+            ),
             loads=tuple(load_in(load) for load in m.loads),
             initial={
                 INITIAL + name: self.from_si(rate, SPEED_DIMENSION if m.joint(name).prismatic else RATE)

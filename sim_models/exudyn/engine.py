@@ -45,6 +45,7 @@ BEYOND: frozenset[Feature] = frozenset(
         "guide_clearance",
         "soft_bearing",
         "released",
+        "stop",
         "varying_load",
     }
 )  # of beams

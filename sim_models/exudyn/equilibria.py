@@ -80,7 +80,8 @@ class ExudynEquilibria:
         )
         check_stiff_enough("exudyn", self.request, theta, springs)
         rods = self._solve(self.rods, theta, self._taken_up(self.rods, ideal, theta), loads)
-        rates = {} if inertia is None else self._rates(theta, speed)
+        ways = {} if inertia is None else self._ways(theta, speed)
+        rates = {name: rate for name, (_, rate) in ways.items()}
         try:
             smooth = self._solve(self.real, theta, self._taken_up(self.real, rods, theta), loads)
         except SimulationError as error:
@@ -201,12 +202,15 @@ class ExudynEquilibria:
         slide = {}
         if moving and any(spring.damping for spring in m.springs):
             self._add_dampers(self.path.moving(theta, speed), force, torque)
-        rate = self._rates(theta, speed) if any(j.rubs or (moving and j.damped) for j in m.joints) else {}
+        damped = any(j.rubs or (moving and (j.damped or j.stops)) for j in m.joints)
+        ways = self._ways(theta, speed) if damped else {}
         for j in m.joints:
             law = 0.0
-            if rate:
-                slip = rate[j.name] if moving else 0.0
-                law = j.damper(slip) - j.dry(slip) * self._direction(j, rate[j.name])
+            if ways:
+                position, rate = ways[j.name]
+                slip = rate if moving else 0.0
+                law = j.damper(slip) - j.dry(slip) * self._direction(j, rate)
+                law += float(j.stop(position, slip) - j.stop(position, 0.0))
             if j.prismatic:
                 slide[j.name] = law
             else:
@@ -237,10 +241,8 @@ class ExudynEquilibria:
         creep = self.creep * (self.ideal.model.size if joint.prismatic else 1.0)
         return float(np.clip(rate / creep, -1.0, 1.0)) if creep else float(np.sign(rate))
 
-    def _rates(self, theta: float, speed: float) -> dict[str, float]:
-        """Relative angular velocity (rad/s), or speed along the slide (m/s), of every joint of the ideal linkage."""
+    def _ways(self, theta: float, speed: float) -> dict[str, tuple[float, float]]:
+        """Angle (rad) and rate (rad/s), or travel (m) and rate (m/s), of every joint of the ideal linkage."""
         moving = self.path.moving(theta, speed) | {GROUND: AT_REST}
-        rates = {}
-        for j in self.m.joints:
-            rates[j.name] = travel(self.m, j, *(moving[body] for body in j.bodies))[1]
-        return {name: 0.0 if abs(rate) < 1e-9 * abs(speed) else rate for name, rate in rates.items()}
+        ways = {j.name: travel(self.m, j, *(moving[body] for body in j.bodies)) for j in self.m.joints}
+        return {n: (at, 0.0 if abs(rate) < 1e-9 * abs(speed) else rate) for n, (at, rate) in ways.items()}

@@ -14,8 +14,10 @@ from typing import Any
 import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Load, Mechanism, Spring
+from analytic.mechanism.parts import TINY
 from analytic.mechanism.varying import Seen
 from sim_models.common.contact_laws import NamedLaw, bearing, contact_parameters, longest
+from sim_models.common.mobility import stop_step
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import travel
 from sim_models.engine import JointModel, Motion, Request
@@ -392,7 +394,7 @@ class ExudynModel:
         """
         moving = self.motion == "driven"
         damping, friction = (joint.damping, joint.coulomb) if moving else (0.0, 0.0)
-        nonlinear = joint.cubic or (moving and (joint.drag or joint.stribeck_speed))
+        nonlinear = joint.cubic or joint.stops or (moving and (joint.drag or joint.stribeck_speed))
         if joint.prismatic:
             if joint.has_law and joint.name not in self.blocks:
                 self._add_slide_law(joint, moving, bool(nonlinear or friction))
@@ -451,11 +453,17 @@ class ExudynModel:
         """A joint's law: by travel, rate, stiffness, damping and rest, what draws the second body back, symbolic."""
         symbolic, cubic = self.exu.symbolic, joint.cubic
         drag, friction = (joint.drag, joint.coulomb) if moving else (0.0, 0.0)
+        over = 2 * stop_step(self.m)  # s, in which a stop's damper sets in: see :meth:`Stop.push`
         excess, fades = (joint.stiction - joint.coulomb, joint.stribeck_speed) if moving else (0.0, None)
 
         def effort(travel: Any, rate: Any, k: Any, d: Any, rest: Any) -> Any:
             stretch = travel - rest
             force = k * stretch + d * rate
+            for stop in joint.stops:
+                for way, depth in stop.depths(travel):
+                    spring, damping = stop.stiffness * symbolic.max(depth, 0.0), stop.damping if moving else 0.0
+                    share = symbolic.min(symbolic.max(depth / (over * symbolic.abs(rate) + TINY) + 0.5, 0.0), 1.0)
+                    force = force - way * symbolic.max(spring - share * way * damping * rate, 0.0)
             if cubic:
                 force = force + cubic * stretch * stretch * stretch
             if drag:

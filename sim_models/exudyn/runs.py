@@ -14,7 +14,7 @@ from analytic.mechanism.signals import DRIVE_TORQUE, driving
 from sim_models.common.contact_laws import contact_parameters, lighter_mass
 from sim_models.common.failed_starts import who
 from sim_models.common.free_share import free_share
-from sim_models.common.mobility import corner_mass
+from sim_models.common.mobility import corner_mass, stop_step
 from sim_models.common.start import Pose, check_steps, substeps
 from sim_models.engine import JointModel, Request, Watched
 from sim_models.exudyn.equilibria import ExudynEquilibria
@@ -249,6 +249,8 @@ class ExudynRun(EngineRun):
             mass = min(m.moving[name].mass for name in spring.bodies if name in m.moving)
             if spring.stiffness:
                 steps.append(2 * math.pi * math.sqrt(mass / spring.stiffness) / STEPS_PER_SPRING)
+        if inertia is not None:
+            steps.append(stop_step(m))
         for name in (*self.request.bearings, *self.request.clearances):
             joint, stiffness = m.joint(name), linkage.model.stiffness(name)
             if name in self.request.clearances and self.request.joint_model == "massless-link":

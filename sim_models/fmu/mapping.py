@@ -166,6 +166,8 @@ class Map:
             if meaning == "ignore":
                 continue
             where = f"{self.path}: columns.{shown(column)}"
+            if meaning.signal is None:
+                raise FmuError(f"{where}: load is of recorded columns, and an FMU acts by itself; give its signal")
             if meaning.signal not in known:
                 raise FmuError(
                     f"{where}: signal {shown(meaning.signal)} is none of {mechanism.name};"

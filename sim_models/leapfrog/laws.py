@@ -26,6 +26,7 @@ class JointLaws:
         self.mechanism, self.static = m, static
         self.joints = [j for j in m.joints if j.has_law]
         self.sliding: dict[str, float] = {}
+        self.step = 0.0  # s, of the run
         zone = SLIDING_ZONE * (top_speed or FREE_SPEED)
         self.fades_below = {j.name: zone * (reach if j.prismatic else 1.0) for j in m.joints}
 
@@ -35,8 +36,8 @@ class JointLaws:
         """
         slip = self.slip(j, rate)
         if self.static:
-            return j.spring(position) - (j.stiction + j.load_friction(load)) * slip
-        return j.spring(position) + j.damper(rate) - (j.dry(rate) + j.load_friction(load)) * slip
+            return float(j.give(position, 0.0)) - (j.stiction + j.load_friction(load)) * slip
+        return float(j.give(position, rate, self.step)) - (j.dry(rate) + j.load_friction(load)) * slip
 
     def slip(self, j: Joint, rate: float) -> float:
         """The sign of a joint's sliding at its rate (rad/s, m/s), or a part of it where friction fades."""

@@ -172,6 +172,7 @@ class LeapfrogRun(EngineRun):
         if path.held and path.constant_speed:  # equal angles, at equal times
             times = np.round(times, 12)
         grid = world.grid = StepGrid.fitted(times, path.begin, longest, path.held, beyond)
+        world.laws.step = grid.step
         self.start(grid)
         tally = Tally(world, max(1, (grid.reported - grid.lead) // JOURNAL_SAMPLES))
         watch = LeapfrogWatch(world, grid) if request.watched else None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from sim_models.common.mobility import corner_mass
+from sim_models.common.mobility import corner_mass, stop_step
 from sim_models.leapfrog.block import LeapfrogBlock
 from sim_models.leapfrog.bodies import LeapfrogWorld
 from sim_models.leapfrog.parts import Pin
@@ -52,6 +52,8 @@ def longest_step(world: LeapfrogWorld, path: Path, peaks: Mapping[str, float]) -
         step = min(step, DRIVE_PHASE * world.flanks.quickest)
     elif world.drive_stiffness:
         step = min(step, DRIVE_PHASE * math.sqrt(drive_inertia(world, path.poses(path.begin)) / world.drive_stiffness))
+    if not path.held:
+        step = min(step, stop_step(world.mechanism))
     bodies = path.poses(path.begin) if world.loose or world.soft else {}
     for name, pin in world.pins.items():
         mass = pin_mass(world, pin.joint, bodies)

@@ -17,9 +17,10 @@ import mujoco
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
-from analytic.mechanism import GROUND, Joint
+from analytic.mechanism import GROUND, MASS_CENTRE, Joint
 from analytic.mechanism.parts import Body
 from analytic.mechanism.signals import driving
+from sim_models.common.rates import rate_columns
 from sim_models.common.start import AT_REST, Pose
 from sim_models.engine import Unsupported
 from sim_models.mjcf.compiled import AT_JOINT
@@ -34,6 +35,7 @@ from sim_models.run.path import assembled
 # made up for (Steering); a larger one MuJoCo's solvers, which measure by the forces that accelerate inertias, do not
 # solve with: at 1e6 they stop at once and leave reactions of a 3-RPR a hundredth off (Newton, tolerance 1e-8).
 MOTOR = 1e3
+FRAME = int(mujoco.mjtObj.mjOBJ_XBODY)
 EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 TENDON_FRICTION = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_TENDON)
 NO_SPRINGS, NO_DAMPERS = int(mujoco.mjtDisableBit.mjDSBL_SPRING), int(mujoco.mjtDisableBit.mjDSBL_DAMPER)
@@ -323,15 +325,44 @@ class TheirLinkage:
     def pose_of(self, name: str, body: Body, frames: Frames, velocity: np.ndarray) -> dict[str, float]:
         """Where a body is, and how fast it turns."""
         k = self.match.links[name]
-        link, frame, ground = self.planar.links[k], self.match.frames[name], self.match.frames[GROUND]
-        marker = link.centre if body.marker is None else frame.of(complex(*body.marker))
-        at = ground.back(frames.place(k, marker))
+        at = self.match.frames[GROUND].back(frames.place(k, self.marker(name, body)))
         return {
             f"{name}_x": at.real,
             f"{name}_y": at.imag,
             f"{name}_angle": self.zero[name] + float(self.spin[k] @ self.data.qpos),
             f"{name}_angular_velocity": float(self.spin[k] @ velocity),
         }
+
+    def marker(self, name: str, body: Body) -> complex:
+        """Where a body's marker is (m, frame of its link): the file's centre of mass, where it has no other."""
+        own = self.planar.links[self.match.links[name]].centre
+        return own if body.marker is None else self.match.frames[name].of(complex(*body.marker))
+
+    def rates(self, velocity: np.ndarray) -> dict[str, float]:
+        """The bodies' rates in the state in the data, as :mod:`sim_models.common.rates` calls them: MuJoCo's
+        accelerations at ``velocity`` (nv,), which is of the same instant as the positions.
+        """
+        m, d, found = self.model, self.data, np.zeros(6)
+        told, frames, weight = d.qvel.copy(), self.planar.frames(d), gravity(m)
+        d.qvel[:] = velocity
+        mujoco.mj_comVel(m, d)
+        mujoco.mj_rnePostConstraint(m, d)
+        out: dict[str, float] = {}
+        for name, body in self.mechanism.moving.items():
+            k = self.match.links[name]
+            root, spin = self.planar.links[k].root, float(self.spin[k] @ velocity)
+            arm = frames.place(k, self.marker(name, body)) - frames.origins[k]
+            mass_centre = (body.point(MASS_CENTRE) - body.point("com")) * cmath.exp(1j * frames.angles[k])
+            arm += self.match.frames[name].turn * mass_centre
+            mujoco.mj_objectVelocity(m, d, FRAME, root, found, 0)
+            speed = self.planar.plane.flat(found[3:]) + 1j * spin * arm
+            mujoco.mj_objectAcceleration(m, d, FRAME, root, found, 0)  # less gravity's
+            turning = float(self.planar.plane.normal @ found[:3])
+            push = self.planar.plane.flat(found[3:] + weight) + (1j * turning - spin**2) * arm
+            out |= rate_columns(name, self.to_ground(speed), self.to_ground(push), turning)
+        d.qvel[:] = told
+        mujoco.mj_comVel(m, d)
+        return out
 
     def parted(self) -> float:
         """How far (m) the pins of the loops' connects have come apart."""

@@ -178,7 +178,7 @@ class TheirRun(EngineRun):
             self.note()
             velocity = d.qvel + self.lag * d.qacc  # of the instant of the positions
             velocity[dofs] = steering.at(np.array([float(k)]), 1)[0]
-            rows[k] = self.link.signals(velocity)
+            rows[k] = self.link.signals(velocity) | self.link.rates(velocity)
         return grid.columns(rows)
 
     def check(self, time: float) -> None:

@@ -37,7 +37,7 @@ SITE = mujoco.mjtObj.mjOBJ_SITE
 
 def _curved(j: Joint) -> bool:
     """Whether a joint has a law that a tendon has no words for."""
-    return bool(j.cubic or j.drag or j.stribeck_speed)
+    return bool(j.cubic or j.drag or j.stribeck_speed or j.stops)
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,9 @@ class Passive:
             if joint.cubic or joint.drag:
                 rate, stretch = float(data.ten_velocity[t]), float(data.ten_length[t] - model.tendon_lengthspring[t, 0])
                 data.qfrc_passive[:] -= (joint.cubic * stretch**3 + joint.drag * abs(rate) * rate) * form
+            if joint.stops:
+                position = float(data.ten_length[t] - model.tendon_lengthspring[t, 0]) + joint.rest_angle
+                data.qfrc_passive[:] += joint.stop(position, float(data.ten_velocity[t]), model.opt.timestep) * form
         if self.periodic is not None:
             data.qfrc_passive[:] += self.periodic.at(self.angle + float(self.form @ data.qpos)) * self.form
         for site, push in self.pushes.items():

@@ -13,6 +13,7 @@ from analytic.kinematics.schedule import Steady
 from analytic.mechanism import Mechanism
 from sim_models.common.backlash import HOLDS, INSTANTS_FELT, Felt, Flanks, side
 from sim_models.common.free_share import free_share
+from sim_models.common.mobility import stop_step
 from sim_models.engine import Cause, Request, SettingValue, SimulationError
 from sim_models.mujoco.equilibrium import MujocoEquilibria
 from sim_models.mujoco.laws import contact_laws, law_settings
@@ -231,6 +232,8 @@ class MujocoRun(EngineRun):
         if top_speed := self.steering.top_speed or self.path.top_speed:
             turn = SECOND_ORDER_TURN if places else TURN_PER_STEP_BY_MODEL[self.request.joint_model]
             limits.append(turn / top_speed)
+        if not self.path.held:
+            limits.append(stop_step(self.mechanism))
         for name, law in list(self.laws.items()):
             ease = mobility(link, q, name)
             clearance = self.mechanism.joint(name).clearance

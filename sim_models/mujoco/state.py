@@ -323,10 +323,10 @@ def law_torque(link: MujocoLinkage, name: str, friction: Mapping[str, float]) ->
     """Spring, damper and friction of a joint on its second body (N.m or N)."""
     j = link.mechanism.joint(name)
     if name not in link.laws:  # nothing, or a spring that slides keep from turning
-        return 0.0 if j.prismatic else j.spring(link.fixed_angle[j.bodies[1]] - link.fixed_angle[j.bodies[0]])
+        return 0.0 if j.prismatic else float(j.give(link.fixed_angle[j.bodies[1]] - link.fixed_angle[j.bodies[0]], 0.0))
     m, d, t = link.model, link.data, link.laws[name]
     stretch = float(d.ten_length[t] - m.tendon_lengthspring[t, 0])
-    return friction.get(name, 0.0) + j.spring(stretch + j.rest_angle) + j.damper(float(d.ten_velocity[t]))
+    return friction.get(name, 0.0) + float(j.give(stretch + j.rest_angle, float(d.ten_velocity[t])))
 
 
 def _cross(a: complex, b: complex) -> float:
@@ -537,6 +537,7 @@ def stiffest_law(link: MujocoLinkage, q: np.ndarray, flanks: Flanks | None = Non
         stiffness = j.stiffness + 3 * abs(j.cubic) * (abs(stretch) + SWAY * (link.size if j.prismatic else 1.0)) ** 2
         falling = (j.stiction - j.coulomb) / j.stribeck_speed if j.stribeck_speed else 0.0
         damping = j.damping + 2 * j.drag * speed * (link.size if j.prismatic else 1.0) + falling
+        stiffness, damping = stiffness + j.stiffest(), sum((stop.damping for stop in j.stops), damping)
         laws.append((stiffness, damping, form))
     if link.description.compliant and not (flanks and flanks.rigid):
         laws.append((link.description.stiffness, 0.0, link.form[link.mechanism.driven]))

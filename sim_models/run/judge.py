@@ -168,6 +168,7 @@ class Judge:
             if j.springy:
                 stretch = record.position(m, j) - j.rest_angle
                 energy += j.stiffness / 2 * stretch**2 + j.cubic / 4 * stretch**4
+            energy += sum(stop.energy(record.position(m, j)) for stop in j.stops)
         if m.periodic_torque is not None:
             wave = m.periodic_torque
             energy += wave.amplitude / wave.harmonic * np.cos(wave.harmonic * record.angle[m.driven] + wave.phase)

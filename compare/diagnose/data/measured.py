@@ -19,17 +19,18 @@ import numpy as np
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.structure import StructureError
-from analytic.mechanism import Mechanism, MechanismError
+from analytic.mechanism import Load, Mechanism, MechanismError
 from analytic.mechanism.assumed import Assumed
 from analytic.mechanism.columns import Layout
 from analytic.mechanism.one_line import count, shown
 from analytic.mechanism.signals import undirected, unwound, wrapped
 from compare.diagnose.data.clipping import clipped
 from compare.diagnose.data.measured_file import Entry, Said, nominal, read_file, tolerances
-from compare.diagnose.data.quality import FLOOR, gaps, noise, outliers, unwrapped
-from compare.diagnose.data.recording import Channel, Drive, Fault, Measured, MeasuredError, MeasuredRun
+from compare.diagnose.data.quality import FLOOR, evened, gaps, noise, outliers, unwrapped
+from compare.diagnose.data.recording import Channel, Drive, Fault, Measured, MeasuredError, MeasuredRun, same_numbers
 from compare.diagnose.data.thin import frozen, held, missed, picked
 from compare.progress import progress_bar
+from compare.recorded.alternatives import less, swapped
 from compare.recorded.errors import DataError
 from compare.recorded.frames import FrameSource
 from compare.recorded.headings import TIME, Column, canonical
@@ -91,7 +92,7 @@ def recorded(
             read.append(_run(called, entry, mechanism, tables))
         except DataError as error:
             wrong += error.faults
-    wrong += tables.unused(called) if not wrong else []
+    wrong += tables.unused(called, file.runs) if not wrong else []
     if wrong:
         raise MeasuredError(*dict.fromkeys(wrong))
     return Measured(
@@ -125,19 +126,27 @@ class _Tables:
 
     def __init__(self, data: Callable[[str], Path | FrameSource], mechanism: Mechanism, layout: Layout) -> None:
         self._data, self._mechanism, self._layout = data, mechanism, layout
-        self._read: dict[str, Table] = {}
+        self._read: dict[tuple[str, str], Table] = {}
 
-    def __call__(self, file: str) -> Table:
-        """The table of a file.  Raises DataError."""
-        if file not in self._read:
-            self._read[file] = read_table(self._data(file), self._mechanism, self._layout)
-        return self._read[file]
+    def __call__(self, entry: Entry) -> Table:
+        """The table of a run's file, as the run's own columns mean it.  Raises DataError."""
+        key = entry.file, repr(entry.columns)
+        if key not in self._read:
+            columns = {**self._layout.columns, **entry.columns}
+            layout = self._layout.model_copy(update={"columns": columns})
+            self._read[key] = read_table(self._data(entry.file), self._mechanism, layout)
+        return self._read[key]
 
-    def unused(self, name: str) -> list[str]:
-        """A fault for each entry of [columns] that no file has."""
+    def unused(self, name: str, runs: Sequence[Entry]) -> list[str]:
+        """A fault for each entry of [columns] that no file has, and of a run's that its own has not."""
         used = {entry for table in self._read.values() for entry in table.used}
         headings = list(dict.fromkeys(heading for table in self._read.values() for heading in table.headings))
-        return [unused(f"{name}: ", entry, headings) for entry in self._layout.columns if entry not in used]
+        faults = [unused(f"{name}: ", entry, headings) for entry in self._layout.columns if entry not in used]
+        for run in runs:
+            table = self(run)
+            where = f"{name}: run {run.name!r}: "
+            faults += [unused(where, entry, table.headings) for entry in run.columns if entry not in table.used]
+        return faults
 
 
 def _run(called: str, entry: Entry, mechanism: Mechanism, tables: _Tables) -> tuple[MeasuredRun, list[Fault]]:
@@ -151,7 +160,7 @@ def _run(called: str, entry: Entry, mechanism: Mechanism, tables: _Tables) -> tu
     entry = entry.model_copy(update=meant)
     drive, speed, angle = _command(where, entry, mechanism)
     _check_fields(where, entry, mechanism, drive)
-    table = tables(entry.file)
+    table = tables(entry)
     for signal in entry.noise:
         if signal not in table.values:
             raise MeasuredError(
@@ -188,7 +197,7 @@ def _run(called: str, entry: Entry, mechanism: Mechanism, tables: _Tables) -> tu
         beside = f" besides {'its encoders' if len(followed) > 1 else 'the encoder'}" if followed else ""
         raise MeasuredError(f"{where}: {entry.file} has no usable signal{beside}{told}; add a sensor")
     if speed is not None and encoders[0] in channels:
-        _check_speed(where, entry.file, table.time, channels[encoders[0]], speed, angle or 0.0)
+        _check_speed(where, entry.file, table.time, channels, encoders[0], speed, angle or 0.0)
     start = _start(entry, mechanism, table.time, channels) if drive == "free" else {}
     run = MeasuredRun(
         entry.name,
@@ -198,12 +207,14 @@ def _run(called: str, entry: Entry, mechanism: Mechanism, tables: _Tables) -> tu
         speed,
         angle,
         start,
-        entry.loads,
+        _acting(where, entry, mechanism, table, drive),
         entry.from_rest,
         entry.file,
         entry.role,
+        table.clock,
     )
-    return _thinned(where, run, encoders, faults)
+    run, rounded = evened(run)
+    return _thinned(where, run, encoders, [*faults, *rounded])
 
 
 def _check_encoders(
@@ -318,14 +329,6 @@ def _check_fields(where: str, entry: Entry, mechanism: Mechanism, drive: Drive) 
                 f"{where}: load on {shown(applied.body)} has {applied.force} N and {applied.torque} N.m; give what is"
                 f" below {LARGEST_READING:g}"
             )
-    timed = next(
-        (load for load in (mechanism.loads if entry.loads is None else entry.loads) if load.over == "time"), None
-    )
-    if timed is not None:
-        raise MeasuredError(
-            f"{where}: the load on {shown(timed.body)} varies over time, and a diagnosis looks at what comes back with"
-            " each turn; give over = crank_angle, or leave the run out"
-        )
     states = [f"{body}_{part}" for body in mechanism.moving for part in ("angle", "angular_velocity")]
     for name in entry.start or {}:
         if name not in states:
@@ -346,6 +349,23 @@ def _check_fields(where: str, entry: Entry, mechanism: Mechanism, drive: Drive) 
         mechanism.replace(loads=entry.loads or ())
     except MechanismError as error:
         raise MeasuredError(f"{where}: {error}") from None
+
+
+def _acting(where: str, entry: Entry, mechanism: Mechanism, table: Table, drive: Drive) -> tuple[Load, ...] | None:
+    """The loads of a run: its own in place of the mechanism's, and columns that are loads beside them.  Raises
+    MeasuredError or DataError for one over time where nothing in a diagnosis can follow it.
+    """
+    recorded = table.acting(entry.file, table.time)
+    loads = (*(mechanism.loads if entry.loads is None else entry.loads), *recorded)
+    timed = next((load for load in loads if load.over == "time"), None)
+    springy = any(each.stiffness is not None or each.half_gap for each in mechanism.drives)
+    if timed is not None and (drive == "free" or springy):
+        why = "is free" if drive == "free" else "has a drive that yields"
+        raise MeasuredError(
+            f"{where}: {why}, and the load on {shown(timed.body)} varies over time, which a diagnosis follows in runs"
+            " behind a rigid motor; give over = crank_angle, or leave the run out"
+        )
+    return loads if recorded else entry.loads
 
 
 def _of_start(entry: Entry, mechanism: Mechanism) -> list[Fault]:
@@ -424,7 +444,8 @@ def _channel(
             f"scatters by {estimate / column.factor:.3g} {column.unit} from line to line, and a noise of"
             f" {given / column.factor:.3g} {column.unit} is given; the given one is used",
         )
-    return Channel(column.signal, frozen(values), given or estimate, given is not None, column.unit, isolated), faults
+    read = frozen(values), given or estimate, given is not None
+    return Channel(column.signal, *read, column.unit, isolated, column), faults
 
 
 def _gap_fault(run: str, time: np.ndarray) -> list[Fault]:
@@ -447,32 +468,57 @@ def _held(run: str, table: Table, encoder: str) -> tuple[Table, list[Fault]]:
         f" {count(lost.size, 'row')}"
         " without it are left out"
     )
-    return Table(table.columns, table.time[keep], {s: v[keep] for s, v in table.values.items()}), [
-        Fault(run, encoder, "absent", lost.size, text)
-    ]
+    return table.at(keep), [Fault(run, encoder, "absent", lost.size, text)]
 
 
-def _check_speed(where: str, file: str, time: np.ndarray, encoder: Channel, speed: float, angle: float) -> None:
+def _check_speed(
+    where: str, file: str, time: np.ndarray, channels: Mapping[str, Channel], name: str, speed: float, angle: float
+) -> None:
     """The encoder does not contradict the command by a clean factor, by a multiple, or by a large angle."""
-    here = np.flatnonzero(np.isfinite(encoder.values))
-    lag = max(1, here.size // 2)  # far apart, so that a coarse encoder has moved
-    found = float(
-        np.median((encoder.values[here[lag:]] - encoder.values[here[:-lag]]) / (time[here[lag:]] - time[here[:-lag]]))
-    )
+    encoder = channels[name]
+    found = _rate(time, encoder.values)
+    here = np.isfinite(encoder.values)
     away = float(np.median(wrapped(encoder.values[here] - angle - speed * time[here])))
     if abs(found / speed - 1) < 0.03 and abs(away) > ASTRAY:
-        text = f"{encoder.signal.name} in {file} is {math.degrees(away):.4g} deg ahead of its command throughout"
-        raise MeasuredError(f"{where}: {text}; check drive_angle = {angle:g} rad, which is the angle at time 0")
+        text = f"{name} in {file} is {math.degrees(away):.4g} deg ahead of its command throughout"
+        zero = "" if encoder.column is None else f", or, if its zero is elsewhere, say {less(encoder.column, away)}"
+        raise MeasuredError(f"{where}: {text}; check drive_angle = {angle:g} rad, which is the angle at time 0{zero}")
+    if (other := _instead(time, channels, name, speed)) and abs(found / speed - 1) > 0.03:
+        text = f"drive_speed = {speed:g} rad/s, and the numbers in {other} turn so, not those in {name}"
+        lines = ", ".join(swapped(channels[name].column, channels[other].column))
+        raise MeasuredError(
+            f"{where}: {text}: the columns look swapped in {file}; say columns = {{ {lines} }} in the run"
+        )
     for ratio, remedy in SLIPS.items():
         if abs(found / speed / ratio - 1) < 0.03:
             text = (
-                f"drive_speed = {speed:g} rad/s, but {encoder.signal.name} in {file} turns at {found:.5g} rad/s,"
+                f"drive_speed = {speed:g} rad/s, but {name} in {file} turns at {found:.5g} rad/s,"
                 f" {found / speed:.4g} times as fast"
             )
             raise MeasuredError(f"{where}: {text}; {remedy}")
     if not 1 / MULTIPLE < found / speed < MULTIPLE:
-        text = f"drive_speed = {speed:g} rad/s, but {encoder.signal.name} in {file} turns at {found:.5g} rad/s"
-        raise MeasuredError(f"{where}: {text}; put the one right that is wrong")
+        text = f"drive_speed = {speed:g} rad/s, but {name} in {file} turns at {found:.5g} rad/s"
+        twin = next((s for s, c in channels.items() if s != name and same_numbers(encoder, c)), None)
+        copy = f"{name} and {twin} are the same numbers, one column there twice: " if twin else ""
+        raise MeasuredError(f"{where}: {copy}{text}; put the one right that is wrong")
+
+
+def _rate(time: np.ndarray, values: np.ndarray) -> float:
+    """How fast values (N,) change with time (N,), from samples far apart, so that a coarse encoder has moved."""
+    here = np.flatnonzero(np.isfinite(values))
+    lag = max(1, here.size // 2)
+    return float(np.median((values[here[lag:]] - values[here[:-lag]]) / (time[here[lag:]] - time[here[:-lag]])))
+
+
+def _instead(time: np.ndarray, channels: Mapping[str, Channel], name: str, speed: float) -> str | None:
+    """The sensor whose column has numbers that turn at a speed (rad/s) as those in an encoder's column should."""
+    column = channels[name].column
+    for other, channel in channels.items():
+        if other != name and column is not None and channel.column is not None:
+            turned = channel.values * (column.factor / channel.column.factor)
+            if abs(_rate(time, turned) / speed - 1) < 0.03 and not same_numbers(channels[name], channel):
+                return other
+    return None
 
 
 def _start(entry: Entry, mechanism: Mechanism, time: np.ndarray, channels: Mapping[str, Channel]) -> dict[str, float]:

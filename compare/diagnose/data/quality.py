@@ -1,31 +1,29 @@
 """What a measured channel is worth: its noise, and the faults of sensors and recordings.
 
 Noise is what is left of a channel when its smooth part is taken out by divided differences, which are exact for any
-spacing of the samples.  A fault is found in one channel by itself; two that only a model can see, swapped columns and a
-wrong unit, are :func:`suspicious_swaps` and :func:`suspicious_units`.
+spacing of the samples.  A fault is found in one channel by itself; what only a model can
+see is :mod:`compare.diagnose.slips`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from itertools import combinations
+from dataclasses import replace
 
 import numpy as np
 
 from analytic.mechanism.signals import starts_again, turned_near
-from analytic.mechanism.units import OFFERED, QuantityKind, dimension, factor
 from compare.diagnose.data.recording import Fault, MeasuredRun
 from compare.recorded.quantum import quantum, stretches
+from compare.recorded.rounding import decimal
+from compare.recorded.text import MIN_ROWS
 
 ORDERS = (3, 4, 6, 8, 10)  # of differences, tried for the noise
 FLOOR = 1e-7  # of a channel's range: what a noise-free signal is taken to be good for
 SPIKE = 8.0  # sigmas of an outlier
 JUDGED = 12  # samples, at least, among which a spike is told
 GAP = 5.0  # median intervals
-TELLING = 5.0  # how much better another column's prediction must fit, and by how many sigmas the own one must fail
-REVERSED = "of the other sign"
-LIKE_UNIT = 0.03  # relative, by which a channel's slope on its prediction may miss a conversion of units
+SHOWN = 0.1  # of a sensor's noise, by which rounded stamps may move it unsaid: it makes half a percent of the noise
 
 
 def noise(time: np.ndarray, values: np.ndarray) -> float:
@@ -133,85 +131,43 @@ def unwrapped(angle: np.ndarray, command: np.ndarray | None = None) -> tuple[np.
     return out, int(np.sum(turn))
 
 
+def evened(run: MeasuredRun) -> tuple[MeasuredRun, list[Fault]]:
+    """A run whose time stamps are rounded so coarsely that a sensor shows it, at the even times that they are rounded
+    from, and that fault; as it is where they do not show, or are of no even times.
+    """
+    step, lines = decimal(run.time), np.arange(run.time.size)
+    if not step or lines.size <= MIN_ROWS:
+        return run, []
+    every, start = np.polyfit(lines, run.time, 1)
+    even = start + every * lines
+    unsure = 2 * step / math.sqrt(12) * 2 / math.sqrt(lines.size)  # two sigmas of a line's end through rounded stamps
+    off = run.time - even
+    if np.max(np.abs(off)) > step / 2 + unsure:
+        return run, []
+    moved = {name: _moved(run.time, off, channel.values) / channel.noise for name, channel in run.channels.items()}
+    signal = max(moved, key=lambda name: moved[name])
+    if moved[signal] < SHOWN:
+        return run, []
+    text = (
+        f"time of run {run.name!r} is rounded to {step:g} s, in which {signal} moves by {moved[signal]:.2g} times its"
+        f" noise (rms); its lines are {every:.9g} s apart within that, and are taken to be: write time with more digits"
+    )
+    even.flags.writeable = False
+    return replace(run, time=even), [Fault(run.name, "time", "stamps", lines.size, text)]
+
+
+def _moved(time: np.ndarray, off: np.ndarray, values: np.ndarray) -> float:
+    """By how much (rms) a signal (N,) moves in what its times (N,) are off."""
+    here = np.isfinite(values)
+    return float(np.sqrt(np.mean((np.gradient(values[here], time[here]) * off[here]) ** 2)))
+
+
 def gaps(time: np.ndarray) -> tuple[int, int, float]:
     """Number of gaps in time (N,) s, samples that are missing in them, and the longest (s)."""
     step = np.diff(time)
     usual = float(np.median(step))
     long = step[step > GAP * usual]
     return long.size, int(np.sum(np.round(long / usual) - 1)), float(np.max(long, initial=0.0))
-
-
-def suspicious_swaps(run: MeasuredRun, predicted: Mapping[str, np.ndarray]) -> list[Fault]:
-    """Pairs of channels each of which fits the other's prediction (N,), SI, far better than its own."""
-    faults = []
-    for a, b in combinations([s for s in run.channels if s in predicted], 2):
-        if dimension(run.channels[a].signal) != dimension(run.channels[b].signal):
-            continue
-        own = {s: _misfit(run, s, predicted[s]) for s in (a, b)}
-        other = {s: _misfit(run, s, predicted[t]) for s, t in ((a, b), (b, a))}
-        if all(own[s] > TELLING * max(other[s], run.channels[s].noise) for s in (a, b)):
-            samples = int(sum(np.sum(np.isfinite(run.channels[s].values)) for s in (a, b)))
-            text = (
-                f"{a} and {b} of run {run.name!r} each fit the other's prediction and not their own: the columns look"
-                f" swapped in {run.file}"
-            )
-            faults.append(Fault(run.name, a, "swapped", samples, text))
-    return faults
-
-
-def suspicious_units(run: MeasuredRun, predicted: Mapping[str, np.ndarray]) -> list[Fault]:
-    """Channels that are their prediction (N,), SI, times a conversion factor.
-
-    A reaction of the other sign is none of them: that is a load cell mounted upside down (sensor_frame).
-    """
-    faults = []
-    for signal, channel in run.channels.items():
-        here = np.flatnonzero(
-            np.isfinite(channel.values) & np.isfinite(predicted.get(signal, np.full(channel.values.shape, math.nan)))
-        )
-        if here.size < 3:
-            continue
-        kind = dimension(channel.signal)
-        found = looks(kind, channel.unit, predicted[signal][here], channel.values[here])
-        if found is not None and (kind, found[1]) != ("force", REVERSED):
-            slope, what = found
-            text = (
-                f"{signal} of run {run.name!r} is {slope:.4g} times its prediction: it looks {what}, but {run.file}"
-                f" says {channel.unit}"
-            )
-            faults.append(Fault(run.name, signal, "unit", here.size, text))
-    return faults
-
-
-def looks(kind: QuantityKind, unit: str, model: np.ndarray, measured: np.ndarray) -> tuple[float, str] | None:
-    """By what measured values (N,), read in this unit, are the model's (N,), and what they look, if that is a
-    conversion of this kind of quantity: in another unit, converted twice, or of the other sign.
-    """
-    if any(np.std(each) <= each.size * np.finfo(float).eps * np.abs(each).max() for each in (model, measured)):
-        return None  # constant, but for rounding
-    if abs(np.corrcoef(model, measured)[0, 1]) < 0.99:
-        return None
-    slope = float(np.polyfit(model, measured, 1)[0])
-    if abs(slope - 1) < LIKE_UNIT:
-        return None
-    others = [(each, factor(each, kind)) for each in (*OFFERED[kind], *("rev/s",) * (kind == "angular velocity"))]
-    read = factor(unit, kind)
-    conversions = {f"in {each}": read / size for each, size in others} | {REVERSED: -1.0}
-    if read == 1:
-        conversions |= {f"converted from {each} twice": size for each, size in others}
-    alike = (what for what, of in conversions.items() if abs(slope / of - 1) < LIKE_UNIT)
-    return next(((slope, what) for what in alike), None)
-
-
-def _misfit(run: MeasuredRun, signal: str, prediction: np.ndarray) -> float:
-    """Root mean square of a channel less a prediction, for angles modulo whole turns."""
-    residual = run.channels[signal].values - prediction
-    residual = residual[np.isfinite(residual)]
-    if residual.size == 0:
-        return 0.0
-    if run.channels[signal].signal.wraps:
-        residual = residual - turned_near(np.zeros(()), np.mean(residual))
-    return float(np.sqrt(np.mean(residual**2)))
 
 
 def _scale(d: np.ndarray) -> float:

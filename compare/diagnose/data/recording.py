@@ -18,6 +18,8 @@ from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal, named
 from compare.presentation import presentation
 from compare.recorded.errors import DataError
+from compare.recorded.headings import Column
+from compare.recorded.text import MIN_ROWS
 from compare.results.document import as_dataframe
 
 if TYPE_CHECKING:
@@ -37,7 +39,7 @@ class Fault:
     sentence.
 
     ``kind`` is clipped, outliers, constant, absent, noise, wrapped, course, rest (one signal), gap, thinned, columns,
-    start (the run, ``signal`` is ``time``), swapped or unit.
+    start, stamps (the run, ``signal`` is ``time``), or what :mod:`compare.diagnose.slips` finds.
     """
 
     run: str
@@ -52,7 +54,8 @@ class Channel:
     """One sensor in one run: ``values`` (N,) SI, NaN where absent or faulty, angles continued; ``noise`` is one sigma,
     SI, > 0.
 
-    ``noise_given`` says whether measured.toml gave it (else it is estimated); ``unit`` is the header's, for people.
+    ``noise_given`` says whether measured.toml gave it (else it is estimated); ``unit`` is the header's, for people;
+    ``column`` is the file's, where there is one.
     ``spikes`` (N,) are the readings that were left out as isolated spikes, NaN elsewhere: where pins strike, they are
     evidence.
     """
@@ -63,6 +66,7 @@ class Channel:
     noise_given: bool
     unit: str
     spikes: np.ndarray | None = None
+    column: Column | None = None
 
     @property
     def raw(self) -> np.ndarray:
@@ -80,14 +84,25 @@ class Channel:
         return f"Channel({self.signal.name}, {count(known, 'sample')}, noise {self.noise:.3g})"
 
 
+TWINS = 0.2  # of the smaller noise: two sensors never stay as near to each other, in MIN_ROWS samples or more
+
+
+def same_numbers(one: Channel, other: Channel) -> bool:
+    """Whether two columns have the same numbers: no two sensors have the same noise."""
+    a, b = (c.values / (1.0 if c.column is None else c.column.factor) for c in (one, other))
+    noise = min(c.noise / (1.0 if c.column is None else c.column.factor) for c in (one, other))
+    apart = np.abs(a - b)[np.isfinite(a - b)]
+    return apart.size >= MIN_ROWS and bool(apart.max() < TWINS * noise)
+
+
 @dataclass(frozen=True, repr=False)
 class MeasuredRun:
     """One recording: ``time`` (N,) s, strictly increasing, and channels by signal.
 
     ``speed`` (rad/s) and ``angle`` (rad, at time 0) are the command of a ``speed`` run, else None; ``start`` is the
     state at the first sample of a ``free`` one: what was given, and for the driven body at least an estimate.
-    ``loads`` replace the mechanism's; None keeps them.  A ``validation`` run is simulated and shown, and nothing is
-    fitted to it.
+    ``loads`` replace the mechanism's; None keeps them; ``clock`` is the file's column of time, where there is one.  A
+    ``validation`` run is simulated and shown, and nothing is fitted to it.
     """
 
     name: str
@@ -101,6 +116,7 @@ class MeasuredRun:
     from_rest: bool
     file: str
     role: Role = "fit"
+    clock: Column | None = None
 
     def __repr__(self) -> str:
         span = f"{self.time[-1] - self.time[0]:.3g} s" if self.time.size else "empty"

@@ -148,6 +148,12 @@ class ComOffset(Effect):
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (1e-3 * rig.length, 1e-3 * rig.length)
 
+    def lowest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
+        return -self.highest(rig, where)
+
+    def highest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
+        return np.full(2, body_of(rig.mechanism, where).length or rig.length)  # farther off is another body
+
     def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
         body = body_of(mechanism, where)
         return mechanism.with_body(
@@ -210,6 +216,12 @@ class LinkLength(Effect):
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (1e-5 * rig.length,)
 
+    def lowest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
+        return -self.highest(rig, where)
+
+    def highest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
+        return np.array([(body_of(rig.mechanism, where).length or rig.length) / 2])  # half of it more is another link
+
     def sense(self, mechanism: Mechanism, where: str) -> int:
         *others, last = (x for x, _ in body_of(mechanism, where).points.values())
         return 1 if last >= sum(others) / len(others) else -1  # drawn backwards, its end moves towards it
@@ -246,6 +258,12 @@ class PivotPosition(Effect):
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (1e-5 * rig.length, 1e-5 * rig.length)
+
+    def lowest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
+        return -self.highest(rig, where)
+
+    def highest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
+        return np.full(2, rig.length / 2)  # half of the longest link further is another rig
 
     def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
         points = dict(mechanism.ground.points)

@@ -29,7 +29,7 @@ class DriveCompliance(Reciprocal):
     parameters = (Parameter("stiffness", "N.m/rad", "stiffness", 0.0),)
 
     def places(self, rig: Rig) -> Sequence[str]:
-        return ["drive"] if rig.turning and not (rig.mechanism.drive and rig.mechanism.drive.stiffness) else []
+        return ["drive"] if rig.repeating and not (rig.mechanism.drive and rig.mechanism.drive.stiffness) else []
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (1e-5 / rig.torque,)
@@ -60,7 +60,7 @@ class SpeedRipple(Wave):
         return ["drive"] if set(rig.turning) - set(rig.following) and not uneven else []
 
     def variants(self, rig: Rig, where: str) -> Sequence[float]:
-        return [float(h) for h in HARMONICS]
+        return rig.told(HARMONICS)
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (1e-5, 1e-5)
@@ -93,7 +93,7 @@ class TorqueWave(Wave):
         return ["drive"] if rig.turning and rig.mechanism.periodic_torque is None else []
 
     def variants(self, rig: Rig, where: str) -> Sequence[float]:
-        return [float(h) for h in OF_TORQUE]
+        return rig.told(OF_TORQUE)
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (1e-3 * rig.torque, 1e-3 * rig.torque)
@@ -123,7 +123,7 @@ class DriveBacklash(Effect):
     parameters = (Parameter("half_gap", "rad", "angle", 0.0),)
 
     def places(self, rig: Rig) -> Sequence[str]:
-        return ["drive"] if rig.turning and not (rig.mechanism.drive and rig.mechanism.drive.half_gap) else []
+        return ["drive"] if rig.repeating and not (rig.mechanism.drive and rig.mechanism.drive.half_gap) else []
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (1e-4,)  # in smaller steps what lands a sample sooner would drown what the crank lags

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import ClassVar, Literal
@@ -39,6 +39,7 @@ def landing_in(signal: str) -> str:
     return f"{LANDING} in {signal}"
 
 
+SAME_PHASE = math.sqrt(1 - 0.1**2)  # correlation of two waves, from which a tenth of one is left beside the other
 STOPS = 73  # of a slide's travel, at which one looks where the joints are
 ROCKS = 6.0  # rad: a joint whose angle changes by more in a turn of the crank turns around
 
@@ -79,6 +80,14 @@ class Rig:
     noise: Mapping[str, float] = field(default_factory=dict)  # 1-sigma by signal
     recorded: Mapping[str, Sequence[str]] = field(default_factory=dict)  # signals by run, where not all are in all
     postures: Sequence[np.ndarray] = ()  # (k, STOPS) rad, m each: where the drives are in a run, of no crank
+    timed: bool = False  # whether a run has a load over time: what comes back with each turn, not all that it does
+    turned: Sequence[np.ndarray] = ()  # (N,) rad: where the crank is at the samples of a driven run, of each
+
+    def told(self, harmonics: Iterable[int]) -> list[float]:
+        """The harmonics of the crank's turn that the samples of some run tell from all lower ones: of one that is
+        sampled less than twice a period, which comes back at the same phases, they see another, or a constant.
+        """
+        return [float(h) for h in harmonics if not self.turned or any(_told(h, theta) for theta in self.turned)]
 
     @cached_property
     def encoders(self) -> tuple[str, ...]:
@@ -94,6 +103,11 @@ class Rig:
     def turning(self) -> Sequence[str]:
         """The driven runs, if a crank is turned in them: none of a slide or of several drives."""
         return self.driven if self.mechanism.cranked else ()
+
+    @property
+    def repeating(self) -> Sequence[str]:
+        """The driven runs of a crank, if each turn of all of them is as the one before."""
+        return () if self.timed else self.turning
 
     @cached_property
     def known(self) -> Mapping[str, Signal]:
@@ -180,6 +194,15 @@ class Hiding:
     need_beams: bool = False
     with_beams: bool = False
     sets: Literal["effects", "machines"] | None = "effects"
+
+
+def _told(harmonic: int, theta: np.ndarray) -> bool:
+    """Whether samples at angles (N,) rad tell a harmonic from all lower ones.  Two harmonics are the same to them that
+    differ, or add up, to one whose phase is always the same.
+    """
+    a_turn = 2 * math.pi / max(float(np.median(np.abs(np.diff(theta)))), 1e-300)
+    others = np.arange(math.ceil(a_turn - 1), 2 * harmonic + 1)
+    return not any(abs(np.exp(1j * n * theta).mean()) > SAME_PHASE for n in others)
 
 
 class Effect(ABC):
@@ -317,6 +340,10 @@ class Effect(ABC):
     def lowest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
         """Smallest physical natural coordinates, (n,)."""
         return np.array([p.lowest for p in self.parameters])
+
+    def highest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
+        """Largest physical natural coordinates, (n,)."""
+        return np.full(len(self.scales(rig, where, variant)), math.inf)
 
     # ---------------------------------------------------------------- tolerances
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from analytic.kinematics.schedule import Turning
-from analytic.mechanism.signals import AXES, Signal
+from analytic.mechanism.signals import AXES, Signal, wrapped
 from compare.diagnose.effects.effect import Draw, Effect, Growth, Hiding, Parameter, Readings, Rig, Values, Wave
 
 HARMONICS = range(1, 25)  # of an encoder's error over a turn
@@ -85,6 +85,10 @@ class EncoderOffset(EachRun):
     def _scale(self, rig: Rig, where: str) -> float:
         return 1e-5
 
+    def values(self, rig: Rig, where: str, x: np.ndarray, variant: float = 0.0) -> dict[str, float]:
+        within = wrapped(x) if rig.known[where].wraps else x  # a turn more is the same zero
+        return super().values(rig, where, within, variant)
+
     def on_readings(self, readings: Readings, run: str, where: str, values: Values) -> Readings:
         offset = self.value(run, values)
         return {**readings, where: readings[where] + offset} if offset and where in readings else readings
@@ -122,7 +126,7 @@ class EncoderHarmonic(Wave):
         return [rig.encoder] if rig.encoder in rig.signals and rig.mechanism.cranked else []
 
     def variants(self, rig: Rig, where: str) -> Sequence[float]:
-        return [float(h) for h in HARMONICS]
+        return rig.told(HARMONICS)
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (1e-5, 1e-5)

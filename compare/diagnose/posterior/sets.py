@@ -131,8 +131,8 @@ class Sets:
         return log, better
 
     def coefficients(self, chosen: Set) -> dict[int, np.ndarray]:
-        """By group, how much (k,) of its columns over their natural sizes a set has where it is most probable; nothing of
-        what would be negative and cannot be.
+        """By group, how much (k,) of its columns over their natural sizes a set has where it is most probable: nothing
+        of what would be negative and cannot be.
         """
         self.score(chosen)
         if not chosen:

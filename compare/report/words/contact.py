@@ -16,7 +16,7 @@ from compare.results.contact import (
 )
 from compare.results.crosscheck import CrossCheck
 
-WEAR = "integral of normal force times sliding over a revolution (Archard)"
+WEAR = "integral of normal force times sliding over a revolution, to which Archard's law has wear in proportion"
 RUBS = "at the rim of a pin of pin_radius, 10 mm where the mechanism gives none"
 FRICTION = f"energy that friction in the contact takes in a revolution, {RUBS}"
 RESTITUTION = "energy that the normal force takes in a revolution, less what the wall gives back"
@@ -68,7 +68,7 @@ MEASURES = {
         Measure("high_peak", "peak force, 9 of 10 below", "N", 1.0, "what nine in ten of these peaks stay below"),
         Measure("restitution_loss", "restitution loss", "mJ", 1e3, RESTITUTION),
         Measure("friction_loss", "friction loss", "mJ", 1e3, FRICTION),
-        Measure("wear", "force times sliding, for wear", "N·mm", 1e3, f"{WEAR}, {RUBS}"),
+        Measure("wear", "load times sliding distance", "N·mm", 1e3, f"{WEAR}, {RUBS}"),
         Measure("penetration", "penetration", "µm", 1e6, "deepest penetration in a revolution"),
         Measure("peak_ratio", "peak over ideal reaction", "", 1.0, PEAK_RATIO),
     )

@@ -21,6 +21,7 @@ from compare.diagnose.effects.effect import Effect, Values
 from compare.diagnose.effects.sensors import EncoderOffset, SensorBias, SensorFrame, SensorGain
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.files import output_folder, write_atomically
+from sim_models.common.rates import with_rates
 from sim_models.engine import SimulationError, engine, installed_version
 from tests.evidence.results.scoreboard import Recorder, TrueOutsider, Truth
 from tests.evidence.scoreboard.bench.sensors import filtered, history
@@ -96,7 +97,8 @@ def moved(hidden: Hidden, plan: Plan, time: np.ndarray) -> Mapping[str, np.ndarr
     """Every signal (N,) at times (N,) s, encoders on their motors, by the engine that makes the data."""
 
     def simulate(m: Mechanism, plan: Plan, time: np.ndarray, course: Course | None) -> Mapping[str, np.ndarray]:
-        return run(hidden.source, m, plan, time, course).signals
+        trace = run(hidden.source, m, plan, time, course)
+        return with_rates(m, trace, (s for s in hidden.experiment.noise if s not in trace.signals))
 
     motors = hidden.experiment.encoded(plan, time)
     if hidden.outside is not None:

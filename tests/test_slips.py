@@ -1,0 +1,134 @@
+"""Data that are not what they say are recognised, with a line that mends them; genuine effects are none of that."""
+
+from __future__ import annotations
+
+import math
+import re
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tomli_w
+
+from analytic.mechanism.file import load
+from compare.diagnose import slips
+from compare.diagnose.data.measured import load_measured
+from compare.diagnose.data.recording import Fault, MeasuredError
+from compare.diagnose.effects.bodies import ComOffset, LinkLength, PivotPosition
+from compare.diagnose.effects.effect import Rig
+from compare.diagnose.effects.sensors import EncoderHarmonic, EncoderOffset
+from compare.diagnose.problem import Options, Problem
+from diagnosis_rigs import experiment, played, turn, wrong
+from marks import slow_but
+from tests.evidence.scoreboard.rigs import Experiment
+from tests.evidence.scoreboard.sizes import Planted
+from tests.false_data import FalseData, make
+
+SEEDS = range(60)
+QUICK = (2, 4, 6, 13, 14, 15, 19, 24, 32)  # each kind, two of them in runs that follow their encoder
+GOOD = range(200, 220)
+
+
+def told(made: FalseData) -> list[Fault]:
+    """The faults of the data that a set's files are told to have."""
+    try:
+        found = load_measured(made.path)
+    except MeasuredError as error:
+        return [Fault("", "", "refused", 0, str(error))]
+    said = slips.as_faults(slips.driven(found, found.mechanism.rigid()), found.runs)
+    return [*said, *(fault for fault in found.faults if fault.kind == "stamps")]
+
+
+@pytest.mark.parametrize("seed", slow_but(QUICK, SEEDS))
+def test_what_data_are_not_is_told_with_its_sensors_and_runs(seed: int, tmp_path: Path) -> None:
+    made = make(seed, tmp_path)
+    faults = told(made)
+    assert {fault.kind for fault in faults} <= {made.kind, "refused"}
+    text = "; ".join(fault.text for fault in faults)
+    assert all(signal in text for signal in made.signals)
+    assert all(repr(run) in text or "every run" in text for run in made.runs)
+    assert "say " in text or made.kind == "stamps"
+
+
+@pytest.mark.parametrize("seed", slow_but((200, 204), GOOD))
+def test_data_with_nothing_false_are_not_refused(seed: int, tmp_path: Path) -> None:
+    assert told(make(seed, tmp_path, good=True)) == []
+
+
+@pytest.mark.parametrize("seed", slow_but((4, 14, 20), [3, 4, 7, 10, 14, 18, 20, 22, 25, 29, 34, 50]))
+def test_the_line_that_is_said_mends_the_data(seed: int, tmp_path: Path) -> None:
+    made = make(seed, tmp_path)
+    file = tomllib.loads(made.path.read_text(encoding="utf-8"))
+    for fault in told(made):
+        for line, where in re.findall(r"say (.*?) (under \[columns\]|in \[\[run\]\](?: and|, | '[^']*')*)", fault.text):
+            if where == "under [columns]":
+                for one in line.split(" and "):
+                    file.setdefault("columns", {}).update(tomllib.loads(one))
+            for run in file["run"]:
+                if repr(run["name"]) in where:
+                    run.update(tomllib.loads(line))
+    made.path.write_text(tomli_w.dumps(file), encoding="utf-8")
+    assert told(made) == []
+
+
+# ---------------------------------------------------------------- genuine effects
+
+RIG = experiment()
+FOLLOWS = experiment(turn("slow", 4.0, follows=True), turn("fast-reverse", -12.0, follows=True))
+OFF = math.radians(1.0)
+
+
+@pytest.mark.parametrize(
+    ("rig", "effect"),
+    [
+        (RIG, wrong("encoder_offset", "crank_angle", offset=OFF)),
+        (FOLLOWS, wrong("encoder_offset", "crank_angle", offset=10 * OFF)),
+        (RIG, wrong("encoder_harmonic", "crank_angle", amplitude=5e-3, harmonic=1.0, phase=0.4)),
+        (RIG, wrong("sensor_gain", "drive_torque", gain_error=0.02)),
+        (RIG, wrong("sensor_gain", "crank_angle", gain_error=0.002)),
+        (RIG, wrong("sensor_bias", "reaction_E_x", bias=2.0)),
+        (RIG, wrong("sensor_delay", "follower_angle", delay=0.01)),
+        (RIG, wrong("sensor_frame", "E", rotation=math.pi)),
+        (RIG, wrong("sensor_frame", "E", rotation=math.pi / 2)),
+        (RIG, wrong("clock_offset", "slow", offset=0.02)),
+        (RIG, wrong("speed_ripple", "drive", amplitude=5e-3, harmonic=1.0, phase=0.4)),
+        (RIG, wrong("link_length", "coupler", length_error=2e-3)),
+        (FOLLOWS, wrong("link_length", "follower", length_error=-5e-3)),
+        (RIG, wrong("external_force", "coupler", x=-10.0, y=60.0)),
+        (RIG, wrong("payload", "follower", mass=1.0, along=0.0, normal=0.0)),
+    ],
+    ids=lambda value: f"{value.name}@{value.where}" if isinstance(value, Planted) else "",
+)
+def test_a_genuine_effect_is_not_taken_for_data_that_are_not_what_they_say(rig: Experiment, effect: Planted) -> None:
+    found = played(rig, effect)
+    assert slips.driven(found, found.mechanism) == []
+
+
+# ---------------------------------------------------------------- what these samples cannot tell, and what cannot be
+
+
+@pytest.mark.parametrize(
+    ("a_turn", "turns", "most"),
+    [(10.0, 100.0, 4), (7.0, 30.0, 3), (20.0, 40.0, 9), (10.37, 100.0, 24), (360.0, 1.0, 24), (360.0, 0.1, 24)],
+)
+def test_a_wave_that_the_samples_of_a_turn_cannot_tell_is_no_candidate(a_turn: float, turns: float, most: int) -> None:
+    theta = 0.3 + 2 * math.pi / a_turn * np.arange(round(a_turn * turns))
+    rig = Rig(load("crank-rocker"), ("crank_angle",), ("a",), ("a",), turned=(theta,))
+    assert EncoderHarmonic().variants(rig, "crank_angle") == list(range(1, most + 1))
+
+
+def test_a_zero_is_within_half_a_turn() -> None:
+    effect = EncoderOffset()
+    rig = Rig(load("crank-rocker"), ("crank_angle",), ("a",), ("a",))
+    assert effect.values(rig, "crank_angle", np.array([-70.0]))["offset"] == pytest.approx(-70.0 + 22 * math.pi)
+
+
+def test_no_length_is_negative_and_no_centre_of_mass_far_from_its_body() -> None:
+    problem = Problem.of(played(RIG), RIG.nominal, Options("mujoco", others=False, workers=1))
+    for term in problem.terms:
+        low, high = problem.fitter.bounds(term)
+        if isinstance(term.effect, LinkLength):
+            assert high[0] == -low[0] <= problem.mechanism.moving[term.where].length / 2
+        if isinstance(term.effect, ComOffset | PivotPosition):
+            assert np.all(np.isfinite(low) & np.isfinite(high))
