@@ -224,7 +224,7 @@ def posterior_of(*truth: Planted, late: bool = False) -> Posterior:
 def diagnosed(*truth: Planted, tolerance: dict[str, float] | None = None, exclude: tuple[str, ...] = ()) -> Diagnosis:
     """What the posterior says of it from end to end."""
     measured = replace(played(experiment(*RUNS, sensors=NOISE), *truth), tolerance=tolerance or {})
-    options = Options("mujoco", exclude=exclude, others=False, workers=1, posterior=True)
+    options = Options("mujoco", exclude=exclude, others=False, workers=1)
     return diagnosis_of(measured, options)[0]
 
 
@@ -296,7 +296,7 @@ def test_a_gap_of_the_drive_is_told_beside_landings_that_nobody_foretells(tmp_pa
     hidden = replace(hidden, truth=(replace(hidden.truth[0], values={"half_gap": 2e-4}),))
     clean = [recorded(hidden, plan) for plan in hidden.experiment.plans]
     write_data(hidden, with_noise(hidden, clean, np.random.default_rng([hidden.seed, 0, 1])), tmp_path)
-    options = Options("mujoco", others=False, workers=1, posterior=True)
+    options = Options("mujoco", others=False, workers=1)
     (effect,) = diagnosis_of(load_measured(tmp_path / "measured.toml"), options)[0].effects
     assert effect.key == "drive_backlash@drive"
     assert effect.parameters["half_gap"].value == pytest.approx(2e-4, rel=0.02)

@@ -99,10 +99,7 @@ class Payload(Effect):
 
     def from_amounts(self, rig: Rig, where: str, amounts: np.ndarray, variant: float = 0.0) -> np.ndarray:
         m, a, n = self.scales(rig, where)
-        share = float(amounts[0])
-        if share <= 0 < amounts[3]:  # its mass does not show by itself, its first and second moments do
-            share = float(amounts[1] ** 2 + (n / a * amounts[2]) ** 2) / float(amounts[3])
-        share = max(share, *(LIGHT * np.abs(amounts[1:3])), LIGHTEST)
+        share = max(float(amounts[0]), *(LIGHT * np.abs(amounts[1:3])), LIGHTEST)
         return np.array([m * share, a * amounts[1] / share, n * amounts[2] / share])
 
     def other_start(self, rig: Rig, where: str, x: np.ndarray) -> np.ndarray | None:

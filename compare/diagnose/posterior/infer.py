@@ -201,9 +201,8 @@ class Inference:
             layers = self._explored(compressed, names, thorough)
             sets = layers[self.workmanship]
             likely = {compressed.groups[i].name for s in sets.known for i in s if sets.known[s] > sets.top - LIKELY}
-            own = tuple(i for i, group in enumerate(compressed.groups) if group.name in names)
-            candidates = [own, *self._candidates(sets, compressed)]
-            new = [c for c in dict.fromkeys(candidates) if self._named(compressed, c) not in self.weighed]
+            candidates = self._candidates(sets, compressed, names)
+            new = [c for c in candidates if self._named(compressed, c) not in self.weighed]
             for chosen in new:
                 self._weigh(compressed, sets, chosen, fit)
             if self.late() or k == ROUNDS - 1:
@@ -260,7 +259,9 @@ class Inference:
             kept: Mapping[Term, Sensitivity] = {}
             if self.surveyed is not None and not free:
                 kept = self.surveyed.signatures
-                about = [t for t in about if (*t.key, t.variant) in {name[:3] for name in likely} or t not in kept]
+                families = {self.prior.family(fit.terms[i]) for i in fit.named()}
+                about = [t for t in about if (*t.key, t.variant) in {name[:3] for name in likely}]
+                about = [t for t in about if self.prior.family(t) not in families]
             new = self._signatures(fit, about)
             self.surveyed = Surveyed(fit, {**kept, **new}, self._nameless(fit))
         data = self.plain.data
@@ -381,13 +382,19 @@ class Inference:
         errors += [unknown] if unknown is not None and unknown.size else []
         return data.beside(data.seen_beside(np.column_stack(errors))) if errors else data
 
-    def _candidates(self, sets: Sets, compressed: Compressed) -> list[Set]:
+    def _candidates(self, sets: Sets, compressed: Compressed, names: Names) -> list[Set]:
         """The best sets, which are to be fitted in full, beside the empty one and, of the best, those with a richer
-        form of an effect, of which a linear problem about another says little.
+        form of an effect, of which a linear problem about another says little; of a free motion, of which it says
+        little altogether, the one that it is about too.
         """
         sets.score(())
         best = sets.best(FITTED)
-        chosen = [*(s for s in best if sets.known[s] > sets.known[best[0]] - WITHIN), ()]
+        about = tuple(i for i, group in enumerate(compressed.groups) if group.name in names)
+        chosen = [
+            *([about] if self.base.terms else []),
+            *(s for s in best if sets.known[s] > sets.known[best[0]] - WITHIN),
+            (),
+        ]
         chosen += [] if sets.named(best[0]) else sets.best(FITTED, named=True)
         for i in best[0]:
             richer = [k for k, g in enumerate(compressed.groups) if self._enriches(g, compressed.groups[i])]

@@ -131,20 +131,13 @@ class Sets:
         return log, better
 
     def coefficients(self, chosen: Set) -> dict[int, np.ndarray]:
-        """By group, how much (k,) of its columns over their natural sizes a set has where it is most probable: nothing
-        of what would be negative and cannot be.
-        """
+        """By group, how much (k,) of its columns over their natural sizes a set has where it is most probable."""
         self.score(chosen)
         if not chosen:
             return {}
         solved = self.solved(chosen, self.widths[chosen])
         half = dtrtrs(solved.factor, solved.wanted[solved.at], lower=1)[0]
         mean = dtrtrs(solved.factor, half, lower=1, trans=1)[0]
-        never = np.concatenate([self.groups[i].positive for i in chosen]) & (mean < 0)
-        if never.any():
-            matrix = (solved.factor @ solved.factor.T)[np.ix_(~never, ~never)]
-            mean = np.zeros(mean.size)
-            mean[~never] = np.linalg.solve(matrix, solved.wanted[solved.at][~never])
         ends = np.cumsum([len(self.groups[i].at) for i in chosen])
         return dict(zip(chosen, np.split(mean, ends[:-1]), strict=True))
 
