@@ -13,6 +13,7 @@ from os import PathLike
 from pathlib import Path
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.initial import set_off
@@ -60,6 +61,7 @@ from compare.recorded.frames import FrameSource, frame_source, is_frame
 from compare.recorded.headings import Column
 from compare.recorded.motion import (
     LEAST_SAMPLES,
+    NEIGHBOURS,
     RecordedDrives,
     RecordedMotion,
     RecordedRelease,
@@ -507,6 +509,7 @@ def _analytic_side(
     moved = record.moved
     if isinstance(moved, RecordedRelease):
         side = left_open(side, (moved_as(replace(record, moved=other)) for other in moved.others()), mechanism)
+        side = replace(side, unsure={name: maximum_filter1d(off, NEIGHBOURS) for name, off in side.unsure.items()})
     side = without_edges(side, mechanism, record.schedule(mechanism, at_rest).time)
     return silenced(side, _standing(moved, mechanism)) if at_rest and isinstance(moved, RecordedDrives) else side
 

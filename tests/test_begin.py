@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -213,19 +214,28 @@ def test_a_slider_crank_in_revolutions_and_volts_of_another_zero(tmp_path: Path)
     }
 
 
-def test_a_load_cell_upside_down_is_asked_for(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("axes", "text"),
+    [
+        ("xy", "is about -1 times its prediction: is the load cell mounted upside down"),
+        ("x", "looks of the other sign: .* a diagnosis refuses it"),  # no cell is mounted so
+    ],
+)
+def test_a_load_cell_upside_down_is_asked_for(tmp_path: Path, axes: str, text: str) -> None:
     shutil.copytree(RIG, tmp_path / "rig")
-    text = (RIG / "measured.toml").read_text()
-    m = load(NOMINAL)
-    theta = np.linspace(0.2, 12.0, 300)
-    force = kinetostatics(kinematics(Assembly(m), theta, 6.0, 0.0)).signals()["reaction_A_x"]
-    noise = 0.01 * np.std(force) * np.random.default_rng(3).standard_normal(force.size)
-    columns = {"time [s]": (theta - 0.2) / 6.0, "crank_angle [rad]": theta, "reaction_A_x [N]": -force + noise}
+    said = (RIG / "measured.toml").read_text()
+    theta, rng = np.linspace(0.2, 12.0, 300), np.random.default_rng(3)
+    signals = kinetostatics(kinematics(Assembly(load(NOMINAL)), theta, 6.0, 0.0)).signals()
+    columns = {"time [s]": (theta - 0.2) / 6.0, "crank_angle [rad]": theta}
+    for axis in axes:
+        force = signals[f"reaction_A_{axis}"]
+        columns[f"reaction_A_{axis} [N]"] = -force + 0.01 * np.std(force) * rng.standard_normal(force.size)
     rows_of(tmp_path / "rig" / "up.csv", columns)
     run = '[[run]]\nname = "up"\nfile = "up.csv"\ndrive_speed = 6.0\ndrive_angle = 0.2\n'
-    (tmp_path / "rig" / "measured.toml").write_text(text[: text.index("[[run]]")] + run)
-    (fault,) = [fault for fault in lc.preview(tmp_path / "rig").faults if fault.kind == "sign"]
-    assert "is about -1 times its prediction: is the load cell mounted upside down" in fault.text
+    (tmp_path / "rig" / "measured.toml").write_text(said[: said.index("[[run]]")] + run)
+    faults = [fault for fault in lc.preview(tmp_path / "rig").faults if fault.kind == "sign"]
+    assert len(faults) == len(axes)
+    assert all(re.search(text, fault.text) for fault in faults)
 
 
 @pytest.mark.slow

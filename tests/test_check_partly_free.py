@@ -97,6 +97,15 @@ def test_rates_and_power_are_judged_beside_what_they_follow_from(tmp_path: Path)
     assert "acceleration_S" not in off  # of the drive, that goes as it does
 
 
+@pytest.mark.parametrize("decimals", [3, 4])
+def test_what_a_rounded_drive_leaves_open_is_allowed_and_no_more(decimals: int, tmp_path: Path) -> None:
+    rounded = {name: np.round(values, decimals) for name, values in on_a_cart(rates=True).items()}
+    assert checked(tmp_path, rounded, DRIVEN_CART).verdict == "agrees"
+    heavier = checked(tmp_path, rounded, DRIVEN_CART.with_body("bob", mass=0.63)).runs[0]
+    off = {each.signal for each in heavier.discrepancies if each.verdict == "disagrees"}
+    assert {"bob_angle", "drive_power"} <= off
+
+
 @pytest.mark.parametrize("late", [0.0, 3.0])
 @pytest.mark.parametrize("engine", [None, pytest.param("mujoco", marks=pytest.mark.mujoco)])
 def test_a_recorded_torque_acts_on_what_runs_free(engine: str | None, late: float, tmp_path: Path) -> None:

@@ -70,11 +70,13 @@ def _shown(data: Measured) -> Preview:
     base = begun(model, fitter)
     nominal = model([base.values(rig)])[0]
     assert nominal is not None  # the fit has been there
+    found = [*found, *of_data.free(data.runs, nominal)]
     slips: list[RecordingFault | SensorFault] = [
-        replace(slip, text=f"{slip.text}; a diagnosis refuses it")
-        for slip in of_data.as_faults([*found, *of_data.free(data.runs, nominal)], data.runs)
+        replace(slip, text=f"{slip.text}; a diagnosis refuses it") for slip in of_data.as_faults(found, data.runs)
     ]
-    slips += [turned for run, said in zip(data.runs, nominal, strict=True) for turned in _upside_down(run, said)]
+    known = {(slip.run.name, slip.signal) for slip in found}
+    turned = [each for run, said in zip(data.runs, nominal, strict=True) for each in _upside_down(run, said)]
+    slips += [each for each in turned if (each.run, each.signal) not in known]
     shown, hidden = _visible(data, model, courses, base)
     return Preview(
         case=mechanism.name,

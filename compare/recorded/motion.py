@@ -30,6 +30,7 @@ LEFT_BY_COURSE = 2.0  # times what positions are rounded to, that a smooth cours
 GAINS = 1.18, 6.0  # rms error of a cubic spline's derivatives at its knots, a step apart, for one of 1 in those
 PLACED_EXACTLY = 1e-9  # rad, m: a freedom that is assembled so near to where it is let go begins there
 NEIGHBOURS = 7  # samples around one, whose errors may be its own
+ROUNDINGS = 4  # draws of what positions are rounded to, by which is told how far that moves what runs free
 
 
 @dataclass(frozen=True)
@@ -154,12 +155,12 @@ class RecordedRelease:
             for off in (replace(state, angle=state.angle + where), replace(state, rate=state.rate + fast)):
                 if off != state:
                     yield replace(self, start={**self.start, name: off})
-        time, draw = self.driven.time, np.random.default_rng(0)  # one draw of roundings, the same every time
+        time, draw = self.driven.time, np.random.default_rng(0)  # the same every time
         half = np.unique(np.append(np.arange(0, time.size, 2), time.size - 1))
         for name, one in self.driven.drives.items():
             (knots, values), at, rounded = self.courses[name], one.moving.theta, SIGMAS * one.errors.theta
-            noise = rounded * draw.uniform(-1.0, 1.0, time.size)
-            others = [(time, at + noise, rounded, 1.0)] if noise.any() else []
+            noises = rounded * draw.uniform(-1.0, 1.0, (ROUNDINGS if rounded.any() else 0, time.size))
+            others = [(time, at + noise, 2 * rounded, ROUNDINGS**-0.5) for noise in noises]
             if half.size >= LEAST_SAMPLES:
                 others.append((time[half], at[half], rounded[half], 1.0 / SIGMAS))
             for instants, seen, allowed, share in others:
