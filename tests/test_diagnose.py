@@ -294,11 +294,11 @@ def test_a_run_that_is_proposed_is_read_back_with_its_loads(loads: tuple[Load, .
 
 @pytest.mark.slow
 def test_a_sensor_that_is_proposed_comes_with_the_noise_that_it_may_have() -> None:
-    """A pendulum's period has the ratio of its weight to its inertia; the force in its pivot has more."""
+    """A pendulum's period has the ratio of its moment of weight to its inertia; the force in its pivot has more."""
     believed = load("pendulum")
     real = believed.with_body("pendulum", inertia=1.05 * believed.bodies[0].moment_of_inertia)
     data = released(believed, real, {"pendulum_angle": 1e-3}, [(0.8, 0.0)], np.linspace(0, 2, 80))
-    effect = one(diagnosed(data, only=("moment_of_inertia", "gravity")))
+    effect = one(diagnosed(data, only=("moment_of_inertia", "com_offset")))
     assert effect["ambiguous_with"]
     assert effect["would_separate"].startswith("measure reaction_O_")
     assert "if its noise is" in effect["would_separate"]

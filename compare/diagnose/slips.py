@@ -583,7 +583,8 @@ class _Rates:
         after = _left(here, columns)
         spread, error = math.sqrt(after / here.size), _error(columns)
         sure, clear = abs(rate) > SURE * error * max(spread, 1.0), before > TELLING**2 * after
-        if not sure or not (clear or (spread < CLOSED and self._agreed(rate, here, columns, 2))):
+        closed = spread < CLOSED and before > TELLING**2 * here.size and self._agreed(rate, here, columns, 2)
+        if not sure or not (clear or closed):
             return None
         if not self._agreed(rate, here, columns, 1):
             return None

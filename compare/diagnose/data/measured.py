@@ -499,8 +499,14 @@ def _check_speed(
     if not 1 / MULTIPLE < found / speed < MULTIPLE:
         text = f"drive_speed = {speed:g} rad/s, but {name} in {file} turns at {found:.5g} rad/s"
         twin = next((s for s, c in channels.items() if s != name and same_numbers(encoder, c)), None)
-        copy = f"{name} and {twin} are the same numbers, one column there twice: " if twin else ""
-        raise MeasuredError(f"{where}: {copy}{text}; put the one right that is wrong")
+        if twin is None:
+            raise MeasuredError(f"{where}: {text}; put the one right that is wrong")
+        column = channels[name].column
+        heading = name if column is None else column.heading
+        raise MeasuredError(
+            f"{where}: {name} and {twin} are the same numbers, one column there twice: {text}; say"
+            f' "{heading}" = "ignore" under [columns] if that is the copy, or put the one right that is wrong'
+        )
 
 
 def _rate(time: np.ndarray, values: np.ndarray) -> float:
