@@ -33,18 +33,33 @@ ground = {{ points = {{ O = [0.0, 0.0], S = [0.0, 0.0] }} }}
 assembly = {{ crank = 3.141592653589793, rod = 0.0, piston = 0.0 }}
 drive = {{ joint = "O", speed = "free" }}
 initial = {{ velocity_O = {SPEED} }}
-body = [
-    {{ name = "crank", points = {{ O = [0.0, 0.0], A = [{CRANK}, 0.0] }}, mass = 200.0, com = [0.0, 0.0], inertia = {CRANK_INERTIA} }},
-    {{ name = "rod", points = {{ A = [0.0, 0.0], B = [{ROD}, 0.0] }}, mass = {ROD_MASS}, inertia = {ROD_INERTIA} }},
-    {{ name = "piston", points = {{ B = [0.0, 0.0], S = [0.0, 0.0] }}, mass = {PISTON_MASS}, com = [0.0, 0.0], inertia = 0.02 }},
-]
 joint = [
     {{ name = "O", type = "revolute", bodies = ["ground", "crank"] }},
     {{ name = "A", type = "revolute", bodies = ["crank", "rod"] }},
     {{ name = "B", type = "revolute", bodies = ["rod", "piston"] }},
     {{ name = "S", type = "prismatic", bodies = ["ground", "piston"], axis = [1.0, 0.0] }},
 ]
-"""  # noqa: E501 - a table a line
+
+[[body]]
+name = "crank"
+points = {{ O = [0.0, 0.0], A = [{CRANK}, 0.0] }}
+mass = 200.0
+com = [0.0, 0.0]
+inertia = {CRANK_INERTIA}
+
+[[body]]
+name = "rod"
+points = {{ A = [0.0, 0.0], B = [{ROD}, 0.0] }}
+mass = {ROD_MASS}
+inertia = {ROD_INERTIA}
+
+[[body]]
+name = "piston"
+points = {{ B = [0.0, 0.0], S = [0.0, 0.0] }}
+mass = {PISTON_MASS}
+com = [0.0, 0.0]
+inertia = 0.02
+"""
 PUSHED = Load(body="crank", torque=TORQUE)
 
 

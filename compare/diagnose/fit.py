@@ -94,10 +94,8 @@ class Space:
         self.terms = terms
         self.scale, self.low, self.high = joined(scales), joined([b[0] for b in limits]), joined([b[1] for b in limits])
         self.slow = joined([np.full(s.size, t.effect.slow) for s, t in zip(scales, terms, strict=True)]).astype(bool)
-        self.begins = joined(
-            [np.full(s.size, isinstance(t.effect, StartOfRun)) for s, t in zip(scales, terms, strict=True)]
-        )
-        self.begins = self.begins.astype(bool)
+        begins = [np.full(s.size, isinstance(t.effect, StartOfRun)) for s, t in zip(scales, terms, strict=True)]
+        self.begins = joined(begins).astype(bool)
         self.group = joined([np.full(size.size, k) for k, size in enumerate(scales)]).astype(int)
         self._edges = np.cumsum([s.size for s in scales])[:-1]
 
@@ -256,7 +254,7 @@ class Fitter:
         measured, parts = self.data.measured, self.data.parts
         for term in (t for t in space.terms if isinstance(t.effect, StartOfRun)):
             (k,) = (k for k, run in enumerate(measured.runs) if run.name == term.where)
-            for piece in pieces(measured.runs[k].time.size, max(int(term.variant), 1)):
+            for piece in pieces(measured.runs[k].time.size, StartOfRun.pieces(term.variant)):
                 touched = np.zeros(self.data.size, bool)
                 for part in (part for part in parts if part.run == k):
                     touched[part.place] = (part.used >= piece.start) & (part.used < piece.stop)

@@ -71,6 +71,11 @@ class StartOfRun(Effect):
     parameters = (Parameter("angle", "rad", "angle"), Parameter("rate", "rad/s", "rate"))
     sensor = True
 
+    @staticmethod
+    def pieces(variant: float) -> int:
+        """In how many pieces a run goes."""
+        return max(int(variant), 1)
+
     def places(self, rig: Rig) -> Sequence[str]:
         return [run for run in rig.runs if run not in rig.driven]
 
@@ -78,10 +83,10 @@ class StartOfRun(Effect):
         return False
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
-        return (1e-5, 1e-5 * rig.speed) * max(int(variant), 1)
+        return (1e-5, 1e-5 * rig.speed) * self.pieces(variant)
 
     def lowest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
-        return np.full(2 * max(int(variant), 1), -math.inf)
+        return np.full(2 * self.pieces(variant), -math.inf)
 
     def values(self, rig: Rig, where: str, x: np.ndarray, variant: float = 0.0) -> dict[str, float]:
         names = [f"{p.name}@{k}" if k else p.name for k in range(x.size // 2) for p in self.parameters]

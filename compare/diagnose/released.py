@@ -14,13 +14,14 @@ import numpy as np
 
 from compare.diagnose.fit import Fit, Fitter
 from compare.diagnose.noise import CLOSED, rms
+from compare.diagnose.posterior.compress import FORECAST
 from compare.diagnose.posterior.infer import Inference
-from compare.diagnose.predict import Term, pieces
+from compare.diagnose.predict import StartOfRun, Term, pieces
 from compare.diagnose.prepare import course
 from compare.diagnose.residuals import bridged
 
-NEAR = 0.24  # rad: a forecast to first order misses a motion that is off by so much by 12 % of it (FORECAST)
-LEAST = 4  # samples of a piece
+NEAR = 2 * FORECAST  # rad: of a motion that is off by so much, the second order is about half of that
+LEAST = 4  # samples of a piece: twice as many as its start has unknowns
 Starts = Mapping[Term, np.ndarray]
 
 
@@ -55,7 +56,7 @@ def longer(starts: Starts) -> Starts:
     """The starts of pieces twice as long."""
     found: dict[Term, np.ndarray] = {}
     for term, x in starts.items():
-        count = max(int(term.variant), 1) // 2
+        count = StartOfRun.pieces(term.variant) // 2
         if count < 1:
             found[term] = x
         else:

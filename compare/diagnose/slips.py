@@ -582,11 +582,8 @@ class _Rates:
             here, columns = self.beside(rate, angle)
         after = _left(here, columns)
         spread, error = math.sqrt(after / here.size), _error(columns)
-        sure, clear = abs(rate) > SURE * error * max(spread, 1.0), before > TELLING**2 * after
-        closed = spread < CLOSED and before > TELLING**2 * here.size and self._agreed(rate, here, columns, 2)
-        if not sure or not (clear or closed):
-            return None
-        if not self._agreed(rate, here, columns, 1):
+        sure, clear = abs(rate) > SURE * error * max(spread, 1.0), before > TELLING**2 * max(after, here.size)
+        if not (sure and clear and self._agreed(rate, here, columns)):
             return None
         return rate, error, math.sqrt(before / here.size), spread
 
@@ -596,19 +593,19 @@ class _Rates:
         columns = None if here is None else self.columns(rate, angle, here)
         return (np.zeros(1), np.zeros((1, 2))) if here is None or columns is None else (here, columns)
 
-    def _agreed(self, rate: float, residual: np.ndarray, columns: np.ndarray, least: int) -> bool:
-        """Whether no sensor that could tell a speed so much off tells another, and so many at ``least`` tell it."""
-        telling = 0
+    def _agreed(self, rate: float, residual: np.ndarray, columns: np.ndarray) -> bool:
+        """Whether some sensor tells a speed so much off, and none that could tell it another."""
+        telling = False
         for place in self.places.values():
             own, rest = columns[place][:, :2], residual[place]
             if rest.size <= own.shape[1]:
                 continue
             unsure = SURE * _error(own) * max(1.0, math.sqrt(_left(rest, own) / rest.size))
             if unsure < abs(rate):
-                telling += 1
+                telling = True
                 if abs(float(np.linalg.lstsq(own, -rest, rcond=None)[0][0])) > unsure:
                     return False
-        return telling >= least
+        return telling
 
 
 def _left(residual: np.ndarray, columns: np.ndarray) -> float:

@@ -15,8 +15,8 @@ from analytic.mechanism.signals import wrapped
 from compare.diagnose.data.recording import MeasuredRun
 from compare.diagnose.effects.effect import Rig
 from compare.diagnose.fit import Fit, Fitter, Predicts
-from compare.diagnose.inverse import read_backward
 from compare.diagnose.predict import Hypothesis, Impossible, Model, Term
+from compare.diagnose.propose.backward import read_backward
 from compare.diagnose.propose.laws import State
 from compare.diagnose.propose.places import EFFECTS, FAINT, Place
 from compare.diagnose.residuals import Data
