@@ -827,7 +827,7 @@ def test_a_sensor_with_a_zero_in_each_run_is_one_sentence_and_a_table(partly: di
     html = diagnosis_html(as_document(partly))
     assert "Each run has its own encoder zero, 1.7 deg too little to 3.6 deg too much." in html
     assert re.search(r'<tr><th scope="row">slow-reverse</th><td class="number">3\.600 deg</td>', html)
-    assert "Not applied to the validation runs, for which it has no value." in html
+    assert "In the validation runs it was not applied, as there is no value for it." in html
     lines = terminal_lines(as_document(partly))
     assert "missing: each run has its own encoder zero, 1.7 deg too little to 3.6 deg too much" in lines
 

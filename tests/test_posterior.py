@@ -22,7 +22,7 @@ from compare.diagnose.posterior.sets import LOOKED_AT, Sets
 from compare.diagnose.predict import Term
 from compare.diagnose.problem import Options, Problem
 from compare.diagnose.residuals import Data
-from compare.diagnose.sensitivities import candidates
+from compare.diagnose.sensitivities import candidates, sensitivities
 from compare.diagnose.workflow import diagnosis_of
 from compare.report.diagnosis_page import diagnosis_html
 from compare.report.words.effects import chance
@@ -252,6 +252,58 @@ def test_friction_beside_a_length_is_not_a_tare_in_each_run() -> None:
         assert variance is not None
         assert 1.96 * math.sqrt(variance) < 1.1 * ((math.inf if high is None else high) - (low or 0.0)) / 2
     assert "Its chance of being there: more than 999 in 1000." in diagnosis_html(result)
+
+
+def test_damping_that_falls_from_run_to_run_is_one_effect_with_a_value_for_each() -> None:
+    truth = dict(zip((plan.name for plan in experiment(*RUNS).plans), (0.12, 0.105, 0.09, 0.07), strict=True))
+    result = diagnosed(Planted("viscous_friction", "E", {f"damping@{run}": value for run, value in truth.items()}))
+    (effect,) = result.effects
+    assert (result.verdict, effect.key) == ("explained", "viscous_friction@E")
+    for run, value in truth.items():
+        estimate = effect.parameters[f"damping@{run}"]
+        assert estimate.value == pytest.approx(value, rel=0.05)
+        assert estimate.low is not None
+        assert estimate.high is not None
+        assert estimate.low < value < estimate.high
+    assert effect.repeats is not None
+    assert effect.repeats.trend == "falling"
+    assert result.statement.startswith(
+        "Viscous friction in joint E differs from run to run, 0.071 to 0.12 N·m·s/rad, falling."
+    )
+    mean = sum(estimate.value for estimate in effect.parameters.values()) / len(truth)
+    assert result.explained.joint("E").damping == pytest.approx(mean)
+
+
+@pytest.mark.slow
+def test_a_coupler_that_is_longer_in_every_run_and_friction_that_differs_are_told_with_their_values() -> None:
+    runs = [plan.name for plan in experiment(*RUNS).plans]
+    longer = {f"length_error@{run}": 5e-4 * k for k, run in enumerate(runs)}
+    (effect,) = diagnosed(Planted("link_length", "coupler", longer)).effects
+    assert (effect.key, effect.repeats and effect.repeats.trend) == ("link_length@coupler", "rising")
+    assert {n: p.value for n, p in effect.parameters.items()} == pytest.approx(longer, abs=2e-5)
+    uneven = {f"friction_torque@{run}": value for run, value in zip(runs, (0.06, 0.02, 0.12, 0.04), strict=True)}
+    truth = [Planted("coulomb_friction", "B", uneven), wrong("link_length", "follower", length_error=1e-3)]
+    result = diagnosed(*truth)
+    named = {effect.key: effect for effect in result.effects}
+    assert set(named) == {"coulomb_friction@B", "link_length@follower"}, result.statement
+    assert named["coulomb_friction@B"].repeats is not None
+    assert named["coulomb_friction@B"].repeats.trend == ""
+    assert named["link_length@follower"].repeats is None
+
+
+def test_what_differs_from_run_to_run_is_in_each_run_what_one_value_is_there() -> None:
+    measured = played(experiment(*RUNS, sensors=NOISE))
+    problem = Problem.of(measured, four_bar(), Options("mujoco", others=False, workers=1))
+    friction = VOCABULARY["coulomb_friction"]
+    one, each = Term(friction, "B"), Term(friction, "B", 1.0)
+    columns = sensitivities(problem.fitter, problem.base, [one, each])
+    runs = np.zeros((problem.data.size, len(measured.runs)))
+    for part in problem.data.parts:
+        runs[part.place, part.run] = 1.0
+    np.testing.assert_allclose(columns[each].columns, columns[one].columns * runs, atol=1e-9)
+    values = {f"friction_torque@{run.name}": float(k) for k, run in enumerate(measured.runs)}
+    assert friction.in_run(values, measured.runs[1].name) == {"friction_torque": 1.0}
+    assert friction.in_run(values, "another run") == friction.in_run(values) == {"friction_torque": 1.5}
 
 
 @pytest.mark.slow

@@ -30,12 +30,13 @@ from compare.diagnose.fit import Fitter
 from compare.diagnose.predict import Term
 from compare.diagnose.problem import Options, Problem
 from compare.faults import Exit, OptionError
-from compare.results.diagnosis import Closing, Diagnosis, Effect, Proposed, SamePlace, Unknown
+from compare.results.diagnosis import Closing, Diagnosis, Effect, EffectSet, Proposed, SamePlace, Unknown
 from compare.results.document import DocumentError
 from diagnosis_rigs import SENSORS
 from document_faults import faults
 from marks import slow, slow_but
 from sim_models.engine import engine
+from tests.evidence.pages.scoreboard import reliability
 from tests.evidence.results.scoreboard import (
     HiddenSet,
     Kind,
@@ -730,10 +731,37 @@ def test_the_page_lists_what_fell_short_with_its_seed_and_the_figure_is_drawn() 
     assert "<svg" in files["sizes.svg"]
 
 
+def test_probabilities_are_held_against_how_often_they_are_right() -> None:
+    sets = [
+        EffectSet(effects=("@".join(BIAS),), probability=0.75),
+        EffectSet(effects=("@".join(BIAS), "@".join(GAIN)), probability=0.2),
+        EffectSet(effects=("rest",), probability=0.05),
+    ]
+    sure = said((BIAS, [])).model_copy(update={"sets": tuple(sets)})
+    claimed = {c.effect: (c.probability, c.right) for c in score(sure, truth(BIAS)).claims}
+    assert claimed == {"@".join(BIAS): (pytest.approx(0.95), True), "@".join(GAIN): (pytest.approx(0.2), False)}
+    assert score(sure, truth(kind="unnamed")).claims == ()  # what has no name cannot be right
+    right, wrong = (
+        score(sure, truth(each)).model_copy(update={"seed": seed, "parameters": ()})
+        for seed, each in enumerate((BIAS, GAIN))
+    )
+    found = board([right] * 8 + [wrong] * 2)
+    assert reliability([c for r in found.results for c in r.claims]) == [
+        (pytest.approx(0.2), 2, 10),
+        (pytest.approx(0.95), 8, 10),
+    ]
+    (row,) = [row for row in found.thresholds if row.what.startswith("right of what is claimed")]
+    assert (row.count, row.of, row.met) == (8, 10, False)
+    files = found.files()
+    assert "| 0.950 | 10 | 8 | 0.800 (0.49 to 0.94) |" in files["README.md"]
+    assert "<svg" in files["reliability.svg"]
+
+
 def test_the_committed_board_is_written_again_as_it_is() -> None:
     found = read(Scoreboard, REPORTS)
     files = found.files()
-    assert set(files) == {"scoreboard.json", "README.md", "sizes.svg"}
+    drawn = {"reliability.svg"} if any(r.claims for r in found.results) else set()
+    assert set(files) == {"scoreboard.json", "README.md", "sizes.svg"} | drawn
     for name, text in files.items():
         assert text == (REPORTS / name).read_text(encoding="utf-8"), name
     assert thresholds(found.results) == found.thresholds

@@ -166,9 +166,9 @@ class Model:
             self._altered[key] = self.mechanism if run.loads is None else self.mechanism.replace(loads=run.loads)
         mechanism = self._altered[key]
         for term, values in hypothesis:
-            key = (*key, term.key, term.variant, *values.values())
+            key = (*key, term.key, term.variant, *term.effect.in_run(values, run.name).values())
             if key not in self._altered:
-                self._altered[key] = altered(mechanism, [(term, values)])
+                self._altered[key] = altered(mechanism, [(term, values)], run.name)
             mechanism = self._altered[key]
         return mechanism
 
@@ -215,16 +215,16 @@ class Model:
         """
         runs = [self.measured.runs[r] for r, _ in asked]
         keys = [
-            (r, age, misread(run, hypothesis, self.rig), jitter_of(run, hypothesis), within(hypothesis))
+            (r, age, misread(run, hypothesis, self.rig), jitter_of(run, hypothesis), within(hypothesis, run.name))
             for (r, age), run in zip(asked, runs, strict=True)
         ]
         found = {key: self._kept[key] for key in keys if key in self._kept}
-        for loads in dict.fromkeys(run.loads for run in runs):
-            new = [(key, run) for key, run in zip(keys, runs, strict=True) if run.loads == loads and key not in found]
-            if new:
-                mechanism = self.altered(new[0][1], hypothesis)
-                motions = [(run, run.time - age, jitter) for (_, age, _, jitter, _), run in new]
-                found |= zip((key for key, _ in new), self._moved(mechanism, motions, hypothesis), strict=True)
+        new = [(key, run) for key, run in zip(keys, runs, strict=True) if key not in found]
+        for loads, effects in dict.fromkeys((run.loads, key[-1]) for key, run in new):
+            alike = [(key, run) for key, run in new if run.loads == loads and key[-1] == effects]
+            mechanism = self.altered(alike[0][1], hypothesis)
+            motions = [(run, run.time - age, jitter) for (_, age, _, jitter, _), run in alike]
+            found |= zip((key for key, _ in alike), self._moved(mechanism, motions, hypothesis), strict=True)
         for key in keys:
             self._kept[key] = found[key]
             self._kept.move_to_end(key)
@@ -333,7 +333,7 @@ class Model:
         """All signals (N,) of a free run under each hypothesis, before any sensor, its joints ideal; None where it has
         no motion.  Each of its pieces goes from its own start.
         """
-        keys = [(run.name, within(h), tuple(self.starts(run, h))) for h in hypotheses]
+        keys = [(run.name, within(h, run.name), tuple(self.starts(run, h))) for h in hypotheses]
         new = {key: h for key, h in zip(keys, hypotheses, strict=True) if key not in self._swung}
         found: dict[Swing, Signals | None] = dict.fromkeys(new)
         found |= {key: self._swung[key] for key in keys if key in self._swung}
@@ -393,9 +393,10 @@ class Model:
         raise LookupError(f"run {run.name!r} has no start")
 
 
-def within(hypothesis: Hypothesis) -> tuple[object, ...]:
-    """What tells the mechanism of a hypothesis from all others."""
-    return tuple((t.key, t.variant, tuple(v.values())) for t, v in hypothesis if not t.effect.sensor)
+def within(hypothesis: Hypothesis, run: str) -> tuple[object, ...]:
+    """What tells the mechanism of a hypothesis in a run from all others."""
+    inside = [(t, t.effect.in_run(v, run)) for t, v in hypothesis if not t.effect.sensor]
+    return tuple((t.key, t.variant, tuple(v.values())) for t, v in inside)
 
 
 def _pieces(run: MeasuredRun, key: Swing) -> list[Piece]:
@@ -502,11 +503,13 @@ def read_at(run: MeasuredRun, encoder: str, course: Motor | None, jitter: float)
     return run.time + jitter**2 / max(float(np.mean(late**2)), 1e-300) * late
 
 
-def altered(mechanism: Mechanism, hypothesis: Hypothesis) -> Mechanism:
-    """A mechanism with the effects of a hypothesis.  Raises Impossible where the result is none."""
+def altered(mechanism: Mechanism, hypothesis: Hypothesis, run: str | None = None) -> Mechanism:
+    """A mechanism with the effects of a hypothesis, as they are in a run (None: the mean of all).  Raises Impossible
+    where the result is none.
+    """
     for term, values in hypothesis:
         try:
-            mechanism = term.effect.on_mechanism(mechanism, term.where, values)
+            mechanism = term.effect.on_mechanism(mechanism, term.where, term.effect.in_run(values, run))
         except ValueError as error:  # pydantic's is one
             raise Impossible(f"{term.label}: {error}") from None
     return mechanism

@@ -7,7 +7,7 @@ import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise, zip_longest
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from analytic.mechanism.one_line import count
 from analytic.mechanism.tolerances import as_made
 from compare.diagnose.data.recording import Fault as RecordedFault
 from compare.diagnose.data.recording import MeasuredRun
+from compare.diagnose.effects.each_run import in_each_run
 from compare.diagnose.effects.effect import landing_in
 from compare.diagnose.experiment_design import would_separate
 from compare.diagnose.explanation import Attempt, Explanation, Named
@@ -45,6 +46,7 @@ from compare.results.diagnosis import (
     Located,
     Proposed,
     RecordingFault,
+    Repeats,
     Rival,
     SensorGap,
     SensorRecord,
@@ -282,7 +284,22 @@ def _effect(problem: Problem, e: Explanation, n: Named, noise: dict[tuple[str, s
         share=n.share,
         evidence=e.statistics.says() if e.statistics is not None else "",
         probability=n.probability,
+        repeats=_repeats(n),
     )
+
+
+def _repeats(n: Named) -> Repeats | None:
+    """How an effect of the rig with a value for each run differs from run to run."""
+    if n.term.effect.sensor or not in_each_run(n.term.effect, n.term.variant):
+        return None
+    each = list(n.parameters.values())
+    values = [p.value for p in each]
+    apart = each[0].low > each[-1].high or each[0].high < each[-1].low  # beyond both intervals of 95 %
+    steps = np.sign(np.diff(values))
+    trend: Literal["", "falling", "rising"] = ""
+    if apart and abs(steps.sum()) == steps.size:
+        trend = "falling" if steps[0] < 0 else "rising"
+    return Repeats(low=min(values), high=max(values), trend=trend)
 
 
 def _separating(problem: Problem, e: Explanation, n: Named, noise: dict[tuple[str, str], float]) -> str:

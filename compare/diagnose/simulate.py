@@ -82,9 +82,8 @@ def simulate(task: Task) -> tuple[dict[str, np.ndarray], str, Mapping[str, Setti
     """Readings (N,) by signal, the engine's version and settings; or why the engine could not."""
     try:
         chosen = engine(task.engine)
-        mechanism = altered(
-            task.mechanism if task.run.loads is None else task.mechanism.replace(loads=task.run.loads), task.hypothesis
-        )
+        loaded = task.mechanism if task.run.loads is None else task.mechanism.replace(loads=task.run.loads)
+        mechanism = altered(loaded, task.hypothesis, task.run.name)
         echoes = heard(task.hypothesis, task.run)
         course = None if isinstance(task.course, Motors) else task.course
         lines = read_at(task.run, task.rig.encoder, course, jitter_of(task.run, task.hypothesis))

@@ -105,7 +105,9 @@ def _touched(nominal: Mechanism, effect: Effect) -> set[str]:
     if known is None:
         return set()
     values = {name: parameter.value for name, parameter in effect.parameters.items()}
-    return {field for field, *_ in differences(nominal, known.on_mechanism(nominal, effect.where, values))}
+    return {
+        field for field, *_ in differences(nominal, known.on_mechanism(nominal, effect.where, known.in_run(values)))
+    }
 
 
 def _of_sensor(effect: Effect) -> bool:
@@ -114,7 +116,8 @@ def _of_sensor(effect: Effect) -> bool:
 
 
 def _values(effect: Effect) -> str:
-    return ", ".join(f"{name} {_value(parameter)}" for name, parameter in effect.parameters.items())
+    values = ", ".join(f"{name} {_value(parameter)}" for name, parameter in effect.parameters.items())
+    return values + (" (their mean is written)" if effect.repeats else "")
 
 
 def _value(p: Estimate) -> str:

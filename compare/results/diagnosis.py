@@ -86,6 +86,17 @@ Parameters = Annotated[
 EffectKind = Annotated[Kind, Field(description="rig: the linkage, its loads or its drive; sensor: what measures them.")]
 
 
+class Repeats(Part):
+    """How an effect of the rig differs from run to run; its parameters are called ``damping@run``."""
+
+    low: Annotated[FiniteFloat, Field(description="The smallest of its values, SI.")]
+    high: FiniteFloat
+    trend: Annotated[
+        Literal["", "falling", "rising"],
+        Field(description="Whether each run has less, or more, than the one before it in the file."),
+    ] = ""
+
+
 class Effect(EffectPlace):
     """What is missing from the model."""
 
@@ -113,6 +124,9 @@ class Effect(EffectPlace):
     probability: Annotated[
         Amount,
         Field(description="That it is there, summed over the sets of effects that have it; null where none were."),
+    ] = None
+    repeats: Annotated[
+        Repeats | None, Field(description="Of an effect of the rig with a value for each run: how these differ.")
     ] = None
 
     def __repr__(self) -> str:

@@ -178,6 +178,7 @@ DECISIONS = (
     ("Effects of the rig in a set, at most", "posterior.prior.MOST"),
     ("Share of rigs on which something is at work that has no name", "posterior.prior.NAMELESS"),
     ("How usual a value per run is beside one value, of a fault of a sensor", "posterior.prior.EACH_RUN"),
+    ("The same of an effect of the rig", "posterior.prior.REPEATS"),
     ("How usual a richer form of an effect is beside its simple one", "posterior.prior.RICHER"),
     ("How usual it is that what has a direction is along one axis alone", "posterior.prior.ALONE"),
     ("Probability from which on an effect is named, with what may be in its place", "verdict.LIKELY"),

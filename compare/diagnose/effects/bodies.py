@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from analytic.mechanism import GROUND, Body, Mechanism
+from compare.diagnose.effects.each_run import EachRun
 from compare.diagnose.effects.effect import Draw, Effect, Growth, Hiding, Parameter, Rig, Values
 
 CENTRE = "its centre of mass along its x axis"
@@ -195,7 +196,7 @@ class MomentOfInertia(Effect):
         return Growth(lambda a: {"inertia_error": a * draw.sign * own}, 3.0 if draw.sign > 0 else 0.8)
 
 
-class LinkLength(Effect):
+class LinkLength(EachRun):
     """A link that is longer or shorter: its last named point moves along its x axis; com, marker and inertia stay."""
 
     name = "link_length"
@@ -210,14 +211,14 @@ class LinkLength(Effect):
         joints = {j.name for j in rig.mechanism.joints}
         return [b.name for b in rig.mechanism.bodies if len(b.points) > 1 and list(b.points)[-1] in joints]
 
-    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
-        return (1e-5 * rig.length,)
+    def scale(self, rig: Rig, where: str) -> float:
+        return 1e-5 * rig.length
 
-    def lowest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
-        return -self.highest(rig, where)
+    def least(self, rig: Rig, where: str) -> float:
+        return -(body_of(rig.mechanism, where).length or rig.length) / 2  # half of it more is another link
 
     def highest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
-        return np.array([(body_of(rig.mechanism, where).length or rig.length) / 2])  # half of it more is another link
+        return -self.lowest(rig, where, variant)
 
     def sense(self, mechanism: Mechanism, where: str) -> int:
         *others, last = (x for x, _ in body_of(mechanism, where).points.values())

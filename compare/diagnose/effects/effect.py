@@ -367,6 +367,10 @@ class Effect(ABC):
         """The mechanism with the effect."""
         return mechanism
 
+    def in_run(self, values: Values, run: str | None = None) -> Values:
+        """Its values for the mechanism of a run, where it may have another in each: of a run without one, the mean."""
+        return values
+
     def on_readings(self, readings: Readings, run: str, where: str, values: Values) -> Readings:
         """The sensors' readings (N,) by signal, with the effect."""
         return readings

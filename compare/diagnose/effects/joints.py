@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from analytic.mechanism import Mechanism
+from compare.diagnose.effects.each_run import EachRun
 from compare.diagnose.effects.effect import Draw, Effect, Growth, Hiding, Parameter, Reciprocal, Rig, Values
 from sim_models.common.contact_laws import contact_parameters, lighter_mass, restitution
 
@@ -17,13 +18,14 @@ FASTER = 3.0  # times the fastest run: a Stribeck speed above that is no more th
 RESTS = (1 / 6, 1 / 2, 5 / 6)  # of a joint's travel: where a spring that is not linear is tried to rest at first
 
 
-class OnJoint(Effect):
+class OnJoint(EachRun):
     """Effects that are one field of a joint; the value is the whole field, the natural coordinate what the model lacks
     of it.
     """
 
     place = "joint"
     field_name: ClassVar[str]
+    varies = False
 
     def places(self, rig: Rig) -> Sequence[str]:
         return _joints(rig)
@@ -32,17 +34,10 @@ class OnJoint(Effect):
         return _unit(rig, where, super().unit(rig, where, parameter))
 
     def nominal(self, rig: Rig, where: str) -> float:
-        """The field in the nominal mechanism."""
         return float(getattr(rig.mechanism.joint(where), self.field_name))
 
-    def values(self, rig: Rig, where: str, x: np.ndarray, variant: float = 0.0) -> dict[str, float]:
-        return {self.parameters[0].name: self.nominal(rig, where) + float(x[0])}
-
-    def natural(self, rig: Rig, where: str, values: Values, variant: float = 0.0) -> np.ndarray:
-        return super().natural(rig, where, values, variant) - self.nominal(rig, where)
-
-    def lowest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
-        return np.array([-self.nominal(rig, where)])
+    def least(self, rig: Rig, where: str) -> float:
+        return -self.nominal(rig, where)
 
     def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
         return mechanism.with_joint(where, **{self.field_name: values[self.parameters[0].name]})
@@ -63,8 +58,8 @@ class JointClearance(OnJoint):
     def places(self, rig: Rig) -> Sequence[str]:
         return [] if rig.mechanism.sliding else _revolute(rig)
 
-    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
-        return (2e-4 * rig.length,)
+    def scale(self, rig: Rig, where: str) -> float:
+        return 2e-4 * rig.length
 
     def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
         shortest = min(b.length for b in rig.mechanism.bodies if b.length > 0)
@@ -156,12 +151,13 @@ class CoulombFriction(OnJoint):
     label = "Coulomb friction in joint {}"
     meaning = "joint {} has dry friction"
     needs = frozenset({"coulomb_friction"})
+    varies = True  # with temperature, and with how a bearing was clamped
     field_name = "friction_torque"
     parameters = (Parameter("friction_torque", "N.m", "torque", 0.0),)
     special_case_of = ("stribeck_friction",)
 
-    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
-        return (1e-3 * _torque(rig, where),)
+    def scale(self, rig: Rig, where: str) -> float:
+        return 1e-3 * _torque(rig, where)
 
     def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
         torque = _torque(rig, where)
@@ -256,8 +252,8 @@ class LoadFriction(OnJoint):
     def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
         return mechanism.with_friction_circle(where, values["coefficient_radius"])
 
-    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
-        return (1e-4 * rig.length,)
+    def scale(self, rig: Rig, where: str) -> float:
+        return 1e-4 * rig.length
 
     def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
         return Growth(lambda a: {"coefficient_radius": a * rig.length}, 0.05)
@@ -270,11 +266,12 @@ class ViscousFriction(OnJoint):
     label = "viscous friction in joint {}"
     meaning = "joint {} has viscous friction"
     needs = frozenset({"viscous_friction"})
+    varies = True  # with temperature, and with how a bearing was clamped
     field_name = "damping"
     parameters = (Parameter("damping", "N.m.s/rad", "damping", 0.0),)
 
-    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
-        return (1e-3 * (rig.force / rig.length if rig.mechanism.joint(where).prismatic else rig.torque) / rig.speed,)
+    def scale(self, rig: Rig, where: str) -> float:
+        return 1e-3 * (rig.force / rig.length if rig.mechanism.joint(where).prismatic else rig.torque) / rig.speed
 
     def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
         damping = _torque(rig, where) / rig.speed / (rig.length if rig.mechanism.joint(where).prismatic else 1.0)
@@ -292,8 +289,8 @@ class Drag(OnJoint):
     field_name = "drag"
     parameters = (Parameter("drag", "N.m.s2/rad2", "drag", 0.0),)
 
-    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
-        return (1e-3 * _torque(rig, where) / _speed(rig, where) ** 2,)
+    def scale(self, rig: Rig, where: str) -> float:
+        return 1e-3 * _torque(rig, where) / _speed(rig, where) ** 2
 
     def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
         drag = _torque(rig, where) / _speed(rig, where) ** 2

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -11,59 +10,25 @@ import numpy as np
 
 from analytic.kinematics.schedule import Turning
 from analytic.mechanism.signals import AXES, Signal, wrapped
+from compare.diagnose.effects.each_run import EachRun
 from compare.diagnose.effects.effect import Draw, Effect, Growth, Hiding, Parameter, Readings, Rig, Values, Wave
 
 HARMONICS = range(1, 25)  # of an encoder's error over a turn
 NEWTON = 6  # steps
 
 
-class EachRun(Effect):
-    """Faults of a sensor that have one value, or one for each run (``offset@run``): a zero that is set anew each
-    time.
-    """
+class OfSignal(EachRun):
+    """Faults of a sensor that have one value, or one for each run: a zero that is set anew each time."""
 
     place = "signal"
     sensor = True
-    each_run = 1.0  # the variant with a value of its own for each run
 
-    def _runs(self, rig: Rig, where: str) -> Sequence[str]:
+    def runs(self, rig: Rig, where: str) -> Sequence[str]:
         """The runs in which the sensor was read."""
         return [run for run in rig.runs if where in rig.recorded.get(run, rig.signals)]
 
-    @abstractmethod
-    def _scale(self, rig: Rig, where: str) -> float:
-        """A small amount of the value."""
 
-    def variants(self, rig: Rig, where: str) -> Sequence[float]:
-        return (0.0, self.each_run) if len(self._runs(rig, where)) > 1 else (0.0,)
-
-    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
-        return (self._scale(rig, where),) * (len(self._runs(rig, where)) if variant == self.each_run else 1)
-
-    def lowest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
-        return np.full(len(self.scales(rig, where, variant)), -math.inf)
-
-    def values(self, rig: Rig, where: str, x: np.ndarray, variant: float = 0.0) -> dict[str, float]:
-        name = self.parameters[0].name
-        if variant == self.each_run:
-            return {f"{name}@{run}": float(v) for run, v in zip(self._runs(rig, where), x, strict=True)}
-        return {name: float(x[0])}
-
-    def natural(self, rig: Rig, where: str, values: Values, variant: float = 0.0) -> np.ndarray:
-        return np.array(list(values.values()))
-
-    def value(self, run: str, values: Values) -> float:
-        """The value (SI) in a run."""
-        name = self.parameters[0].name
-        return values.get(name, values.get(f"{name}@{run}", 0.0))
-
-
-def in_each_run(effect: Effect, variant: float) -> bool:
-    """Whether an effect has a value of its own for each run."""
-    return isinstance(effect, EachRun) and variant == EachRun.each_run
-
-
-class EncoderOffset(EachRun):
+class EncoderOffset(OfSignal):
     """A constant error of the driven body's angle, the motor's encoder; one value, or one for each run.
 
     In a run that follows the encoder the motor is at column minus offset, so the offset moves the whole linkage.
@@ -82,7 +47,7 @@ class EncoderOffset(EachRun):
     def unit(self, rig: Rig, where: str, parameter: str) -> str:
         return rig.known[where].unit
 
-    def _scale(self, rig: Rig, where: str) -> float:
+    def scale(self, rig: Rig, where: str) -> float:
         return 1e-5
 
     def values(self, rig: Rig, where: str, x: np.ndarray, variant: float = 0.0) -> dict[str, float]:
@@ -173,7 +138,7 @@ class OnSensor(Effect):
         return [s for s in rig.signals if s not in rig.encoders]
 
 
-class SensorBias(OnSensor, EachRun):
+class SensorBias(OnSensor, OfSignal):
     """A constant error of a sensor (of the encoder it is called ``encoder_offset``); one value, or one for each
     run.
     """
@@ -187,7 +152,7 @@ class SensorBias(OnSensor, EachRun):
     def unit(self, rig: Rig, where: str, parameter: str) -> str:
         return rig.known[where].unit
 
-    def _scale(self, rig: Rig, where: str) -> float:
+    def scale(self, rig: Rig, where: str) -> float:
         return rig.noise[where]
 
     def on_readings(self, readings: Readings, run: str, where: str, values: Values) -> Readings:
@@ -198,7 +163,7 @@ class SensorBias(OnSensor, EachRun):
         return Growth(lambda a: {"bias": a * draw.sign * rig.noise[where]}, 30.0)
 
 
-class SensorDrift(OnSensor, EachRun):
+class SensorDrift(OnSensor, OfSignal):
     """A sensor that creeps away from its first sample at a constant rate, as a warming amplifier does; one rate, or one
     for each run.
     """
@@ -216,7 +181,7 @@ class SensorDrift(OnSensor, EachRun):
     def unit(self, rig: Rig, where: str, parameter: str) -> str:
         return f"{rig.known[where].unit}/s"
 
-    def _scale(self, rig: Rig, where: str) -> float:
+    def scale(self, rig: Rig, where: str) -> float:
         return rig.noise[where] * rig.speed
 
     def drift(self, run: str, signal: str, where: str, values: Values) -> float:
@@ -369,7 +334,7 @@ class ClockOffset(Effect):
         return Growth(lambda a: {"offset": a * draw.sign}, 0.1 / draw.speeds[where])
 
 
-class StampJitter(EachRun):
+class StampJitter(OfSignal):
     """Lines of a run that follows its encoder which are not read when their stamps say: what the encoder is off its
     even course is then partly true motion; one jitter, or one for each run, as loggers at several rates have.  The
     natural coordinate is the square of the jitter, in which it is linear.
@@ -386,14 +351,14 @@ class StampJitter(EachRun):
         single = len(rig.encoders) == 1 and rig.encoder in rig.signals  # several would tell several times
         return [rig.encoder] if rig.following and single else []
 
-    def _runs(self, rig: Rig, where: str) -> Sequence[str]:
+    def runs(self, rig: Rig, where: str) -> Sequence[str]:
         return rig.following
 
-    def _scale(self, rig: Rig, where: str) -> float:
+    def scale(self, rig: Rig, where: str) -> float:
         return (rig.noise.get(where, 1e-4) / rig.speed) ** 2
 
-    def lowest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
-        return np.zeros(len(self.scales(rig, where, variant)))
+    def least(self, rig: Rig, where: str) -> float:
+        return 0.0
 
     def values(self, rig: Rig, where: str, x: np.ndarray, variant: float = 0.0) -> dict[str, float]:
         return super().values(rig, where, np.sqrt(np.maximum(x, 0.0)), variant)

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from compare.diagnose.effects.each_run import in_each_run
 from compare.diagnose.effects.effect import Rig
-from compare.diagnose.effects.sensors import in_each_run
 from compare.diagnose.predict import Term
 
 EXPECTED = {
@@ -24,6 +24,7 @@ MOST = 6  # effects of the rig at once: of one that is expected, seven or more a
 NAMELESS = 0.1  # unknowns at a place: on one rig of ten something is at work that no effect describes
 NOTHING = 0.5  # probability that the model is right, and nothing is missing
 EACH_RUN = 0.3  # of a sensor's faults of one value, that one of several, one a run, is as likely as
+REPEATS = 0.1  # the same of the rig's effects: a joint that warms up, a clamp that slips
 RICHER = 0.1  # of its simple form: a law with further parameters
 SCATTERING = 0.1  # of others: what only scatters looks like noise that is larger than thought
 
@@ -112,7 +113,10 @@ class Prior:
         share = EXPECTED[term.effect.sensor] / self.places[term.effect.sensor]
         share = min(share, 0.5)
         odds = math.log(share / (1 - share))
-        odds += math.log(EACH_RUN if in_each_run(term.effect, term.variant) else 1 / max(self.variants[term.key], 1))
+        share = 1 / max(self.variants[term.key], 1)
+        if in_each_run(term.effect, term.variant):
+            share = EACH_RUN if term.effect.sensor else REPEATS
+        odds += math.log(share)
         odds += math.log(RICHER) if term in self.simple_of else 0.0
         return odds + (math.log(SCATTERING) if term.effect.scatters else 0.0)
 

@@ -151,15 +151,27 @@ def _minus(p: Estimate) -> Estimate:
 @dataclass(frozen=True)
 class OwnValues:
     """The values that a parameter has in each run: ``called`` is what each run has of its own, ``reach`` from the
-    smallest to the largest, and ``runs`` the value and interval in each.
+    smallest to the largest, and ``runs`` the value and interval in each.  What is of the ``rig`` is one thing that
+    changes, ``falling`` or ``rising`` (``trend``) from each run to the next, or neither.
     """
 
     called: str
     reach: str
     runs: tuple[ParameterRow, ...]
+    rig: bool = False
+    trend: str = ""
+
+    @property
+    def elsewhere(self) -> str:
+        """What is done in a run that has no value, after "it": ``has the mean of these values``."""
+        return "has the mean of these values" if self.rig else "was not applied, as there is no value for it"
 
     def sentence(self, runs: int) -> str:
-        """``each run has its own encoder zero, -1.7 to +3.6 deg``, where there are so many runs."""
+        """``each run has its own encoder zero, -1.7 to +3.6 deg``, where there are so many runs; ``viscous friction in
+        joint E differs from run to run, 3.1 to 4.4 mN.m.s/rad, falling``.
+        """
+        if self.rig:
+            return f"{self.called} differs from run to run, {self.reach}" + (f", {self.trend}" if self.trend else "")
         whose = (
             "each run has" if len(self.runs) >= runs else f"{in_words(len(self.runs))} of {in_words(runs)} runs have"
         )
@@ -180,11 +192,15 @@ def own_values(result: Diagnosis, effect: EffectPlace) -> OwnValues | None:
     name = OWN_OF_RUNS.get(effect.name, effect.name.replace("_", " ") + " of {}")
     name = name.format(sensor) + f" for {sensor}" * (result.mechanism.several and "{}" not in name)
     runs = tuple((run, value, interval) for run, (_, value, interval) in zip(by_run, rows(parameters), strict=True))
+    rig = kind is not None and not kind.sensor
+    if rig:
+        name = phrase(result, effect.name, effect.where)
+    trend = effect.repeats.trend if isinstance(effect, Effect) and effect.repeats else ""
     suffix = "" if unit == "1" else f" {unit}"
     if less == more:
         low, high = sorted((abs(low), abs(high))) if more else (low, high)
-        return OwnValues(name, f"{plainly(low, 2)} to {plainly(high, 2)}{suffix} {more}".strip(), runs)
-    return OwnValues(name, f"{plainly(-low, 2)}{suffix} {less} to {plainly(high, 2)}{suffix} {more}", runs)
+        return OwnValues(name, f"{plainly(low, 2)} to {plainly(high, 2)}{suffix} {more}".strip(), runs, rig, trend)
+    return OwnValues(name, f"{plainly(-low, 2)}{suffix} {less} to {plainly(high, 2)}{suffix} {more}", runs, rig, trend)
 
 
 def chance(probability: float) -> str:

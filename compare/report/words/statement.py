@@ -68,7 +68,7 @@ def named(result: Diagnosis, n: Named) -> str:
     if own is not None:
         text = capital(f"{own.sentence(len(result.fitted))}.")
         kept = enumerated([run.name for run in result.validation])
-        return f"{text} It was not applied to {kept}, for which it has no value." if kept else text
+        return f"{text} In {kept} it {own.elsewhere}." if kept else text
     values = values_of(result, effect, intervals=True)
     return capital(f"{n.term.effect.tells(_place(result, n.term), values)}.")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from statistics import median
+from statistics import fmean, median
 from typing import TYPE_CHECKING, get_args
 
 from rich.console import Console
@@ -14,7 +14,8 @@ from analytic.mechanism.one_line import count
 from compare.report.curves import legend
 from compare.report.figure import Axis, Figure, Series
 from compare.report.svg import draw
-from tests.evidence.results.scoreboard import Hidden, Kind, Scoreboard, Scored, Threshold, Value, relative_errors
+from tests.evidence.results.scoreboard import Claim, Hidden, Kind, Scoreboard, Scored, Threshold, Value, relative_errors
+from tests.evidence.scoreboard.board import wilson
 from tests.evidence.scoreboard.hidden import MANY
 from tests.evidence.scoreboard.rattling import BANDS
 from tests.evidence.scoreboard.score import DISTINCT, NAMED, NAMELESS, RATTLING, closed
@@ -32,8 +33,11 @@ MARKS = {
 
 
 def files(result: Scoreboard) -> dict[str, str]:
-    """The page and its figure."""
-    return {"sizes.svg": draw(figure(result.results)), "README.md": page(result)}
+    """The page and its figures."""
+    figures = {"sizes.svg": draw(figure(result.results))}
+    if claims := [claim for r in result.results for claim in r.claims]:
+        figures["reliability.svg"] = draw(reliability_figure(claims))
+    return {**figures, "README.md": page(result)}
 
 
 def print_table(result: Scoreboard, console: Console) -> None:
@@ -99,6 +103,7 @@ def page(board: Scoreboard) -> str:
         "",
         *_made_by(board),
         *_asked(board.thresholds),
+        *_reliability([claim for r in results for claim in r.claims]),
         *_outcomes("By kind of set", results, lambda r: [str(r.kind)]),
         *_outcomes(
             "By size: sigmas left after the best rival, of the least distinct effect",
@@ -149,6 +154,35 @@ def _asked(rows: Sequence[Threshold]) -> Iterator[str]:
         if r.interval is not None:
             share += f" ({100 * r.interval[0]:.0f} to {100 * r.interval[1]:.0f} %)"
         yield f"| {r.what} | {r.count} of {r.of} | {share} | {asked} | {'yes' if r.met else 'NO'} |"
+
+
+TENTHS = 10
+
+
+def reliability(claims: Sequence[Claim]) -> list[tuple[float, int, int]]:
+    """By tenths of probability that has claims: their mean, how many are right, and how many there are."""
+    tenths: dict[int, list[Claim]] = {}
+    for claim in claims:
+        tenths.setdefault(min(int(TENTHS * claim.probability), TENTHS - 1), []).append(claim)
+    return [
+        (fmean(c.probability for c in each), sum(c.right for c in each), len(each))
+        for _, each in sorted(tenths.items())
+    ]
+
+
+def _reliability(claims: Sequence[Claim]) -> Iterator[str]:
+    """How often what is held to be so probable is there."""
+    if not claims:
+        return
+    yield from ("", "## Are probabilities what they say?", "")
+    yield "Every effect that is held to be there with a probability of at least 5 %, named or not, in sets whose"
+    yield "effects all have names; what is slightly off, and faults of sensors that are there, are right. Intervals are"
+    yield "95 % (Wilson). Sets that other code left have no claims."
+    yield from ("", "| claimed, mean | claims | there | share there |", "|--:|--:|--:|--:|")
+    for mean, right, of in reliability(claims):
+        low, high = wilson(right, of)
+        yield f"| {mean:.3f} | {of} | {right} | {right / of:.3f} ({low:.2f} to {high:.2f}) |"
+    yield from ("", "![Share that is there over the probability that is claimed](reliability.svg)")
 
 
 def _outcomes(title: str, results: Sequence[Scored], groups: Callable[[Scored], list[str]]) -> Iterator[str]:
@@ -388,4 +422,24 @@ def figure(results: Sequence[Scored]) -> Figure:
         Axis("signature of the least distinct effect", "sigmas"),
         Axis("left after the best rival", "sigmas"),
         tuple(series),
+    )
+
+
+def reliability_figure(claims: Sequence[Claim]) -> Figure:
+    """The share that is there over the probability that is claimed, by tenths, with 95 % intervals."""
+    tenths = reliability(claims)
+    means = tuple(mean for mean, _, _ in tenths)
+    ends = [wilson(right, of) for _, right, of in tenths]
+    band = tuple(high for _, high in ends) + tuple(low for low, _ in reversed(ends))
+    return Figure(
+        "reliability",
+        "Probabilities that are claimed, and how often they are right",
+        "on the dashed line an effect of probability p is there in a share p of all cases",
+        Axis("probability that is claimed", ""),
+        Axis("share that is there", ""),
+        (
+            Series("", (0.0, 1.0), (0.0, 1.0), "frame", "dashed"),
+            Series("95 % interval", means + means[::-1], band, "tolerance", "band"),
+            Series("by tenths", means, tuple(right / of for _, right, of in tenths), "analytic", "marker"),
+        ),
     )

@@ -207,6 +207,14 @@ class Gap(Part):
     noise_floor: Number
 
 
+class Claim(Part):
+    """How probable a diagnosis holds an effect at its place, and whether it is in the set."""
+
+    effect: Key
+    probability: Share
+    right: bool
+
+
 class Scored(Part):
     """How a diagnosis did on a set; of a set that came to no end there is only its seed and why."""
 
@@ -224,6 +232,10 @@ class Scored(Part):
     good: bool
     verdict: str = ""
     named: tuple[Said, ...] = ()
+    claims: Annotated[
+        tuple[Claim, ...],
+        Field(description="Effects, named or not, of a probability of at least 5 %; none in sets of what has no name."),
+    ] = ()
     parameters: Annotated[tuple[Value, ...], Field(description="Where the effects were named exactly.")] = ()
     gap: Gap | None = None
     named_all: Annotated[

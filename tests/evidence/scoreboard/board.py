@@ -37,6 +37,7 @@ FULL: dict[Kind, int] = {
     **dict.fromkeys(RATTLING, 60),
 }
 NEAR = 0.2  # of a clearance that rattles: half of the sizes are asked to be nearer
+SURE = 0.9  # probability of a claim that is to be right in 93 % of all cases
 NORMAL = 1.959964  # of a 95 % interval
 
 
@@ -166,6 +167,7 @@ def thresholds(results: Iterable[Scored]) -> tuple[Threshold, ...]:
     told, untold = ([r for r in machines if r.distinguishable is is_clear] for is_clear in (True, False))
     intervals = [p.covered for r in results if r.kind in NAMED for p in r.parameters]
     explained = [r for r in results if r.kind in NAMED and r.verdict == "explained"]
+    sure = [claim.right for r in results for claim in r.claims if claim.probability >= SURE]
     rows = [
         _share("exact where every effect is distinguishable", _count(clear, "exact"), len(clear), 0.95),
         _share("exact or tie otherwise", _count(blurred, "exact", "tie"), len(blurred), 0.95),
@@ -180,6 +182,7 @@ def thresholds(results: Iterable[Scored]) -> tuple[Threshold, ...]:
         _share("real machines: wrong", _count(machines, "wrong"), len(machines), 0.0, 0.02),
         _share("false alarms without any effect", _count(of("none"), "false alarm"), len(of("none")), 0.0, 0.01),
         _share("95 % intervals that cover the truth", sum(intervals), len(intervals), 0.90, 0.99),
+        _share(f"right of what is claimed with a probability of {SURE:g} or more", sum(sure), len(sure), 0.93),
         _share(
             f"gap after at most {CLOSED:g} of the noise floor where explained",
             sum(map(closed, explained)),

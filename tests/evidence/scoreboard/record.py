@@ -106,7 +106,8 @@ def moved(hidden: Hidden, plan: Plan, time: np.ndarray) -> Mapping[str, np.ndarr
         return {**found, **motors}
     m = hidden.experiment.nominal if plan.loads is None else hidden.experiment.nominal.replace(loads=plan.loads)
     for e in hidden.truth:
-        m = VOCABULARY[e.name].on_mechanism(m, e.where, e.values)
+        effect = VOCABULARY[e.name]
+        m = effect.on_mechanism(m, e.where, effect.in_run(e.values, plan.name))
     ripple = m.drives[0].ripple if m.cranked and m.drives else None
     if ripple is None:
         return {**simulate(m, plan, time, None), **motors}

@@ -37,7 +37,7 @@ from compare.diagnose.effects.bodies import LinkLength, PivotPosition
 from compare.diagnose.effects.joints import JointClearance
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.results.diagnosis import Diagnosis, SamePlace
-from tests.evidence.results.scoreboard import Gap, Hidden, Kind, Outcome, Said, Scored, Truth, Value
+from tests.evidence.results.scoreboard import Claim, Gap, Hidden, Kind, Outcome, Said, Scored, Truth, Value
 
 Key = tuple[str, str]
 DISTINCT = 8.0  # sigmas left after the best rival, from which on an effect can be told from all others
@@ -59,6 +59,7 @@ RATTLING: tuple[Kind, ...] = ("rattling", "still")
 LATER = ("sensor_lag", "sensor_drift")  # of sensors, whether the vocabulary has them or not
 WITHIN = 0.05  # of its size: an effect of the rig beside faults of each run
 CLOSED = 1.1  # of the noise floor
+CLAIMED = 0.05  # probability from which on an effect's is kept
 SAME = 3.0  # times the largest slight displacement of a pivot: another pivot's that may be the same
 
 
@@ -86,6 +87,7 @@ def score(diagnosis: Diagnosis, truth: Truth) -> Scored:
                 )
                 for key, ties in found.items()
             ),
+            "claims": claims(diagnosis, truth),
             "parameters": parameters(diagnosis, truth) if outcome == "exact" else (),
             "gap": Gap(before=gap.before, after=gap.after, noise_floor=gap.noise_floor),
             "proposed": tuple(f"{p.unknown}@{p.place}" for p in proposals(diagnosis)),
@@ -93,6 +95,28 @@ def score(diagnosis: Diagnosis, truth: Truth) -> Scored:
         }
     )
     return scored.model_copy(update={"good": good_on_bench(scored)}) if truth.kind in BENCH else scored
+
+
+def claims(diagnosis: Diagnosis, truth: Truth) -> tuple[Claim, ...]:
+    """How probable each effect is held to be, as it is named or in the sets of effects that are listed, and whether it
+    is there: a simpler special case of one that these data do not tell from it is.
+    """
+    if truth.kind in (*NAMELESS, *RATTLING):
+        return ()
+    true = {(e.name, e.where) for e in truth.effects}
+    shares: dict[Key, float] = {}
+    for each in diagnosis.sets:
+        for name, _, where in (label.partition("@") for label in each.effects):
+            shares[name, where] = shares.get((name, where), 0.0) + each.probability
+    shares |= {(e.name, e.where): e.probability for e in diagnosis.effects if e.probability is not None}
+    blurred = [(e.name, e.where) for e in truth.effects if e.distinct < DISTINCT]
+    right = true | {(f.name, f.where) for f in (*truth.slight, *truth.faults)}
+    right |= {other for key in blurred for other in shares if is_special_case(other, key)}
+    return tuple(
+        Claim(effect="@".join(key), probability=min(share, 1.0), right=_among(right, key))
+        for key, share in sorted(shares.items())
+        if share >= CLAIMED and key[0] in VOCABULARY
+    )
 
 
 def _false_in_rig(truth: Truth, found: Mapping[Key, set[Key]]) -> tuple[str, ...]:
