@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from analytic.compiled.program import Program, WalkProgram
 
 BATCH = 4000  # configurations of a crank in one call from which the compiled code serves
-BULK = 1000  # of a crank in a portion, where many linkages follow one another
+BULK = 200  # of a crank in a portion, where many linkages follow one another
 POSES = 1000  # of several drives, which take numpy some hundred times as long to follow
 CALLS = 100  # calls with one assembly after which it does, whatever their size
 NO_ARRAY = np.zeros((1, 1))

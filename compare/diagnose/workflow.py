@@ -7,6 +7,9 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 
+from threadpoolctl import threadpool_limits
+
+from analytic.compiled.run import in_bulk
 from analytic.mechanism import MechanismWarning
 from analytic.mechanism.errors import quoted
 from compare.arguments import modelling, noted, one_engine, path, warn_of_friction
@@ -35,8 +38,10 @@ MANY = 4  # named effects that explain: one unknown at one place may be simpler
 
 @contextmanager
 def _trying() -> Iterator[None]:
-    """Without the warnings about the sizes of links that a fit only tries."""
-    with warnings.catch_warnings():
+    """Many linkages of few samples each: without the warnings about the sizes of links that a fit only tries, and
+    without threads of linear algebra, which take three times the processor's time for matrices as small.
+    """
+    with warnings.catch_warnings(), in_bulk(), threadpool_limits(limits=1, user_api="blas"):
         warnings.simplefilter("ignore", MechanismWarning)
         yield
 
