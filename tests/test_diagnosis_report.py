@@ -823,6 +823,15 @@ def test_a_tie_has_its_odds(partly: dict[str, Any]) -> None:
     )
 
 
+def test_what_the_data_leave_open_of_a_direction_is_not_told_as_a_size(partly: dict[str, Any]) -> None:
+    known = Estimate(value=0.018, unit="m", low=0.0179, high=0.0181)
+    unseen = Estimate(value=-1.6e-11, unit="m", low=None, high=None)
+    pivot = valued("pivot_position", "S", {"x": unseen, "y": known})
+    assert values_of(as_document(partly), pivot) == ["x not known", "18.00 mm up"]
+    far = valued("pivot_position", "S", {"x": unseen.model_copy(update={"value": -0.02}), "y": known})
+    assert values_of(as_document(partly), far)[0] == "20 mm to the left"
+
+
 def test_a_sensor_with_a_zero_in_each_run_is_one_sentence_and_a_table(partly: dict[str, Any]) -> None:
     html = diagnosis_html(as_document(partly))
     assert "Each run has its own encoder zero, 1.7 deg too little to 3.6 deg too much." in html

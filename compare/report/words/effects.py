@@ -33,6 +33,7 @@ ParameterRow = tuple[str, str, str]  # a parameter's name, its value and its 95 
 RAREST = 1e-3  # probability that is still told by its number
 REST = "rest"  # all sets that are not listed
 SETS_LISTED = 8  # of effects, on a page
+NEXT_TO_NOTHING = 1e-3  # of the largest in its unit: a value that is no finding where nothing is known of it
 FLOOR_SHOWN = 1.05  # of the noise: a floor that is worth a sentence
 NEARLY_ODDS, FAINT_ODDS = 0.2, 0.01  # odds below which a tie does nearly as well, or can only not be ruled out
 
@@ -120,7 +121,8 @@ def _base(name: str) -> str:
 
 def values_of(result: Diagnosis, effect: EffectPlace, intervals: bool = False) -> list[str]:
     """Each value of an effect as one says it: ``0.298 mm longer than drawn``, or by its name where no direction has a
-    word: ``radial clearance 0.15 mm``; with its 95 % ``intervals`` on request.
+    word: ``radial clearance 0.15 mm``; with its 95 % ``intervals`` on request.  Of what the data leave open, and that
+    is next to nothing, only that it is.
     """
     kind, parameters, words = VOCABULARY.get(effect.name), _parameters(effect), []
     for key, estimate in parameters.items():
@@ -129,6 +131,10 @@ def values_of(result: Diagnosis, effect: EffectPlace, intervals: bool = False) -
         called, value, interval = parameter(key, _minus(estimate) if way and estimate.value < 0 else estimate, like)
         run = called.partition(" in run ")[1:] if "@" in key else ("", "")
         open_ended = estimate.low is None or estimate.high is None
+        sizes = [abs(p.value) for p in parameters.values() if p.unit == estimate.unit]
+        if estimate.low is estimate.high is None and abs(estimate.value) < NEXT_TO_NOTHING * max(sizes):
+            words.append(f"{called} not known")
+            continue
         known = f" (95 %: {interval})" if intervals and (open_ended or estimate.low != estimate.high) else ""
         words.append((f"{value} {way}{''.join(run)}" if way else f"{called} {value}") + known)
     return words
