@@ -275,6 +275,14 @@ def test_tolerances_are_quantities_parameters_or_parameters_of_an_effect(tmp_pat
     assert load_measured(path).tolerance == given
 
 
+def test_what_is_likelier_on_this_rig_is_said_by_effect_or_by_effect_and_place(tmp_path: Path) -> None:
+    time, exact = signals()
+    path = write_measured(tmp_path, TEXT, [RunTable("a", time, {"drive_torque [N.m]": exact["drive_torque"]})])
+    assert load_measured(path).prior == {}
+    path.write_text(path.read_text() + '\n[prior]\njoint_clearance = 0.1\n"coulomb_friction@E" = 20\n')
+    assert load_measured(path).prior == {"joint_clearance": 0.1, "coulomb_friction@E": 20.0}
+
+
 @pytest.mark.parametrize(
     "name", ["follower_angle", "coupler_angular_velocity", "reaction_B_x", "reaction_A_y", "drive_torque", "coupler_x"]
 )

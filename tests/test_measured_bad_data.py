@@ -319,6 +319,11 @@ def test_fields_of_a_run(tmp_path: Path, fields: dict[str, object], says: list[s
         ),
         (
             'mechanism = "nominal.toml"',
+            'mechanism = "nominal.toml"\nprior = { joint_clearance = 0.0 }',
+            ["measured.toml", "prior.joint_clearance", "0"],
+        ),
+        (
+            'mechanism = "nominal.toml"',
             'mechanism = "nominal.toml"\ntolerance = { qqq = 1e-3 }',
             ["tolerance.qqq", "use a quantity (mass"],
         ),

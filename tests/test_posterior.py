@@ -14,6 +14,7 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
 
 from compare.diagnose.data.measured import load_measured
+from compare.diagnose.data.recording import MeasuredError
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.posterior.compress import Group, Products
 from compare.diagnose.posterior.infer import Inference, Posterior, instead
@@ -208,6 +209,21 @@ def test_a_value_a_run_and_a_richer_law_are_less_probable_beforehand() -> None:
     assert sum(1 / (1 + math.exp(-o)) for (_, variant), o in odds.items() if variant == 0) < 3, "few are expected"
 
 
+def test_what_is_said_beforehand_multiplies_the_odds_of_an_effect_or_of_one_place() -> None:
+    rig = experiment(*(turn(f"run-{k}", 4.0 + k) for k in range(3)), sensors={"drive_torque": 1e-3}).rig
+    terms = candidates(rig, VOCABULARY)
+
+    def bounds(term: Term) -> tuple[np.ndarray, np.ndarray]:
+        return np.full(3, -np.inf), np.full(3, np.inf)
+
+    usual = Prior.of(rig, bounds, terms)
+    said = Prior.of(rig, bounds, terms, {"coulomb_friction": 0.1, "coulomb_friction@E": 20.0})
+    more = {t.label: math.exp(said.log_odds(t) - usual.log_odds(t)) for t in terms}
+    assert more["coulomb_friction@B"] == pytest.approx(0.1)
+    assert more["coulomb_friction@E"] == pytest.approx(20.0)
+    assert more["viscous_friction@E"] == pytest.approx(1.0)
+
+
 # ---------------------------------------------------------------- sets that one step of a search leads astray
 
 RUNS = (turn("slow", 4.0), turn("middle", 7.0), turn("fast", 11.0), turn("reverse", -6.0))
@@ -272,6 +288,22 @@ def test_damping_that_falls_from_run_to_run_is_one_effect_with_a_value_for_each(
     )
     mean = sum(estimate.value for estimate in effect.parameters.values()) / len(truth)
     assert result.explained.joint("E").damping == pytest.approx(mean)
+
+
+@pytest.mark.slow
+def test_what_the_data_leave_open_goes_by_what_was_said_beforehand() -> None:
+    truth = [
+        wrong("link_length", "follower", length_error=1e-3),
+        wrong("coulomb_friction", "D", friction_torque=0.3),
+    ]
+    usual = {e.key for e in diagnosed(*truth).effects}
+    assert usual == {"link_length@follower", "coulomb_friction@D"}
+    measured = replace(played(experiment(*RUNS, sensors=NOISE), *truth), prior={"stribeck_friction@D": 1e3})
+    result = diagnosis_of(measured, Options("mujoco", others=False, workers=1))[0]
+    assert {e.key for e in result.effects} == {"link_length@follower", "stribeck_friction@D"}
+    assert any("stribeck_friction@D is 1000 times as likely as usual" in note for note in result.notes)
+    with pytest.raises(MeasuredError, match=r"prior\.stribeck_fricton: .* did you mean 'stribeck_friction'"):
+        diagnosis_of(replace(measured, prior={"stribeck_fricton": 2.0}), Options("mujoco", others=False, workers=1))
 
 
 @pytest.mark.slow

@@ -428,6 +428,13 @@ def _determined(measured: Measured, predicted: Sequence[Mapping[str, np.ndarray]
     return replace(measured, runs=tuple(runs), faults=tuple(faults))
 
 
+def check_prior(measured: Measured, terms: Sequence[Term]) -> None:
+    """Raises MeasuredError for an entry of [prior] that is no effect of these data."""
+    for given in measured.prior:
+        if fault := _unknown(terms, given):
+            raise MeasuredError(f"{measured.source}: prior.{given}: {fault}")
+
+
 def considered(
     terms: Sequence[Term], tolerance: Mapping[str, float], bounds: Bounds, only: Sequence[str], exclude: Sequence[str]
 ) -> tuple[list[Term], dict[tuple[str, str], str]]:
@@ -450,14 +457,8 @@ def considered(
 
 def ruled_out(terms: Sequence[Term], only: Sequence[str], exclude: Sequence[str]) -> dict[tuple[str, str], str]:
     """Terms that the engineer rules out.  Raises MeasuredError for names that are none, or on both lists."""
-    known = {label for t in terms for label in (t.label, t.effect.name)} | set(VOCABULARY)
-    for given in (*only, *exclude):
-        if given not in known:
-            close = difflib.get_close_matches(given, known, n=1)
-            remedy = "give each by itself" if "," in given else f"did you mean {close[0]!r}" if close else ""
-            raise MeasuredError(
-                f"{given!r} is not an effect of these data{f'; {remedy}' if remedy else ''}; see: compare effects"
-            )
+    if fault := next((fault for given in (*only, *exclude) if (fault := _unknown(terms, given))), ""):
+        raise MeasuredError(fault)
     if both := [given for given in only if given in exclude]:
         raise MeasuredError(f"{both[0]!r} is both among only and excluded; leave it out of one")
     out = {}
@@ -467,6 +468,16 @@ def ruled_out(terms: Sequence[Term], only: Sequence[str], exclude: Sequence[str]
         elif only and not {t.label, t.effect.name} & set(only):
             out[t.key] = "not among --only"
     return out
+
+
+def _unknown(terms: Sequence[Term], given: str) -> str:
+    """What is wrong with the name of an effect, or name@where, that these data do not have; empty for one of theirs."""
+    known = {label for t in terms for label in (t.label, t.effect.name)} | set(VOCABULARY)
+    if given in known:
+        return ""
+    close = difflib.get_close_matches(given, known, n=1)
+    remedy = "give each by itself" if "," in given else f"did you mean {close[0]!r}" if close else ""
+    return f"{given!r} is not an effect of these data{f'; {remedy}' if remedy else ''}; see: compare effects"
 
 
 def bounds(rig: Rig, tolerance: Mapping[str, float]) -> Bounds:

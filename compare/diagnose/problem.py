@@ -154,8 +154,10 @@ class Problem:
         noise = {key: size for key, size in noise.items() if key in measured.sensors}
         data = Data(measured, noise, prepare.shared(measured, noise, model))
         fitter = Fitter(model, data, rig, prepare.bounds(rig, measured.tolerance))
+        every = candidates(rig, options.vocabulary, (*options.only, *options.exclude))
+        prepare.check_prior(measured, every)
         terms, ruled_out = prepare.considered(
-            candidates(rig, options.vocabulary, (*options.only, *options.exclude)),
+            every,
             measured.tolerance,
             fitter.bounds,
             options.only,
@@ -208,7 +210,11 @@ class Problem:
         return [t for t in self.terms if t.key not in self.ruled_out and not t.effect.asked_for]
 
     def note_limits(self) -> None:
-        """Note what is not modelled in these runs."""
+        """Note what is not modelled in these runs, and what was said beforehand."""
+        self.notes += [
+            f"As {self.measured.source} says, {name} is {factor:g} times as likely as usual."
+            for name, factor in self.measured.prior.items()
+        ]
         if self.mechanism.displaced or any(t.effect.needs & {"contact", "soft_bearing"} for t in self.terms):
             self.notes += [
                 f"In run {run.name}, which is free, joints are taken without clearance and bearings as rigid."

@@ -104,6 +104,7 @@ def recorded(
         tuple(
             each for entry, (run, _) in zip(file.runs, read, strict=True) for each in _assumed(entry, run, mechanism)
         ),
+        file.prior,
     )
 
 

@@ -77,6 +77,7 @@ class Said(Layout):
     """What is said of measured data, wherever they are; how data files are written is said at the top."""
 
     tolerance: Mapping[str, NotNegative | Mapping[str, NotNegative]] = Field(default_factory=dict)
+    prior: Mapping[str, Annotated[float, Field(gt=0, lt=LARGEST_READING)]] = Field(default_factory=dict)
     runs: Annotated[tuple[Entry, ...], BeforeValidator(_as_tuple), Field(alias="run", min_length=1)]
 
 

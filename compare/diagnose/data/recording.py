@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
@@ -128,7 +128,8 @@ class MeasuredRun:
 @dataclass(frozen=True, repr=False)
 class Measured:
     """A nominal mechanism, the runs measured on it, what may be blamed at most (``tolerance``, by quantity, parameter
-    or effect.parameter, SI), what was wrong with the data, and what is ``assumed`` of the runs.
+    or effect.parameter, SI), what was wrong with the data, what is ``assumed`` of the runs, and how many times as
+    likely as usual an effect is (``prior``, by name or name@where).
     """
 
     mechanism: Mechanism
@@ -137,6 +138,7 @@ class Measured:
     faults: tuple[Fault, ...]
     source: str
     assumed: tuple[Assumed, ...] = ()
+    prior: Mapping[str, float] = field(default_factory=dict)
 
     @cached_property
     def sensors(self) -> frozenset[tuple[str, str]]:

@@ -158,7 +158,7 @@ class Inference:
     ) -> None:
         self.plain, self.fitter, self.base, self.sought = fitter, fitter, base, sought
         self.late = late
-        self.prior = Prior.of(fitter.rig, fitter.bounds, sought)
+        self.prior = Prior.of(fitter.rig, fitter.bounds, sought, fitter.data.measured.prior)
         # signatures over each sample's noise alone, which stay true in other colours
         self.bare = Fitter(fitter.model, fitter.data.plain(), fitter.rig, fitter.bounds)
         self.surveyed: Surveyed | None = None

@@ -94,10 +94,17 @@ class Prior:
     places: Mapping[bool, int]  # how many effects at how many places there are, of sensors and of the rig
     variants: Mapping[tuple[str, str], int]
     simple_of: Mapping[Term, Term]  # of a richer form its simple one at the same place
+    stated: Mapping[str, float]  # by name or name@where: how many times as likely as usual
 
     @classmethod
-    def of(cls, rig: Rig, bounds: Callable[[Term], tuple[np.ndarray, np.ndarray]], sought: Sequence[Term]) -> Prior:
-        """Of these terms, within their bounds."""
+    def of(
+        cls,
+        rig: Rig,
+        bounds: Callable[[Term], tuple[np.ndarray, np.ndarray]],
+        sought: Sequence[Term],
+        stated: Mapping[str, float] | None = None,
+    ) -> Prior:
+        """Of these terms, within their bounds, some of which are ``stated`` to be so many times as likely as usual."""
         keys = {sensor: {t.key for t in sought if t.effect.sensor is sensor} for sensor in (True, False)}
         variants: dict[tuple[str, str], int] = {}
         for term in sought:
@@ -106,13 +113,14 @@ class Prior:
         for term in sought:
             simple.setdefault(term.where, []).append(term)
         pairs = {rich: poor for rich in sought for poor in simple[rich.where] if rich.extends(poor)}
-        return cls(rig, bounds, {sensor: max(len(each), 1) for sensor, each in keys.items()}, variants, pairs)
+        places = {sensor: max(len(each), 1) for sensor, each in keys.items()}
+        return cls(rig, bounds, places, variants, pairs, stated or {})
 
     def log_odds(self, term: Term) -> float:
         """Of a term being there against it being absent."""
         share = EXPECTED[term.effect.sensor] / self.places[term.effect.sensor]
         share = min(share, 0.5)
-        odds = math.log(share / (1 - share))
+        odds = math.log(share / (1 - share) * self.stated.get(term.label, self.stated.get(term.effect.name, 1.0)))
         share = 1 / max(self.variants[term.key], 1)
         if in_each_run(term.effect, term.variant):
             share = EACH_RUN if term.effect.sensor else REPEATS
