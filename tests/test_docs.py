@@ -219,6 +219,7 @@ def test_the_files_of_measured_data_can_be_read(tmp_path: Path) -> None:
     assert [run.role for run in data_set.runs] == ["fit", "fit", "fit", "validation"]
     assert set(data_set.runs[0].channels) == {name.split(" [")[0] for name in header.split(",")[1:]}
     assert data_set.tolerance == {"mass": 0.002, "length_error": 2e-4}
+    assert data_set.prior == {"joint_clearance": 0.1}
     assert data_set.runs[2].loads is not None
 
 
