@@ -29,7 +29,7 @@ from compare.report.diagnosis_figures import LEVELS, MAP_COLUMNS, broken, figure
 from compare.report.diagnosis_page import changes, diagnosis_html, diagnosis_md
 from compare.report.diagnosis_terminal import terminal_lines
 from compare.report.words.diagnosis import attempts, next_steps, separation, ties, waterfall
-from compare.report.words.effects import odds, own_values, parameter, phrase, spoken, values_of
+from compare.report.words.effects import odds, own_values, parameter, phrase, rows, spoken, values_of
 from compare.report.words.located import located, span, wrapped
 from compare.report.words.measured import data_sentences, explained_to, off, off_by
 from compare.results.diagnosis import Diagnosis, Effect, Estimate, Located
@@ -828,6 +828,7 @@ def test_what_the_data_leave_open_of_a_direction_is_not_told_as_a_size(partly: d
     unseen = Estimate(value=-1.6e-11, unit="m", low=None, high=None)
     pivot = valued("pivot_position", "S", {"x": unseen, "y": known})
     assert values_of(as_document(partly), pivot) == ["x not known", "18.00 mm up"]
+    assert rows(pivot.parameters)[0] == ("x", "not known", "not known")
     far = valued("pivot_position", "S", {"x": unseen.model_copy(update={"value": -0.02}), "y": known})
     assert values_of(as_document(partly), far)[0] == "20 mm to the left"
 

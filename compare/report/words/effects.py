@@ -109,10 +109,17 @@ def _unit(what: str, estimates: Sequence[Estimate]) -> tuple[str, float]:
 
 def rows(parameters: Mapping[str, Estimate]) -> list[ParameterRow]:
     """Every parameter of an effect; the values of one parameter in several runs in one unit."""
-    return [
-        parameter(name, estimate, [p for other, p in parameters.items() if _base(other) == _base(name)])
-        for name, estimate in parameters.items()
-    ]
+    found = []
+    for name, estimate in parameters.items():
+        words = parameter(name, estimate, [p for other, p in parameters.items() if _base(other) == _base(name)])
+        found.append((words[0], "not known", words[2]) if _left_open(estimate, parameters) else words)
+    return found
+
+
+def _left_open(estimate: Estimate, parameters: Mapping[str, Estimate]) -> bool:
+    """Whether the data say nothing of a value, and what is given for it is next to nothing."""
+    sizes = [abs(p.value) for p in parameters.values() if p.unit == estimate.unit]
+    return estimate.low is estimate.high is None and abs(estimate.value) < NEXT_TO_NOTHING * max(sizes)
 
 
 def _base(name: str) -> str:
@@ -131,8 +138,7 @@ def values_of(result: Diagnosis, effect: EffectPlace, intervals: bool = False) -
         called, value, interval = parameter(key, _minus(estimate) if way and estimate.value < 0 else estimate, like)
         run = called.partition(" in run ")[1:] if "@" in key else ("", "")
         open_ended = estimate.low is None or estimate.high is None
-        sizes = [abs(p.value) for p in parameters.values() if p.unit == estimate.unit]
-        if estimate.low is estimate.high is None and abs(estimate.value) < NEXT_TO_NOTHING * max(sizes):
+        if _left_open(estimate, parameters):
             words.append(f"{called} not known")
             continue
         known = f" (95 %: {interval})" if intervals and (open_ended or estimate.low != estimate.high) else ""
