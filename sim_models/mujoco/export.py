@@ -14,7 +14,7 @@ import numpy as np
 
 from analytic.kinematics.schedule import Course, DriveMotion
 from analytic.mechanism import Joint
-from sim_models.common.export_files import expected, lines, varies, written
+from sim_models.common.export_files import expected, lines, stops, varies, written
 from sim_models.common.simulate import simulate
 from sim_models.engine import Cause, Engine, Request, Trace
 from sim_models.mujoco.equilibrium import MujocoEquilibria, rest
@@ -139,6 +139,8 @@ def _meaning(link: MujocoLinkage) -> dict[str, Any]:
                 "form": form.tolist(),
                 "cubic": joint.cubic,
                 "drag": joint.drag,
+                "rest": joint.rest_angle,
+                "stops": stops(joint),
                 "friction": [joint.coulomb, joint.stiction, joint.stribeck_speed] if joint.stribeck_speed else None,
             }
             for joint, form in (link.passive.joints.values() if link.passive else ())
