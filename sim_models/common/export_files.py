@@ -81,6 +81,4 @@ def stops(joint: Joint) -> list[list[float]]:
     """Of each end of a joint's stops the way in which it pushes the second body (1, -1), where it is (rad; m), its
     stiffness and its damping.
     """
-    return [
-        [way, way * depth, stop.stiffness, stop.damping] for stop in joint.stops for way, depth in stop.depths(0.0)
-    ]
+    return [[way, way * depth, stop.stiffness, stop.damping] for stop in joint.stops for way, depth in stop.depths(0.0)]
