@@ -15,6 +15,8 @@ from analytic.mechanism import Joint, Load, Mechanism
 from analytic.mechanism.signals import named, position
 from sim_models.engine import Request, Trace
 
+BEYOND = "beyond_mjcf"  # the text of an exported MJCF file that has, as JSON, what MJCF has no words for
+
 
 def expected(trace: Trace, request: Request, order: Iterable[int] | None = None) -> str:
     """The trace of a request as CSV with all digits, headed ``signal [unit]``, rows in this order; left out, in the
