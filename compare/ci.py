@@ -121,7 +121,8 @@ def _add(suite: ElementTree.Element, case: JUnitCase, file: str) -> None:
     for tag, words in (("failure", case.failure), ("error", case.error)):
         if words:
             attributes = _clean({"message": words, "type": case.kind})
-            look = f"\nto look at it: {case.look.replace('{file}', file)}" * bool(case.look)
+            where = ", in this file's folder" if "{file}" in case.look else ""
+            look = f"\nto look at it{where}: {case.look.replace('{file}', file)}" * bool(case.look)
             ElementTree.SubElement(element, tag, attributes).text = _text(words + look)
     if case.said and not (case.failure or case.error):
         ElementTree.SubElement(element, "system-out").text = _text(case.said)

@@ -64,7 +64,7 @@ from compare.judge.signals import compared, only, prescribed, recorded, with_der
 from compare.judge.statistics import compared_statistics
 from compare.judge.tolerances import Tolerances, check_known, known_differences
 from compare.omissions import Asked, omitted, rigid_walls, untold
-from compare.pace import Pace
+from compare.pace import LONG, Pace, foreseen
 from compare.progress import Progress, progress_bar
 from compare.questions.crosscheck import MOST_REVOLUTIONS, CrosscheckQuestion
 from compare.questions.question import answers
@@ -82,7 +82,7 @@ from compare.results.crosscheck import (
     without,
 )
 from compare.schedules import scheduled
-from compare.simulations import ContactTrace, Resolve, simulate_all
+from compare.simulations import ContactTrace, Resolve, Task, simulate_all
 from compare.versions import versions
 from sim_models.common.contact_laws import assumed_of_contact
 from sim_models.common.rates import with_rates
@@ -348,7 +348,8 @@ def run_all(
     """Simulate the tasks, each an engine's name and what it is asked, and judge each run by its analytic ``side``."""
     pace = Pace(lambda these, took: simulate_all(these, job.workers, resolve, job.offers, took), job.workers, progress)
     longer = job.revolutions > 1 and not job.as_it_is and any(request.watched for _, request in tasks)
-    outcomes = dict(pace.run(tasks, "then longer, where pins strike, unless revolutions is 1" if longer else ""))
+    remarks = ["then longer, where pins strike, unless revolutions is 1"] * longer + quicker(job, tasks)
+    outcomes = dict(pace.run(tasks, "; ".join(remarks)))
     traces = [outcomes[i] for i in range(len(tasks))]
     failed = [f for f in traces if isinstance(f, Failure) and not f.unsupported]
     left_out = [f.why for f in traces if isinstance(f, Failure) and f.unsupported]
@@ -371,6 +372,14 @@ def run_all(
     failed += [one for one in settled.values() if isinstance(one, Failure)]
     failed = [_with_jam(one, job.mechanism, job.motion) for one in failed]
     return Ran(tuple(one for one in settled.values() if isinstance(one, JudgedRun)), tuple(failed), tuple(left_out))
+
+
+def quicker(job: Job, tasks: Sequence[Task]) -> list[str]:
+    """What of a job that takes long is quick, if anything."""
+    one = [f"simulator {job.simulators[0]}"] * (len(job.simulators) > 1)
+    ideal = ["joint ideal"] * (job.joint_model is None and any(asked.joint_model != "ideal" for _, asked in tasks))
+    ways = one + ideal if foreseen(tasks, job.workers) > LONG else []
+    return [f"quick: {' or '.join(ways)}"] if ways else []
 
 
 def concluded(job: Job, ran: Ran, alike: Callable[[JudgedRun], bool] = lambda one: True) -> CrossCheck:

@@ -52,7 +52,7 @@ def test_a_disagreement_is_annotated_looked_at_and_written_with_relative_paths(j
     shown = commands.compare(*shlex.split(look.partition(": compare ")[2]), cwd=job)
     assert shown.returncode == 0, shown.stderr
     assert shown.stdout.startswith("reaction_D_angle: ")
-    in_folder = re.search(r"to look at it: compare (.*)", failed[0].findtext("failure", ""))
+    in_folder = re.search(r"to look at it, in this file's folder: compare (.*)", failed[0].findtext("failure", ""))
     assert in_folder is not None
     assert commands.compare(*shlex.split(in_folder[1]), cwd=out).stdout == shown.stdout
 

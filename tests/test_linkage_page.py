@@ -97,6 +97,17 @@ def test_a_peak_between_the_samples_is_found() -> None:
     assert few.highest.value == pytest.approx(weight * math.cos(math.radians(20.0)))  # too few to look between them
 
 
+def test_one_peak_has_one_number_on_the_page() -> None:
+    """Of power and of the vector figure, which are drawn by samples 20 degrees beside it, that of torque and table."""
+    drawn = {f.name: f for f in figures(lc.analyse(loads(ARM), angles=np.radians(np.arange(20.0, 380.0, 40.0))))}
+    weight, pull = MASS * GRAVITY, MASS * SPEED**2 * REACH
+    (top, _) = [s.labels[0] for s in drawn["drive_power"].series if s.labels]
+    assert float(top.split(" at ")[0]) == pytest.approx(weight * REACH * SPEED, rel=1e-3)
+    (vector,) = [s for s in drawn["vector_D"].series if s.labels]
+    assert float(vector.labels[0].split(" N at ")[0]) == pytest.approx(pull + weight, rel=1e-3)
+    assert math.hypot(vector.x[0] or 0.0, vector.y[0] or 0.0) == pytest.approx(pull + weight, rel=1e-4)
+
+
 def test_the_work_of_a_turn_is_that_of_the_tool() -> None:
     """2 N.m against the arm over 100 degrees; gravity gives back what it takes."""
     tool = f"""{ARM}
@@ -361,6 +372,38 @@ def test_peaks_are_written_at_the_curves_and_inside_the_figure(browser: Browser,
     assert all(inside for _, inside in found)
     largest = np.nanmax(loose["reaction_D_magnitude"])
     assert any(text.startswith(f"D {largest:.4g} at ") for text, _ in found)
+
+
+DRAWN = """(which) => [...document.querySelectorAll(`#mover svg.chart .series.${which} path`)].map((path) =>
+  [...path.getAttribute('d').matchAll(/([-0-9.]+) ([-0-9.]+)/g)].map((pair) => [Number(pair[1]), Number(pair[2])]))"""
+
+
+@pytest.mark.slow
+@NEEDS_CHROMIUM
+@pytest.mark.parametrize("times", [None, 40])
+def test_the_gap_is_drawn_as_many_times_as_is_said_and_the_ghost_has_none(
+    browser: Browser, page: Path, loose: Analysis, times: int | None
+) -> None:
+    """Of the crank's length, to a hundredth of a pixel; coupler and follower part by B's circle, where its pin is."""
+    browser.open(page)
+    if times is not None:
+        factor = f"const f = document.querySelector('[data-factor]'); f.value = Math.log10({times})"
+        browser.run(f"(() => {{ {factor}; f.dispatchEvent(new Event('input', {{bubbles: true}})); }})()")
+    browser.run(f"({GO})(3)")
+    said = browser.run("document.querySelector('[data-magnified]').textContent")
+    assert times is None or float(said.split()[1]) == times
+    (links,), (ghost, *_), circles = (
+        [np.array(path) @ [1, 1j] for path in browser.run(f"({DRAWN})('{which}')")]
+        for which in ("link", "dashed", "line")
+    )
+    b, follower = links[3], links[5]  # crank D A, coupler A B, follower E B
+    pixels = abs(links[1] - links[0]) / abs(loose.mechanism.moving["crank"].point("A"))  # of a metre
+    gap = loose.clearance["B"] * float(said.split()[1]) * pixels
+    rims = [np.ptp(path.real) / 2 for path in circles if path.size == 61]
+    assert min(abs(rim - gap) for rim in rims) < 0.02
+    assert abs(b - follower) == pytest.approx(gap, abs=0.03)
+    assert gap > 1.0  # it is to be seen
+    assert abs(ghost[3] - ghost[5]) < 0.02 < 1.0 < abs(ghost[3] - b) + abs(ghost[5] - follower)
 
 
 @pytest.mark.slow

@@ -20,7 +20,7 @@ from typer.testing import CliRunner
 
 import linkage_crosscheck as lc
 from analytic.kinematics.assembly import Assembly
-from analytic.mechanism import Body, Mechanism
+from analytic.mechanism import Body, Load, Mechanism
 from analytic.mechanism.file import load, shipped_cases
 from compare.cli.app import app
 from marks import slow
@@ -666,3 +666,32 @@ def test_5000_bodies_cost_little(tmp_path: Path) -> None:
     own = os.environ | {"PYTHONPATH": str(ROOT)}
     done = subprocess.run([sys.executable, "-c", text], env=own, capture_output=True, text=True, timeout=30, check=True)
     assert int(done.stdout) < 500_000  # kB
+
+
+def test_loads_that_vary_and_stops_come_back_from_an_export(tmp_path: Path) -> None:
+    """And act as they did: over a slide's travel, a body's place, against the motion; a stop's angle in its turn."""
+    told = load("slider-crank").with_clearances({})
+    given = told.replace(
+        loads=(
+            Load(body="rod", force=(3.0, -5.0)),
+            Load(body="slider", force=(-1.0, 0.0), over="position_S", table=((0.07, 900.0), (0.17, 100.0))),
+            Load(body="crank", torque=-2.0, opposes=True, over="rod_y", start=0.0, end=1.0),
+        ),
+        stops=[
+            {"joint": "S", "to": 0.13, "stiffness": 4e4, "damping": 1.0},
+            {"joint": "B", "to": 0.2, "stiffness": 20.0},
+        ],
+    )
+    angles = np.radians(np.arange(5.0, 360.0, 10.0))
+    lc.export(given, simulator="mujoco", folder=tmp_path, angles=angles[:2])
+    back = lc.import_mjcf(tmp_path / "model.xml")
+    assert back.mechanism.stops == given.stops
+    assert set(back.mechanism.loads[1:]) == set(given.loads[1:])
+    assert any("'beyond_mjcf' has loads that vary and stops" in note for note in back.notes)
+    right, found = (lc.analyse(m, angles=angles) for m in (given, back.mechanism))
+    for name in ("drive_torque", "reaction_B_x", "reaction_S_y"):
+        np.testing.assert_allclose(found[name], right[name], rtol=0, atol=1e-9 * np.abs(right[name]).max())
+    text = (tmp_path / "model.xml").read_text(encoding="utf-8")
+    (tmp_path / "model.xml").write_text(text.replace("&quot;assembly&quot;", "&quot;asembly&quot;"), encoding="utf-8")
+    with pytest.raises(MjcfError, match="its text 'beyond_mjcf' is not as an export writes it"):
+        lc.import_mjcf(tmp_path / "model.xml")

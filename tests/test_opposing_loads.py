@@ -13,6 +13,7 @@ from analytic.beyond_paper.released import released
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.mechanism import Load, Mechanism, MechanismError
 from analytic.mechanism.file import dumps, load, loads
+from compare.report.peaks import strokes
 from engine_checks import CALM, agreed
 from engines_here import missing
 from marks import slow_but
@@ -105,6 +106,17 @@ def slope(theta: np.ndarray) -> np.ndarray:
     """How the ram (N,) m/rad moves with the crank: x = (above + below) r cos / (below + r sin), written out."""
     c, s = RADIUS * np.cos(theta), RADIUS * np.sin(theta)
     return -(ABOVE + BELOW) * (s * (BELOW + s) + c**2) / (BELOW + s) ** 2
+
+
+def test_a_quick_return_says_its_stroke_and_how_much_longer_one_way_takes() -> None:
+    """The lever turns back where the crank is square to it: 2 c tan(asin(r/b)) apart, pi +- 2 asin(r/b) of a turn."""
+    lean = math.asin(RADIUS / BELOW)
+    ((joint, said),) = strokes(lc.analyse(shaper(), angles=TURN))
+    slow, fast = (math.degrees(math.pi + 2 * way * lean) for way in (1, -1))
+    travel = 2e3 * (ABOVE + BELOW) * math.tan(lean)
+    assert joint == "S"
+    assert said == f"{travel:.4g} mm, {slow:.4g} deg one way, {fast:.4g} deg back ({slow / fast:.2f}:1)"
+    assert not list(strokes(lc.analyse(shaper(), angles=TURN[:20])))  # of no whole turn
 
 
 def extra(motion: Motion, *given: Load) -> np.ndarray:

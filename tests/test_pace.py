@@ -6,6 +6,7 @@ import math
 import re
 import time
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,9 @@ import pytest
 
 import linkage_crosscheck as lc
 from analytic.kinematics.schedule import Schedule
-from compare.pace import Pace, duration, length
+from compare.crosscheck import job_of, quicker
+from compare.pace import Pace, duration, foreseen, length
+from compare.questions.crosscheck import CrosscheckQuestion
 from compare.results.crosscheck import Failure
 from compare.simulations import Task, Took
 from sim_models.engine import JointModel, Request
@@ -31,6 +34,13 @@ def at_these_rates(tasks: Sequence[Task], took: Took) -> Iterator[tuple[int, Fai
     """Tasks that end in their order, as if each had taken what its rate says; no engine has any part in it."""
     for i, (name, request) in enumerate(tasks):
         took(i, RATES[name, request.joint_model] * length(request))
+        yield i, Failure(simulator=name, joint_model=request.joint_model, why="nothing is simulated")
+
+
+def unsimulated(tasks: Sequence[Task], took: Took) -> Iterator[tuple[int, Failure]]:
+    """Tasks that end at once."""
+    for i, (name, request) in enumerate(tasks):
+        took(i, 1e-3)
         yield i, Failure(simulator=name, joint_model=request.joint_model, why="nothing is simulated")
 
 
@@ -69,6 +79,23 @@ def test_what_no_engine_has_run_yet_is_said_to_take_longer() -> None:
 
     list(Pace(simulated, 1, lambda what, *_: told.append(what)).run(tasks))
     assert told[2:] == ["b ideal; more than 10 s left", "a contact; about 25 s left", "b contact"]
+
+
+def test_at_once_it_is_said_how_many_runs_there_are_how_long_they_take_and_what_is_quick() -> None:
+    """12 runs of two turns at 4 s are 48 s on two cores, 3 ideal ones 2 s; what is short is not spoken of."""
+    told: list[str] = []
+    models: tuple[JointModel, ...] = ("ideal", "spring-damper", "contact")
+    tasks = [(name, asked(model, 2)) for name in ("mujoco", "dart", "exudyn") for model in models]
+    job = job_of(CrosscheckQuestion(mechanism=ROCKER, simulator=["mujoco", "exudyn"], workers=2))
+    list(Pace(unsimulated, 2, lambda what, *_: told.append(what)).run(tasks))
+    assert foreseen(tasks, 2) == pytest.approx((6 * 2 * 4.0 + 3 * 2 * 0.7) / 2)
+    assert told[0] == "mujoco dart exudyn: 9 runs, half a minute or so"
+    assert quicker(job, tasks) == ["quick: simulator mujoco or joint ideal"]
+    alone = replace(job, simulators=("mujoco",))
+    assert quicker(alone, tasks) == ["quick: joint ideal"]
+    assert quicker(alone, tasks[:2]) == []
+    list(Pace(unsimulated, 2, lambda what, *_: told.append(what)).run(tasks[:2]))
+    assert told[-3] == "mujoco"
 
 
 @pytest.mark.parametrize(

@@ -83,6 +83,11 @@ def test_what_has_no_clearance_has_no_orbit() -> None:
     with pytest.raises(KeyError, match="no joint of this run has clearance"):
         result.run(joint_model="ideal").plot_orbit()
     assert result.run(joint_model="ideal").contact_rows() == []
+    with pytest.raises(KeyError, match=r"3 runs with clearance: run\('mujoco', 'massless-link'\)\.plot_orbit\(\), run"):
+        result.plot_orbit()  # one of a cross-check is that of its run with clearance
+    contact = result.run(joint_model="contact")
+    alone = result.model_copy(update={"runs": (result.run(joint_model="ideal"), contact)})
+    assert alone.contact_frame("B").equals(contact.contact_frame("B"))
 
 
 def turned(result: CrossCheck, turns: int) -> CrossCheck:

@@ -468,3 +468,9 @@ def test_a_drive_that_is_made_in_python_takes_its_speed_as_a_file_does() -> None
     assert lc.Drive(joint="D", speed="free").speed == "free"
     with pytest.raises(MechanismError, match=r"speed = '3 kg': unit 'kg', which is of another dimension"):
         lc.Drive(joint="D", speed="3 kg")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("name", "said"), [("speed", "its drive's speed, is changed"), ("clearence", "'clearance'?")])
+def test_an_argument_that_there_is_not_is_refused_by_the_functions_own_name(name: str, said: str) -> None:
+    with pytest.raises(TypeError, match=rf"analyse\(\) has no argument '{name}'.*{re.escape(said)}"):
+        lc.analyse("crank-rocker", **{name: "60 rpm"})

@@ -314,10 +314,20 @@ stop = [{ joint = "S", to = "50 mm", stiffness = "2 N/mm", damping = 3.0 }]
         loads(text.replace(*edit))
 
 
-@pytest.mark.parametrize("engine", ["mujoco", "exudyn", "pybullet"])
-def test_an_export_has_no_stops(engine: str, tmp_path: object) -> None:
-    with pytest.raises(Error, match=re.escape("has no stops of joints in its exports")):
-        lc.export(sliding(0.0), simulator=engine, folder=str(tmp_path), times=[0.0, 0.01])
+@pytest.mark.parametrize("side", ENGINE)
+def test_a_body_without_a_moment_of_inertia_has_a_stop_at_its_pin(side: str) -> None:
+    """A slider that its guide keeps from turning: the pin between rod and slider pushes with k times its depth."""
+    r, rod = 0.05, 0.12
+    bare = load("slider-crank").with_clearances({})
+    assert bare.moving["slider"].moment_of_inertia == 0.0
+    a = np.radians([60.0, 90.0, 120.0])
+    turned = np.arcsin(r / rod * np.sin(a))  # of the slider on the rod
+    m = bare.replace(stops=[{"joint": "B", "to": 0.2, "stiffness": 20.0}])
+    with_stop, without = (lc.simulate(each, simulator=side, angles=a, motion="static") for each in (m, bare))
+    rate = r / rod * np.cos(a) / np.cos(turned)  # of that by the crank's angle
+    asked = 20.0 * (turned - 0.2) * rate
+    apart = with_stop["drive_torque"] - without["drive_torque"] - asked
+    assert np.abs(apart).max() < 1e-6 * np.abs(asked).max()
 
 
 @pytest.mark.mujoco

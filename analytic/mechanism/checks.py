@@ -98,7 +98,8 @@ def _check_stribeck(joint: Joint, where: str) -> None:
 
 def _check_prismatic(joint: Joint, where: str) -> None:
     if joint.axis is None or abs(complex(*joint.axis)) == 0:
-        raise ValueError(f"{where}axis is {joint.axis}; a prismatic joint needs a direction [x, y] that is not zero")
+        was = "missing" if joint.axis is None else list(joint.axis)
+        raise ValueError(f"{where}axis is {was}; a prismatic joint needs a direction [x, y] that is not zero")
     _check_guide(joint, where)
     if joint.radial_stiffness is not None:
         raise ValueError(

@@ -15,10 +15,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from analytic.mechanism.errors import MechanismError, accepted, describe, quoted
 from analytic.mechanism.model import Mechanism, as_written
+from analytic.mechanism.parts import Body, Drive, Joint, Load
 from analytic.mechanism.written import WAVES, si_unit
 
 TABLES = ("gravity", "ground", "body", "joint", "drive", "spring", "stop", "load", "assembly", "initial")
@@ -164,5 +165,9 @@ def _step(name: str, rest: str, choices: Sequence[str], where: str, no: str = "n
     first = rest.partition(".")[0]
     close = difflib.get_close_matches(first, choices, n=1)
     remedy = f"did you mean {close[0]!r}" if close and first else f"they are {', '.join(choices)}"
+    if choices is TABLES:  # a field of a part, without the part
+        parts: dict[str, type[BaseModel]] = {"joint": Joint, "body": Body, "drive": Drive, "load": Load}
+        own = [table for table, part in parts.items() if first in part.model_fields]
+        remedy = f"give it as {own[0]}.NAME.{first}" if own else remedy
     said = f"{first!r} is {no} {where}" if first else f"{where} has several numbers; name one"
     raise FieldError(f"{name}: {said}; {remedy}", where, choices, close[0] if close and first else "")

@@ -37,8 +37,8 @@ def enumerated(names: Sequence[str]) -> str:
 
 
 def capital(text: str) -> str:
-    """A text that begins a sentence."""
-    return text[:1].upper() + text[1:]
+    """A text that begins a sentence; a field's or a signal's name stays as it is."""
+    return text if "_" in text.partition(" ")[0] else text[:1].upper() + text[1:]
 
 
 def angles(theta: np.ndarray, of: str = "crank angle") -> str:

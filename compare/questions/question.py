@@ -7,6 +7,7 @@ import inspect
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import Field, dataclass, fields
+from difflib import get_close_matches
 from textwrap import fill
 from typing import TYPE_CHECKING, Any, ForwardRef, ParamSpec, TypeVar, cast, dataclass_transform, get_args
 
@@ -63,7 +64,9 @@ def answers(question: Callable[P, Q]) -> Callable[[Callable[[Q], R]], Callable[P
     def of(answer: Callable[[Q], R]) -> Callable[P, R]:
         @functools.wraps(answer)
         def asked(*arguments: P.args, **named: P.kwargs) -> R:
-            given = question(*arguments, **_renamed(question, named))
+            now = _renamed(question, named)
+            _check_names(answer.__name__, question, now)
+            given = question(*arguments, **now)
             with progress_bar(getattr(given, "progress", None), answer.__name__.replace("_", " ")):
                 return answer(given)
 
@@ -93,6 +96,19 @@ def _renamed(question: object, named: Mapping[str, object]) -> Any:
             warnings.warn(text, DeprecationWarning, stacklevel=3)
             now[name] = now.pop(option.formerly)
     return now
+
+
+def _check_names(called: str, question: object, named: Mapping[str, object]) -> None:
+    """Raise TypeError for an argument that a question has not."""
+    assert isinstance(question, type)
+    known = [each.name for each in arguments(question)]
+    for name in (name for name in named if name not in known):
+        near = get_close_matches(name, known, 1)
+        remedy = f"did you mean {near[0]!r}?" if near else f"it has {', '.join(known)}."
+        own = (
+            "What a mechanism says, such as its drive's speed, is changed in it (replace, with_joint) or swept (sweep)"
+        )
+        raise TypeError(f"{called}() has no argument {name!r}; {remedy} {own}")
 
 
 def _type(annotation: Any) -> Any:

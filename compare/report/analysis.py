@@ -7,7 +7,7 @@ from rich.console import Console
 from compare.presentation import Presentation
 from compare.quantities import plain
 from compare.report.analysis_page import files
-from compare.report.peaks import GOOD, error_peaks, over, poor
+from compare.report.peaks import GOOD, error_peaks, over, poor, strokes
 from compare.report.sides import plot, print_peaks, said, summary_html
 from compare.report.tables import say, terminal_table
 from compare.report.toleranced import print_signals
@@ -27,6 +27,8 @@ def print_table(result: Analysis, console: Console) -> None:
         console.print(terminal_table(ERROR_HEADS, rows, left=("error by clearance", "unit", "by joint, first order")))
     if result.tolerances is not None:
         print_signals(result.tolerances, over(result), console)
+    for joint, stroke in strokes(result):
+        say(console, f"stroke of {joint}: {stroke}")
     if poor(result):
         say(console, f"transmission angle below {GOOD:g} deg at {poor(result)}")
     say(console, *said(result), repr(result))

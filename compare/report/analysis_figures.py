@@ -23,6 +23,7 @@ from compare.report.peaks import (
     on_request,
     over,
     parts_of,
+    peak,
     peaks,
     powers,
     transmission_angle,
@@ -146,6 +147,9 @@ def _drive(result: Analysis | Simulation) -> Iterator[Figure]:
         largest = max(float(np.nanmax(np.abs(each))) for each in watts.values())
         extremes = {name: [int(np.nanargmax(each)), int(np.nanargmin(each))] for name, each in watts.items()}
         ends = {name: [End(float(watts[name][k]), float(x[k])) for k in at] for name, at in extremes.items()}
+        if "power" in ends and isinstance(speed := result.mechanism.speed, float):  # of an even crank: as its torque
+            torque = peak(result, known["drive_torque"])
+            ends["power"] = [End(end.value * speed, end.at) for end in (torque.highest, torque.lowest)]
         ends = {name: [end for end in both if abs(end.value) > NOTHING * largest] for name, both in ends.items()}
         yield from _in_sixes(result, "drive_power", "Drive power", Axis("power", "W"), watts, ends)
 
@@ -159,7 +163,7 @@ def _loads(result: Analysis | Simulation) -> Iterator[Figure]:
 
 def _vectors(result: Analysis | Simulation) -> Iterator[Figure]:
     """The force on the second body of each joint as a vector, in the ground's frame and in that body's own."""
-    signals = result.signals
+    signals, known, unit = result.signals, quantities(result.mechanism), over(result).unit
     for joint in result.mechanism.joints:
         x, y = (signals.get(f"reaction_{joint.name}_{axis}") for axis in "xy")
         if x is None or y is None or not np.nanmax(np.hypot(x, y), initial=0.0) > 0:
@@ -171,17 +175,19 @@ def _vectors(result: Analysis | Simulation) -> Iterator[Figure]:
         rounds = {name: _round(result, f) for name, f in seen.items()}
         series = [Series(n, scaled(f.real), scaled(f.imag), ROLES[k]) for k, (n, f) in enumerate(rounds.items())]
         marks, at = list[Series](), int(np.nanargmax(np.abs(force)))
+        largest = peak(result, known[f"reaction_{joint.name}_magnitude"]).highest  # beside that sample
         for k, f in enumerate(seen.values()):
             tip, role = f[at], ROLES[k]
-            label = f"{number(float(abs(tip)), 4)} N at {number(over(result).values[at], 4)}"
-            label += "°" if over(result).unit == "deg" else " s"
+            tip *= largest.value / abs(tip)
+            label = f"{number(largest.value, 4)} N at {number(largest.at, 4)}"
+            label += "°" if unit == "deg" else " s"
             marks.append(Series("", (0.0, float(tip.real)), (0.0, float(tip.imag)), role, "dashed"))
             marks.append(
                 Series("", (float(tip.real),), (float(tip.imag),), role, "marker", labels=(label,) if not k else ())
             )
         origin = Series("", (0.0,), (0.0,), "ideal", "marker")
         title = f"Reaction at {joint.name} as a vector: on {joint.bodies[1]}"
-        text = f"{title}, over the motion; largest {number(float(abs(force[at])), 4)} N at {over(result).at(at)}."
+        text = f"{title}, over the motion; largest {number(largest.value, 4)} N at {number(largest.at, 4)} {unit}."
         axes = Axis("force x", "N"), Axis("force y", "N")
         yield Figure(f"vector_{joint.name}", title, text, *axes, (*series, *marks, origin), "plane")
 

@@ -22,6 +22,7 @@ from compare.report.peaks import (
     over,
     peaks,
     poor,
+    strokes,
     transmission_angle,
     unanswered,
 )
@@ -71,6 +72,7 @@ def _facts(result: Analysis) -> dict[str, str]:
         mean = torque.mean if abs(torque.mean) > NOTHING * largest else 0.0
         work = mean * 2 * np.pi * np.sign(m.speed)
         facts["Mean power of the drive"] = f"{number(mean * m.speed, 4)} W, {number(work, 4)} J a turn"
+    facts |= {f"Stroke of {joint}": stroke for joint, stroke in strokes(result)}
     angle = transmission_angle(result)
     if angle is not None and np.nanmin(angle) < 89.9:
         at = int(np.nanargmin(angle))

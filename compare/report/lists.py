@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import re
 
 from rich.console import Console
 from rich.text import Text
@@ -16,11 +17,13 @@ from compare.results.history import Runs
 from compare.results.imported import Imported
 from sim_models.engine import JOINT_MODELS, SCHEMES
 
+ELSEWHERE = re.compile(r"[,;] (see below|\[\w+\]\(\S+\))")  # what a page of the docs leads on to
 HEADINGS = {  # of tables that there are not any number of
     "mechanism": "the file itself",
     "ground": "[ground]",
     "drive": "[drive], or several [[drive]]",
     "elasticity": "elasticity = { ... } of a joint",
+    "tolerance": "[tolerances], { ... } of each field",
     "ripple": "ripple = { ... } of a drive",
     "periodic_torque": "periodic_torque = { ... } of a drive",
 }
@@ -60,7 +63,7 @@ def print_fields(result: Fields, console: Console) -> None:
     for table in dict.fromkeys(field.table for field in result.fields):
         say(console, HEADINGS.get(table, f"[[{table}]]"))
         rows = [
-            (f"  {f.name}", f.default, f.means.replace("`", "").replace("\N{SUPERSCRIPT TWO}", "^2"))
+            (f"  {f.name}", f.default, ELSEWHERE.sub("", f.means).replace("`", "").replace("\N{SUPERSCRIPT TWO}", "^2"))
             for f in result.fields
             if f.table == table
         ]

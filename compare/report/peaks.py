@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from analytic.mechanism import Load, Mechanism
-from analytic.mechanism.parts import TINY
+from analytic.mechanism.parts import GROUND, TINY
 from compare.quantities import Quantity, drive_signals, plain, quantities, shown
 from compare.report.summary import Abscissa, Sampled, abscissa, by_reason
 from compare.results.analysis import Analysis, Simulation
@@ -204,6 +204,27 @@ def poor(result: Erring) -> str:
     stretches = np.split(below, np.flatnonzero(np.diff(below) > 1) + 1)
     said = [x.at(s[0]) if s.size == 1 else f"{plain(x.values[s[0]], 4)} to {x.at(s[-1])}" for s in stretches]
     return ", ".join(said)
+
+
+def strokes(result: Analysis) -> Iterator[tuple[str, str]]:
+    """Each slide on the ground that goes to and fro once in a turn of the crank: how far, and for which part of the
+    turn one way and back.
+    """
+    if not over(result).around:
+        return
+    known = quantities(result.mechanism)
+    for joint in (joint for joint in result.mechanism.joints if joint.prismatic and GROUND in joint.bodies):
+        name = f"position_{joint.name}"
+        way = np.sign(np.diff(result.signals[name], append=result.signals[name][:1]))
+        if np.sum(way != np.roll(way, 1)) == 2:
+            slide = peak(result, known[name])
+            up = (slide.highest.at - slide.lowest.at) % 360
+            long, short = max(up, 360 - up), min(up, 360 - up)
+            travel = f"{plain(slide.highest.value - slide.lowest.value, 4)} mm"
+            yield (
+                joint.name,
+                f"{travel}, {plain(long, 4)} deg one way, {plain(short, 4)} deg back ({long / short:.2f}:1)",
+            )
 
 
 def parts_of(error: Error) -> dict[str, np.ndarray]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
@@ -49,6 +50,7 @@ def _page(result: Sweep) -> str:
         "result": result,
         "fields": " and ".join(field.name for field in result.fields),
         "headline": repr(result).removeprefix(f"Sweep({result.case}, ").removesuffix(")"),
+        "numeric": re.compile(r"[-+]?[.\d]+(e[-+]?\d+)?|-").fullmatch,
         "heads": heads,
         "rows": rows,
         "reasons": _reasons(result),

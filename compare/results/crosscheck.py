@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, ConfigDict, Field, FiniteFloat, model_validator
@@ -16,6 +16,10 @@ from compare.results.contact import Compared, Contact
 from compare.results.document import Document, Filled, Grid, Mechanism, Number, Part, Row, Series, Share, Text, rows_of
 from compare.results.play import WithPlay
 from sim_models.engine import Cause, JointModel, Motion, SettingValue
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
 
 Verdict = Literal["agrees", "disagrees", "unjudged"]
 Signals = Annotated[
@@ -311,6 +315,23 @@ class CrossCheck(Document):
         raise KeyError(
             f"no run of {simulator or 'any engine'} with {joint_model or 'any'} joints; the runs are {self.runs}"
         )
+
+    def contact_frame(self, joint: str | None = None) -> pandas.DataFrame:
+        """:meth:`Run.contact_frame` of the run with clearance.  Raises KeyError where there is none, or several."""
+        return self._loose("contact_frame").contact_frame(joint)
+
+    def plot_orbit(self, joint: str | None = None) -> Figure:
+        """:meth:`Run.plot_orbit` of the run with clearance.  Raises KeyError where there is none, or several."""
+        return self._loose("plot_orbit").plot_orbit(joint)
+
+    def _loose(self, wanted: str) -> Run:
+        loose = [run for run in self.runs if run.clearance]
+        if len(loose) != 1:
+            which = [f"run({run.simulator.name!r}, {run.joint_model!r}).{wanted}()" for run in loose]
+            raise KeyError(
+                f"{self.case}: {count(len(loose), 'run')} with clearance{': ' * bool(which)}{', '.join(which)}"
+            )
+        return loose[0]
 
     def rows(self) -> list[Row]:
         """A row for each sample of each run: ``analytic_<signal>`` and ``simulated_<signal>``, side by side."""

@@ -115,7 +115,7 @@ class Sweep(Document):
         return {name: unit for name, unit in units.items() if unit}
 
     def __repr__(self) -> str:
-        over = " x ".join(f"{len(field.values)} {field.name}" for field in self.fields)
+        over = " x ".join(f"{len(field.values)} of {field.name}" for field in self.fields)
         missing = sum(not point.whole for point in self.points)
         left = f", {missing} not whole" if missing else ""
         wrong = sum(point.verdict == "disagrees" for point in self.points)

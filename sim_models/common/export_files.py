@@ -11,9 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
-from analytic.mechanism import Load, Mechanism
+from analytic.mechanism import Joint, Load, Mechanism
 from analytic.mechanism.signals import named, position
 from sim_models.engine import Request, Trace
+
+BEYOND = "beyond_mjcf"  # the text of an exported MJCF file that has, as JSON, what MJCF has no words for
 
 
 def expected(trace: Trace, request: Request, order: Iterable[int] | None = None) -> str:
@@ -75,3 +77,10 @@ def varies(m: Mechanism, load: Load) -> dict[str, object]:
         "table": load.table,
         "opposes": load.opposes,
     }
+
+
+def stops(joint: Joint) -> list[list[float]]:
+    """Of each end of a joint's stops the way in which it pushes the second body (1, -1), where it is (rad; m), its
+    stiffness and its damping.
+    """
+    return [[way, way * depth, stop.stiffness, stop.damping] for stop in joint.stops for way, depth in stop.depths(0.0)]

@@ -62,13 +62,14 @@ def stop_step(m: Mechanism) -> float:
 
 def joint_inertia(m: Mechanism, joint: Joint) -> float:
     """Inertia (kg.m^2; prismatic: kg) of a joint's two bodies in its own free motion, each about the joint and both
-    otherwise free: by what stops of the joint are stepped.
+    otherwise free: by what stops of the joint are stepped.  A body with no moment of inertia about a pin is held by
+    another joint, and gives no way; endless where both are.
     """
     ease = 0.0
     for body in (m.moving[name] for name in joint.bodies if name in m.moving):
         arm = abs(body.point(MASS_CENTRE) - body.point(joint.name))
-        ease += 1 / (body.mass if joint.prismatic else body.moment_of_inertia + body.mass * arm**2)
-    return 1 / ease
+        ease += 1 / ((body.mass if joint.prismatic else body.moment_of_inertia + body.mass * arm**2) or math.inf)
+    return 1 / ease if ease else math.inf
 
 
 def _apart(m: Mechanism, bodies: Mapping[str, Pose], joint: Joint, aside: complex = 0j) -> np.ndarray:

@@ -35,7 +35,7 @@ HAS: frozenset[Feature] = frozenset(FEATURES) - {"load_friction", "guide_frictio
 WRITTEN: frozenset[Feature] = frozenset({
     "prismatic", "coulomb_friction", "stribeck_friction", "viscous_friction", "drag",
     "joint_spring", "nonlinear_spring", "contact_friction", "drive_compliance", "periodic_torque",
-    "soft_bearing", "course", "released", "several_drives", "point_spring", "varying_load",
+    "soft_bearing", "course", "released", "several_drives", "point_spring", "varying_load", "stop",
 })  # fmt: skip
 BEYOND: frozenset[Feature] = frozenset(
     {

@@ -11,7 +11,8 @@ import numpy as np
 
 from analytic.mechanism import MASS_CENTRE, Body, Joint
 from analytic.mechanism.signals import driving
-from sim_models.common.export_files import expected, lines, varies, written
+from sim_models.common.export_files import expected, lines, stops, varies, written
+from sim_models.common.mobility import stop_step
 from sim_models.common.simulate import simulate
 from sim_models.engine import Engine, Request, Trace
 from sim_models.exudyn.equilibria import ExudynEquilibria
@@ -188,7 +189,8 @@ def _joint(link: ExudynLinkage, joint: Joint) -> dict[str, Any]:
         friction, falls = (joint.coulomb, joint.stribeck_speed) if moving else (0.0, None)
         creep = link.model.creep * (link.model.size if joint.prismatic else 1.0)
         part["law"] = law
-        curved = joint.cubic or falls or (moving and joint.drag)
+        set_in = 2 * stop_step(link.m) if joint.stops else 0.0  # s
+        curved = joint.cubic or joint.stops or falls or (moving and joint.drag)
         if curved or (joint.prismatic and friction):
             part["curved"] = {
                 "cubic": joint.cubic,
@@ -197,6 +199,7 @@ def _joint(link: ExudynLinkage, joint: Joint) -> dict[str, Any]:
                 "static": joint.stiction if falls else friction,
                 "stribeck_speed": falls or 0.0,
                 "creep": creep,
+                "stops": [[*where, damping if moving else 0.0, set_in] for *where, damping in stops(joint)],
             }
         elif not joint.prismatic:
             part["law"] |= {"dynamicFrictionForce": friction, "frictionProportionalZone": creep if friction else 0.0}

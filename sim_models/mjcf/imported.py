@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.structure import StructureError, structure
 from analytic.mechanism import Mechanism, MechanismError
+from sim_models.common.export_files import BEYOND
 from sim_models.mjcf.compiled import AT_JOINT
 from sim_models.mjcf.drive import (
     ASSUMED,
@@ -78,9 +80,17 @@ class _Writer:
                 self.points[link][pin.name] = self.xy(point)
         try:
             driving, free = self._driving()
-            acting = {"spring": self._springs(), "load": self._loads(driving)}
+            beyond = self._beyond()
+            loads = self._loads(driving) + beyond.get("load", [])
+            acting = {"spring": self._springs(), "load": loads, "stop": beyond.get("stop", [])}
+            self.notes += [] if loads else ["it has no loads"]
             self.marked()
-            fields = self._linkage() | {"drive": self._drives(driving, free), **{k: v for k, v in acting.items() if v}}
+            linkage = self._linkage()
+            for body, angle in beyond.get("assembly", {}).items():  # in whose turns loads and stops count
+                if body in linkage["assembly"]:
+                    turns = round((angle - linkage["assembly"][body]) / math.tau)
+                    linkage["assembly"][body] += math.tau * turns
+            fields = linkage | {"drive": self._drives(driving, free), **{k: v for k, v in acting.items() if v}}
             mechanism = Mechanism.model_validate(fields)
             Assembly(mechanism)
         except MjcfError:
@@ -269,9 +279,24 @@ class _Writer:
                     f"{words} is neither the drive's nor a constant force on a site; its force is left out, and in a"
                     " run of the file it acts with control 0"
                 )
-        if not loads:
-            self.notes.append("it has no loads")
         return loads
+
+    def _beyond(self) -> dict[str, Any]:
+        """What an export of this project says beside MJCF: loads that vary and stops, as a mechanism file has them."""
+        text = mujoco.mj_name2id(self.m, mujoco.mjtObj.mjOBJ_TEXT, BEYOND)
+        if text < 0:
+            return {}
+        begin = int(self.m.text_adr[text])
+        try:
+            said = json.loads(bytes(self.m.text_data[begin : begin + int(self.m.text_size[text]) - 1]))
+            parts = {name: list(said.get(name, [])) for name in ("load", "stop")} | {"assembly": dict(said["assembly"])}
+        except (ValueError, TypeError, AttributeError, KeyError) as error:
+            raise MjcfError(
+                f"{self.p.said}: its text {BEYOND!r} is not as an export writes it ({error}); leave it out"
+            ) from None
+        has = [words for name, words in (("load", "loads that vary"), ("stop", "stops")) if parts[name]]
+        self.notes.append(f"its text {BEYOND!r} has {' and '.join(has)}, which a run of the file alone has not")
+        return parts
 
     def _load(self, steady: Push) -> dict[str, Any]:
         """A load, at the point where it acts: the com, a joint, or a point that is named after the site."""

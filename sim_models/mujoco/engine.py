@@ -28,7 +28,7 @@ WITHOUT_BLOCKS: frozenset[tuple[Feature, Pair]] = frozenset(
 WRITTEN: frozenset[Feature] = frozenset({
     "prismatic", "coulomb_friction", "stribeck_friction", "viscous_friction", "drag",
     "joint_spring", "nonlinear_spring", "contact_friction", "drive_compliance", "periodic_torque",
-    "soft_bearing", "course", "released", "several_drives", "point_spring", "varying_load",
+    "soft_bearing", "course", "released", "several_drives", "point_spring", "varying_load", "stop",
 })  # fmt: skip
 
 

@@ -4,17 +4,19 @@ expected.csv.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
 
 from analytic.kinematics.schedule import Course, DriveMotion
-from analytic.mechanism import Joint
-from sim_models.common.export_files import expected, lines, varies, written
+from analytic.mechanism import Joint, Mechanism
+from analytic.mechanism.model import as_written
+from sim_models.common.export_files import BEYOND, expected, lines, stops, varies, written
 from sim_models.common.simulate import simulate
 from sim_models.engine import Cause, Engine, Request, Trace
 from sim_models.mujoco.equilibrium import MujocoEquilibria, rest
@@ -40,6 +42,7 @@ def write(engine: Engine, request: Request, folder: Path) -> list[Path]:
         trace = found.trace()
         link, how = _equilibria(found) if asked.motion == "static" else _stages(found)
         model["text"] = text = model_text(link)
+        model["beyond"] = _unwritten(asked.mechanism)
         beyond = _beyond_mjcf(link.model, mujoco.MjModel.from_xml_string(text))
         start.update({"after_compiling": beyond, **_meaning(link), "motors": _motors(found, link), **how})
         return trace
@@ -53,7 +56,7 @@ def write(engine: Engine, request: Request, folder: Path) -> list[Path]:
         "motion": request.motion,
     }
     files = {
-        "model.xml": _started(model["text"], start),
+        "model.xml": _started(model["text"], start, model["beyond"]),
         "start.json": lines({**head, **start}),
         "expected.csv": expected(trace, request),
     }
@@ -83,13 +86,28 @@ def model_text(link: MujocoLinkage) -> str:
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
-def _started(text: str, start: Mapping[str, Any]) -> str:
-    """The model with the state in which a run begins as its keyframe, which also says how fast the motor turns."""
-    if "qpos" not in start:
-        return text
+def _unwritten(m: Mechanism) -> str:
+    """Loads that vary and stops, as a mechanism file has them, and the turns in which angles count, as JSON; nothing
+    where there are none.
+    """
+    every = as_written(m)
+    varying = [
+        load for load, part in zip(cast("list[object]", every.get("load", [])), m.loads, strict=True) if part.varies
+    ]
+    parts = {"load": varying, "stop": every.get("stop", []), "assembly": every.get("assembly", {})}
+    return json.dumps({name: part for name, part in parts.items() if part}) if varying or m.stops else ""
+
+
+def _started(text: str, start: Mapping[str, Any], beyond: str) -> str:
+    """The model with the state in which a run begins as its keyframe, which also says how fast the motor turns, and
+    with what is beyond MJCF as a text, which :mod:`sim_models.mjcf.imported` reads.
+    """
     root = ElementTree.fromstring(text)
-    state = {name: _numbers(np.array(start[name])) for name in ("time", "qpos", "qvel")}
-    ElementTree.SubElement(ElementTree.SubElement(root, "keyframe"), "key", {"name": "start", **state})
+    if beyond:
+        ElementTree.SubElement(ElementTree.SubElement(root, "custom"), "text", {"name": BEYOND, "data": beyond})
+    if "qpos" in start:
+        state = {name: _numbers(np.array(start[name])) for name in ("time", "qpos", "qvel")}
+        ElementTree.SubElement(ElementTree.SubElement(root, "keyframe"), "key", {"name": "start", **state})
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 
@@ -139,6 +157,8 @@ def _meaning(link: MujocoLinkage) -> dict[str, Any]:
                 "form": form.tolist(),
                 "cubic": joint.cubic,
                 "drag": joint.drag,
+                "rest": joint.rest_angle,
+                "stops": stops(joint),
                 "friction": [joint.coulomb, joint.stiction, joint.stribeck_speed] if joint.stribeck_speed else None,
             }
             for joint, form in (link.passive.joints.values() if link.passive else ())

@@ -27,7 +27,7 @@ HAS: frozenset[Feature] = frozenset(FEATURES) - {"contact_friction"}
 WRITTEN: frozenset[Feature] = frozenset({
     "prismatic", "coulomb_friction", "stribeck_friction", "load_friction", "viscous_friction",
     "drag", "joint_spring", "nonlinear_spring", "drive_compliance", "periodic_torque",
-    "soft_bearing", "course", "released", "several_drives", "point_spring", "varying_load",
+    "soft_bearing", "course", "released", "several_drives", "point_spring", "varying_load", "stop",
 })  # fmt: skip
 DRIVE_AT_REST: frozenset[tuple[Feature, Pair]] = frozenset(
     ("drive_compliance", pair) for pair in RUNS if pair[1] == "static"

@@ -15,7 +15,7 @@ import numpy as np
 from analytic.kinematics.schedule import Course, Steady
 from analytic.mechanism import GROUND, Joint, Spring
 from analytic.mechanism.signals import driving
-from sim_models.common.export_files import expected, lines, varies, written
+from sim_models.common.export_files import expected, lines, stops, varies, written
 from sim_models.common.simulate import simulate
 from sim_models.common.tree import Branch
 from sim_models.engine import Engine, Request, Trace
@@ -296,7 +296,7 @@ def _constraints(world: RecordedWorld) -> list[dict[str, Any]]:
     return result
 
 
-def _law(world: RecordedWorld, j: Joint) -> dict[str, float]:
+def _law(world: RecordedWorld, j: Joint) -> dict[str, Any]:
     return {
         "friction": j.coulomb,
         "friction_radius": j.load_coefficient,
@@ -308,6 +308,8 @@ def _law(world: RecordedWorld, j: Joint) -> dict[str, float]:
         "stiffness": j.stiffness,
         "cubic": j.cubic,
         "rest": j.rest_angle,
+        "stops": stops(j),
+        "stops_set_in": world.laws.step,
     }
 
 

@@ -241,24 +241,31 @@ class System:
         static: float,
         stribeck_speed: float,
         creep: float,
+        stops: Sequence[Sequence[float]],
     ) -> None:
-        """Add to a joint's spring and damper what is not linear, and its dry friction, which fades below the creep
-        speed; with a Stribeck speed it falls from static friction to that of fast slip.
+        """Add to a joint's spring and damper what is not linear, its stops, each a spring and damper that push back
+        beyond where it is and never pull, and its dry friction, which fades below the creep speed; with a Stribeck
+        speed it falls from static friction to that of fast slip.
         """
+        least, most, size = exu.symbolic.min, exu.symbolic.max, exu.symbolic.abs
 
         def law(mbs: Any, t: Any, number: Any, travel: Any, rate: Any, k: Any, d: Any, rest: Any) -> Any:
             stretch = travel - rest
             force = k * stretch + d * rate
+            for way, place, stiffness, damping, over in stops:
+                depth = way * (place - travel)
+                share = least(most(depth / (over * size(rate) + 1e-300) + 0.5, 0.0), 1.0)
+                force = force - way * most(stiffness * most(depth, 0.0) - share * way * damping * rate, 0.0)
             if cubic:
                 force = force + cubic * stretch * stretch * stretch
             if drag:
-                force = force + drag * exu.symbolic.abs(rate) * rate
+                force = force + drag * size(rate) * rate
             if friction or stribeck_speed:
                 dry = exu.symbolic.Real(friction)
                 if stribeck_speed:
                     slow = exu.symbolic.exp(-(rate / stribeck_speed) * (rate / stribeck_speed))
                     dry = dry + (static - friction) * slow
-                force = force + dry * exu.symbolic.max(exu.symbolic.min(rate / creep, 1.0), -1.0)
+                force = force + dry * most(least(rate / creep, 1.0), -1.0)
             return force
 
         self.set_force(number, law)

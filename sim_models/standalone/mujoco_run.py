@@ -120,7 +120,8 @@ class Simulation:
         """What of a joint's law is not linear, and the joint's rate."""
         law, rate = self.curved[t], float(self.data.ten_velocity[t])
         stretch = float(self.data.ten_length[t] - self.model.tendon_lengthspring[t, 0])
-        return -law["cubic"] * stretch**3 - law["drag"] * abs(rate) * rate, rate
+        size = -law["cubic"] * stretch**3 - law["drag"] * abs(rate) * rate
+        return size + stopped(law["stops"], stretch + law["rest"], rate, self.model.opt.timestep), rate
 
     def wave_torque(self) -> float:
         """The torque over the driven body's angle."""
@@ -442,6 +443,18 @@ class Simulation:
             largest = max(largest, np.abs(self.data.qacc).max())
             yield self.signals(forces, self.data.qvel, state["joint_friction"])
         print(f"largest acceleration at rest: {largest:.2g} m/s^2 or rad/s^2")
+
+
+def stopped(stops: list[list[float]], position: float, rate: float, over: float) -> float:
+    """What stops of a joint push its second body back with, each only beyond where it is; its damper sets in over a
+    time, half of it before.
+    """
+    size = 0.0
+    for way, place, stiffness, damping in stops:
+        depth = way * (place - position)
+        share = min(max(depth / max(over * abs(rate), 1e-300) + 0.5, 0.0), 1.0)
+        size += way * max(stiffness * max(depth, 0.0) - share * way * damping * rate, 0.0)
+    return size
 
 
 def main() -> None:

@@ -287,14 +287,15 @@ class World:
         slip = v2 - v1 - 1j * a.spin * (p2 - p1)
         return ((p2 - p1) * along.conjugate()).real, (slip * along.conjugate()).real, along
 
-    def apply_law(self, joint: str, law: Mapping[str, float]) -> complex:
-        """Dry friction, damper and spring of a joint, on its second body: a force along a slide (returned), or a torque
-        about a hinge.
+    def apply_law(self, joint: str, law: Mapping[str, Any]) -> complex:
+        """Dry friction, damper, spring and stops of a joint, on its second body: a force along a slide (returned), or a
+        torque about a hinge.
         """
         (first, second), ((p1, _), (p2, _)) = self.joints[joint]["bodies"], self.pins(joint)
         travel, rate, along = self.travel(joint)
         stretch = travel - law["rest"]
         size = -law["stiffness"] * stretch - law["cubic"] * stretch**3
+        size += stopped(law["stops"], travel, 0.0 if self.static else rate, law["stops_set_in"])
         grown = law["friction_radius"] * self.friction_loads.get(joint, 0.0)
         if self.static:  # friction acts against the drive
             size -= (law["static"] + grown) * self.sliding.get(joint, 0.0)
@@ -410,6 +411,18 @@ def on_course(time: float, times: list[float], cubics: list[list[float]]) -> flo
     k = min(max(bisect_right(times, time) - 1, 0), len(cubics) - 1)
     (a, b, c, d), s = cubics[k], time - times[k]
     return d + c * s + b * (s * s) + a * (s * s * s)
+
+
+def stopped(stops: list[list[float]], position: float, rate: float, over: float) -> float:
+    """What stops of a joint push its second body back with, each only beyond where it is; its damper sets in over a
+    time, half of it before.
+    """
+    size = 0.0
+    for way, place, stiffness, damping in stops:
+        depth = way * (place - position)
+        share = min(max(depth / max(over * abs(rate), 1e-300) + 0.5, 0.0), 1.0)
+        size += way * max(stiffness * max(depth, 0.0) - share * way * damping * rate, 0.0)
+    return size
 
 
 def main() -> None:

@@ -20,7 +20,7 @@ import typer
 from typer.testing import CliRunner
 
 from analytic.kinematics.assembly import Assembly
-from analytic.mechanism import Drive, Load, Mechanism
+from analytic.mechanism import Drive, Load, Mechanism, Stop
 from analytic.mechanism.file import load, loads
 from asked import request_of
 from compare.cli.export import export
@@ -99,6 +99,18 @@ PULSED = at_speed(load("slider-crank"), 20.0).replace(
     loads=(Load(body="slider", force=(-50.0, 10.0), over="time", table=((0.0, 1.0), (0.004, 2.0), (0.02, 0.0))),)
 )
 SPUN = load("pendulum").replace(loads=(Load(body="pendulum", torque=1.0, over="time", start=0.123, end=0.4),))
+STOPPED = (
+    at_speed(load("slider-crank"), 60.0)
+    .with_clearances({})
+    .replace(
+        stops=(
+            Stop(joint="S", end=0.13, stiffness=4e4, damping=150.0),
+            Stop(joint="B", start=-0.3, end=0.25, stiffness=20.0, damping=0.05),
+        )
+    )
+)
+ONTO = np.radians([0.0, 20.0, 340.0, 100.0])  # where stops push, and where none does
+CAUGHT = load("pendulum").replace(stops=(Stop(joint="O", start=-1.0, stiffness=200.0, damping=0.05),))
 TINY = Units(length=2.0**10, mass=2.0**20)  # a metre and a kilogram of the linkage are one of these
 HUGE = Units(length=2.0**-6, mass=2.0**-16)
 CRANKED: dict[str, Request] = {
@@ -169,6 +181,9 @@ CRANKED: dict[str, Request] = {
     **{f"loads that vary, {m}": request_of(GASSED, "spring-damper", m, SHORT) for m in MOTIONS},
     "a load over time": request_of(PULSED, "ideal", "driven", SHORT, lead_in=0.1),
     "a load over time, released": request_of(SPUN, "ideal", time=np.array([0.3, 0.1, 0.5])),
+    **{f"stops, {m}": request_of(STOPPED, "ideal", m, ONTO) for m in MOTIONS},
+    "stops beside a gap": request_of(STOPPED.with_clearances({"A": 1e-4}), "spring-damper", "driven", ONTO),
+    "stops, released": request_of(CAUGHT, "ideal", time=np.linspace(0.02, 0.5, 9)),
     "a fast crank": request_of(load("slider-crank"), crank_angle=SHORT),
 }
 
@@ -433,6 +448,9 @@ QUICK = [
     ("mujoco", "3-rpr, contact"),
     ("exudyn", "paper, contact, static"),
     ("pybullet", "compliant drive"),
+    ("mujoco", "stops, driven"),
+    ("exudyn", "stops, released"),
+    ("pybullet", "stops, static"),
 ]
 
 

@@ -51,7 +51,7 @@ function ticks(low, high, count, degrees) {
   const step = steps.find((s) => s >= rough * 0.999) ?? steps.at(-1) * Math.ceil(rough / steps.at(-1));
   const found = [];
   for (let k = Math.ceil(low / step - 1e-9); k <= Math.floor(high / step + 1e-9); k++) found.push(k * step);
-  return {values: found, step};
+  return found.length < 2 && count < 9 ? ticks(low, high, count + 1, degrees) : {values: found, step}; // one number is no scale
 }
 
 function exponent(largest) {
@@ -163,7 +163,7 @@ class Chart {
 
   layout() {
     const width = this.frame.clientWidth, narrow = width < 480;
-    const left = this.panelled ? 50 : narrow ? 54 : 68, right = 12, top = this.panelled ? 16 : 10, bottom = this.panelled ? 24 : 46;
+    const left = this.panelled ? 50 : narrow ? 60 : 68, right = 12, top = this.panelled ? 16 : 10, bottom = this.panelled ? 24 : 46;
     let {x, y} = this.ranges();
     let height = this.panelled ? 150 : narrow ? 260 : 330;
     if (this.figure.kind === "plane") {
@@ -234,8 +234,8 @@ class Chart {
     if (this.panelled) return void (powers[1] && svg("text", {x: x.start + 4, y: 11, class: "title"}, this.svg, `×10${superscript(powers[1])}`));
     const title = (axis, power) => `${axis.label} (${power ? `10${superscript(power)} ` : ""}${axis.unit})`;
     svg("text", {x: (x.start + x.end) / 2, y: height - 8, "text-anchor": "middle", class: "title"}, this.svg, title(this.figure.x, powers[0]));
-    const middle = (y.start + y.end) / 2;
-    svg("text", {x: 13, y: middle, "text-anchor": "middle", transform: `rotate(-90 13 ${middle})`, class: "title"}, this.svg, title(this.figure.y, powers[1]));
+    const middle = (y.start + y.end) / 2, aside = width < 480 ? 10 : 13;
+    svg("text", {x: aside, y: middle, "text-anchor": "middle", transform: `rotate(-90 ${aside} ${middle})`, class: "title"}, this.svg, title(this.figure.y, powers[1]));
   }
 
   drawSeries(s, parent, x, y) {

@@ -59,6 +59,13 @@
       width = nx > 1 ? ((gx[nx - 1] - gx[0]) / (nx - 1)) * scale + 0.6 : 9;
       height = ny > 1 ? ((gy[ny - 1] - gy[0]) / (ny - 1)) * scale + 0.6 : 9;
     }
+    if (!data.grid) { // a path's darkest colours are seen on a dark ground, too
+      pen.fillStyle = style("--frame");
+      for (const i of reached) {
+        const [u, v] = at(xs[i], ys[i]);
+        pen.fillRect(u - width / 2 - 2, v - height / 2 - 2, width + 4, height + 4);
+      }
+    }
     for (const i of reached) {
       const value = map.values[i], [u, v] = at(xs[i], ys[i]);
       const share = value === null ? null : ((map.decades ? Math.log10(value) : value) - low) / (high - low || 1);

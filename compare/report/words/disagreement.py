@@ -10,6 +10,7 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.signals import Signal
 from compare.judge.assumptions import Failing
 from compare.judge.attribution import ANALYTIC, Attribution
+from compare.quantities import quantities, shown
 from compare.results.crosscheck import Because, Run
 
 
@@ -24,9 +25,10 @@ def _because(run: Run, mechanism: Mechanism, failing: Failing) -> str:
             return _contact_lost(run, mechanism, failing)
         case "first-order":
             apart = run.order_difference[failing.worst]
+            (unit, factor), what = shown(apart.unit), quantities(mechanism)[failing.worst].label
             return (
                 "the first order takes the ideal linkage's reactions (Eq. 8); in the displaced linkage"
-                f" {failing.worst} is up to {abs(apart.max or 0.0):.2g} {apart.unit} elsewhere"
+                f" the {what} is up to {factor * abs(apart.max or 0.0):.2g} {unit.replace('·', '.')} off"
             )
         case "quasi-static":
             return _in_motion(failing)
