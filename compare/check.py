@@ -465,7 +465,7 @@ class _Asked:
             lambda r: r.encoders(self.given),
             TableReading.clocks,
         ]
-        known = named(self.given.bodies, self.given.joints, self.given.drives)
+        known = named(self.given.bodies, self.given.joints, self.given.drives, self.given.sensors)
         poses = [agrees for name, agrees in as_read.items() if known[name].kind in ("pose", "rotation")]
         for way in ways[1:] if poses and all(poses) else ways:
             for reading in way(best):

@@ -117,5 +117,5 @@ def read_map(path: Path, model: type[M]) -> M:
 
 def readable(mechanism: Mechanism) -> dict[str, Signal]:
     """The signals that a data file of this mechanism may hold, by name, ``time`` apart; no sensor reads a rotation."""
-    signals = named(mechanism.bodies, mechanism.joints, mechanism.drives)
+    signals = named(mechanism.bodies, mechanism.joints, mechanism.drives, mechanism.sensors)
     return {name: signal for name, signal in signals.items() if signal.kind != "rotation"}

@@ -160,7 +160,7 @@ class Map:
 
     def signals(self, mechanism: Mechanism) -> dict[str, MappedVariable]:
         """Which variable is which signal of a mechanism.  Raises FmuError."""
-        known = named(mechanism.bodies, mechanism.joints, mechanism.drives)
+        known = named(mechanism.bodies, mechanism.joints, mechanism.drives, mechanism.sensors)
         links: dict[str, MappedVariable] = {}
         for column, meaning in self.file.columns.items():
             if meaning == "ignore":

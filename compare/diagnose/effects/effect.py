@@ -112,7 +112,7 @@ class Rig:
     @cached_property
     def known(self) -> Mapping[str, Signal]:
         """Every signal that the linkage can have, by name."""
-        return named(self.mechanism.bodies, self.mechanism.joints, self.mechanism.drives)
+        return named(self.mechanism.bodies, self.mechanism.joints, self.mechanism.drives, self.mechanism.sensors)
 
     @property
     def torque(self) -> float:
