@@ -685,6 +685,7 @@ FIELDS: list[Any] = [  # field, what to begin with, what to change, and with whi
     ("columns", SAME, lambda said: said["columns"].update({"follower_angle [rad]": "ignore"}), "noise.follower"),
     ("columns.signal", SAME, of_encoder(signal="coupler_angle"), "noise.crank_angle is not a column"),
     ("columns.load", acting("follower"), acting("coupler"), ""),
+    ("columns.frame", SAME, of_encoder(frame="follower"), "turns x and y of a force"),
     ("columns.unit", SAME, of_encoder(unit="rad"), "the column looks like degrees"),
     ("columns.scale", SAME, of_encoder(scale=1.001), ""),
     ("columns.offset", SAME, of_encoder(offset=1.0), ""),
