@@ -14,8 +14,11 @@ import linkage_crosscheck as lc
 from analytic.mechanism import Mechanism, MechanismError
 from analytic.mechanism.file import dumps, load, loads
 from analytic.mechanism.signals import named
+from compare.diagnose.effects.vocabulary import VOCABULARY
+from diagnosis_rigs import assert_recovered, diagnosed, experiment, four_bar, played, wrong
 from foreign_logs import SLIDER_CRANK, SLIDER_CRANK_XML, mujoco_log
 from sim_models.engine import ENGINES
+from tests.evidence.scoreboard.rigs import Experiment
 
 G = 9.81
 ARM = """
@@ -246,3 +249,57 @@ def test_a_gauge_needs_to_know_its_bar(lacking: str) -> None:
 def test_a_torque_is_read_where_one_passes() -> None:
     with pytest.raises(MechanismError, match="joint 'A' is a pin without a motor and passes no torque"):
         with_sensors(load("slider-crank"), sensor("torque", "rod", point="A"))
+
+
+# ---------------------------------------------------------------- faults of sensors
+
+
+def mounted() -> Experiment:
+    """The four-bar at two speeds with a chip, a gyro, a load cell and a draw wire."""
+    m = with_sensors(
+        four_bar(),
+        sensor("accelerometer", "coupler", point=(0.05, 0.0), axis=(0.0, 1.0)),
+        sensor("gyro", "coupler"),
+        sensor("force", "follower", point="E"),
+        sensor("distance", "coupler", to="ground.E"),
+    )
+    noise = {"crank_angle": 5e-5, "accelerometer": 0.02, "gyro": 0.005, "force": 0.05, "distance": 1e-5}
+    return experiment(mechanism=m, sensors=noise)
+
+
+FAULTS = (
+    ("sensor_place", "accelerometer", {"along": 4e-3}),
+    ("axis_error", "accelerometer", {"rotation": -0.02}),
+    ("sensor_bias", "gyro", {"bias": 0.05}),
+    ("sensor_gain", "force", {"gain_error": 0.03}),
+    ("sensor_delay", "accelerometer", {"delay": 3e-3}),
+    ("sensor_lag", "gyro", {"time_constant": 4e-3}),
+    ("sensor_drift", "distance", {"drift": 2e-4}),
+)
+
+
+@pytest.mark.exudyn
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "where", "values"), FAULTS)
+def test_a_fault_of_a_sensor_is_found_among_the_faults_of_all(name: str, where: str, values: dict[str, float]) -> None:
+    """Data of Exudyn; of what it is told to look for are a longer coupler and all of these faults of all sensors."""
+    only = ("link_length", *dict.fromkeys(fault for fault, _, _ in FAULTS))
+    result = diagnosed(played(mounted(), wrong(name, where, **values)), only=only)
+    assert_recovered(result, wrong(name, where, **values))
+    assert {effect["kind"] for effect in result["effects"]} == {"sensor"}
+
+
+def test_a_chip_that_sits_elsewhere_is_the_one_that_the_file_puts_there() -> None:
+    """Of both effects of its mounting, from a named point and along a turned axis; other sensors stay."""
+    m = mounted().nominal
+    chip = {"name": "accelerometer", "kind": "accelerometer", "body": "coupler"}
+    for effect, value, written in (
+        ("sensor_place", {"along": 0.01}, chip | {"point": (0.06, 0.0), "axis": (0.0, 1.0)}),
+        ("axis_error", {"rotation": np.pi / 2}, chip | {"point": (0.05, 0.0), "axis": (-1.0, 0.0)}),
+    ):
+        moved = VOCABULARY[effect].on_mechanism(m, "accelerometer", value)
+        expected = m.replace(sensors=(written, *m.sensors[1:]))
+        found, wanted = (lc.analyse(each).signals for each in (moved, expected))
+        for one in m.sensors:
+            np.testing.assert_allclose(found[one.name], wanted[one.name], atol=1e-12, err_msg=one.name)
+        assert np.abs(found["accelerometer"] - lc.analyse(m).signals["accelerometer"]).max() > 0.01

@@ -396,7 +396,7 @@ class Model:
 
 def within(hypothesis: Hypothesis) -> tuple[object, ...]:
     """What tells the mechanism of a hypothesis from all others."""
-    return tuple((t.key, t.variant, tuple(v.values())) for t, v in hypothesis if not t.effect.sensor)
+    return tuple((t.key, t.variant, tuple(v.values())) for t, v in hypothesis if not t.effect.sensor or t.effect.mounts)
 
 
 def _pieces(run: MeasuredRun, key: Swing) -> list[Piece]:

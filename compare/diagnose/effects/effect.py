@@ -397,6 +397,11 @@ class Effect(ABC):
         """Whether it says so."""
         return type(self).motor is not Effect.motor
 
+    @property
+    def mounts(self) -> bool:
+        """Whether it changes the mechanism: its links, or how a sensor of its file is mounted."""
+        return type(self).on_mechanism is not Effect.on_mechanism
+
     def behind(self, motor: Turning, values: Values) -> Turning | None:
         """How far (rad) the crank is behind a motor, with its rates, at the motor's angles; None where it is not."""
         return None
