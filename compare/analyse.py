@@ -16,6 +16,7 @@ from analytic.kinematics.reach import turns_fully
 from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from analytic.mechanism.assumed import assumed
+from analytic.mechanism.sensing import with_sensors
 from analytic.mechanism.signals import position
 from analytic.paper.clearance import Model, displaced
 from analytic.paper.envelope import condition, transmission
@@ -209,7 +210,7 @@ def _extremes(assembly: Assembly, theta: np.ndarray, inertia: bool, model: Model
 
     def look(angles: np.ndarray) -> dict[str, np.ndarray]:
         moved = displaced(assembly, angles, m.speed or 1.0, model=model, inertia=inertia, clearances=m.clearances)
-        signals = with_derived(moved.signals() | (moved.rates() if rates else {}), m)
+        signals = with_derived(with_sensors(m, moved.signals() | moved.rates()) if rates else moved.signals(), m)
         return {name: values for name, values in signals.items() if np.isfinite(values).any()}
 
     try:

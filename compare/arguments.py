@@ -98,10 +98,13 @@ def names(given: object, called: str, least: int = 0) -> tuple[str, ...]:
 
 
 def on_request(given: object, mechanism: Mechanism, motion: Motion) -> tuple[str, ...]:
-    """The signals beside the usual ones that are asked for: by name, or ``all``.  Raises ArgumentError."""
+    """The signals beside the usual ones that are asked for: by name, or ``all``; the mechanism's sensors always are.
+    Raises ArgumentError.
+    """
+    sensors = tuple(sensor.name for sensor in mechanism.sensors)
     if given is None:
-        return ()
-    known = named(mechanism.bodies, mechanism.joints, mechanism.drives)
+        return sensors
+    known = named(mechanism.bodies, mechanism.joints, mechanism.drives, mechanism.sensors)
     more = tuple(name for name, signal in known.items() if signal.on_request)
     if motion == "static":
         raise ArgumentError("signals", "nothing moves in static motion; ask for driven motion, or leave signals out")
@@ -111,7 +114,8 @@ def on_request(given: object, mechanism: Mechanism, motion: Motion) -> tuple[str
             near = get_close_matches(name, more, n=1)
             remedy = f"did you mean {near[0]!r}" if near else f"give {EVERY_SIGNAL!r}, or some of {', '.join(more)}"
             raise ArgumentError("signals", f"{quoted(name)} is no signal of {mechanism.name}; {remedy}")
-    return more if asked == (EVERY_SIGNAL,) else tuple(name for name in asked if name in more)
+    beside = more if asked == (EVERY_SIGNAL,) else [name for name in asked if name in more]
+    return tuple(dict.fromkeys([*sensors, *beside]))
 
 
 def path(given: object, called: str) -> Path:

@@ -7,7 +7,7 @@ linkage where the file begins; engines may be asked for the same motion, so that
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -56,6 +56,7 @@ from compare.progress import Progress, progress_bar
 from compare.questions.check import CheckQuestion
 from compare.questions.question import answers
 from compare.recorded.alternatives import LIKE_UNIT, REVERSED, TableReading, line, looks, mended
+from compare.recorded.body_frames import vectors
 from compare.recorded.errors import DataError
 from compare.recorded.frames import FrameSource, frame_source, is_frame
 from compare.recorded.headings import Column
@@ -72,6 +73,7 @@ from compare.recorded.motion import (
 from compare.recorded.recording import Recording, recording
 from compare.recorded.rounding import rounding
 from compare.recorded.table import Table, read_table, unused
+from compare.recorded.turned import looks_late, looks_turned
 from compare.results.crosscheck import RECORDED, CrossCheck
 from sim_models.common.contact_laws import contact_parameters
 from sim_models.engine import JointModel, Motion, Request, Trace, engine
@@ -439,7 +441,8 @@ class _Asked:
             return [*sentences, f"{record.name}: {meant}"]
         if self.motion == "driven":
             sentences += _clocked(record, self.given)
-        sentences += _units(record, side, judgement)
+        turned = _turned(record, side, judgement, m)
+        sentences += [*filter(None, turned.values()), *_units(record, side, judgement, told=turned)]
         if off and record.moved is None and self.motion == "driven" and record.time is None and self.rests(record):
             sentences.append(f"{record.name}: agrees with the linkage at rest; say --motion static")
         return sentences
@@ -465,7 +468,7 @@ class _Asked:
             lambda r: r.encoders(self.given),
             TableReading.clocks,
         ]
-        known = named(self.given.bodies, self.given.joints, self.given.drives)
+        known = named(self.given.bodies, self.given.joints, self.given.drives, self.given.sensors)
         poses = [agrees for name, agrees in as_read.items() if known[name].kind in ("pose", "rotation")]
         for way in ways[1:] if poses and all(poses) else ways:
             for reading in way(best):
@@ -669,11 +672,41 @@ def _coarse(record: Recording, side: Reference, rules: Mapping[str, Rule], mecha
     ]
 
 
-def _units(record: Recording, side: Reference, judged: JudgedRun) -> list[str]:
-    """A warning for each signal that is the analytic one in another unit, or of the other sign, and does not agree."""
+def _turned(record: Recording, side: Reference, judged: JudgedRun, m: Mechanism) -> dict[str, str]:
+    """By column a warning for each vector that does not agree and is the analytic one in a body's frame, or with axes
+    swapped, reversed or turned; and for each column that is it a row earlier or later.
+    """
+    verdicts = {each.signal: each.verdict for each in judged.run.discrepancies}
+    values, model = record.table.values, side.signals
+    off = {
+        column.signal.name: column
+        for column in record.table.columns
+        if {verdicts[each] for each in _judged_by(column.signal, verdicts)} - {"agrees"}
+    }
+    angles = {body.name: model[name] for body in m.bodies if (name := f"{body.name}_angle") in model}
+    sentences: dict[str, str] = {}
+    for x, y in vectors(record.table.columns):
+        first, second = x.signal.name, y.signal.name
+        if {first, second} & off.keys() and {first, second} <= model.keys():
+            joint = m.joint(x.signal.place) if x.signal.kind == "reaction" else None
+            read, meant = values[first] + 1j * values[second], model[first] + 1j * model[second]
+            if look := looks_turned((x, y), read, meant, angles, joint):
+                sentences |= {first: f"{record.name}: {first} and _y: {look}", second: ""}
+    for name in [name for name in off if name in model and name not in sentences]:
+        if look := looks_late(values[name], model[name]):
+            sentences[name] = f"{record.name}: {name}: {look}"
+    return sentences
+
+
+def _units(record: Recording, side: Reference, judged: JudgedRun, told: Container[str]) -> list[str]:
+    """A warning for each signal that is the analytic one in another unit, or of the other sign, and does not agree, but
+    for those of which something is ``told``.
+    """
     sentences = []
     verdicts = {each.signal: each.verdict for each in judged.run.discrepancies}
     for column in record.table.columns:
+        if column.signal.name in told:
+            continue
         name, kind = column.signal.name, dimension(column.signal)
         values = record.table.values[name]
         here = np.isfinite(values) & np.isfinite(side.signals.get(name, np.full(values.shape, np.nan)))

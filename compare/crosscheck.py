@@ -625,7 +625,7 @@ def _not_judged(job: Job, run: Run) -> Iterator[str]:
     """Why signals that were asked for beside the usual ones of an engine's run are not judged, in sentences."""
     if run.simulator.recorded:
         return
-    known = named(job.mechanism.bodies, job.mechanism.joints, job.mechanism.drives)
+    known = named(job.mechanism.bodies, job.mechanism.joints, job.mechanism.drives, job.mechanism.sensors)
     asked = [name for name in job.beside if known[name].on_request]
     yield from untold(run.simulator.name, asked, run.simulated)
     told = {each.signal for each in run.discrepancies} | prescribed(job.mechanism)

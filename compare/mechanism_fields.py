@@ -31,6 +31,7 @@ PARTS: Mapping[str, type[MechanismPart]] = {
     "spring": parts.Spring,
     "stop": parts.Stop,
     "load": parts.Load,
+    "sensor": parts.Sensor,
     "tolerance": parts.Tolerance,
 }
 MEANS = {
@@ -43,6 +44,7 @@ MEANS = {
     ("Mechanism", "spring"): "`[[spring]]`, any number",
     ("Mechanism", "stop"): "`[[stop]]`, any number",
     ("Mechanism", "load"): "`[[load]]`, any number",
+    ("Mechanism", "sensor"): "`[[sensor]]`, any number; [what each reads](../how-to/sensors.md)",
     ("Mechanism", "assembly"): "rad by body: roughly the angles at which the linkage is assembled",
     (
         "Mechanism",
@@ -91,6 +93,25 @@ MEANS = {
     ): "whose travel it limits: the second body's position relative to the first, in the turns of the assembly",
     ("Stop", "from"): "rad (prismatic: m): below it the stop pushes",
     ("Stop", "to"): "rad (prismatic: m): above it the stop pushes",
+    ("Sensor", "name"): "also the name of its signal",
+    (
+        "Sensor",
+        "kind",
+    ): "`position`, `velocity`, `accelerometer`, `gyro`, `distance`, `strain`, `force` or `torque`:"
+    " [what each reads](../how-to/sensors.md)",
+    ("Sensor", "body"): "the moving body that it is on",
+    (
+        "Sensor",
+        "point",
+    ): 'where on the body: a point of it, `"com"` (its marker), or `[x, y]` in m, body frame; of a force or a torque'
+    " the joint",
+    ("Sensor", "axis"): "along which it reads, of any length, in the frame of `frame`",
+    ("Sensor", "to"): 'of a distance: the other end, `"<body>.<point>"`, such as `"ground.O"`',
+    (
+        "Sensor",
+        "frame",
+    ): "`ground` or a body, in whose frame the axis is; left out: the sensor's own body, of a position the ground",
+    ("Sensor", "youngs_modulus"): "Pa, of the bar that a strain gauge is on; left out: the body's",
     ("Load", "body"): "where it acts",
     ("Load", "point"): 'a point of the body, or `"com"`: its marker',
     ("Load", "force"): "N, ground frame, fixed in direction",

@@ -262,6 +262,12 @@ OMISSIONS: tuple[Omission, ...] = (
         lambda asked, part: asked.command == "validity",
     ),
     Omission(
+        ("sensor.kind",),
+        "`accuracy`, `validity`, `export`",
+        "no sensor is read here",
+        lambda asked, part: asked.command in ("accuracy", "validity", "export"),
+    ),
+    Omission(
         ("body.inertia",),
         "a body on a block in a guide of the ground, or on a block of such a body, `ideal` or without `clearance`",
         "it only slides",
@@ -350,6 +356,7 @@ def _given(mechanism: Mechanism, kind: str, field: str) -> Iterator[tuple[str, M
         "joint": [(joint.name, joint) for joint in mechanism.joints],
         "spring": [(" to ".join(".".join(end) for end in each.ends), each) for each in mechanism.springs],
         "stop": [(stop.joint, stop) for stop in mechanism.stops],
+        "sensor": [(sensor.name, sensor) for sensor in mechanism.sensors],
         "load": [(f"{load.body}.{load.point}", load) for load in mechanism.loads],
         "drive": [(drive.joint, drive) for drive in mechanism.drives],
         "mechanism": [(mechanism.name, mechanism)],
@@ -366,7 +373,14 @@ def _given(mechanism: Mechanism, kind: str, field: str) -> Iterator[tuple[str, M
 
 
 def _called(kind: str, names: Sequence[str]) -> str:
-    words = {"joint": "joint", "spring": "the spring", "stop": "the stop", "load": "the load", "drive": "the drive"}
+    words = {
+        "joint": "joint",
+        "sensor": "sensor",
+        "spring": "the spring",
+        "stop": "the stop",
+        "load": "the load",
+        "drive": "the drive",
+    }
     word = words.get(kind, "")
     word += "s" * (len(names) > 1 and bool(word))
     return f"{word} {enumerated(names)}".strip()

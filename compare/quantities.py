@@ -58,6 +58,13 @@ LABELS: dict[tuple[SignalKind, Component], tuple[str, str, str]] = {  # words, t
     ("drive", "torque"): ("drive torque", "T", "at"),
     ("drive", "force"): ("drive force", "F", "at"),
     ("power", "power"): ("drive power", "P", "at"),
+    ("sensor", "travel"): ("length", "", "of"),
+    ("sensor", "speed"): ("velocity", "", "of"),
+    ("sensor", "acceleration"): ("specific force", "", "of"),
+    ("sensor", "angular_velocity"): ("angular velocity", "", "of"),
+    ("sensor", "strain"): ("strain", "ε", "of"),
+    ("sensor", "force"): ("force", "", "of"),
+    ("sensor", "torque"): ("torque", "", "of"),
 }
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -106,7 +113,7 @@ def quantities(mechanism: Mechanism) -> dict[str, Quantity]:
     Names are looked up, not parsed: a body may be called ``reaction_B`` and a joint may have any letters.
     """
     listed = {}
-    for signal in signals(mechanism.bodies, mechanism.joints, mechanism.drives):
+    for signal in signals(mechanism.bodies, mechanism.joints, mechanism.drives, mechanism.sensors):
         words, symbol, where = LABELS[signal.kind, signal.component]
         place = f"{where} {signal.place}" if signal.place else ""
         listed[signal.name] = Quantity(signal.name, words, symbol, place, *shown(signal.unit))

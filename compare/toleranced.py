@@ -110,7 +110,7 @@ def of_signals(
 
     Raises MechanismError of a linkage that cannot be analysed a standard deviation from what the file says.
     """
-    units = {name: signal for name, signal in named(m.bodies, m.joints, m.drives).items() if name in signals}
+    units = {name: signal for name, signal in named(m.bodies, m.joints, m.drives, m.sensors).items() if name in signals}
     asked = {name: signals[name] for name in units}
     groups: dict[str, dict[str, np.ndarray]] = {}
     for source in every:

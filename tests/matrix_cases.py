@@ -156,6 +156,7 @@ def mechanism(text: str, edits: Edits) -> Mechanism:
             place[last] = copy.deepcopy(value)
     for kind in ("body", "joint"):
         data[kind] = [{"name": name, **part} for name, part in data[kind].items()]
+    data["sensor"] = [{"name": name, **part} for name, part in data.get("sensor", {}).items()]
     for kind in ("load", "spring", "stop"):
         data[kind] = list(data.get(kind, {}).values())
     return Mechanism(**data)
@@ -195,6 +196,13 @@ STROKE = {"load.0.over": "crank_angle", "load.0.from": 0.0, "load.0.to": 6.28}
 TABLED = {"load.0.over": "crank_angle", "load.0.table": [[0.0, 0.2], [6.0, 1.0]]}
 
 LIMITED = {"stop.0.joint": "D", "stop.0.from": 2.5, "stop.0.to": 3.0, "stop.0.stiffness": 9.0, "stop.0.damping": 0.5}
+
+CHIP = {"sensor.chip": {"kind": "accelerometer", "body": "coupler", "point": "com"}}
+WIRE = {"sensor.wire": {"kind": "distance", "body": "rocker", "point": "C", "to": "ground.A"}}
+GAUGE = {
+    "body.rocker.section": [0.01, 0.01],
+    "sensor.gauge": {"kind": "strain", "body": "rocker", "point": [0.1, 0.005], "youngs_modulus": 2e11},
+}
 
 CHANGES: dict[str, Change] = {
     "Mechanism.name": Change({"name": "another"}),
@@ -286,6 +294,14 @@ CHANGES: dict[str, Change] = {
     "Spring.stiffness": Change({"spring.0.stiffness": 500.0}),
     "Spring.length": Change({"spring.0.length": 0.3}),
     "Spring.damping": Change({"spring.0.damping": 30.0}),
+    "Sensor.name": Change((r"\bchip\b", "board"), base=FOUR_BAR + '[sensor.chip]\nkind = "gyro"\nbody = "coupler"\n'),
+    "Sensor.kind": Change({"sensor.wire.kind": "position", "sensor.wire.to": None}, WIRE),
+    "Sensor.body": Change({"sensor.chip.body": "rocker"}, CHIP),
+    "Sensor.point": Change({"sensor.wire.point": "D"}, WIRE),
+    "Sensor.axis": Change({"sensor.chip.axis": [0.0, 1.0]}, CHIP),
+    "Sensor.to": Change({"sensor.wire.to": "ground.P"}, WIRE),
+    "Sensor.frame": Change({"sensor.chip.frame": "ground"}, CHIP),
+    "Sensor.youngs_modulus": Change({"sensor.gauge.youngs_modulus": 1e11}, GAUGE),
     "Tolerance.sd": Change((r"sd = 1e-5", "sd = 3e-5"), base=TOLERANCED),
     "Tolerance.limits": Change((r"0.3502", "0.3504"), base=TOLERANCED),
     "Tolerance.distribution": Change((r"triangular", "uniform"), base=TOLERANCED),

@@ -155,7 +155,7 @@ class Seen:
 
     def signals(self, m: Mechanism, old: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """What the signals (N,) of a mechanism become, by their new names."""
-        known = named(m.bodies, m.joints, m.drives)
+        known = named(m.bodies, m.joints, m.drives, m.sensors)
         return {
             Signal.of(s.kind, self.name(s.place), s.component).name: np.asarray(self._signal(m, s, old), float)
             for s in (known[name] for name in old if name in known)

@@ -20,6 +20,7 @@ from analytic.mechanism import (
     Mechanism,
     PeriodicTorque,
     Ripple,
+    Sensor,
     Spring,
     Stop,
     Tolerance,
@@ -84,6 +85,7 @@ NOTHING = {
         "springs": "none",
         "stops": "none",
         "loads": "none",
+        "sensors": "none",
         "assembly": "refused where an angle is needed",
         "tolerances": "none",
         "initial": "at rest",
@@ -117,6 +119,13 @@ NOTHING = {
         "end": "refused where it is needed",
         "table": "refused where it is needed",
         "opposes": "fixed in direction",
+    },
+    Sensor: {
+        "point": "the marker",
+        "axis": "along the frame's x axis",
+        "to": "refused where it is needed",
+        "frame": "the sensor's own body, of a position the ground",
+        "youngs_modulus": "the body's, or refused where it is needed",
     },
     Spring: {"damping": "none"},
     Stop: {
@@ -195,7 +204,21 @@ def test_every_field_that_may_be_left_out_is_nothing_or_listed_or_a_contact_s() 
         known = [set(NOTHING[part]), set(LISTED.get(part, {})), OF_CONTACT if part is Joint else set()]
         assert sum(map(len, known)) == len(set.union(*known)), part
         assert optional == set.union(*known), part
-    reached = {Mechanism, Ground, Body, Joint, Elasticity, Drive, Ripple, PeriodicTorque, Load, Spring, Stop, Tolerance}
+    reached = {
+        Mechanism,
+        Ground,
+        Body,
+        Joint,
+        Elasticity,
+        Drive,
+        Ripple,
+        PeriodicTorque,
+        Load,
+        Spring,
+        Stop,
+        Tolerance,
+        Sensor,
+    }
     assert set(NOTHING) == reached == _parts(Mechanism)
 
 

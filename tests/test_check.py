@@ -377,7 +377,7 @@ ANGLES = np.radians(np.arange(20.0, 161.0, 10.0))
 
 
 def named_of(m: Mechanism) -> Mapping[str, Signal]:
-    return named(m.bodies, m.joints, m.drives)
+    return named(m.bodies, m.joints, m.drives, m.sensors)
 
 
 def off(result: CrossCheck) -> list[str]:

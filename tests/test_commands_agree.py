@@ -135,7 +135,7 @@ def same(
     """The names of signals that two commands both have; fails where one differs by more than this share of the largest
     of its unit, or has a number where the other has none.
     """
-    kinds = named(m.bodies, m.joints, m.drives)
+    kinds = named(m.bodies, m.joints, m.drives, m.sensors)
     both = set(found) & set(expected)
     largest: dict[str, float] = {}
     for name in both:

@@ -31,7 +31,7 @@ SENSORS = {"follower_angle": 1e-4, "reaction_E_x": 0.05, "reaction_E_y": 0.05}
 def recording(**values: np.ndarray) -> tuple[Measured, dict[str, Turns]]:
     """A run of six revolutions of the crank-rocker whose sensors read these values (N,)."""
     mechanism: Mechanism = load("crank-rocker").rigid()
-    known = named(mechanism.bodies, mechanism.joints, mechanism.drives)
+    known = named(mechanism.bodies, mechanism.joints, mechanism.drives, mechanism.sensors)
     time = np.arange(SAMPLES * COUNT + 1) * 2 * math.pi / SPEED / SAMPLES
     channels = {s: Channel(known[s], v, SENSORS[s], True, known[s].unit) for s, v in values.items()}
     run = MeasuredRun("run", time, channels, "speed", SPEED, 0.4, {}, None, False, "run.csv")

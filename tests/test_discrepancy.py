@@ -59,7 +59,7 @@ def test_each_compared_signal_is_one_of_its_linkage_and_has_a_unit_of_results(
     case: str, clearance: dict[str, float]
 ) -> None:
     mechanism = load(case)
-    known = named(mechanism.bodies, mechanism.joints, mechanism.drives)
+    known = named(mechanism.bodies, mechanism.joints, mechanism.drives, mechanism.sensors)
     judged = compared(mechanism, clearance)
     assert {known[signal.name] for signal in judged} == set(judged)
     for signal in judged:

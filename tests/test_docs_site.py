@@ -140,7 +140,7 @@ def test_every_signal_of_every_case_is_there(reference: ModuleType) -> None:
     listed = {row[0].strip("`") for row in cells(reference.signals())}
     for case in shipped_cases():
         linkage = load(case)
-        for signal in signals.signals(linkage.bodies, linkage.joints, linkage.drives):
+        for signal in signals.signals(linkage.bodies, linkage.joints, linkage.drives, linkage.sensors):
             place = "<joint>" if signal.of_joint else "<body>"
             forms = {signal.name}
             if signal.place:

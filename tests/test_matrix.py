@@ -22,7 +22,7 @@ from typer.testing import CliRunner
 
 import linkage_crosscheck as lc
 from analytic.errors import Error
-from analytic.mechanism import Body, Drive, Elasticity, Joint, Load, Mechanism, Spring, Stop
+from analytic.mechanism import Body, Drive, Elasticity, Joint, Load, Mechanism, Sensor, Spring, Stop
 from compare.cli.app import app
 from compare.crosscheck import crosscheck_job, job_of
 from compare.export import exported
@@ -221,6 +221,7 @@ def names_it(sentence: str, name: str) -> bool:
         "PeriodicTorque": "periodic_torque",
         "Elasticity": "elasticity",
         "Tolerance": "tolerances",
+        "Sensor": "sensor",
     }.get(part, word)
     within = "over" if name in OF_VARYING_LOADS else "stop" if name in OF_STOPS else within
     return re.search(rf"\b({word}|{within})\b", sentence) is not None
@@ -374,7 +375,7 @@ def test_what_nobody_uses_is_not_taken_for_explained() -> None:
 
 def test_the_table_of_what_is_left_out_has_fields_that_there_are() -> None:
     parts = {"body": Body, "joint": Joint, "spring": Spring, "load": Load, "drive": Drive}
-    parts |= {"stop": Stop, "mechanism": Mechanism}
+    parts |= {"stop": Stop, "sensor": Sensor, "mechanism": Mechanism}
     for one in OMISSIONS:
         for kind, name, *within in (each.split(".") for each in one.fields):
             assert name in parts[kind].model_fields, one.fields

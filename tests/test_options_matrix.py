@@ -664,11 +664,20 @@ def acting(body: str) -> Callable[[dict[str, Any]], None]:
     return edit
 
 
+def with_gauge(said: dict[str, Any]) -> None:
+    """The column of the drive's torque as that of a torque transducer on the crank."""
+    said["sensor"] = [{"name": "gauge", "kind": "torque", "body": "crank", "point": "D"}]
+    said["columns"]["drive_torque [N.m]"] = {"signal": "gauge", "unit": "N.m"}
+    for run in said["run"]:
+        run["noise"].pop("drive_torque", None)
+
+
 FREE = {"drive_speed": None, "drive_angle": None, "drive": "free"}
 BEGUN = {"crank_angle": 0.1}
 SAME = changed()
 FIELDS: list[Any] = [  # field, what to begin with, what to change, and with which words that is refused
     ("mechanism", SAME, changed(mechanism="other.toml"), ""),
+    ("sensor", with_gauge, lambda said: said.pop("sensor"), "'gauge' is not a signal"),
     ("tolerance", SAME, changed(tolerance={"mass": 0.2}), ""),
     ("skip_rows", SAME, changed(skip_rows=2), "line 3 has numbers where the header should be"),
     ("separator", SAME, changed(separator=","), "line 2 has no ',' in it"),
@@ -676,6 +685,7 @@ FIELDS: list[Any] = [  # field, what to begin with, what to change, and with whi
     ("columns", SAME, lambda said: said["columns"].update({"follower_angle [rad]": "ignore"}), "noise.follower"),
     ("columns.signal", SAME, of_encoder(signal="coupler_angle"), "noise.crank_angle is not a column"),
     ("columns.load", acting("follower"), acting("coupler"), ""),
+    ("columns.frame", SAME, of_encoder(frame="follower"), "turns x and y of a force"),
     ("columns.unit", SAME, of_encoder(unit="rad"), "the column looks like degrees"),
     ("columns.scale", SAME, of_encoder(scale=1.001), ""),
     ("columns.offset", SAME, of_encoder(offset=1.0), ""),

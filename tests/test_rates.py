@@ -39,7 +39,7 @@ TURN = np.radians(np.arange(0.0, 360.0, 7.5))
 
 def on_request(m: Mechanism) -> set[str]:
     """The names of all signals on request."""
-    return {name for name, signal in named(m.bodies, m.joints, m.drives).items() if signal.on_request}
+    return {name for name, signal in named(m.bodies, m.joints, m.drives, m.sensors).items() if signal.on_request}
 
 
 # ---------------------------------------------------------------- closed forms

@@ -92,7 +92,7 @@ def grid(m: Mechanism, seen: Seen | None = None) -> dict[str, Any]:
 
 def same(m: Mechanism, found: Mapping[str, np.ndarray], expected: Mapping[str, np.ndarray], within: float) -> None:
     """Fails where a signal of a mechanism is off by more than this share of the largest of its unit, or of a radian."""
-    known = named(m.bodies, m.joints, m.drives)
+    known = named(m.bodies, m.joints, m.drives, m.sensors)
     assert set(found) == set(expected)
     largest = {"rad": 1.0}
     for name, values in expected.items():
@@ -183,9 +183,9 @@ def test_the_cross_check_is_the_same_but_for_what_the_engines_steps_leave(
     old = lc.crosscheck(m, engine, **asked, **grid(m))
     new = lc.crosscheck(seen.of(m), engine, **asked, **grid(m, seen))
     assert [bool(result.failures) for result in (old, new)] == [False, False]
-    known, now = named(m.bodies, m.joints, m.drives), new.mechanism
+    known, now = named(m.bodies, m.joints, m.drives, m.sensors), new.mechanism
     same(now, new.runs[0].analytic, seen.signals(m, old.runs[0].analytic), 1e-9)
-    moved, kinds = seen.signals(m, old.runs[0].simulated), named(now.bodies, now.joints, now.drives)
+    moved, kinds = seen.signals(m, old.runs[0].simulated), named(now.bodies, now.joints, now.drives, now.sensors)
     judged = {each.signal: each for each in new.runs[0].discrepancies}
     for each in old.runs[0].discrepancies:
         s = known[each.signal]
@@ -209,7 +209,7 @@ def test_a_check_of_results_is_the_same_whatever_the_order_of_their_columns(
     old = lc.simulate(m, **at)
     clock = {"time": np.linspace(0.0, 0.2, 13)} if old.time is None else {"time": old.time}
     now = seen.of(m)
-    units = {n: s.unit for n, s in named(now.bodies, now.joints, now.drives).items()} | {"time": "s"}
+    units = {n: s.unit for n, s in named(now.bodies, now.joints, now.drives, now.sensors).items()} | {"time": "s"}
     columns = {**clock, **seen.signals(m, old.signals)}
     columns = dict(reversed(columns.items())) if seen.reversed else columns
     file = tmp_path / "seen.csv"
@@ -219,7 +219,7 @@ def test_a_check_of_results_is_the_same_whatever_the_order_of_their_columns(
     one, other = lc.check(tmp_path / "old" / "signals.csv", m).runs[0], lc.check(file, now).runs[0]
     same(now, other.analytic, seen.signals(m, one.analytic), 1e-7)
     verdicts = {d.signal: d.verdict for d in other.discrepancies}
-    known = named(m.bodies, m.joints, m.drives)
+    known = named(m.bodies, m.joints, m.drives, m.sensors)
     for each in one.discrepancies:
         s = known[each.signal]
         assert verdicts[Signal.of(s.kind, seen.name(s.place), s.component).name] == each.verdict, each.signal
@@ -233,7 +233,7 @@ def test_a_linkage_in_other_units_has_the_same_digits(name: str) -> None:
     other = units.mechanism(m)
     old = lc.analyse(m, **grid(m)).signals
     new = lc.analyse(other, **(grid(m) if m.cranked else {"times": TIMES / units.time})).signals
-    known = named(m.bodies, m.joints, m.drives)
+    known = named(m.bodies, m.joints, m.drives, m.sensors)
     expected = {n: values / units.size(POWERS[known[n].unit]) for n, values in old.items()}
     same(other, new, expected, 1e-12)
 

@@ -86,7 +86,7 @@ def test_similar_linkages_have_the_same_digits(name: str, joint_model: str, moti
     small = linkage(Scale(1e-5, 300.0, 1.0))
     smaller = Units(2.0**3, 2.0**7, 2.0**2).mechanism(small)
     first, second = (chosen.simulate(request_of(m, joint_model, motion, TURN[1:4])) for m in (small, smaller))
-    known = named(small.bodies, small.joints, small.drives)
+    known = named(small.bodies, small.joints, small.drives, small.sensors)
     for signal, values in first.signals.items():
         scale = Units(2.0**3, 2.0**7, 2.0**2).size(POWERS[known[signal].unit])
         assert np.array_equal(values, second.signals[signal] * scale), signal

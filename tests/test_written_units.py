@@ -14,7 +14,7 @@ import pytest
 import linkage_crosscheck as lc
 from analytic.mechanism import MechanismError
 from analytic.mechanism.file import dumps, load, loads
-from analytic.mechanism.parts import Body, Drive, Elasticity, Joint, Load, MechanismPart, Spring
+from analytic.mechanism.parts import Body, Drive, Elasticity, Joint, Load, MechanismPart, Sensor, Spring
 from analytic.mechanism.units import COMMON, UnitError, factor_to_si
 from analytic.mechanism.written import (
     BODY,
@@ -24,6 +24,7 @@ from analytic.mechanism.written import (
     LOAD,
     PRISMATIC,
     REVOLUTE,
+    SENSOR,
     SPRING,
     in_si,
     quantity,
@@ -191,12 +192,13 @@ PARTS: Mapping[type[MechanismPart], set[str]] = {
     Joint: {*JOINT, *REVOLUTE, *PRISMATIC},
     Elasticity: set(ELASTICITY),
     Spring: set(SPRING),
+    Sensor: set(SENSOR),
     Drive: {*DRIVE, "speed"},
     Load: {*LOAD, "start", "end", "table"},
 }
 WITHOUT_UNIT = {
     "name", "type", "bodies", "body", "joint", "point", "axis", "restitution", "contact_law", "elasticity",
-    "ripple", "periodic_torque", "over", "opposes", "fit",
+    "ripple", "periodic_torque", "over", "opposes", "fit", "kind", "to", "frame",
 }  # fmt: skip
 PLACES = {Spring: {"points"}}  # names of points
 

@@ -9,7 +9,7 @@ import math
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 
-from analytic.mechanism.parts import GROUND, SMALLEST_NUMBER, Body, Drive, Ground, Joint, Load, Spring, Stop
+from analytic.mechanism.parts import GROUND, SMALLEST_NUMBER, Body, Drive, Ground, Joint, Load, Sensor, Spring, Stop
 from analytic.mechanism.signals import signals
 from analytic.mechanism.varying import Quantity
 from analytic.mechanism.written import INITIAL
@@ -17,23 +17,32 @@ from analytic.mechanism.written import INITIAL
 LEAST_RESTITUTION = 0.01  # of a law with hysteresis, two of which divide by it, and of any in a map
 ROUGHEST = 5.0  # coefficient of friction at a block's corners: a larger one was meant in N
 LARGEST_PLAUSIBLE_LENGTH = 20.0  # m; a linkage larger than this was probably entered in millimetres
+TAKEN = ("time", "crank_angle")  # names of columns, which no sensor has
 PartsByName = Mapping[str, Body | Ground]  # the ground and the moving bodies by name
+
+
+def _listed(kind: str) -> str:
+    return "'time' and 'crank_angle' are" if kind == "sensor" else "'ground' is"
 
 
 class MechanismWarning(UserWarning):
     """Something in a mechanism is legal but looks like a mistake."""
 
 
-def check_names(bodies: Sequence[Body], joints: Sequence[Joint]) -> None:
-    """Bodies and joints have names of their own, and so have their signals."""
-    for kind, names in (("body", [GROUND, *(b.name for b in bodies)]), ("joint", [j.name for j in joints])):
+def check_names(bodies: Sequence[Body], joints: Sequence[Joint], sensors: Sequence[Sensor] = ()) -> None:
+    """Bodies and joints have names of their own, and so have their signals and sensors."""
+    named = {"body": [GROUND, *(b.name for b in bodies)], "joint": [j.name for j in joints]}
+    named["sensor"] = [*TAKEN, *(s.name for s in sensors)]
+    for kind, names in named.items():
         twice = [n for n in names if names.count(n) > 1]
         if twice:
-            raise ValueError(f"{kind} {twice[0]!r} is defined twice; give each {kind} its own name ('ground' is taken)")
+            raise ValueError(
+                f"{kind} {twice[0]!r} is defined twice; give each {kind} its own name ({_listed(kind)} taken)"
+            )
     if any(b.name == "world" for b in bodies):
         raise ValueError("body 'world' has a name that engines give to the ground; call it something else")
     taken: dict[str, str] = {}
-    for signal in signals(bodies, joints):
+    for signal in signals(bodies, joints, (), sensors):
         if signal.name in taken:
             raise ValueError(
                 f"signal {signal.name} would be one of {taken[signal.name]} and of {signal.owner}; give one of them"
@@ -285,4 +294,68 @@ def warn_of_degrees(mechanism: str, assembly: Mapping[str, float]) -> None:
             f"{mechanism}: assembly.{body} is {angle:g} rad; angles are in radians, was it meant in degrees?",
             MechanismWarning,
             stacklevel=2,
+        )
+
+
+def check_sensors(
+    sensors: Iterable[Sensor], parts: PartsByName, joints: Sequence[Joint], drives: Sequence[Drive]
+) -> None:
+    """Sensors sit at places that exist, on moving bodies, and there is something there for them to read."""
+    for sensor in sensors:
+        where, body = f"sensor {sensor.name!r}: ", parts.get(sensor.body)
+        moving = ", ".join(name for name in parts if name != GROUND)
+        if not isinstance(body, Body):
+            raise ValueError(f"{where}body = {sensor.body!r} is no moving body; they are {moving}")
+        if sensor.frame is not None and sensor.frame not in parts:
+            raise ValueError(f"{where}frame = {sensor.frame!r} is no body; the bodies are {', '.join(parts)}")
+        if isinstance(sensor.point, str):
+            _check_point(f"{where}point", body, sensor.point)
+        if sensor.to is not None:
+            name, point = sensor.far_end
+            if name not in parts or name == sensor.body:
+                others = ", ".join(other for other in parts if other != sensor.body)
+                raise ValueError(f"{where}to = {sensor.to!r} is no point of another body; they are {others}")
+            _check_point(f"{where}to", parts[name], point)
+        if sensor.kind in ("force", "torque"):
+            _check_in_joint(sensor, where, joints, drives)
+        if sensor.kind == "strain":
+            _check_gauge(sensor, body, where)
+
+
+def _check_point(where: str, body: Body | Ground, point: str) -> None:
+    if point not in body.points and (point != "com" or body.name == GROUND):
+        raise ValueError(f"{where} names {point!r}, no point of {body.name!r}; use {', '.join(body.points)}")
+
+
+def _check_in_joint(sensor: Sensor, where: str, joints: Sequence[Joint], drives: Sequence[Drive]) -> None:
+    here = {joint.name: joint for joint in joints if sensor.body in joint.bodies}
+    if sensor.joint not in here:
+        raise ValueError(
+            f"{where}point = {sensor.joint!r} is no joint of {sensor.body!r}; its joints are {', '.join(here)}"
+        )
+    passes = here[sensor.joint].prismatic or sensor.joint in [drive.joint for drive in drives]
+    if sensor.kind == "torque" and not passes:
+        raise ValueError(
+            f"{where}joint {sensor.joint!r} is a pin without a motor and passes no torque; give a driven joint or a"
+            " prismatic one"
+        )
+
+
+def _check_gauge(sensor: Sensor, body: Body, where: str) -> None:
+    for field, given, remedy in (
+        ("youngs_modulus", sensor.modulus(body), "in Pa, there or to the sensor"),
+        ("section", all(body.section), "= [height, depth] in m"),
+    ):
+        if not given:
+            raise ValueError(f"{where}its strain needs the {field} of body {body.name!r}; give it {remedy}")
+    spot, along = sensor.at(body), [x for x, _ in body.points.values()]
+    if not min(along) < spot.real < max(along):
+        raise ValueError(
+            f"{where}point lies at x = {spot.real:g} m, and the bar {body.name!r} is from {min(along):g} to"
+            f" {max(along):g} m along its x axis; give a place between its ends"
+        )
+    if abs(spot.imag) > body.section[0] / 2:
+        raise ValueError(
+            f"{where}point lies at y = {spot.imag:g} m, outside the section of {body.name!r}; a gauge on its face is at"
+            f" {body.section[0] / 2:g} m or at {-body.section[0] / 2:g} m"
         )

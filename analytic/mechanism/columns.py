@@ -60,11 +60,13 @@ class Conversion(MapPart):
 
 class ColumnMeaning(Conversion):
     """What one column is: the ``signal`` (or ``time``), or a ``load``, a force or a torque over the time of its
-    file, as many times as the column says.  Without a unit that of the heading holds.
+    file, as many times as the column says.  Without a unit that of the heading holds.  x and y of a vector that the
+    file has along the axes of a body have its name for their ``frame``, and are turned into the ground's.
     """
 
     signal: Annotated[str, Field(min_length=1, max_length=200)] | None = None
     load: Load | None = None
+    frame: Annotated[str, Field(min_length=1, max_length=200)] | None = None
 
     @model_validator(mode="after")
     def _check(self) -> ColumnMeaning:
@@ -72,6 +74,8 @@ class ColumnMeaning(Conversion):
             raise ValueError(
                 'a column is either a signal or a load: give signal = "...", or load = { body = "...", ... }'
             )
+        if self.load is not None and self.frame is not None:
+            raise ValueError("a column's load acts in the ground's frame; leave frame out")
         if self.load is not None and self.load.over:
             raise ValueError("a column's load varies with the column over its file's time; leave over out")
         if self.load is not None and any(self.load.force) == bool(self.load.torque):
@@ -117,5 +121,5 @@ def read_map(path: Path, model: type[M]) -> M:
 
 def readable(mechanism: Mechanism) -> dict[str, Signal]:
     """The signals that a data file of this mechanism may hold, by name, ``time`` apart; no sensor reads a rotation."""
-    signals = named(mechanism.bodies, mechanism.joints, mechanism.drives)
+    signals = named(mechanism.bodies, mechanism.joints, mechanism.drives, mechanism.sensors)
     return {name: signal for name, signal in signals.items() if signal.kind != "rotation"}

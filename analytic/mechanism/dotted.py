@@ -22,9 +22,11 @@ from analytic.mechanism.model import Mechanism, as_written
 from analytic.mechanism.parts import Body, Drive, Joint, Load
 from analytic.mechanism.written import WAVES, si_unit
 
-TABLES = ("gravity", "ground", "body", "joint", "drive", "spring", "stop", "load", "assembly", "initial")
+TABLES = ("gravity", "ground", "body", "joint", "drive", "spring", "stop", "load", "sensor", "assembly", "initial")
 # what names a part of each; where that is not one part's alone, and of springs, its number does
-CALLED = {"body": "name", "joint": "name", "drive": "joint", "load": "body", "spring": "", "stop": "joint"}
+CALLED = {
+    "body": "name", "joint": "name", "drive": "joint", "load": "body", "spring": "", "stop": "joint", "sensor": "name",
+}  # fmt: skip
 NUMBERED = ("load", "spring", "stop")
 WITHIN = ("elasticity", *WAVES)  # fields that are tables
 STEPS = {"section": ("height", "depth"), "guide": ("length", "height")}  # other lists are x, y and z

@@ -24,6 +24,7 @@ from analytic.mechanism.checks import (
     check_joint,
     check_loads,
     check_names,
+    check_sensors,
     check_springs,
     check_stops,
     warn_of_degrees,
@@ -43,6 +44,7 @@ from analytic.mechanism.parts import (
     MechanismPart,
     PartName,
     PeriodicTorque,
+    Sensor,
     SiNumber,
     Spring,
     Stop,
@@ -87,6 +89,7 @@ class Mechanism(MechanismPart):
     springs: Annotated[tuple[Spring, ...], BeforeValidator(as_tuple), Field(alias="spring")] = ()
     stops: Annotated[tuple[Stop, ...], BeforeValidator(as_tuple), Field(alias="stop")] = ()
     loads: Annotated[tuple[Load, ...], BeforeValidator(as_tuple), Field(alias="load")] = ()
+    sensors: Annotated[tuple[Sensor, ...], BeforeValidator(as_tuple), Field(alias="sensor")] = ()
     assembly: Mapping[PartName, Annotated[float, Field(ge=-FARTHEST_ANGLE, le=FARTHEST_ANGLE)]] = Field(
         default_factory=dict
     )  # rad
@@ -315,8 +318,12 @@ class Mechanism(MechanismPart):
         return any(b.youngs_modulus is not None for b in self.bodies)
 
     def rigid(self) -> Mechanism:
-        """A checked copy with the moduli of its links left out."""
-        return self.replace(bodies=tuple(_rigid(b) for b in self.bodies))
+        """A checked copy with the moduli of its links left out; strain gauges keep those of theirs."""
+        gauges = {s.name: s.modulus(self.moving[s.body]) for s in self.sensors if s.kind == "strain"}
+        sensors = [
+            s.model_copy(update={"youngs_modulus": gauges[s.name]}) if s.name in gauges else s for s in self.sensors
+        ]
+        return self.replace(bodies=tuple(_rigid(b) for b in self.bodies), sensors=sensors)
 
     def ideal(self) -> Mechanism:
         """A checked copy whose joints have neither clearance (see :meth:`tight`) nor soft bearings."""
@@ -411,7 +418,7 @@ class Mechanism(MechanismPart):
     @model_validator(mode="after")
     def _check(self) -> Mechanism:
         """Each check relies on the ones before it."""
-        check_names(self.bodies, self.joints)
+        check_names(self.bodies, self.joints, self.sensors)
         for joint in self.joints:
             check_joint(joint, self.parts)
         check_drives(self.drives, self.joints)
@@ -419,6 +426,7 @@ class Mechanism(MechanismPart):
         check_loads(self.loads, self.moving, self.load_quantities)
         check_springs(self.springs, self.parts, self.joints)
         check_stops(self.stops, self.joints)
+        check_sensors(self.sensors, self.parts, self.joints, self.drives)
         check_assembly(self.assembly, self.moving, self.driven if self.cranked else None)
         limited = [j.stopped(tuple(stop for stop in self.stops if stop.joint == j.name)) for j in self.joints]
         object.__setattr__(self, "joints", _in_their_turns(limited, self.assembly))

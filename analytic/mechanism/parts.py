@@ -65,6 +65,18 @@ def titled(value: object) -> object:
     return value
 
 
+def _directed(axis: tuple[float, float]) -> tuple[float, float]:
+    if math.hypot(*axis) < SMALLEST_NUMBER:
+        raise ValueError("an axis has a direction; give one such as [1.0, 0.0]")
+    return axis
+
+
+def _a_point(given: str) -> str:
+    if given.count(".") != 1 or not all(given.split(".")):
+        raise ValueError('a point of a body is written "<body>.<point>", such as "ground.O"')
+    return given
+
+
 def _divisible(value: float) -> float:
     if 0 < value < SMALLEST_NUMBER:
         raise ValueError(
@@ -661,6 +673,75 @@ class Load(MechanismPart):
         """The same with its quantity, which is no angle, in units of ``unit`` (m, s)."""
         ends = {name: None if at is None else at / unit for name, at in (("start", self.start), ("end", self.end))}
         return self.model_copy(update=ends | {"table": Table((at / unit, factor) for at, factor in self.table)})
+
+
+SensorKind = Literal["position", "velocity", "accelerometer", "gyro", "distance", "strain", "force", "torque"]
+_FIELDS_OF: dict[SensorKind, frozenset[str]] = {  # what each kind may be given beside name, kind, body and point
+    "position": frozenset({"axis", "frame"}),
+    "velocity": frozenset({"axis", "frame"}),
+    "accelerometer": frozenset({"axis", "frame"}),
+    "gyro": frozenset(),
+    "distance": frozenset({"to"}),
+    "strain": frozenset({"youngs_modulus"}),
+    "force": frozenset({"axis", "frame"}),
+    "torque": frozenset(),
+}
+
+
+class Sensor(MechanismPart):
+    """What reads a moving body: at a ``point`` of it along an ``axis``, which is given in ``frame``."""
+
+    name: PartName
+    kind: SensorKind
+    body: PartName
+    point: Annotated[PartName | tuple[SiNumber, SiNumber], BeforeValidator(as_tuple)] = "com"
+    axis: Annotated[Vector, AfterValidator(_directed)] = (1.0, 0.0)
+    to: Annotated[str, AfterValidator(_a_point)] | None = None
+    frame: PartName | None = None
+    youngs_modulus: SiPositive | None = None  # Pa, of a strain; left out: the body's
+
+    @model_validator(mode="after")
+    def _check(self) -> Sensor:
+        needless = sorted(({"axis", "to", "frame", "youngs_modulus"} & self.model_fields_set) - _FIELDS_OF[self.kind])
+        if needless:
+            raise ValueError(f"{' and '.join(needless)} says nothing of a sensor of kind {self.kind!r}; leave it out")
+        if self.kind == "distance" and self.to is None:
+            raise ValueError('a distance is measured to a point of another body; give to = "<body>.<point>"')
+        if self.kind in ("force", "torque") and (not isinstance(self.point, str) or self.point == "com"):
+            raise ValueError(f"a sensor of kind {self.kind!r} sits in a joint; give point = its name")
+        if self.kind == "position" and self.frame == self.body:
+            raise ValueError("a body does not move in its own frame; give frame another body, or leave it out: ground")
+        return self
+
+    @property
+    def direction(self) -> complex:
+        """The axis, of length 1, in its frame."""
+        axis = complex(*self.axis)
+        return axis / abs(axis)
+
+    @property
+    def seen_from(self) -> str:
+        """The body (or the ground) in whose frame the axis is: its own, of a position the ground's."""
+        return self.frame or (GROUND if self.kind == "position" else self.body)
+
+    @property
+    def joint(self) -> str:
+        """The joint in which a load cell or a torque transducer sits."""
+        return str(self.point)
+
+    @property
+    def far_end(self) -> tuple[str, str]:
+        """Body and point to which a distance is measured."""
+        body, _, point = str(self.to).partition(".")
+        return body, point
+
+    def modulus(self, body: Body) -> float | None:
+        """Young's modulus (Pa) of the bar that a strain gauge is on."""
+        return self.youngs_modulus or body.youngs_modulus
+
+    def at(self, body: Body) -> complex:
+        """Where it sits on its body (m, body frame)."""
+        return body.point(self.point) if isinstance(self.point, str) else complex(*self.point)
 
 
 class Tolerance(MechanismPart):

@@ -13,19 +13,20 @@ from typing import Literal
 
 import numpy as np
 
-from analytic.mechanism.parts import Body, Drive, Joint
+from analytic.mechanism.parts import Body, Drive, Joint, Sensor, SensorKind
 from analytic.mechanism.units import SiUnit as SiUnit
 
 SignalKind = Literal[
     "pose", "rate", "velocity", "acceleration", "rotation", "reaction", "clearance", "position", "joint_velocity",
-    "joint_acceleration", "drive", "power", "time", "load",
+    "joint_acceleration", "drive", "power", "sensor", "time", "load",
 ]  # fmt: skip
 Component = Literal[
-    "x", "y", "angle", "magnitude", "moment", "angular_velocity", "travel", "torque", "force", "power", "time"
-]
+    "x", "y", "angle", "magnitude", "moment", "angular_velocity", "travel", "speed", "acceleration", "strain", "torque",
+    "force", "power", "time",
+]  # fmt: skip
 # what a linkage has beside what every result holds: it is computed, written and shown where somebody asks for it
 ON_REQUEST: frozenset[SignalKind] = frozenset(
-    {"velocity", "acceleration", "joint_velocity", "joint_acceleration", "power"}
+    {"velocity", "acceleration", "joint_velocity", "joint_acceleration", "power", "sensor"}
 )
 DRIVE_TORQUE = "drive_torque"
 REACTION: tuple[Component, ...] = ("angle", "magnitude", "x", "y")
@@ -61,9 +62,28 @@ _UNITS: dict[tuple[SignalKind, Component], SiUnit] = {
     ("drive", "torque"): "N.m",
     ("drive", "force"): "N",
     ("power", "power"): "W",
+    ("sensor", "travel"): "m",
+    ("sensor", "speed"): "m/s",
+    ("sensor", "acceleration"): "m/s^2",
+    ("sensor", "angular_velocity"): "rad/s",
+    ("sensor", "strain"): "1",
+    ("sensor", "force"): "N",
+    ("sensor", "torque"): "N.m",
     ("time", "time"): "s",
     ("load", "force"): "N",
     ("load", "torque"): "N.m",
+}
+
+
+_READS: dict[SensorKind, Component] = {
+    "position": "travel",
+    "velocity": "speed",
+    "accelerometer": "acceleration",
+    "gyro": "angular_velocity",
+    "distance": "travel",
+    "strain": "strain",
+    "force": "force",
+    "torque": "torque",
 }
 
 
@@ -87,7 +107,7 @@ class Signal:
     @cached_property
     def name(self) -> str:
         """The signal's name in files."""
-        if self.kind in ("time", "load"):
+        if self.kind in ("time", "load", "sensor"):
             return self.place or "time"
         if self.kind in ("drive", "power"):
             return f"drive_{self.component}_{self.place}" if self.place else f"drive_{self.component}"
@@ -126,6 +146,8 @@ class Signal:
         """The body, joint or drive that has the signal, for messages: ``joint 'B'``."""
         if self.of_joint:
             return f"joint {self.place!r}"
+        if self.kind == "sensor":
+            return f"sensor {self.place!r}"
         return f"body {self.place!r}" if self.place else "the drive"
 
     def sibling(self, component: Component) -> Signal:
@@ -141,8 +163,10 @@ class Signal:
 POWER = Signal("power", "", "power")
 
 
-def signals(bodies: Iterable[Body], joints: Iterable[Joint], drives: Iterable[Drive] = ()) -> Iterator[Signal]:
-    """Every signal that a linkage of these bodies, joints and drives can have, joints first, in the order of a
+def signals(
+    bodies: Iterable[Body], joints: Iterable[Joint], drives: Iterable[Drive] = (), sensors: Iterable[Sensor] = ()
+) -> Iterator[Signal]:
+    """Every signal that a linkage of these bodies, joints, drives and sensors can have, joints first, in the order of a
     report.
     """
     known = {joint.name: joint for joint in joints}
@@ -160,6 +184,12 @@ def signals(bodies: Iterable[Body], joints: Iterable[Joint], drives: Iterable[Dr
         yield from (position(joint), *slipping(joint))
     yield from driving([known[drive.joint] for drive in drives if drive.speed != "free"])
     yield POWER
+    yield from map(reading, sensors)
+
+
+def reading(sensor: Sensor) -> Signal:
+    """What a sensor of the mechanism file reads: a signal by its name."""
+    return Signal.of("sensor", sensor.name, _READS[sensor.kind])
 
 
 def play(joint: Joint) -> Iterator[Signal]:
@@ -200,9 +230,11 @@ def driving(driven: Sequence[Joint]) -> list[Signal]:
     return [Signal.of("drive", joint.name, "force" if joint.prismatic else "torque") for joint in driven]
 
 
-def named(bodies: Iterable[Body], joints: Iterable[Joint], drives: Iterable[Drive] = ()) -> Mapping[str, Signal]:
+def named(
+    bodies: Iterable[Body], joints: Iterable[Joint], drives: Iterable[Drive] = (), sensors: Iterable[Sensor] = ()
+) -> Mapping[str, Signal]:
     """Every signal of a linkage by name; the checks of a mechanism see to it that no two have one name."""
-    return {signal.name: signal for signal in signals(bodies, joints, drives)}
+    return {signal.name: signal for signal in signals(bodies, joints, drives, sensors)}
 
 
 def wrapped(angle: np.ndarray) -> np.ndarray:

@@ -16,10 +16,10 @@ from analytic.mechanism.one_line import shown
 if TYPE_CHECKING:
     import pint
 
-SiUnit = Literal["m", "m/s", "m/s^2", "rad", "rad/s", "rad/s^2", "N", "N.m", "W", "s"]
+SiUnit = Literal["m", "m/s", "m/s^2", "rad", "rad/s", "rad/s^2", "N", "N.m", "W", "1", "s"]
 QuantityKind = Literal[
     "time", "angle", "angular velocity", "angular acceleration", "length", "velocity", "acceleration", "force",
-    "torque", "power",
+    "torque", "power", "strain",
 ]  # fmt: skip
 SI: dict[QuantityKind, SiUnit] = {
     "time": "s",
@@ -32,6 +32,7 @@ SI: dict[QuantityKind, SiUnit] = {
     "force": "N",
     "torque": "N.m",
     "power": "W",
+    "strain": "1",
 }
 Powers = tuple[int, int, int]  # of length, mass and time
 POWERS: dict[SiUnit, Powers] = {
@@ -45,6 +46,7 @@ POWERS: dict[SiUnit, Powers] = {
     "N": (1, 1, -2),
     "N.m": (2, 1, -2),
     "W": (2, 1, -3),
+    "1": (0, 0, 0),
 }
 DIMENSIONS: dict[SiUnit, QuantityKind] = {unit: kind for kind, unit in SI.items()}
 # What messages offer; any other unit of the dimension that pint knows is accepted as well.
@@ -59,6 +61,7 @@ OFFERED: dict[QuantityKind, tuple[str, ...]] = {
     "force": ("N", "kN", "mN", "kgf", "lbf"),
     "torque": ("N.m", "N.mm", "kN.m", "lbf.in"),
     "power": ("W", "mW", "kW"),
+    "strain": ("1", "um/m", "mm/m"),
 }
 # What is written most, so that pint need not be loaded for it (a third of a second).
 COMMON: dict[tuple[str, str], float] = {

@@ -64,6 +64,7 @@ INITIAL = "velocity_"  # with a joint's name after it: a field of ``initial``
 WHOLE = {"gravity": "m/s^2", "assembly": "rad", "ground": "m"}
 DRIVE = {"stiffness": "N.m/rad", "half_gap": "rad"}
 LOAD = {"force": "N", "torque": "N.m"}
+SENSOR = {"point": "m", "youngs_modulus": "Pa"}
 Units = Mapping[str, str]
 
 
@@ -119,6 +120,7 @@ def _units_by_table(fields: Mapping[str, Any]) -> Mapping[str, Callable[[Mapping
         "drive": lambda d: DRIVE | {"speed": "m/s" if d.get("joint") in slides else "rad/s"},
         "spring": lambda _: SPRING,
         "stop": lambda stop: SLIDE_STOP if stop.get("joint") in slides else STOP,
+        "sensor": lambda _: SENSOR,
         "load": lambda load: LOAD | dict.fromkeys(("from", "to", "table"), over.get(str(load.get("over")), "")),
     }
 
@@ -170,6 +172,13 @@ def runs_in_si(
             written["load"] = _loads(run["load"], units_over, folder, f"{called}.load")
         out.append(written)
     return out
+
+
+def sensors_in_si(sensors: object) -> object:
+    """The ``[[sensor]]`` tables of measured data in SI.  Raises UnitError, which names the field."""
+    if not isinstance(sensors, list):
+        return sensors
+    return [part_in_si(s, SENSOR, _called("sensor", s)) if isinstance(s, Mapping) else s for s in sensors]
 
 
 def _tables(fields: Mapping[str, Any], name: str) -> list[Mapping[str, Any]]:

@@ -71,7 +71,7 @@ def superposed(signals: Mapping[str, np.ndarray], compliance: Compliance) -> dic
     and sizes of reactions are left as they were.
     """
     m, out = compliance.mechanism, dict(signals)
-    for name, signal in named(m.bodies, m.joints, m.drives).items():
+    for name, signal in named(m.bodies, m.joints, m.drives, m.sensors).items():
         part = elastic_part(signal, compliance) if name in out else None
         if part is not None:
             out[name] = out[name] + part

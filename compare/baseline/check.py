@@ -254,7 +254,7 @@ def update_file(
 
 def _more(mechanism: Mechanism, stored: Baseline | None) -> list[str]:
     """The signals on request that a baseline has of its case."""
-    known = named(mechanism.bodies, mechanism.joints, mechanism.drives)
+    known = named(mechanism.bodies, mechanism.joints, mechanism.drives, mechanism.sensors)
     names = dict.fromkeys(name for run in (stored.runs if stored else ()) for name in _signals(run))
     return [name for name in names if name in known and known[name].on_request]
 

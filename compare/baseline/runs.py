@@ -219,7 +219,7 @@ def _table(setup: Setup, trace: Trace, more: Sequence[str]) -> StoredRun:
 
 def _named(mechanism: Mechanism, signals: Mapping[str, np.ndarray], more: Sequence[str]) -> dict[str, np.ndarray]:
     """Those of ``more`` signals that there are, by name and unit."""
-    known = named(mechanism.bodies, mechanism.joints, mechanism.drives)
+    known = named(mechanism.bodies, mechanism.joints, mechanism.drives, mechanism.sensors)
     return {f"{name} [{known[name].unit}]": signals[name] for name in more if name in signals}
 
 

@@ -23,6 +23,7 @@ from analytic.kinematics.reach import turns_fully
 from analytic.kinematics.schedule import Steady, Turning
 from analytic.kinematics.structure import StructureError
 from analytic.mechanism import Mechanism
+from analytic.mechanism.sensing import with_sensors
 from analytic.paper.clearance import Displaced, displaced
 from analytic.paper.compliance import compliance
 from analytic.paper.frame import ComplianceError
@@ -346,7 +347,7 @@ class Model:
             for same in (every[k : k + most] for k in range(0, len(every), most)):
                 assert linkage is not None
                 moved = np.concatenate([motions[key] for key in same], axis=1)
-                signals = _signals(kinetostatics(kinematics(linkage[0], *moved)), self.rates)
+                signals = _signals(linkage[0].mechanism, kinetostatics(kinematics(linkage[0], *moved)), self.rates)
                 whole = with_derived(signals, linkage[0].mechanism)
                 found |= zip(same, _parted(whole, [run.time.size] * len(same)), strict=True)
         for key, said in found.items():
@@ -395,7 +396,7 @@ class Model:
 
 def within(hypothesis: Hypothesis, run: str) -> tuple[object, ...]:
     """What tells the mechanism of a hypothesis in a run from all others."""
-    inside = [(t, t.effect.in_run(v, run)) for t, v in hypothesis if not t.effect.sensor]
+    inside = [(t, t.effect.in_run(v, run)) for t, v in hypothesis if not t.effect.sensor or t.effect.mounts]
     return tuple((t.key, t.variant, tuple(v.values())) for t, v in inside)
 
 
@@ -550,17 +551,17 @@ def derived(
     mechanism = assembly.mechanism
     if mechanism.displaced:
         found = _displaced(assembly, crank, near, sizes, time)
-        ideal, signals = found.ideal, _over_gaps(found, sizes, rates)
+        ideal, signals = found.ideal, _over_gaps(mechanism, found, sizes, rates)
     else:
         ideal = kinetostatics(kinematics(assembly, crank.theta, crank.omega, crank.alpha, path=near, time=time))
-        signals = _signals(ideal, rates)
+        signals = _signals(mechanism, ideal, rates)
     if mechanism.bends:
         signals = superposed(signals, compliance(ideal.motion, inertia=True))
     return with_derived(signals, mechanism)
 
 
-def _signals(answer: Displaced | Reactions, rates: bool) -> dict[str, np.ndarray]:
-    return answer.signals() | (answer.rates() if rates else {})
+def _signals(m: Mechanism, answer: Displaced | Reactions, rates: bool) -> dict[str, np.ndarray]:
+    return with_sensors(m, answer.signals() | answer.rates()) if rates else answer.signals()
 
 
 def _displaced(
@@ -577,14 +578,14 @@ def _displaced(
     return displaced(assembly, crank.theta, crank.omega, alpha=crank.alpha, near=near, motions=sizes, time=time)
 
 
-def _over_gaps(found: Displaced, sizes: Sequence[int], rates: bool) -> dict[str, np.ndarray]:
+def _over_gaps(m: Mechanism, found: Displaced, sizes: Sequence[int], rates: bool) -> dict[str, np.ndarray]:
     """Every signal (N,); where pins have no place of rest, what clearance changes is on a straight line between
     neighbours of the same run, as the signal itself is not.  NaN in runs where they never have one.
     """
-    signals = _signals(found, rates)
+    signals = _signals(m, found, rates)
     if not found.flags:
         return signals
-    ideal, lost = _signals(found.ideal, rates), np.zeros(found.ideal.motion.theta.size, bool)
+    ideal, lost = _signals(m, found.ideal, rates), np.zeros(found.ideal.motion.theta.size, bool)
     lost[list(found.flags)] = True
     runs = np.split(np.arange(lost.size), np.cumsum(sizes)[:-1])
     pairs = [(run[~lost[run]], run[lost[run]]) for run in runs if 0 < lost[run].sum() < run.size]

@@ -329,7 +329,7 @@ def _loose(signal: Signal, clearances: Mapping[str, float], smallest: float) -> 
     """The clearance (m) that scales a signal: of the joint in which it is displaced, the smallest for a rotation; none
     for a place.
     """
-    if signal.kind == "pose":
+    if signal.kind == "pose" or (signal.kind == "sensor" and kind_of(signal) == "place"):
         return 0.0
     return clearances.get(signal.place if signal.kind == "clearance" else "", smallest)
 

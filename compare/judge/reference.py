@@ -17,6 +17,7 @@ from analytic.kinematics.reach import usual_angles
 from analytic.kinematics.schedule import Schedule, Turning
 from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import count, one_line
+from analytic.mechanism.sensing import with_sensors
 from analytic.mechanism.signals import Signal, driving, named, position, wrapped
 from analytic.paper.clearance import Displaced, Model, displaced
 from analytic.paper.compliance import compliance
@@ -180,7 +181,9 @@ def _unsure(
     """
     limits: dict[str, np.ndarray] = {}
     squares: dict[str, np.ndarray] = {}
-    known = named(assembly.mechanism.bodies, assembly.mechanism.joints, assembly.mechanism.drives)
+    known = named(
+        assembly.mechanism.bodies, assembly.mechanism.joints, assembly.mechanism.drives, assembly.mechanism.sensors
+    )
     for part in ("theta",) if schedule.at_rest else ("theta", "omega", "alpha"):
         error = np.broadcast_to(getattr(errors, part), moving.theta.shape)
         if not error.any():
@@ -303,14 +306,18 @@ def without_edges(side: Reference, m: Mechanism, time: np.ndarray) -> Reference:
 
 def _at_rest(side: Reference, m: Mechanism) -> Reference:
     """A side whose bodies do not move: their rates, accelerations and powers are 0."""
-    known = named(m.bodies, m.joints, m.drives)
+    known = named(m.bodies, m.joints, m.drives, m.sensors)
     moves = [name for name in side.signals if (one := known[name]).on_request or one.kind == "rate"]
-    return replace(side, signals={**side.signals, **{name: np.zeros(side.signals[name].shape) for name in moves}})
+    still = {**side.signals, **{name: np.zeros(side.signals[name].shape) for name in moves}}
+    for sensor in m.sensors:
+        still.pop(sensor.name, None)
+    return replace(side, signals=with_sensors(m, still, still=True))
 
 
 def _signals(answer: Displaced | Reactions, mechanism: Mechanism, rates: bool) -> dict[str, np.ndarray]:
     """The signals (N,) of an analytic answer, with ``rates`` those on request too."""
-    return with_derived(answer.signals() | (answer.rates() if rates else {}), mechanism)
+    signals = with_sensors(mechanism, answer.signals() | answer.rates()) if rates else answer.signals()
+    return with_derived(signals, mechanism)
 
 
 def _axis(motion: Moving) -> np.ndarray:
@@ -330,7 +337,7 @@ def with_flexible_links(side: Reference, assembly: Assembly, schedule: Schedule)
     """
     ideal = along(assembly, schedule)
     m, elastic, worst = ideal.structure.mechanism, compliance(ideal), float(condition(ideal).max())
-    known = named(m.bodies, m.joints, m.drives)
+    known = named(m.bodies, m.joints, m.drives, m.sensors)
     peaks = {name: peak for name, peak in side.peaks.items() if known[name].kind in ("reaction", "drive")}
     return replace(
         side,
@@ -354,7 +361,7 @@ def _let_go(assembly: Assembly, time: np.ndarray, start: Turning, errors: Turnin
 
 def left_open(side: Reference, others: Iterable[Reference], mechanism: Mechanism) -> Reference:
     """A side that is known as exactly as ``others`` leave it, each with another thing off by its rms error."""
-    known = named(mechanism.bodies, mechanism.joints, mechanism.drives)
+    known = named(mechanism.bodies, mechanism.joints, mechanism.drives, mechanism.sensors)
     squares: dict[str, np.ndarray] = {}
     for other in others:
         for name, values in other.signals.items():

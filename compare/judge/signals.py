@@ -23,7 +23,7 @@ from analytic.mechanism.signals import (
 
 ToleranceKind = Literal[
     "angle", "magnitude", "displacement", "rotation", "torque", "force", "position", "place", "velocity", "speed",
-    "acceleration", "angular_acceleration", "power",
+    "acceleration", "angular_acceleration", "power", "strain",
 ]  # fmt: skip
 _KINDS: dict[tuple[SignalKind, Component], ToleranceKind] = {
     ("reaction", "angle"): "angle",
@@ -49,6 +49,13 @@ _KINDS: dict[tuple[SignalKind, Component], ToleranceKind] = {
     ("joint_acceleration", "angle"): "angular_acceleration",
     ("joint_acceleration", "travel"): "acceleration",
     ("power", "power"): "power",
+    ("sensor", "travel"): "place",
+    ("sensor", "speed"): "speed",
+    ("sensor", "acceleration"): "acceleration",
+    ("sensor", "angular_velocity"): "velocity",
+    ("sensor", "strain"): "strain",
+    ("sensor", "force"): "force",
+    ("sensor", "torque"): "torque",
     ("position", "angle"): "position",
     ("position", "travel"): "place",
     ("drive", "torque"): "torque",
@@ -57,6 +64,7 @@ _KINDS: dict[tuple[SignalKind, Component], ToleranceKind] = {
 
 LINE_OF: dict[ToleranceKind, ToleranceKind] = {  # a line of tolerances.toml is of both, each in its unit
     "force": "torque", "power": "torque", "speed": "velocity", "angular_acceleration": "acceleration",
+    "strain": "torque",
 }  # fmt: skip
 Values = TypeVar("Values")
 
@@ -169,4 +177,4 @@ def only(values: Mapping[str, Values], mechanism: Mechanism, asked: Iterable[str
 
 
 def _signals(mechanism: Mechanism) -> Iterator[Signal]:
-    return signals(mechanism.bodies, mechanism.joints, mechanism.drives)
+    return signals(mechanism.bodies, mechanism.joints, mechanism.drives, mechanism.sensors)

@@ -28,6 +28,7 @@ TABLES = (
     "spring",
     "stop",
     "load",
+    "sensor",
     "tolerance",
 )
 

@@ -167,5 +167,5 @@ def _entry(meant: Column) -> str:
     fields = {"signal": json.dumps(meant.signal.name), "unit": json.dumps(meant.unit)}
     if meant.meaning is not None:
         others = meant.meaning.model_dump(exclude_defaults=True, exclude=set(fields))
-        fields |= {name: f"{value:.12g}" for name, value in others.items()}
+        fields |= {n: json.dumps(v) if isinstance(v, str) else f"{v:.12g}" for n, v in others.items()}
     return f"{{ {', '.join(f'{name} = {value}' for name, value in fields.items())} }}"

@@ -15,6 +15,7 @@ from analytic.mechanism.columns import ANY_LAYOUT, Layout
 from analytic.mechanism.errors import describe
 from analytic.mechanism.one_line import count, shown
 from analytic.mechanism.signals import starts_again, undirected, unwound
+from compare.recorded.body_frames import in_ground_frame
 from compare.recorded.errors import DataError
 from compare.recorded.formats import ColumnsByHeading, reader
 from compare.recorded.frames import FrameSource
@@ -148,7 +149,7 @@ def _of_text(path: Path, names: Naming, timed: bool) -> Table:
     if read is None:
         raise DataError(*headings.faults)
     notes = [note for note in (coded.note, *top.notes) if note]
-    return _table(path.name, headings, notes, read, timed)
+    return _table(path.name, headings, notes, read, timed, names.mechanism)
 
 
 def _of_columns(name: str, columns: ColumnsByHeading, names: Naming, timed: bool) -> Table:
@@ -171,10 +172,11 @@ def _of_columns(name: str, columns: ColumnsByHeading, names: Naming, timed: bool
         row = int(np.argmax(np.isnan(numbers[0]))) + 1
         raise DataError(f"{name}: row {row} has no time; give every row its time or delete the row")
     size = numbers[0].size
-    return _table(name, headings, [], Rows(np.column_stack(numbers), np.arange(1, size + 1), (), "row"), timed)
+    rows = Rows(np.column_stack(numbers), np.arange(1, size + 1), (), "row")
+    return _table(name, headings, [], rows, timed, names.mechanism)
 
 
-def _table(name: str, headings: Headings, notes: Sequence[str], read: Rows, timed: bool) -> Table:
+def _table(name: str, headings: Headings, notes: Sequence[str], read: Rows, timed: bool, mechanism: Mechanism) -> Table:
     """What was read as a table.  Raises DataError."""
     wanted, faults = headings.all, [*headings.faults, *read.faults]
     fewest = MIN_ROWS if timed or headings.time else 1
@@ -197,7 +199,9 @@ def _table(name: str, headings: Headings, notes: Sequence[str], read: Rows, time
         if c.meaning and c.meaning.load
     ]
     columns = tuple({c.signal.name: c for c in headings.columns}.values())
-    return Table(columns, time, values, (*notes, *remarks), headings.cells, headings.used, headings.time, acting)
+    values, left = in_ground_frame(columns, values, mechanism, name)
+    said = (*notes, *remarks)
+    return Table(columns, time, values, said, headings.cells, headings.used, headings.time, acting, left)
 
 
 def unused(where: str, entry: str, headings: Sequence[str]) -> str:

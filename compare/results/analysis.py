@@ -39,7 +39,7 @@ class _Side(Document):
     @cached_property
     def kinds(self) -> dict[str, Signal]:
         """What each signal is."""
-        known = named(self.mechanism.bodies, self.mechanism.joints, self.mechanism.drives)
+        known = named(self.mechanism.bodies, self.mechanism.joints, self.mechanism.drives, self.mechanism.sensors)
         return {name: known[name] for name in self.signals if name in known}
 
     def __getitem__(self, name: str) -> np.ndarray:

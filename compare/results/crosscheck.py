@@ -295,7 +295,7 @@ class CrossCheck(Document):
     @cached_property
     def signals(self) -> dict[str, Signal]:
         """Every signal that the mechanism can have, by name."""
-        return dict(named(self.mechanism.bodies, self.mechanism.joints, self.mechanism.drives))
+        return dict(named(self.mechanism.bodies, self.mechanism.joints, self.mechanism.drives, self.mechanism.sensors))
 
     @property
     def swings(self) -> bool:

@@ -443,7 +443,7 @@ class Diagnosis(Document):
     @cached_property
     def signals(self) -> dict[str, Signal]:
         """Every signal that the mechanism can have, by name."""
-        return dict(named(self.mechanism.bodies, self.mechanism.joints, self.mechanism.drives))
+        return dict(named(self.mechanism.bodies, self.mechanism.joints, self.mechanism.drives, self.mechanism.sensors))
 
     def wraps(self, signal: str) -> bool:
         """Whether values of a signal that are a turn apart are the same; of a sensor that the mechanism does not have,

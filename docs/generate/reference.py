@@ -293,6 +293,7 @@ def mechanism_file() -> str:
         "spring": "`[[spring]]`",
         "stop": "`[[stop]]`",
         "load": "`[[load]]`",
+        "sensor": "`[[sensor]]`",
     }
     out = []
     for name, heading in headings.items():

@@ -27,7 +27,7 @@ def expected(trace: Trace, request: Request, order: Iterable[int] | None = None)
     """
     crank, m = request.schedule.crank is not None, request.mechanism
     told = {position(joint).name for joint in m.joints} if crank else set()
-    units = {name: signal.unit for name, signal in named(m.bodies, m.joints, m.drives).items()}
+    units = {name: signal.unit for name, signal in named(m.bodies, m.joints, m.drives, m.sensors).items()}
     units |= {"crank_angle": "rad", "time": "s"}
     columns = {
         **({"crank_angle": trace.crank_angle} if crank else {}),

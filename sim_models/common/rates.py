@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analytic.mechanism import MASS_CENTRE, Body, Joint, Mechanism
+from analytic.mechanism.sensing import with_sensors
 from analytic.mechanism.signals import POWER, driving, moving, slipping
 from sim_models.engine import Rates, Trace
 
@@ -33,9 +34,11 @@ def part_rates(columns: Mapping[str, np.ndarray]) -> tuple[dict[str, np.ndarray]
 
 def with_rates(m: Mechanism, trace: Trace, asked: Iterable[str]) -> dict[str, np.ndarray]:
     """The signals (N,) of a trace, and those on request that it has rates for where any is ``asked`` for by name; what
-    it says itself stays.
+    it says itself stays.  What sensors read follows from these (:mod:`analytic.mechanism.sensing`).
     """
-    return {**(rate_signals(m, trace) if any(asked) else {}), **trace.signals}
+    if not any(asked):
+        return dict(trace.signals)
+    return with_sensors(m, {**rate_signals(m, trace), **trace.signals}, still=trace.motion == "static")
 
 
 def rate_signals(m: Mechanism, trace: Trace) -> dict[str, np.ndarray]:

@@ -111,7 +111,7 @@ def _faulty(name: str, request: Request, what: str) -> SimulationError:
 def _lacking(request: Request, trace: Trace) -> Iterator[str]:
     """What a trace must have of a request and does not, by name."""
     m = request.mechanism
-    for signal in signals(m.bodies, m.joints, m.drives):
+    for signal in signals(m.bodies, m.joints, m.drives, m.sensors):
         needed = (
             signal.kind == "pose"
             or (signal.kind == "drive" and (request.schedule.crank is not None or not request.schedule.lets_go))

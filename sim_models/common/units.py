@@ -219,7 +219,7 @@ class Units:
 
     def trace(self, m: Mechanism, t: Trace) -> Trace:
         """A trace of these units, of mechanism ``m``, in SI.  Raises SimulationError for a signal that it has not."""
-        known = named(m.bodies, m.joints, m.drives)
+        known = named(m.bodies, m.joints, m.drives, m.sensors)
         unknown = sorted(set(t.signals) - set(known))
         if unknown:
             raise SimulationError(

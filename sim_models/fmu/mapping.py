@@ -31,7 +31,7 @@ from typing import Annotated, Any, Literal, cast
 import numpy as np
 from pydantic import BeforeValidator, Field
 
-from analytic.mechanism import Mechanism
+from analytic.mechanism import GROUND, Mechanism
 from analytic.mechanism.columns import ColumnMeaning, Conversion, MapPart, read_map
 from analytic.mechanism.one_line import shown
 from analytic.mechanism.signals import named
@@ -160,12 +160,14 @@ class Map:
 
     def signals(self, mechanism: Mechanism) -> dict[str, MappedVariable]:
         """Which variable is which signal of a mechanism.  Raises FmuError."""
-        known = named(mechanism.bodies, mechanism.joints, mechanism.drives)
+        known = named(mechanism.bodies, mechanism.joints, mechanism.drives, mechanism.sensors)
         links: dict[str, MappedVariable] = {}
         for column, meaning in self.file.columns.items():
             if meaning == "ignore":
                 continue
             where = f"{self.path}: columns.{shown(column)}"
+            if meaning.frame not in (None, GROUND):
+                raise FmuError(f"{where}: frame is of recorded columns; give the output of the ground's frame")
             if meaning.signal is None:
                 raise FmuError(f"{where}: load is of recorded columns, and an FMU acts by itself; give its signal")
             if meaning.signal not in known:

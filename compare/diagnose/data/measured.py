@@ -83,6 +83,11 @@ def recorded(
             f"{called}: every run has role = 'validation' ({', '.join(names)}), and nothing is left to fit; leave"
             " role out of at least one"
         )
+    if file.sensors:
+        try:
+            mechanism = mechanism.replace(sensors=(*mechanism.sensors, *file.sensors))
+        except MechanismError as error:
+            raise MeasuredError(f"{called}: {error}") from None
     tolerance = tolerances(called, file.tolerance)
     tables = _Tables(data, mechanism, file)
     read: list[tuple[MeasuredRun, list[Fault]]] = []

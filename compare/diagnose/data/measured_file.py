@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from analytic.mechanism import Load, Mechanism, MechanismError
+from analytic.mechanism import Load, Mechanism, MechanismError, Sensor
 from analytic.mechanism.columns import ColumnMeaning, Layout
 from analytic.mechanism.errors import describe
 from analytic.mechanism.file import load, shipped_cases
@@ -17,7 +17,7 @@ from analytic.mechanism.one_line import shown
 from analytic.mechanism.reading import ReadingError, read_toml
 from analytic.mechanism.signals import SiUnit
 from analytic.mechanism.units import UnitError
-from analytic.mechanism.written import runs_in_si
+from analytic.mechanism.written import runs_in_si, sensors_in_si
 from compare.diagnose.data.recording import MeasuredError
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.recorded.table import LARGEST_READING
@@ -78,6 +78,7 @@ class Said(Layout):
 
     tolerance: Mapping[str, NotNegative | Mapping[str, NotNegative]] = Field(default_factory=dict)
     prior: Mapping[str, Annotated[float, Field(gt=0, lt=LARGEST_READING)]] = Field(default_factory=dict)
+    sensors: Annotated[tuple[Sensor, ...], BeforeValidator(_as_tuple), Field(alias="sensor")] = ()
     runs: Annotated[tuple[Entry, ...], BeforeValidator(_as_tuple), Field(alias="run", min_length=1)]
 
 
@@ -131,6 +132,8 @@ def checked(
     try:
         if "run" in fields:
             fields = {**fields, "run": runs_in_si(fields["run"], units_over, folder)}
+        if "sensor" in fields:
+            fields = {**fields, "sensor": sensors_in_si(fields["sensor"])}
         return model.model_validate(fields)
     except (UnitError, ReadingError) as error:
         raise MeasuredError(f"{source}: {error}") from None

@@ -148,7 +148,7 @@ class Measured:
     @cached_property
     def signals(self) -> Mapping[str, Signal]:
         """Every signal that the linkage can have, by name."""
-        return named(self.mechanism.bodies, self.mechanism.joints, self.mechanism.drives)
+        return named(self.mechanism.bodies, self.mechanism.joints, self.mechanism.drives, self.mechanism.sensors)
 
     def rows(self) -> list[dict[str, float | str | None]]:
         """A row for each sample of each run: its run, its time (s) and every sensor in SI, None where it is silent."""

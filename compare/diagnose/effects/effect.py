@@ -112,7 +112,7 @@ class Rig:
     @cached_property
     def known(self) -> Mapping[str, Signal]:
         """Every signal that the linkage can have, by name."""
-        return named(self.mechanism.bodies, self.mechanism.joints, self.mechanism.drives)
+        return named(self.mechanism.bodies, self.mechanism.joints, self.mechanism.drives, self.mechanism.sensors)
 
     @property
     def torque(self) -> float:
@@ -400,6 +400,11 @@ class Effect(ABC):
     def misreads(self) -> bool:
         """Whether it says so."""
         return type(self).motor is not Effect.motor
+
+    @property
+    def mounts(self) -> bool:
+        """Whether it changes the mechanism: its links, or how a sensor of its file is mounted."""
+        return type(self).on_mechanism is not Effect.on_mechanism
 
     def behind(self, motor: Turning, values: Values) -> Turning | None:
         """How far (rad) the crank is behind a motor, with its rates, at the motor's angles; None where it is not."""

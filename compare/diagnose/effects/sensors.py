@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from analytic.kinematics.schedule import Turning
+from analytic.mechanism import Body, Mechanism, Sensor
 from analytic.mechanism.signals import AXES, Signal, wrapped
 from compare.diagnose.effects.each_run import EachRun
 from compare.diagnose.effects.effect import Draw, Effect, Growth, Hiding, Parameter, Readings, Rig, Values, Wave
@@ -309,6 +311,70 @@ class SensorFrame(Effect):
         return Growth(lambda a: {"rotation": turn + a * draw.sign}, 0.3, turn)
 
 
+class OnChip(Effect):
+    """How an accelerometer is mounted: what it reads follows from the mechanism's ``[[sensor]]``, which changes."""
+
+    place = "signal"
+    hiding = Hiding(sets=None)
+    sensor = True
+
+    def places(self, rig: Rig) -> Sequence[str]:
+        return [s.name for s in rig.mechanism.sensors if s.kind == "accelerometer" and s.name in rig.signals]
+
+    @abstractmethod
+    def mounted(self, chip: Sensor, body: Body, value: float) -> Sensor:
+        """The chip on a body, mounted so."""
+
+    def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
+        (value,) = values.values()
+        return mechanism.replace(
+            sensors=tuple(
+                self.mounted(each, mechanism.moving[each.body], value) if each.name == where else each
+                for each in mechanism.sensors
+            )
+        )
+
+
+class SensorPlace(OnChip):
+    """An accelerometer that sits elsewhere on its body than the file says, along the body's x axis."""
+
+    name = "sensor_place"
+    label = "another place of the accelerometer {}"
+    meaning = "the accelerometer {} sits elsewhere on its body"
+    found = "the accelerometer {} sits {} along its body"
+    parameters = (Parameter("along", "m", "length", more="further", less="less far"),)
+
+    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
+        return (1e-4 * rig.length,)
+
+    def mounted(self, chip: Sensor, body: Body, value: float) -> Sensor:
+        at = chip.at(body) + value
+        return chip.model_copy(update={"point": (at.real, at.imag)})
+
+    def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
+        return Growth(lambda a: {"along": a * draw.sign * rig.length}, 0.1)
+
+
+class AxisError(OnChip):
+    """An accelerometer whose axis is turned against the one that the file says."""
+
+    name = "axis_error"
+    label = "a turned axis of the accelerometer {}"
+    meaning = "the axis of the accelerometer {} is turned"
+    found = "the axis of the accelerometer {} is turned by {}"
+    parameters = (Parameter("rotation", "rad", "angle", more="counter-clockwise", less="clockwise"),)
+
+    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
+        return (1e-4,)
+
+    def mounted(self, chip: Sensor, body: Body, value: float) -> Sensor:
+        axis = chip.direction * np.exp(1j * value)
+        return chip.model_copy(update={"axis": (float(axis.real), float(axis.imag))})
+
+    def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
+        return Growth(lambda a: {"rotation": a * draw.sign}, 0.3)
+
+
 class ClockOffset(Effect):
     """A whole run that is late on its command: it reads the motion that was commanded some time ago."""
 
@@ -390,4 +456,6 @@ EFFECTS: tuple[Effect, ...] = (
     SensorLag(),
     SensorDrift(),
     StampJitter(),
+    SensorPlace(),
+    AxisError(),
 )

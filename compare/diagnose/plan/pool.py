@@ -190,7 +190,7 @@ def _as_if_measured(bench: Bench, runs: Sequence[CandidateRun]) -> tuple[Measure
     cannot.
     """
     m = bench.mechanism.rigid()
-    signals = named(m.bodies, m.joints, m.drives)
+    signals = named(m.bodies, m.joints, m.drives, m.sensors)
 
     def recorded(readings: Sequence[Mapping[str, np.ndarray]]) -> Measured:
         made = []

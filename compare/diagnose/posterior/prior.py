@@ -64,6 +64,8 @@ NATURAL: Mapping[str, float | tuple[float, ...]] = {
     "clock_offset": 300.0,
     "sensor_lag": 30.0,
     "sensor_drift": 5.0,  # times the noise in the time of a radian
+    "sensor_place": 200.0,  # 2 % of the longest link: glued by eye
+    "axis_error": 300.0,  # 0.03 rad: the same
 }
 # the same of errors that careful work leaves on every rig; the search in released runs has its own in the effects
 SLIGHT: Mapping[str, float] = {

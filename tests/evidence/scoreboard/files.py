@@ -41,7 +41,7 @@ def write_files(
     """
     import tomli_w
 
-    known, entries = named(nominal.bodies, nominal.joints, nominal.drives), []
+    known, entries = named(nominal.bodies, nominal.joints, nominal.drives, nominal.sensors), []
     for recording in recordings:
         write_atomically(folder / f"{recording.name}.csv", _table(recording, known, units))
         entry = {"name": recording.name, "file": f"{recording.name}.csv", **recording.fields}

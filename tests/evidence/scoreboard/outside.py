@@ -175,7 +175,7 @@ def between(
     """Signals (N,) of a linkage that has a share (N,) of a change of length, of runs with none, half, and the whole of
     it: by a parabola in each sample.
     """
-    known = named(m.bodies, m.joints, m.drives)
+    known = named(m.bodies, m.joints, m.drives, m.sensors)
     found = {}
     for s, base in none.items():
         middle, end = (known[s].apart(run[s], base) for run in (half, whole))

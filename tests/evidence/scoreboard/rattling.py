@@ -207,7 +207,7 @@ def _rig(rng: np.random.Generator, case: str, heavy: float) -> Rig:
     cells = rng.choice(pins, rng.integers(1, 3), replace=False)
     forces = [f"reaction_{joint}_{axis}" for joint in cells for axis in "xy"]
     sensors = ["crank_angle", *places, *forces, *(["drive_torque"] if rng.random() < 0.7 else [])]
-    known = named(nominal.bodies, nominal.joints, nominal.drives)
+    known = named(nominal.bodies, nominal.joints, nominal.drives, nominal.sensors)
     return Rig(case, nominal, speeds, {s: draw_log(rng, *NOISE[known[s].unit]) for s in sensors})
 
 

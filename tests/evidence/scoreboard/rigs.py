@@ -114,7 +114,7 @@ class Experiment:
     @cached_property
     def signals(self) -> Mapping[str, Signal]:
         """Every signal that the linkage can have, by name."""
-        return named(self.nominal.bodies, self.nominal.joints, self.nominal.drives)
+        return named(self.nominal.bodies, self.nominal.joints, self.nominal.drives, self.nominal.sensors)
 
     def measured(self, values: Sequence[dict[str, np.ndarray]] | None = None) -> Measured:
         """The experiment's measurement with these readings (by run and signal), or zeros."""
