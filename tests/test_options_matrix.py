@@ -267,6 +267,7 @@ ELSEWHERE = {  # options whose effect another test shows
     ("diagnose", "check"): "test_begin.py",
     ("diagnose", "init"): "test_begin.py",
     ("diagnose", "case"): "test_begin.py",
+    **{(of, how): "test_bench_files.py" for of in ("diagnose", "check") for how in ("columns", "split")},
     ("baseline check", "junit"): "test_baseline.py",
     **dict.fromkeys([("compare", "set"), ("analyse", "set"), ("accuracy", "set")], "test_parametric.py"),
     ("list", "folder"): "test_history.py",
@@ -294,7 +295,8 @@ QUESTIONS: dict[str, tuple[type[Question], ...]] = {
     "new": (NewQuestion,),
 }
 OF_A_COMMAND = {  # options that are no argument, but for where and how an answer is given
-    ("diagnose", "check"), ("diagnose", "init"), ("diagnose", "case"), ("baseline check", "junit"),
+    ("diagnose", "check"), ("diagnose", "init"), ("diagnose", "case"), ("diagnose", "columns"),
+    ("diagnose", "split"), ("baseline check", "junit"),
 }  # fmt: skip
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     "compare": lc.crosscheck,
@@ -671,6 +673,7 @@ FIELDS: list[Any] = [  # field, what to begin with, what to change, and with whi
     ("mechanism", SAME, changed(mechanism="other.toml"), ""),
     ("tolerance", SAME, changed(tolerance={"mass": 0.2}), ""),
     ("skip_rows", SAME, changed(skip_rows=2), "line 3 has numbers where the header should be"),
+    ("headings", SAME, changed(headings=["clock", "enc"]), "line 2 has 4 cells, and 2 headings are given"),
     ("separator", SAME, changed(separator=","), "line 2 has no ',' in it"),
     ("decimal", SAME, changed(decimal=","), "has a decimal point"),
     ("columns", SAME, lambda said: said["columns"].update({"follower_angle [rad]": "ignore"}), "noise.follower"),
@@ -684,6 +687,7 @@ FIELDS: list[Any] = [  # field, what to begin with, what to change, and with whi
     ("run.columns", SAME, in_run(columns={"follower_angle [rad]": "ignore"}), "noise.follower"),
     ("run.name", SAME, in_run(name="fast"), ""),
     ("run.file", SAME, in_run(file="swift.csv"), ""),
+    ("run.part", SAME, in_run(part=2), "its clock starts 1 time; give 1 to 1"),
     ("run.drive_speed", SAME, in_run(drive_speed=31.5), ""),
     ("run.drive_angle", SAME, in_run(drive_angle=0.01), ""),
     ("run.drive", SAME, in_run(drive_speed=None, drive_angle=None, drive="measured"), ""),

@@ -130,11 +130,11 @@ class _Tables:
 
     def __call__(self, entry: Entry) -> Table:
         """The table of a run's file, as the run's own columns mean it.  Raises DataError."""
-        key = entry.file, repr(entry.columns)
+        key = entry.file, f"{entry.part} {entry.columns!r}"
         if key not in self._read:
             columns = {**self._layout.columns, **entry.columns}
             layout = self._layout.model_copy(update={"columns": columns})
-            self._read[key] = read_table(self._data(entry.file), self._mechanism, layout)
+            self._read[key] = read_table(self._data(entry.file), self._mechanism, layout, part=entry.part)
         return self._read[key]
 
     def unused(self, name: str, runs: Sequence[Entry]) -> list[str]:
