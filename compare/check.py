@@ -257,7 +257,11 @@ def _tables(
             faults += error.faults
     used = {entry for _, _, table in tables for entry in table.used}
     headings = list(dict.fromkeys(heading for _, _, table in tables for heading in table.headings))
-    faults += [] if faults else [unused(f"{where}: ", entry, headings) for entry in layout.columns if entry not in used]
+    faults += (
+        []
+        if faults or layout.optional
+        else [unused(f"{where}: ", entry, headings) for entry in layout.columns if entry not in used]
+    )
     if faults:
         raise DataError(*faults)
     return tables

@@ -669,11 +669,20 @@ def acting(body: str) -> Callable[[dict[str, Any]], None]:
 FREE = {"drive_speed": None, "drive_angle": None, "drive": "free"}
 BEGUN = {"crank_angle": 0.1}
 SAME = changed()
+
+
+def spare(said: dict[str, Any]) -> None:
+    """An entry that no file has."""
+    said["columns"]["oil"] = "ignore"
+    said["optional"] = True
+
+
 FIELDS: list[Any] = [  # field, what to begin with, what to change, and with which words that is refused
     ("mechanism", SAME, changed(mechanism="other.toml"), ""),
     ("tolerance", SAME, changed(tolerance={"mass": 0.2}), ""),
     ("skip_rows", SAME, changed(skip_rows=2), "line 3 has numbers where the header should be"),
     ("headings", SAME, changed(headings=["clock", "enc"]), "line 2 has 4 cells, and 2 headings are given"),
+    ("optional", spare, changed(optional=False), "columns.'oil' is no heading of a data file"),
     ("separator", SAME, changed(separator=","), "line 2 has no ',' in it"),
     ("decimal", SAME, changed(decimal=","), "has a decimal point"),
     ("columns", SAME, lambda said: said["columns"].update({"follower_angle [rad]": "ignore"}), "noise.follower"),

@@ -84,7 +84,8 @@ class Layout(MapPart):
     """How files are written: columns by their heading, the headings of files without a header, lines before the header
     or, without, before the numbers, separator and decimal mark.
 
-    What is left out is found in the file.
+    What is left out is found in the file.  Of columns that are ``optional`` a file may lack some, and of several that
+    are one signal its first is read.
     """
 
     columns: Annotated[Mapping[str, ColumnMeaning | Literal["ignore"]], Field(default_factory=dict)]
@@ -93,6 +94,7 @@ class Layout(MapPart):
         BeforeValidator(lambda given: tuple(given) if isinstance(given, list) else given),
         Field(min_length=1),
     ] = None
+    optional: bool = False
     skip_rows: Annotated[int, Field(ge=0, le=10_000)] | None = None
     separator: Separator | None = None
     decimal: Literal[".", ","] | None = None

@@ -121,12 +121,13 @@ def exported_html(result: Exported) -> str:
 def print_imported(result: Imported, console: Console) -> None:
     """Print the mechanism, the notes, and where the file is."""
     say(console, repr(result.mechanism), *(f"note: {note}" for note in result.notes))
-    say(console, *([f"written: {result.path}"] if result.path else []))
+    say(console, *(f"in the file's coordinates: {relation}" for relation in result.relations))
+    say(console, *(f"written: {path}" for path in (result.path, result.map_path) if path))
 
 
 def imported_files(result: Imported) -> dict[str, str]:
-    """The mechanism file."""
-    return {"mechanism.toml": result.text}
+    """The mechanism file, and the map of a log's columns."""
+    return {"mechanism.toml": result.text, "mechanism.map.toml": result.map}
 
 
 def imported_html(result: Imported) -> str:

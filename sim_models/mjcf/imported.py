@@ -15,6 +15,7 @@ from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.structure import StructureError, structure
 from analytic.mechanism import Mechanism, MechanismError
 from sim_models.mjcf.compiled import AT_JOINT
+from sim_models.mjcf.coordinates import Relation, relations
 from sim_models.mjcf.drive import (
     ASSUMED,
     ASSUMED_SLIDE,
@@ -52,6 +53,7 @@ class ImportedFile:
 
     mechanism: Mechanism
     notes: tuple[str, ...]
+    relations: tuple[Relation, ...] = ()  # of its signals to the file's coordinates, actuators and sensors
 
 
 def imported(path: str | Path) -> ImportedFile:
@@ -91,7 +93,7 @@ class _Writer:
             raise MjcfError(f"{p.said}: {_reason(error)}") from None
         self.notes += [*left_out(p), *unknown(self.m)]
         self.notes.append("not in MJCF, and left out: sections, moduli of elasticity, clearances")
-        return ImportedFile(mechanism, tuple(self.notes))
+        return ImportedFile(mechanism, tuple(self.notes), relations(mechanism, p))
 
     # ------------------------------------------------------------------ parts
 

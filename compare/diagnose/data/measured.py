@@ -141,7 +141,8 @@ class _Tables:
         """A fault for each entry of [columns] that no file has, and of a run's that its own has not."""
         used = {entry for table in self._read.values() for entry in table.used}
         headings = list(dict.fromkeys(heading for table in self._read.values() for heading in table.headings))
-        faults = [unused(f"{name}: ", entry, headings) for entry in self._layout.columns if entry not in used]
+        entries = () if self._layout.optional else self._layout.columns
+        faults = [unused(f"{name}: ", entry, headings) for entry in entries if entry not in used]
         for run in runs:
             table = self(run)
             where = f"{name}: run {run.name!r}: "
