@@ -40,7 +40,7 @@ from compare.questions.baseline import BaselinesQuestion
 from compare.questions.check import CheckQuestion
 from compare.questions.crosscheck import CrosscheckQuestion
 from compare.questions.diagnose import DiagnoseQuestion
-from compare.questions.listing import FieldsQuestion, ImportQuestion, NewQuestion, RunsQuestion
+from compare.questions.listing import ApplyQuestion, FieldsQuestion, ImportQuestion, NewQuestion, RunsQuestion
 from compare.questions.plan import PlanQuestion
 from compare.questions.question import Question, arguments, option_of
 from compare.questions.question import options as of_question
@@ -271,6 +271,8 @@ ELSEWHERE = {  # options whose effect another test shows
     ("baseline check", "junit"): "test_baseline.py",
     **dict.fromkeys([("compare", "set"), ("analyse", "set"), ("accuracy", "set")], "test_parametric.py"),
     ("list", "folder"): "test_history.py",
+    ("apply", "file"): "test_mjcf_apply.py",
+    ("apply", "to"): "test_mjcf_apply.py",
     ("fields", "table"): "test_first_minutes.py",
     ("new", "name"): "test_first_minutes.py",
     ("new", "kind"): "test_first_minutes.py",
@@ -291,6 +293,7 @@ QUESTIONS: dict[str, tuple[type[Question], ...]] = {
     "baseline update": (BaselinesQuestion,),
     "list": (RunsQuestion,),
     "import": (ImportQuestion,),
+    "apply": (ApplyQuestion,),
     "fields": (FieldsQuestion,),
     "new": (NewQuestion,),
 }
@@ -312,6 +315,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "baseline check": check_baselines,
     "baseline update": update_baselines,
     "import": lc.import_mjcf,
+    "apply": lc.apply,
 }
 
 

@@ -59,7 +59,12 @@ class ImportedFile:
 def imported(path: str | Path) -> ImportedFile:
     """The mechanism of an MJCF file.  Raises MjcfError with file, place, value and remedy in one sentence."""
     with no_log_file():
-        return _Writer(read(Path(path))).imported()
+        return of_planar(read(Path(path)))
+
+
+def of_planar(planar: Planar) -> ImportedFile:
+    """The mechanism of a file that is read already.  Raises MjcfError."""
+    return _Writer(planar).imported()
 
 
 class _Writer:
