@@ -101,7 +101,7 @@ def test_springs_rest_where_they_should_in_the_units_of_the_file(tmp_path: Path)
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda text: text.replace('coupler"', 'rod"'), "'A' is between other bodies; apply a mechanism that was imported from this file"),
+        (lambda text: text.replace('coupler"', 'rod"'), "'A' is between other bodies; apply"),
         (lambda text: text.replace("<worldbody>", "<worldbody><frame>").replace("</worldbody>", "</frame></worldbody>"),
          "has <frame>, so that its bodies are not written where they are"),
         (lambda text: text[:200], "model.xml"),
