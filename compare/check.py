@@ -72,7 +72,7 @@ from compare.recorded.motion import (
 )
 from compare.recorded.recording import Recording, recording
 from compare.recorded.rounding import rounding
-from compare.recorded.table import Table, read_table, unused
+from compare.recorded.table import Table, read_parts, unused
 from compare.recorded.turned import looks_late, looks_turned
 from compare.results.crosscheck import RECORDED, CrossCheck
 from sim_models.common.contact_laws import contact_parameters
@@ -97,7 +97,7 @@ def check(question: CheckQuestion) -> CrossCheck:
     ScheduleError, AssemblyError, Unsupported or SimulatorMissing.
     """
     motion, chosen, map = question.motion, question.joint_model, question.map
-    tolerances, layout = laid_over(question.tolerances), map if isinstance(map, Layout) else layout_of(map)
+    tolerances, layout = laid_over(question.tolerances), layout_of(map, question.columns)
     measured = question.results if isinstance(question.results, Measured) else None
     with noted() as warned:
         mechanism = question.mechanism if measured is None else _of_measured(measured, question)
@@ -107,7 +107,7 @@ def check(question: CheckQuestion) -> CrossCheck:
         model: JointModel = chosen or ("contact" if given.clearances else "ideal")
         warn_of_friction(given, model, motion)
         timed = motion == "driven" or not given.cranked
-        tables = _tables(result_files(question.results), given, layout, str(map), timed=timed)
+        tables = _tables(result_files(question.results), given, layout, str(map), timed=timed, split=question.split)
         if measured is not None:
             tables = [(*t[:2], _scattered(t[2], run)) for t, run in zip(tables, measured.runs, strict=True)]
         recordings = [recording(name, file, table, given, motion, model) for name, file, table in tables]
@@ -166,9 +166,14 @@ def _held(asked: _Asked, record: Recording) -> tuple[JudgedRun, list[str]]:
 # ---------------------------------------------------------------- files
 
 
-def layout_of(given: object) -> Layout:
-    """How files are written, as a map says.  Raises ArgumentError or MapError."""
-    return ANY_LAYOUT if given is None else read_map(path(given, "map"), Layout)
+def layout_of(given: object, headings: Sequence[str] | None = None) -> Layout:
+    """How files are written, as a map says, and with these headings if they have none.  Raises ArgumentError or
+    MapError.
+    """
+    layout = given if isinstance(given, Layout) else ANY_LAYOUT
+    if given is not None and given is not layout:
+        layout = read_map(path(given, "map"), Layout)
+    return layout if headings is None else layout.model_copy(update={"headings": tuple(headings)})
 
 
 def result_files(results: object) -> dict[str, Path | FrameSource]:
@@ -208,6 +213,9 @@ def _of_measured(measured: Measured, question: CheckQuestion) -> Mechanism:
         raise ArgumentError("mechanism", f"these data are measured of {m.name}; leave it out, or read them for another")
     if question.map is not None:
         raise ArgumentError("map", "measured data say which signal each column is; leave it out")
+    for given, called in ((question.columns, "columns"), (question.split or None, "split")):
+        if given is not None:
+            raise ArgumentError(called, "it says how a file is read, and measured data are read already; leave it out")
     if drives == {"free"} and m.drive is not None:
         return m.replace(drive=m.drive.model_dump(exclude_unset=True) | {"speed": "free"})
     if "free" in drives and len(drives) > 1:
@@ -230,7 +238,13 @@ def _scattered(table: Table, run: MeasuredRun) -> Table:
 
 
 def _tables(
-    files: Mapping[str, Path | FrameSource], mechanism: Mechanism, layout: Layout, where: str, *, timed: bool
+    files: Mapping[str, Path | FrameSource],
+    mechanism: Mechanism,
+    layout: Layout,
+    where: str,
+    *,
+    timed: bool,
+    split: bool,
 ) -> list[tuple[str, str, Table]]:
     """Every file or frame as a table, by a map that is called ``where``.  Raises DataError with all their faults."""
     timed = timed and mechanism.speed is None  # at a constant speed an angle tells the time
@@ -238,12 +252,18 @@ def _tables(
     faults: list[str] = []
     for name, file in files.items():
         try:
-            tables.append((name, str(file), read_table(file, mechanism, layout, timed=timed, derived=True)))
+            parts = read_parts(file, mechanism, layout, timed=timed, derived=True, split=split)
+            names = [name] if len(parts) == 1 else [f"{name} part {k}" for k in range(1, len(parts) + 1)]
+            tables += [(each, str(file), table) for each, table in zip(names, parts, strict=True)]
         except DataError as error:
             faults += error.faults
     used = {entry for _, _, table in tables for entry in table.used}
     headings = list(dict.fromkeys(heading for _, _, table in tables for heading in table.headings))
-    faults += [] if faults else [unused(f"{where}: ", entry, headings) for entry in layout.columns if entry not in used]
+    faults += (
+        []
+        if faults or layout.optional
+        else [unused(f"{where}: ", entry, headings) for entry in layout.columns if entry not in used]
+    )
     if faults:
         raise DataError(*faults)
     return tables

@@ -403,6 +403,7 @@ def concluded(job: Job, ran: Ran, alike: Callable[[JudgedRun], bool] = lambda on
         versions=versions({run.simulator.name: run.simulator.version for run in runs}),
         mechanism=job.mechanism,
         warnings=(
+            *_touching(runs),
             *job.warnings,
             *(f"left out: {why}" for why in ran.left_out),
             *(why for run in runs for why in too_soft(run)),
@@ -632,6 +633,16 @@ def _not_judged(job: Job, run: Run) -> Iterator[str]:
     small = [name for name in asked if name in run.simulated and name not in told]
     if small:
         yield f"{run.title}: {', '.join(small)} {'is' if len(small) == 1 else 'are'} not judged: {NOT_TOLD_APART}"
+
+
+def _touching(runs: Sequence[Run]) -> Iterator[str]:
+    """A warning for each run of somebody's MuJoCo model in which geoms touch: the mechanism has no such forces."""
+    for run in runs:
+        if "touching" in run.settings:
+            yield (
+                f"{run.title}: geoms of the file touch, whose forces no mechanism has: {run.settings['touching']};"
+                " before anything else, let them pass each other (contype = conaffinity = 0, or <contact><exclude>)"
+            )
 
 
 def _of_file_models(runs: Sequence[Run]) -> Iterator[str]:

@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Mapping
 from pathlib import Path
 
+from analytic.mechanism import Mechanism
 from compare.analyse import request
 from compare.arguments import (
     linkage,
@@ -21,7 +22,7 @@ from compare.files import OutputError, output_folder, write_together
 from compare.omissions import Asked, omitted, rigid_walls
 from compare.questions.analyse import ExportQuestion
 from compare.questions.question import answers
-from sim_models.engine import SettingValue, declared, engine, engine_names
+from sim_models.engine import SettingValue, Unsupported, declared, engine, engine_names
 
 
 @answers(ExportQuestion)
@@ -53,6 +54,7 @@ def exported(question: ExportQuestion) -> dict[str, str]:
     try:
         with tempfile.TemporaryDirectory() as draft:  # all of it is there before the first file is put in place
             texts = {file.name: file.read_text(encoding="utf-8") for file in chosen.export(asked, Path(draft))}
+            texts |= _mapped(m, Path(draft) / "model.xml")
     except OSError as error:
         raise OutputError(
             f"{tempfile.gettempdir()}, where the files are drafted: cannot be written ({error.strerror}); free space"
@@ -62,6 +64,23 @@ def exported(question: ExportQuestion) -> dict[str, str]:
         warned.append(sentence)
         warnings.warn(sentence, stacklevel=3)
     return texts | {"run.py": "".join(f"# {sentence}\n" for sentence in warned) + texts["run.py"]}
+
+
+def _mapped(m: Mechanism, model: Path) -> dict[str, str]:
+    """A map of the columns that MuJoCo has of an exported model, by its names in it, with what each is of our signals;
+    nothing where pins play in their bearings, or the model has units of its own.
+    """
+    if not model.exists():
+        return {}
+    from sim_models.mjcf.coordinates import as_map, relations
+    from sim_models.mjcf.errors import MjcfError
+    from sim_models.mjcf.planar import read
+
+    try:
+        found = relations(m, read(model))
+    except (MjcfError, Unsupported):
+        return {}
+    return {"map.toml": as_map(found, model.name, inverse=True)} if found else {}
 
 
 def used_in(texts: Mapping[str, str]) -> dict[str, SettingValue]:

@@ -23,8 +23,17 @@ def import_mjcf(question: ImportQuestion) -> Imported:
     fault = broken("mujoco")
     if fault:
         raise SimulatorMissing(f"MuJoCo, which reads MJCF, cannot be imported ({fault}); run: pip install mujoco")
+    from sim_models.mjcf.coordinates import as_map
     from sim_models.mjcf.imported import imported
 
     model = imported(source)
     m = model.mechanism
-    return Imported(case=m.name, source=str(source), mechanism=m, notes=model.notes, assumed=assumed(m))
+    return Imported(
+        case=m.name,
+        source=str(source),
+        mechanism=m,
+        notes=model.notes,
+        relations=tuple(map(str, model.relations)),
+        map=as_map(model.relations, source.name),
+        assumed=assumed(m),
+    )

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from compare.accuracy import accuracy as accuracy
     from compare.analyse import analyse as analyse
     from compare.analyse import simulate as simulate
+    from compare.applied import apply as apply
     from compare.baseline.check import check_baselines as check_baselines
     from compare.catalogue import cases as cases
     from compare.catalogue import effects as effects
@@ -74,6 +75,7 @@ _WHERE = {
     "Spring": "analytic.mechanism",
     "accuracy": "compare.accuracy",
     "analyse": "compare.analyse",
+    "apply": "compare.applied",
     "begin": "compare.diagnose.begin",
     "cases": "compare.catalogue",
     "check": "compare.check",

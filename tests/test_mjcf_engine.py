@@ -387,6 +387,15 @@ def test_contacts_are_counted_in_motion_and_refused_at_rest(tmp_path: Path) -> N
     result = lc.crosscheck(by_hand(), f"mjcf:{path}", angles=ANGLES)
     assert result.verdict == "disagrees"
     assert int(str(result.runs[0].settings["contacts"])) > 0
+    first = result.warnings[0]  # before any other advice, with what touches, how hard and from when on
+    assert "geoms of the file touch, whose forces no mechanism has: the geom number " in first
+    assert re.search(
+        r"of body '\w+' with the geom number \d+ of body '\w+', up to [\d.e+]+ N, first at [\d.]+ s", first
+    )
+    (tmp_path / "apart").mkdir()
+    passing = written(tmp_path / "apart", {"": with_option(PLAIN, WEIGHTLESS)})
+    apart = lc.crosscheck(by_hand(), f"mjcf:{passing}", angles=ANGLES)
+    assert "touching" not in apart.runs[0].settings
     status, said = compared(path, "--motion", "static", "--angles", "0:90:15")
     assert status == 3
     assert "a contact of the model takes part at crank angle 0 deg" in said

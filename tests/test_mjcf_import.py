@@ -622,6 +622,22 @@ def test_an_asset_is_looked_for_in_folders_that_are_named_after_it(tmp_path: Pat
         imported(written(tmp_path / "in", {"": text}))
 
 
+@pytest.mark.parametrize(
+    ("before", "after", "words"),
+    [
+        ("<equality>", '<equality><weld body1="crank" body2="coupler"/>', "body 'crank' and body 'coupler'"),
+        ("<equality>", '<equality><weld name="clamp" body1="follower"/>', "equality 'clamp', of body 'follower'"),
+        ('<connect name="B" site1="b2" site2="b3"/>', '<weld body1="follower" body2="coupler"/>', "body 'coupler'"),
+    ],
+)
+def test_a_weld_that_locks_a_linkage_is_told_as_that(tmp_path: Path, before: str, after: str, words: str) -> None:
+    """The crank, the coupler and the ground lie in line here: by its first order alone the last one could move."""
+    said = refused(written(tmp_path, {"": PLAIN.replace(before, after)}), tmp_path)
+    assert "a weld locks the linkage (" in said
+    assert words in said
+    assert "make it a connect" in said
+
+
 # ------------------------------------------------------------------ the command
 
 
@@ -631,7 +647,7 @@ def test_the_command_writes_one_file_and_says_what_it_left_out(tmp_path: Path) -
     assert done.exit_code == 0, done.output
     assert "drive D at 6.25 rad/s" in done.output
     assert f"written: {out}" in done.output
-    assert [p.name for p in out.parent.iterdir()] == ["four-bar.toml"]
+    assert sorted(p.name for p in out.parent.iterdir()) == ["four-bar.map.toml", "four-bar.toml"]
     assert load(out) == imported(path).mechanism
     again = CliRunner().invoke(app, ["import", str(path), "--out", str(out), "--json"])
     assert again.exit_code == 0

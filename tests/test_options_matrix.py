@@ -40,7 +40,7 @@ from compare.questions.baseline import BaselinesQuestion
 from compare.questions.check import CheckQuestion
 from compare.questions.crosscheck import CrosscheckQuestion
 from compare.questions.diagnose import DiagnoseQuestion
-from compare.questions.listing import FieldsQuestion, ImportQuestion, NewQuestion, RunsQuestion
+from compare.questions.listing import ApplyQuestion, FieldsQuestion, ImportQuestion, NewQuestion, RunsQuestion
 from compare.questions.plan import PlanQuestion
 from compare.questions.question import Question, arguments, option_of
 from compare.questions.question import options as of_question
@@ -267,9 +267,12 @@ ELSEWHERE = {  # options whose effect another test shows
     ("diagnose", "check"): "test_begin.py",
     ("diagnose", "init"): "test_begin.py",
     ("diagnose", "case"): "test_begin.py",
+    **{(of, how): "test_bench_files.py" for of in ("diagnose", "check") for how in ("columns", "split")},
     ("baseline check", "junit"): "test_baseline.py",
     **dict.fromkeys([("compare", "set"), ("analyse", "set"), ("accuracy", "set")], "test_parametric.py"),
     ("list", "folder"): "test_history.py",
+    ("apply", "file"): "test_mjcf_apply.py",
+    ("apply", "to"): "test_mjcf_apply.py",
     ("fields", "table"): "test_first_minutes.py",
     ("new", "name"): "test_first_minutes.py",
     ("new", "kind"): "test_first_minutes.py",
@@ -290,11 +293,13 @@ QUESTIONS: dict[str, tuple[type[Question], ...]] = {
     "baseline update": (BaselinesQuestion,),
     "list": (RunsQuestion,),
     "import": (ImportQuestion,),
+    "apply": (ApplyQuestion,),
     "fields": (FieldsQuestion,),
     "new": (NewQuestion,),
 }
 OF_A_COMMAND = {  # options that are no argument, but for where and how an answer is given
-    ("diagnose", "check"), ("diagnose", "init"), ("diagnose", "case"), ("baseline check", "junit"),
+    ("diagnose", "check"), ("diagnose", "init"), ("diagnose", "case"), ("diagnose", "columns"),
+    ("diagnose", "split"), ("baseline check", "junit"),
 }  # fmt: skip
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     "compare": lc.crosscheck,
@@ -310,6 +315,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "baseline check": check_baselines,
     "baseline update": update_baselines,
     "import": lc.import_mjcf,
+    "apply": lc.apply,
 }
 
 
@@ -675,11 +681,21 @@ def with_gauge(said: dict[str, Any]) -> None:
 FREE = {"drive_speed": None, "drive_angle": None, "drive": "free"}
 BEGUN = {"crank_angle": 0.1}
 SAME = changed()
+
+
+def spare(said: dict[str, Any]) -> None:
+    """An entry that no file has."""
+    said["columns"]["oil"] = "ignore"
+    said["optional"] = True
+
+
 FIELDS: list[Any] = [  # field, what to begin with, what to change, and with which words that is refused
     ("mechanism", SAME, changed(mechanism="other.toml"), ""),
     ("sensor", with_gauge, lambda said: said.pop("sensor"), "'gauge' is not a signal"),
     ("tolerance", SAME, changed(tolerance={"mass": 0.2}), ""),
     ("skip_rows", SAME, changed(skip_rows=2), "line 3 has numbers where the header should be"),
+    ("headings", SAME, changed(headings=["clock", "enc"]), "line 2 has 4 cells, and 2 headings are given"),
+    ("optional", spare, changed(optional=False), "columns.'oil' is no heading of a data file"),
     ("separator", SAME, changed(separator=","), "line 2 has no ',' in it"),
     ("decimal", SAME, changed(decimal=","), "has a decimal point"),
     ("columns", SAME, lambda said: said["columns"].update({"follower_angle [rad]": "ignore"}), "noise.follower"),
@@ -694,6 +710,7 @@ FIELDS: list[Any] = [  # field, what to begin with, what to change, and with whi
     ("run.columns", SAME, in_run(columns={"follower_angle [rad]": "ignore"}), "noise.follower"),
     ("run.name", SAME, in_run(name="fast"), ""),
     ("run.file", SAME, in_run(file="swift.csv"), ""),
+    ("run.part", SAME, in_run(part=2), "its clock starts 1 time; give 1 to 1"),
     ("run.drive_speed", SAME, in_run(drive_speed=31.5), ""),
     ("run.drive_angle", SAME, in_run(drive_angle=0.01), ""),
     ("run.drive", SAME, in_run(drive_speed=None, drive_angle=None, drive="measured"), ""),

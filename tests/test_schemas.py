@@ -74,6 +74,7 @@ JSON_OF = {  # what a command prints with --json
     "compare": "result.json",
     "compare accuracy": "accuracy.json",
     "compare analyse": "analysis.json",
+    "compare apply": "apply.json",
     "compare baseline check": "baselines.json",
     "compare baseline update": "baselines.json",
     "compare cases": "cases.json",

@@ -6,16 +6,17 @@ It is what ``[columns]``, ``skip_rows``, ``separator`` and ``decimal`` say in me
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from analytic.errors import Error
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.errors import describe
+from analytic.mechanism.one_line import shown
 from analytic.mechanism.reading import ReadingError, read_toml
 from analytic.mechanism.signals import Signal, named
 
@@ -84,15 +85,32 @@ class ColumnMeaning(Conversion):
 
 
 class Layout(MapPart):
-    """How files are written: columns by their heading, lines before the header, separator and decimal mark.
+    """How files are written: columns by their heading, the headings of files without a header, lines before the header
+    or, without, before the numbers, separator and decimal mark.
 
-    What is left out is found in the file.
+    What is left out is found in the file.  Of columns that are ``optional`` a file may lack some, and of several that
+    are one signal its first is read.
     """
 
     columns: Annotated[Mapping[str, ColumnMeaning | Literal["ignore"]], Field(default_factory=dict)]
+    headings: Annotated[
+        tuple[Annotated[str, Field(min_length=1, max_length=200)], ...] | None,
+        BeforeValidator(lambda given: tuple(given) if isinstance(given, list) else given),
+        Field(min_length=1),
+    ] = None
+    optional: bool = False
     skip_rows: Annotated[int, Field(ge=0, le=10_000)] | None = None
     separator: Separator | None = None
     decimal: Literal[".", ","] | None = None
+
+    @classmethod
+    def with_headings(cls, headings: Sequence[str]) -> Layout:
+        """That of files without a header, whose headings are these.  Raises MapError."""
+        try:
+            return cls.model_validate({"headings": list(headings)})
+        except ValidationError:
+            given = shown(", ".join(headings))
+            raise MapError(f"columns: {given} has an empty heading, or none; give each column one") from None
 
     @property
     def delimiter(self) -> str | None:

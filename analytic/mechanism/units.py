@@ -76,6 +76,7 @@ COMMON: dict[tuple[str, str], float] = {
     ("GPa", "Pa"): 1e9,
     ("MPa", "Pa"): 1e6,
 }
+WHATEVER_SI = "SI"  # of a column that is a radian or a metre, whichever its signal is
 NAMESAKES: dict[tuple[str, str], float] = {("g", "m/s^2"): 9.80665}  # of accelerometers; alone, pint's g is a gram
 _FACTOR = r"[A-Za-zµμ°]+(\^?-?\d)?"
 _UNIT = re.compile(rf"(1|{_FACTOR})([./*·⋅ -]{_FACTOR}){{0,3}}")  # no numbers and no towers of powers reach pint
@@ -103,6 +104,8 @@ def factor(unit: str, kind: QuantityKind) -> float:
     accepted = f"{_article(kind)} {kind} is given in {', '.join(units)} or {last}"
     if not unit:
         raise UnitError(f"no unit; {accepted}")
+    if unit == WHATEVER_SI:
+        return 1.0
     return _factor(unit, SI[kind], accepted)
 
 

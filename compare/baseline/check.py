@@ -137,6 +137,7 @@ def _recorded(work: Work, question: BaselinesQuestion, results: Results, folder:
         for name, file in files.items()
     ]
     idle = set(layout.columns) - {entry for table in tables for entry in table.used} if tables else set()
+    idle = set() if layout.optional else idle
     headings = list(dict.fromkeys(heading for table in tables for heading in table.headings))
     return _baselines(folder, entries, [unused(f"{map}: ", entry, headings) for entry in sorted(idle)])
 

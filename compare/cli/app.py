@@ -11,6 +11,7 @@ import typer.core
 
 from compare.cli.accuracy import accuracy
 from compare.cli.analyse import analyse, simulate
+from compare.cli.apply import apply_
 from compare.cli.baseline import baseline
 from compare.cli.check import check
 from compare.cli.diagnose import diagnose
@@ -115,6 +116,7 @@ def compare(line: CommandLine) -> None:
 
 for listed in (accuracy, analyse, cases, check, diagnose, effects, export, fields):
     app.command()(listed)
+app.command("apply")(apply_)
 app.command("import")(import_)
 app.command("list")(runs)
 for listed in (new, plan, simulate, simulators, validity, show):

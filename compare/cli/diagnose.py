@@ -1,5 +1,6 @@
 """``compare diagnose``: which effect the model lacks."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -10,7 +11,7 @@ from compare.cli.typed import CommandLine, Shown, Where, command
 from compare.faults import Exit, OptionError
 from compare.files import OutputError, alone_in, made_folder, write_atomically
 from compare.questions.diagnose import DiagnoseQuestion
-from compare.questions.option import Option, Switch
+from compare.questions.option import NameList, Option, Switch
 from compare.questions.question import Question
 
 
@@ -22,6 +23,13 @@ class Instead(Question):
         bool, Option("Write a measured.toml for these data files, as far as it can be guessed.", Switch())
     ] = False
     case: Annotated[str | None, Option("With --init: the nominal mechanism, a shipped case or a file.")] = None
+    columns: Annotated[
+        Sequence[str] | None,
+        Option("With --init: headings of data files without a header.", NameList("HEADING,...", least=1)),
+    ] = None
+    split: Annotated[bool, Option("With --init: each part of a file whose clock starts again is a run.", Switch())] = (
+        False
+    )
 
 
 @command(DiagnoseQuestion, Instead, Where, Shown)
@@ -36,9 +44,12 @@ def diagnose(line: CommandLine) -> None:
         measured, instead = line.files("measured"), line.asked(Instead)
         case = instead.case
         if instead.init:
-            return _init(line, measured, case)
+            return _init(line, measured, instead)
         if case is not None:
             raise OptionError(f"--case {case}: belongs to --init; a measured.toml names its mechanism itself")
+        if instead.columns is not None or instead.split:
+            option, said = ("--columns", "headings") if instead.columns is not None else ("--split", "a run's part")
+            raise OptionError(f"{option}: belongs to --init; a measured.toml says {said} itself")
         if len(measured) > 1:
             raise OptionError(f"{measured[1]}: one measured.toml at a time; with --init several data files")
         if instead.check:
@@ -70,18 +81,19 @@ def _check(line: CommandLine, measured: Path, caught: list[str]) -> None:
     line.answer(lambda: preview(data), caught, folder)
 
 
-def _init(line: CommandLine, files: list[Path], case: str | None) -> None:
+def _init(line: CommandLine, files: list[Path], asked: Instead) -> None:
     """A measured.toml to begin with."""
     from compare.diagnose.begin import begin
 
-    _only(line, "--init", "init", "case", "out", "overwrite", "quiet")
+    case = asked.case
+    _only(line, "--init", "init", "case", "columns", "split", "out", "overwrite", "quiet")
     if case is None:
         raise OptionError("--init: give the nominal mechanism with --case, a shipped case or a mechanism file")
     where = line.asked(Where)
     target = where.out or Path()
     target = target if target.suffix == ".toml" else target / "measured.toml"
     refuse_inputs(line.context, [target])
-    begun = begin(files, case, target.parent)
+    begun = begin(files, case, target.parent, headings=asked.columns, split=asked.split)
     with made_folder(target.parent) as folder, alone_in(folder):
         if not where.overwrite and target.exists():
             raise OutputError(f"{target}: is there already; choose another with --out, or add --overwrite")

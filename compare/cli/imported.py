@@ -26,7 +26,7 @@ def import_(line: CommandLine) -> None:
     Exit status: 0 written, 2 bad input, 3 MuJoCo is missing.
     """
     with line.complaints():
-        from compare.files import OutputError, alone_in, made_folder, write_atomically
+        from compare.files import OutputError, alone_in, made_folder, write_together
         from compare.imported import import_mjcf
 
         out = line.asked(Target).out
@@ -34,6 +34,8 @@ def import_(line: CommandLine) -> None:
         if out.is_dir():
             raise OutputError(f"--out {out}: it is a folder; name the file to write, such as {out / 'linkage.toml'}")
         with made_folder(out.parent) as folder, alone_in(folder):
-            refuse_others(line.context, folder, {out.name: imported.text}, line.asked(Overwrite).overwrite)
-            write_atomically(out, imported.text)
-        line.show(imported.model_copy(update={"path": str(out)}))
+            texts = {out.name: imported.text, f"{out.stem}.map.toml": imported.map}
+            refuse_others(line.context, folder, texts, line.asked(Overwrite).overwrite)
+            write_together(folder, texts)
+        beside = out.with_name(f"{out.stem}.map.toml")
+        line.show(imported.model_copy(update={"path": str(out), "map_path": str(beside)}))

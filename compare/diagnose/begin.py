@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from analytic.mechanism import Mechanism
+from analytic.mechanism.columns import ANY_LAYOUT, Layout
 from analytic.mechanism.errors import quoted
 from analytic.mechanism.file import load, shipped_cases
 from analytic.mechanism.one_line import count
@@ -36,9 +37,17 @@ class Begun:
 
 
 @progress_bar(what="begin")
-def begin(files: Sequence[str | Path] | str | Path, mechanism: str | Path, folder: str | Path = ".") -> Begun:
+def begin(
+    files: Sequence[str | Path] | str | Path,
+    mechanism: str | Path,
+    folder: str | Path = ".",
+    *,
+    headings: Sequence[str] | None = None,
+    split: bool = False,
+) -> Begun:
     """A measured.toml for these data files of a linkage, as it would stand in ``folder``: columns matched to signals,
-    drives, speeds and directions guessed, noise estimated, runs named after their files.
+    drives, speeds and directions guessed, noise estimated, runs named after their files.  ``headings`` are those of
+    files that have none; with ``split``, each part of a file whose clock starts again is a run.
 
     Raises MechanismError, ArgumentError, or DataError with every fault of the files.
     """
@@ -47,20 +56,23 @@ def begin(files: Sequence[str | Path] | str | Path, mechanism: str | Path, folde
         raise ArgumentError("files", f"{quoted(given)} cannot be used; give the path of a data file, or several")
     if not given:
         raise ArgumentError("files", "there are none; give the data files of the runs")
-    nominal = load(mechanism)
+    nominal, layout = load(mechanism), ANY_LAYOUT if headings is None else Layout.with_headings(headings)
     paths = [path(file, "files") for file in given]
     found: list[Guessed] = []
     faults: list[str] = []
     for file in paths:
         try:
-            found.append(guess(file, nominal))
+            found += guess(file, nominal, layout, split)
         except DataError as error:
             faults += error.faults
     if faults:
         raise DataError(*faults)
-    names = _names(paths)
+    names = _names([one.file for one in found])
     notes = tuple(note for one in found for note in one.notes)
     head = _head(mechanism, Path(folder), nominal)
+    head += f"headings = {json.dumps(layout.headings, ensure_ascii=False)}    # of files without a header\n" * bool(
+        headings
+    )
     columns = _columns(found)
     runs = [_run(name, one, nominal, Path(folder)) for name, one in zip(names, found, strict=True)]
     return Begun("\n".join([head, columns, *runs]), (*notes, *_told(found)))
@@ -119,7 +131,9 @@ def _entry(g: Guess) -> str:
 def _run(name: str, one: Guessed, mechanism: Mechanism, folder: Path) -> str:
     """A [[run]]."""
     file = Path(os.path.relpath(one.file, folder)).as_posix()
-    lines = ["[[run]]", f"name = {_quoted(name)}", f"file = {_quoted(file)}", *_drive(one, mechanism)]
+    lines = ["[[run]]", f"name = {_quoted(name)}", f"file = {_quoted(file)}"]
+    lines += [f"part = {one.part}    # its clock starts again"] if one.part is not None else []
+    lines += _drive(one, mechanism)
     time = one.values["time"]
     sigmas = [
         f"{signal} = {noise(time, values):.2g}"

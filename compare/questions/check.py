@@ -12,10 +12,12 @@ from compare.questions.shared import (
     AnyPath,
     CaseOption,
     Clearance,
+    HeadingsOption,
     Large,
     ModelOption,
     ProgressOption,
     PythonWorkers,
+    SplitOption,
     ToleranceOption,
 )
 
@@ -37,13 +39,19 @@ class CheckQuestion(Question):
 
     results: Annotated[
         "Results",
-        Option("Files of results (CSV, Parquet, Feather or MAT), one for each program.", Files(), positional=True),
+        Option(
+            "Files of results (CSV, Parquet, MAT, TDMS, MDF4, HDF5, MCAP, xlsx ...), one for each program.",
+            Files(),
+            positional=True,
+        ),
     ]
     mechanism: CaseOption = "paper"
     _: KW_ONLY
     map: Annotated["AnyPath | Layout | None", Option("TOML file that says what the columns are.", Source("FILE"))] = (
         None
     )
+    columns: HeadingsOption = None
+    split: SplitOption = False
     simulator: Annotated[
         "Simulators | None",
         Option(

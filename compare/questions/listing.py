@@ -62,3 +62,10 @@ class ImportQuestion(Question):
     """Which model file is to be read."""
 
     file: Annotated[AnyPath, Option("MJCF file of a planar linkage.", File("FILE"), positional=True)]
+
+
+class ApplyQuestion(Question):
+    """Which mechanism's numbers are to go into which model file."""
+
+    file: Annotated[AnyPath, Option("Mechanism file, such as explained.toml.", File("FILE"), positional=True)]
+    to: Annotated[AnyPath, Option("The MJCF file that it was imported from.", File("FILE"))]

@@ -29,6 +29,12 @@ MODELS = ("first_order", "equilibrium")
 
 AnyPath = str | PathLike[str]
 CaseOption = Annotated["Linkage", Option("Shipped case (see: compare cases) or a mechanism file.", name="case")]
+HeadingsOption = Annotated[
+    "Names | None", Option("Headings of data files without a header.", NameList("HEADING,...", least=1))
+]
+SplitOption = Annotated[
+    bool, Option("Take each part of a file whose clock starts again as a run of its own.", Switch())
+]
 Large = Annotated[bool, Option("Take clearances of more than a tenth of the shortest body at their joint.", Switch())]
 Clearance = Annotated[
     "Metres | None", Option("Radial clearances (m) in place of the case's own.", ByJoint("JOINT=M,..."))

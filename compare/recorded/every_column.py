@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,11 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from analytic.mechanism import Mechanism
-from analytic.mechanism.columns import ANY_LAYOUT
+from analytic.mechanism.columns import ANY_LAYOUT, Layout
 from analytic.mechanism.one_line import shown
 from analytic.mechanism.signals import Signal
+from compare.recorded.containers import Part, opened
 from compare.recorded.errors import DataError
-from compare.recorded.formats import reader
+from compare.recorded.formats import ColumnsByHeading
 from compare.recorded.headings import TIME, Column, Naming, clocklike, written_unit
 from compare.recorded.text import CELLS, Coding, Header, Rows, coding, header, rows
 
@@ -32,15 +34,33 @@ class Everything:
     notes: tuple[str, ...]
 
 
-def every_column(file: Path, mechanism: Mechanism) -> Everything:
+def every_column(file: Path, mechanism: Mechanism, layout: Layout = ANY_LAYOUT) -> Everything:
     """All that a file has.  Raises DataError, also where the column of time is none of numbers."""
-    binary = reader(file)
-    if binary is not None:
-        all_of = binary(file)
-        numbers = {name: v for name, v in all_of.items() if isinstance(v, np.ndarray)}
-        return Everything(numbers, {}, tuple(name for name in all_of if name not in numbers), ())
+    with opened(file) as data:
+        if not isinstance(data, Path):
+            return _of_columns(file.name, data)
+        return _of_text(data, Naming(mechanism, layout))
+
+
+def _of_columns(name: str, data: ColumnsByHeading) -> Everything:
+    """All of what is read by columns, of as many rows as its clock or most of it; of a long one every second, third ...
+    row.
+    """
+    every = max(1, math.ceil(sum(data.sizes.values()) / CELLS)) if isinstance(data, Part) else 1
+    read = {heading: values[::every] if isinstance(values, np.ndarray) else values for heading, values in data.items()}
+    sizes = {heading: values.size for heading, values in read.items() if isinstance(values, np.ndarray)}
+    rows = next((n for heading, n in sizes.items() if clocklike(heading)), max(sizes.values(), default=0))
+    numbers = {h: v for h, v in read.items() if isinstance(v, np.ndarray) and v.size == rows}
+    notes = (f"{name}: one row in {every} is looked at",) if every > 1 else ()
+    if not numbers or rows < LEAST_READINGS:
+        raise DataError(f"{name}: has no column of {LEAST_READINGS} numbers among {', '.join(map(shown, [*read][:6]))}")
+    return Everything(numbers, {}, tuple(heading for heading in read if heading not in numbers), notes)
+
+
+def _of_text(file: Path, names: Naming) -> Everything:
+    """All of a file of text."""
     coded = coding(file)
-    top = header(file, coded, Naming(mechanism, ANY_LAYOUT))
+    top = header(file, coded, names)
     columns: dict[str, np.ndarray] = {}
     words, faults = list[str](), list[str]()
     twice = next((cell for cell in top.cells if cell.strip() and top.cells.count(cell) > 1), None)

@@ -31,7 +31,7 @@ def _parquet(path: Path) -> ColumnsByHeading:
             check_size(path.name, file.metadata.num_rows, file.metadata.num_columns)
             return _arrow(file.read())
     except (pyarrow.ArrowException, OSError, ValueError) as error:
-        raise _unreadable(path, "Parquet", error) from None
+        raise unreadable(path, "a Parquet", error) from None
 
 
 def _feather(path: Path) -> ColumnsByHeading:
@@ -41,7 +41,7 @@ def _feather(path: Path) -> ColumnsByHeading:
         check_size(path.name, table.num_rows, table.num_columns)
         return _arrow(table)
     except (pyarrow.ArrowException, OSError, ValueError) as error:
-        raise _unreadable(path, "Feather", error) from None
+        raise unreadable(path, "a Feather", error) from None
 
 
 def _pyarrow(path: Path) -> Any:
@@ -81,10 +81,8 @@ def _mat(path: Path) -> ColumnsByHeading:
         shapes = {name: shape for name, shape, _ in whosmat(path)}
         check_size(path.name, max((int(np.prod(shape)) for shape in shapes.values()), default=0), max(1, len(shapes)))
         read = loadmat(path, squeeze_me=True, struct_as_record=False)
-    except NotImplementedError:
-        raise DataError(f"{path.name}: is a MAT file of version 7.3; save it with '-v7', or as CSV") from None
-    except (MatReadError, OSError, ValueError, TypeError, KeyError, IndexError, EOFError) as error:
-        raise _unreadable(path, "MAT (version 5)", error) from None
+    except (MatReadError, NotImplementedError, OSError, ValueError, TypeError, KeyError, IndexError, EOFError) as error:
+        raise unreadable(path, "a MAT (version 5)", error) from None
     columns: dict[str, np.ndarray | str] = {}
     for name, value in _vectors({name: value for name, value in read.items() if not name.startswith("__")}):
         real = isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype.kind in "iuf"
@@ -121,8 +119,9 @@ def check_size(name: str, rows: int, columns: int) -> None:
         raise too_long(name, rows, columns)
 
 
-def _unreadable(path: Path, kind: str, error: Exception) -> DataError:
-    why = " ".join(str(error).split())[:200]
+def unreadable(path: Path, kind: str, error: Exception) -> DataError:
+    """The error of a file that its reader does not take."""
+    why = " ".join((str(error) or type(error).__name__).split())[:200]
     return DataError(
-        f"{path.name}: cannot be read as a {kind} file ({shown(why)[1:-1]}); write it anew, or save it as CSV"
+        f"{path.name}: cannot be read as {kind} file ({shown(why)[1:-1]}); write it anew, or save it as CSV"
     )

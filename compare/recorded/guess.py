@@ -15,14 +15,15 @@ from pathlib import Path
 import numpy as np
 
 from analytic.mechanism import Mechanism
-from analytic.mechanism.columns import ANY_LAYOUT
+from analytic.mechanism.columns import ANY_LAYOUT, Layout
 from analytic.mechanism.one_line import shown
 from analytic.mechanism.signals import Signal
 from analytic.mechanism.units import SI, dimension
 from compare.recorded.errors import DataError
-from compare.recorded.every_column import every_column
+from compare.recorded.every_column import Everything, every_column
 from compare.recorded.headings import TIME, Naming, clocklike, fold, is_unit, unit_of, written_unit
 from compare.recorded.likeness import NEAR_UNIT, UNKNOWN, Guess, by_model, zeroed
+from compare.recorded.text import MIN_ROWS
 
 HINTS = ("crank", "enc", "geber", "motor", "drive", "phi", "theta", "winkel", "angle", "pos")  # of an encoder's heading
 LINES = (360, 400, 500, 512, 720, 1000, 1024, 1800, 2000, 2048, 2500, 3600, 4096, 5000, 8192, 9000, 10000)
@@ -34,17 +35,36 @@ OFF_SPEED = 0.05  # rad, by which a crank that turns at a speed may be off it
 
 @dataclass(frozen=True)
 class Guessed:
-    """A file: its columns, and the motion of the crank that they tell."""
+    """A file, or a part of one whose clock starts again: its columns, and the motion of the crank that they tell."""
 
     file: Path
     guesses: tuple[Guess, ...]
     values: Mapping[str, np.ndarray] = field(repr=False)  # SI, by signal
     notes: tuple[str, ...] = ()
+    part: int | None = None
 
 
-def guess(file: Path, mechanism: Mechanism) -> Guessed:
-    """What the columns of a file are.  Raises DataError."""
-    everything = every_column(file, mechanism)
+def guess(file: Path, mechanism: Mechanism, layout: Layout = ANY_LAYOUT, split: bool = False) -> list[Guessed]:
+    """What the columns of a file are; with ``split``, of each part of one whose clock starts again.
+
+    Raises DataError.
+    """
+    everything = every_column(file, mechanism, layout)
+    names = Naming(mechanism, ANY_LAYOUT)
+    clock = next((h for h in everything.columns if names.parted(h)[0] == TIME or clocklike(h)), None) if split else None
+    if clock is None:
+        return [_guessed(file, everything, mechanism)]
+    starts = np.flatnonzero(np.diff(everything.columns[clock]) < 0) + 1
+    pieces = [
+        replace(everything, columns=dict(zip(everything.columns, piece, strict=True)))
+        for piece in zip(*(np.split(values, starts) for values in everything.columns.values()), strict=True)
+    ]
+    long = [piece for piece in pieces if len(piece.columns[clock]) >= MIN_ROWS]
+    return [replace(_guessed(file, p, mechanism), part=k if len(long) > 1 else None) for k, p in enumerate(long, 1)]
+
+
+def _guessed(file: Path, everything: Everything, mechanism: Mechanism) -> Guessed:
+    """What these columns are.  Raises DataError."""
     columns = everything.columns
     names = Naming(mechanism, ANY_LAYOUT)
     guesses: dict[str, Guess] = {}

@@ -216,6 +216,10 @@ def read_headings(cells: Sequence[str], units: Mapping[int, str], names: Naming,
             columns.append(column)
         elif column is not None:
             faults.append(column)
+    if names.layout.optional:
+        columns, doubled = _first_of_each(columns)
+        ignored_twice = [cells[column.place] for column in doubled]
+        notes += [ignored_columns(ignored_twice, "a signal that another column is too")] if doubled else []
     if ignored:
         notes.append(ignored_columns(ignored, "no signal of the linkage") + _of_a_load(ignored))
     faults += _twice(where, columns, cells, names)
@@ -303,6 +307,12 @@ def _twice(where: str, columns: Sequence[Column], cells: Sequence[str], names: N
         for name, at in places.items()
         if len(at) > 1 and sorted(fold(names.parted(cells[k])[1]) for k in at) != _own_and_alias(name, names.mechanism)
     ]
+
+
+def _first_of_each(columns: Sequence[Column]) -> tuple[list[Column], list[Column]]:
+    """The first column of each signal, and the others."""
+    first = list({column.signal.name: column for column in reversed(columns)}.values())
+    return [c for c in columns if c in first], [c for c in columns if c not in first]
 
 
 def _own_and_alias(signal: str, mechanism: Mechanism) -> list[str]:

@@ -16,8 +16,9 @@ from analytic.mechanism.errors import describe
 from analytic.mechanism.one_line import count, shown
 from analytic.mechanism.signals import starts_again, undirected, unwound
 from compare.recorded.body_frames import in_ground_frame
+from compare.recorded.containers import chosen, opened
 from compare.recorded.errors import DataError
-from compare.recorded.formats import ColumnsByHeading, reader
+from compare.recorded.formats import ColumnsByHeading
 from compare.recorded.frames import FrameSource
 from compare.recorded.headings import TIME, Column, Headings, Naming, read_headings
 from compare.recorded.rounding import decimal, rounding
@@ -118,17 +119,42 @@ def read_table(
     timed: bool = True,
     mappable: bool = True,
     derived: bool = False,
+    part: int | None = None,
 ) -> Table:
-    """Read a data file, or a frame, of this mechanism.  With ``timed`` a file without time is refused; one that is not
-    ``mappable`` has no map beside it that could say more of its columns; a program's may have ``derived`` signals,
-    which no sensor reads.  Raises DataError with every fault that was found.
+    """Read a data file, or a frame, of this mechanism; of a file whose clock starts again, the ``part`` that is meant,
+    from 1.  With ``timed`` a file without time is refused; one that is not ``mappable`` has no map beside it that could
+    say more of its columns; a program's may have ``derived`` signals, which no sensor reads.  Raises DataError with
+    every fault that was found.
     """
+    parts = read_parts(
+        source, mechanism, layout, timed=timed, mappable=mappable, derived=derived, split=part is not None
+    )
+    if part is not None and part > len(parts):
+        raise DataError(
+            f"{source}: part = {part}, and its clock starts {count(len(parts), 'time')}; give 1 to {len(parts)}"
+        )
+    return parts[(part or 1) - 1]
+
+
+def read_parts(
+    source: Path | FrameSource,
+    mechanism: Mechanism,
+    layout: Layout = ANY_LAYOUT,
+    *,
+    timed: bool = True,
+    mappable: bool = True,
+    derived: bool = False,
+    split: bool = False,
+) -> list[Table]:
+    """The same; with ``split``, each part of a file whose clock starts again as a table.  Raises DataError."""
     names = Naming(mechanism, layout, mappable, derived)
     if isinstance(source, FrameSource):
-        return _of_columns(source.name, source.columns, names, timed)
+        return _of_columns(source.name, source.columns, names, timed, split)
     try:
-        binary = reader(source)
-        return _of_columns(source.name, binary(source), names, timed) if binary else _of_text(source, names, timed)
+        with opened(source) as data:
+            if isinstance(data, Path):
+                return _of_text(data, names, timed, split)
+            return _of_columns(source.name, data, names, timed, split)
     except (UnicodeError, OSError) as error:
         why = error.strerror if isinstance(error, OSError) else "its characters cannot be decoded"
         raise DataError(
@@ -136,7 +162,7 @@ def read_table(
         ) from None
 
 
-def _of_text(path: Path, names: Naming, timed: bool) -> Table:
+def _of_text(path: Path, names: Naming, timed: bool, split: bool) -> list[Table]:
     import csv
 
     try:
@@ -149,16 +175,16 @@ def _of_text(path: Path, names: Naming, timed: bool) -> Table:
     if read is None:
         raise DataError(*headings.faults)
     notes = [note for note in (coded.note, *top.notes) if note]
-    return _table(path.name, headings, notes, read, timed, names.mechanism)
+    return _parts(path.name, headings, notes, read, timed, split, names.mechanism)
 
 
-def _of_columns(name: str, columns: ColumnsByHeading, names: Naming, timed: bool) -> Table:
-    """The table of what is read by columns."""
+def _of_columns(name: str, columns: ColumnsByHeading, names: Naming, timed: bool, split: bool) -> list[Table]:
+    """The tables of what is read by columns."""
     headings = read_headings(list(columns), {}, names, name, timed)
-    cells = list(columns.values())
+    cells = chosen(name, columns, [headings.cells[column.place] for column in headings.all])
     faults, numbers = [], []
     for column in headings.all:
-        values = cells[column.place]
+        values = cells[headings.cells[column.place]]
         if isinstance(values, str):
             faults.append(f"{name}: column {column.place + 1}, {column.signal.name!r}, {values}; give numbers")
         elif np.any(np.isinf(values)):
@@ -172,8 +198,43 @@ def _of_columns(name: str, columns: ColumnsByHeading, names: Naming, timed: bool
         row = int(np.argmax(np.isnan(numbers[0]))) + 1
         raise DataError(f"{name}: row {row} has no time; give every row its time or delete the row")
     size = numbers[0].size
-    rows = Rows(np.column_stack(numbers), np.arange(1, size + 1), (), "row")
-    return _table(name, headings, [], rows, timed, names.mechanism)
+    read = Rows(np.column_stack(numbers), np.arange(1, size + 1), (), "row")
+    return _parts(name, headings, [], read, timed, split, names.mechanism)
+
+
+def _parts(
+    name: str,
+    headings: Headings,
+    notes: Sequence[str],
+    read: Rows,
+    timed: bool,
+    split: bool,
+    mechanism: Mechanism,
+) -> list[Table]:
+    """What was read as a table, or as one for each start of its clock.  A last row that repeats the one before it, as
+    loggers write that are stopped, is left out.  Raises DataError.
+    """
+    if headings.time is None or read.faults:
+        return [_table(name, headings, notes, read, timed, mechanism)]
+    starts = [0, *(np.flatnonzero(np.diff(read.numbers[:, 0]) < 0) + 1).tolist()] if split else [0]
+    parts, said = [], list(notes)
+    for first, last in zip(starts, [*starts[1:], len(read.numbers)], strict=True):
+        rows = slice(first, last - _repeats(read.numbers[first:last]))
+        if rows.stop < last:
+            said.append(f"{name}: {read.row} {read.lines[last - 1]} repeats the one before it, and is left out")
+        if len(starts) > 1 and rows.stop - first < MIN_ROWS:
+            said.append(f"{name}: its clock starts again after {count(rows.stop - first, 'row')}, which are left out")
+            continue
+        parts.append(replace(read, numbers=read.numbers[rows], lines=read.lines[rows]))
+    if len(parts) > 1:
+        at = ", ".join(str(part.lines[0]) for part in parts)
+        said.append(f"{name}: its clock starts again; it is split into {len(parts)} parts, from {read.row} {at}")
+    return [_table(name, headings, said, part, timed, mechanism) for part in parts or [read]]
+
+
+def _repeats(numbers: np.ndarray) -> bool:
+    """Whether the last row (N, columns) is the same as the one before it, its time too."""
+    return len(numbers) > MIN_ROWS and bool(np.array_equal(numbers[-1], numbers[-2], equal_nan=True))
 
 
 def _table(name: str, headings: Headings, notes: Sequence[str], read: Rows, timed: bool, mechanism: Mechanism) -> Table:
@@ -185,7 +246,7 @@ def _table(name: str, headings: Headings, notes: Sequence[str], read: Rows, time
     with np.errstate(over="ignore"):
         series = [c.si(read.numbers[:, k]) for k, c in enumerate(wanted)]
     values = {c.signal.name: numbers for c, numbers in zip(wanted, series, strict=True)}
-    faults += _differing(name, read, wanted, series)
+    faults += [] if headings.faults else _differing(name, read, wanted, series)
     faults += _out_of_range(name, read, wanted, values)
     time, acting = values.pop(TIME.name, np.zeros(0)), tuple((c, values.pop(c.signal.name)) for c in headings.loads)
     if headings.time is not None and not faults:
@@ -252,5 +313,5 @@ def _disorder(name: str, read: Rows, time: np.ndarray, column: Column) -> list[s
         return [f"{at} has the time of the row before, {after}{more}; delete the repeated row or give it its own time"]
     return [
         f"{at}: time runs back from {before} to {after}{more}; put the rows in order of time, one run in a"
-        " file, and let a clock run on that starts again"
+        " file, and let a clock run on that starts again, or say --split"
     ]

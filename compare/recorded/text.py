@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+from analytic.mechanism.columns import Layout
 from analytic.mechanism.one_line import count, shown
 from analytic.mechanism.units import OFFERED
 from compare.recorded.errors import DataError
@@ -140,6 +141,8 @@ def header(path: Path, coded: Coding, names: Naming) -> Header:
             f"{name}: line {long} is longer than {HEADER} characters; give a CSV file with a header of 'signal [unit]'"
             " columns"
         )
+    if layout.headings is not None:
+        return _given(name, lines, layout)
     at = _header_line(name, lines, names)
     rest = [line for line in lines[at + 1 :] if line.strip()]
     delimiter = _delimiter(lines[at], rest, layout.delimiter)
@@ -149,7 +152,7 @@ def header(path: Path, coded: Coding, names: Naming) -> Header:
     if all(_number(cell) is not None for cell in cells):
         raise DataError(
             f"{name}: line {at + 1} has numbers where the header should be; begin with a line such as 'time"
-            " [s],crank_angle [deg]'"
+            ' [s],crank_angle [deg]\', or give the headings: --columns "time [s],crank_angle [deg]"'
         )
     notes = []
     if at and layout.skip_rows is None:
@@ -171,6 +174,23 @@ def header(path: Path, coded: Coding, names: Naming) -> Header:
         units = {place: unit.replace(",", ".") for place, unit in units.items()}
     first = below + 2 if units else at + 2
     return Header(at + 1, first, tuple(cells), units, delimiter, decimal, tuple(notes))
+
+
+def _given(name: str, lines: Sequence[str], layout: Layout) -> Header:
+    """The header of a file that has none, whose headings are given."""
+    headings = layout.headings or ()
+    first = layout.skip_rows or 0
+    rows = [line for line in lines[first:] if line.strip()]
+    if not rows:
+        raise DataError(f"{name}: has no row below its first {first} lines; give fewer skip_rows")
+    delimiter = _delimiter(rows[0], rows[1:], layout.delimiter)
+    cells = [_cells(row, delimiter) for row in rows[:SAMPLED]]
+    if len(cells[0]) != len(headings):
+        raise DataError(
+            f"{name}: line {first + 1} has {count(len(cells[0]), 'cell')}, and {count(len(headings), 'heading')} are"
+            " given for them; give each column one"
+        )
+    return Header(first, first + 1, headings, {}, delimiter, layout.decimal or _decimal(cells, delimiter), ())
 
 
 def _header_line(name: str, lines: Sequence[str], names: Naming) -> int:

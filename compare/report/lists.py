@@ -11,6 +11,7 @@ from rich.text import Text
 from analytic.mechanism.one_line import count
 from compare.presentation import LIST_HAS_NO_PICTURE, Presentation
 from compare.report.tables import html_table, say, terminal_table
+from compare.results.applied import Applied
 from compare.results.catalogue import Cases, Effects, Fields, Listing, Simulators
 from compare.results.export import Exported
 from compare.results.history import Runs
@@ -124,12 +125,30 @@ def exported_html(result: Exported) -> str:
 def print_imported(result: Imported, console: Console) -> None:
     """Print the mechanism, the notes, and where the file is."""
     say(console, repr(result.mechanism), *(f"note: {note}" for note in result.notes))
+    say(console, *(f"in the file's coordinates: {relation}" for relation in result.relations))
+    say(console, *(f"written: {path}" for path in (result.path, result.map_path) if path))
+
+
+def print_applied(result: Applied, console: Console) -> None:
+    """Print what was written, what was not, and where the file is."""
+    say(console, repr(result), *(f"written: {field}" for field in result.written))
+    say(console, *(f"left out, as MJCF has no word or no place for it: {field}" for field in result.left))
     say(console, *([f"written: {result.path}"] if result.path else []))
 
 
+def applied_files(result: Applied) -> dict[str, str]:
+    """The model file."""
+    return {"model.xml": result.text}
+
+
+def applied_html(result: Applied) -> str:
+    """The fields as a table."""
+    return html_table(([field] for field in (*result.written, *result.left)), title=repr(result))
+
+
 def imported_files(result: Imported) -> dict[str, str]:
-    """The mechanism file."""
-    return {"mechanism.toml": result.text}
+    """The mechanism file, and the map of a log's columns."""
+    return {"mechanism.toml": result.text, "mechanism.map.toml": result.map}
 
 
 def imported_html(result: Imported) -> str:
@@ -142,6 +161,9 @@ CASES = Presentation(list_html, print_cases, list_files, no_picture=LIST_HAS_NO_
 EFFECTS = Presentation(list_html, print_effects, list_files, no_picture=LIST_HAS_NO_PICTURE)
 FIELDS = Presentation(list_html, print_fields, list_files, no_picture=LIST_HAS_NO_PICTURE)
 EXPORTED = Presentation(exported_html, print_exported, no_picture="is a list of files and has no picture; print it")
+APPLIED = Presentation(
+    applied_html, print_applied, applied_files, no_picture="is a model file and has no picture; open it in MuJoCo"
+)
 IMPORTED = Presentation(
     imported_html,
     print_imported,

@@ -22,7 +22,7 @@ MODULES = {
     "Sweep": "sweep",
     "Validity": "validity",
 }
-LISTS = ("Cases", "Effects", "Exported", "Fields", "Imported", "Runs", "Simulators")
+LISTS = ("Applied", "Cases", "Effects", "Exported", "Fields", "Imported", "Runs", "Simulators")
 
 
 def _left_over(folder: Path, names: set[str]) -> set[str]:

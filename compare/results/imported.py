@@ -23,7 +23,13 @@ class Imported(Document):
     notes: Annotated[
         tuple[str, ...], Field(description="What of the file is left out, taken on or assumed, a sentence each.")
     ] = ()
+    relations: Annotated[
+        tuple[str, ...],
+        Field(description="How signals relate to the file's coordinates, actuators and sensors, SI, an equation each."),
+    ] = ()
+    map: Annotated[str, Field(description="A map of a log's columns by their names in the file: TOML.")] = ""
     path: Annotated[str, Field(description="The mechanism file that was written.")] = ""
+    map_path: Annotated[str, Field(description="The map that was written.")] = ""
     assumed: Filled = ()
 
     @property

@@ -23,6 +23,7 @@ MODULES = (
     "catalogue",
     "history",
     "export",
+    "applied",
     "imported",
     "diagnosis",
     "provenance",

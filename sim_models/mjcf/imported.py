@@ -17,6 +17,7 @@ from analytic.kinematics.structure import StructureError, structure
 from analytic.mechanism import Mechanism, MechanismError
 from sim_models.common.export_files import BEYOND
 from sim_models.mjcf.compiled import AT_JOINT
+from sim_models.mjcf.coordinates import Relation, relations
 from sim_models.mjcf.drive import (
     ASSUMED,
     ASSUMED_SLIDE,
@@ -54,12 +55,18 @@ class ImportedFile:
 
     mechanism: Mechanism
     notes: tuple[str, ...]
+    relations: tuple[Relation, ...] = ()  # of its signals to the file's coordinates, actuators and sensors
 
 
 def imported(path: str | Path) -> ImportedFile:
     """The mechanism of an MJCF file.  Raises MjcfError with file, place, value and remedy in one sentence."""
     with no_log_file():
-        return _Writer(read(Path(path))).imported()
+        return of_planar(read(Path(path)))
+
+
+def of_planar(planar: Planar) -> ImportedFile:
+    """The mechanism of a file that is read already.  Raises MjcfError."""
+    return _Writer(planar).imported()
 
 
 class _Writer:
@@ -101,7 +108,7 @@ class _Writer:
             raise MjcfError(f"{p.said}: {_reason(error)}") from None
         self.notes += [*left_out(p), *unknown(self.m)]
         self.notes.append("not in MJCF, and left out: sections, moduli of elasticity, clearances")
-        return ImportedFile(mechanism, tuple(self.notes))
+        return ImportedFile(mechanism, tuple(self.notes), relations(mechanism, p))
 
     # ------------------------------------------------------------------ parts
 

@@ -29,6 +29,9 @@ CONNECT, WELD = int(EQ.mjEQ_CONNECT), int(EQ.mjEQ_WELD)
 SITE = int(mujoco.mjtObj.mjOBJ_SITE)
 EQUALITY_OFF = int(mujoco.mjtDisableBit.mjDSBL_EQUALITY) | int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
 AT = 1e-9  # of the linkage's size: a site that is nearer to a joint is at it
+RIGID = 1e-9  # m or rad: loops that are open by less are closed, directions that open them by less do not
+LEAVING = 0.02  # rad or m, from the initial pose, to see whether a linkage moves
+NEWTON_STEPS = 12  # that bring its loops together there
 LOOP_CLOSED = 1e-6  # of the linkage's size: a loop that is open by more is open
 COUPLINGS = {
     int(EQ.mjEQ_JOINT): "joint",
@@ -138,6 +141,7 @@ class _Reader:
         self.names = Names(self.m)
 
     def planar(self) -> Planar:
+        self.check_welds()
         self.link_of = self.grouped()
         links = [self.link(k) for k in range(max(self.link_of) + 1)]
         self.found = Planar(
@@ -201,6 +205,46 @@ class _Reader:
                     " closed by connect and weld, take it out"
                 )
         return [e for e in range(m.neq) if m.eq_active0[e]]
+
+    def check_welds(self) -> None:
+        """Raise MjcfError for welds that leave a linkage no way to move which it has without them."""
+        welds = [e for e in self.active if self.m.eq_type[e] == WELD]
+        others = [e for e in self.active if e not in welds]
+        if not welds or self.moves(self.active) or not self.moves(others):
+            return
+        bodies = (" and ".join(body_words(self.m, b) for b in self.ends(e)) for e in welds)
+        said = ", ".join(f"{self.equality_words(e)}, of {both}" for e, both in zip(welds, bodies, strict=True))
+        raise MjcfError(
+            f"{self.said}: a weld locks the linkage ({said}): without welds it moves, with them it cannot; take the"
+            " weld out, or make it a connect where its bodies turn on each other"
+        )
+
+    def moves(self, closing: list[int]) -> bool:
+        """Whether a linkage that these equalities close can leave its initial pose: along a direction in which they do
+        not open at first, and with what brings them together again there.
+        """
+        _, rows = self.constraints(self.pose, closing)
+        _, sizes, directions = np.linalg.svd(rows, full_matrices=True)
+        for direction in directions[int(np.sum(sizes > RIGID)) :]:
+            q = self.pose + LEAVING * direction
+            for _ in range(NEWTON_STEPS):
+                opened, rows = self.constraints(q, closing)
+                if np.abs(opened).max(initial=0.0) <= RIGID:
+                    return True
+                more = np.vstack([rows, direction])
+                q = q - np.linalg.lstsq(more, np.append(opened, 0.0), rcond=RIGID)[0]
+        return False
+
+    def constraints(self, q: np.ndarray, closing: list[int]) -> tuple[np.ndarray, np.ndarray]:
+        """How far (rows,) m, rad these equalities are open at coordinates (nq,), and how that changes (rows, nv)."""
+        m, d = self.m, positioned(self.m, q)
+        rows = np.zeros((d.nefc, m.nv))
+        if mujoco.mj_isSparse(m):
+            mujoco.mju_sparse2dense(rows, d.efc_J, d.efc_J_rownnz, d.efc_J_rowadr, d.efc_J_colind)
+        else:
+            rows = d.efc_J.reshape(-1, m.nv)
+        own = (d.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)) & np.isin(d.efc_id, closing)
+        return d.efc_pos[own], rows[own]
 
     def equality_words(self, e: int) -> str:
         name = self.m.equality(e).name

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -14,6 +14,7 @@ from sim_models.common.start import check_steps
 from sim_models.engine import Cause, Request, SettingValue, SimulationError, Trace
 from sim_models.mjcf.linkage import EQUALITY, TheirLinkage
 from sim_models.mjcf.planar import Planar
+from sim_models.mjcf.plane import body_words
 from sim_models.mjcf.start import DRY, rest
 from sim_models.mjcf.steering import ModelSteering
 from sim_models.run.grid import StepGrid
@@ -31,7 +32,16 @@ TOO_FAST = 1.5  # times its top speed: a course that is drawn out too far
 ROOM_TO_LOCK = 5e-3  # rad that are left to where the linkage locks
 PARTED = 0.2  # of the linkage's size: a loop that opens by more is none
 LIMIT_ROWS = (int(mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT), int(mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON))
+MOST_NAMED = 3  # pairs of geoms, by name
 RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
+
+
+@dataclass(frozen=True)
+class Touch:
+    """Two geoms that touch: when ``first`` they were seen to, in words, and their largest ``force`` (N)."""
+
+    first: str
+    force: float
 
 
 class TheirRun(EngineRun):
@@ -53,6 +63,8 @@ class TheirRun(EngineRun):
         self.lag = 0.0 if int(self.model.opt.integrator) == RK4 else self.timestep / 2
         self.who = f"{name}: {self.mechanism.name}"
         self.most_contacts, self.most_limits, self.open = 0, 0, 0.0
+        self.touching: dict[tuple[int, int], Touch] = {}  # by geoms
+        self.began = 0.0  # s, the time at which a run begins
         # how fast (rad/s) the stencil of a crank's angles is passed, to be one of instants
         self.pace = max(self.path.top_speed, SPACINGS_PER_KNOT * STENCIL_SPACING / self.path.knot_spacing) or 1.0
 
@@ -73,7 +85,7 @@ class TheirRun(EngineRun):
                 what = f"{self.who}: no equilibrium was found {where}"
                 raise SimulationError(what, Cause.NO_EQUILIBRIUM, remedy)
             self.check_alone(where)
-            self.note()
+            self.note(where)
             rows.append(self.link.signals(still))
         return self.observed(columns_of(rows), {"step": None, "start": "equilibrium"})
 
@@ -83,7 +95,7 @@ class TheirRun(EngineRun):
         """
         path, alone = self.path, self.request.schedule.crank is not None
         lead = self.lead() if path.held else 0.0
-        begin = path.begin - lead
+        begin = self.began = path.begin - lead
         q, v = self.steady(begin) if path.held else self.ideal(begin)[:2]
         columns = self.stepped(q, v, times - begin, ModelSteering(self.link, self.motors, begin, self.lag))
         how: dict[str, SettingValue] = {
@@ -175,7 +187,7 @@ class TheirRun(EngineRun):
             now = k
             steering.look(k)
             self.check(k * self.timestep)
-            self.note()
+            self.note(f"at {self.began + k * self.timestep:.4g} s")
             velocity = d.qvel + self.lag * d.qacc  # of the instant of the positions
             velocity[dofs] = steering.at(np.array([float(k)]), 1)[0]
             rows[k] = self.link.signals(velocity) | self.link.rates(velocity)
@@ -196,11 +208,26 @@ class TheirRun(EngineRun):
         if parted > PARTED * self.planar.size:
             raise SimulationError(f"{when} a loop is open by {parted:.3g} m", Cause.CAME_APART, own)
 
-    def note(self) -> None:
-        """Note how many contacts and limits act, and how far (m) loops are open."""
+    def note(self, when: str) -> None:
+        """Note how many contacts and limits act, which geoms touch and how hard (N), and how far (m) loops are open."""
+        force = np.zeros(6)
+        for i in range(self.data.ncon):
+            contact = self.data.contact[i]
+            if contact.efc_address < 0:  # near, and does not push
+                continue
+            mujoco.mj_contactForce(self.model, self.data, i, force)
+            pair = int(contact.geom[0]), int(contact.geom[1])
+            before = self.touching.get(pair, Touch(when, 0.0))
+            self.touching[pair] = replace(before, force=max(before.force, float(np.linalg.norm(force[:3]))))
         self.most_contacts = max(self.most_contacts, int(self.data.ncon))
         self.most_limits = max(self.most_limits, int(np.isin(self.data.efc_type, LIMIT_ROWS).sum()))
         self.open = max(self.open, self.link.parted())
+
+    def geom(self, number: int) -> str:
+        """What a message calls a geom."""
+        name = self.model.geom(number).name
+        called = f"geom {name!r}" if name else f"the geom number {number + 1}"
+        return f"{called} of {body_words(self.model, int(self.model.geom_bodyid[number]))}"
 
     def check_alone(self, where: str) -> None:
         """Raise SimulationError where contacts or limits would take part in an equilibrium, which is without them."""
@@ -224,6 +251,12 @@ class TheirRun(EngineRun):
         }
         if self.most_contacts:
             settings["contacts"] = self.most_contacts
+        if self.touching:
+            hardest = sorted(self.touching.items(), key=lambda item: -item[1].force)
+            settings["touching"] = "; ".join(
+                f"{' with '.join(self.geom(k) for k in pair)}, up to {touch.force:.3g} N, first {touch.first}"
+                for pair, touch in hardest[:MOST_NAMED]
+            )
         if self.most_limits:
             settings["limits"] = self.most_limits
         return Observed(columns, settings)

@@ -136,18 +136,19 @@ class _Tables:
 
     def __call__(self, entry: Entry) -> Table:
         """The table of a run's file, as the run's own columns mean it.  Raises DataError."""
-        key = entry.file, repr(entry.columns)
+        key = entry.file, f"{entry.part} {entry.columns!r}"
         if key not in self._read:
             columns = {**self._layout.columns, **entry.columns}
             layout = self._layout.model_copy(update={"columns": columns})
-            self._read[key] = read_table(self._data(entry.file), self._mechanism, layout)
+            self._read[key] = read_table(self._data(entry.file), self._mechanism, layout, part=entry.part)
         return self._read[key]
 
     def unused(self, name: str, runs: Sequence[Entry]) -> list[str]:
         """A fault for each entry of [columns] that no file has, and of a run's that its own has not."""
         used = {entry for table in self._read.values() for entry in table.used}
         headings = list(dict.fromkeys(heading for table in self._read.values() for heading in table.headings))
-        faults = [unused(f"{name}: ", entry, headings) for entry in self._layout.columns if entry not in used]
+        entries = () if self._layout.optional else self._layout.columns
+        faults = [unused(f"{name}: ", entry, headings) for entry in entries if entry not in used]
         for run in runs:
             table = self(run)
             where = f"{name}: run {run.name!r}: "

@@ -62,6 +62,7 @@ class Entry(_Part):
 
     name: RunName
     file: Name
+    part: Annotated[int, Field(ge=1, le=10_000)] | None = None  # of a file whose clock starts again, from 1
     drive_speed: Number | None = None
     drive_angle: Number | None = None
     drive: Literal["measured", "free"] | None = None

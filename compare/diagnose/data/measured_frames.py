@@ -23,7 +23,7 @@ from compare.recorded.frames import Frame, frame_source, is_frame
 CALLED = "measured"  # in messages, where those of a file begin with its name
 OF_A_RUN = {field.alias or name for name, field in Entry.model_fields.items()} - {"name", "file"}
 DRIVE = {"drive_speed", "drive"}  # of a run, of which it has one
-OF_TEXT = ("skip_rows", "separator", "decimal")  # how a file's text is written
+OF_TEXT = ("headings", "skip_rows", "separator", "decimal")  # how a file's text is written
 
 Speed = float | str
 """rad/s, a text with its unit such as "90 rpm", or "measured" or "free"."""
