@@ -14,7 +14,7 @@ from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.schedule import Turning
 from analytic.mechanism.file import dumps
 from analytic.mechanism.signals import Signal
-from compare.diagnose import prepare
+from compare.diagnose import courses, prepare
 from compare.diagnose.data import quality
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import Channel, MeasuredRun
@@ -68,11 +68,11 @@ def test_a_course_keeps_to_its_encoder_within_noise_and_counts(rate: float, degr
             values, off = read(angle, counts, noise)
             off = math.hypot(off, math.radians(degrees) * rate * np.spacing(time[-1]) / math.sqrt(12))  # of its clock
             run = run_of(time, values)
-            course = prepare.course(run, "crank_angle")
+            course = courses.course(run, "crank_angle")
             found = course.at(time).theta
             assert rms(found - values) < 1.15 * off, (counts, noise)
             assert rms(found - angle) < 1.15 * off, (counts, noise)
-            assert prepare.strayed(run, "crank_angle", course) is None, (counts, noise)
+            assert courses.strayed(run, "crank_angle", course) is None, (counts, noise)
 
 
 @pytest.mark.slow
@@ -101,9 +101,9 @@ def test_a_clock_that_stutters_is_followed_too(seed: int) -> None:
     angle = turn + 0.15 * np.sin(turn)
     values, off = read(angle, 2000, 2e-3, seed)
     run = run_of(time, values)
-    course = prepare.course(run, "crank_angle")
+    course = courses.course(run, "crank_angle")
     assert rms(course.at(time).theta - angle) < off
-    assert prepare.strayed(run, "crank_angle", course) is None
+    assert courses.strayed(run, "crank_angle", course) is None
 
 
 @pytest.mark.parametrize("decimals", [12, 2])
@@ -114,7 +114,7 @@ def test_stairs_of_a_slow_coarse_encoder_are_not_climbed(decimals: int) -> None:
     step = 360 / 1024
     values = np.radians(np.round(np.round(np.degrees(angle) / step) * step, decimals))
     assert quality.quantum(values) == pytest.approx(math.radians(step), rel=0.02)
-    course = prepare.course(run_of(time, values), "crank_angle").at(time)
+    course = courses.course(run_of(time, values), "crank_angle").at(time)
     inside = slice(200, -200)
     assert np.abs(course.theta - values).max() <= 0.6 * math.radians(step)
     assert rms((course.omega - (0.3 + 0.08 * np.cos(8 * time)))[inside]) < 0.01 * 0.3
@@ -135,7 +135,7 @@ def test_a_slip_that_no_course_can_follow_is_said_with_run_signal_place_and_size
     time = k / 50
     values, _ = read(angle + np.where(k > 250, 0.4, 0.0), 360, 5e-3)
     run = run_of(time, values)
-    fault = prepare.strayed(run, "crank_angle", prepare.course(run, "crank_angle"))
+    fault = courses.strayed(run, "crank_angle", courses.course(run, "crank_angle"))
     assert fault is not None
     assert (fault.run, fault.signal, fault.kind) == ("a", "crank_angle", "course")
     assert fault.samples < 20
@@ -147,8 +147,8 @@ def test_a_straight_line_through_a_varying_motion_is_said() -> None:
     k, angle = turning(400, 12.0)
     time = k / 50
     run = run_of(time, angle)
-    straight = prepare.course(run_of(time, np.polyval(np.polyfit(time, angle, 1), time)), "crank_angle")
-    fault = prepare.strayed(run, "crank_angle", straight)
+    straight = courses.course(run_of(time, np.polyval(np.polyfit(time, angle, 1), time)), "crank_angle")
+    fault = courses.strayed(run, "crank_angle", straight)
     assert fault is not None
     assert fault.samples > 300
 
@@ -237,7 +237,7 @@ def test_acceleration_is_found_inside_and_at_the_ends(kind: str) -> None:
     values, _ = read(true.theta + true.omega * late + true.alpha * late**2 / 2, counts, noise, seed=6)
     if kind == "printed":
         values = np.radians([float(f"{value:.7g}") for value in np.degrees(values)])
-    found = prepare.course(run_of(time, values), "crank_angle").at(time)
+    found = courses.course(run_of(time, values), "crank_angle").at(time)
     off = (found.alpha - true.alpha) / rms(true.alpha)
     assert rms(off[5:-5]) < inside
     assert rms(np.concatenate([off[:5], off[-5:]])) < ends
@@ -277,7 +277,7 @@ def test_what_sensors_share_is_what_new_noise_of_the_encoder_does_to_them(motion
     for _ in range(draws):
         encoder = true.theta + SIGMAS["crank_angle"] * draw.standard_normal(time.size)
         measured = rig.measured([seen | {"crank_angle": encoder}])
-        model = Model(measured, rig.rig, rig.nominal, {"r": prepare.course(measured.runs[0], "crank_angle")})
+        model = Model(measured, rig.rig, rig.nominal, {"r": courses.course(measured.runs[0], "crank_angle")})
         readings = model([[]])[0]
         assert readings is not None
         misses.append(Data(measured, floor).residual(readings))

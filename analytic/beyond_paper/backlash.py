@@ -17,6 +17,7 @@ from typing import TypeVar
 import numpy as np
 
 from analytic.beyond_paper.drive import DriveTorque, Motor
+from analytic.kinematics.assembly import AssemblyError
 from analytic.kinematics.schedule import Steady, Turning
 from analytic.mechanism.parts import TINY
 
@@ -88,6 +89,8 @@ class Slack:
         from scipy.interpolate import CubicSpline  # here: importing it takes a quarter of a second
 
         values = _coefficients(base(self.grid), torque)
+        if not (values[:, 3] > 0).all():
+            raise AssemblyError("a crank without inertia has no motion in the gap of its drive")
         if repeats:  # a round begins with the largest torque, under which it lies on its flank
             values[-1] = values[0]
             start = int(np.argmax(np.abs(values[:, 0])))

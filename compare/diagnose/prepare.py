@@ -7,8 +7,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from dataclasses import replace
 
 import numpy as np
 from scipy.sparse import csr_array, diags_array
@@ -16,12 +15,20 @@ from scipy.sparse import csr_array, diags_array
 from analytic.beyond_paper.drive import Motor
 from analytic.beyond_paper.freedom import Freedom
 from analytic.kinematics.assembly import Assembly, AssemblyError
-from analytic.kinematics.schedule import Steady
 from analytic.kinematics.structure import StructureError
 from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import turned_near
-from compare.diagnose.data.quality import noise
+from compare.diagnose.courses import (
+    course,
+    encoder_noise,
+    nudged,
+    smoothed,
+    smoothed_alike,
+    stiffened,
+    strayed,
+    turning_back,
+)
 from compare.diagnose.data.recording import Fault, Measured, MeasuredError, MeasuredRun
 from compare.diagnose.data.thin import frozen, missed, picked
 from compare.diagnose.effects.effect import STOPS, Effect, Parameter, Rig
@@ -29,15 +36,12 @@ from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.fit import Bounds
 from compare.diagnose.predict import Model, Motors, StartOfRun, Term, commanded
 from compare.diagnose.residuals import Data
-from compare.recorded.smooth import Smoother
 from compare.recorded.text import MIN_ROWS
 
 SAMPLES = 60_000  # of all sensors together; of more, evenly spaced ones are used
 NUMBERS = 20_000_000  # of the matrix of errors that sensors share, at most
-TOGETHER = 8  # samples over which a course may not miss its encoder
 SHORTEST = 1e-6  # m of travel, that a slide makes at least
 SURE = 4.0  # sigmas, by which a slide's speed must be known from none
-STRAY = 3.0  # sigmas (rms) by which it misses the encoder then
 
 
 def thinned(measured: Measured) -> Measured:
@@ -73,38 +77,49 @@ def thinned(measured: Measured) -> Measured:
 
 def followed(measured: Measured) -> tuple[dict[str, Motor | Motors], Measured]:
     """The motors of the runs that follow their encoders, by run, and the measurement with a fault where a motor strays
-    from its encoder.
+    from its encoder, and where other sensors tell how smooth its course is, or are smoothed alike.
     """
-    encoders, strays = [encoder.name for encoder in measured.mechanism.encoders], []
+    encoders, faults = [encoder.name for encoder in measured.mechanism.encoders], list(measured.faults)
     courses: dict[str, Motor | Motors] = {}
+    runs = []
     for run in measured.runs:
         if run.drive == "measured":
+            run, said = stiffened(measured, run)
             each = tuple(course(run, encoder) for encoder in encoders)
-            strays += [strayed(run, encoder, motor) for encoder, motor in zip(encoders, each, strict=True)]
+            strays = [strayed(run, encoder, motor) for encoder, motor in zip(encoders, each, strict=True)]
             courses[run.name] = Motors(each) if measured.mechanism.several else each[0]
-    measured = replace(measured, faults=(*measured.faults, *(fault for fault in strays if fault is not None)))
-    return courses, _while_sliding(measured, courses) if measured.mechanism.sliding else measured
+            run, alike = smoothed_alike(run, encoders[0])
+            faults += [*said, *(fault for fault in strays if fault is not None), *alike]
+        runs.append(run)
+    measured = replace(measured, runs=tuple(runs), faults=tuple(faults))
+    return courses, _while_moving(measured, courses)
 
 
-def _while_sliding(measured: Measured, courses: Mapping[str, Motor | Motors]) -> Measured:
-    """The measurement without the forces and torques that were read while the slide rested or turned back: there dry
-    friction may be anything up to its size, either way.  Raises MeasuredError where nothing else was read.
+def _while_moving(measured: Measured, courses: Mapping[str, Motor | Motors]) -> Measured:
+    """The measurement without the forces and torques that were read while a slide, or a crank whose course other
+    sensors had to tell, rested or turned back: there dry friction may be anything up to its size, either way.  Raises
+    MeasuredError where nothing else was read.
     """
     runs, faults = [], list(measured.faults)
+    what = "slide" if measured.mechanism.sliding else "crank"
     for run in measured.runs:
-        still, channels = _still(run, measured.mechanism.encoder.name, courses[run.name]), dict(run.channels)
+        encoder = measured.mechanism.encoders[0].name
+        if run.name not in courses or not (measured.mechanism.sliding or run.channels[encoder].reach):
+            runs.append(run)
+            continue
+        still, channels = _still(run, encoder, courses[run.name]), dict(run.channels)
         for name, channel in run.channels.items():
             lost = still & np.isfinite(channel.values)
             if channel.signal.kind not in ("reaction", "drive") or not lost.any():
                 continue
             if np.sum(np.isfinite(channel.values) & ~still) < MIN_ROWS:
                 raise MeasuredError(
-                    f"{run.file}: the slide of run {run.name!r} rests or turns back in {int(still.sum())} of"
+                    f"{run.file}: the {what} of run {run.name!r} rests or turns back in {int(still.sum())} of"
                     f" {run.time.size} samples, as far as its encoder tells; give a run in which it moves"
                 )
             channels[name] = replace(channel, values=frozen(np.where(lost, math.nan, channel.values)))
             text = (
-                f"{name} of run {run.name!r} is left out in the {count(int(lost.sum()), 'sample')} in which the slide"
+                f"{name} of run {run.name!r} is left out in the {count(int(lost.sum()), 'sample')} in which the {what}"
                 " rests or turns back: dry friction may be anything there"
             )
             faults.append(Fault(run.name, name, "rest", int(lost.sum()), text))
@@ -113,69 +128,13 @@ def _while_sliding(measured: Measured, courses: Mapping[str, Motor | Motors]) ->
 
 
 def _still(run: MeasuredRun, encoder: str, motor: Motor | Motors) -> np.ndarray:
-    """At which samples (N,) bool a slide rests or turns back, within half a sample, as far as its encoder tells."""
-    smoother, moving = _smoothed(run, encoder), motor.at(run.time)
+    """At which samples (N,) bool a slide or crank rests or turns back as far as its encoder tells: within half a
+    sample, or what its course was to be smoothed over.
+    """
+    smoother, moving = smoothed(run, encoder), motor.at(run.time)
     unsure = smoother.uncertainty(smoother.answers(run.time)[1], encoder_noise(run, encoder))
-    return np.abs(moving.omega) < SURE * unsure + np.abs(moving.alpha) * float(np.median(np.diff(run.time))) / 2
-
-
-def course(run: MeasuredRun, encoder: str) -> Motor:
-    """The motor of a run that follows its encoder: a smooth course through the readings that there are."""
-    return Motor(_smoothed(run, encoder).course)
-
-
-def encoder_noise(run: MeasuredRun, encoder: str) -> float:
-    """Noise (rad) of the encoder that a course is drawn through: as stated, or what the course leaves, if more."""
-    channel = run.channels[encoder]
-    return max(channel.noise if channel.noise_given else 0.0, _smoothed(run, encoder).sigma)
-
-
-def course_errors(run: MeasuredRun, encoder: str, slopes: Sequence[np.ndarray], sigma: float) -> np.ndarray:
-    """Root mean square error (N,) of what answers with ``slopes`` (N,) to the angle, rate and acceleration of a run's
-    course, whose encoder has noise sigma (rad).
-    """
-    smoother = _smoothed(run, encoder)
-    answers = sum(diags_array(s) @ a for s, a in zip(slopes, smoother.answers(run.time), strict=True))
-    return smoother.uncertainty(csr_array(answers), sigma)
-
-
-def _smoothed(run: MeasuredRun, encoder: str) -> Smoother:
-    values = run.channels[encoder].values
-    known = np.isfinite(values)
-    return _smoother(run.time[known].tobytes(), values[known].tobytes())
-
-
-@lru_cache(maxsize=32)
-def _smoother(time: bytes, values: bytes) -> Smoother:
-    """Kept, because what follows an encoder and what its errors do are asked for one after the other."""
-    return Smoother(np.frombuffer(time), np.frombuffer(values))
-
-
-def strayed(run: MeasuredRun, encoder: str, motor: Motor) -> Fault | None:
-    """Where a course misses the encoder that it should follow by more than the encoder's noise and counts; None if it
-    does nowhere.
-    """
-    channel = run.channels[encoder]
-    known = np.flatnonzero(np.isfinite(channel.values))
-    time, values = run.time[known], channel.values[known]
-    off, unit = motor.at(time).theta - values, channel.signal.unit
-    near = np.sqrt(np.convolve(off**2, np.full(TOGETHER, 1 / TOGETHER), "valid"))
-    sigma = max(channel.noise, noise(time, values))
-    if near.max() <= STRAY * sigma:
-        return None
-    first = int(np.argmax(near))
-    worst = first + int(np.argmax(np.abs(off[first : first + TOGETHER])))
-    text = (
-        f"the course that run {run.name!r} replays misses {encoder} by up to {_far(abs(off[worst]), unit, 3)},"
-        f" near {time[worst]:.6g} s, and its noise and counts are {_far(sigma, unit, 2)}: it moves too abruptly"
-        " there to be followed; do not trust what is found there, sample faster, or leave that part out"
-    )
-    return Fault(run.name, encoder, "course", int(np.sum(np.abs(off) > STRAY * sigma)), text)
-
-
-def _far(size: float, unit: str, digits: int) -> str:
-    """How far a course is from its encoder (rad, m), in degrees or millimetres."""
-    return f"{math.degrees(size):.{digits}g} deg" if unit == "rad" else f"{1e3 * size:.{digits}g} mm"
+    turning = np.abs(moving.omega) < SURE * unsure + np.abs(moving.alpha) * float(np.median(np.diff(run.time))) / 2
+    return turning | turning_back(run, smoother) if run.channels[encoder].reach else turning
 
 
 def shared(measured: Measured, floor: Mapping[tuple[str, str], float], model: Model) -> np.ndarray:
@@ -201,39 +160,18 @@ def shared(measured: Measured, floor: Mapping[tuple[str, str], float], model: Mo
 def _strained(measured: Measured, floor: Mapping[tuple[str, str], float], model: Model, of: int) -> np.ndarray:
     """The errors (size, k) that all sensors of a measurement of one run share because of one of its encoders."""
     (run,), encoder = measured.runs, model.rig.encoders[of]
-    data, smoother = Data(measured, floor), _smoothed(run, encoder)
+    data, smoother = Data(measured, floor), smoothed(run, encoder)
     origin = Model(measured, model.rig, model.mechanism, model.courses)([[]])[0]
     used = np.concatenate([part.used for part in data.parts])
     answers = csr_array((data.size, smoother.size))
     for order, answer in enumerate(smoother.answers(run.time)):
         nudge = 1e-5 * model.rig.speed**order
-        motor = _nudged(model.courses[run.name], of, order, nudge)
+        motor = nudged(model.courses[run.name], of, order, nudge)
         found = Model(measured, model.rig, model.mechanism, {run.name: motor})([[]])[0]
         if found is not None and origin is not None:
             slope = (data.residual(found) - data.residual(origin)) / nudge
             answers = answers + diags_array(slope) @ answer[used]
     return smoother.errors(csr_array(answers), encoder_noise(run, encoder))
-
-
-def _nudged(motor: Motor | Motors, of: int, order: int, nudge: float) -> Motor | Motors:
-    """A motor, or one of several, of whose course the angle, or a rate, is off."""
-    if isinstance(motor, Motor):
-        return Motor(_Nudged(motor, order, nudge))
-    each = [Motor(_Nudged(m, order, nudge)) if k == of else m for k, m in enumerate(motor.each)]
-    return Motors(tuple(each))
-
-
-@dataclass(frozen=True)
-class _Nudged:
-    """A course of which the angle, or one of its rates alone, is off by a constant."""
-
-    motor: Motor
-    order: int
-    nudge: float
-
-    def __call__(self, time: np.ndarray, order: int = 0, /) -> np.ndarray:
-        assert not isinstance(self.motor.command, Steady)
-        return self.motor.command(time, order) + (self.nudge if order == self.order else 0.0)
 
 
 def starts(measured: Measured) -> dict[Term, np.ndarray]:

@@ -12,12 +12,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from compare.diagnose.courses import course
 from compare.diagnose.fit import Fit, Fitter
 from compare.diagnose.noise import CLOSED, rms
 from compare.diagnose.posterior.compress import FORECAST
 from compare.diagnose.posterior.infer import Inference
 from compare.diagnose.predict import StartOfRun, Term, pieces
-from compare.diagnose.prepare import course
 from compare.diagnose.residuals import bridged
 
 NEAR = 2 * FORECAST  # rad: of a motion that is off by so much, the second order is about half of that

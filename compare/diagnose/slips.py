@@ -21,7 +21,7 @@ from analytic.kinematics.schedule import Steady
 from analytic.mechanism import Mechanism
 from analytic.mechanism.signals import AXES, turned_near
 from analytic.mechanism.units import OFFERED, dimension, factor
-from compare.diagnose import prepare
+from compare.diagnose.courses import course
 from compare.diagnose.data.measured import ASTRAY
 from compare.diagnose.data.recording import Channel, Fault, Measured, MeasuredError, MeasuredRun, same_numbers
 from compare.diagnose.effects.effect import Rig
@@ -191,7 +191,7 @@ class _Nominal:
         """The course of a run that follows its encoders."""
         if run.drive != "measured":
             return {}
-        each = tuple(prepare.course(run, encoder) for encoder in self.encoders)
+        each = tuple(course(run, encoder) for encoder in self.encoders)
         return {run.name: Motors(each) if self.mechanism.several else each[0]}
 
 

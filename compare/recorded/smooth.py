@@ -249,10 +249,11 @@ class TriedSpline:
 class Smoother:
     """The course through an encoder's readings: times (N,), increasing, N >= 5, in any unit, and values (N,).
 
-    ``sigma`` is the noise of the readings that it finds; ``freedom`` counts what it takes from them.
+    ``sigma`` is the noise of the readings that it finds; ``freedom`` counts what it takes from them.  A ``reach``, in
+    the unit of time, is kept to; without, cross-validation finds it.
     """
 
-    def __init__(self, time: np.ndarray, values: np.ndarray) -> None:
+    def __init__(self, time: np.ndarray, values: np.ndarray, reach: float | None = None) -> None:
         self.start, self.step = float(time[0]), float(np.median(np.diff(time)))
         self.at = (time - self.start) / self.step
         slope = float(values[-1] - values[0]) / float(self.at[-1])
@@ -260,27 +261,29 @@ class Smoother:
         self._values = values - self._line(self.at)
         self._step = quantum(values)
         self._bases: dict[float, Basis] = {}
+        self._given = None if reach is None else np.array([reach / self.step])
         self._chosen()
 
     def _line(self, at: np.ndarray) -> np.ndarray:
         return np.asarray(self._zero + self._slope * at)
 
     def _chosen(self) -> None:
-        reaches = SHORTEST_REACH * 2.0 ** np.arange(max(1, math.ceil(math.log2(self.at[-1] / SHORTEST_REACH))))
+        each = SHORTEST_REACH * 2.0 ** np.arange(max(1, math.ceil(math.log2(self.at[-1] / SHORTEST_REACH))))
+        reaches = each if self._given is None else self._given
         turn = self._evenly()
         tried = self._tried(reaches, turn)
-        best = self._best([*tried, *self._tried(self._best(tried).reach * np.sqrt([0.5, 2.0]), turn)])
+        best = self._best([*tried, *self._tried(self._near(self._best(tried), (0.5, 2.0)), turn)])
         for _ in range(HARMONIC_ROUNDS):
             if turn is None or not best.count:
                 break
             again = self._curve(best.fit.basis, best.fit.spline(best.count))
-            better = self._best(self._tried(best.reach * np.sqrt(NEAR_REACHES), again))
+            better = self._best(self._tried(self._near(best, NEAR_REACHES), again))
             if not better.score < best.score - SCORE_GAIN:
                 break
             turn, best = again, better
         if turn is not None and best.count:
             clock = self._clock(best)
-            better = self._best(self._tried(best.reach * np.sqrt(NEAR_REACHES), clock))
+            better = self._best(self._tried(self._near(best, NEAR_REACHES), clock))
             if better.score < best.score - SCORE_GAIN:
                 turn, best = clock, better
         self.fit, self.count = best.fit, best.count
@@ -291,6 +294,15 @@ class Smoother:
         left = max(1.0, self.at.size - self.freedom)
         off = best.fit.missed(best.count)
         self.sigma = max(math.sqrt(float(off @ off) / left), self._step / math.sqrt(12)) * math.sqrt(_alike(off))
+
+    def _near(self, best: TriedSpline, squares: Sequence[float]) -> np.ndarray:
+        """The reaches to try beside the best so far."""
+        return best.reach * np.sqrt(squares) if self._given is None else self._given
+
+    def smoothed(self, values: np.ndarray) -> np.ndarray:
+        """Other readings (N,) of the same times, smoothed as these are."""
+        here = hstack([self.fit.basis.here, csr_array(self.fit.waves[:, : 2 * self.count])], format="csr")
+        return np.asarray(here @ self.fit.solve(here.T @ values, self.count))
 
     @property
     def size(self) -> int:

@@ -26,7 +26,7 @@ from analytic.mechanism.one_line import count, shown
 from analytic.mechanism.signals import undirected, unwound, wrapped
 from compare.diagnose.data.clipping import clipped
 from compare.diagnose.data.measured_file import Entry, Said, nominal, read_file, tolerances
-from compare.diagnose.data.quality import FLOOR, evened, gaps, noise, outliers, unwrapped
+from compare.diagnose.data.quality import FLOOR, evened, gaps, noise, outliers, switched, unwrapped
 from compare.diagnose.data.recording import Channel, Drive, Fault, Measured, MeasuredError, MeasuredRun, same_numbers
 from compare.diagnose.data.thin import frozen, held, missed, picked
 from compare.progress import progress_bar
@@ -412,7 +412,8 @@ def _channel(
         fault("clipped", int(np.sum(full)), text)
         values = np.where(full, math.nan, values)
     given = entry.noise.get(signal)
-    estimate = noise(table.time, values)
+    held = switched(values) if column.signal.kind in ("drive", "reaction") else 0.0
+    estimate = held or noise(table.time, values)
     spikes = outliers(table.time, values, max(estimate, given or 0.0))
     isolated = None
     if spikes.size:
@@ -426,7 +427,7 @@ def _channel(
         isolated[spikes] = values[spikes]
         isolated.flags.writeable = False
         values = np.where(np.isfinite(isolated), math.nan, values)
-        estimate = noise(table.time, values)
+        estimate = held or noise(table.time, values)
     if column.signal.wraps and jumps and command is None and (step := undirected(values)):
         fault("wrapped", jumps, f"steps by {np.degrees(step):.4g} deg and may have turned the longer way round")
     present = values[np.isfinite(values)]

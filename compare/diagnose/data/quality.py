@@ -1,8 +1,8 @@
 """What a measured channel is worth: its noise, and the faults of sensors and recordings.
 
 Noise is what is left of a channel when its smooth part is taken out by divided differences, which are exact for any
-spacing of the samples.  A fault is found in one channel by itself; what only a model can
-see is :mod:`compare.diagnose.slips`.
+spacing of the samples; of a force that is switched, it is what its samples leave open of when.  A fault is found in
+one channel by itself; what only a model can see is :mod:`compare.diagnose.slips`.
 """
 
 from __future__ import annotations
@@ -23,6 +23,10 @@ FLOOR = 1e-7  # of a channel's range: what a noise-free signal is taken to be go
 SPIKE = 8.0  # sigmas of an outlier
 JUDGED = 12  # samples, at least, among which a spike is told
 GAP = 5.0  # median intervals
+HELD = 0.5  # of a signal's steps from sample to sample that are none, at least, where it is held and jumps
+ALONE = 0.9  # of its jumps, at least, before and after which it is held
+FEW = 3  # levels: what has no more is switched, as no converter is that coarse
+LEAPS = 1.5  # times the step of its numbers that it mostly jumps by, else it may climb a converter's stairs
 SHOWN = 0.1  # of a sensor's noise, by which rounded stamps may move it unsaid: it makes half a percent of the noise
 
 
@@ -46,6 +50,24 @@ def noise(time: np.ndarray, values: np.ndarray) -> float:
         ):
             return float(max(estimate, floor))
     return float(max(found[-1], floor))
+
+
+def switched(values: np.ndarray) -> float:
+    """What samples (N,) of a force that is held and jumps leave open of it (rms); 0 of any other.  NaN is absent.
+
+    A jump was anywhere between two samples, so the mean over the time that one stands for is uncertain by a uniform
+    share of it.
+    """
+    steps = np.diff(values[np.isfinite(values)])
+    jumps = steps != 0
+    if steps.size < JUDGED or not jumps.any() or 1 - jumps.mean() < HELD:
+        return 0.0
+    edge = np.pad(jumps, 1)
+    alone = jumps & ~edge[:-2] & ~edge[2:]
+    leaps = float(np.median(np.abs(steps[jumps]))) > LEAPS * quantum(values)
+    if alone.sum() < ALONE * jumps.sum() or not (leaps or np.unique(values[np.isfinite(values)]).size <= FEW):
+        return 0.0
+    return math.sqrt(float(np.mean(steps**2)) / 12)
 
 
 def chance(order: int, samples: int) -> float:

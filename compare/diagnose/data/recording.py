@@ -38,8 +38,8 @@ class Fault:
     """Something wrong with the data of a run that was handled; ``samples`` are affected and ``text`` says it in a
     sentence.
 
-    ``kind`` is clipped, outliers, constant, absent, noise, wrapped, course, rest (one signal), gap, thinned, columns,
-    start, stamps (the run, ``signal`` is ``time``), or what :mod:`compare.diagnose.slips` finds.
+    ``kind`` is clipped, outliers, constant, absent, noise, wrapped, course, rest, rings, switched (one signal), gap,
+    thinned, columns, start, stamps (the run, ``signal`` is ``time``), or what :mod:`compare.diagnose.slips` finds.
     """
 
     run: str
@@ -57,7 +57,7 @@ class Channel:
     ``noise_given`` says whether measured.toml gave it (else it is estimated); ``unit`` is the header's, for people;
     ``column`` is the file's, where there is one.
     ``spikes`` (N,) are the readings that were left out as isolated spikes, NaN elsewhere: where pins strike, they are
-    evidence.
+    evidence.  ``reach`` (s) is that of the smooth course through an encoder, where its own readings do not tell it.
     """
 
     signal: Signal
@@ -67,6 +67,7 @@ class Channel:
     unit: str
     spikes: np.ndarray | None = None
     column: Column | None = None
+    reach: float | None = None
 
     @property
     def raw(self) -> np.ndarray:

@@ -20,10 +20,10 @@ from analytic.kinematics.schedule import Turning
 from analytic.kinematics.structure import StructureError
 from analytic.mechanism.signals import DRIVE_TORQUE
 from analytic.paper.kinetostatics import kinetostatics
+from compare.diagnose.courses import course, course_errors, encoder_noise
 from compare.diagnose.data.quality import noise
 from compare.diagnose.data.recording import Channel, Measured, MeasuredRun
 from compare.diagnose.predict import Hypothesis, Impossible, Model
-from compare.diagnose.prepare import course, course_errors, encoder_noise
 from compare.diagnose.residuals import Data
 
 FAR = 3.0  # times the median error of a run: beyond, as at its ends, the motion is hardly known
