@@ -130,6 +130,7 @@ OPTIONS_MATTER: list[Row] = [
         {**ROCKER, **LOOSE, "joint_model": "spring-damper", "revolutions": 0},
         {"revolutions": 1},
     ),
+    ("compare", "verify", {**ROCKER, **IDEAL}, {"verify": True}),
     *_along("analyse", PLAIN, {}),
     ("analyse", "clearance", PAPER, LOOSE),
     ("analyse", "model", PAPER, {"model": "first_order"}),
@@ -481,6 +482,7 @@ IN_VAIN: list[tuple[str, dict[str, Any], str]] = [
     ("compare", {**ROCKER, "analytic": "first_order"}, "first_order is the equilibrium itself"),
     ("analyse", {**ROCKER, "model": "first_order"}, "first_order is the equilibrium itself"),
     ("check", {"results": "results/signals.csv", "analytic": "first_order"}, "first_order is the equilibrium itself"),
+    ("compare", {**PAPER, **IDEAL, "verify": True}, "verify is left out; it is of steps, and at rest nothing steps"),
     ("compare", {**ROCKER, "revolutions": 3}, "revolutions = 3 is left out; it is of cranks that turn fully"),
     *slow(
         *(
