@@ -42,6 +42,7 @@ from compare.questions.crosscheck import CrosscheckQuestion
 from compare.questions.diagnose import DiagnoseQuestion
 from compare.questions.listing import FieldsQuestion, ImportQuestion, NewQuestion, RunsQuestion
 from compare.questions.plan import PlanQuestion
+from compare.questions.predict import PredictQuestion
 from compare.questions.question import Question, arguments, option_of
 from compare.questions.question import options as of_question
 from compare.questions.show import ShowQuestion
@@ -271,6 +272,10 @@ ELSEWHERE = {  # options whose effect another test shows
     ("baseline check", "junit"): "test_baseline.py",
     **dict.fromkeys([("compare", "set"), ("analyse", "set"), ("accuracy", "set")], "test_parametric.py"),
     ("list", "folder"): "test_history.py",
+    **dict.fromkeys(
+        [("predict", each) for each in ("diagnosis", "run", "speed", "load", "signals", "simulator")],
+        "test_prediction.py",
+    ),
     ("fields", "table"): "test_first_minutes.py",
     ("new", "name"): "test_first_minutes.py",
     ("new", "kind"): "test_first_minutes.py",
@@ -286,6 +291,7 @@ QUESTIONS: dict[str, tuple[type[Question], ...]] = {
     "validity": (ValidityQuestion,),
     "diagnose": (DiagnoseQuestion,),
     "plan": (PlanQuestion,),
+    "predict": (PredictQuestion,),
     "show": (ShowQuestion,),
     "baseline check": (BaselinesQuestion,),
     "baseline update": (BaselinesQuestion,),
@@ -307,6 +313,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "platform": lc.platform_accuracy,
     "validity": lc.validity,
     "plan": lc.plan,
+    "predict": lc.predict,
     "show": lc.show,
     "baseline check": check_baselines,
     "baseline update": update_baselines,
@@ -672,6 +679,7 @@ SAME = changed()
 FIELDS: list[Any] = [  # field, what to begin with, what to change, and with which words that is refused
     ("mechanism", SAME, changed(mechanism="other.toml"), ""),
     ("tolerance", SAME, changed(tolerance={"mass": 0.2}), ""),
+    ("context", SAME, changed(context={"quantity": "crank_angle", "required": "1 mm"}), "required = .1 mm. has"),
     ("skip_rows", SAME, changed(skip_rows=2), "line 3 has numbers where the header should be"),
     ("separator", SAME, changed(separator=","), "line 2 has no ',' in it"),
     ("decimal", SAME, changed(decimal=","), "has a decimal point"),

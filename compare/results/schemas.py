@@ -29,6 +29,7 @@ MODULES = (
     "residuals",
     "preview",
     "plan",
+    "prediction",
     "baselines",
     "sweep",
 )

@@ -29,6 +29,7 @@ from compare.diagnose.data.measured_file import Entry, Said, nominal, read_file,
 from compare.diagnose.data.quality import FLOOR, evened, gaps, noise, outliers, unwrapped
 from compare.diagnose.data.recording import Channel, Drive, Fault, Measured, MeasuredError, MeasuredRun, same_numbers
 from compare.diagnose.data.thin import frozen, held, missed, picked
+from compare.diagnose.data.wanted import wanted
 from compare.progress import progress_bar
 from compare.recorded.alternatives import less, swapped
 from compare.recorded.errors import DataError
@@ -104,6 +105,7 @@ def recorded(
         tuple(
             each for entry, (run, _) in zip(file.runs, read, strict=True) for each in _assumed(entry, run, mechanism)
         ),
+        wanted(called, file.context, mechanism),
     )
 
 

@@ -19,6 +19,7 @@ from analytic.mechanism.signals import SiUnit
 from analytic.mechanism.units import UnitError
 from analytic.mechanism.written import runs_in_si
 from compare.diagnose.data.recording import MeasuredError
+from compare.diagnose.data.wanted import ContextTable
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.recorded.table import LARGEST_READING
 
@@ -78,6 +79,7 @@ class Said(Layout):
 
     tolerance: Mapping[str, NotNegative | Mapping[str, NotNegative]] = Field(default_factory=dict)
     runs: Annotated[tuple[Entry, ...], BeforeValidator(_as_tuple), Field(alias="run", min_length=1)]
+    context: ContextTable | None = None
 
 
 class MeasuredFile(Said):

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
@@ -125,6 +125,21 @@ class MeasuredRun:
         )
 
 
+@dataclass(frozen=True)
+class Wanted:
+    """A signal that is to be right within ``required`` (SI), at a ``speed`` (rad/s; None: the fastest measured).
+
+    ``calibration`` is the standard uncertainty (SI) that all readings of a sensor share, by signal (GUM, Type B).
+    """
+
+    signal: Signal
+    required: float
+    question: str = ""
+    consequence: str = ""
+    speed: float | None = None
+    calibration: Mapping[str, float] = field(default_factory=dict)
+
+
 @dataclass(frozen=True, repr=False)
 class Measured:
     """A nominal mechanism, the runs measured on it, what may be blamed at most (``tolerance``, by quantity, parameter
@@ -137,6 +152,7 @@ class Measured:
     faults: tuple[Fault, ...]
     source: str
     assumed: tuple[Assumed, ...] = ()
+    context: Wanted | None = None
 
     @cached_property
     def sensors(self) -> frozenset[tuple[str, str]]:
