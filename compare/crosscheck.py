@@ -52,6 +52,7 @@ from compare.judge.discrepancy import (
     run_rules,
 )
 from compare.judge.flexible import Beams, softened
+from compare.judge.numerical import verified
 from compare.judge.reference import (
     SIGMAS,
     Reference,
@@ -114,7 +115,8 @@ class Job:
     ``as_it_is`` takes every run as it comes, where others are looked at more closely (:mod:`compare.judge.reruns`).
     With ``flexible`` bodies that have a modulus of elasticity bend, in static motion; else all are rigid.
     Contact is watched over so many ``revolutions`` at the utmost (0: not at all) as its statistics need to converge;
-    ``as_it_is`` over just as many.
+    ``as_it_is`` over just as many.  With ``verify`` each run that steps states its numerical uncertainty
+    (:mod:`compare.judge.numerical`).
     """
 
     mechanism: Mechanism
@@ -129,6 +131,7 @@ class Job:
     as_it_is: bool = False
     beside: tuple[str, ...] = ()
     revolutions: int = 0
+    verify: bool = False
 
     @property
     def motion(self) -> Motion:
@@ -189,6 +192,8 @@ def job_of(question: CrosscheckQuestion) -> Job:
     strikes = m.clearances and motion == "driven" and joint_model in (None, *STRIKING) and schedule.turns_evenly
     if turns not in (0, MOST_REVOLUTIONS) and not (strikes and turns_fully(assembly)):
         unused.append(f"{m.name}: revolutions = {turns} is left out; {OF_TURNS}, and no run here has that")
+    if question.verify and motion == "static":
+        unused.append(f"{m.name}: verify is left out; it is of steps, and at rest nothing steps")
     return Job(
         mechanism=m,
         simulators=names,
@@ -201,6 +206,7 @@ def job_of(question: CrosscheckQuestion) -> Job:
         flexible=flexible,
         beside=on_request(question.signals, m, motion),
         revolutions=turns,
+        verify=question.verify and motion == "driven",
     )
 
 
@@ -369,6 +375,9 @@ def run_all(
         settled, asked = settle(first, asked, again("finer, near a tolerance"), lambda t: judged(job, side(t), t))
         prolonged = again("longer, as pins strike; revolutions 1 would end here")
         settled = prolong(settled, asked, prolonged, lambda t: judged(job, side(t), t), job.revolutions)
+    if job.verify:
+        shorter = again("in shorter steps, to verify")
+        settled = verified(job.mechanism, settled, asked, shorter, lambda t: judged(job, side(t), t))
     failed += [one for one in settled.values() if isinstance(one, Failure)]
     failed = [_with_jam(one, job.mechanism, job.motion) for one in failed]
     return Ran(tuple(one for one in settled.values() if isinstance(one, JudgedRun)), tuple(failed), tuple(left_out))

@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from compare.diagnose.data.measured import load_measured
     from compare.diagnose.data.measured_frames import measured as measured
     from compare.diagnose.plan.workflow import plan as plan
+    from compare.diagnose.prediction import predict as predict
     from compare.diagnose.preview import preview as preview
     from compare.diagnose.workflow import diagnose as diagnose
     from compare.domain_map.validity import validity as validity
@@ -90,6 +91,7 @@ _WHERE = {
     "measured": "compare.diagnose.data.measured_frames",
     "plan": "compare.diagnose.plan.workflow",
     "platform_accuracy": "compare.platform",
+    "predict": "compare.diagnose.prediction",
     "preview": "compare.diagnose.preview",
     "read_measured": "compare.diagnose.data.measured:load_measured",
     "runs": "compare.history",

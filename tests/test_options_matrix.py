@@ -42,6 +42,7 @@ from compare.questions.crosscheck import CrosscheckQuestion
 from compare.questions.diagnose import DiagnoseQuestion
 from compare.questions.listing import ApplyQuestion, FieldsQuestion, ImportQuestion, NewQuestion, RunsQuestion
 from compare.questions.plan import PlanQuestion
+from compare.questions.predict import PredictQuestion
 from compare.questions.question import Question, arguments, option_of
 from compare.questions.question import options as of_question
 from compare.questions.show import ShowQuestion
@@ -130,6 +131,7 @@ OPTIONS_MATTER: list[Row] = [
         {**ROCKER, **LOOSE, "joint_model": "spring-damper", "revolutions": 0},
         {"revolutions": 1},
     ),
+    ("compare", "verify", {**ROCKER, **IDEAL}, {"verify": True}),
     *_along("analyse", PLAIN, {}),
     ("analyse", "clearance", PAPER, LOOSE),
     ("analyse", "model", PAPER, {"model": "first_order"}),
@@ -273,6 +275,10 @@ ELSEWHERE = {  # options whose effect another test shows
     ("list", "folder"): "test_history.py",
     ("apply", "file"): "test_mjcf_apply.py",
     ("apply", "to"): "test_mjcf_apply.py",
+    **dict.fromkeys(
+        [("predict", each) for each in ("diagnosis", "run", "speed", "load", "signals", "simulator")],
+        "test_prediction.py",
+    ),
     ("fields", "table"): "test_first_minutes.py",
     ("new", "name"): "test_first_minutes.py",
     ("new", "kind"): "test_first_minutes.py",
@@ -288,6 +294,7 @@ QUESTIONS: dict[str, tuple[type[Question], ...]] = {
     "validity": (ValidityQuestion,),
     "diagnose": (DiagnoseQuestion,),
     "plan": (PlanQuestion,),
+    "predict": (PredictQuestion,),
     "show": (ShowQuestion,),
     "baseline check": (BaselinesQuestion,),
     "baseline update": (BaselinesQuestion,),
@@ -311,6 +318,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "platform": lc.platform_accuracy,
     "validity": lc.validity,
     "plan": lc.plan,
+    "predict": lc.predict,
     "show": lc.show,
     "baseline check": check_baselines,
     "baseline update": update_baselines,
@@ -487,6 +495,7 @@ IN_VAIN: list[tuple[str, dict[str, Any], str]] = [
     ("compare", {**ROCKER, "analytic": "first_order"}, "first_order is the equilibrium itself"),
     ("analyse", {**ROCKER, "model": "first_order"}, "first_order is the equilibrium itself"),
     ("check", {"results": "results/signals.csv", "analytic": "first_order"}, "first_order is the equilibrium itself"),
+    ("compare", {**PAPER, **IDEAL, "verify": True}, "verify is left out; it is of steps, and at rest nothing steps"),
     ("compare", {**ROCKER, "revolutions": 3}, "revolutions = 3 is left out; it is of cranks that turn fully"),
     *slow(
         *(
@@ -693,6 +702,8 @@ FIELDS: list[Any] = [  # field, what to begin with, what to change, and with whi
     ("mechanism", SAME, changed(mechanism="other.toml"), ""),
     ("sensor", with_gauge, lambda said: said.pop("sensor"), "'gauge' is not a signal"),
     ("tolerance", SAME, changed(tolerance={"mass": 0.2}), ""),
+    ("prior", SAME, changed(prior={"joint_clearance": 0.1}), ""),
+    ("context", SAME, changed(context={"quantity": "crank_angle", "required": "1 mm"}), "required = .1 mm. has"),
     ("skip_rows", SAME, changed(skip_rows=2), "line 3 has numbers where the header should be"),
     ("headings", SAME, changed(headings=["clock", "enc"]), "line 2 has 4 cells, and 2 headings are given"),
     ("optional", spare, changed(optional=False), "columns.'oil' is no heading of a data file"),

@@ -86,6 +86,7 @@ JSON_OF = {  # what a command prints with --json
     "compare import": "import.json",
     "compare list": "runs.json",
     "compare plan": "plan.json",
+    "compare predict": "prediction.json",
     "python -m tests.evidence scoreboard check": "scoreboard-check.json",
     "python -m tests.evidence scoreboard show": "scoreboard-set.json",
     "python -m tests.evidence scoreboard update": "scoreboard.json",

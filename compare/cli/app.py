@@ -22,6 +22,7 @@ from compare.cli.listing import cases, effects, fields, runs, simulators
 from compare.cli.new import new
 from compare.cli.pipe import reader_may_go
 from compare.cli.plan import plan
+from compare.cli.predict import predict
 from compare.cli.show import show
 from compare.cli.sweep import answer, is_swept
 from compare.cli.typed import CommandLine, Shown, Where, command
@@ -119,6 +120,6 @@ for listed in (accuracy, analyse, cases, check, diagnose, effects, export, field
 app.command("apply")(apply_)
 app.command("import")(import_)
 app.command("list")(runs)
-for listed in (new, plan, simulate, simulators, validity, show):
+for listed in (new, plan, predict, simulate, simulators, validity, show):
     app.command()(listed)
 app.add_typer(baseline, name="baseline")

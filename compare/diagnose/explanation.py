@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 from scipy.stats import chi2
 
+from compare.diagnose.competing import Competing
 from compare.diagnose.fit import Fit
 from compare.diagnose.intervals import Covariance, Interval
 from compare.diagnose.noise import CLOSED, rms
@@ -66,6 +67,7 @@ class Explanation:
     statistics: Statistics | None = None  # by which a rig that rattles is judged, in place of its samples
     sets: Mapping[frozenset[tuple[str, str]], float] = field(default_factory=dict)  # how probable sets of effects are
     covariance: Covariance | None = field(default=None, repr=False)  # of all named parameters
+    competing: Mapping[frozenset[tuple[str, str]], Competing] = field(default_factory=dict, repr=False)  # likely sets
 
     @cached_property
     def gap(self) -> tuple[float, float]:

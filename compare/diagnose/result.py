@@ -21,7 +21,7 @@ from compare.diagnose.effects.effect import landing_in
 from compare.diagnose.experiment_design import would_separate
 from compare.diagnose.explanation import Attempt, Explanation, Named
 from compare.diagnose.fit import Fit
-from compare.diagnose.intervals import Interval
+from compare.diagnose.intervals import Covariance, Interval
 from compare.diagnose.noise import rms
 from compare.diagnose.posterior.infer import probability
 from compare.diagnose.predict import Term
@@ -125,7 +125,12 @@ def _sets(e: Explanation) -> tuple[EffectSet, ...]:
     """The most probable sets of effects, and how probable all others are together."""
     ranked = sorted(e.sets.items(), key=lambda item: -item[1])[:SETS]
     told = [
-        EffectSet(effects=tuple(sorted(f"{name}@{where}" for name, where in keys)), probability=share)
+        EffectSet(
+            effects=tuple(sorted(f"{name}@{where}" for name, where in keys)),
+            probability=share,
+            values=c.values if (c := e.competing.get(keys)) else None,
+            covariance=_joint(c.covariance) if c else None,
+        )
         for keys, share in ranked
     ]
     rest = 1.0 - sum(share for _, share in ranked)
@@ -136,8 +141,12 @@ def _covariance(e: Explanation) -> JointCovariance | None:
     """The covariance of all named parameters; none where nothing is named, or a rig rattles."""
     if e.covariance is None or not e.covariance.names:
         return None
-    rows = tuple(tuple(float(v) if math.isfinite(v) else None for v in row) for row in e.covariance.values)
-    return JointCovariance(names=e.covariance.names, values=rows)
+    return _joint(e.covariance)
+
+
+def _joint(known: Covariance) -> JointCovariance:
+    rows = tuple(tuple(float(v) if math.isfinite(v) else None for v in row) for row in known.values)
+    return JointCovariance(names=known.names, values=rows)
 
 
 def _still_faults(problem: Problem, e: Explanation) -> list[RecordedFault]:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from compare.diagnose.competing import competing
 from compare.diagnose.explanation import (
     MODEL,
     SLIGHT,
@@ -61,8 +62,9 @@ def explained(found: Posterior, base: Fit, late: Callable[[], bool]) -> Explanat
     attempts = [] if said in ("no gap", "explained") or late() else left_out(found, standing, base)
     together = covariance(found.fitter, standing.fit, weights)
     return Explanation(
-        base, fit, ordered, said, weights, structured, tuple(attempts), sets=found.sets, covariance=together
-    )
+        base, fit, ordered, said, weights, structured, tuple(attempts), sets=found.sets, covariance=together,
+        competing=competing(found),
+    )  # fmt: skip
 
 
 # ---------------------------------------------------------------- what stands

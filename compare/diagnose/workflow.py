@@ -26,6 +26,7 @@ from compare.diagnose.rattle.contact import asked
 from compare.diagnose.rattle.explained import note_unjudged, rattling
 from compare.diagnose.result import as_document
 from compare.diagnose.validation import parted, validated
+from compare.diagnose.warrant import warranted
 from compare.faults import ArgumentError
 from compare.omissions import Asked, omitted
 from compare.progress import progress_bar
@@ -124,7 +125,9 @@ def diagnosis_of(data: Measured, options: Options) -> tuple[Diagnosis, Proposal 
     found = problem.verified(explanation)
     best = proposed(problem, found)
     told = () if best is None else (as_proposed(best),)
-    return as_document(problem, found, validated(problem, found, unfitted), told), best
+    kept = validated(problem, found, unfitted)
+    result = as_document(problem, found, kept, told)
+    return warranted(result, problem.mechanism, problem.options.vocabulary, unfitted, kept), best
 
 
 def _explained(problem: Problem) -> Explanation:

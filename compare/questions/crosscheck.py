@@ -67,5 +67,12 @@ class CrosscheckQuestion(Question):
             "Most revolutions of a run whose pins strike their walls; it ends once its averages are known.", Whole()
         ),
     ] = MOST_REVOLUTIONS
+    verify: Annotated[
+        bool,
+        Option(
+            "State each driven run's numerical uncertainty: run it in half and in quarter steps too (7 times as long).",
+            Switch(),
+        ),
+    ] = False
     workers: PythonWorkers = None
     progress: ProgressOption = None

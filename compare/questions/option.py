@@ -308,6 +308,61 @@ class ByOutput(ArgumentKind[list[str]]):
         return argument or None
 
 
+@dataclass(frozen=True)
+class WithUnit(ArgumentKind[str]):
+    """A number, or one that is written with its unit, in an SI ``unit``."""
+
+    unit: str = ""
+
+    def parse(self, word: str, called: str) -> float:
+        return _amount(word, self.unit, called, f"give {self.unit}, or a number with its unit")
+
+    def check(self, given: object, called: str) -> float | None:
+        """The number in SI; None stays."""
+        if given is None:
+            return None
+        value = self.parse(given, called) if isinstance(given, str) else given
+        if isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value) and value != 0:
+            return float(value)
+        raise unusable(called, given, f"a finite number other than 0, in {self.unit} or with its unit")
+
+
+class ByBody(ArgumentKind[list[str]]):
+    """Forces by body, ``coupler=0:-50``, in an option that may be repeated; that there are these bodies is for the
+    function to prove.
+    """
+
+    repeated: ClassVar[bool] = True
+
+    def parse(self, word: list[str], called: str) -> dict[str, tuple[float, float]] | None:
+        forces: dict[str, tuple[float, float]] = {}
+        remedy = "give BODY=X:Y in N, such as coupler=0:-50"
+        for part in ",".join(word).split(",") if word else ():
+            name, given, both = part.partition("=")
+            x, colon, y = both.partition(":")
+            if not (name and given and colon):
+                raise ArgumentError(called, f"{part!r} cannot be used; {remedy}")
+            forces[name] = _amount(x, "N", called, remedy), _amount(y, "N", called, remedy)
+        return forces or None
+
+    def check(self, given: object, called: str) -> object:
+        """The forces by body; None stays."""
+        if given is None:
+            return None
+        accepted = "a force (x, y) in N by body, such as {'coupler': (0.0, -50.0)}"
+        if not isinstance(given, Mapping):
+            raise unusable(called, given, accepted)
+        for force in given.values():
+            both = list(force) if isinstance(force, list | tuple) else []
+            if len(both) != 2 or not all(isinstance(f, Real) and math.isfinite(f) for f in both):
+                raise unusable(called, given, accepted)
+        return {str(body): (float(x), float(y)) for body, (x, y) in given.items()}
+
+    def stands_for(self, argument: object) -> object:
+        """None of no forces, which typer cannot show."""
+        return argument or None
+
+
 class IncreasingNumbers(ArgumentKind[str]):
     """Numbers with commas between them, each once."""
 

@@ -13,7 +13,7 @@ from analytic.mechanism.one_line import count
 from compare.quantities import plain
 from compare.report.summary import ShownRun, summarise
 from compare.report.words.contact import ASCII_UNITS, ContactShown, Value
-from compare.report.words.crosscheck import VERDICT_WORDS, headline, why
+from compare.report.words.crosscheck import NUMERICAL_MEANS, VERDICT_WORDS, headline, why
 from compare.results.contact import StatisticName
 from compare.results.crosscheck import CrossCheck
 
@@ -33,11 +33,12 @@ def print_table(result: CrossCheck, console: Console) -> None:
     summary = summarise(result)
     keys = summary.keys()
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
-    for heading in ("signal", "worst", "unit", "at", "rms", "tolerance", "verdict"):
+    verified = ("2 u_num", "order") if summary.verified else ()
+    for heading in ("signal", "worst", "unit", "at", "rms", "tolerance", *verified, "verdict"):
         side: Literal["left", "right"] = "left" if heading in ("signal", "unit", "verdict") else "right"
         table.add_column(heading, justify=side, no_wrap=heading != "signal", overflow="fold")
     for shown in summary.runs:
-        table.add_row(Text(shown.run.title, style="bold"), *[""] * 5, _word(shown.run.verdict))
+        table.add_row(Text(shown.run.title, style="bold"), *[""] * (5 + len(verified)), _word(shown.run.verdict))
         for row in (row for quantity in keys if (row := shown.row(quantity.signal))):
             numbers = (
                 plain(row.maximum, 3, True),
@@ -45,6 +46,7 @@ def print_table(result: CrossCheck, console: Console) -> None:
                 row.at,
                 plain(row.rms),
                 plain(row.tolerance),
+                *((plain(row.own), plain(row.order, 2)) if verified else ()),
             )
             table.add_row(Text(f"  {row.quantity.label}"), *numbers, _word(row.verdict))
     if summary.runs:
@@ -107,6 +109,8 @@ def _notes(runs: Sequence[ShownRun]) -> list[str]:
     notes = [f"analytic model: {models}; differences are simulated minus analytic"]
     if any(shown.run.bends for shown in runs):
         notes.append("with the compliance of links and joints superposed; tolerances have what that neglects on top")
+    if any(shown.run.numerical for shown in runs):
+        notes.append(f"2 u_num: {NUMERICAL_MEANS}")
     notes += [f"compared at {span}" for span in dict.fromkeys(shown.span for shown in runs)]
     notes += [
         f"{shown.run.title}: {row.quantity.label}: {row.reason}" for shown in runs for row in shown.rows if row.reason

@@ -16,8 +16,9 @@ from compare.report.explained import changes
 from compare.report.pages import PageSection, Script, markdown, page
 from compare.report.proposal_figure import figure as law_figure
 from compare.report.svg import draw
+from compare.report.trust import trusted
 from compare.report.words import diagnosis as words
-from compare.report.words import proposals
+from compare.report.words import prediction, proposals
 from compare.report.words.effects import (
     called,
     competing,
@@ -54,6 +55,7 @@ def diagnosis_html(result: Diagnosis) -> str:
         "where": {"maps": maps, "cells": _strip, "legend": _legend(), "listed": PLACES_ON_PAGE},
         "story": {"steps": [step for step in result.steps if step.title != "Result"]},
         "residuals": _residuals(result, panels),
+        "trust": {},
         "engines": {},
         "candidates": {"candidates": candidates, "listed": CANDIDATES_ON_PAGE},
         "faults": {},
@@ -93,6 +95,8 @@ def _shared(result: Diagnosis) -> dict[str, object]:
     return {
         "result": result,
         "words": words,
+        "trust_means": prediction.METRICS_MEAN,
+        "trust_heads": prediction.METRICS_HEADS,
         "phrase": lambda effect: phrase(result, effect.name, effect.where),
         "named": partial(called, result),
         "spoken": partial(spoken, result),
@@ -111,6 +115,7 @@ def _shared(result: Diagnosis) -> dict[str, object]:
         "bars": words.waterfall(result),
         "sensors": in_units(result),
         "validation": validation_sentences(result),
+        "trusted": trusted(result),
         "attempts": words.attempts(result),
         "proposed": [
             (proposals.sentences(result, p), proposals.numbers(p), Markup(draw(law_figure(result, p, f"law-{i}"))))

@@ -41,6 +41,7 @@ def terminal_lines(result: Diagnosis) -> list[str]:
     """
     settled = result.effects  # whose lines say what the statement says
     out = [f"{result.case}: {result.verdict.upper()}" + ("" if settled else f". {_line(result.statement)}")]
+    out += [result.context.says] if result.context is not None else []
     for group in ties(result):
         out += _effect_lines(result, group)
     gap = result.gap

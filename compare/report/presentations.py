@@ -15,6 +15,7 @@ MODULES = {
     "Measured": "measured",
     "Plan": "plan",
     "PlatformAccuracy": "platform",
+    "Prediction": "prediction",
     "Preview": "preview",
     "Provenance": "provenance",
     "SignalResiduals": "residuals",

@@ -79,6 +79,8 @@ class ShownDiscrepancy(ShownDifference):
     tolerance: float | None
     verdict: str
     reason: str = ""
+    own: float | None = None  # 2 u_num: what the engine's steps alone may make of it
+    order: float | None = None  # of the engine, as observed
 
     @property
     def share(self) -> float | None:
@@ -134,6 +136,11 @@ class Summary:
         """The joints that the report is about: those with clearance, or all."""
         joints = [joint.name for joint in self.result.mechanism.joints]
         return [name for name in joints if any(run.clearance.get(name) for run in self.result.runs)] or joints
+
+    @property
+    def verified(self) -> bool:
+        """Whether any run states its numerical uncertainty."""
+        return any(run.numerical for run in self.result.runs)
 
     @property
     def failures(self) -> list[str]:
@@ -228,7 +235,19 @@ def _ranges(samples: list[int], over: Abscissa) -> Iterator[str]:
 def _row(quantity: Quantity, d: Discrepancy, run: Run, over: Abscissa) -> ShownDiscrepancy:
     largest = _difference(quantity, d, run, over)
     tolerance = None if d.tolerance is None else largest.quantity.factor * d.tolerance
-    return ShownDiscrepancy(largest.quantity, largest.maximum, largest.rms, largest.at, tolerance, d.verdict, d.reason)
+    steps = run.numerical.get(d.signal)
+    own = None if steps is None else 2 * largest.quantity.factor * steps.u_num
+    return ShownDiscrepancy(
+        quantity=largest.quantity,
+        maximum=largest.maximum,
+        rms=largest.rms,
+        at=largest.at,
+        tolerance=tolerance,
+        verdict=d.verdict,
+        reason=d.reason,
+        own=own,
+        order=None if steps is None else steps.order,
+    )
 
 
 def _difference(

@@ -121,6 +121,19 @@ class Because(Part):
     words: Annotated[str, Field(min_length=1, description="Why the run disagrees, in a sentence.")]
 
 
+class Numerical(Part):
+    """How far a signal of a run is off by the length of the engine's steps, from steps, half and quarter steps."""
+
+    unit: SiUnit
+    u_num: Annotated[
+        float,
+        Field(
+            ge=0, description="Standard uncertainty: half of the grid convergence index (Roache), of the worst sample."
+        ),
+    ]
+    order: Annotated[Number, Field(description="Observed; null where differences are no series, as rounding.")]
+
+
 class Run(WithPlay, Part):
     """One engine with one joint model, and the analytic model at the same crank angles (N)."""
 
@@ -170,6 +183,9 @@ class Run(WithPlay, Part):
         Mapping[str, Share],
         Field(description="Share of the time (static: of the angles) that each pin is without contact."),
     ]
+    numerical: Annotated[
+        Mapping[str, Numerical], Field(description="By signal, where that was asked for and the engine steps.")
+    ] = {}
     contact: Annotated[
         Contact | None, Field(description="What contact did, in driven runs in which a pin may leave its wall.")
     ] = None

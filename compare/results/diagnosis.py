@@ -12,6 +12,7 @@ from pydantic import BeforeValidator, Field, FiniteFloat, model_validator
 
 from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal, named, wrapped
+from compare.results.band import Band, Context, Metrics
 from compare.results.crosscheck import Simulator
 from compare.results.document import Amount, Document, Filled, Grid, Mechanism, Number, Part, Row, Series, Text, rows_of
 from sim_models.engine import SettingValue
@@ -134,6 +135,16 @@ class Effect(EffectPlace):
         return f"Effect({self.key}: {values})"
 
 
+class JointCovariance(Part):
+    """How well all parameters of a set are known together."""
+
+    names: Annotated[tuple[str, ...], Field(description="name@where.parameter of each parameter.")]
+    values: Annotated[
+        tuple[tuple[FiniteFloat | None, ...], ...],
+        Field(description="Covariance of each with each, SI; null where the data leave one open."),
+    ]
+
+
 class EffectSet(Part):
     """A set of effects that may be what is missing."""
 
@@ -142,16 +153,11 @@ class EffectSet(Part):
         Field(description="name@where; none where nothing is missing; rest: all sets that are not listed."),
     ]
     probability: Annotated[FiniteFloat, Field(ge=0, le=1.000001)]
-
-
-class JointCovariance(Part):
-    """How well all named parameters are known together."""
-
-    names: Annotated[tuple[str, ...], Field(description="name@where.parameter of each named parameter.")]
     values: Annotated[
-        tuple[tuple[FiniteFloat | None, ...], ...],
-        Field(description="Covariance of each with each, SI; null where the data leave one open."),
-    ]
+        Mapping[str, FiniteFloat] | None,
+        Field(description="name@where.parameter, SI; null where the set is not likely enough to be fitted."),
+    ] = None
+    covariance: Annotated[JointCovariance | None, Field(description="Of these values.")] = None
 
 
 class TriedEffect(EffectPlace):
@@ -310,6 +316,7 @@ class SensorRecord(Part):
     after: Annotated[Series, Field(min_length=1, description="Simulated with the explained mechanism.")]
     gap_before: Amount
     gap_after: Amount
+    metrics: Annotated[Metrics | None, Field(description="In the manner of ASME V&V 20; of validation runs.")] = None
 
     def residual(self, side: Side, wraps: bool) -> np.ndarray:
         """Measured minus simulated (N,); of what ``wraps`` modulo a turn, in [-pi, pi)."""
@@ -341,6 +348,10 @@ class DiagnosedRun(Part):
     ]
     signals: Annotated[Mapping[str, SensorRecord], Field(min_length=1)]
     role: Annotated[Role, Field(description="validation: never fitted, and no part of the gap or the verdict")] = "fit"
+    prediction: Annotated[
+        Mapping[str, Band],
+        Field(description="Of a validation run: what the model foretells of each sensor, with 95 %."),
+    ] = {}
 
     @model_validator(mode="after")
     def _whole(self) -> DiagnosedRun:
@@ -419,6 +430,9 @@ class Diagnosis(Document):
     ] = ()
     covariance: Annotated[
         JointCovariance | None, Field(description="Of all named parameters; null where nothing is named.")
+    ] = None
+    context: Annotated[
+        Context | None, Field(description="What it is wanted for, where measured.toml says so, and if it is enough.")
     ] = None
     assumed: Filled = ()
     complete: Annotated[bool, Field(description="false: the budget ended the search, and this is the best so far.")] = (

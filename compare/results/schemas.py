@@ -30,6 +30,7 @@ MODULES = (
     "residuals",
     "preview",
     "plan",
+    "prediction",
     "baselines",
     "sweep",
 )

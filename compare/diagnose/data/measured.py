@@ -29,6 +29,7 @@ from compare.diagnose.data.measured_file import Entry, Said, nominal, read_file,
 from compare.diagnose.data.quality import FLOOR, evened, gaps, noise, outliers, switched, unwrapped
 from compare.diagnose.data.recording import Channel, Drive, Fault, Measured, MeasuredError, MeasuredRun, same_numbers
 from compare.diagnose.data.thin import frozen, held, missed, picked
+from compare.diagnose.data.wanted import wanted
 from compare.progress import progress_bar
 from compare.recorded.alternatives import less, swapped
 from compare.recorded.errors import DataError
@@ -110,6 +111,7 @@ def recorded(
             each for entry, (run, _) in zip(file.runs, read, strict=True) for each in _assumed(entry, run, mechanism)
         ),
         file.prior,
+        wanted(called, file.context, mechanism),
     )
 
 

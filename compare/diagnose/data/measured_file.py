@@ -19,6 +19,7 @@ from analytic.mechanism.signals import SiUnit
 from analytic.mechanism.units import UnitError
 from analytic.mechanism.written import runs_in_si, sensors_in_si
 from compare.diagnose.data.recording import MeasuredError
+from compare.diagnose.data.wanted import ContextTable
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.recorded.table import LARGEST_READING
 
@@ -81,6 +82,7 @@ class Said(Layout):
     prior: Mapping[str, Annotated[float, Field(gt=0, lt=LARGEST_READING)]] = Field(default_factory=dict)
     sensors: Annotated[tuple[Sensor, ...], BeforeValidator(_as_tuple), Field(alias="sensor")] = ()
     runs: Annotated[tuple[Entry, ...], BeforeValidator(_as_tuple), Field(alias="run", min_length=1)]
+    context: ContextTable | None = None
 
 
 class MeasuredFile(Said):

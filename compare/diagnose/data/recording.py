@@ -126,6 +126,21 @@ class MeasuredRun:
         )
 
 
+@dataclass(frozen=True)
+class Wanted:
+    """A signal that is to be right within ``required`` (SI), at a ``speed`` (rad/s; None: the fastest measured).
+
+    ``calibration`` is the standard uncertainty (SI) that all readings of a sensor share, by signal (GUM, Type B).
+    """
+
+    signal: Signal
+    required: float
+    question: str = ""
+    consequence: str = ""
+    speed: float | None = None
+    calibration: Mapping[str, float] = field(default_factory=dict)
+
+
 @dataclass(frozen=True, repr=False)
 class Measured:
     """A nominal mechanism, the runs measured on it, what may be blamed at most (``tolerance``, by quantity, parameter
@@ -140,6 +155,7 @@ class Measured:
     source: str
     assumed: tuple[Assumed, ...] = ()
     prior: Mapping[str, float] = field(default_factory=dict)
+    context: Wanted | None = None
 
     @cached_property
     def sensors(self) -> frozenset[tuple[str, str]]:

@@ -18,6 +18,11 @@ VERDICT_WORDS = {
     "unjudged": "not judged",
     "failed": "failed",
 }
+NUMERICAL_MEANS = (
+    "what the length of the engine's steps may make of a difference, with 95 %, by the grid convergence index of steps,"
+    " half and quarter steps; order: by which it falls with the step, - where rounding is all there is. A difference"
+    " beyond its tolerance that is smaller than 2 u_num is not judged. At rest nothing steps"
+)
 VERDICT_SIGNS = {"agrees": "✓", "disagrees": "✗", "known": "≈", "unjudged": "?", "failed": "✗"}
 MODEL_WORDS = {
     "first_order": "first order (Eq. 8: ideal reaction directions)",

@@ -1,0 +1,42 @@
+"""The sets of effects that compete to be what is missing, each with its values and how well they are known together."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from compare.diagnose.fit import Fit, Fitter
+from compare.diagnose.intervals import Covariance, covariance
+from compare.diagnose.posterior.infer import Posterior
+
+LIKELY = 0.01  # probability below which a set is not told with its values: it moves a 95 % band by less than its own sd
+Keys = frozenset[tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class Competing:
+    """A set's values (SI) by ``effect@where.parameter``, and their covariance."""
+
+    values: Mapping[str, float]
+    covariance: Covariance = field(repr=False)
+
+
+def competing(found: Posterior) -> dict[Keys, Competing]:
+    """The likely sets that were fitted in full, by their effects; of one that was fitted in several forms the best."""
+    told: dict[Keys, Competing] = {}
+    for weighed in sorted(found.fitted, key=lambda w: -w.log):
+        if weighed.keys not in told and found.sets.get(weighed.keys, 0.0) >= LIKELY:
+            told[weighed.keys] = together(found.fitter, weighed.fit)
+    return told
+
+
+def together(fitter: Fitter, fit: Fit) -> Competing:
+    """The reported values of a fit's effects, and their covariance."""
+    values: dict[str, float] = {}
+    for i in fit.named():
+        term = fit.terms[i]
+        reported = term.effect.values(fitter.rig, term.where, fit.x[i], term.variant)
+        values |= {f"{term.label}.{name}": value for name, value in reported.items()}
+    return Competing(values, covariance(fitter, fit, np.ones(fit.residual.size)))

@@ -1,0 +1,297 @@
+"""Runs as a diagnosis foretells them: each sensor with a 95 % band (:mod:`compare.diagnose.mixture`)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from analytic.mechanism import Mechanism
+from analytic.mechanism.signals import Signal
+from compare.diagnose import prepare
+from compare.diagnose.data.recording import Measured, MeasuredRun
+from compare.diagnose.effects.effect import Effect
+from compare.diagnose.mixture import TAIL, Discrepancy, axes, below_it, growth, quantile
+from compare.diagnose.predict import Hypothesis, Model, Term
+from compare.results.band import Band
+from compare.results.diagnosis import Diagnosis, JointCovariance
+
+Readings = Mapping[str, np.ndarray]
+UNIFORM = math.sqrt(3)  # half a range over its standard deviation (GUM, 4.3.7)
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A set of effects that may be what is missing: its values, and by effect how these differ along each axis of what
+    the data leave open.
+    """
+
+    probability: float
+    values: Hypothesis
+    axes: Sequence[Mapping[str, Mapping[str, float]]] = ()
+
+    def moved(self, axis: Mapping[str, Mapping[str, float]], way: int) -> Hypothesis:
+        """Its values one standard deviation along an axis, or the other way."""
+        return [
+            (term, {name: v + way * axis.get(term.label, {}).get(name, 0.0) for name, v in values.items()})
+            for term, values in self.values
+        ]
+
+
+@dataclass(frozen=True)
+class Explained:
+    """A diagnosis as a model of runs that were not fitted."""
+
+    result: Diagnosis
+    mechanism: Mechanism
+    vocabulary: Mapping[str, Effect] = field(repr=False)
+
+    @cached_property
+    def _sets(self) -> list[tuple[float, Mapping[str, float], JointCovariance | None]]:
+        """Probability, values and covariance of each set that has values, the named one first."""
+        r = self.result
+        own = {f"{e.key}.{name}": p.value for e in r.effects for name, p in e.parameters.items()}
+        named = {e.key for e in r.effects}
+        others = [s for s in r.sets if s.values is not None and set(s.effects) != named]
+        share = next((s.probability for s in r.sets if set(s.effects) == named), None)
+        if share is None:  # it lost an effect of the likeliest set, and stands for it
+            share = max((s.probability for s in r.sets), default=1.0)
+            others = [s for s in others if s.probability < share]
+        return [(share, own, r.covariance), *((s.probability, s.values or {}, s.covariance) for s in others)]
+
+    @property
+    def left_aside(self) -> float:
+        """Probability of the sets that have no values."""
+        return max(0.0, 1.0 - sum(share for share, *_ in self._sets)) if self.result.sets else 0.0
+
+    def candidates(self, run: str, sensors: bool) -> list[Candidate]:
+        """The sets of effects for a run, with the faults of its ``sensors`` or without; their probabilities add up."""
+        total = sum(share for share, *_ in self._sets)
+        return [self._candidate(share / total, values, told, run, sensors) for share, values, told in self._sets]
+
+    def _candidate(
+        self, share: float, values: Mapping[str, float], told: JointCovariance | None, run: str, sensors: bool
+    ) -> Candidate:
+        names, v, c = for_run(values, told, run)
+        own = [_parted(name) for name in names]
+
+        def by_effect(numbers: np.ndarray) -> dict[str, dict[str, float]]:
+            found: dict[str, dict[str, float]] = {}
+            for (label, parameter), number in zip(own, numbers.tolist(), strict=True):
+                found.setdefault(label, {})[parameter] = number
+            return found
+
+        terms = [
+            Term(self.vocabulary[effect], where)
+            for effect, _, where in (label.partition("@") for label in dict.fromkeys(label for label, _ in own))
+            if effect in self.vocabulary and (sensors or not self.vocabulary[effect].sensor)
+        ]
+        at = by_effect(v)
+        return Candidate(share, [(t, at[t.label]) for t in terms], [by_effect(axis) for axis in axes(v, c)])
+
+    @cached_property
+    def left(self) -> Mapping[str, Discrepancy]:
+        """What stays unexplained of each sensor in the fitted runs."""
+        r = self.result
+        return {
+            s: Discrepancy.of([r.residual(run, s, "after") for run in r.fitted if s in run.signals])
+            for s in dict.fromkeys(s for run in r.fitted for s in run.signals)
+        }
+
+    @cached_property
+    def peaks(self) -> Mapping[str, float]:
+        """The largest value (SI) of each sensor in the fitted runs."""
+        found: dict[str, float] = {}
+        for run in self.result.fitted:
+            for s, channel in run.signals.items():
+                found[s] = max(found.get(s, 0.0), float(np.nanmax(np.abs(channel.measured), initial=0.0)))
+        return found
+
+    @cached_property
+    def speeds(self) -> Sequence[float]:
+        """How fast (rad/s, a size) the driven body goes in each fitted run that a motor drives, in the mean."""
+        driven = [run for run in self.result.fitted if run.drive != "free"]
+        return [_pace(run.time, run.crank_angle) for run in driven]
+
+    def discrepancy(self, signal: str, peak: float, speed: float) -> tuple[float, float]:
+        """What stays unexplained (SI, 1 sigma) of a signal with this peak in a run at a speed, and by how much it has
+        grown.  Of a signal that nobody measured it is the largest share of their peaks that others have.
+        """
+        known = self.left.get(signal)
+        if known is None:
+            shares = [d.size / self.peaks[s] for s, d in self.left.items() if self.peaks[s]]
+            factor = growth(speed, self.speeds, 0.0, 0.0)
+            return factor * max(shares, default=0.0) * peak, factor
+        signals = self.result.signals
+        wraps = signal in signals and signals[signal].wraps
+        factor = growth(speed, self.speeds, 0.0 if wraps else peak, self.peaks[signal])
+        return factor * known.size, factor
+
+
+def for_run(
+    values: Mapping[str, float], told: JointCovariance | None, run: str
+) -> tuple[list[str], np.ndarray, np.ndarray]:
+    """Names, values (n,) and covariance (n, n; NaN: open) for a run that was not fitted.
+
+    Values that differ from run to run (``offset@run``) are one of their kind there: their mean, with their own scatter.
+    """
+    if not values:
+        return [], np.zeros(0), np.zeros((0, 0))
+    names = list(values)
+    v, c = np.array([values[name] for name in names]), np.full((len(names), len(names)), math.nan)
+    if told is not None and set(names) <= set(told.names):
+        at = [told.names.index(name) for name in names]
+        c = np.array([[math.nan if (x := told.values[i][j]) is None else x for j in at] for i in at]).reshape(c.shape)
+    kinds: dict[str, list[int]] = {}
+    for i, name in enumerate(names):
+        label, parameter = _parted(name)
+        kinds.setdefault(f"{label}.{parameter.partition('@')[0]}" if "@" in parameter else name, []).append(i)
+    mean = np.array([[i in own for i in range(len(names))] for own in kinds.values()], float)
+    mean /= mean.sum(axis=1, keepdims=True)
+    together = mean @ np.where(np.isfinite(c), c, 0.0) @ mean.T
+    lost = ~np.isfinite(np.diag(c))
+    reduced = []
+    for k, own in enumerate(kinds.values()):
+        if lost[own].any():
+            together[k], together[:, k] = math.nan, math.nan
+        if "@" in _parted(names[own[0]])[1]:
+            scatter = float(np.var(v[own], ddof=1)) * (1 + 1 / len(own)) if len(own) > 1 else float(v[own[0]] ** 2)
+            together[k, k] = scatter
+        reduced.append(float(np.mean(v[own])))
+    return list(kinds), np.array(reduced), together
+
+
+def _parted(name: str) -> tuple[str, str]:
+    """``effect@where`` and the parameter, which may have a run behind it, of ``effect@where.parameter@run``."""
+    effect, _, rest = name.partition("@")
+    place, at, run = rest.partition("@")
+    where, _, parameter = place.rpartition(".")
+    return f"{effect}@{where}", f"{parameter}{at}{run}"
+
+
+def _pace(time: np.ndarray, angle: np.ndarray) -> float:
+    """Mean rate of what goes through places (N,) at times (N,) s."""
+    return float(np.mean(np.abs(np.diff(angle)) / np.diff(time))) if time.size > 1 else 0.0
+
+
+@dataclass(frozen=True)
+class Ahead:
+    """A run to be foretold: a model of it alone, and where a free one starts."""
+
+    model: Model
+    start: Hypothesis
+
+    @property
+    def run(self) -> MeasuredRun:
+        """The run."""
+        return self.model.measured.runs[0]
+
+    @property
+    def position(self) -> np.ndarray:
+        """Where the motor is (N,) rad or m, of several the first one; in a free run the driven body as it is let go."""
+        if self.run.drive == "free":
+            return np.full(self.run.time.size, self.model.starts(self.run, self.start)[0][0])
+        return np.atleast_2d(self.model.motor(self.run, self.model.mechanism).at(self.run.time).theta)[0]
+
+    @property
+    def speed(self) -> float:
+        """How fast (rad/s, a size) its driven body goes in the mean; 0 where it is let go."""
+        return 0.0 if self.run.drive == "free" else _pace(self.run.time, self.position)
+
+
+def runs_ahead(measured: Measured, mechanism: Mechanism) -> list[Ahead]:
+    """The runs of a measurement, each by itself.  Raises MeasuredError where the nominal mechanism cannot make one."""
+    courses, measured = prepare.followed(prepare.thinned(measured))
+    found = []
+    for run in measured.runs:
+        alone = replace(measured, runs=(run,))
+        rig, model = prepare.nominal(alone, mechanism, courses)
+        starts = prepare.starts(alone)
+        start = [(t, t.effect.values(rig, t.where, x)) for t, x in starts.items()]
+        if any(np.isfinite(channel.values).any() for channel in run.channels.values()):
+            alone = prepare.unturned(alone, model, starts)
+        found.append(Ahead(Model(alone, rig, mechanism, courses), start))
+    return found
+
+
+def foretold(
+    explained: Explained, ahead: Ahead, sensors: bool, simulated: Sequence[Readings] = ()
+) -> dict[str, Band] | None:
+    """The sensors of a run with their bands; None where the named set cannot make it.  ``simulated`` is what engines
+    make of it with the named set, the one that diagnosed first.
+    """
+    run, every = ahead.run, explained.candidates(ahead.run.name, sensors)
+    answers = [_answer(ahead, candidate) for candidate in every]
+    if answers[0] is None:
+        return None
+    told = [(c.probability, answer) for c, answer in zip(every, answers, strict=True) if answer is not None]
+    weights = np.array([share for share, _ in told]) / sum(share for share, _ in told)
+    return {
+        s: _band(explained, ahead, s, weights, [answer[s] for _, answer in told], [r[s] for r in simulated if s in r])
+        for s in run.channels
+    }
+
+
+def _answer(ahead: Ahead, candidate: Candidate) -> dict[str, tuple[np.ndarray, np.ndarray]] | None:
+    """By sensor what a set says (N,), and its variance (N,) by what the values leave open; None where it cannot be."""
+    asked = [candidate.values, *(candidate.moved(axis, way) for axis in candidate.axes for way in (1, -1))]
+    middle, *moved = (found[0] if found else None for found in ahead.model([[*ahead.start, *h] for h in asked]))
+    if middle is None:
+        return None
+    out = {}
+    for s, channel in ahead.run.channels.items():
+        variance = np.zeros(ahead.run.time.size)
+        for up, down in zip(moved[::2], moved[1::2], strict=True):
+            one, other = (up or middle)[s], (down or middle)[s]
+            half = channel.signal.apart(one, other) / (2.0 if up and down else 1.0)
+            variance += half**2
+        out[s] = middle[s], variance
+    return out
+
+
+def _band(
+    explained: Explained,
+    ahead: Ahead,
+    name: str,
+    weights: np.ndarray,
+    told: Sequence[tuple[np.ndarray, np.ndarray]],
+    simulated: Sequence[np.ndarray],
+) -> Band:
+    channel = ahead.run.channels[name]
+    signal: Signal = channel.signal
+    means, variances = (np.array(part) for part in zip(*told, strict=True))
+    means = means[0] + np.array([signal.apart(m, means[0]) for m in means])  # in one turn
+    engines = np.zeros(means.shape[1])
+    if simulated:
+        off = np.array([np.nan_to_num(signal.apart(each, means[0])) for each in simulated])
+        means = means + off[0]
+        engines = np.max(np.abs(np.vstack([off - off[0], off[:1]])), axis=0) / UNIFORM
+    middle = weights @ means
+    size, factor = explained.discrepancy(name, float(np.nanmax(np.abs(middle))), ahead.speed)
+    sds = np.sqrt(variances + engines**2 + size**2)
+    low, high = (quantile(share, weights, means, sds) for share in (TAIL, 1 - TAIL))
+    measured = means[0] + signal.apart(channel.values, means[0])
+    place = below_it(measured, weights, means, np.hypot(sds, channel.noise))
+    known = np.isfinite(measured) & np.isfinite(middle)
+    return Band(
+        unit=signal.unit,
+        value=middle,
+        low=low,
+        high=high,
+        sd={
+            "parameters": _rms(np.sqrt(weights @ variances)),
+            "sets": _rms(np.sqrt(weights @ (means - middle) ** 2)),
+            "engines": _rms(engines),
+            "discrepancy": size,
+        },
+        growth=factor,
+        covered=float(np.mean((place > TAIL)[known] & (place < 1 - TAIL)[known])) if known.any() else None,
+    )
+
+
+def _rms(values: np.ndarray) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if known.size else 0.0

@@ -1,0 +1,131 @@
+"""How far the explained model of a diagnosis can be trusted: its validation runs with bands and metrics, and whether it
+is enough for what it is wanted for.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy.stats import wasserstein_distance
+
+from analytic.mechanism import Mechanism
+from compare.diagnose.data.recording import Measured, MeasuredError, Wanted
+from compare.diagnose.effects.effect import Effect
+from compare.diagnose.foretold import Explained, foretold, runs_ahead
+from compare.diagnose.planned import planned
+from compare.diagnose.validation import Validation
+from compare.report.words.prediction import judgement
+from compare.results.band import Band, Context, Metrics
+from compare.results.diagnosis import DiagnosedRun, Diagnosis, SensorRecord
+
+COVERAGE = 2.0  # standard uncertainties, k of ASME V&V 20
+
+
+def warranted(
+    result: Diagnosis, mechanism: Mechanism, vocabulary: Mapping[str, Effect], others: Measured, validation: Validation
+) -> Diagnosis:
+    """A diagnosis with what its model foretells of the runs that were not fitted, and what that is worth; not of a rig
+    that rattles, of which averages alone are known.
+    """
+    if any(effect.evidence for effect in result.effects):
+        return result
+    explained = Explained(result, mechanism, vocabulary)
+    update: dict[str, object] = {}
+    if others.runs:
+        try:
+            ahead = {one.run.name: one for one in runs_ahead(others, mechanism)}
+        except MeasuredError:  # the nominal mechanism does not make one: what it is off by says so
+            ahead = {}
+        runs = []
+        for run in result.runs:
+            said = next((v.after.readings for v in validation.runs if v.run.name == run.name), None)
+            bands = foretold(explained, ahead[run.name], True, said or ()) if run.name in ahead else None
+            runs.append(_warranted(result, explained, run, bands, others.context))
+        update["runs"] = tuple(runs)
+    if others.context is not None:
+        update["context"] = judged_by(explained, others.context)
+    return result.model_copy(update=update)
+
+
+def _warranted(
+    result: Diagnosis, explained: Explained, run: DiagnosedRun, bands: Mapping[str, Band] | None, wanted: Wanted | None
+) -> DiagnosedRun:
+    if run.role == "fit" or bands is None:
+        return run
+    calibration = {} if wanted is None else wanted.calibration
+    signals = {}
+    for name, record in run.signals.items():
+        found = None
+        if name in bands:
+            error = -result.residual(run, name, "after")
+            found = metrics(record, error, bands[name], calibration.get(name, 0.0))
+        signals[name] = record.model_copy(update={"metrics": found})
+    return run.model_copy(update={"signals": signals, "prediction": dict(bands)})
+
+
+def metrics(record: SensorRecord, error: np.ndarray, band: Band, calibration: float) -> Metrics | None:
+    """Validation metrics of a sensor whose simulated less measured values are ``error`` (N,), SI; None of none.
+
+    u_num is the engine's difference from the analytic model, which has no steps, as half of a range (GUM, 4.3.7).
+    """
+    known = np.isfinite(error)
+    if not known.any():
+        return None
+    e = error[known]
+    u_num = band.sd["engines"]
+    u_input = math.hypot(band.sd["parameters"], band.sd["sets"])
+    u_d = math.hypot(record.noise, calibration)
+    u_val = math.sqrt(u_d**2 + u_num**2 + u_input**2)
+    shared = math.sqrt(record.noise**2 / e.size + calibration**2 + u_num**2 + u_input**2)
+    mean = float(np.mean(e))
+    simulated = record.measured[known] + e  # a turn more of an angle counts as none
+    return Metrics(
+        unit=record.unit,
+        error_mean=mean,
+        error_rms=float(np.sqrt(np.mean(e**2))),
+        u_d=u_d,
+        u_calibration=calibration,
+        u_num=u_num,
+        u_input=u_input,
+        u_val=u_val,
+        within=float(np.mean(np.abs(e) <= COVERAGE * u_val)),
+        model_error=(mean - COVERAGE * shared, mean + COVERAGE * shared),
+        area=float(wasserstein_distance(simulated, record.measured[known])),
+    )
+
+
+def judged_by(explained: Explained, wanted: Wanted) -> Context:
+    """Whether the band of what is wanted is narrow enough, at the speed that is asked for."""
+    r, signal = explained.result, wanted.signal
+    half: float | None = None
+    if r.mechanism.cranked and explained.speeds:
+        speed = wanted.speed if wanted.speed is not None else max(explained.speeds)
+        ahead = planned(r, explained.mechanism, speed, (signal.name,))
+        bands = foretold(explained, ahead, False) if ahead is not None else None
+        half = None if bands is None else half_width(bands[signal.name])
+    context = Context(
+        question=wanted.question,
+        quantity=signal.name,
+        unit=signal.unit,
+        required=wanted.required,
+        consequence=wanted.consequence,
+        speed=wanted.speed,
+        half_width=None,
+        enough=None,
+        says="-",
+    )
+    return judged(context, half, explained.speeds)
+
+
+def judged(context: Context, half: float | None, speeds: Sequence[float]) -> Context:
+    """What is wanted, judged by the half width of its band (SI; None: there is none)."""
+    enough = None if half is None else half <= context.required
+    found = context.model_copy(update={"half_width": half, "enough": enough})
+    return found.model_copy(update={"says": judgement(found, speeds)})
+
+
+def half_width(band: Band) -> float:
+    """The largest distance of a band's ends from its middle."""
+    return float(np.nanmax(np.maximum(band.high - band.value, band.value - band.low)))
