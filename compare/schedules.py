@@ -74,6 +74,13 @@ def _driven(assembly: Assembly, question: MovedQuestion, may_swing: bool) -> Sch
     return Schedule.released(m, FREE_TIME)
 
 
+def _rubs_freely(assembly: Assembly) -> bool:
+    """Whether a crank swings against dry friction, which the analytic model follows in a released crank alone."""
+    m = assembly.mechanism
+    swings = assembly.structure.by_crank and not m.motors
+    return swings and (any(joint.rubs for joint in m.joints) or any(load.opposes for load in m.loads))
+
+
 def crank_angles(assembly: Assembly, given: object) -> np.ndarray:
     """Crank angles (N,) rad as given, or those at which one looks at the linkage by default; it reaches all of them.
 
@@ -133,6 +140,8 @@ def over_time(
     elif course is not None:
         courses = of_file(Path(course), assembly)
         rows = next(iter(courses.values()))[0] if courses else np.zeros(0)
+    elif asked is not None and not at_rest and _rubs_freely(assembly):
+        return Schedule.released(assembly.mechanism, asked)
     else:
         return at_their_speeds(assembly, asked, at_rest)
     return Schedule.along(courses, times_within(courses, rows, asked), at_rest=at_rest)

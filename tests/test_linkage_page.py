@@ -336,6 +336,15 @@ GO = (
 )
 
 
+def _played(browser: Browser, pace: str) -> int:
+    """How far the linkage plays at a pace in 0.8 s, in samples."""
+    browser.run(f"({GO})(0)")
+    browser.run(f"document.querySelector('[data-pace]').value = '{pace}'")
+    press = "document.querySelector('[data-play]').click()"
+    browser.run(f"new Promise((done) => {{ {press}; setTimeout(() => {{ {press}; done() }}, 800) }})")
+    return int(browser.run("document.querySelector('[data-slider]').value"))
+
+
 @pytest.mark.slow
 @NEEDS_CHROMIUM
 def test_the_linkage_plays_stops_and_is_moved(browser: Browser, page: Path) -> None:
@@ -356,6 +365,10 @@ def test_the_linkage_plays_stops_and_is_moved(browser: Browser, page: Path) -> N
     every = browser.run(drawn)
     browser.run("document.querySelector('[data-show=forces]').click()")
     assert browser.run(drawn) == every - 4  # an arrow for each joint
+    browser.run("document.querySelector('[data-show=paths]').click()")
+    assert browser.run(drawn) < every - 4  # and no traces
+    slow, fast = (_played(browser, pace) for pace in ("0.25", "2"))
+    assert 0 <= slow < fast
 
 
 @pytest.mark.slow

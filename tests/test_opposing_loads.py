@@ -197,6 +197,20 @@ def test_a_released_wheel_is_braked_to_rest_and_held() -> None:
     assert motion.held.tolist() == (time > stop).tolist()
 
 
+@pytest.mark.parametrize("brake", ["load", "joint"])
+def test_what_swings_against_dry_friction_is_looked_at_at_times_that_are_given(brake: str) -> None:
+    """It was refused, as if it had several freedoms; let go with 5 rad/s it falls evenly to rest, as above."""
+    m = load("pendulum").replace(gravity=(0.0, 0.0), initial={"velocity_O": 5.0})
+    body = m.bodies[0]
+    slowing = 0.01 / (body.moment_of_inertia + body.mass * abs(body.centre) ** 2)
+    by_load = m.replace(loads=(Load(body="pendulum", torque=0.01, opposes=True),))
+    braked = by_load if brake == "load" else m.with_joint("O", friction_torque=0.01)
+    time = np.linspace(0.0, 8.0 / slowing, 32)
+    found, run = lc.analyse(braked, times=time), np.minimum(time, 5.0 / slowing)
+    turned = found["pendulum_angle"] - found["pendulum_angle"][0]
+    np.testing.assert_allclose(turned, 5.0 * run - slowing * run**2 / 2, atol=1e-7)
+
+
 def test_a_weight_that_a_brake_holds_leaves_it_what_it_needs() -> None:
     brake = Load(body="pendulum", torque=1.0, opposes=True)
     m = load("pendulum").replace(loads=(brake,))
