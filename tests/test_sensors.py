@@ -1,10 +1,9 @@
-"""Sensors of a mechanism file: what each reads, by closed forms, by differences of engines' positions and by MuJoCo's
-own sensors; that both sides have them, and what is refused.
+"""Sensors of a mechanism file: what each reads, by closed forms and by differences of engines' positions; that both
+sides have them, and what is refused.  MuJoCo's own sensors are in test_foreign_logs.py.
 """
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from analytic.mechanism.file import dumps, load, loads
 from analytic.mechanism.signals import named
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from diagnosis_rigs import assert_recovered, diagnosed, experiment, four_bar, played, wrong
-from foreign_logs import SLIDER_CRANK, SLIDER_CRANK_XML, mujoco_log
+from foreign_logs import SLIDER_CRANK
 from sim_models.engine import ENGINES
 from tests.evidence.scoreboard.rigs import Experiment
 
@@ -167,37 +166,6 @@ def test_every_engine_says_what_its_own_positions_make_sensors_read(name: str) -
     bend = heights @ np.array([2, -27, 270, -490, 270, -27, 2]) / 180 * (speed / h) ** 2
     assert run.simulated["velocity"][3] == pytest.approx(rate, abs=1e-4 * speed * 0.12)
     assert run.simulated["accelerometer"][3] == pytest.approx(bend + G, abs=1e-4 * speed**2 * 0.12)
-
-
-LOG_MAP = """
-[columns]
-time = { signal = "time", unit = "s" }
-qpos_motor = { signal = "crank_angle", unit = "rad" }
-qpos_rail = { signal = "slider_x", unit = "m", offset = 0.17 }
-a_slider_x = { signal = "slider_chip", unit = "m/s^2" }
-a_rod_y = { signal = "rod_chip", unit = "m/s^2" }
-w_rod_z = { signal = "rod_gyro", unit = "rad/s" }
-f_knee_x = { signal = "cell", unit = "N" }
-force_servo = { signal = "drive_torque", unit = "N.m" }
-"""
-
-
-@pytest.mark.mujoco
-@pytest.mark.parametrize("wrong", ["", "a_rod_y", "w_rod_z", "f_knee_x"])
-def test_a_log_of_mujocos_own_sensors_agrees_and_one_that_errs_does_not(tmp_path: Path, wrong: str) -> None:
-    """Joint coordinates, accelerometer, gyro, force sensor and servo of a model written by hand: within 0.1 % of each
-    peak; where one is a hundredth off, that one disagrees.
-    """
-    pytest.importorskip("mujoco")
-    (tmp_path / "map.toml").write_text(LOG_MAP, encoding="utf-8")
-    log = {name: values for name, values in mujoco_log(SLIDER_CRANK_XML, 20.0).items() if name in LOG_MAP}
-    log |= {wrong: 1.01 * log[wrong]} if wrong else {}
-    run = lc.check({"mujoco": log}, loads(SLIDER_CRANK), map=tmp_path / "map.toml").runs[0]
-    peaks = {each.signal: np.abs(run.analytic[each.signal]).max() for each in run.discrepancies}
-    off = {each.signal: abs(each.max) / peaks[each.signal] for each in run.discrepancies}
-    assert {"slider_chip", "rod_chip", "rod_gyro", "cell", "drive_torque", "slider_x"} == off.keys()
-    assert sum(share > 1e-3 for share in off.values()) == bool(wrong), off
-    assert run.verdict == ("disagrees" if wrong else "agrees")
 
 
 # ---------------------------------------------------------------- files
