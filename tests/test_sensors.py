@@ -168,6 +168,27 @@ def test_every_engine_says_what_its_own_positions_make_sensors_read(name: str) -
     assert run.simulated["accelerometer"][3] == pytest.approx(bend + G, abs=1e-4 * speed**2 * 0.12)
 
 
+@pytest.mark.exudyn
+def test_sensors_of_links_that_bend_are_read_of_the_bent_linkage() -> None:
+    pytest.importorskip("exudyn")
+    pull = [{"body": "coupler", "point": "com", "force": (0.0, -50.0)}]
+    m = with_sensors(
+        load("crank-rocker").replace(loads=pull, gravity=(0.0, -9.81)),
+        sensor("distance", "coupler", point="B", to="ground.D"),
+        sensor("strain", "follower", point=(0.05, 0.005)),
+        sensor("force", "follower", point="E"),
+        sensor("torque", "crank", point="D"),
+        sensor("accelerometer", "coupler"),
+    )
+    how = {"motion": "static", "joint_model": "ideal", "angles": np.radians([20.0, 110.0, 200.0])}
+    bent, stiff = (lc.crosscheck(m, simulator="exudyn", flexible=each, **how).runs[0] for each in (True, False))
+    judged = {each.signal: each.verdict for each in bent.discrepancies}
+    assert {judged[one.name] for one in m.sensors} == {"agrees"}
+    ours, theirs = (getattr(bent, s)["distance"] - getattr(stiff, s)["distance"] for s in ("analytic", "simulated"))
+    assert np.abs(theirs).max() > 1e-6
+    np.testing.assert_allclose(ours, theirs, atol=0.02 * np.abs(theirs).max())
+
+
 # ---------------------------------------------------------------- files
 
 
