@@ -4,6 +4,7 @@ sides have them, and what is refused.  MuJoCo's own sensors are in test_foreign_
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ import linkage_crosscheck as lc
 from analytic.mechanism import Mechanism, MechanismError
 from analytic.mechanism.file import dumps, load, loads
 from analytic.mechanism.signals import named
+from commands import compare
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from diagnosis_rigs import assert_recovered, diagnosed, experiment, four_bar, played, wrong
 from foreign_logs import SLIDER_CRANK
@@ -292,3 +294,19 @@ def test_a_chip_that_sits_elsewhere_is_the_one_that_the_file_puts_there() -> Non
         for one in m.sensors:
             np.testing.assert_allclose(found[one.name], wanted[one.name], atol=1e-12, err_msg=one.name)
         assert np.abs(found["accelerometer"] - lc.analyse(m).signals["accelerometer"]).max() > 0.01
+
+
+@pytest.mark.mujoco
+def test_a_baseline_keeps_sensors_to_their_own_digits(tmp_path: Path) -> None:
+    """A strain of 5e-5 has as many as a force; one that is 2 permille off has moved."""
+    pytest.importorskip("mujoco")
+    m = with_sensors(loads(ARM), sensor("strain", "arm", point=(0.1, 0.005)), sensor("force", "arm", point="O"))
+    (tmp_path / "arm.toml").write_text(dumps(m), encoding="utf-8")
+    asked = ["--case", "arm.toml", "--simulator", "mujoco", "--baselines", "kept"]
+    assert compare("baseline", "update", *asked, cwd=tmp_path).returncode == 0
+    assert compare("baseline", "check", *asked, cwd=tmp_path).returncode == 0
+    (tmp_path / "arm.toml").write_text(dumps(m.with_body("arm", youngs_modulus=1.996e11)), encoding="utf-8")
+    moved = compare("baseline", "check", *asked, cwd=tmp_path)
+    assert moved.returncode == 1
+    assert "strain moved by" in moved.stdout
+    assert "force moved" not in moved.stdout
