@@ -1,5 +1,5 @@
-"""Sensors of a mechanism file: what each reads, by closed forms, by differences of engines' positions and by MuJoCo's
-own sensors; that both sides have them, and what is refused.
+"""Sensors of a mechanism file: what each reads, by closed forms and by differences of engines' positions; that both
+sides have them, and what is refused.  MuJoCo's own sensors are in test_foreign_logs.py.
 """
 
 from __future__ import annotations
@@ -14,9 +14,10 @@ import linkage_crosscheck as lc
 from analytic.mechanism import Mechanism, MechanismError
 from analytic.mechanism.file import dumps, load, loads
 from analytic.mechanism.signals import named
+from commands import compare
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from diagnosis_rigs import assert_recovered, diagnosed, experiment, four_bar, played, wrong
-from foreign_logs import SLIDER_CRANK, SLIDER_CRANK_XML, mujoco_log
+from foreign_logs import SLIDER_CRANK
 from sim_models.engine import ENGINES
 from tests.evidence.scoreboard.rigs import Experiment
 
@@ -169,35 +170,25 @@ def test_every_engine_says_what_its_own_positions_make_sensors_read(name: str) -
     assert run.simulated["accelerometer"][3] == pytest.approx(bend + G, abs=1e-4 * speed**2 * 0.12)
 
 
-LOG_MAP = """
-[columns]
-time = { signal = "time", unit = "s" }
-qpos_motor = { signal = "crank_angle", unit = "rad" }
-qpos_rail = { signal = "slider_x", unit = "m", offset = 0.17 }
-a_slider_x = { signal = "slider_chip", unit = "m/s^2" }
-a_rod_y = { signal = "rod_chip", unit = "m/s^2" }
-w_rod_z = { signal = "rod_gyro", unit = "rad/s" }
-f_knee_x = { signal = "cell", unit = "N" }
-force_servo = { signal = "drive_torque", unit = "N.m" }
-"""
-
-
-@pytest.mark.mujoco
-@pytest.mark.parametrize("wrong", ["", "a_rod_y", "w_rod_z", "f_knee_x"])
-def test_a_log_of_mujocos_own_sensors_agrees_and_one_that_errs_does_not(tmp_path: Path, wrong: str) -> None:
-    """Joint coordinates, accelerometer, gyro, force sensor and servo of a model written by hand: within 0.1 % of each
-    peak; where one is a hundredth off, that one disagrees.
-    """
-    pytest.importorskip("mujoco")
-    (tmp_path / "map.toml").write_text(LOG_MAP, encoding="utf-8")
-    log = {name: values for name, values in mujoco_log(SLIDER_CRANK_XML, 20.0).items() if name in LOG_MAP}
-    log |= {wrong: 1.01 * log[wrong]} if wrong else {}
-    run = lc.check({"mujoco": log}, loads(SLIDER_CRANK), map=tmp_path / "map.toml").runs[0]
-    peaks = {each.signal: np.abs(run.analytic[each.signal]).max() for each in run.discrepancies}
-    off = {each.signal: abs(each.max) / peaks[each.signal] for each in run.discrepancies}
-    assert {"slider_chip", "rod_chip", "rod_gyro", "cell", "drive_torque", "slider_x"} == off.keys()
-    assert sum(share > 1e-3 for share in off.values()) == bool(wrong), off
-    assert run.verdict == ("disagrees" if wrong else "agrees")
+@pytest.mark.exudyn
+def test_sensors_of_links_that_bend_are_read_of_the_bent_linkage() -> None:
+    pytest.importorskip("exudyn")
+    pull = [{"body": "coupler", "point": "com", "force": (0.0, -50.0)}]
+    m = with_sensors(
+        load("crank-rocker").replace(loads=pull, gravity=(0.0, -9.81)),
+        sensor("distance", "coupler", point="B", to="ground.D"),
+        sensor("strain", "follower", point=(0.05, 0.005)),
+        sensor("force", "follower", point="E"),
+        sensor("torque", "crank", point="D"),
+        sensor("accelerometer", "coupler"),
+    )
+    how = {"motion": "static", "joint_model": "ideal", "angles": np.radians([20.0, 110.0, 200.0])}
+    bent, stiff = (lc.crosscheck(m, simulator="exudyn", flexible=each, **how).runs[0] for each in (True, False))
+    judged = {each.signal: each.verdict for each in bent.discrepancies}
+    assert {judged[one.name] for one in m.sensors} == {"agrees"}
+    ours, theirs = (getattr(bent, s)["distance"] - getattr(stiff, s)["distance"] for s in ("analytic", "simulated"))
+    assert np.abs(theirs).max() > 1e-6
+    np.testing.assert_allclose(ours, theirs, atol=0.02 * np.abs(theirs).max())
 
 
 # ---------------------------------------------------------------- files
@@ -303,3 +294,19 @@ def test_a_chip_that_sits_elsewhere_is_the_one_that_the_file_puts_there() -> Non
         for one in m.sensors:
             np.testing.assert_allclose(found[one.name], wanted[one.name], atol=1e-12, err_msg=one.name)
         assert np.abs(found["accelerometer"] - lc.analyse(m).signals["accelerometer"]).max() > 0.01
+
+
+@pytest.mark.mujoco
+def test_a_baseline_keeps_sensors_to_their_own_digits(tmp_path: Path) -> None:
+    """A strain of 5e-5 has as many as a force; one that is 2 permille off has moved."""
+    pytest.importorskip("mujoco")
+    m = with_sensors(loads(ARM), sensor("strain", "arm", point=(0.1, 0.005)), sensor("force", "arm", point="O"))
+    (tmp_path / "arm.toml").write_text(dumps(m), encoding="utf-8")
+    asked = ["--case", "arm.toml", "--simulator", "mujoco", "--baselines", "kept"]
+    assert compare("baseline", "update", *asked, cwd=tmp_path).returncode == 0
+    assert compare("baseline", "check", *asked, cwd=tmp_path).returncode == 0
+    (tmp_path / "arm.toml").write_text(dumps(m.with_body("arm", youngs_modulus=1.996e11)), encoding="utf-8")
+    moved = compare("baseline", "check", *asked, cwd=tmp_path)
+    assert moved.returncode == 1
+    assert "strain moved by" in moved.stdout
+    assert "force moved" not in moved.stdout

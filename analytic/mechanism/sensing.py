@@ -36,6 +36,14 @@ def with_sensors(m: Mechanism, signals: Columns, *, still: bool = False) -> dict
     return found
 
 
+def read_again(m: Mechanism, signals: Columns, *, still: bool = False) -> dict[str, np.ndarray]:
+    """Signals (N,) that have changed, with those sensors read again that are among them."""
+    there = {sensor.name for sensor in m.sensors} & signals.keys()
+    bare = {name: values for name, values in signals.items() if name not in there}
+    again = with_sensors(m, bare, still=still)
+    return {**signals, **bare, **{name: again[name] for name in there if name in again}}
+
+
 @dataclass(frozen=True)
 class _Seen:
     """A linkage by its signals.  Each method raises KeyError where they do not say what it asks."""

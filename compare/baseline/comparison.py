@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from compare.baseline.file import PLACE_COLUMNS, RATE_UNITS, UNDIRECTED, MovedLimits, StoredRun, inline
+from compare.baseline.file import PLACE_COLUMNS, UNDIRECTED, MovedLimits, StoredRun, by_itself, inline
 from compare.results.baselines import Moved
 
 SAME_ROW = 1e-6  # deg, s
@@ -86,7 +86,7 @@ def _turned_up_or_lost(old: np.ndarray, new: np.ndarray, size: np.ndarray) -> np
 def _allowed(signal: str, unit: str, values: np.ndarray, largest: float, tolerance: MovedLimits) -> float:
     if unit == "deg":
         return tolerance.angle
-    if unit in RATE_UNITS:
+    if by_itself(f"{signal} [{unit}]"):
         return tolerance.magnitude * float(np.abs(values).max())
     if signal.endswith("_magnitude"):
         return tolerance.magnitude * max(float(values.max()), WEAK_JOINT * largest)

@@ -19,7 +19,8 @@ from analytic.mechanism.reading import ReadingError, parse_toml, read_text, read
 from compare.faults import OptionError
 
 PLACE_COLUMNS = ("crank_angle [deg]", "time [s]")
-RATE_UNITS = ("m/s", "m/s^2", "rad/s", "rad/s^2", "W")  # of signals on request
+# all other columns are places, and signals on request and sensors, which are judged each by itself
+_OF_PINS = re.compile(r"reaction_.*_(angle \[deg\]|(magnitude|rms|peak) \[N\])|free_share_.* \[1\]")
 UNDIRECTED = 0.02  # of a joint's peak force, below which its direction is left open (nan)
 
 
@@ -206,14 +207,19 @@ def _rows(run: StoredRun) -> list[str]:
     ]
 
 
+def by_itself(column: str) -> bool:
+    """Whether a column is of a signal beside the reactions, whose own size is its scale."""
+    return column not in PLACE_COLUMNS and not _OF_PINS.fullmatch(column)
+
+
 def _decimals(run: StoredRun) -> list[int]:
     """Digits after the point, by column: 1e-4 deg, and the sixth digit of the run's largest force, or of what else the
     column has.
     """
     forces = [j for j, name in enumerate(run.columns) if name.endswith("[N]")]
     largest = dict.fromkeys(forces, float(np.max(run.rows[:, forces], initial=0.0)))
-    rates = [j for j, name in enumerate(run.columns) if name.endswith(tuple(f"[{unit}]" for unit in RATE_UNITS))]
-    largest |= {j: float(np.max(np.abs(run.rows[:, j]))) for j in rates}
+    alone = [j for j, name in enumerate(run.columns) if by_itself(name)]
+    largest |= {j: float(np.max(np.abs(run.rows[:, j]))) for j in alone}
     return [max(0, 5 - math.floor(math.log10(largest[j]))) if largest.get(j) else 4 for j in range(len(run.columns))]
 
 

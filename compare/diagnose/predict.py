@@ -23,7 +23,7 @@ from analytic.kinematics.reach import turns_fully
 from analytic.kinematics.schedule import Steady, Turning
 from analytic.kinematics.structure import StructureError
 from analytic.mechanism import Mechanism
-from analytic.mechanism.sensing import with_sensors
+from analytic.mechanism.sensing import read_again, with_sensors
 from analytic.paper.clearance import Displaced, displaced
 from analytic.paper.compliance import compliance
 from analytic.paper.frame import ComplianceError
@@ -556,7 +556,7 @@ def derived(
         ideal = kinetostatics(kinematics(assembly, crank.theta, crank.omega, crank.alpha, path=near, time=time))
         signals = _signals(mechanism, ideal, rates)
     if mechanism.bends:
-        signals = superposed(signals, compliance(ideal.motion, inertia=True))
+        signals = read_again(mechanism, superposed(signals, compliance(ideal.motion, inertia=True)))
     return with_derived(signals, mechanism)
 
 

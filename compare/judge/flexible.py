@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from analytic.mechanism import Mechanism
+from analytic.mechanism import Mechanism, Sensor
 from analytic.mechanism.signals import AXES, Signal, driving
 from compare.judge.discrepancy import Rule
 from compare.judge.reference import Reference
@@ -73,7 +73,7 @@ def softened(
     shortest = min(length for body in mechanism.bodies if (length := body.length) > 0)
     moved = side.elastic + sum(clearances.values())
     force, place = 2 * side.elastic / shortest, 2 * moved / shortest  # rad
-    widened = {}
+    widened, sits = {}, {s.name: s.joint for s in mechanism.sensors if s.kind in ("force", "torque")}
     for name, rule in rules.items():
         if rule.kind == "angle":
             widened[name] = replace(rule, absolute=rule.absolute + force)
@@ -81,7 +81,11 @@ def softened(
             widened[name] = replace(rule, absolute=rule.absolute + place**2)
         elif rule.kind in ("torque", "force"):
             lever = shortest if rule.kind == "torque" else 1.0
-            least = force * _carried(side, rule.signal.place or mechanism.drive_joint.name) * lever
+            joint = sits.get(name) or rule.signal.place or mechanism.drive_joint.name
+            least = force * _carried(side, joint) * lever
+            widened[name] = replace(rule, absolute=max(rule.absolute, least), relative=rule.relative + force)
+        elif rule.kind == "strain":
+            least = force * _bending(side, next(s for s in mechanism.sensors if s.name == name), mechanism)
             widened[name] = replace(rule, absolute=max(rule.absolute, least), relative=rule.relative + force)
         elif rule.kind == "rotation":
             widened[name] = replace(rule, absolute=rule.absolute + place**2, relative=rule.relative + place)
@@ -91,7 +95,16 @@ def softened(
     of_drive = rules[driving(mechanism.motors)[0].name]
     of_place = replace(of_drive, absolute=rounding, relative=OF_DISPLACEMENT + place, clearance=moved, window=0.0)
     places = [Signal("pose", body.name, axis) for body in mechanism.bodies for axis in AXES]
+    places += [rule.signal for rule in rules.values() if rule.signal.kind == "sensor" and rule.kind == "place"]
     return widened | {signal.name: replace(of_place, signal=signal) for signal in places}
+
+
+def _bending(side: Reference, gauge: Sensor, mechanism: Mechanism) -> float:
+    """The strain on the face of a gauge's bar that its joints' largest force gives by all its length."""
+    body = mechanism.moving[gauge.body]
+    force = max(_carried(side, joint.name) for joint in mechanism.joints if body.name in joint.bodies)
+    height, depth = body.section
+    return force * body.length * 6 / (depth * height**2 * (gauge.modulus(body) or np.inf))
 
 
 def _carried(side: Reference, joint: str) -> float:

@@ -17,7 +17,7 @@ from analytic.kinematics.reach import usual_angles
 from analytic.kinematics.schedule import Schedule, Turning
 from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import count, one_line
-from analytic.mechanism.sensing import with_sensors
+from analytic.mechanism.sensing import read_again, with_sensors
 from analytic.mechanism.signals import Signal, driving, named, position, wrapped
 from analytic.paper.clearance import Displaced, Model, displaced
 from analytic.paper.compliance import compliance
@@ -341,7 +341,7 @@ def with_flexible_links(side: Reference, assembly: Assembly, schedule: Schedule)
     peaks = {name: peak for name, peak in side.peaks.items() if known[name].kind in ("reaction", "drive")}
     return replace(
         side,
-        signals=with_derived(superposed(side.signals, elastic), m),
+        signals=with_derived(read_again(m, superposed(side.signals, elastic), still=True), m),
         peaks=peaks,
         elastic=max(float(np.abs(elastic.displacement(*place)).max()) for place in elastic.motions),
         cautions=(*side.cautions, f"{NEAR_SINGULAR} {worst:.3g}") if worst > ILL_CONDITIONED else side.cautions,
