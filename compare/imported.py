@@ -13,8 +13,8 @@ from sim_models.engine import SimulatorMissing, broken
 
 @answers(ImportQuestion)
 def import_mjcf(question: ImportQuestion) -> Imported:
-    """Read an MJCF file (MuJoCo's) as a planar linkage: its mechanism, and in notes what of the file is left out, taken
-    on or assumed.
+    """Read an MJCF file (MuJoCo's), or a URDF file, as a planar linkage: its mechanism, in notes what of the file is
+    left out, taken on or assumed, and how signals relate to the file's coordinates, actuators and sensors.
 
     Raises MjcfError with file, place, value and remedy, ArgumentError, or SimulatorMissing where MuJoCo, which reads
     the file, is not installed.

@@ -18,7 +18,7 @@ class Target(Question):
 
 @command(ImportQuestion, Target, Overwrite, Shown)
 def import_(line: CommandLine) -> None:
-    """Read a MuJoCo model (MJCF) of a planar linkage, and write it as a mechanism file.
+    """Read a MuJoCo model (MJCF) of a planar linkage, or a URDF file, and write it as a mechanism file.
 
     Bodies, hinges, slides, loops closed by connect or weld, inertia, and what drives it are read; what MJCF has no word
     for, or a mechanism file none, is said in notes or refused.

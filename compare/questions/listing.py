@@ -61,7 +61,7 @@ class NewQuestion(Question):
 class ImportQuestion(Question):
     """Which model file is to be read."""
 
-    file: Annotated[AnyPath, Option("MJCF file of a planar linkage.", File("FILE"), positional=True)]
+    file: Annotated[AnyPath, Option("MJCF or URDF file of a planar linkage.", File("FILE"), positional=True)]
 
 
 class ApplyQuestion(Question):

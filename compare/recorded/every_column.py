@@ -47,7 +47,10 @@ def _of_columns(name: str, data: ColumnsByHeading) -> Everything:
     row.
     """
     every = max(1, math.ceil(sum(data.sizes.values()) / CELLS)) if isinstance(data, Part) else 1
-    read = {heading: values[::every] if isinstance(values, np.ndarray) else values for heading, values in data.items()}
+    read = {
+        heading: values[::every].copy() if isinstance(values, np.ndarray) else values
+        for heading, values in data.items()
+    }
     sizes = {heading: values.size for heading, values in read.items() if isinstance(values, np.ndarray)}
     rows = next((n for heading, n in sizes.items() if clocklike(heading)), max(sizes.values(), default=0))
     numbers = {h: v for h, v in read.items() if isinstance(v, np.ndarray) and v.size == rows}

@@ -35,7 +35,7 @@ class Imported(Document):
     @property
     def text(self) -> str:
         """The mechanism file: TOML, with the notes as comments at its head."""
-        said = "".join(f"# {line}\n" for line in (f"{self.case}, from the MJCF file {self.source}", *self.notes))
+        said = "".join(f"# {line}\n" for line in (f"{self.case}, from the model file {self.source}", *self.notes))
         return f"{_printable(said)}{dumps(self.mechanism)}"
 
     def rows(self) -> list[Row]:

@@ -24,6 +24,7 @@ from sim_models.mjcf.errors import MjcfError
 from sim_models.mjcf.imported import of_planar
 from sim_models.mjcf.parts import PlanarPin
 from sim_models.mjcf.planar import CONNECT, LOOP_CLOSED, SITE, Planar, positioned, read
+from sim_models.mjcf.urdf import is_urdf
 from sim_models.mjcf.xml_text import XmlText
 from sim_models.mujoco.engine import no_log_file
 
@@ -50,6 +51,8 @@ class AppliedFile:
 
 def applied(mechanism: Mechanism, model: Path) -> AppliedFile:
     """A MuJoCo model with the numbers of a mechanism that was imported from it.  Raises MjcfError."""
+    if is_urdf(model):
+        raise MjcfError(f"{model}: is URDF, into which nothing is written back; give an MJCF file of the linkage")
     with no_log_file():
         planar = read(model)
         base = of_planar(planar).mechanism

@@ -12,6 +12,7 @@ from analytic.mechanism.parts import LARGEST_NUMBER
 from sim_models.mjcf.errors import MjcfError
 from sim_models.mjcf.plane import actuator_words, joint_words
 from sim_models.mjcf.scan import MEMORY, scan
+from sim_models.mjcf.urdf import is_urdf, spec_of
 
 COMPILED_FIELDS = (
     "body_pos", "body_ipos", "body_mass", "body_inertia", "jnt_pos", "jnt_axis", "jnt_stiffness", "dof_damping",
@@ -28,12 +29,14 @@ def compiled(path: Path, notes: list[str]) -> mujoco.MjModel:
     """MuJoCo's model of a file; what it warns of is added to the ``notes``.  Raises MjcfError with what MuJoCo says, in
     one sentence.
     """
-    real = scan(path)
     try:
         with warnings.catch_warnings(record=True) as warned:
             warnings.simplefilter("always")
-            model = mujoco.MjSpec.from_file(str(real)).compile()
+            spec = spec_of(path, notes) if is_urdf(path) else mujoco.MjSpec.from_file(str(scan(path)))
+            model = spec.compile()
         notes += dict.fromkeys(f"MuJoCo warns: {' '.join(str(each.message).split())}" for each in warned)
+    except MjcfError:
+        raise
     except (ValueError, TypeError, RuntimeError, mujoco.FatalError, MemoryError) as error:
         said = " ".join(str(error).split())[:QUOTED_FROM_MUJOCO].rstrip(".")
         raise MjcfError(f"{path}: MuJoCo cannot compile it ({said}); correct it so that MuJoCo loads it") from None
