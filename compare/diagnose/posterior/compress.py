@@ -14,7 +14,7 @@ import numpy as np
 
 from compare.diagnose.fit import Fit, Fitter
 from compare.diagnose.posterior.nameless import Nameless
-from compare.diagnose.posterior.prior import SLIGHT, WIDTH_ODDS, Prior
+from compare.diagnose.posterior.prior import WIDTH_ODDS, Prior
 from compare.diagnose.predict import Term
 from compare.diagnose.sensitivities import Sensitivity
 
@@ -86,7 +86,7 @@ class Compressed:
             size, odds, positive = prior.size(term), prior.log_odds(term), prior.positive(term)
             self._add(term.key, term, columns, size, odds, positive, offset, fitted=True)
             kept = term.effect.sized
-            slight += [columns[:, :kept] * prior.slight(term)[:kept]] if term.effect.name in SLIGHT else []
+            slight += [columns[:, :kept] * prior.slight(term)[:kept]] if prior.is_slight(term) else []
         for term, sensitivity in found.items():
             if term not in own:
                 slight += self._added(term, sensitivity)
@@ -151,7 +151,7 @@ class Compressed:
         amounts = effect.amounts(*place, prior.size(term), term.variant)
         positive = effect.never_negative(*place, prior.bounds(term)[0], term.variant)
         self._add(term.key, term, columns, amounts, prior.log_odds(term), positive, sensitivity.offset)
-        if effect.name not in SLIGHT:
+        if not prior.is_slight(term):
             return []
         slight = effect.amounts(*place, prior.slight(term), term.variant)[: effect.sized]
         return [columns[:, : effect.sized] * slight]

@@ -163,6 +163,11 @@ class Prior:
         """Log odds of each width, of which none is beyond what a term's bounds allow."""
         return np.where(WIDTHS[:, None] * self.size(term) <= self._most(term), WIDTH_ODDS[:, None], -np.inf).min(axis=1)
 
+    @staticmethod
+    def is_slight(term: Term) -> bool:
+        """Whether careful work leaves a little of it on every rig; of what may differ from run to run, one value."""
+        return term.effect.name in SLIGHT and not in_each_run(term.effect, term.variant)
+
     def slight(self, term: Term) -> np.ndarray:
         """Sizes (n,) that careful work leaves of an effect on every rig."""
         scales = np.asarray(term.effect.scales(self.rig, term.where, term.variant), float)
