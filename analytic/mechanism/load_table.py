@@ -33,9 +33,9 @@ def with_tables(
     if folder is None:
         raise ReadingError(f"{where} is a file, which mechanisms that are no files themselves have not; give its pairs")
     if unit is None or not isinstance(over, str):
+        is_read = "needs over" if over is None else f"is read over {over!r}"
         raise ReadingError(
-            f"{where} is read over {over!r}; give over = crank_angle, <body>_angle, <body>_x, <body>_y or"
-            " position_<slide>"
+            f"{where} {is_read}; give over = crank_angle, <body>_angle, <body>_x, <body>_y, position_<slide> or time"
         )
     given = [name for name in ("force", "torque", "from", "to") if name in load]
     if given:
