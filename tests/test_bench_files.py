@@ -24,6 +24,7 @@ from bench_files import WRITERS, Columns, add_imu, add_joint_states, hdf5, mcap,
 from commands import compare
 from compare.recorded.errors import DataError
 from compare.recorded.table import Table, read_parts, read_table
+from marks import slow_but
 
 ROWS = 40
 CRANK_ROCKER, FIVE_BAR = load("crank-rocker"), load("five-bar")
@@ -184,7 +185,7 @@ def a_turn() -> dict[str, np.ndarray]:
     return {"time [s]": angle / CRANK_ROCKER.speed, "crank_angle [rad]": angle, "follower_angle [rad]": follower}
 
 
-@pytest.mark.parametrize("kind", SUFFIXES)
+@pytest.mark.parametrize("kind", slow_but(("h5", "mcap"), SUFFIXES))
 def test_check_and_init_take_a_file_of_this_kind(tmp_path: Path, kind: str) -> None:
     case = "five-bar" if kind == "mcap" else "crank-rocker"
     write(tmp_path / f"run.{kind}", JOINTS if kind == "mcap" else a_turn())
@@ -199,7 +200,7 @@ def test_check_and_init_take_a_file_of_this_kind(tmp_path: Path, kind: str) -> N
 
 
 def test_only_what_is_wanted_is_read(tmp_path: Path) -> None:
-    """Of 8 MB of numbers 0.24 MB are wanted, of which a few copies are made."""
+    """Of 4 MB of numbers 0.24 MB are wanted, of which a few copies are made."""
     import h5py
 
     rows, path = 10_000, tmp_path / "log.h5"
@@ -207,13 +208,13 @@ def test_only_what_is_wanted_is_read(tmp_path: Path) -> None:
     with h5py.File(path, "w") as file:
         for heading, values in (("time [s]", time), ("crank_angle [rad]", time), ("follower_x [m]", np.sin(time))):
             file[f"run/{heading}"] = values
-        for k in range(97):
+        for k in range(47):
             file[f"run/noise {k}"] = time
     tracemalloc.start()
     read_table(path, CRANK_ROCKER)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert peak < 4e6
+    assert peak < 2.5e6
 
 
 def test_a_file_of_too_many_numbers_is_refused_before_it_is_read(tmp_path: Path) -> None:
@@ -286,6 +287,10 @@ def test_a_damaged_file_is_a_sentence(tmp_path: Path, kind: str, damage: str) ->
     path = write(tmp_path / f"run.{kind}", JOINTS if kind == "mcap" else COLUMNS)
     path.write_bytes(DAMAGED[damage](path.read_bytes()))
     check_refused(path, f"run.{kind}: ", FIVE_BAR if kind == "mcap" else CRANK_ROCKER)
+    if kind == "mf4":  # asammdf leaves files of its own open where it fails
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ResourceWarning)
+            gc.collect()
 
 
 @pytest.mark.parametrize("wrong", WRONG)
@@ -304,11 +309,6 @@ def check_refused(path: Path, words: str, mechanism: lc.Mechanism = CRANK_ROCKER
     assert len(refused.value.faults) == 1
     assert "\n" not in str(refused.value)
     assert len(str(refused.value)) < 500
-    del refused
-    if path.suffix == ".mf4":  # asammdf leaves files of its own open where it fails
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ResourceWarning)
-            gc.collect()
 
 
 @pytest.mark.parametrize("kind", ["tdms", "h5", "mat"])

@@ -14,6 +14,7 @@ import pytest
 import linkage_crosscheck as lc
 from analytic.mechanism.columns import Layout, read_map
 from commands import compare
+from marks import slow
 
 pytestmark = pytest.mark.mujoco
 STEP, EVERY, DURATION = 2e-5, 50, 0.6  # s, steps between samples, s
@@ -94,7 +95,7 @@ def logged(xml: str, turns: float) -> dict[str, np.ndarray]:
     return {heading: np.array([row[heading] for row in rows]) for heading in rows[0]}
 
 
-@pytest.mark.parametrize(("name", "xml", "turns"), [("sc", SLIDER_CRANK, 0.5), ("fb", FOUR_BAR, 1.0)])
+@pytest.mark.parametrize(("name", "xml", "turns"), [*slow(("sc", SLIDER_CRANK, 0.5)), ("fb", FOUR_BAR, 1.0)])
 def test_a_log_of_mujoco_agrees_through_the_map_of_an_import(tmp_path: Path, name: str, xml: str, turns: float) -> None:
     (tmp_path / f"{name}.xml").write_text(xml)
     done = compare("import", f"{name}.xml", "--out", f"{name}.toml", cwd=tmp_path)
@@ -137,7 +138,7 @@ def test_relations_are_said_as_equations(tmp_path: Path) -> None:
         assert said in relations
 
 
-@pytest.mark.parametrize("case", ["five-bar", "slider-crank"])
+@pytest.mark.parametrize("case", [*slow("five-bar"), "slider-crank"])
 def test_an_export_says_what_the_coordinates_of_its_model_are(tmp_path: Path, case: str) -> None:
     """By its map the keyframe of the model is a pose of the linkage."""
     mechanism = lc.load(case)
@@ -163,6 +164,7 @@ def test_an_export_says_what_the_coordinates_of_its_model_are(tmp_path: Path, ca
         assert math.remainder(apart, math.tau) == pytest.approx(0.0, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_a_force_sensor_says_a_reaction_in_the_frame_of_its_body(tmp_path: Path) -> None:
     """Turned by the body's angle, which the log has too, it is the reaction in the ground's frame.  The sensor's axes
     are those of its body turned by a quarter.

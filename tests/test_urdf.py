@@ -83,6 +83,7 @@ def test_a_four_bar_of_onshape_to_robot_is_the_linkage(tmp_path: Path) -> None:
         assert any(note.startswith(said) for note in found.notes), said
 
 
+@pytest.mark.slow
 def test_a_run_of_a_urdf_file_agrees(tmp_path: Path) -> None:
     path = written(tmp_path, FOUR_BAR)
     m = lc.import_mjcf(path).mechanism

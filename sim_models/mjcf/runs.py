@@ -176,6 +176,7 @@ class TheirRun(EngineRun):
         check_steps(self.who, float(times[-1]), self.timestep, remedy=remedy)
         mujoco.mj_resetData(m, d)
         d.qpos[:], d.qvel[:] = q, v
+        steering.touched = lambda step: self.touch(self.when(step))
         steering.start()
         d.qvel[:] -= self.lag * d.qacc
         d.qvel[dofs] = steering.at(np.zeros(1), 1, -self.lag)[0]
@@ -187,7 +188,7 @@ class TheirRun(EngineRun):
             now = k
             steering.look(k)
             self.check(k * self.timestep)
-            self.note(f"at {self.began + k * self.timestep:.4g} s")
+            self.note(self.when(k))
             velocity = d.qvel + self.lag * d.qacc  # of the instant of the positions
             velocity[dofs] = steering.at(np.array([float(k)]), 1)[0]
             rows[k] = self.link.signals(velocity) | self.link.rates(velocity)
@@ -208,8 +209,20 @@ class TheirRun(EngineRun):
         if parted > PARTED * self.planar.size:
             raise SimulationError(f"{when} a loop is open by {parted:.3g} m", Cause.CAME_APART, own)
 
+    def when(self, step: int) -> str:
+        """When a step is, in words."""
+        time = self.began + step * self.timestep
+        return f"at {time:.4g} s" if time >= self.path.begin else "before its first report"
+
     def note(self, when: str) -> None:
-        """Note how many contacts and limits act, which geoms touch and how hard (N), and how far (m) loops are open."""
+        """Note how many contacts and limits act, and how far (m) loops are open."""
+        self.touch(when)
+        self.most_contacts = max(self.most_contacts, int(self.data.ncon))
+        self.most_limits = max(self.most_limits, int(np.isin(self.data.efc_type, LIMIT_ROWS).sum()))
+        self.open = max(self.open, self.link.parted())
+
+    def touch(self, when: str) -> None:
+        """Note which geoms touch and how hard (N)."""
         force = np.zeros(6)
         for i in range(self.data.ncon):
             contact = self.data.contact[i]
@@ -219,9 +232,6 @@ class TheirRun(EngineRun):
             pair = int(contact.geom[0]), int(contact.geom[1])
             before = self.touching.get(pair, Touch(when, 0.0))
             self.touching[pair] = replace(before, force=max(before.force, float(np.linalg.norm(force[:3]))))
-        self.most_contacts = max(self.most_contacts, int(self.data.ncon))
-        self.most_limits = max(self.most_limits, int(np.isin(self.data.efc_type, LIMIT_ROWS).sum()))
-        self.open = max(self.open, self.link.parted())
 
     def geom(self, number: int) -> str:
         """What a message calls a geom."""

@@ -4,7 +4,7 @@ linkage does to them, and are put on their courses after each step.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import mujoco
 import numpy as np
@@ -30,6 +30,7 @@ class ModelSteering:
         self.zeros = np.array([one.zero for one in link.held])
         self.armature = link.armature[link.dofs]
         self.effort = self.felt = np.zeros(len(link.held))
+        self.touched: Callable[[int], None] = lambda step: None  # told of each step in which geoms are near
 
     def at(self, steps: np.ndarray, order: int = 0, later: float = 0.0) -> np.ndarray:
         """Coordinates (N, motors) so many steps (N,), and ``later`` (s), after the begin; or their derivatives."""
@@ -62,16 +63,21 @@ class ModelSteering:
         """Take the steps from one number to another."""
         m, d, dofs = self.link.model, self.link.data, self.link.dofs
         if not self.motors:
-            if last > first:
-                mujoco.mj_step(m, d, nstep=last - first)
+            at_once = 1 if m.npair or m.geom_contype.any() or m.geom_conaffinity.any() else max(last - first, 1)
+            for step in range(first, last, at_once):
+                mujoco.mj_step(m, d, nstep=at_once)
+                if d.ncon:
+                    self.touched(step)
             return
         steps = np.arange(first, last, dtype=float)
         # what takes the velocity from where it is told at the begin of a step to where it is told at its end
         pushes = self.armature * self.at(steps, 2, self.step / 2 - self.lag)
         places, rates = self.at(steps + 1), self.at(steps + 1, 1, -self.lag)
-        for push, place, rate in zip(pushes, places, rates, strict=True):
+        for step, push, place, rate in zip(range(first, last), pushes, places, rates, strict=True):
             d.qfrc_applied[dofs] = push + self.effort
             mujoco.mj_step(m, d)
+            if d.ncon:
+                self.touched(step)
             self.hold(self.effort + self.missed(push))
             d.qpos[dofs], d.qvel[dofs] = place, rate
 
