@@ -220,8 +220,9 @@ def runs_ahead(measured: Measured, mechanism: Mechanism) -> list[Ahead]:
 def foretold(
     explained: Explained, ahead: Ahead, sensors: bool, simulated: Sequence[Readings] = ()
 ) -> dict[str, Band] | None:
-    """The sensors of a run with their bands; None where the named set cannot make it.  ``simulated`` is what engines
-    make of it with the named set, the one that diagnosed first.
+    """The sensors of a run with their bands, but for encoders that it follows; None where the named set cannot make it.
+
+    ``simulated`` is what engines make of it with the named set, the one that diagnosed first.
     """
     run, every = ahead.run, explained.candidates(ahead.run.name, sensors)
     answers = [_answer(ahead, candidate) for candidate in every]
@@ -229,9 +230,11 @@ def foretold(
         return None
     told = [(c.probability, answer) for c, answer in zip(every, answers, strict=True) if answer is not None]
     weights = np.array([share for share, _ in told]) / sum(share for share, _ in told)
+    followed = ahead.model.rig.encoders if run.drive == "measured" else ()  # they say the motion, and are not foretold
     return {
         s: _band(explained, ahead, s, weights, [answer[s] for _, answer in told], [r[s] for r in simulated if s in r])
         for s in run.channels
+        if s not in followed
     }
 
 

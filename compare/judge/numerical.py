@@ -7,8 +7,9 @@ Roache, Verification and Validation in Computational Science and Engineering (19
     U = Fs max|f3 - f2| r^p / (r^p - 1)             of the run in steps h, no less than Fs max|f3 - f1|
     u_num = U / 2                                   a standard uncertainty, as U is meant to hold 95 %
 
-Fs = 1.25 where an order is observed, 0.5 <= p; p counts as 2 where it is more, which lengthens U.  Else, and where the
-quarter steps have no result, differences are no series, and U = 3 max(|f3 - f2|, |f2 - f1|, |f3 - f1|).
+Fs = 1.25 where the order is that of a method within a tenth, 0.9 <= p, else 3 (Oberkampf and Roy, Verification and
+Validation in Scientific Computing, 2010, 8.7); p counts as 2 where it is more, which lengthens U.  Where p is below
+0.5, or quarter steps have no result, differences are no series, and U = 3 max(|f3 - f2|, |f2 - f1|, |f3 - f1|).
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ from compare.results.crosscheck import Discrepancy, Failure, Numerical, Run
 from sim_models.engine import Request, Trace
 
 PARTS = (2, 4)  # of the run's own step
-ORDERED, UNORDERED = 1.25, 3.0  # safety factors (Roache 1998: three grids with an observed order; two grids)
+ORDERED, UNORDERED = 1.25, 3.0  # safety factors
+ASYMPTOTIC = 0.9  # of the lowest order that a method has, 1
 LEAST_ORDER, MOST_ORDER = 0.5, 2.0  # below, differences do not fall as those of a method; above, counted as this
 ROUNDING = float(np.finfo(float).eps)  # of a signal's largest value in each step, which add up
 COVERAGE = 2.0  # standard uncertainties, of which 95 % are said to lie within
@@ -49,7 +51,8 @@ def convergence(signal: Signal, each: Sequence[np.ndarray], steps: float = 1.0) 
         expanded = UNORDERED * max(size)
     else:
         grown = 2 ** min(order, MOST_ORDER)
-        expanded = ORDERED * max(size[0] * grown / (grown - 1), size[2])
+        safety = ORDERED if order >= ASYMPTOTIC else UNORDERED
+        expanded = safety * max(size[0] * grown / (grown - 1), size[2])
     return Numerical(unit=signal.unit, u_num=max(expanded, least) / COVERAGE, order=order)
 
 

@@ -1,0 +1,1 @@
+"""How far numbers can be trusted: bands of predictions and numerical uncertainties, held against what is known."""

@@ -1,0 +1,57 @@
+"""``python -m tests.evidence.trust``: reports/trust.json and trust.md, made again in parts.
+
+    python -m tests.evidence.trust steps crank-rocker pendulum     # shipped cases, in every engine that is installed
+    python -m tests.evidence.trust coverage 0 1 2                  # seeds of hidden sets
+    python -m tests.evidence.trust page                            # trust.md alone
+
+What was measured before stays, but for the same cases and seeds.
+"""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from pathlib import Path
+
+from compare.files import write_atomically
+from compare.versions import versions
+from sim_models.engine import ENGINES, declared, installed_version
+from tests.evidence.pages.trust import page
+from tests.evidence.results.trust import Trust
+from tests.evidence.trust.coverage import coverage
+from tests.evidence.trust.steps import stepped
+
+FILE = Path("reports/trust.json")
+
+
+def store(found: Trust) -> None:
+    """Write both files."""
+    write_atomically(FILE, found.model_dump_json(indent=1) + "\n")
+    write_atomically(FILE.with_suffix(".md"), page(found))
+
+
+def main(what: str, *words: str) -> None:
+    """Measure, and store each row as it is known."""
+    here = {name: v for name in ENGINES if (v := installed_version(declared(name).package))}
+    found = Trust.model_validate_json(FILE.read_text(encoding="utf-8")) if FILE.is_file() else Trust(versions={})
+    found = found.model_copy(update={"versions": versions(here)})
+    if what == "page":
+        store(found)
+    elif what == "steps":
+        for case in words:
+            kept = tuple(row for row in found.steps if row.case != case)
+            found = found.model_copy(update={"steps": (*kept, *stepped(tuple(here), (case,)))})
+            store(found)
+    elif what == "coverage":
+        for row in coverage(map(int, words)):
+            kept_sets = tuple(one for one in found.coverage if one.seed != row.seed)
+            every = sorted((*kept_sets, row), key=lambda one: one.seed)
+            found = found.model_copy(update={"coverage": tuple(every)})
+            store(found)
+    else:
+        sys.exit(__doc__)
+
+
+if __name__ == "__main__":
+    warnings.simplefilter("ignore")
+    main(*(sys.argv[1:] or ["-"]))
