@@ -493,7 +493,7 @@ def _run(problem: Problem, found: Verified, r: int, run: MeasuredRun) -> Diagnos
     return DiagnosedRun(
         name=run.name,
         file=run.file,
-        drive=run.drive,
+        drive=run.input,
         time=run.time,
         crank_angle=problem.crank_angle(run),
         held_out=tuple(1 if s % FOLDS == 0 else 0 for s in segment),
@@ -533,7 +533,7 @@ def _validation_run(validated: Validated) -> DiagnosedRun:
     return DiagnosedRun(
         name=run.name,
         file=run.file,
-        drive=run.drive,
+        drive=run.input,
         time=run.time,
         crank_angle=validated.crank_angle,
         held_out=None,
