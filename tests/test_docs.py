@@ -211,12 +211,12 @@ def test_the_files_of_measured_data_can_be_read(tmp_path: Path) -> None:
     shutil.copy(RIG / "nominal.toml", tmp_path)
     time = np.linspace(0.0, 1.0, 40)
     columns = np.column_stack([time, np.degrees(6.0 * time), *(np.sin(k * time) for k in range(1, 5))])
-    for name in ("slow", "by-hand", "let-go", "kept-back"):
+    for name in ("slow", "by-hand", "let-go", "switched", "kept-back"):
         text = "\n".join([header, *(",".join(f"{value:.9g}" for value in row) for row in columns)])
         (tmp_path / f"{name}.csv").write_text(text + "\n", encoding="utf-8")
     data_set = load_measured(tmp_path / "measured.toml")
-    assert [run.drive for run in data_set.runs] == ["speed", "measured", "free", "speed"]
-    assert [run.role for run in data_set.runs] == ["fit", "fit", "fit", "validation"]
+    assert [run.input for run in data_set.runs] == ["speed", "measured", "free", "torque", "speed"]
+    assert [run.role for run in data_set.runs] == ["fit", "fit", "fit", "fit", "validation"]
     assert set(data_set.runs[0].channels) == {name.split(" [")[0] for name in header.split(",")[1:]}
     assert data_set.tolerance == {"mass": 0.002, "length_error": 2e-4}
     assert data_set.prior == {"joint_clearance": 0.1}

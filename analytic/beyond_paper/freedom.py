@@ -148,9 +148,14 @@ def swing(
     return theta, omega, alpha
 
 
-def swings(freedoms: Sequence[Freedom], start: np.ndarray, times: Sequence[np.ndarray]) -> list[np.ndarray]:
+def swings(
+    freedoms: Sequence[Freedom],
+    start: np.ndarray,
+    times: Sequence[np.ndarray],
+    pushes: Sequence[np.ndarray] | None = None,
+) -> list[np.ndarray]:
     """Angle (rad), rate (rad/s) and acceleration (3, N) of each linkage, released at ``start`` (P, 2), at its own times
-    (N,) s from 0.
+    (N,) s from 0; ``pushes`` (N,) N.m are what a motor gives its crank at them, in between along straight lines.
 
     Runge-Kutta of fourth order, at most 1 ms and one degree a step; a step in which the crank comes to rest is parted
     there, where friction turns with it or holds it.  A motion that diverges is NaN from there on.
@@ -166,5 +171,6 @@ def swings(freedoms: Sequence[Freedom], start: np.ndarray, times: Sequence[np.nd
     out = np.empty((3, ends[-1]))
     longest = np.minimum(1e-3, math.radians(1.0) / np.maximum(1.0, np.abs(start[:, 1])))
     which = np.array([place[id(freedom)] for freedom in freedoms])
-    integrate(tables, which, start, np.concatenate(times).astype(float), ends, longest, out)
+    push = np.zeros(ends[-1]) if pushes is None else np.concatenate(pushes).astype(float)
+    integrate(tables, which, start, np.concatenate(times).astype(float), ends, longest, push, out)
     return np.split(out, ends[1:-1], axis=1)

@@ -45,22 +45,22 @@ def friction(table: np.ndarray, theta: float, omega: float) -> float:
 
 
 @njit
-def direction(table: np.ndarray, theta: float, omega: float) -> float:
-    """Sign of the motion, or of the one to come; 0 where friction holds the crank."""
+def direction(table: np.ndarray, theta: float, omega: float, push: float) -> float:
+    """Sign of the motion, or of the one to come under a push (N.m); 0 where friction holds the crank."""
     if omega != 0:
         return math.copysign(1.0, omega)
-    rest = resting(table, theta)
+    rest = resting(table, theta) - push
     return 0.0 if abs(rest) <= friction(table, theta, 0.0) else -math.copysign(1.0, rest)
 
 
 @njit
-def acceleration(table: np.ndarray, theta: float, omega: float, way: float) -> float:
-    """Acceleration (rad/s^2) of the free crank, friction against ``way``."""
+def acceleration(table: np.ndarray, theta: float, omega: float, way: float, push: float) -> float:
+    """Acceleration (rad/s^2) of the free crank under a push (N.m), friction against ``way``."""
     m, half, damping = between(table, 0, theta), between(table, 1, theta), between(table, 2, theta)
     if not m > 0:
         return np.nan  # no linkage has such an inertia
     damped = (damping + between(table, 6, theta) * abs(omega)) * omega
-    return -(half * omega**2 + damped + friction(table, theta, omega) * way + resting(table, theta)) / m
+    return (push - half * omega**2 - damped - friction(table, theta, omega) * way - resting(table, theta)) / m
 
 
 @njit(cache=True)
@@ -74,41 +74,45 @@ def accelerations(table: np.ndarray, theta: np.ndarray, omega: np.ndarray) -> np
     """Accelerations (N,) rad/s^2 of the free crank in states (N,) rad and rad/s."""
     out = np.zeros(theta.size)
     for k in range(theta.size):
-        way = direction(table, theta[k], omega[k])
+        way = direction(table, theta[k], omega[k], 0.0)
         if way != 0:
-            out[k] = acceleration(table, theta[k], omega[k], way)
+            out[k] = acceleration(table, theta[k], omega[k], way, 0.0)
     return out
 
 
 @njit
-def step(table: np.ndarray, theta: float, omega: float, way: float, h: float) -> tuple[float, float]:
-    """One step of Runge-Kutta over h (s)."""
-    a1 = acceleration(table, theta, omega, way)
+def step(
+    table: np.ndarray, theta: float, omega: float, way: float, h: float, push: float, slope: float
+) -> tuple[float, float]:
+    """One step of Runge-Kutta over h (s) under a push (N.m) that grows by ``slope`` (N.m/s)."""
+    middle, end = push + h / 2 * slope, push + h * slope
+    a1 = acceleration(table, theta, omega, way, push)
     w2 = omega + h / 2 * a1
-    a2 = acceleration(table, theta + h / 2 * omega, w2, way)
+    a2 = acceleration(table, theta + h / 2 * omega, w2, way, middle)
     w3 = omega + h / 2 * a2
-    a3 = acceleration(table, theta + h / 2 * w2, w3, way)
+    a3 = acceleration(table, theta + h / 2 * w2, w3, way, middle)
     w4 = omega + h * a3
-    a4 = acceleration(table, theta + h * w3, w4, way)
+    a4 = acceleration(table, theta + h * w3, w4, way, end)
     return theta + h / 6 * (omega + 2 * w2 + 2 * w3 + w4), omega + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
 
 
 @njit
-def move(table: np.ndarray, theta: float, omega: float, h: float) -> tuple[float, float]:
+def move(table: np.ndarray, theta: float, omega: float, h: float, push: float, slope: float) -> tuple[float, float]:
     """Angle and rate h (s) later; the step is parted where the crank comes to rest."""
     for _ in range(MOST_RESTS):
-        way = direction(table, theta, omega)
+        way = direction(table, theta, omega, push)
         if way == 0:
             return theta, 0.0
-        there, speed = step(table, theta, omega, way, h)
+        there, speed = step(table, theta, omega, way, h, push, slope)
         if speed * way >= 0 or omega == 0:
             return there, speed
         part = h * omega / (omega - speed)
         for _ in range(SECANTS):
-            there, speed = step(table, theta, omega, way, part)
+            there, speed = step(table, theta, omega, way, part, push, slope)
             part *= omega / (omega - speed)
         part = min(part, h)
-        theta, omega, h = step(table, theta, omega, way, part)[0], 0.0, h - part
+        theta, omega, h = step(table, theta, omega, way, part, push, slope)[0], 0.0, h - part
+        push += part * slope
     return theta, omega
 
 
@@ -120,11 +124,13 @@ def integrate(
     time: np.ndarray,
     ends: np.ndarray,
     longest: np.ndarray,
+    push: np.ndarray,
     out: np.ndarray,
 ) -> None:
     """Fill ``out`` (3, N) with angles, rates and accelerations of P motions, one after the other: of the linkage
     ``which`` (P,), released at ``start`` (P, 2), at the times (N,) s from ``ends[p]`` to ``ends[p + 1]``.  Steps are of
-    ``longest`` (P,) s or less; a motion is NaN from where it diverges.
+    ``longest`` (P,) s or less; a motion is NaN from where it diverges.  At those times it is pushed by ``push`` (N,)
+    N.m, in between along straight lines.
     """
     for p in range(which.size):
         table = tables[which[p]]
@@ -132,12 +138,14 @@ def integrate(
         for k in range(ends[p], ends[p + 1]):
             count = math.ceil((time[k] - now) / longest[p] - 1e-9) if time[k] > now else 0
             h = (time[k] - now) / count if count else longest[p]
-            for _ in range(count):
-                theta, omega = move(table, theta, omega, h)
+            before = push[k - 1] if count and k > ends[p] else push[k]
+            slope = (push[k] - before) / (count * h) if count else 0.0
+            for n in range(count):
+                theta, omega = move(table, theta, omega, h, before + n * h * slope, slope)
             now = time[k]
             if not abs(omega) * longest[p] < FASTEST:
                 out[:, k : ends[p + 1]] = np.nan
                 break
-            way = direction(table, theta, omega)
+            way = direction(table, theta, omega, push[k])
             out[0, k], out[1, k] = theta, omega
-            out[2, k] = acceleration(table, theta, omega, way) if way != 0 else 0.0
+            out[2, k] = acceleration(table, theta, omega, way, push[k]) if way != 0 else 0.0

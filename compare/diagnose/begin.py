@@ -18,7 +18,7 @@ from analytic.mechanism.file import load, shipped_cases
 from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import unwound
 from compare.arguments import path
-from compare.diagnose.data.quality import noise
+from compare.diagnose.data.quality import noise, switched
 from compare.faults import ArgumentError
 from compare.progress import progress_bar
 from compare.quantities import amount
@@ -154,7 +154,11 @@ def _run(name: str, one: Guessed, mechanism: Mechanism, folder: Path) -> str:
 def _drive(one: Guessed, mechanism: Mechanism) -> list[str]:
     """How a run was driven, as its encoder says."""
     if not mechanism.cranked:
-        what = "a slide" if mechanism.sliding else "several drives" if len(mechanism.drives) > 1 else "such a drive"
+        if mechanism.sliding:
+            return [
+                _by_its_motor(one, mechanism) or 'drive = "measured"    # a slide: or "torque", if its force is given'
+            ]
+        what = "several drives" if len(mechanism.drives) > 1 else "such a drive"
         return [f'drive = "measured"    # the only kind of run of {what}']
     encoder, time = mechanism.encoder.name, one.values["time"]
     angle = one.values.get(encoder, np.zeros(0))
@@ -170,13 +174,22 @@ def _drive(one: Guessed, mechanism: Mechanism) -> list[str]:
     slope, zero = np.polyfit(time[here], continued, 1)
     off = float(np.abs(continued - zero - slope * time[here]).max())
     if off > OFF_SPEED or abs(slope) * np.ptp(time[here]) < 10 * OFF_SPEED:
-        return [f'drive = "measured"    # guessed: its crank is up to {amount(off, "rad")} off an even turning']
+        followed = f'drive = "measured"    # guessed: its crank is up to {amount(off, "rad")} off an even turning'
+        return [_by_its_motor(one, mechanism) or followed]
     way = "" if slope > 0 else ", in reverse"
     rpm = f"{slope * 30 / math.pi:.5g} rpm by the encoder{way}"
     return [
         f"drive_speed = {float(f'{slope:.6g}')!r}    # rad/s, guessed: {rpm}; put what was commanded",
         f"drive_angle = {float(f'{zero:.6g}')!r}    # rad at time 0, guessed likewise",
     ]
+
+
+def _by_its_motor(one: Guessed, mechanism: Mechanism) -> str:
+    """That a run moves by what its motor gives, where that is switched: no smooth course has its acceleration."""
+    effort = mechanism.efforts[0].name if mechanism.efforts else ""
+    if effort not in one.values or not switched(one.values[effort]):
+        return ""
+    return f'drive = "torque"    # guessed: {effort} is switched; or "measured": the run follows its encoder'
 
 
 def _names(files: Sequence[Path]) -> list[str]:

@@ -241,7 +241,8 @@ def smoothed_alike(run: MeasuredRun, encoder: str) -> tuple[MeasuredRun, list[Fa
         channels[name] = replace(channel, values=frozen(values), noise=size, noise_given=True)
         text = (
             f"{name} of run {run.name!r} is switched: it is compared as smooth as the course that the run follows, in"
-            f" one sample of {every}, and its noise is what samples leave open of when it is switched"
+            f" one sample of {every}, and its noise is what samples leave open of when it is switched; drive = 'torque'"
+            " takes it as the input instead"
         )
         faults.append(Fault(run.name, name, "switched", run.time.size, text))
         channels[encoder] = replace(run.channels[encoder], reach=smoother.reach * smoother.step)

@@ -73,7 +73,7 @@ class Engines:
         """One run for one engine, without the effects that it lacks."""
         lacks = lacking(name, [t for t, _ in hypothesis])
         able = [h for h in hypothesis if h[0] not in lacks]
-        start = self.model.starts(run, able)[0] if run.drive == "free" else None
+        start = tuple(self.model.starts(run, able)) if run.drive == "free" else ()
         return Task(name, run, self.model.mechanism, able, self.model.rig, self.model.courses.get(run.name), start)
 
     def run(self, tasks: Sequence[Task]) -> list[Outcome]:

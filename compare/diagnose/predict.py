@@ -126,8 +126,10 @@ class Term:
 Hypothesis = Sequence[tuple[Term, Values]]
 Signals = Mapping[str, np.ndarray]
 State = tuple[float, float]  # angle (rad) and rate (rad/s)
-Swing = tuple[str, tuple[object, ...], tuple[State, ...]]  # of a free run: its name, its effects, its starts
-Piece = tuple[str, tuple[object, ...], tuple[int, int], State]  # the same of a piece, from which sample to which
+Push = tuple[float, float, float]  # what a motor's torque is times what is recorded, and more than that, so late (s)
+Effects = tuple[tuple[object, ...], Push]  # of a linkage, and of the sensor of what pushes it
+Swing = tuple[str, Effects, tuple[State, ...]]  # of a free run: its name, its effects, its starts
+Piece = tuple[str, Effects, tuple[int, int], State]  # the same of a piece, from which sample to which
 
 
 class Impossible(ValueError):
@@ -334,11 +336,11 @@ class Model:
         """All signals (N,) of a free run under each hypothesis, before any sensor, its joints ideal; None where it has
         no motion.  Each of its pieces goes from its own start.
         """
-        keys = [(run.name, within(h, run.name), tuple(self.starts(run, h))) for h in hypotheses]
+        keys = [(run.name, (within(h, run.name), pushed(run, h)), tuple(self.starts(run, h))) for h in hypotheses]
         new = {key: h for key, h in zip(keys, hypotheses, strict=True) if key not in self._swung}
         found: dict[Swing, Signals | None] = dict.fromkeys(new)
         found |= {key: self._swung[key] for key in keys if key in self._swung}
-        linkages = {key[1]: self._freedom(run, h, key[1]) for key, h in new.items()}
+        linkages = {key[1]: self._freedom(run, h, key[1][0]) for key, h in new.items()}
         able = {key: linkage[1] for key in new if (linkage := linkages[key[1]]) is not None}
         motions = self._swings(run, able)
         most = max(1, AT_ONCE // run.time.size)
@@ -369,9 +371,14 @@ class Model:
         if new:
             times = [run.time[begin:end] - run.time[begin] for _, _, (begin, end), _ in new]
             start = np.array([state for *_, state in new])
-            self._pieces |= zip(new, swings([freedoms[owner[piece]] for piece in new], start, times), strict=True)
-        moved = {key: np.concatenate([self._pieces[piece] for piece in each], axis=1) for key, each in parts.items()}
-        return {key: motion for key, motion in moved.items() if np.all(np.isfinite(motion))}
+            pushes = None
+            if run.push is not None:
+                whole = {effects: push_of(run, *effects[1]) for effects in {piece[1] for piece in new}}
+                pushes = [whole[effects][begin:end] for _, effects, (begin, end), _ in new]
+            moved = swings([freedoms[owner[piece]] for piece in new], start, times, pushes)
+            self._pieces |= zip(new, moved, strict=True)
+        joined = {key: np.concatenate([self._pieces[piece] for piece in each], axis=1) for key, each in parts.items()}
+        return {key: motion for key, motion in joined.items() if np.all(np.isfinite(motion))}
 
     def _freedom(self, run: MeasuredRun, hypothesis: Hypothesis, effects: object) -> tuple[Assembly, Freedom] | None:
         """The linkage of a free run and how it moves; None where it cannot be.  ``effects`` tell it from others."""
@@ -398,6 +405,29 @@ def within(hypothesis: Hypothesis, run: str) -> tuple[object, ...]:
     """What tells the mechanism of a hypothesis in a run from all others."""
     inside = [(t, t.effect.in_run(v, run)) for t, v in hypothesis if not t.effect.sensor or t.effect.mounts]
     return tuple((t.key, t.variant, tuple(v.values())) for t, v in inside)
+
+
+def pushed(run: MeasuredRun, hypothesis: Hypothesis) -> Push:
+    """How the torque (or force) that pushes a free run follows from what is recorded of it: the factor, what is added
+    (N.m), and by how much (s) the record is late.
+    """
+    if run.push is None:
+        return 1.0, 0.0, 0.0
+    name, late = run.push.signal.name, 0.0
+    read: Readings = {name: np.array([0.0, 1.0])}
+    for term, values in hypothesis:
+        if term.effect.sensor and name in term.where.split("+"):
+            read = term.effect.on_readings(read, run.name, term.where, values)
+            late += term.effect.delay(run.name, name, term.where, values)
+    bias, whole = read[name].tolist()
+    return 1 / (whole - bias), -bias / (whole - bias), late
+
+
+def push_of(run: MeasuredRun, factor: float, more: float, late: float) -> np.ndarray:
+    """The torque (N,) N.m that pushes a run, at its samples."""
+    assert run.push is not None
+    known = np.isfinite(run.push.values)
+    return factor * np.interp(run.time + late, run.time[known], run.push.values[known]) + more
 
 
 def _pieces(run: MeasuredRun, key: Swing) -> list[Piece]:

@@ -29,16 +29,22 @@ from compare.diagnose.courses import (
     strayed,
     turning_back,
 )
-from compare.diagnose.data.recording import Fault, Measured, MeasuredError, MeasuredRun
+from compare.diagnose.data.quality import switched
+from compare.diagnose.data.recording import Channel, Fault, Measured, MeasuredError, MeasuredRun
 from compare.diagnose.data.thin import frozen, missed, picked
 from compare.diagnose.effects.effect import STOPS, Effect, Parameter, Rig
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.fit import Bounds
-from compare.diagnose.predict import Model, Motors, StartOfRun, Term, commanded
-from compare.diagnose.residuals import Data
+from compare.diagnose.predict import Model, Motors, StartOfRun, Term, commanded, pieces
+from compare.diagnose.residuals import Data, bridged
 from compare.recorded.text import MIN_ROWS
 
 SAMPLES = 60_000  # of all sensors together; of more, evenly spaced ones are used
+FOLLOWS = 0.25  # rad, or of half of what an encoder reads, that the nominal mechanism may stray from it in a piece
+LEAST = 8  # samples of a piece
+IMPULSES = 12  # to a piece, at least, by which errors of what pushes it are told
+UNTOLD = 0.3  # of an encoder's noise, that they may leave
+WITHIN = 0.2  # of n^1.5 steps: by so much (rms) white pushes of n samples, less their mean, move a crank
 NUMBERS = 20_000_000  # of the matrix of errors that sensors share, at most
 SHORTEST = 1e-6  # m of travel, that a slide makes at least
 SURE = 4.0  # sigmas, by which a slide's speed must be known from none
@@ -90,9 +96,30 @@ def followed(measured: Measured) -> tuple[dict[str, Motor | Motors], Measured]:
             courses[run.name] = Motors(each) if measured.mechanism.several else each[0]
             run, alike = smoothed_alike(run, encoders[0])
             faults += [*said, *(fault for fault in strays if fault is not None), *alike]
+        elif run.push is not None:
+            run = _in_pieces(measured, run)
         runs.append(run)
     measured = replace(measured, runs=tuple(runs), faults=tuple(faults))
     return courses, _while_moving(measured, courses)
+
+
+def _in_pieces(measured: Measured, run: MeasuredRun) -> MeasuredRun:
+    """A run that its motor's torque pushes in as few pieces as the nominal mechanism nearly follows; in as many as its
+    samples allow where it follows in none.
+    """
+    encoder, names = measured.mechanism.encoders[0].name, (run.name,)
+    values = bridged(run.channels[encoder].values)
+    allowed = FOLLOWS * min(1.0, float(np.ptp(values)) / 2)
+    rig = Rig(measured.mechanism, (*run.channels,), names, ())
+    while 2 * run.pieces * LEAST <= run.time.size:
+        alone = replace(measured, runs=(run,))
+        said = Model(alone, rig, measured.mechanism, {})(
+            [[(t, t.effect.values(rig, t.where, x, t.variant)) for t, x in starts(alone).items()]]
+        )[0]
+        if said is not None and np.abs(said[0][encoder] - values).max() <= allowed:
+            break
+        run = replace(run, pieces=2 * run.pieces)
+    return run
 
 
 def _while_moving(measured: Measured, courses: Mapping[str, Motor | Motors]) -> Measured:
@@ -152,9 +179,64 @@ def shared(measured: Measured, floor: Mapping[tuple[str, str], float], model: Mo
                 factor = _strained(replace(measured, runs=(run,)), floor, model, k)
                 columns.append(np.zeros((whole.size, factor.shape[1])))
                 columns[-1][np.concatenate(places)] = factor
+    pushes = starts(measured)
+    for r, run in enumerate(measured.runs):
+        if run.push is not None:
+            columns.append(_unsure_push(whole, model, r, pushes))
     together = np.hstack(columns)
     worth = np.argsort(-np.sum(together**2, axis=0))[: max(1, NUMBERS // whole.size)]
     return np.ascontiguousarray(together[:, np.sort(worth)])
+
+
+def _unsure_push(data: Data, model: Model, r: int, starts: Mapping[Term, np.ndarray]) -> np.ndarray:
+    """The errors (size, k) that the sensors of a pushed run share because what pushes it has noise, or was switched
+    between two samples: impulses in some stretches of each of its pieces.
+    """
+    run, rig = data.measured.runs[r], model.rig
+    assert run.push is not None
+    each = pieces(run.time.size, run.pieces)
+    variance = np.full(run.time.size, run.push.noise**2)
+    count = _impulses(run, model, max(piece.stop - piece.start for piece in each))
+    stretches = [np.array_split(np.arange(piece.start, piece.stop), count) for piece in each]
+    if switched(run.push.values):  # each jump by itself, between the samples before and after it
+        jumps = np.nan_to_num(np.diff(run.push.values, prepend=run.push.values[0], append=run.push.values[-1])) ** 2
+        variance = (jumps[:-1] + jumps[1:]) / 24
+        at = [piece.start + np.flatnonzero(variance[piece]) for piece in each]
+        stretches = [np.array_split(here, max(1, here.size)) for here in at]
+    hypothesis = [(t, t.effect.values(rig, t.where, x, t.variant)) for t, x in starts.items()]
+    origin = Model(data.measured, rig, model.mechanism, model.courses)([hypothesis])[0]
+    columns = []
+    for k in range(max(len(piece) for piece in stretches)):
+        values = run.push.values.copy()
+        for stretch in (piece[k] for piece in stretches if k < len(piece)):
+            values[stretch] += math.sqrt(float(variance[stretch].sum())) / max(stretch.size, 1)
+        other = replace(run, push=replace(run.push, values=frozen(values)))
+        runs = tuple(other if q == r else one for q, one in enumerate(data.measured.runs))
+        said = Model(replace(data.measured, runs=runs), rig, model.mechanism, model.courses)([hypothesis])[0]
+        if said is None or origin is None:
+            continue
+        change = data.residual(said) - data.residual(origin)
+        for piece in each:
+            column = np.zeros(data.size)
+            for part in (part for part in data.parts if part.run == r):
+                inside = (part.used >= piece.start) & (part.used < piece.stop)
+                column[part.place][inside] = change[part.place][inside]
+            if column.any():
+                columns.append(column)
+    return np.column_stack(columns) if columns else np.zeros((data.size, 0))
+
+
+def _impulses(run: MeasuredRun, model: Model, samples: int) -> int:
+    """By how many impulses in a piece of so many samples what white noise of a push does is told within a share of the
+    encoder's noise: what n samples do within themselves grows with n^1.5.
+    """
+    assert run.push is not None
+    encoder = run.channels[model.rig.encoder]
+    freedom = Freedom.of(Assembly(model.altered(run, []).ideal()))
+    inertia = float(np.median(freedom.inertia(bridged(encoder.values))))
+    shift = run.push.noise / inertia * float(np.median(np.diff(run.time))) ** 2
+    stretch = (UNTOLD * encoder.noise / (WITHIN * shift)) ** (2 / 3)
+    return int(min(max(IMPULSES, math.ceil(samples / stretch)), samples))
 
 
 def _strained(measured: Measured, floor: Mapping[tuple[str, str], float], model: Model, of: int) -> np.ndarray:
@@ -176,14 +258,17 @@ def _strained(measured: Measured, floor: Mapping[tuple[str, str], float], model:
 
 def starts(measured: Measured) -> dict[Term, np.ndarray]:
     """The unknown starts of free runs."""
-    free = [run for run in measured.runs if run.drive == "free"]
     encoder = measured.mechanism.encoders[0]
-    return {
-        Term(StartOfRun(), run.name): np.array(
-            [run.start[encoder.name], run.start.get(f"{encoder.place}_angular_velocity", 0.0)]
-        )
-        for run in free
-    }
+    found: dict[Term, np.ndarray] = {}
+    for run in measured.runs:
+        if run.push is not None:
+            moved = course(run, encoder.name).at(run.time[[piece.start for piece in pieces(run.time.size, run.pieces)]])
+            term = Term(StartOfRun(), run.name, float(run.pieces) if run.pieces > 1 else 0.0)
+            found[term] = np.column_stack([moved.theta, moved.omega]).ravel()
+        elif run.drive == "free":
+            rate = run.start.get(f"{encoder.place}_angular_velocity", 0.0)
+            found[Term(StartOfRun(), run.name)] = np.array([run.start[encoder.name], rate])
+    return found
 
 
 def nominal(measured: Measured, mechanism: Mechanism, courses: Mapping[str, Motor | Motors]) -> tuple[Rig, Model]:
@@ -214,8 +299,9 @@ def _explain_impossible(measured: Measured, mechanism: Mechanism, model: Model) 
 
 def _rig(measured: Measured, mechanism: Mechanism, courses: Mapping[str, Motor | Motors]) -> Rig:
     """Sizes of the rig, from its nominal motion."""
-    signals = tuple(dict.fromkeys(s for run in measured.runs for s in run.channels))
-    least = {s: min(run.channels[s].noise for run in measured.runs if s in run.channels) for s in signals}
+    each = [_sensors(run) for run in measured.runs]
+    signals = tuple(dict.fromkeys(s for one in each for s in one))
+    least = {s: min(one[s].noise for one in each if s in one) for s in signals}
     arms = [abs(b.centre - b.point(name)) for b in mechanism.bodies for name in b.points]
     length = max(b.length for b in mechanism.bodies) or max(arms) or 1.0
     if mechanism.sliding:
@@ -229,7 +315,8 @@ def _rig(measured: Measured, mechanism: Mechanism, courses: Mapping[str, Motor |
         if (course := courses.get(run.name))
     ]
     encoder = mechanism.encoders[0].name
-    speeds += [_swiftest(run, encoder) for run in measured.runs if run.drive == "free" and encoder in run.channels]
+    free = [run for run in measured.runs if run.drive == "free" and encoder in run.channels]
+    speeds += [_swiftest(run, encoder) / float(paces[0]) for run in free]
     speed = max([*speeds, 1e-3])
     weight = sum(b.mass for b in mechanism.bodies) * abs(complex(*mechanism.gravity))
     given = [load for run in measured.runs for load in (run.loads if run.loads is not None else mechanism.loads)]
@@ -245,11 +332,16 @@ def _rig(measured: Measured, mechanism: Mechanism, courses: Mapping[str, Motor |
         max(weight, inertia, *loads, 1e-9),
         speed,
         least,
-        {run.name: tuple(run.channels) for run in measured.runs},
+        {run.name: tuple(_sensors(run)) for run in measured.runs},
         _postures(measured, mechanism, courses),
         any(load.over == "time" for load in given),
         _turned(measured, mechanism, courses),
     )
+
+
+def _sensors(run: MeasuredRun) -> dict[str, Channel]:
+    """The sensors of a run by signal, that of what pushes it among them."""
+    return dict(run.channels) | ({} if run.push is None else {run.push.signal.name: run.push})
 
 
 def _turned(measured: Measured, mechanism: Mechanism, courses: Mapping[str, Motor | Motors]) -> tuple[np.ndarray, ...]:
@@ -281,7 +373,13 @@ def _postures(
 
 def _reach(measured: Measured, courses: Mapping[str, Motor | Motors]) -> tuple[float, float]:
     """Least and largest travel (m) of a slide in all runs."""
-    travels = np.concatenate([courses[run.name].at(run.time).theta for run in measured.runs])
+    encoder = measured.mechanism.encoder.name
+    travels = np.concatenate(
+        [
+            courses[run.name].at(run.time).theta if run.name in courses else bridged(run.channels[encoder].values)
+            for run in measured.runs
+        ]
+    )
     return float(travels.min()), float(travels.max())
 
 
@@ -303,7 +401,7 @@ def on_one_turn(measured: Measured) -> Measured:
         return measured
     moved, about = {}, 0.0
     for run in sorted(measured.runs, key=lambda run: run.role != "fit"):
-        if run.drive == "free" and encoder in run.channels:
+        if run.drive == "free" and run.push is None and encoder in run.channels:
             channel = run.channels[encoder]
             middle = float(np.nanmedian(channel.values))
             turns = middle - float(turned_near(np.array(middle), about))
@@ -338,7 +436,9 @@ def unturned(measured: Measured, model: Model, starts: Mapping[Term, np.ndarray]
         channels = {}
         for signal, channel in run.channels.items():
             turns = 0.0
-            if run.drive == "free" and signal == model.rig.encoder:  # its motion may be another, its start not
+            if run.push is not None and signal == model.rig.encoder:
+                pass  # its pieces start where it was read
+            elif run.drive == "free" and signal == model.rig.encoder:  # its motion may be another, its start not
                 first = channel.values[np.isfinite(channel.values)][:1]
                 turns = float(np.sum(turned_near(np.zeros(1), first - run.start[signal])))
             elif channel.signal.kind == "pose" and channel.signal.wraps:

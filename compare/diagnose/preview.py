@@ -132,7 +132,7 @@ def _run(run: MeasuredRun, model: Model, base: Fit, nominal: Mapping[str, np.nda
     return RunPreview(
         name=run.name,
         file=run.file,
-        drive=run.drive,
+        drive=run.input,
         role=run.role,
         samples=run.time.size,
         step=float(np.median(np.diff(run.time))),

@@ -34,7 +34,7 @@ def in_pieces(fitter: Fitter, starts: Starts) -> Starts:
     for whole, given in starts.items():
         k = runs[whole.where]
         run = fitter.data.measured.runs[k]
-        if rig.encoder not in run.channels:
+        if rig.encoder not in run.channels or run.push is not None:
             continue
         moved, values = course(run, rig.encoder).at(run.time), bridged(run.channels[rig.encoder].values)
         term, x, count = whole, given, 1

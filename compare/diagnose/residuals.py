@@ -192,7 +192,9 @@ class Data:
         for run in self.measured.runs:
             early = run.time <= run.time[0] + share * (run.time[-1] - run.time[0])
             cut = {s: c.at(early) for s, c in run.channels.items()}
-            runs.append(replace(run, time=run.time[early], channels=cut) if run.drive == "free" else run)
+            runs.append(
+                replace(run, time=run.time[early], channels=cut) if run.drive == "free" and run.push is None else run
+            )
         kept = [
             run.time[part.used] <= runs[part.run].time[-1]
             for part in self.parts

@@ -519,7 +519,7 @@ def _run(problem: Problem, found: Verified, r: int, run: MeasuredRun) -> Diagnos
     return DiagnosedRun(
         name=run.name,
         file=run.file,
-        drive=run.drive,
+        drive=run.input,
         time=run.time,
         crank_angle=problem.crank_angle(run),
         held_out=tuple(1 if s % FOLDS == 0 else 0 for s in segment),
@@ -559,7 +559,7 @@ def _validation_run(validated: Validated) -> DiagnosedRun:
     return DiagnosedRun(
         name=run.name,
         file=run.file,
-        drive=run.drive,
+        drive=run.input,
         time=run.time,
         crank_angle=validated.crank_angle,
         held_out=None,

@@ -8,15 +8,17 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from analytic.beyond_paper.drive import Motor
+from analytic.beyond_paper.freedom import Freedom
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.reach import turns_fully
 from analytic.kinematics.schedule import Schedule
-from analytic.mechanism import Mechanism
+from analytic.mechanism import Load, Mechanism
 from compare.diagnose.data.recording import MeasuredRun
 from compare.diagnose.effects.effect import Rig
 from compare.diagnose.predict import (
     Hypothesis,
     Motors,
+    State,
     Term,
     ages,
     altered,
@@ -24,6 +26,9 @@ from compare.diagnose.predict import (
     heard,
     jitter_of,
     mixed,
+    pieces,
+    push_of,
+    pushed,
     read_at,
     sensed,
     turned_by,
@@ -45,6 +50,8 @@ from sim_models.engine import (
     engine,
 )
 
+STEPS = 20  # of an engine to a sample under a motor's torque: dry friction turns back up to a step late in most
+EVERYWHERE = 1e-9  # kg, N ...: by so little differ a slide's coefficients that are the same all along
 COURSE_STEP = 2e-3  # of a run's length, at most, between the knots of a motor's course
 
 
@@ -70,7 +77,7 @@ class Task:
     hypothesis: Hypothesis
     rig: Rig
     course: Motor | Motors | None  # of a run that follows its data
-    start: tuple[float, float] | None  # of a free run: angle (rad) and rate (rad/s) at its first sample
+    start: Sequence[State]  # of a free run: angle (rad) and rate (rad/s) at the first sample of each of its pieces
 
 
 def lacking(name: str, terms: Sequence[Term]) -> list[Term]:
@@ -159,14 +166,60 @@ def _knots(times: np.ndarray) -> np.ndarray:
 
 
 def _free(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray) -> tuple[Trace, dict[str, np.ndarray]]:
-    """Trace and signals of a released run; before its first sample, those of that sample."""
-    assert task.start is not None
-    angle, rate = task.start
-    mechanism = released_from(mechanism.ideal(), angle)
-    since = np.maximum(times - task.run.time[0], 0.0)
-    distinct, back = np.unique(since, return_inverse=True)
-    trace = _run(chosen, Request(mechanism, _joint_model(mechanism), Schedule.released(mechanism, distinct, rate)))
-    return trace, {name: values[back] for name, values in _signals(mechanism, trace, task.run).items()}
+    """Trace and signals of a released run, of its last piece and of all; before a piece's first sample, those of that
+    sample.
+    """
+    parts: list[dict[str, np.ndarray]] = []
+    ends = [task.run.time[piece.start] for piece in pieces(task.run.time.size, len(task.start))[1:]]
+    for state, here in zip(task.start, np.split(times, np.searchsorted(times, ends)), strict=True):
+        begin = task.run.time[0] if not parts else ends[len(parts) - 1]
+        distinct, back = np.unique(np.maximum(here - begin, 0.0), return_inverse=True)
+        released, off = _let_go(mechanism.ideal(), task, state[0], float(begin), float(distinct[-1]))
+        distinct = distinct if distinct.size > 1 else np.array([0.0, task.run.time[-1] - task.run.time[0]])
+        if released.sliding:
+            schedule = replace(Schedule.along({}, distinct), rates={released.input_joint.name: state[1]})
+        else:
+            schedule = Schedule.released(released, distinct, state[1])
+        step = None if task.run.push is None else float(np.median(np.diff(task.run.time))) / STEPS
+        trace = _run(chosen, Request(released, _joint_model(released), schedule, step=step))
+        signals = _signals(released, trace, task.run)
+        parts.append({name: values[back] + off.get(name, 0.0) for name, values in signals.items()})
+    return trace, {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def _let_go(
+    mechanism: Mechanism, task: Task, place: float, begin: float, length: float
+) -> tuple[Mechanism, Mapping[str, float]]:
+    """The linkage let go at this angle (rad) or travel (m), its motor's torque a load from a time (s) on, for so long;
+    and what its signals are more than the engine's: engines let slides go where they are assembled.
+    """
+    off: dict[str, float] = {}
+    if mechanism.sliding:
+        drive, joint = mechanism.drives[0].model_dump(exclude_unset=True), mechanism.input_joint
+        off[mechanism.encoder.name] = place - Assembly(mechanism).positions[joint.name]
+        released = mechanism.replace(drive=drive | {"speed": "free"})
+        if np.ptp(Freedom.of(Assembly(released)).table, axis=1).max() > EVERYWHERE:
+            raise ValueError("a slide whose forces change with its travel is let go where it is assembled alone")
+    else:
+        released = released_from(mechanism, place)
+    if task.run.push is None:
+        return released, off
+    torque = push_of(task.run, *pushed(task.run, task.hypothesis))
+    until = min(int(np.searchsorted(task.run.time, begin + length)) + 2, torque.size)
+    since = int(np.searchsorted(task.run.time, begin))
+    here = zip((task.run.time[since:until] - begin).tolist(), torque[since:until].tolist(), strict=True)
+    return released.replace(loads=(*released.loads, _motor(mechanism, tuple(here)))), off
+
+
+def _motor(mechanism: Mechanism, table: tuple[tuple[float, float], ...]) -> Load:
+    """What a motor gives over time (s): pairs of it and N.m, or N."""
+    if not mechanism.sliding:
+        return Load(body=mechanism.driven, torque=1.0, over="time", table=table)
+    joint = mechanism.input_joint
+    body = next(name for name in joint.bodies if name != "ground")
+    along = complex(*(joint.axis or (1.0, 0.0))) * (1.0 if joint.bodies[1] == body else -1.0)
+    force = (along.real / abs(along), along.imag / abs(along))
+    return Load(body=body, point=joint.name, force=force, over="time", table=table)
 
 
 def _signals(mechanism: Mechanism, trace: Trace, run: MeasuredRun) -> dict[str, np.ndarray]:

@@ -147,6 +147,8 @@ def proposed(problem: Problem, found: Verified) -> Proposal | None:
     e = found.explanation
     if problem.options.late() or problem.inference is None or not problem.mechanism.cranked:
         return None  # its laws are of a crank's angle, and solved for sample by sample
+    if any(run.push is not None for run in problem.measured.runs):
+        return None  # nor of what moves by its motor's torque, in pieces
     if e.verdict in ("unexplained", "partly explained"):
         return proposal(problem.model, problem.inference.plain, e.fit)
     return simpler(problem.model, problem.inference.plain, e.fit) if len(e.named) >= MANY else None

@@ -329,7 +329,7 @@ class DiagnosedRun(Part):
 
     name: str
     file: Annotated[str, Field(description="The data file; empty where the recording comes from none.")] = ""
-    drive: Literal["speed", "measured", "free"]
+    drive: Literal["speed", "measured", "free", "torque"]
     time: Annotated[Grid, Field(min_length=1, description="s")]
     crank_angle: Annotated[
         Grid,

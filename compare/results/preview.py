@@ -29,7 +29,7 @@ class RunPreview(Part):
 
     name: Text
     file: Text
-    drive: Literal["speed", "measured", "free"]
+    drive: Literal["speed", "measured", "free", "torque"]
     role: Literal["fit", "validation"]
     samples: Annotated[int, Field(ge=0)]
     step: Annotated[float, Field(gt=0, description="Median time (s) between samples.")]

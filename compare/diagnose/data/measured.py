@@ -201,13 +201,14 @@ def _run(called: str, entry: Entry, mechanism: Mechanism, tables: _Tables) -> tu
         for joint, encoder in zip(mechanism.motors, followed, strict=True):
             values = frozen(assembly.on_its_turn(joint.name, unwound(channels[encoder].values)))
             channels[encoder] = replace(channels[encoder], values=values)
+    push = _push(where, entry, mechanism, channels) if entry.drive == "torque" else None
     if not set(channels) - set(followed):
         told = f" ({faults[-1].text})" if faults else ""
         beside = f" besides {'its encoders' if len(followed) > 1 else 'the encoder'}" if followed else ""
         raise MeasuredError(f"{where}: {entry.file} has no usable signal{beside}{told}; add a sensor")
     if speed is not None and encoders[0] in channels:
         _check_speed(where, entry.file, table.time, channels, encoders[0], speed, angle or 0.0)
-    start = _start(entry, mechanism, table.time, channels) if drive == "free" else {}
+    start = _start(entry, mechanism, table.time, channels) if drive == "free" and push is None else {}
     run = MeasuredRun(
         entry.name,
         table.time,
@@ -221,6 +222,7 @@ def _run(called: str, entry: Entry, mechanism: Mechanism, tables: _Tables) -> tu
         entry.file,
         entry.role,
         table.clock,
+        push,
     )
     run, rounded = evened(run)
     return _thinned(where, run, encoders, [*faults, *rounded])
@@ -267,6 +269,9 @@ def _command(where: str, entry: Entry, mechanism: Mechanism) -> tuple[Drive, flo
     _check_freedoms(where, mechanism)
     own = "free" if mechanism.drive is None else mechanism.drive.speed
     said = entry.drive or (own if entry.drive_speed is None else entry.drive_speed)
+    if said == "torque":
+        _check_pushed(where, mechanism)
+        return "free", None, None
     if mechanism.sliding and said != "measured":
         how = "free" if said == "free" else f"driven at {said:g} m/s"
         raise MeasuredError(
@@ -289,6 +294,35 @@ def _command(where: str, entry: Entry, mechanism: Mechanism) -> tuple[Drive, flo
         float(said),
         mechanism.assembly[mechanism.driven] if entry.drive_angle is None else entry.drive_angle,
     )
+
+
+def _check_pushed(where: str, mechanism: Mechanism) -> None:
+    """A motor whose torque is the input moves one crank or slide on the ground, and nothing yields in between."""
+    drive = mechanism.drive
+    if drive is None or "ground" not in mechanism.input_joint.bodies:
+        raise MeasuredError(
+            f"{where}: drive = 'torque' is of a motor between the ground and a crank or slide, and {mechanism.name!r}"
+            " has none; give it a [[drive]], or say drive = 'measured'"
+        )
+    if drive.stiffness is not None or drive.half_gap:
+        raise MeasuredError(
+            f"{where}: drive = 'torque' is of a rigid drive, and that of {mechanism.name!r} yields or has backlash; say"
+            " drive = 'measured'"
+        )
+
+
+def _push(where: str, entry: Entry, mechanism: Mechanism, channels: dict[str, Channel]) -> Channel:
+    """The motor's torque (or force), which is taken out of the sensors.  Raises MeasuredError without one, or without
+    an encoder.
+    """
+    effort, encoder = mechanism.efforts[0].name, mechanism.encoder.name
+    for name, what in ((effort, "what its motor gives"), (encoder, "where it is")):
+        if name not in channels:
+            raise MeasuredError(
+                f"{where}: drive = 'torque', and {entry.file} has no usable column {name!r}, {what}; add it, or say"
+                " drive = 'measured' or 'free'"
+            )
+    return channels.pop(effort)
 
 
 def _followed(where: str, entry: Entry, mechanism: Mechanism) -> Literal["measured"]:
@@ -328,8 +362,10 @@ def _check_freedoms(where: str, mechanism: Mechanism) -> None:
 
 def _check_fields(where: str, entry: Entry, mechanism: Mechanism, drive: Drive) -> None:
     """Fields that go with the drive, and names that the mechanism has."""
-    if entry.start is not None and drive != "free":
-        raise MeasuredError(f"{where}: start belongs to drive = 'free', and the drive is {drive}; leave it out")
+    if entry.start is not None and (drive != "free" or entry.drive == "torque"):
+        raise MeasuredError(
+            f"{where}: start belongs to drive = 'free', and the drive is {entry.drive or drive}; leave it out"
+        )
     if entry.from_rest and drive == "free":
         raise MeasuredError(f"{where}: from_rest belongs to a driven run, and the drive is free; give start instead")
     for applied in entry.loads or ():

@@ -66,7 +66,7 @@ class Entry(_Part):
     part: Annotated[int, Field(ge=1, le=10_000)] | None = None  # of a file whose clock starts again, from 1
     drive_speed: Number | None = None
     drive_angle: Number | None = None
-    drive: Literal["measured", "free"] | None = None
+    drive: Literal["measured", "free", "torque"] | None = None
     start: Mapping[str, Number] | None = None
     loads: Annotated[tuple[Load, ...] | None, BeforeValidator(_as_tuple), Field(alias="load")] = None
     noise: Mapping[str, Annotated[float, Field(gt=0, lt=LARGEST_READING)]] = Field(default_factory=dict)

@@ -26,7 +26,7 @@ DRIVE = {"drive_speed", "drive"}  # of a run, of which it has one
 OF_TEXT = ("headings", "skip_rows", "separator", "decimal")  # how a file's text is written
 
 Speed = float | str
-"""rad/s, a text with its unit such as "90 rpm", or "measured" or "free"."""
+"""rad/s, a text with its unit such as "90 rpm", or "measured", "free" or "torque"."""
 
 
 @progress_bar(what="read measured data")
@@ -42,7 +42,8 @@ def measured(
     ``lc.diagnose``, ``lc.preview`` and ``lc.plan``.
 
     Headings are those of a CSV file, ``signal [unit]``, with ``time [s]`` among them.  ``speed`` is that of every run,
-    or by run: rad/s, ``"90 rpm"``, ``"measured"`` (follow the encoder) or ``"free"``; left out, the mechanism's.
+    or by run: rad/s, ``"90 rpm"``, ``"measured"`` (follow the encoder), ``"free"`` or
+    ``"torque"`` (moved by what its motor gives); left out, the mechanism's.
     ``runs`` has by run the fields of measured.toml's ``[[run]]``, and a keyword that is such a field (``noise``,
     ``drive_angle``, ``start``, ``load``, ``from_rest``, ``role``) is that of every run which has none of its own.
     Other keywords are what measured.toml says at its top: ``columns``, ``tolerance``, ``prior``, ``sensor`` and ``context``.
@@ -94,7 +95,7 @@ def _driven(name: str, speed: object, fields: Mapping[str, object]) -> dict[str,
     twice = next((key for key in DRIVE if key in fields), None)
     if twice is not None:
         raise ArgumentError("speed", f"run {name!r} has {twice} = {shown(str(fields[twice]))} too; keep one")
-    return {"drive": speed} if speed in ("measured", "free") else {"drive_speed": speed}
+    return {"drive": speed} if speed in ("measured", "free", "torque") else {"drive_speed": speed}
 
 
 def _plain(given: Any) -> Any:

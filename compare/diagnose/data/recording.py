@@ -103,7 +103,8 @@ class MeasuredRun:
     ``speed`` (rad/s) and ``angle`` (rad, at time 0) are the command of a ``speed`` run, else None; ``start`` is the
     state at the first sample of a ``free`` one: what was given, and for the driven body at least an estimate.
     ``loads`` replace the mechanism's; None keeps them; ``clock`` is the file's column of time, where there is one.  A
-    ``validation`` run is simulated and shown, and nothing is fitted to it.
+    ``validation`` run is simulated and shown, and nothing is fitted to it.  A free run may have a ``push``: what its
+    motor gives, as recorded; it goes in ``pieces``, each from its own start.
     """
 
     name: str
@@ -118,11 +119,18 @@ class MeasuredRun:
     file: str
     role: Role = "fit"
     clock: Column | None = None
+    push: Channel | None = None
+    pieces: int = 1
+
+    @property
+    def input(self) -> Literal["speed", "measured", "free", "torque"]:
+        """What is given of how it moves."""
+        return self.drive if self.push is None else "torque"
 
     def __repr__(self) -> str:
         span = f"{self.time[-1] - self.time[0]:.3g} s" if self.time.size else "empty"
         return (
-            f"Run({self.name}, {self.drive}, {count(self.time.size, 'sample')} in {span}: {', '.join(self.channels)})"
+            f"Run({self.name}, {self.input}, {count(self.time.size, 'sample')} in {span}: {', '.join(self.channels)})"
         )
 
 

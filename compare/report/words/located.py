@@ -98,7 +98,7 @@ def span(result: Diagnosis, place: Located) -> str:
     begin, end = _times(run, place)
     if end - begin >= MOST_OF_RUN * float(run.time[-1] - run.time[0]):
         return "throughout the run"
-    if run.drive == "free":
+    if run.drive in ("free", "torque"):
         return f"from {plainly(begin, 4)} to {plainly(end, 4)} s, at {_degrees(low)} to {_degrees(high)} deg"
     if not _turns(result, run):
         return f"at {_degrees(low)} to {_degrees(high)} deg, {plainly(begin)} s"

@@ -13,7 +13,12 @@ from compare.results.plan import Plan
 from compare.results.preview import Preview, RunPreview, Visible
 
 RIVALS_LISTED = 4  # effects that look alike, by name; the others are counted
-DRIVES = {"speed": "at a commanded speed", "measured": "follows its encoder", "free": "let go"}
+DRIVES = {
+    "speed": "at a commanded speed",
+    "measured": "follows its encoder",
+    "free": "let go",
+    "torque": "moved by what its motor gives",
+}
 
 
 def spoken(result: Preview | Plan, signal: str) -> str:
