@@ -46,7 +46,8 @@ def measured(
     ``"torque"`` (moved by what its motor gives); left out, the mechanism's.
     ``runs`` has by run the fields of measured.toml's ``[[run]]``, and a keyword that is such a field (``noise``,
     ``drive_angle``, ``start``, ``load``, ``from_rest``, ``role``) is that of every run which has none of its own.
-    Other keywords are what measured.toml says at its top: ``columns``, ``tolerance``, ``prior``, ``sensor`` and ``context``.
+    Other keywords are what measured.toml says at its top: ``columns``, ``tolerance``, ``prior``, ``sensor`` and
+    ``context``.
 
     Raises ArgumentError, MechanismError, or MeasuredError with every fault of the data.
     """
