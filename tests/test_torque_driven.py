@@ -14,7 +14,8 @@ from analytic.kinematics.assembly import Assembly
 from analytic.mechanism.file import loads as read
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import Measured, MeasuredError
-from diagnosis_rigs import diagnosed, named
+from compare.diagnose.workflow import diagnose
+from diagnosis_rigs import diagnosed, named, told
 from measured_files import RunTable, write_measured
 from test_reading_followed import CART, cart
 
@@ -100,7 +101,9 @@ def pushed_cart(folder: Path, friction: float) -> Measured:
 
 @pytest.mark.slow
 def test_a_cart_under_a_switched_force(tmp_path: Path) -> None:
-    result = diagnosed(pushed_cart(tmp_path, 3.0))
+    found = diagnose(pushed_cart(tmp_path, 3.0), "mujoco", others=False, workers=1)
+    assert "moved by what its motor gives" in found.files()["diagnosis.html"]
+    result = told(found)
     assert result["verdict"] == "explained"
     assert named(result) == [("coulomb_friction", "S")]
     assert result["effects"][0]["parameters"]["friction_torque"]["value"] == pytest.approx(3.0, rel=0.01)
