@@ -361,6 +361,14 @@ SENTENCES = {  # of a value, of its negative, and what both begin with
         "the load cell at B is mounted turned by 20 mrad counter-clockwise",
         "20 mrad clockwise",
     ),
+    "sensor_place.along": (
+        "the accelerometer follower angle sits 20 mm further along its body",
+        "20 mm less far along its body",
+    ),
+    "axis_error.rotation": (
+        "the axis of the accelerometer follower angle is turned by 20 mrad counter-clockwise",
+        "20 mrad clockwise",
+    ),
     "clock_offset.offset": ("run slow is 20 ms late on its command", "20 ms ahead of its command"),
 }
 

@@ -279,7 +279,7 @@ def test_damaged_files_are_refused_or_read_but_never_crash(tmp_path: Path, seed:
         ({"drive_speed": 0.0}, ["run 'slow'", "drive_speed = 0"]),
         ({"drive": "measured"}, ["drive_speed", "exclude each other"]),
         ({"drive": "free", "drive_speed": None}, ["drive_angle", "free"]),
-        ({"drive": "slow", "drive_speed": None}, ["run[slow].drive", "'slow'", "'measured' or 'free'"]),
+        ({"drive": "slow", "drive_speed": None}, ["run[slow].drive", "'slow'", "'measured', 'free' or 'torque'"]),
         ({"role": "test"}, ["run[slow].role", "'test'", "'fit' or 'validation'"]),
         ({"role": "validation"}, ["role = 'validation'", "nothing is left to fit", "(slow)"]),
         ({"drive_speed": "fast"}, ["run[slow].drive_speed", "'fast'"]),

@@ -32,6 +32,7 @@ from compare.diagnose import prepare
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.measured_file import QUANTITIES, Entry, MeasuredFile
 from compare.diagnose.effects.vocabulary import VOCABULARY
+from compare.diagnose.posterior.prior import Prior
 from compare.diagnose.sensitivities import candidates
 from compare.questions import shared
 from compare.questions.accuracy import AccuracyQuestion, PlatformQuestion
@@ -612,8 +613,8 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]
 
 
 def beside(folder: Path, said: dict[str, Any]) -> tuple[str, list[str]]:
-    """What the runs are, what the nominal mechanism says in them, what may be blamed and within which bounds; and what
-    is said of the data.
+    """What the runs are, what the nominal mechanism says in them, what may be blamed, within which bounds, and how
+    likely it is beforehand; and what is said of the data.
     """
     path = folder / "measured.toml"
     path.write_text(tomli_w.dumps(said), encoding="utf-8")
@@ -633,7 +634,8 @@ def beside(folder: Path, said: dict[str, Any]) -> tuple[str, list[str]]:
         for run in data.runs
     ]
     nominal = [{name: values.tolist() for name, values in run.items()} for run in predicted]
-    return repr((runs, nominal, [(t.key, t.variant, bounds(t)) for t in allowed])), told
+    prior = Prior.of(rigged, bounds, allowed, data.prior)
+    return repr((runs, nominal, [(t.key, t.variant, bounds(t), prior.log_odds(t)) for t in allowed])), told
 
 
 def begun(folder: Path, said: dict[str, Any]) -> tuple[str, list[str]]:

@@ -182,7 +182,7 @@ def test_an_effect_changes_nothing_that_it_is_given(place: Place) -> None:
     copies = {s: v.copy() for s, v in seen.items()}
     for v in seen.values():
         v.flags.writeable = False
-    mechanism = effect.on_mechanism(RIG.mechanism, where, values)
+    mechanism = effect.on_mechanism(RIG.mechanism, where, effect.in_run(values, "slow"))
     read = effect.on_readings(seen, "slow", where, values)
     assert RIG.mechanism.model_dump_json() == before
     assert values == kept
@@ -218,7 +218,7 @@ def test_an_effect_of_zero_is_none(place: Place) -> None:
     assert all(np.array_equal(read[s], seen[s]) for s in seen)
     assert not any(acts_in_time(effect, where, values))
     assert np.all(effect.lowest(RIG, where, variant) <= 0), "no effect must be allowed"
-    assert_same_linkage(effect.on_mechanism(RIG.mechanism, where, values), RIG.mechanism)
+    assert_same_linkage(effect.on_mechanism(RIG.mechanism, where, effect.in_run(values, "slow")), RIG.mechanism)
 
 
 def assert_same_linkage(one: Mechanism, other: Mechanism) -> None:
