@@ -17,7 +17,6 @@ import mujoco
 import numpy as np
 
 from analytic.mechanism import GROUND, Joint, Mechanism
-from analytic.mechanism.columns import ColumnMeaning
 from analytic.mechanism.signals import DRIVE_TORQUE, Signal, driving, position, slipping
 from sim_models.mjcf.compiled import AT_JOINT
 from sim_models.mjcf.drive import flywheel, switched_off
@@ -68,14 +67,13 @@ class Relation:
 
     @property
     def entry(self) -> str:
-        """Its line of a map; a comment where a map has no word for the frame yet."""
+        """Its line of a map."""
         fields = [f"signal = {json.dumps(self.signal)}", f'unit = "{self.unit}"']
         fields += ["sign = -1"] * (self.scale < 0)
         fields += [f"scale = {abs(self.scale)!r}"] * (abs(self.scale) != 1.0)
         fields += [f"offset = {self.offset!r}"] if self.offset else []
         fields += [f"frame = {json.dumps(self.frame)}"] if self.frame else []
-        silent = bool(self.frame) and "frame" not in ColumnMeaning.model_fields
-        return "# " * silent + f"{json.dumps(self.heading)} = {{ {', '.join(fields)} }}"
+        return f"{json.dumps(self.heading)} = {{ {', '.join(fields)} }}"
 
 
 def as_map(relations: Sequence[Relation], source: str, *, inverse: bool = False) -> str:
