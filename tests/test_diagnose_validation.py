@@ -80,7 +80,7 @@ def test_values_of_other_runs_do_not_apply_to_a_validation_run() -> None:
     assert effect["kind"] == "sensor"
     assert set(effect["parameters"]) == {"offset@slow", "offset@fast-reverse"}
     assert "Each run has its own encoder zero, 10 mrad too little to 20 mrad too much." in found["statement"]
-    assert "It was not applied to kept, for which it has no value." in found["statement"]
+    assert "In kept it was not applied, as there is no value for it." in found["statement"]
     kept = by_name(found, "kept")
     assert gaps(kept, "after") == gaps(kept, "before")  # its own zero is not off
     assert "crank_angle" not in kept["signals"]  # it follows its encoder, which cannot judge it

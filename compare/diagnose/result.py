@@ -16,7 +16,7 @@ from analytic.mechanism.one_line import count
 from analytic.mechanism.tolerances import as_made
 from compare.diagnose.data.recording import Fault as RecordedFault
 from compare.diagnose.data.recording import MeasuredRun
-from compare.diagnose.effects.each_run import in_each_run
+from compare.diagnose.effects.each_run import repeats
 from compare.diagnose.effects.effect import landing_in
 from compare.diagnose.experiment_design import would_separate
 from compare.diagnose.explanation import Attempt, Explanation, Named
@@ -299,7 +299,7 @@ def _effect(problem: Problem, e: Explanation, n: Named, noise: dict[tuple[str, s
 
 def _repeats(n: Named) -> Repeats | None:
     """How an effect of the rig with a value for each run differs from run to run."""
-    if n.term.effect.sensor or not in_each_run(n.term.effect, n.term.variant):
+    if not repeats(n.term.effect, n.term.variant):
         return None
     each = list(n.parameters.values())
     values = [p.value for p in each]

@@ -33,7 +33,9 @@ class EachRun(Effect):
         return 0.0
 
     def variants(self, rig: Rig, where: str) -> Sequence[float]:
-        return (0.0, self.each_run) if self.varies and len(self.runs(rig, where)) > 1 else (0.0,)
+        # the noise of free runs is what all effects together leave: values for each run of the rig would be part of it
+        told = self.varies and (self.sensor or set(rig.driven) == set(rig.runs))
+        return (0.0, self.each_run) if told and len(self.runs(rig, where)) > 1 else (0.0,)
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (self.scale(rig, where),) * (len(self.runs(rig, where)) if variant == self.each_run else 1)
@@ -69,3 +71,8 @@ class EachRun(Effect):
 def in_each_run(effect: Effect, variant: float) -> bool:
     """Whether an effect has a value of its own for each run."""
     return isinstance(effect, EachRun) and effect.varies and variant == EachRun.each_run
+
+
+def repeats(effect: Effect, variant: float) -> bool:
+    """Whether an effect of the rig differs from run to run."""
+    return not effect.sensor and in_each_run(effect, variant)

@@ -14,7 +14,7 @@ from analytic.kinematics.structure import StructureError
 from analytic.mechanism.signals import named
 from compare.diagnose import prepare
 from compare.diagnose.data.recording import Channel, Measured, MeasuredRun
-from compare.diagnose.effects.each_run import in_each_run
+from compare.diagnose.effects.each_run import in_each_run, repeats
 from compare.diagnose.effects.effect import Rig
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.fit import Fitter
@@ -99,7 +99,7 @@ def pool(bench: Bench) -> Pool:
     fitter = Fitter(model, Data(measured, noise), rig, prepare.bounds(rig, bench.tolerance))
     terms = prepare.allowed(candidates(rig, VOCABULARY), bench.tolerance, fitter.bounds)
     terms = [t for t in terms if not t.effect.acts_by_itself(t.variant)]
-    terms = [t for t in terms if t.effect.sensor or not in_each_run(t.effect, t.variant)]  # what varies is seen in data
+    terms = [t for t in terms if not repeats(t.effect, t.variant)]  # what varies is seen in data
     prior = Prior.of(rig, fitter.bounds, [t for t in terms if t.effect.place != "run" or t.where == rig.runs[0]])
     suspects, columns, slight = _signatures(fitter, prior, terms)
     every = np.hstack([columns, slight])

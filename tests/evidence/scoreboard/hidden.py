@@ -20,7 +20,7 @@ from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.fit import Fit, Fitter
 from compare.diagnose.predict import Term, derived
 from compare.diagnose.residuals import Data
-from compare.diagnose.sensitivities import candidates, sensitivities
+from compare.diagnose.sensitivities import sensitivities
 from tests.evidence.results.scoreboard import Kind
 from tests.evidence.scoreboard import several
 from tests.evidence.scoreboard.outside import OUTSIDE, UNNAMED, Course, Outside, draw_outside, resized
@@ -35,7 +35,7 @@ from tests.evidence.scoreboard.rigs import (
     draw_log,
     ideal,
 )
-from tests.evidence.scoreboard.sizes import LARGEST, SMALLEST, Drawn, Planted, Sizer, drawn, left, solve
+from tests.evidence.scoreboard.sizes import LARGEST, SMALLEST, Drawn, Planted, Sizer, drawn, every_rival, left, solve
 
 # first seed of each kind of set
 FIRST: dict[Kind, int] = {
@@ -263,7 +263,7 @@ def _undescribed(experiment: Experiment, outside: Outside) -> tuple[float, float
     assert residual is not None
     base = Fit((), (), residual, np.zeros((residual.size, 0)), np.zeros(0, bool))
     known = {name: effect for name, effect in VOCABULARY.items() if name not in outside.excluded}
-    columns = [s.columns for s in sensitivities(fitter, base, candidates(sizer.rig, known)).values()]
+    columns = [s.columns for s in sensitivities(fitter, base, every_rival(sizer.rig, known)).values()]
     rest, after = residual, []
     for _ in range(TOGETHER):
         best = min(columns, key=lambda c: left(rest, c))

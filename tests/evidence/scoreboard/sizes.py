@@ -9,13 +9,14 @@ has been fitted to it, with the other true effects free to move, says whether an
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from analytic.beyond_paper.drive import Motor
+from compare.diagnose.effects.each_run import repeats
 from compare.diagnose.effects.effect import Draw, Effect, Growth, Readings, Rig, Values
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.fit import Fit, Fitter
@@ -137,7 +138,7 @@ class Sizer:
         """The true effects with their sizes.  Raises Rejected where one hides behind the others."""
         model, data = self.data(truth)
         fitter = Fitter(model, data, self.rig, self.bounds)
-        terms, true = candidates(self.rig, VOCABULARY), {t.key for t, _ in truth}
+        terms, true = every_rival(self.rig), {t.key for t, _ in truth}
         out = []
         for i, (term, values) in enumerate(truth):
             others = [pair for k, pair in enumerate(truth) if k != i]
@@ -161,7 +162,7 @@ class Sizer:
         """Sigmas of all effects together that the best single one leaves: of one that describes them all, few."""
         model, data = self.data(truth)
         fitter = Fitter(model, data, self.rig, self.bounds)
-        return self.rivalled(fitter, self.without(fitter, []), candidates(self.rig, VOCABULARY))[2]
+        return self.rivalled(fitter, self.without(fitter, []), every_rival(self.rig))[2]
 
     def bounds(self, term: Term) -> tuple[np.ndarray, np.ndarray]:
         """Physical bounds of natural coordinates."""
@@ -225,3 +226,8 @@ def solve(columns: np.ndarray, residual: np.ndarray) -> np.ndarray:
 def left(residual: np.ndarray, columns: np.ndarray) -> float:
     """Norm of a residual (N,) after columns (N, k) have taken away what they can."""
     return float(np.linalg.norm(residual + columns @ solve(columns, residual)))
+
+
+def every_rival(rig: Rig, vocabulary: Mapping[str, Effect] = VOCABULARY) -> list[Term]:
+    """Every effect at every place; of the rig's, those of one value."""
+    return [t for t in candidates(rig, vocabulary) if not repeats(t.effect, t.variant)]
