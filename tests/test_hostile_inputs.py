@@ -234,7 +234,7 @@ MECHANISM_PARTS = {
     "a joint without a point": mine(with_field(("joint", 2, "name"), "Q"), "joint 'Q'", "no point 'Q'"),
     "a revolute joint with an axis": mine(with_field(("joint", 2, "axis"), [1.0, 0.0]), "joint 'B'", "axis"),
     "a prismatic joint without an axis": mine(
-        with_field(("joint", 2, "type"), "prismatic"), "joint 'B'", "axis is None"
+        with_field(("joint", 2, "type"), "prismatic"), "joint 'B'", "axis is missing"
     ),
     "a body without length": mine(with_field(("body", 1, "points", "B"), [0.0, 0.0]) | {}, "'coupler' has no length"),
     "a clearance larger than a link": mine(
