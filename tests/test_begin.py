@@ -265,7 +265,7 @@ def test_random_files_of_a_four_bar_are_read_as_they_were_written(tmp_path: Path
         "Moment": 1.1 * torque + 0.2 * np.std(torque) * np.sign(speed) + rng.normal(0, 0.02 * np.std(torque), samples),
         "Temp": 20 + np.cumsum(rng.normal(0, 0.02, samples)) + time / time[-1],
     }
-    found = guess(rows_of(tmp_path / "a.csv", columns), m)
+    (found,) = guess(rows_of(tmp_path / "a.csv", columns), m)
     np.testing.assert_allclose(np.exp(1j * found.values["crank_angle"]), np.exp(1j * theta), atol=0.02)
     told = {g.heading: g.signal.name if g.signal else None for g in found.guesses}
     assert told["Temp"] is None

@@ -20,7 +20,9 @@ from compare.faults import OptionError
 
 PLACE_COLUMNS = ("crank_angle [deg]", "time [s]")
 # all other columns are places, and signals on request and sensors, which are judged each by itself
-_OF_PINS = re.compile(r"reaction_.*_(angle \[deg\]|(magnitude|rms|peak) \[N\])|free_share_.* \[1\]")
+_OF_PINS = re.compile(
+    r"reaction_.*_(angle \[deg\]|(magnitude|rms|peak) \[N\])|free_share_.* \[1\]|impacts_.* \[per turn\]"
+)
 UNDIRECTED = 0.02  # of a joint's peak force, below which its direction is left open (nan)
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from scipy.linalg.lapack import dpotrf, dtrtri, dtrtrs
 from scipy.special import log_ndtr
 
+from compare.diagnose.effects.each_run import repeats
 from compare.diagnose.posterior.compress import Group, Products
 from compare.diagnose.posterior.prior import MOST, WIDTHS, Prior
 
@@ -60,6 +61,7 @@ class Sets:
         families = {family: k for k, family in enumerate({g.family for g in groups})}
         self._of_rig = np.array([g.term is None or not g.term.effect.sensor for g in groups], bool)
         self._nameless = np.array([g.term is None for g in groups], bool)
+        self._repeats = np.array([g.term is not None and repeats(g.term.effect, g.term.variant) for g in groups], bool)
         self.named_only = False  # whether sets with an unknown are passed over
         self._families = np.array([families[g.family] for g in groups], int)
         by_count: dict[int, list[int]] = {}
@@ -183,6 +185,11 @@ class Sets:
         barred = np.isin(self._families, self._families[list(chosen)])
         if self._of_rig[list(chosen)].sum() >= MOST:
             barred |= self._of_rig
+        # a law without a name shows in runs at several speeds as values that differ: a set has one of both
+        if self._nameless[list(chosen)].any():
+            barred |= self._repeats
+        if self._repeats[list(chosen)].any():
+            barred |= self._nameless
         return barred | self._nameless if self.named_only else barred
 
     def grown(self, chosen: Set, most: int) -> list[tuple[float, Set]]:
