@@ -36,6 +36,7 @@ OUTSIDE = {
     "sim_models/CONVENTIONS.md": "reference/conventions.md",
     "reports/README.md": "evidence/validation.md",
     "reports/scoreboard/README.md": "evidence/scoreboard.md",
+    "reports/trust.md": "evidence/trust.md",
     "reports/validity-paper/validity.md": "evidence/validity-paper.md",
     "reports/validity-crank-rocker/validity.md": "evidence/validity-crank-rocker.md",
     "reports/validity-crank-rocker-loaded/validity.md": "evidence/validity-crank-rocker-loaded.md",
