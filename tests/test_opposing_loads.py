@@ -183,6 +183,31 @@ def test_at_rest_it_acts_against_the_motion_of_the_linkage_with_its_gaps(name: s
     assert near["reaction_B_angle"] < 1e-3
 
 
+@pytest.mark.parametrize("motion", ["driven", "static"])
+@pytest.mark.parametrize("name", ["mujoco", "pybullet", "dart"])
+def test_it_acts_at_a_point_that_no_joint_is_at(name: str, motion: Motion) -> None:
+    """The tip of an arm that turns: its force times the arm's length, all round."""
+    if missing(name):
+        pytest.skip(missing(name))
+    m = Mechanism.model_validate(
+        {
+            "name": "arm",
+            "ground": {"points": {"O": (0.0, 0.0)}},
+            "bodies": ({"name": "bar", "points": {"O": (0.0, 0.0), "T": (0.3, 0.0)}, "mass": 1.0},),
+            "joints": ({"name": "O", "type": "revolute", "bodies": ("ground", "bar")},),
+            "drive": {"joint": "O", "speed": 2 * math.pi},
+            "loads": ({"body": "bar", "point": "T", "force": (5.0, 0.0), "opposes": True},),
+            "assembly": {"bar": 0.0},
+        }
+    )
+    result = lc.crosscheck(
+        m, simulator=name, joint_model="ideal", motion=motion, angles=np.radians(np.arange(0, 360, 30))
+    )
+    assert result.verdict == "agrees", result
+    torque = result.runs[0].simulated["drive_torque"]
+    np.testing.assert_allclose(torque, 1.5, atol=2e-3)
+
+
 def test_a_released_wheel_is_braked_to_rest_and_held() -> None:
     """Without weight its rate falls evenly, by torque over moment of inertia, and then it stays."""
     brake = Load(body="pendulum", torque=0.01, opposes=True)

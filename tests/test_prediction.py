@@ -23,6 +23,7 @@ from compare.diagnose.mixture import Discrepancy, axes, growth, quantile
 from compare.diagnose.planned import planned
 from compare.diagnose.warrant import half_width, judged_by
 from compare.faults import ArgumentError
+from compare.questions.option import ByBody
 from compare.results.band import Band
 from compare.results.diagnosis import Diagnosis, EffectSet, Estimate, JointCovariance
 from diagnosis_rigs import experiment, played, turn, wrong
@@ -239,3 +240,10 @@ def test_a_speed_is_foretold_and_what_it_cannot_be_is_refused(tmp_path: Path) ->
     ):
         with pytest.raises(ArgumentError, match=why):
             lc.predict(both, **asked)
+
+
+def test_the_force_on_a_body_is_given_once() -> None:
+    """Of two the first would be lost."""
+    assert ByBody().parse(["coupler=1:2", "crank=3:4"], "load") == {"coupler": (1.0, 2.0), "crank": (3.0, 4.0)}
+    with pytest.raises(ArgumentError, match="coupler is there twice"):
+        ByBody().parse(["coupler=1:2", "coupler=3:4"], "load")

@@ -342,6 +342,8 @@ class ByBody(ArgumentKind[list[str]]):
             x, colon, y = both.partition(":")
             if not (name and given and colon):
                 raise ArgumentError(called, f"{part!r} cannot be used; {remedy}")
+            if name in forces:
+                raise ArgumentError(called, f"body {name} is there twice; give it one force")
             forces[name] = _amount(x, "N", called, remedy), _amount(y, "N", called, remedy)
         return forces or None
 

@@ -256,13 +256,21 @@ class MujocoLinkage:
         return self.fixed_angle[body] + float(self.form[body] @ self.data.qpos)
 
     def place(self, body: str, point: str) -> complex:
-        """Where (m) a body's marker is, ``com``, or its point at a joint, or the ground's."""
-        return complex(*self.data.site_xpos[self._site(body, point), :2].tolist())
+        """Where (m) a body's marker is, ``com``, or a point of it, or the ground's at a joint."""
+        return complex(*self.data.site_xpos[self._site(body, point), :2].tolist()) + self._arm(body, point)
 
     def _site(self, body: str, point: str) -> int:
-        if point == "com":
+        """The site of a point at a joint; of any other the body's marker."""
+        if point not in self.sites:
             return self.markers[body]
         return self.sites[point][self.mechanism.joint(point).bodies.index(body)]
+
+    def _arm(self, body: str, point: str) -> complex:
+        """From the site to the point (m)."""
+        part = self.mechanism.moving.get(body)
+        if part is None or point == "com" or point in self.sites:
+            return 0j
+        return (part.point(point) - part.centre) * cmath.exp(1j * self.angle(body))
 
     def going(self, body: str, point: str) -> complex:
         """Velocity (m/s) of that point; at rest as the drives go on."""
@@ -271,7 +279,7 @@ class MujocoLinkage:
             return pose.velocity + 1j * pose.angular_velocity * at * cmath.exp(1j * pose.angle)
         velocity = np.empty(6)
         mujoco.mj_objectVelocity(self.model, self.data, SITE, self._site(body, point), velocity, 0)
-        return complex(velocity[3], velocity[4])
+        return complex(velocity[3], velocity[4]) + 1j * self.spin(body) * self._arm(body, point)
 
     def spin(self, body: str) -> float:
         """A body's angular velocity (rad/s); at rest as the drives go on."""
