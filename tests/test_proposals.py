@@ -101,10 +101,9 @@ def test_the_page_and_the_texts_show_the_law_with_its_curve() -> None:
     for text in (page, md):
         assert "Proposed, not named" in text
         assert "Stribeck friction" in text
-    assert any(
-        line.startswith("proposed (not named): More than Coulomb friction in joint E: what acts there")
-        for line in lines
-    )
+    (said,) = [line for line in lines if line.startswith("proposed (not named): ")]
+    assert "Coulomb friction in joint E" in said, "what it takes the place of, or goes beyond"
+    assert "looks like Stribeck friction: a sign w + b exp(-(w/c)^2) sign w, with a = -0.05 N.m, b = -0.1 N.m" in said
 
 
 def over(argument: np.ndarray, law: np.ndarray, what: str) -> Proposed:
