@@ -155,8 +155,8 @@ def _of_outputs(assembly: Assembly, schedule: Schedule, motion: Motion) -> tuple
     cycle = cycle_accuracy(Assembly(stiff), theta, outputs, m.clearances, m.speed or 1.0, motion == "driven")
     strikes = ", and strikes it" if motion == "driven" else ""
     crossing = [
-        f"the reaction at {change.joint} passes near zero at {plain(degrees(change.crank_angle) % 360, 4)} deg and"
-        f" turns by {abs(degrees(change.turned)):.0f} deg: there the pin crosses its bearing{strikes}"
+        f"the reaction at {change.joint} turns by {abs(degrees(change.turned)):.0f} deg at"
+        f" {plain(degrees(change.crank_angle) % 360, 4)} deg: there the pin crosses its bearing{strikes}"
         for change in cycle.side_changes
     ]
     return {

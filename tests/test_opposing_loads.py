@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from pathlib import Path
 
@@ -11,8 +12,10 @@ import pytest
 import linkage_crosscheck as lc
 from analytic.beyond_paper.released import released
 from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.kinematics.motion import kinematics
 from analytic.mechanism import Load, Mechanism, MechanismError
 from analytic.mechanism.file import dumps, load, loads
+from analytic.paper.clearance import displaced
 from compare.report.peaks import strokes
 from engine_checks import CALM, agreed
 from engines_here import missing
@@ -206,6 +209,24 @@ def test_it_acts_at_a_point_that_no_joint_is_at(name: str, motion: Motion) -> No
     assert result.verdict == "agrees", result
     torque = result.runs[0].simulated["drive_torque"]
     np.testing.assert_allclose(torque, 1.5, atol=2e-3)
+
+
+@pytest.mark.parametrize("force", [5.0, 200.0])
+def test_where_it_turns_a_reaction_round_no_peak_is_made_of_the_pin_that_crosses(force: float) -> None:
+    """No gap has derivatives there: taken from its places at either side they would make kilonewtons of it."""
+    m = load("crank-rocker").replace(loads=(Load(body="follower", point="B", force=(force, 0.0), opposes=True),))
+    assembly, still = Assembly(m), []
+    for begin, end in itertools.pairwise(np.linspace(0.0, 2 * math.pi, 721)):  # where the follower turns back
+        rates = kinematics(assembly, np.array([begin, end]), 1.0).angular_velocity("follower")
+        still += [begin - rates[0] * (end - begin) / (rates[1] - rates[0])] if rates[0] * rates[1] < 0 else []
+    assert len(still) == 2
+    near = np.add.outer(still, np.radians([-0.5, -0.2, -0.1, -0.05, 0.05, 0.1, 0.2, 0.5])).ravel()
+    found, ideal = (displaced(assembly, near, m.speed, clearances=c) for c in ({"A": 1e-4}, {}))
+    said = ~np.isin(np.arange(near.size), list(found.flags))
+    assert said.any()
+    assert any("crosses its bearing" in why for why in found.flags.values())
+    for joint, reaction in found.reactions.forces.items():
+        np.testing.assert_allclose(np.abs(reaction)[said], np.abs(ideal.reactions.forces[joint])[said], rtol=0.3)
 
 
 def test_a_released_wheel_is_braked_to_rest_and_held() -> None:

@@ -263,6 +263,7 @@ def _taken_up(pins: _Pins, drive: np.ndarray, state: Displaced, turning: bool) -
     x, learnt = pins.settled(drive, toward)
     if turning:
         rates = _rates(pins, drive, x, toward, learnt)
+        _add(flags, _across(pins, drive, rates))
         steady, (x, _) = x, pins.settled(drive, x, rates, learnt)
         _add(flags, _unsteady(pins, steady, x))
         if (at := _further(pins, drive, _sways(pins, steady, x).max(axis=0, initial=0.0), list(flags))).size:
@@ -543,6 +544,16 @@ def _rates(
     here, near = (np.stack(list(pins.places(at).values()), axis=-1) for at in (x, around))
     before, after = np.split(near, 2)
     return np.array([(after - before) / (2 * moment[:, None]), (after - 2 * here + before) / moment[:, None] ** 2])
+
+
+def _across(pins: _Pins, drive: np.ndarray, rates: np.ndarray) -> Reasons:
+    """Samples just before which a pin lies a right angle or more from where it lies just after: a load, or friction,
+    turns round in between, and its gap has no derivatives.
+    """
+    moment = _beside(pins, drive)[1]
+    for k, (name, c) in enumerate(pins.sizes.items()):
+        for i in np.flatnonzero(np.abs(rates[0, :, k]) * moment >= c / np.sqrt(2)):
+            yield int(i), f"the reaction at {name} turns round: its pin crosses its bearing"
 
 
 def _beside(pins: _Pins, drive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
