@@ -97,6 +97,7 @@ def test_rates_and_power_are_judged_beside_what_they_follow_from(tmp_path: Path)
     assert "acceleration_S" not in off  # of the drive, that goes as it does
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("decimals", [3, 4])
 def test_what_a_rounded_drive_leaves_open_is_allowed_and_no_more(decimals: int, tmp_path: Path) -> None:
     rounded = {name: np.round(values, decimals) for name, values in on_a_cart(rates=True).items()}
@@ -106,6 +107,7 @@ def test_what_a_rounded_drive_leaves_open_is_allowed_and_no_more(decimals: int, 
     assert {"bob_angle", "drive_power"} <= off
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("late", [0.0, 3.0])
 @pytest.mark.parametrize("engine", [None, pytest.param("mujoco", marks=pytest.mark.mujoco)])
 def test_a_recorded_torque_acts_on_what_runs_free(engine: str | None, late: float, tmp_path: Path) -> None:
@@ -118,6 +120,7 @@ def test_a_recorded_torque_acts_on_what_runs_free(engine: str | None, late: floa
         assert [run.verdict for run in result.runs[1:]] == ["agrees"] * bool(engine)
 
 
+@pytest.mark.slow
 def test_how_fast_it_begins_is_told_by_its_positions_or_by_the_file(tmp_path: Path) -> None:
     columns = {name: values for name, values in on_a_cart().items() if "velocity" not in name}
     result = checked(tmp_path, columns, DRIVEN_CART)
@@ -131,6 +134,7 @@ def test_how_fast_it_begins_is_told_by_its_positions_or_by_the_file(tmp_path: Pa
 
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=getattr(pytest.mark, n)) for n in ("mujoco", "pybullet")])
+@pytest.mark.slow
 def test_two_bars_with_one_motor_are_checked_by_an_engine_s_record(name: str, tmp_path: Path) -> None:
     """The lower bar's angle and rate are told in the ground's frame, the motor's by its joint."""
     knots = np.linspace(0.0, 0.61, 62)

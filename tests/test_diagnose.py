@@ -219,7 +219,7 @@ def test_a_coordinate_that_these_data_do_not_show_stays_where_it_is() -> None:
     assert {either["where"], *(tie["where"] for tie in either["ambiguous_with"])} == {"O", "S"}
 
 
-@pytest.mark.parametrize("bends", [True, False], ids=["used", "left out"])
+@pytest.mark.parametrize("bends", [*slow(True), False], ids=["used", "left out"])
 def test_stated_moduli_of_elasticity_are_used_where_the_rig_bends(bends: bool) -> None:
     soft = wrong("link_flexibility", "linkage", youngs_modulus=3e10)
     stated = VOCABULARY[soft.name].on_mechanism(four_bar(), soft.where, soft.values)

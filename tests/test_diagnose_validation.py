@@ -125,6 +125,7 @@ def test_a_free_validation_run_is_on_the_turn_of_the_fitted_ones() -> None:
     assert kept["signals"]["pendulum_angle"]["gap_after"] < 3  # from the given start, which is exact here
 
 
+@pytest.mark.slow
 def test_a_validation_run_that_cannot_be_simulated_is_shown_as_such(monkeypatch: pytest.MonkeyPatch) -> None:
     def stopped(task: Task) -> object:
         return "the step is too long" if task.run.role == "validation" else simulate(task)

@@ -58,6 +58,10 @@ def blocks(page: Path) -> list[Block]:
 
 # Pages whose blocks take long, or that ask every engine, are run with the slow tests.
 DEAR = {
+    "how-to/logger.md",
+    "how-to/plan.md",
+    "how-to/read-a-report.md",
+    "how-to/sweep.md",
     "how-to/check.md",
     "how-to/several-drives.md",
     "theory/clearance.md",

@@ -193,6 +193,7 @@ def test_a_frame_is_checked_as_its_file(tmp_path: Path) -> None:
         assert [d.max for d in one.discrepancies] == [d.max for d in other.discrepancies]
 
 
+@pytest.mark.slow
 def test_a_plan_of_a_recording_is_of_its_rig() -> None:
     """Its speeds, its sensors and their noise."""
     found = lc.plan(rig(dict), budget=1)

@@ -25,7 +25,11 @@ from sim_models.engine import ENGINES, Unsupported, declared
 
 G = 9.81  # m/s2
 TIMES = np.linspace(0.0, 0.5, 11)
-SIDES = ["analytic", *(pytest.param(name, marks=getattr(pytest.mark, name)) for name in ENGINES)]
+DEAR = [pytest.mark.slow]  # by steps of an engine that is slow
+SIDES = [
+    "analytic",
+    *(pytest.param(n, marks=[getattr(pytest.mark, n), *DEAR * (n in ("pybullet", "dart"))]) for n in ENGINES),
+]
 # rad, or m, after half a second: the engines integrate to what their free runs without a throw are held to
 ACCURACY = {"analytic": 1e-8, "mujoco": 1e-8, "exudyn": 3e-6, "pybullet": 3e-6, "dart": 3e-6}
 

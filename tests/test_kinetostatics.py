@@ -158,6 +158,7 @@ closing = st.tuples(st.tuples(lengths, lengths, lengths, lengths), st.floats(0.2
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.filter_too_much])
 @given(closing, st.floats(-40, 40), st.floats(-300, 300), st.floats(-1, 1), st.floats(-9.81, 9.81))
 def test_every_link_of_any_four_bar_is_in_balance(

@@ -20,6 +20,7 @@ from compare.diagnose.data.recording import Measured, MeasuredError
 from compare.faults import ArgumentError
 from compare.recorded.errors import DataError
 from engines_here import missing
+from marks import slow
 from measured_files import RunTable, csv_text, write_measured
 
 SPEED = 12.0  # rad/s
@@ -101,7 +102,7 @@ def test_each_file_has_its_own_push_and_what_it_is_rounded_to_is_allowed(tmp_pat
     ]
 
 
-@pytest.mark.parametrize("engine", ["", "mujoco"])
+@pytest.mark.parametrize("engine", [*slow(""), "mujoco"])
 def test_a_released_wheel_gains_the_impulse_of_a_recorded_torque(tmp_path: Path, engine: str) -> None:
     """By its angular momentum, written out: a torque of known integral, on a wheel without weight."""
     if engine and missing(engine):
@@ -171,6 +172,7 @@ def rig(folder: Path, speeds: Mapping[str, float], **fields: object) -> Path:
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.mujoco
 def test_a_diagnosis_takes_each_run_s_push_and_finds_the_mass_beside_it(tmp_path: Path) -> None:
     path = rig(tmp_path, {"slow": 9.0, "fast": 21.0, "back": -15.0})

@@ -33,6 +33,7 @@ class Watched(NotebookClient):
         return super().process_message(msg, cell, cell_index)
 
 
+@pytest.mark.slow
 def test_a_cell_shows_progress_while_it_runs_and_not_afterwards() -> None:
     book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(text) for text in CELLS])
     client = Watched(book, timeout=300, extra_arguments=["--log-level=ERROR"])

@@ -106,6 +106,7 @@ def test_a_duration_is_said_roughly(seconds: float, words: str) -> None:
     assert duration(seconds) == words
 
 
+@pytest.mark.slow
 @pytest.mark.mujoco
 def test_what_is_said_to_be_left_is_what_it_takes() -> None:
     """Of longer runs of pins that strike, each round by itself: within a factor of three, on a machine with others."""

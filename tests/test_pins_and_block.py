@@ -15,6 +15,7 @@ import pytest
 import linkage_crosscheck as lc
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
+from marks import slow
 from sim_models.engine import ENGINES
 
 CRANK, ROD, PUSH = 0.05, 0.12, -900.0  # m, m, N on the slider
@@ -122,7 +123,7 @@ def in_motion(theta: float, omega: float) -> np.ndarray:
     return x
 
 
-@pytest.mark.parametrize("omega", [SPEED, -SPEED])
+@pytest.mark.parametrize("omega", [SPEED, *slow(-SPEED)])
 @pytest.mark.parametrize("side", ["analytic", *RUBBING])
 def test_in_motion_all_rub_at_once(omega: float, side: str) -> None:
     theta = np.radians(DEGREES)

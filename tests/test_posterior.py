@@ -244,6 +244,7 @@ def diagnosed(*truth: Planted, tolerance: dict[str, float] | None = None, exclud
     return diagnosis_of(measured, options)[0]
 
 
+@pytest.mark.slow
 def test_friction_beside_a_length_is_not_a_tare_in_each_run() -> None:
     """Four tares of the torque sensor take more in one step than one friction does, and explain no more with it."""
     result = diagnosed(
@@ -270,6 +271,7 @@ def test_friction_beside_a_length_is_not_a_tare_in_each_run() -> None:
     assert "Its chance of being there: more than 999 in 1000." in diagnosis_html(result)
 
 
+@pytest.mark.slow
 def test_damping_that_falls_from_run_to_run_is_one_effect_with_a_value_for_each() -> None:
     truth = dict(zip((plan.name for plan in experiment(*RUNS).plans), (0.12, 0.105, 0.09, 0.07), strict=True))
     result = diagnosed(Planted("viscous_friction", "E", {f"damping@{run}": value for run, value in truth.items()}))

@@ -20,6 +20,7 @@ from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import loads
 from engines_here import missing
+from marks import slow
 
 TORQUE, SPEED = 41450.0, 30.0  # N.m; rad/s, where the piston is nearest
 CRANK, ROD, ROD_MASS, PISTON_MASS = 2.0, 3.5, 35.0, 25.0  # m, kg
@@ -109,7 +110,7 @@ def after_the_stroke() -> float:
     return math.sqrt(SPEED**2 + 2 * gained / whole)
 
 
-@pytest.mark.parametrize("name", ["", "mujoco", "exudyn"])
+@pytest.mark.parametrize("name", [*slow(""), "mujoco", "exudyn"])
 def test_a_stroke_takes_the_energy_that_the_gas_takes(name: str) -> None:
     if name and missing(name):
         pytest.skip(missing(name))
@@ -124,6 +125,7 @@ def test_a_stroke_takes_the_energy_that_the_gas_takes(name: str) -> None:
     assert at(2 * math.pi, theta, omega) == pytest.approx(after_the_stroke(), rel=2e-4 if name else 2e-5)
 
 
+@pytest.mark.slow
 def test_after_a_turn_the_crank_is_as_fast_as_before() -> None:
     motion = released(Assembly(turning()), np.linspace(0.0, 0.3, 601), math.pi, SPEED).reactions.motion
     speeds = [at(angle, motion.theta, motion.angular_velocity("crank")) for angle in math.pi * np.arange(2.0, 4.0)]

@@ -228,6 +228,7 @@ def test_a_pendulum_swings_between_two_stops(side: str) -> None:
     np.testing.assert_allclose(found["position_O"], q, atol=1e-7 if side == "analytic" else 2e-5)
 
 
+@pytest.mark.slow
 def test_a_released_crank_between_stops_is_the_same_by_either_integration() -> None:
     """By a linkage's one freedom, and as one of those of which there may be several."""
     m = load("crank-rocker").with_clearances({})
@@ -264,6 +265,7 @@ assembly = { lever = 0.0 }
 """
 
 
+@pytest.mark.slow
 def test_a_stop_s_numbers_vary_and_are_swept_by_name() -> None:
     """Of a lever turned against it: torque = k (angle - to) + c speed, in closed form."""
     stated = {"to": "1 deg", "stiffness": "2 N.m/rad", "damping": "0.1 N.m.s/rad"}

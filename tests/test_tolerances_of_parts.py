@@ -570,6 +570,7 @@ assembly = { lever = 0.0 }
     np.testing.assert_allclose(torque.sd, math.hypot(*parts.values()) * np.cos(theta), rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_signals_of_linkages_as_made_are_a_product_s_closed_form() -> None:
     """A weight's moment m g r at rest: of two independent numbers, var = r^2 sm^2 + m^2 sr^2 + sm^2 sr^2."""
     text = """

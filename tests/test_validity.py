@@ -153,6 +153,7 @@ def test_a_map_has_the_walls_that_every_other_command_has() -> None:
     assert alone.assumed[-2].value == wall
 
 
+@pytest.mark.slow
 @pytest.mark.mujoco
 def test_a_map_says_that_its_walls_are_harder_at_high_speeds_as_simulate_has_them() -> None:
     """0.65 kg at 314 rad/s are 6.4e4 N/m, four times what walls of 1e7 N/m suit: they are 512 times as hard there."""
