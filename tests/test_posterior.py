@@ -21,6 +21,7 @@ from compare.diagnose.posterior.infer import Inference, Posterior, instead
 from compare.diagnose.posterior.prior import WIDTH_ODDS, WIDTHS, Prior
 from compare.diagnose.posterior.sets import LOOKED_AT, Sets
 from compare.diagnose.predict import Term
+from compare.diagnose.preview import preview
 from compare.diagnose.problem import Options, Problem
 from compare.diagnose.residuals import Data
 from compare.diagnose.sensitivities import candidates, sensitivities
@@ -304,8 +305,13 @@ def test_what_the_data_leave_open_goes_by_what_was_said_beforehand() -> None:
     result = diagnosis_of(measured, Options("mujoco", others=False, workers=1))[0]
     assert {e.key for e in result.effects} == {"link_length@follower", "stribeck_friction@D"}
     assert any("stribeck_friction@D is 1000 times as likely as usual" in note for note in result.notes)
-    with pytest.raises(MeasuredError, match=r"prior\.stribeck_fricton: .* did you mean 'stribeck_friction'"):
-        diagnosis_of(replace(measured, prior={"stribeck_fricton": 2.0}), Options("mujoco", others=False, workers=1))
+    misspelt = replace(measured, prior={"stribeck_fricton": 2.0})
+    for begun in (
+        lambda: diagnosis_of(misspelt, Options("mujoco", others=False, workers=1)),
+        lambda: preview(misspelt),
+    ):
+        with pytest.raises(MeasuredError, match=r"prior\.stribeck_fricton: .* did you mean 'stribeck_friction'"):
+            begun()
 
 
 @pytest.mark.slow

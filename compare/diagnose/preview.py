@@ -65,6 +65,7 @@ def _shown(data: Measured) -> Preview:
     courses, data = prepare.followed(data)
     rig, model = prepare.nominal(data, mechanism, courses)
     data, rig, model = prepare.sorted_out(data, rig, model)
+    prepare.check_prior(data, candidates(rig, VOCABULARY))
     noise = {(run.name, s): c.noise for run in data.runs for s, c in run.channels.items()}
     fitter = Fitter(model, Data(data, noise), rig, prepare.bounds(rig, data.tolerance))
     base = begun(model, fitter)
