@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from analytic.mechanism.signals import named
 from compare.report.svg import draw
 from tests.evidence.pages.trust import figures, page
 from tests.evidence.results.trust import Impacting, Trust
+from tests.evidence.trust.recorded import parted
 from tests.evidence.trust.steps import SHORTER, against
 
 REPORTS = Path(__file__).parents[1] / "reports"
@@ -76,3 +78,21 @@ def test_where_differences_fall_the_shortest_steps_are_the_truth() -> None:
     assert not held.overtaken
     assert held.errors[0] == pytest.approx(1e-3 * 15 / 16)
     assert held.within(held.errors[0])
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+def test_a_recording_is_cut_so_that_a_part_is_never_fitted(tmp_path: Path, backwards: bool) -> None:
+    source, to = tmp_path / "rig", tmp_path / "cut"
+    source.mkdir()
+    to.mkdir()
+    (source / "nominal.toml").write_text("", encoding="utf-8")
+    (source / "run.csv").write_text("time [s],crank_angle [rad]\n" + "".join(f"{i},{i}\n" for i in range(10)))
+    entry = '[[run]]\nname = "all"\nfile = "run.csv"\ndrive = "measured"\n'
+    (source / "measured.toml").write_text(f'mechanism = "nominal.toml"\n\n{entry}', encoding="utf-8")
+    file, says = parted(source, to, backwards)
+    runs = tomllib.loads(file.read_text(encoding="utf-8"))["run"]
+    rows = [(to / run["file"]).read_text(encoding="utf-8").splitlines()[1:] for run in runs]
+    assert [len(part) for part in rows] == ([4, 6] if backwards else [6, 4])
+    assert [line for part in rows for line in part] == [f"{i},{i}" for i in range(10)]
+    assert [run.get("role") for run in runs] == (["validation", None] if backwards else [None, "validation"])
+    assert says == ("first 40 %" if backwards else "last 40 %")

@@ -22,11 +22,11 @@ def foretold(folder: Path, cases: Iterable[str]) -> Iterator[Foretold]:
     for case in cases:
         for backwards in (False, True):
             with tempfile.TemporaryDirectory() as scratch:
-                file, says = _split(folder / case, Path(scratch), backwards)
+                file, says = parted(folder / case, Path(scratch), backwards)
                 yield from _held(case, says, file)
 
 
-def _split(source: Path, to: Path, backwards: bool) -> tuple[Path, str]:
+def parted(source: Path, to: Path, backwards: bool) -> tuple[Path, str]:
     """A measurement of which a part is there for validation alone, and that part in words."""
     shutil.copy(source / "nominal.toml", to)
     files = sorted(source.glob("*.csv"))
@@ -42,18 +42,16 @@ def _split(source: Path, to: Path, backwards: bool) -> tuple[Path, str]:
         heading, *rows = files[0].read_text(encoding="utf-8").splitlines()
         cut = round(len(rows) * (1 - FITTED if backwards else FITTED))
         share = f"{100 * (1 - FITTED):.0f} %"
-        (entry,) = entries
-        name = next(line for line in entry.splitlines() if line.startswith("name"))
+        (whole,) = entries
+        name = next(line for line in whole.splitlines() if line.startswith("name"))
         entries = []
         for k, part in enumerate((rows[:cut], rows[cut:])):
             (to / f"part-{k}.csv").write_text("\n".join([heading, *part]) + "\n", encoding="utf-8")
-            new = entry.replace(name, f'name = "part {k + 1}"').replace(files[0].name, f"part-{k}.csv")
-            entries.append(new.rstrip("\n") + "\n" + 'role = "validation"\n' * (k != backwards))
+            entry = whole.replace(name, f'name = "part {k + 1}"').replace(files[0].name, f"part-{k}.csv")
+            entries.append(entry.rstrip("\n") + "\n" + 'role = "validation"\n' * (k != backwards))
         says = f"{'first' if backwards else 'last'} {share}"
     written = to / "measured.toml"
-    written.write_text(
-        head + "".join(f"[[run]]{'' if e.startswith(chr(10)) else chr(10)}{e}\n" for e in entries), encoding="utf-8"
-    )
+    written.write_text(head + "".join(f"[[run]]{entry}\n" for entry in entries), encoding="utf-8")
     return written, says
 
 
