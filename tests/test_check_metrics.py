@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.stats import wasserstein_distance
 
 import linkage_crosscheck as lc
 from analytic.mechanism import Mechanism
@@ -56,6 +57,17 @@ def test_noise_is_the_scatter_and_its_mean_is_known_better() -> None:
     low, high = found.model_error
     assert high - low == pytest.approx(4 * noise / math.sqrt(2000))
     assert low < 0 < high
+
+
+def test_the_area_needs_no_pairing_in_time() -> None:
+    """Readings in another order have none; else it is Wasserstein's distance of the first order."""
+    rng = np.random.default_rng(5)
+    simulated, read = rng.standard_normal(200), 2.0 * rng.standard_normal(200) + 1.0
+    mixed, apart = metrics("N", simulated[::-1] - simulated, simulated, 0.1), metrics("N", simulated - read, read, 0.1)
+    assert mixed is not None
+    assert apart is not None
+    assert mixed.area == pytest.approx(0.0, abs=1e-12)
+    assert apart.area == pytest.approx(wasserstein_distance(simulated, read))
 
 
 def test_uncertainties_of_all_kinds_are_summed_as_squares_and_silence_is_left_out() -> None:
