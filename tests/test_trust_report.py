@@ -61,10 +61,8 @@ def test_where_rounding_grows_the_exact_solution_is_the_truth() -> None:
     exact, noise = np.array([3.0, 5.0, 4.0]), np.random.default_rng(1).choice([-1.0, 1.0], (len(SHORTER) + 1, 3))
     runs = [exact + 2e-9 * shape / n**2 + 1e-9 * n**2 * noise[k] for k, n in enumerate((1, *SHORTER))]
     held, doubted = against(force, runs, exact, 1.0), against(force, runs, None, 1.0)
-    assert held.exact
-    assert held.overtaken
-    assert doubted.overtaken
-    assert not doubted.exact
+    assert held.truth == "analytic"
+    assert doubted.truth == "doubt"
     assert held.errors[0] == pytest.approx(np.abs(runs[0] - exact).max())
     assert held.within(held.errors[0])
     assert not doubted.within(doubted.errors[0])
@@ -75,7 +73,7 @@ def test_where_differences_fall_the_shortest_steps_are_the_truth() -> None:
     force, shape = named(m.bodies, m.joints)["reaction_B_x"], np.array([0.2, -1.0, 0.7])
     runs = [5.0 + 1e-3 * shape / n for n in (1, *SHORTER)]
     held = against(force, runs, np.full(3, 4.0), 1.0)
-    assert not held.overtaken
+    assert held.truth == "sixteenth"
     assert held.errors[0] == pytest.approx(1e-3 * 15 / 16)
     assert held.within(held.errors[0])
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from statistics import median
-from typing import Literal
+from typing import Literal, get_args
 
 from compare.report.figure import ALL, Axis, Figure, Series
 from sim_models.engine import ENGINES
-from tests.evidence.results.trust import Covered, Foretold, Impacting, Stepped, Trust
+from tests.evidence.results.trust import Covered, Foretold, Impacting, Stepped, Trust, Truth
 
 KINDS = ("position", "velocity", "force")
 COVERED = 0.95
@@ -84,7 +84,7 @@ def _over_steps(
 def _steps(rows: Sequence[Stepped]) -> Iterator[str]:
     whole, within, shortest = (sum(getattr(r, name) for r in rows) for name in ("signals", "within", "within_shortest"))
     ordered, held = sum(r.ordered for r in rows), sum(r.ordered_within for r in rows)
-    exact, doubtful = sum(r.exact for r in rows), sum(r.doubtful for r in rows)
+    by = {truth: sum(r.truth.get(truth, 0) for r in rows) for truth in get_args(Truth)}
     missed = sum(r.missed for r in rows)
     wide = [median(each) for k in (0, 1) if (each := [x for r in rows for x in r.excess[k]])]
     yield "# Numerical uncertainties and predictions, held against what is known"
@@ -107,21 +107,25 @@ def _steps(rows: Sequence[Stepped]) -> Iterator[str]:
     yield (
         "The truth is the run in steps h/16, unless rounding has overtaken it. Engines find forces from differences of"
         " velocities or places over a step, so that what these are rounded to grows as 1/h or 1/h², and in the shortest"
-        " steps is all that is left: the run is then farther from the one in h/8 than the one in h is from h/2, and"
+        " steps is all that is left: the run is then farther from the one in h/8 than that is from the one in h/4, and"
         " farther from the truth than the run that is judged. There the analytic solution, which has no steps, is the"
-        f" truth, if joints are ideal and the engine's constraints do not give ({exact} signals); where they are not,"
-        f" nothing better is known, and steps h/16 stay ({doubtful} signals, among which are"
-        f" {whole - within - missed} of the {whole - within} that miss). Against steps h/16 alone {shortest}"
-        f" ({_percent(shortest, whole)}) would be within."
+        f" truth, if joints are ideal and the engine's constraints do not give ({by['analytic']} signals); else the run"
+        f" in h/8, if it is as near to its neighbour as h is to h/2 ({by['eighth']}); where it is not, differences grow"
+        " from the first step on, nothing better is known, and"
+        f" steps h/16 stay ({by['doubt']} signals, among which are {whole - within - missed} of the {whole - within}"
+        f" that miss). Of the {whole - by['doubt']} whose truth is known {whole - by['doubt'] - missed}"
+        f" ({_percent(whole - by['doubt'] - missed, whole - by['doubt'])}) are within. Against steps h/16 alone"
+        f" {shortest} ({_percent(shortest, whole)}) of all would be."
     )
     yield ""
     yield (
-        "| case | engine | joint model | h (s) | within | with an order | held to the analytic solution | in doubt |"
+        "| case | engine | joint model | h (s) | within | with an order | analytic | h/8 | in doubt |"
         " within, h/16 alone |"
     )
-    yield "|---|---|---|--:|--:|--:|--:|--:|--:|"
+    yield "|---|---|---|--:|--:|--:|--:|--:|--:|--:|"
     for r in rows:
-        held_of = f"{r.within} of {r.signals} | {r.ordered_within} of {r.ordered} | {r.exact} | {r.doubtful}"
+        truth = " | ".join(str(r.truth.get(name, 0)) for name in ("analytic", "eighth", "doubt"))
+        held_of = f"{r.within} of {r.signals} | {r.ordered_within} of {r.ordered} | {truth}"
         yield f"| {r.case} | {r.simulator} | {r.joint_model} | {r.step:.2g} | {held_of} | {r.within_shortest} |"
     yield ""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -31,6 +31,9 @@ class Covered(Part):
     off: Annotated[Number, Field(description="Largest gap of a sensor in that run, explained.")]
 
 
+Truth = Literal["sixteenth", "analytic", "eighth", "doubt"]
+
+
 class Stepped(Part):
     """Signals of an engine's runs with a joint model, and how their numerical uncertainty holds."""
 
@@ -43,10 +46,13 @@ class Stepped(Part):
     within_shortest: Annotated[int, Field(description="The same, held against steps a sixteenth as long alone.")]
     ordered: Annotated[int, Field(description="Of them, those with an observed order.")]
     ordered_within: int
-    exact: Annotated[
-        int, Field(description="Held against the analytic solution, as rounding has overtaken shorter steps.")
+    truth: Annotated[
+        Mapping[Truth, int],
+        Field(
+            description="How many are held against what; doubt: rounding has overtaken the shortest steps, which yet"
+            " stand for the truth."
+        ),
     ]
-    doubtful: Annotated[int, Field(description="Rounding has overtaken shorter steps, which yet stand for the truth.")]
     missed: Annotated[int, Field(description="Beyond 2 u_num, but for those in doubt.")]
     orders: Annotated[Mapping[str, Number], Field(description="Median observed order by kind of signal.")]
     worst: Annotated[float, Field(description="Largest error over 2 u_num of those with an order.")]

@@ -2,12 +2,14 @@
 
 That is the run in steps a sixteenth as long, but where rounding has overtaken it: forces come from differences of
 velocities over a step, so that their rounding grows as 1/h or 1/h^2.  It has where that run is farther from the one in
-steps twice as long than the first two runs are from each other.  There the analytic solution, which has no steps, is
-the truth for ideal joints that do not give; elsewhere nothing better is known, and the shortest steps stay.
+steps twice as long than that one is from the next.  There the analytic solution, which has no steps, is the truth for
+ideal joints that do not give, and else the run in steps an eighth as long, if it is no farther from the one before than
+the first two runs are from each other; where it is, nothing better is known, and the shortest steps stay.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import median
@@ -24,7 +26,7 @@ from compare.judge.reference import reference
 from compare.judge.signals import with_derived
 from compare.results.crosscheck import Numerical
 from sim_models.engine import Request, SimulationError, Trace, declared, engine
-from tests.evidence.results.trust import Stepped
+from tests.evidence.results.trust import Stepped, Truth
 from tests.evidence.validation.workspaces import digits
 
 SHORTER = (*PARTS, 8, 16)  # parts of a step
@@ -62,15 +64,14 @@ def _stepped(name: str, case: str, request: Request) -> Stepped:
 @dataclass(frozen=True)
 class Held:
     """A signal's numerical uncertainty, its errors in each step but the shortest (SI), that against the shortest steps,
-    its peak, and whether rounding has overtaken these and the analytic solution stands in.
+    its peak, and what the truth is.
     """
 
     told: Numerical
     errors: tuple[float, ...]
     shortest: float
     peak: float
-    overtaken: bool
-    exact: bool
+    truth: Truth
 
     def within(self, error: float) -> bool:
         """Whether an error (SI) is 2 u_num at most."""
@@ -98,9 +99,8 @@ def row(name: str, case: str, request: Request, traces: Sequence[Trace]) -> Step
         within_shortest=sum(one.within(one.shortest) for one in held.values()),
         ordered=len(ordered),
         ordered_within=sum(one.within(one.errors[0]) for one in ordered),
-        exact=sum(one.exact for one in held.values()),
-        doubtful=sum(one.overtaken and not one.exact for one in held.values()),
-        missed=sum(not one.within(one.errors[0]) for one in held.values() if one.exact or not one.overtaken),
+        truth=dict(Counter(one.truth for one in held.values())),
+        missed=sum(not one.within(one.errors[0]) for one in held.values() if one.truth != "doubt"),
         orders=_orders(m, {s: one.told for s, one in held.items()}),
         worst=max((one.errors[0] / (COVERAGE * one.told.u_num) for one in ordered), default=0.0),
         excess=(_excess(ordered), _excess(one for one in held.values() if one.told.order is None)),
@@ -128,14 +128,14 @@ def against(signal: Signal, values: Sequence[np.ndarray], exact: np.ndarray | No
         return float(np.nanmax(np.abs(signal.apart(one, other)), initial=0.0))
 
     peak = float(np.nanmax(np.abs(values[-1]), initial=0.0))
-    overtaken = apart(values[-2], values[-1]) > apart(values[0], values[1])
-    stands_in = overtaken and exact is not None
+    first, eighth, last = (apart(values[k], values[k + 1]) for k in (0, -3, -2))
+    truth: Truth = "sixteenth" if last <= min(eighth, first) else "eighth" if eighth <= first else "doubt"
+    truth = truth if truth == "sixteenth" or exact is None else "analytic"
+    true = exact if exact is not None and truth == "analytic" else values[-2 if truth == "eighth" else -1]
     added = ROUNDING * SHORTER[-1] * steps * peak  # to which the shortest steps are known themselves
+    errors = [max(apart(each, true) - added * (truth != "analytic"), 0.0) for each in values[:-1]]
     shortest = max(apart(values[0], values[-1]) - added, 0.0)
-    truth = exact if exact is not None and overtaken else values[-1]
-    errors = [max(apart(each, truth) - (0.0 if stands_in else added), 0.0) for each in values[:-1]]
-    told = convergence(signal, values[: len(PARTS) + 1], steps)
-    return Held(told, tuple(errors), shortest, peak, overtaken, stands_in)
+    return Held(convergence(signal, values[: len(PARTS) + 1], steps), tuple(errors), shortest, peak, truth)
 
 
 def _errors(m: Mechanism, held: Mapping[str, Held]) -> dict[str, tuple[float | None, ...]]:
