@@ -89,6 +89,19 @@ def test_rounding_is_uniform() -> None:
     assert found.within == 1
 
 
+def test_a_sensor_has_the_noise_that_measured_data_say() -> None:
+    noise, speed = 0.3, ROCKER.speed
+    assert speed is not None
+    frame = pd.DataFrame(recorded() | {"time [s]": THETA / speed})
+    frame["reaction_E_y [N]"] += noise * np.random.default_rng(3).standard_normal(THETA.size)
+    data = lc.measured(ROCKER, {"run": frame}, noise={"reaction_E_y": noise})
+    found = lc.check(data).runs[0].metrics["reaction_E_y"]
+    assert found.u_d == pytest.approx(noise)
+    assert found.error_rms == pytest.approx(noise, rel=0.25)
+    assert found.within > 0.85
+    assert found.model_error[0] < 0 < found.model_error[1]
+
+
 def test_a_tolerance_of_speed_makes_inertia_forces_uncertain_by_twice_its_share() -> None:
     """Without gravity they go with its square: closed form."""
     light = ROCKER.replace(gravity=(0.0, 0.0), loads=())
