@@ -142,13 +142,14 @@ def _orders(rows: Sequence[Stepped]) -> Iterator[str]:
     for kind in ("position", "force"):
         yield f"![{TITLES[kind][0]}](figures/trust-{kind}.svg)"
         yield ""
-    yield "| engine | joint model | cases | order of positions | velocities | forces |"
-    yield "|---|---|--:|--:|--:|--:|"
+    yield "| engine | joint model | cases | within 2 u_num | order of positions | velocities | forces |"
+    yield "|---|---|--:|--:|--:|--:|--:|"
     for engine, model in dict.fromkeys((r.simulator, r.joint_model) for r in rows):
         some = [r for r in rows if (r.simulator, r.joint_model) == (engine, model)]
         told = ([p for r in some if (p := r.orders.get(kind)) is not None] for kind in KINDS)
         orders = " | ".join(_range(each) for each in told)
-        yield f"| {engine} | {model} | {len(some)} | {orders} |"
+        within = f"{sum(r.within for r in some)} of {sum(r.signals for r in some)}"
+        yield f"| {engine} | {model} | {len(some)} | {within} | {orders} |"
     yield ""
 
 
