@@ -23,6 +23,7 @@ from analytic.mechanism.columns import ANY_LAYOUT, Layout, read_map
 from analytic.mechanism.errors import quoted
 from analytic.mechanism.one_line import enumerated, shown
 from analytic.mechanism.signals import Signal, driving, named, position
+from analytic.mechanism.tolerances import Source
 from analytic.mechanism.units import dimension
 from analytic.paper.clearance import Model
 from compare.arguments import (
@@ -41,6 +42,7 @@ from compare.crosscheck import STRIKING, Job, Ran, concluded, judged, run_all
 from compare.diagnose.data.recording import Measured, MeasuredRun
 from compare.faults import ArgumentError
 from compare.judge.discrepancy import UNCOMPARED, Rule, difference
+from compare.judge.metrics import metrics
 from compare.judge.reference import (
     SIGMAS,
     Reference,
@@ -74,7 +76,9 @@ from compare.recorded.recording import Recording, recording
 from compare.recorded.rounding import rounding
 from compare.recorded.table import Table, read_parts, unused
 from compare.recorded.turned import looks_late, looks_turned
+from compare.results.band import Metrics
 from compare.results.crosscheck import RECORDED, CrossCheck
+from compare.toleranced import of_signals, states_tolerances, varying
 from sim_models.common.contact_laws import contact_parameters
 from sim_models.engine import JointModel, Motion, Request, Trace, engine
 
@@ -91,7 +95,8 @@ def check(question: CheckQuestion) -> CrossCheck:
     themselves, and what they are of.  In ``driven`` motion the analytic side follows the crank's angle over time;
     without that column it turns at ``drive.speed``; a linkage without a motor is let go in the state that the file
     begins with, and so are freedoms beside driven ones.  In ``static`` motion every row is an equilibrium, of several
-    drives at its time.  ``simulators`` simulate the first file's motion beside.
+    drives at its time.  ``simulators`` simulate the first file's motion beside, with ``verify`` in shorter steps too.
+    Every run states its validation metrics (:mod:`compare.judge.metrics`).
 
     Raises MechanismError, ArgumentError, ToleranceError, MapError, DataError with every fault of the files,
     ScheduleError, AssemblyError, Unsupported or SimulatorMissing.
@@ -103,6 +108,10 @@ def check(question: CheckQuestion) -> CrossCheck:
         mechanism = question.mechanism if measured is None else _of_measured(measured, question)
         given = rigidly_and_evenly_driven(linkage(mechanism, question.clearance, large=question.large))
         names, left_out = engines(question.simulator) if question.simulator is not None else ((), [])
+        if question.verify and not (names and motion == "driven"):
+            left_out.append(f"{given.name}: verify is left out; it is of the steps of engines beside, in driven motion")
+        varied, told = varying(given, question.clearance is not None) if states_tolerances(given) else ((), [])
+        left_out += told
         loose(given, chosen)
         model: JointModel = chosen or ("contact" if given.clearances else "ideal")
         warn_of_friction(given, model, motion)
@@ -127,8 +136,9 @@ def check(question: CheckQuestion) -> CrossCheck:
         model=question.analytic,
         workers=question.workers or (cores() if len(names) > 1 else 1),
         warnings=(*warned, *left_out, *idle(given, question.analytic, model), *_warnings(given, recordings, motion)),
+        verify=question.verify and motion == "driven",
     )
-    asked = _Asked(given, job, model, motion)
+    asked = _Asked(given, job, model, motion, varied)
     remarks: list[str] = []
     ran = Ran()
     with progress_bar(question.progress) as progress:
@@ -160,6 +170,8 @@ def _held(asked: _Asked, record: Recording) -> tuple[JudgedRun, list[str]]:
     if contradictions := _contradictions(record, judgement):
         remedy = asked.meant(record) or "leave one of them out"
         raise DataError(*(f"{Path(record.file).name}: {each}; {remedy}" for each in contradictions))
+    found = asked.metrics(record, side, judgement)
+    judgement = replace(judgement, run=judgement.run.model_copy(update={"metrics": found}))
     return judgement, [*side.remarks, *asked.sentences(record, side, judgement)]
 
 
@@ -416,6 +428,7 @@ class _Asked:
     job: Job
     joint_model: JointModel
     motion: Motion
+    varied: tuple[Source, ...] = ()
 
     def mechanism(self, record: Recording) -> Mechanism:
         """The mechanism as it moves in a recording, with the loads that this has."""
@@ -449,6 +462,39 @@ class _Asked:
             )
             judgement = replace(judgement, run=judgement.run.model_copy(update={"reason": why}))
         return side, judgement
+
+    def metrics(self, record: Recording, side: Reference, judgement: JudgedRun) -> dict[str, Metrics]:
+        """Validation metrics of what is judged of a recording's columns: of the analytic side, or of an engine that
+        made the same motion and states what its steps make.
+        """
+        run, judged_on = judgement.run, {each.signal for each in judgement.run.discrepancies}
+        columns = {c.signal.name: c.signal for c in record.table.columns if _judged_by(c.signal, judged_on)}
+        simulated = run.analytic if run.simulator.recorded else {name: run.simulated[name] for name in run.numerical}
+        made = self._as_made(record, side)
+        found = {}
+        for name, signal in columns.items():
+            if name not in simulated:
+                continue
+            read = record.table.values[name]
+            u_input = math.hypot(*(_rms(of[name]) for of in (side.unsure, made) if name in of))
+            steps = run.numerical[name].u_num if name in run.numerical else 0.0
+            error = signal.apart(simulated[name], read)
+            found[name] = metrics(signal.unit, error, read, _noise(record, name), u_num=steps, u_input=u_input)
+        return {name: each for name, each in found.items() if each is not None}
+
+    def _as_made(self, record: Recording, side: Reference) -> dict[str, np.ndarray]:
+        """What tolerances do to signals (N,) along a recording, a standard deviation.  Raises MechanismError."""
+        if not self.varied:
+            return {}
+        found = of_signals(
+            self.given,
+            self.varied,
+            side.signals,
+            lambda m: replace(self, given=m).side(record, tried=True).signals,
+            0,
+            0,
+        )
+        return {name: np.asarray(each.sd) for name, each in found.signals.items()}
 
     def sentences(self, record: Recording, side: Reference, judgement: JudgedRun) -> list[str]:
         """Remarks on a file for the reader beside its verdict, in sentences."""
@@ -512,6 +558,19 @@ class _Asked:
         except (DataError, AssemblyError):
             return {}
         return {each.signal: each.verdict == "agrees" for each in discrepancies}
+
+
+def _rms(values: np.ndarray) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if known.size else 0.0
+
+
+def _noise(record: Recording, name: str) -> float:
+    """The standard uncertainty (SI) of a column's readings: its sensor's noise where that is known, or else rounding,
+    uniform (GUM, 4.3.7).
+    """
+    known = record.table.scatter.get(name)
+    return known / SIGMAS if known is not None else _rms(record.table.rounding(name)) / math.sqrt(3)
 
 
 def _analytic_side(
@@ -773,7 +832,14 @@ def _engines(asked: _Asked, record: Recording, progress: Progress) -> Ran:
     request = Request(let_go, joint_model, record.schedule(let_go, job.schedule.at_rest))
     pair = (joint_model, job.motion)
     tasks = [(name, request) for name in job.simulators if pair in engine(name).capabilities.runs]
-    return run_all(job, tasks, lambda trace: side, engine, progress)
+    ran = run_all(job, tasks, lambda trace: side, engine, progress)
+    return replace(ran, judged=tuple(_with_metrics(asked, record, side, one) for one in ran.judged))
+
+
+def _with_metrics(asked: _Asked, record: Recording, side: Reference, one: JudgedRun) -> JudgedRun:
+    """An engine's run that states what its steps make, with its metrics."""
+    found = asked.metrics(record, side, one) if one.run.numerical else {}
+    return replace(one, run=one.run.model_copy(update={"metrics": found}))
 
 
 def _alike(one: JudgedRun, first: JudgedRun) -> bool:

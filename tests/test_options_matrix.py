@@ -165,6 +165,7 @@ OPTIONS_MATTER: list[Row] = [
     ("check", "clearance", {"results": "results/signals.csv"}, {"clearance": {"B": 1e-3}}),
     ("check", "analytic", {"results": "results/signals.csv", "clearance": {"B": 1e-3}}, {"analytic": "first_order"}),
     ("check", "tolerances", {"results": "results/signals.csv"}, {"tolerances": "tolerance.toml"}),
+    ("check", "verify", {"results": "results/signals.csv", "simulator": "mujoco"}, {"verify": True}),
     ("accuracy", "mechanism", {**PAPER, "samples": 9}, {"mechanism": "crank-rocker"}),
     ("accuracy", "clearance", {**PAPER, "samples": 9}, LOOSE),
     ("accuracy", "clearance_tolerance", {**PAPER, "samples": 9}, {"clearance_tolerance": {"B": 1e-3}}),
@@ -496,6 +497,7 @@ IN_VAIN: list[tuple[str, dict[str, Any], str]] = [
     ("compare", {**ROCKER, "analytic": "first_order"}, "first_order is the equilibrium itself"),
     ("analyse", {**ROCKER, "model": "first_order"}, "first_order is the equilibrium itself"),
     ("check", {"results": "results/signals.csv", "analytic": "first_order"}, "first_order is the equilibrium itself"),
+    ("check", {"results": "results/signals.csv", "verify": True}, "verify is left out; it is of the steps of engines"),
     ("compare", {**PAPER, **IDEAL, "verify": True}, "verify is left out; it is of steps, and at rest nothing steps"),
     ("compare", {**ROCKER, "revolutions": 3}, "revolutions = 3 is left out; it is of cranks that turn fully"),
     *slow(

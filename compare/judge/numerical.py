@@ -9,7 +9,9 @@ Roache, Verification and Validation in Computational Science and Engineering (19
 
 Fs = 1.25 where the order is that of a method within a tenth, 0.9 <= p, else 3 (Oberkampf and Roy, Verification and
 Validation in Scientific Computing, 2010, 8.7); p counts as 2 where it is more, which lengthens U.  Where p is below
-0.5, or quarter steps have no result, differences are no series, and U = 3 max(|f3 - f2|, |f2 - f1|, |f3 - f1|).
+0.5, or quarter steps have no result, differences are no series, and U = 3 max(|f3 - f2|, |f2 - f1|, |f3 - f1|), three
+times the data's range (Eca and Hoekstra, Computers & Fluids 38 (2009) 1580).  So it is where rounding is all that is
+left, which forces, as differences over a step, have more of in shorter steps: U then bounds that of the shortest.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING, Annotated
 
-from compare.questions.option import ArgumentKind, Choice, Files, Option, Source
+from compare.questions.option import ArgumentKind, Choice, Files, Option, Source, Switch
 from compare.questions.question import Question
 from compare.questions.shared import (
     JOINT_MODELS,
@@ -73,5 +73,13 @@ class CheckQuestion(Question):
     large: Large = False
     analytic: ModelOption = "equilibrium"
     tolerances: ToleranceOption = None
+    verify: Annotated[
+        bool,
+        Option(
+            "State the numerical uncertainty of engines beside: run them in half and in quarter steps too (7 times as"
+            " long).",
+            Switch(),
+        ),
+    ] = False
     workers: PythonWorkers = None
     progress: ProgressOption = None

@@ -14,7 +14,9 @@ from compare.report.crosscheck_motion import mover
 from compare.report.figure import Figure
 from compare.report.pages import PageSection, Script, figures_context, markdown, page, warnings_context
 from compare.report.summary import REAL, ShownRun, Summary
+from compare.report.trust import checked
 from compare.report.words import crosscheck as words
+from compare.report.words.prediction import METRICS_HEADS
 
 OF_CONTACT = ("orbit_", "contact_force_", "regimes_", "section_")  # figures that stand in the section on contact
 OF_DIFFERENCES = "difference_"  # and those beside the numbers of their signals
@@ -46,6 +48,7 @@ def render(
     }
     sections = ["linkage.html.j2"] * bool(moved) + ["crosscheck/differences.html.j2"] * bool(moved)
     sections += ["crosscheck/contact.html.j2"] * bool(summary.contact.runs)
+    sections += ["diagnosis/trust.html.j2"] * bool(shared["trusted"])
     sections += ["figures.html.j2", "crosscheck/limits.html.j2"] * bool(moved)
     data = {"figures": [asdict(figure) for figure in figures], "motion": moved and moved.data()}
     html = page(
@@ -86,6 +89,9 @@ def _shared(summary: Summary) -> dict[str, object]:
         "free": any(run.free_share for run in result.runs),
         "setting_names": _once(name for run in result.runs for name in run.settings),
         "assumed": assumptions(result.assumed),
+        "trusted": checked(result.runs, {name: quantity.title for name, quantity in summary.signals.items()}),
+        "trust_heads": ("Signal", *METRICS_HEADS[1:-1]),
+        "trust_means": words.METRICS_MEAN,
     }
 
 

@@ -11,9 +11,10 @@ from rich.text import Text
 
 from analytic.mechanism.one_line import count
 from compare.quantities import plain
-from compare.report.summary import ShownRun, summarise
+from compare.report.summary import ShownRun, Summary, summarise
+from compare.report.trust import checked
 from compare.report.words.contact import ASCII_UNITS, ContactShown, Value
-from compare.report.words.crosscheck import NUMERICAL_MEANS, VERDICT_WORDS, headline, why
+from compare.report.words.crosscheck import METRICS_BRIEFLY, NUMERICAL_MEANS, VERDICT_WORDS, headline, why
 from compare.results.contact import StatisticName
 from compare.results.crosscheck import CrossCheck
 
@@ -23,6 +24,16 @@ MAIN: Mapping[StatisticName, str] = {  # what a terminal has room for, and how a
     "rms_force": "rms",
     "peak_force": "peak",
     "restitution_loss": "lost",
+}
+METRICS_COLUMNS = {  # what a terminal has room for of validation metrics, and how it is headed
+    0: "validation",
+    1: "unit",
+    2: "E mean",
+    3: "E rms",
+    7: "u_val",
+    8: "|E| <= 2 u_val",
+    9: "model error",
+    10: "area",
 }
 LOUD = ("disagrees", "unjudged", "failed")
 COLOUR = {"agrees": "green", "known": "yellow", **dict.fromkeys(LOUD, "bold red")}
@@ -53,6 +64,7 @@ def print_table(result: CrossCheck, console: Console) -> None:
         console.print(table)
     for line in _notes(summary.runs):
         console.print(line, soft_wrap=False)
+    _print_metrics(summary, console)
     _print_contact(summary.contact, console)
     if result.words:
         console.print(f"between engines: {result.words}")
@@ -60,6 +72,20 @@ def print_table(result: CrossCheck, console: Console) -> None:
         console.print(f"failed: {failure}")
     said = " ".join(filter(None, (why(summary), headline(summary, plain).translate(ASCII_UNITS))))
     console.print(Text.assemble((f"{result.case}: ", "bold"), _word(summary.verdict), f". {said}"))
+
+
+def _print_metrics(summary: Summary, console: Console) -> None:
+    """Validation metrics of the signals of the table above, what a terminal has room for."""
+    keys = {quantity.signal: quantity.label for quantity in summary.keys()}
+    rows = checked(summary.result.runs, keys)
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
+    for k, heading in METRICS_COLUMNS.items():
+        table.add_column(heading, justify="left" if k < 2 else "right", no_wrap=k > 0, overflow="fold")
+    for row in rows:
+        table.add_row(*(Text(row[k].translate(ASCII_UNITS)) for k in METRICS_COLUMNS))
+    if rows:
+        console.print(table)
+        console.print(f"metrics: {METRICS_BRIEFLY}")
 
 
 def _print_contact(contact: ContactShown, console: Console) -> None:

@@ -1,9 +1,13 @@
-"""Validation metrics of a diagnosis as rows of a table."""
+"""Validation metrics of a diagnosis, and of results that were checked, as rows of a table."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 from compare.quantities import DASH, fitting, plainly
 from compare.report.words.effects import spoken
+from compare.results.band import Metrics
+from compare.results.crosscheck import Run
 from compare.results.diagnosis import Diagnosis
 
 
@@ -15,19 +19,21 @@ def trusted(result: Diagnosis) -> list[tuple[str, ...]]:
             m, band = record.metrics, run.prediction.get(name)
             if m is None or band is None:
                 continue
-            unit, factor = fitting(m.unit, m.u_val, m.error_rms)
-            low, high = (plainly(factor * end, 2) for end in m.model_error)
-            sizes = (m.error_mean, m.error_rms, m.u_d, m.u_num, m.u_input, m.u_val)
             covered = DASH if band.covered is None else f"{100 * band.covered:.0f} %"
-            rows.append(
-                (
-                    f"{run.name}: {spoken(result, name)}",
-                    unit,
-                    *(plainly(factor * size, 2) for size in sizes),
-                    f"{100 * m.within:.0f} %",
-                    f"{low} to {high}",
-                    plainly(factor * m.area, 2),
-                    covered,
-                )
-            )
+            rows.append((f"{run.name}: {spoken(result, name)}", *_numbers(m), covered))
     return rows
+
+
+def checked(runs: Sequence[Run], titles: Mapping[str, str]) -> list[tuple[str, ...]]:
+    """A row for each signal that has a title and metrics, of each run."""
+    told = [(run.title, name, m) for run in runs for name, m in run.metrics.items() if name in titles]
+    return [(f"{run}: {titles[name]}", *_numbers(m)) for run, name, m in told]
+
+
+def _numbers(m: Metrics) -> tuple[str, ...]:
+    """A signal's unit and its metrics in that unit."""
+    unit, factor = fitting(m.unit, m.u_val, m.error_rms)
+    low, high = (plainly(factor * end, 2) for end in m.model_error)
+    sizes = (m.error_mean, m.error_rms, m.u_d, m.u_num, m.u_input, m.u_val)
+    within, area = f"{100 * m.within:.0f} %", plainly(factor * m.area, 2)
+    return (unit, *(plainly(factor * size, 2) for size in sizes), within, f"{low} to {high}", area)

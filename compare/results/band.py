@@ -43,10 +43,25 @@ class Metrics(Part):
     unit: str
     error_mean: Annotated[FiniteFloat, Field(description="Mean of E over the samples.")]
     error_rms: Annotated[Sd, Field(description="Root mean square of E.")]
-    u_d: Annotated[Sd, Field(description="Of the measurement: noise of a reading and calibration.")]
+    u_d: Annotated[
+        Sd,
+        Field(description="Of the measurement: noise (of a file without any, rounding) of a reading and calibration."),
+    ]
     u_calibration: Annotated[Sd, Field(description="Of it, what all readings share (Type B), as [context] gives it.")]
-    u_num: Annotated[Sd, Field(description="Of the engine: its rms difference from the analytic model, over root 3.")]
-    u_input: Annotated[Sd, Field(description="Of the values found, by their joint covariance and the sets.")]
+    u_num: Annotated[
+        Sd,
+        Field(
+            description="Of the simulation. In a diagnosis the engine's rms difference from the analytic model, over"
+            " root 3; in a check 0 of the analytic model, which has no steps, and of an engine what its steps make."
+        ),
+    ]
+    u_input: Annotated[
+        Sd,
+        Field(
+            description="Of what the simulation is given. In a diagnosis of the values found, by their joint covariance"
+            " and the sets; in a check of the recorded motion that is followed, and of [tolerances]."
+        ),
+    ]
     u_val: Annotated[Sd, Field(description="Root of the sum of the squares of these three.")]
     within: Annotated[Share, Field(description="Share of the samples with |E| of at most 2 u_val.")]
     model_error: Annotated[

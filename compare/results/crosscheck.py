@@ -12,6 +12,7 @@ from pydantic import BeforeValidator, ConfigDict, Field, FiniteFloat, model_vali
 from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal, SiUnit, named
 from analytic.paper.clearance import Model
+from compare.results.band import Metrics
 from compare.results.contact import Compared, Contact
 from compare.results.document import Document, Filled, Grid, Mechanism, Number, Part, Row, Series, Share, Text, rows_of
 from compare.results.play import WithPlay
@@ -185,6 +186,13 @@ class Run(WithPlay, Part):
     ]
     numerical: Annotated[
         Mapping[str, Numerical], Field(description="By signal, where that was asked for and the engine steps.")
+    ] = {}
+    metrics: Annotated[
+        Mapping[str, Metrics],
+        Field(
+            description="By signal that results were read of: in a recorded run the analytic side held against them, in"
+            " an engine's run with verify the engine. In the manner of ASME V&V 20."
+        ),
     ] = {}
     contact: Annotated[
         Contact | None, Field(description="What contact did, in driven runs in which a pin may leave its wall.")

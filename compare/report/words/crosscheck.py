@@ -18,6 +18,17 @@ VERDICT_WORDS = {
     "unjudged": "not judged",
     "failed": "failed",
 }
+METRICS_BRIEFLY = (
+    "E is simulated less recorded, u_val its standard uncertainty by noise or rounding, steps, recorded motion and"
+    " [tolerances]; the mean error of the model lies in its interval with 95 %, if nothing else errs"
+)
+METRICS_MEAN = (
+    "In the manner of ASME V&V 20: E is simulated less recorded, in a recorded run by the analytic side; u_D is the"
+    " standard uncertainty of a reading (its sensor's noise where measured data say it, or else rounding), u_num of an"
+    " engine's steps (the analytic side has none), u_input of the recorded motion that is followed and of [tolerances],"
+    " u_val of them together. The mean error of the model lies in the interval with 95 %. The area metric is the area"
+    " between the distributions of simulated and recorded values."
+)
 NUMERICAL_MEANS = (
     "what the length of the engine's steps may make of a difference, with 95 %, by the grid convergence index of steps,"
     " half and quarter steps; order: by which it falls with the step, - where rounding is all there is. A difference"

@@ -2,7 +2,9 @@
 
     python -m tests.evidence.trust steps crank-rocker pendulum     # shipped cases, in every engine that is installed
     python -m tests.evidence.trust coverage 0 1 2                  # seeds of hidden sets
-    python -m tests.evidence.trust page                            # trust.md alone
+    python -m tests.evidence.trust struck                          # a pin that strikes, against its equation of motion
+    python -m tests.evidence.trust foretold FOLDER pendulum emps   # what others measured, in this folder
+    python -m tests.evidence.trust page                            # trust.md and its figures alone
 
 What was measured before stays, but for the same cases and seeds.
 """
@@ -14,20 +16,25 @@ import warnings
 from pathlib import Path
 
 from compare.files import write_atomically
+from compare.report.svg import draw
 from compare.versions import versions
 from sim_models.engine import ENGINES, declared, installed_version
-from tests.evidence.pages.trust import page
+from tests.evidence.pages.trust import figures, page
 from tests.evidence.results.trust import Trust
 from tests.evidence.trust.coverage import coverage
+from tests.evidence.trust.recorded import foretold
 from tests.evidence.trust.steps import stepped
+from tests.evidence.trust.strikes import struck
 
 FILE = Path("reports/trust.json")
 
 
 def store(found: Trust) -> None:
-    """Write both files."""
+    """Write all files."""
     write_atomically(FILE, found.model_dump_json(indent=1) + "\n")
     write_atomically(FILE.with_suffix(".md"), page(found))
+    for name, figure in figures(found).items():
+        write_atomically(FILE.parent / name, draw(figure))
 
 
 def main(what: str, *words: str) -> None:
@@ -41,6 +48,15 @@ def main(what: str, *words: str) -> None:
         for case in words:
             kept = tuple(row for row in found.steps if row.case != case)
             found = found.model_copy(update={"steps": (*kept, *stepped(tuple(here), (case,)))})
+            store(found)
+    elif what == "struck":
+        store(found.model_copy(update={"struck": tuple(struck(here))}))
+    elif what == "foretold":
+        folder, *cases = words
+        for case in cases:
+            kept_rigs = tuple(one for one in found.foretold if one.case != case)
+            rows = (*kept_rigs, *foretold(Path(folder), (case,)))
+            found = found.model_copy(update={"foretold": tuple(sorted(rows, key=lambda one: one.case))})
             store(found)
     elif what == "coverage":
         for row in coverage(map(int, words)):
