@@ -11,6 +11,7 @@ from compare.diagnose.fit import Fit, Fitter
 from compare.diagnose.intervals import Covariance, covariance
 from compare.diagnose.posterior.infer import Posterior
 
+NOTHING = 1e-6  # of a coordinate's scale
 LIKELY = 0.01  # probability below which a set is not told with its values: it moves a 95 % band by less than its own sd
 Keys = frozenset[tuple[str, str]]
 
@@ -24,12 +25,16 @@ class Competing:
 
 
 def competing(found: Posterior) -> dict[Keys, Competing]:
-    """The likely sets that were fitted in full, by their effects; of one that was fitted in several forms the best."""
-    told: dict[Keys, Competing] = {}
+    """The likely sets that were fitted in full, by their effects; of one that was fitted in several forms the best.
+
+    One in which an effect came out as nothing (a spring of no stiffness, which is a constant force) has no values.
+    """
+    told: dict[Keys, Competing | None] = {}
     for weighed in sorted(found.fitted, key=lambda w: -w.log):
         if weighed.keys not in told and found.sets.get(weighed.keys, 0.0) >= LIKELY:
-            told[weighed.keys] = together(found.fitter, weighed.fit)
-    return told
+            there = all(_there(found.fitter, weighed.fit, i) for i in weighed.fit.named())
+            told[weighed.keys] = together(found.fitter, weighed.fit) if there else None
+    return {keys: each for keys, each in told.items() if each is not None}
 
 
 def together(fitter: Fitter, fit: Fit) -> Competing:
@@ -40,3 +45,11 @@ def together(fitter: Fitter, fit: Fit) -> Competing:
         reported = term.effect.values(fitter.rig, term.where, fit.x[i], term.variant)
         values |= {f"{term.label}.{name}": value for name, value in reported.items()}
     return Competing(values, covariance(fitter, fit, np.ones(fit.residual.size)))
+
+
+def _there(fitter: Fitter, fit: Fit, i: int) -> bool:
+    """Whether an effect of a fit is more than nothing, if it cannot be negative."""
+    term = fit.terms[i]
+    amount = fitter.bounds(term)[0] == 0
+    scale = np.asarray(term.effect.scales(fitter.rig, term.where, term.variant), float)
+    return not amount.any() or bool((fit.x[i][amount] > NOTHING * scale[amount]).any())

@@ -8,7 +8,6 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.stats import wasserstein_distance
 
 from analytic.mechanism import Mechanism
 from compare.diagnose.data.recording import Measured, MeasuredError, Wanted
@@ -16,11 +15,10 @@ from compare.diagnose.effects.effect import Effect
 from compare.diagnose.foretold import Explained, foretold, runs_ahead
 from compare.diagnose.planned import planned
 from compare.diagnose.validation import Validation
+from compare.judge.metrics import metrics
 from compare.report.words.prediction import judgement
-from compare.results.band import Band, Context, Metrics
-from compare.results.diagnosis import DiagnosedRun, Diagnosis, SensorRecord
-
-COVERAGE = 2.0  # standard uncertainties, k of ASME V&V 20
+from compare.results.band import Band, Context
+from compare.results.diagnosis import DiagnosedRun, Diagnosis
 
 
 def warranted(
@@ -59,41 +57,19 @@ def _warranted(
     for name, record in run.signals.items():
         found = None
         if name in bands:
-            error = -result.residual(run, name, "after")
-            found = metrics(record, error, bands[name], calibration.get(name, 0.0))
+            said, error = bands[name].sd, -result.residual(run, name, "after")
+            # u_num is the engine's difference from the analytic model, which has no steps
+            found = metrics(
+                record.unit,
+                error,
+                record.measured,
+                record.noise,
+                calibration=calibration.get(name, 0.0),
+                u_num=said["engines"],
+                u_input=math.hypot(said["parameters"], said["sets"]),
+            )
         signals[name] = record.model_copy(update={"metrics": found})
     return run.model_copy(update={"signals": signals, "prediction": dict(bands)})
-
-
-def metrics(record: SensorRecord, error: np.ndarray, band: Band, calibration: float) -> Metrics | None:
-    """Validation metrics of a sensor whose simulated less measured values are ``error`` (N,), SI; None of none.
-
-    u_num is the engine's difference from the analytic model, which has no steps, as half of a range (GUM, 4.3.7).
-    """
-    known = np.isfinite(error)
-    if not known.any():
-        return None
-    e = error[known]
-    u_num = band.sd["engines"]
-    u_input = math.hypot(band.sd["parameters"], band.sd["sets"])
-    u_d = math.hypot(record.noise, calibration)
-    u_val = math.sqrt(u_d**2 + u_num**2 + u_input**2)
-    shared = math.sqrt(record.noise**2 / e.size + calibration**2 + u_num**2 + u_input**2)
-    mean = float(np.mean(e))
-    simulated = record.measured[known] + e  # a turn more of an angle counts as none
-    return Metrics(
-        unit=record.unit,
-        error_mean=mean,
-        error_rms=float(np.sqrt(np.mean(e**2))),
-        u_d=u_d,
-        u_calibration=calibration,
-        u_num=u_num,
-        u_input=u_input,
-        u_val=u_val,
-        within=float(np.mean(np.abs(e) <= COVERAGE * u_val)),
-        model_error=(mean - COVERAGE * shared, mean + COVERAGE * shared),
-        area=float(wasserstein_distance(simulated, record.measured[known])),
-    )
 
 
 def judged_by(explained: Explained, wanted: Wanted) -> Context:
