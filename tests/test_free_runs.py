@@ -83,7 +83,7 @@ def test_the_swings_of_the_springs_do_reach_another_turn() -> None:
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("inertia", [0.0, -1e-3])
 def test_a_linkage_without_positive_inertia_has_no_motion(inertia: float) -> None:
-    table = np.zeros((7, TABLE_POINTS))
+    table = np.zeros((9, TABLE_POINTS))
     table[0], table[4] = inertia, 1.0
     freedom = Freedom(table)
     assert np.isnan(freedom.acceleration(np.array([0.0, 1.0]), np.array([1.0, 0.0]))).all()
