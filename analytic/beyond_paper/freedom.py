@@ -29,8 +29,8 @@ TABLE_POINTS = 720  # of a table over a revolution
 
 @dataclass(frozen=True)
 class Freedom:
-    """Coefficients over a revolution, (9 + 2 n, P), at P crank angles evenly apart from 0 on: M, M'/2, c, f, g, then h1,
-    h2 and h3 of the turns in it, d, and a and r of each of n joints with Stribeck's friction.
+    """Coefficients over a revolution, (9 + 2 n, P), at P crank angles evenly apart from 0 on: M, M'/2, c, f, g, then
+    h1, h2 and h3 of the turns in it, d, and a and r of each of n joints with Stribeck's friction.
     """
 
     table: np.ndarray
@@ -179,7 +179,6 @@ def swings(
     out = np.empty((3, ends[-1]))
     shortest = np.minimum(1e-3, math.radians(1.0) / np.maximum(1.0, np.abs(start[:, 1])))
     which = np.array([place[id(freedom)] for freedom in freedoms])
-    push = np.zeros(ends[-1]) if pushes is None else np.concatenate(pushes).astype(float)
-    time = np.concatenate(times).astype(float)
-    integrate(tables, which, start, time, ends, shortest, push, pushes is not None, out)
+    push = np.zeros(0) if pushes is None else np.concatenate(pushes).astype(float)
+    integrate(tables, which, start, np.concatenate(times).astype(float), ends, shortest, push, out)
     return np.split(out, ends[1:-1], axis=1)

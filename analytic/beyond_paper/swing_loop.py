@@ -1,8 +1,8 @@
 """The integration loop of :func:`analytic.beyond_paper.freedom.swing`, compiled by numba once and kept on disk.
 
-``table`` holds the coefficients of a linkage's freedom over a revolution as cubic B-splines, (points + 3, 9 + 2 n): one
-neighbour before the first and two after the last.  A motion is a chain of steps of eighth order that are as long as
-their own estimate of their error allows, and what is asked for within one lies on a polynomial of seventh degree: DOP853
+``table`` holds the coefficients of a linkage's freedom over a revolution as cubic B-splines, (points + 3, 9 + 2 n):
+one neighbour before the first and two after the last.  A motion is a chain of steps of eighth order, as long as their
+own estimate of their error allows; what is asked for within one lies on a polynomial of seventh degree.  That is DOP853
 of Hairer, Norsett and Wanner ("Solving Ordinary Differential Equations I", II.5 and II.6), whose numbers scipy has.
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 from scipy.integrate import DOP853
 
-FASTEST = math.pi / 2  # rad in the shortest step: what turns faster has run away, and no step of it is followed any more
+FASTEST = math.pi / 2  # rad in the shortest step: what turns faster has run away, and is followed no more
 ERROR = 1e-11  # rad, or rad/s (of faster rates their share), that a step may err by
 FARTHEST = math.radians(10.0)  # that a crank may turn in a step: no bend of a coefficient is stepped over
 GROWTH, CAUTION = 5.0, 0.9  # from step to step, at most; of the step that the estimate allows
@@ -221,8 +221,8 @@ def follow(
         k += 1
     while k < time.size:
         end = k if pushed else time.size - 1  # until then the push grows along a straight line
-        slope = (push[end] - push[end - 1]) / (time[end] - time[end - 1]) if pushed and end else 0.0
         left = time[end] - now
+        slope = (push[end] - push[end - 1]) / (time[end] - time[end - 1]) if pushed and end and left > 0 else 0.0
         here = push[end] - slope * left
         at[0, 0], at[1, 0] = at[0, END], at[1, END]
         way = set_off if set_off != 0 else direction(table, at[0, 0], at[1, 0], here)
@@ -258,14 +258,14 @@ def integrate(
     ends: np.ndarray,
     shortest: np.ndarray,
     push: np.ndarray,
-    pushed: bool,
     out: np.ndarray,
 ) -> None:
     """Fill ``out`` (3, N) with angles, rates and accelerations of P motions, one after the other: of the linkage
     ``which`` (P,), released at ``start`` (P, 2), at the times (N,) s from ``ends[p]`` to ``ends[p + 1]``.  Steps of
-    ``shortest`` (P,) s are not asked for their error; a motion is NaN from where it diverges.  Where it is ``pushed``,
-    it is at those times by ``push`` (N,) N.m, in between along straight lines.
+    ``shortest`` (P,) s are not asked for their error; a motion is NaN from where it diverges.  At those times it is
+    pushed by ``push`` (N,) N.m, in between along straight lines; by nothing where that is empty.
     """
     for p in range(which.size):
         own = slice(ends[p], ends[p + 1])
-        follow(tables[which[p]], start[p], time[own], push[own], pushed, shortest[p], out[:, own])
+        pushes = push[own] if push.size else np.zeros(ends[p + 1] - ends[p])
+        follow(tables[which[p]], start[p], time[own], pushes, push.size > 0, shortest[p], out[:, own])
