@@ -32,6 +32,7 @@ from analytic.paper.kinetostatics import Reactions, kinetostatics
 from analytic.paper.superposition import superposed
 from compare.diagnose.data.recording import Measured, MeasuredRun
 from compare.diagnose.effects.effect import LANDING, Effect, Parameter, Readings, Rig, Values, landing_in
+from compare.diagnose.residuals import bridged
 from compare.judge.signals import with_derived
 
 TABLES = 100  # linkages whose freedom is kept
@@ -42,6 +43,7 @@ AT_ONCE = 100_000  # samples of free runs, whose signals are found together
 ANYWHERE = Turning(np.array([0.3, 1.7, 3.2, 4.9]), np.ones(4), np.zeros(4))  # readings by which motors are told apart
 STIFF = 1e-3  # of the shortest link: bearings that give less are told by their first order
 PARTS = ("theta", "omega", "alpha")  # of a motion
+TURNS = 300  # that a free motion may make beyond twice what its encoder has read: one that makes more has run away
 SLOW = 0.2  # of a run's mean rate, below which a crank says little of the time
 
 
@@ -378,8 +380,7 @@ class Model:
             signals = with_derived(signals, assembly.mechanism)
         return {name: np.array(signals[name], float) for name in wanted}
 
-    @staticmethod
-    def _swings(run: MeasuredRun, freedoms: Mapping[Swing, Freedom]) -> dict[Swing, np.ndarray]:
+    def _swings(self, run: MeasuredRun, freedoms: Mapping[Swing, Freedom]) -> dict[Swing, np.ndarray]:
         """Angle, rate and acceleration (3, N) of a free run in each of its ways, but where it runs away; pieces that
         several have are integrated once.
         """
@@ -393,9 +394,11 @@ class Model:
         if run.push is not None:
             whole = {effects: push_of(run, *effects[1]) for effects in {piece[1] for piece in owner}}
             pushes = [whole[effects][begin:end] for _, effects, (begin, end), _ in owner]
-        moved = dict(zip(owner, swings([freedoms[key] for key in owner.values()], start, times, pushes), strict=True))
-        joined = {key: np.concatenate([moved[piece] for piece in each], axis=1) for key, each in parts.items()}
-        return {key: motion for key, motion in joined.items() if np.all(np.isfinite(motion))}
+        each = dict(zip(owner, swings([freedoms[key] for key in owner.values()], start, times, pushes), strict=True))
+        joined = {key: np.concatenate([each[piece] for piece in of], axis=1) for key, of in parts.items()}
+        encoder = run.channels.get(self.rig.encoder)
+        most = np.inf if encoder is None else 2 * math.pi * TURNS + 2 * np.ptp(bridged(encoder.values))
+        return {key: moved for key, moved in joined.items() if np.isfinite(moved).all() and np.ptp(moved[0]) <= most}
 
     def _freedom(self, run: MeasuredRun, hypothesis: Hypothesis, effects: object) -> tuple[Assembly, Freedom] | None:
         """The linkage of a free run and how it moves; None where it cannot be.  ``effects`` tell it from others."""
