@@ -28,7 +28,7 @@ from analytic.mechanism.sensing import read_again, with_sensors
 from analytic.paper.clearance import Displaced, displaced
 from analytic.paper.compliance import compliance
 from analytic.paper.frame import ComplianceError
-from analytic.paper.kinetostatics import Reactions, kinetostatics
+from analytic.paper.kinetostatics import Reactions, kinetostatics, poses
 from analytic.paper.superposition import superposed
 from compare.diagnose.data.recording import Measured, MeasuredRun
 from compare.diagnose.effects.effect import LANDING, Effect, Parameter, Readings, Rig, Values, landing_in
@@ -374,10 +374,10 @@ class Model:
 
     def _seen_of(self, run: MeasuredRun, assembly: Assembly, moved: np.ndarray) -> dict[str, np.ndarray]:
         """The signals (N,) that sensors and the encoder of a free run see of a motion (3, N)."""
-        signals = _signals(assembly.mechanism, kinetostatics(kinematics(assembly, *moved)), self.rates)
-        wanted = dict.fromkeys([*run.channels, self.rig.encoder])
+        motion, wanted = kinematics(assembly, *moved), dict.fromkeys([*run.channels, self.rig.encoder])
+        signals = {one.name: values for one, values in poses(motion)}
         if not wanted.keys() <= signals.keys():
-            signals = with_derived(signals, assembly.mechanism)
+            signals = with_derived(_signals(assembly.mechanism, kinetostatics(motion), self.rates), assembly.mechanism)
         return {name: np.array(signals[name], float) for name in wanted}
 
     def _swings(self, run: MeasuredRun, freedoms: Mapping[Swing, Freedom]) -> dict[Swing, np.ndarray]:
