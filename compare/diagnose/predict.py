@@ -11,7 +11,7 @@ from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 
@@ -131,18 +131,20 @@ Signals = Mapping[str, np.ndarray]
 State = tuple[float, float]  # angle (rad) and rate (rad/s)
 Push = tuple[float, float, float]  # what a motor's torque is times what is recorded, and more than that, so late (s)
 Effects = tuple[tuple[object, ...], Push]  # of a linkage, and of the sensor of what pushes it
+Driven = tuple[int, float, bytes, float, tuple[object, ...]]  # of a driven run: which, how late, motor, jitter, effects
 Swing = tuple[str, Effects, tuple[State, ...]]  # of a free run: its name, its effects, its starts
 Piece = tuple[str, Effects, tuple[int, int], State]  # the same of a piece, from which sample to which
+Key = TypeVar("Key")
 
 
-class Kept(OrderedDict[object, Signals | None]):
+class Kept(OrderedDict[Key, Signals | None]):
     """Signals that were found last, as many as BYTES hold; None where there are none."""
 
     def __init__(self) -> None:
         super().__init__()
         self.bytes = 0
 
-    def keep(self, found: Mapping[Any, Signals | None]) -> None:
+    def keep(self, found: Mapping[Key, Signals | None]) -> None:
         """Keep these, the last of all."""
         for key, signals in found.items():
             if key not in self:
@@ -178,7 +180,8 @@ class Model:
         self._tables: dict[object, tuple[Assembly, Freedom] | None] = {}
         self._turned: dict[object, Turning] = {}
         self._followed: dict[object, Walk] = {}
-        self._kept, self._swung = Kept(), Kept()
+        self._kept: Kept[Driven] = Kept()
+        self._swung: Kept[Swing] = Kept()
 
     def altered(self, run: MeasuredRun, hypothesis: Hypothesis) -> Mechanism:
         """The mechanism of a run with the effects of a hypothesis.  Raises Impossible.
