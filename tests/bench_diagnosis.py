@@ -1,8 +1,9 @@
 """One diagnosis of three runs x 721 samples x 10 sensors: time, memory, repeatability; and the same data fitted by
 mujoco.sysid.
 
-``python tests/bench_diagnosis.py time [CASE ...]`` needs exudyn, which plays the rig; ``python tests/bench_diagnosis.py
-sysid`` needs ``pip install '.[bench]'`` too.  Cases are the keys of ``TRUTH``.
+``python tests/bench_diagnosis.py time [CASE ...]`` needs exudyn, which plays the rig, and so does ``released``, one
+released run of many seconds; ``python tests/bench_diagnosis.py sysid`` needs ``pip install '.[bench]'`` too.  Cases are
+the keys of ``TRUTH``.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import contextlib
 import io
 import json
 import os
+import resource
 import subprocess
 import sys
 import tempfile
@@ -57,6 +59,7 @@ NOISE = {
 }
 SAMPLES = 721
 TURNS = 2
+LET_GO = ((30.0, 1e-3, 2e-3), (60.0, 5e-4, 1e-3), (120.0, 3e-4, 5e-4))  # s, N.m.s/rad, N.m
 ONE_THREAD = {
     "OPENBLAS_NUM_THREADS": "1"
 }  # threads of linear algebra wait for each other on two busy cores, up to four times as long
@@ -85,9 +88,9 @@ def turns() -> list[Recording]:
     return [Recording(name, np.linspace(0, 2 * np.pi / abs(w), SAMPLES), 0.3, w, (force,)) for name, w, force in speeds]
 
 
-def swing() -> list[Recording]:
+def swing(seconds: float = 8.0, samples: int = SAMPLES) -> list[Recording]:
     """A pendulum let go."""
-    return [Recording("swing", np.linspace(0, 8.0, SAMPLES), -0.4)]
+    return [Recording("swing", np.linspace(0, seconds, samples), -0.4)]
 
 
 def record(
@@ -149,11 +152,16 @@ def one(measured: Path, out: Path, others: bool, workers: int) -> None:
     from compare.diagnose.data.measured import load_measured
     from compare.diagnose.workflow import diagnose
 
-    start = time.perf_counter()
+    start, spent = time.perf_counter(), time.process_time()
     found = diagnose(load_measured(measured), "mujoco", others=others, workers=workers)
-    diagnosed = time.perf_counter() - start
+    diagnosed, processor = time.perf_counter() - start, time.process_time() - spent
     found.write(out)
-    print(json.dumps({"diagnosed": diagnosed}))
+    print(json.dumps({"diagnosed": diagnosed, "processor": processor, "memory": most_held()}))
+
+
+def most_held() -> float:
+    """Memory (MB) that this process has held at most."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 def timed(cases: Sequence[str]) -> None:
@@ -215,6 +223,35 @@ def held(pid: int) -> float:
     except OSError:
         return 0.0
     return float(text.partition("\nPss:")[2].split()[0]) / 1024 if "\nPss:" in text else 0.0
+
+
+def released() -> None:
+    """A pendulum that rubs and is damped, let go for so long: what its diagnosis takes of the processor, over what
+    MuJoCo takes to simulate it once.
+    """
+    print(f"load of the machine before: {os.getloadavg()[0]:.1f}")
+    print("| let go for | samples | found | of the processor | of one simulation | ratio | memory |")
+    print("|--:|--:|---|--:|--:|--:|--:|")
+    nominal = load("pendulum").rigid()
+    for seconds, damping, friction in LET_GO:
+        truth: Truth = [
+            ("viscous_friction", "O", {"damping": damping}),
+            ("coulomb_friction", "O", {"friction_torque": friction}),
+        ]
+        (run,) = runs = swing(seconds, round(50 * seconds))
+        with tempfile.TemporaryDirectory() as name:
+            measured = record(nominal, runs, truth, {"pendulum_angle": 1e-3}, Path(name))
+            command = [sys.executable, __file__, "one", str(measured), str(Path(name) / "out"), "0", "1"]
+            said = subprocess.run(command, capture_output=True, text=True, check=True, env=os.environ | ONE_THREAD)
+            result = json.loads((Path(name) / "out" / "diagnosis.json").read_bytes())
+        spent, memory = (json.loads(said.stdout.splitlines()[-1])[key] for key in ("processor", "memory"))
+        start = time.process_time()
+        engine("mujoco").simulate(request_of(nominal.replace(assembly={nominal.driven: run.angle}), time=run.time))
+        once = time.process_time() - start
+        named = ", ".join(f"{e['name']}@{e['where']}" for e in result["effects"]) or "nothing"
+        found = f"{result['verdict']}: {named}"
+        cells = f"{spent:.1f} s | {once:.2f} s | {spent / once:.0f} | {memory:.0f} MB"
+        print(f"| {seconds:.0f} s | {run.time.size} | {found} | {cells} |", flush=True)
 
 
 # ---------------------------------------------------------------- beside mujoco.sysid
@@ -411,5 +448,7 @@ if __name__ == "__main__":
         one(Path(sys.argv[2]), Path(sys.argv[3]), sys.argv[4] == "1", int(sys.argv[5]))
     elif sys.argv[1] == "sysid":
         beside_sysid()
+    elif sys.argv[1] == "released":
+        released()
     else:
         timed(sys.argv[2:] or list(TRUTH))

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from time import process_time
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
 from analytic.beyond_paper.freedom import TABLE_POINTS, Freedom, swing
+from analytic.beyond_paper.freedom import swings as swings_of
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
@@ -33,6 +35,7 @@ MASS, ARM = PENDULUM.bodies[0].mass, 0.15
 INERTIA = PENDULUM.bodies[0].moment_of_inertia + MASS * ARM**2
 WEIGHT = MASS * 9.81 * ARM  # N.m
 SPRING, REST, DAMPER = 40 * WEIGHT, 0.4, 0.02
+NONE = (0.0, 0.0)  # no gravity
 TIME = np.arange(240) / 120.0
 STARTS = ((0.9, 0.0), (-0.5, 1.0))
 NOISE = {"pendulum_angle": 2e-4, "pendulum_angular_velocity": 2e-2}
@@ -83,7 +86,7 @@ def test_the_swings_of_the_springs_do_reach_another_turn() -> None:
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("inertia", [0.0, -1e-3])
 def test_a_linkage_without_positive_inertia_has_no_motion(inertia: float) -> None:
-    table = np.zeros((7, TABLE_POINTS))
+    table = np.zeros((9, TABLE_POINTS))
     table[0], table[4] = inertia, 1.0
     freedom = Freedom(table)
     assert np.isnan(freedom.acceleration(np.array([0.0, 1.0]), np.array([1.0, 0.0]))).all()
@@ -91,6 +94,84 @@ def test_a_linkage_without_positive_inertia_has_no_motion(inertia: float) -> Non
     assert np.isnan(theta[0, 1:]).all()
     assert np.isnan(omega[0, 1:]).all()
     assert np.isfinite(theta[1]).all(), "the others of the batch go on"
+
+
+@pytest.mark.parametrize("samples", [20, 4001])  # many steps to a sample, and many samples to a step
+def test_a_spring_and_dry_friction_swing_in_half_cosines_until_they_hold(samples: int) -> None:
+    """Each half swing is about a place that friction shifts against it, and ends where the next begins: closed form."""
+    stiffness, friction, time = 0.5, 0.03, np.linspace(0.0, 4.0, samples)
+    rubs = PENDULUM.with_joint("O", stiffness=stiffness, rest_angle=0.0, friction_torque=friction).replace(gravity=NONE)
+    (theta,), (omega,), (alpha,) = swing([Freedom.of(Assembly(rubs))], np.array([[1.0, 0.0]]), time)
+    pace, shift = math.sqrt(stiffness / INERTIA), friction / stiffness
+    angle, rate = np.empty((2, samples))
+    place, begin = 1.0, 0.0
+    while abs(place) > shift:
+        about, here = math.copysign(shift, place), time >= begin
+        angle[here] = about + (place - about) * np.cos(pace * (time[here] - begin))
+        rate[here] = (about - place) * pace * np.sin(pace * (time[here] - begin))
+        place, begin = 2 * about - place, begin + math.pi / pace
+    assert begin < 3.9, "it comes to rest within the record"
+    angle[time >= begin], rate[time >= begin] = place, 0.0
+    np.testing.assert_allclose(theta, angle, atol=2e-10)
+    np.testing.assert_allclose(omega, rate, atol=2e-9)
+    assert (alpha[time > begin] == 0).all()
+
+
+@pytest.mark.parametrize("start", [0.5, -0.5, 2 * math.pi + 0.5, -2 * math.pi + 0.5])
+def test_a_stiffening_spring_pulls_back_to_its_rest_from_whichever_turn(start: float) -> None:
+    """k s + c s^3 of the angle s from its rest, in which no turn of the crank is like the one before; by its energy."""
+    stiffness, cubic, time = 0.05, 0.02, np.linspace(0.0, 2.0, 201)
+    sprung = PENDULUM.with_joint("O", stiffness=stiffness, cubic=cubic, rest_angle=REST).replace(gravity=NONE)
+    (q,), (w,), (a,) = swing([Freedom.of(Assembly(sprung))], np.array([[start, 0.0]]), time)
+    s = q - REST
+    np.testing.assert_allclose(INERTIA * a, -stiffness * s - cubic * s**3, atol=1e-9)
+    energy = INERTIA * w**2 / 2 + stiffness * s**2 / 2 + cubic * s**4 / 4
+    np.testing.assert_allclose(energy, energy[0], rtol=1e-8)
+    assert s.min() < -0.9 * abs(start - REST)
+    assert s.max() > 0.9 * abs(start - REST)
+
+
+def test_a_push_that_grows_frees_a_crank_when_friction_can_hold_it_no_longer() -> None:
+    """From then on it grows beyond friction along a line, and the angle with the cube of the time: in between samples
+    that are half a second apart.
+    """
+    friction, growth, time = 0.05, 0.03, np.arange(0.0, 4.1, 0.5)
+    rubs = PENDULUM.with_joint("O", friction_torque=friction).replace(gravity=NONE)
+    for way in (1.0, -1.0):
+        (moved,) = swings_of([Freedom.of(Assembly(rubs))], np.zeros((1, 2)), [time], [way * growth * time])
+        late = np.maximum(time - friction / growth, 0.0)
+        np.testing.assert_allclose(moved[0], way * growth * late**3 / (6 * INERTIA), rtol=1e-9, atol=1e-11)
+        np.testing.assert_allclose(moved[2], way * growth * late / INERTIA, rtol=1e-9, atol=1e-11)
+
+
+def test_a_crank_that_nearly_stops_on_top_goes_over_or_back_as_its_energy_says() -> None:
+    """A step that begins and ends in one direction may have come to rest in between.  It is slowest just beyond the
+    top, where its weight takes over from friction.
+    """
+    friction, time = 1e-3, np.linspace(0.0, 3.0, 4)
+    slowest = math.pi / 2 + math.asin(friction / WEIGHT)
+    lost = WEIGHT * (1 + math.sin(slowest)) + friction * (slowest + math.pi / 2)
+    rubs = PENDULUM.with_joint("O", friction_torque=friction)
+    for spare, over in ((1e-8, True), (-1e-8, False)):
+        start = np.array([[-math.pi / 2, math.sqrt(2 * (lost + spare) / INERTIA)]])
+        (theta,), *_ = swing([Freedom.of(Assembly(rubs))], start, time)
+        assert bool(theta.max() > math.pi / 2 + 0.1) == over
+
+
+@pytest.mark.parametrize("start", [(0.0, 1e6), (0.0, 2e3), (1e-3, 0.0)])
+def test_a_motion_that_runs_away_ends(start: tuple[float, float]) -> None:
+    """Too fast to begin with, too far for a path, and faster and faster: within a second of the processor's time, where
+    each step of it would be followed for minutes.
+    """
+    table = np.zeros((9, TABLE_POINTS))
+    table[0] = 1.0
+    table[2] = -20.0 if start[1] == 0 else 0.0
+    table[4] = -1e-3
+    spent = process_time()
+    theta, *_ = swing([Freedom(table)], np.array([start]), np.linspace(0.0, 120.0, 500))
+    assert process_time() - spent < 2.0
+    assert np.isnan(theta[0, -1])
+    assert np.isfinite(theta[0, 0])
 
 
 # ---------------------------------------------------------------- released runs in pieces
@@ -134,6 +215,17 @@ def test_pieces_that_start_on_a_motion_are_that_motion() -> None:
         assert found is not None
         np.testing.assert_allclose(found["pendulum_angle"], q, atol=1e-6)
         np.testing.assert_allclose(found["pendulum_angular_velocity"], w, atol=1e-4)
+
+
+def test_a_start_that_no_encoder_could_have_read_has_no_motion() -> None:
+    """Its path would be walked degree by degree, a few hundred bytes each."""
+    model = problem_of(swings()).model
+    (run, _), found = model.measured.runs, []
+    for rate in (3.0, 1500.0):
+        values = StartOfRun().values(model.rig, run.name, np.array([0.0, rate]))
+        found += model.released(run, [[(Term(StartOfRun(), run.name), values)]])
+    assert found[0] is not None
+    assert found[1] is None
 
 
 def test_a_run_goes_in_pieces_that_the_nominal_mechanism_nearly_follows() -> None:

@@ -21,7 +21,8 @@ pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(
         not FOLDER,
-        reason="MEASURED_DATA is not set: the folder with pendulum, tx40-axis1, adams-pendulum, adams-fourbar",
+        reason="MEASURED_DATA is not set: the folder with pendulum, tx40-axis1, adams-pendulum, adams-fourbar,"
+        " schmidt-lipson-pendulum",
     ),
 ]
 
@@ -43,6 +44,19 @@ def test_a_real_pendulum_lacks_friction_first() -> None:
     assert first["where"] == second["where"] == "O"
     assert result["gap"]["before"] > 500 * result["gap"]["after"]
     assert result["gap"]["after"] > 1.1
+
+
+def test_a_real_pendulum_of_94_s_is_damped_and_its_velocity_is_read_too_small() -> None:
+    """By a fit of its own equation: the velocity column is 0.955 times the derivative of the angle's motion."""
+    result = real("schmidt-lipson-pendulum")
+    found = {(e["name"], e["where"]): e["parameters"] for e in result["effects"]}
+    assert ("viscous_friction", "O") in found, result["statement"]
+
+    def reads(sensor: str) -> float:
+        gain = found.get(("sensor_gain", sensor))
+        return 1.0 if gain is None else 1 + float(gain["gain_error"]["value"])
+
+    assert reads("pendulum_angular_velocity") / reads("pendulum_angle") == pytest.approx(0.955, abs=0.005)
 
 
 def test_a_real_robot_axis_lacks_friction_and_more() -> None:

@@ -5,10 +5,9 @@ The drive torque that a motion needs is
     M alpha + M'/2 omega^2 + c omega + d omega |omega| + (f + sum of a exp(-(r omega)^2)) sign(omega) + g.
 
 M and g follow from kinetostatics, once; what opposes the motion (c, d, f, and an a and r of each joint with Stribeck's
-friction) by virtual work from the joints' rates; springs that a turn of the
-crank winds up make g larger by h with each turn; a free motion is then a small
-ordinary differential equation, which is integrated for all linkages of a batch at the same time.  At rest friction
-holds whatever is no larger than itself: |g| <= f + sum of a.
+friction) by virtual work from the joints' rates.  Of springs that the turns t of the crank wind up, g is
+g0 + h1 t + h2 t^2 + h3 t^3, all of them periodic.  A free motion is then a small ordinary differential equation.  At
+rest friction holds whatever is no larger than itself: |g| <= f + sum of a.
 """
 
 from __future__ import annotations
@@ -16,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -29,8 +29,8 @@ TABLE_POINTS = 720  # of a table over a revolution
 
 @dataclass(frozen=True)
 class Freedom:
-    """Coefficients over a revolution, (7 + 2 n, P), at P crank angles evenly apart from 0 on: M, M'/2, c, f, g, then h,
-    by which g grows with each turn, d, and a and r of each of n joints with Stribeck's friction.
+    """Coefficients over a revolution, (9 + 2 n, P), at P crank angles evenly apart from 0 on: M, M'/2, c, f, g, then
+    h1, h2 and h3 of the turns in it, d, and a and r of each of n joints with Stribeck's friction.
     """
 
     table: np.ndarray
@@ -50,32 +50,39 @@ class Freedom:
                 remedy="leave them out, or the released runs",
             )
         theta = np.arange(TABLE_POINTS) * 2 * math.pi / TABLE_POINTS
-        first = coefficients(assembly, theta)
-        wound = np.zeros(TABLE_POINTS)
-        if any(joint.springy for joint in assembly.mechanism.joints):
-            wound = coefficients(assembly, theta + 2 * math.pi)[4] - first[4]
+        first, wound = coefficients(assembly, theta), np.zeros((3, TABLE_POINTS))
+        joints = assembly.mechanism.joints
+        if terms := max(4 if joint.cubic else 2 if joint.springy else 0 for joint in joints):
+            turns = np.arange(terms) - terms // 2
+            pushed = [coefficients(assembly, theta + 2 * math.pi * n)[4] if n else first[4] for n in turns]
+            powers = (theta[:, None] / (2 * math.pi) + turns)[:, :, None] ** np.arange(terms)
+            wound[: terms - 1] = np.linalg.solve(powers, np.stack(pushed, axis=1)[:, :, None])[:, 1:, 0].T
         return cls(np.insert(first, 5, wound, axis=0))
 
     def inertia(self, theta: np.ndarray) -> np.ndarray:
         """M (kg.m^2) at crank angles (N,) rad."""
         from analytic.beyond_paper.swing_loop import coefficient
 
-        return np.asarray(coefficient(padded(self.table), 0, np.ascontiguousarray(theta, float)))
+        return np.asarray(coefficient(self.splines, 0, np.ascontiguousarray(theta, float)))
 
     def acceleration(self, theta: np.ndarray, omega: np.ndarray) -> np.ndarray:
         """Acceleration (rad/s^2) of the free crank at angles theta (N,) rad and rates omega (N,) rad/s."""
         from analytic.beyond_paper.swing_loop import accelerations
 
         state = (np.ascontiguousarray(theta, float), np.ascontiguousarray(omega, float))
-        return np.asarray(accelerations(padded(self.table), *state))
+        return np.asarray(accelerations(self.splines, *state))
 
-
-def padded(table: np.ndarray) -> np.ndarray:
-    """A table (rows, P) with one neighbour before and two after it, wound up by the turn between them."""
-    before, after = table[:, -1:].copy(), table[:, :2].copy()
-    before[4] -= before[5]
-    after[4] += after[5]
-    return np.ascontiguousarray(np.concatenate([before, table, after], axis=1))
+    @cached_property
+    def splines(self) -> np.ndarray:
+        """The table as cubic B-splines around the revolution, (P + 3, 9 + 2 n), one neighbour before the first and two
+        after the last; g0 in place of g.
+        """
+        points, periodic = self.table.shape[1], self.table.copy()
+        turns = np.arange(points) / points
+        periodic[4] -= turns * (periodic[5] + turns * (periodic[6] + turns * periodic[7]))
+        seen = (2 + np.cos(2 * math.pi * np.arange(points // 2 + 1) / points)) / 3  # of a wave, at the points
+        weights = np.fft.irfft(np.fft.rfft(periodic) / seen, points)
+        return np.ascontiguousarray(np.concatenate([weights[:, -1:], weights, weights[:, :2]], axis=1).T)
 
 
 def coefficients(assembly: Assembly, theta: np.ndarray, time: np.ndarray | None = None) -> np.ndarray:
@@ -157,20 +164,21 @@ def swings(
     """Angle (rad), rate (rad/s) and acceleration (3, N) of each linkage, released at ``start`` (P, 2), at its own times
     (N,) s from 0; ``pushes`` (N,) N.m are what a motor gives its crank at them, in between along straight lines.
 
-    Runge-Kutta of fourth order, at most 1 ms and one degree a step; a step in which the crank comes to rest is parted
-    there, where friction turns with it or holds it.  A motion that diverges is NaN from there on.
+    Steps keep an error of about 1e-11 rad (:mod:`analytic.beyond_paper.swing_loop`), but are not shorter than 1 ms and
+    one degree; a step in which the crank comes to rest ends there, where friction turns with it or holds it.  A motion
+    that diverges is NaN from there on.
     """
     from analytic.beyond_paper.swing_loop import integrate  # compiled at its first call
 
     each = {id(freedom): freedom for freedom in freedoms}
     place = {key: k for k, key in enumerate(each)}
     rows = max(len(freedom.table) for freedom in each.values())
-    tables = np.stack([padded(np.pad(f.table, ((0, rows - len(f.table)), (0, 0)))) for f in each.values()])
+    tables = np.stack([np.pad(f.splines, ((0, 0), (0, rows - len(f.table)))) for f in each.values()])
     start = np.ascontiguousarray(start, float)
     ends = np.cumsum([0, *(time.size for time in times)])
     out = np.empty((3, ends[-1]))
-    longest = np.minimum(1e-3, math.radians(1.0) / np.maximum(1.0, np.abs(start[:, 1])))
+    shortest = np.minimum(1e-3, math.radians(1.0) / np.maximum(1.0, np.abs(start[:, 1])))
     which = np.array([place[id(freedom)] for freedom in freedoms])
-    push = np.zeros(ends[-1]) if pushes is None else np.concatenate(pushes).astype(float)
-    integrate(tables, which, start, np.concatenate(times).astype(float), ends, longest, push, out)
+    push = np.zeros(0) if pushes is None else np.concatenate(pushes).astype(float)
+    integrate(tables, which, start, np.concatenate(times).astype(float), ends, shortest, push, out)
     return np.split(out, ends[1:-1], axis=1)

@@ -171,14 +171,14 @@ def signals(
     """
     known = {joint.name: joint for joint in joints}
     for joint in known.values():
-        yield from (Signal("reaction", joint.name, component) for component in REACTION)
+        yield from (Signal.of("reaction", joint.name, component) for component in REACTION)
         if joint.prismatic:
-            yield Signal("reaction", joint.name, "moment")
+            yield Signal.of("reaction", joint.name, "moment")
         yield from play(joint)
     for body in bodies:
-        yield Signal("rotation", body.name, "angle")
-        yield from (Signal("pose", body.name, component) for component in POSE)
-        yield Signal("rate", body.name, "angular_velocity")
+        yield Signal.of("rotation", body.name, "angle")
+        yield from (Signal.of("pose", body.name, component) for component in POSE)
+        yield Signal.of("rate", body.name, "angular_velocity")
         yield from moving(body.name)
     for joint in known.values():
         yield from (position(joint), *slipping(joint))

@@ -102,12 +102,7 @@ class Reactions:
 
     def _signals(self) -> Iterator[tuple[Signal, np.ndarray]]:
         m, s = self.motion, self.motion.structure
-        for body in s.bodies[1:]:
-            com = m.position(body)
-            yield Signal.of("pose", body, "x"), com.real
-            yield Signal.of("pose", body, "y"), com.imag
-            yield Signal.of("pose", body, "angle"), m.angle(body)
-            yield Signal.of("rate", body, "angular_velocity"), m.angular_velocity(body)
+        yield from poses(m)
         for joint, force in self.forces.items():
             yield Signal.of("reaction", joint, "x"), force.real
             yield Signal.of("reaction", joint, "y"), force.imag
@@ -124,6 +119,16 @@ class Reactions:
         elif self.drive_loads:
             joints = [s.mechanism.joint(name) for name in self.drive_loads]
             yield from zip(driving(joints), self.drive_loads.values(), strict=True)
+
+
+def poses(motion: Motion) -> Iterator[tuple[Signal, np.ndarray]]:
+    """Where bodies are and how fast they turn, (N,) by signal (SI units)."""
+    for body in motion.structure.bodies[1:]:
+        com = motion.position(body)
+        yield Signal.of("pose", body, "x"), com.real
+        yield Signal.of("pose", body, "y"), com.imag
+        yield Signal.of("pose", body, "angle"), motion.angle(body)
+        yield Signal.of("rate", body, "angular_velocity"), motion.angular_velocity(body)
 
 
 def kinetostatics(

@@ -11,6 +11,7 @@ from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import TypeVar
 
 import numpy as np
 
@@ -27,20 +28,22 @@ from analytic.mechanism.sensing import read_again, with_sensors
 from analytic.paper.clearance import Displaced, displaced
 from analytic.paper.compliance import compliance
 from analytic.paper.frame import ComplianceError
-from analytic.paper.kinetostatics import Reactions, kinetostatics
+from analytic.paper.kinetostatics import Reactions, kinetostatics, poses
 from analytic.paper.superposition import superposed
 from compare.diagnose.data.recording import Measured, MeasuredRun
 from compare.diagnose.effects.effect import LANDING, Effect, Parameter, Readings, Rig, Values, landing_in
+from compare.diagnose.residuals import bridged
 from compare.judge.signals import with_derived
 
-TABLES = 500  # linkages whose freedom is kept
-ALTERED = 1000  # mechanisms that are kept
-CACHED = 400  # driven runs whose signals are kept
-KEPT = 1_000_000  # samples of free ones
-AT_ONCE = 100_000  # of them, whose signals are found together
+TABLES = 100  # linkages whose freedom is kept
+ALTERED = 300  # mechanisms that are kept
+CACHED = 400  # courses that are kept
+BYTES = 24_000_000  # of the signals that are kept of driven runs, and of free ones
+AT_ONCE = 100_000  # samples of free runs, whose signals are found together
 ANYWHERE = Turning(np.array([0.3, 1.7, 3.2, 4.9]), np.ones(4), np.zeros(4))  # readings by which motors are told apart
 STIFF = 1e-3  # of the shortest link: bearings that give less are told by their first order
 PARTS = ("theta", "omega", "alpha")  # of a motion
+TURNS = 300  # that a free motion may make beyond twice what its encoder has read: one that makes more has run away
 SLOW = 0.2  # of a run's mean rate, below which a crank says little of the time
 
 
@@ -128,8 +131,32 @@ Signals = Mapping[str, np.ndarray]
 State = tuple[float, float]  # angle (rad) and rate (rad/s)
 Push = tuple[float, float, float]  # what a motor's torque is times what is recorded, and more than that, so late (s)
 Effects = tuple[tuple[object, ...], Push]  # of a linkage, and of the sensor of what pushes it
+Driven = tuple[int, float, bytes, float, tuple[object, ...]]  # of a driven run: which, how late, motor, jitter, effects
 Swing = tuple[str, Effects, tuple[State, ...]]  # of a free run: its name, its effects, its starts
 Piece = tuple[str, Effects, tuple[int, int], State]  # the same of a piece, from which sample to which
+Key = TypeVar("Key")
+
+
+class Kept(OrderedDict[Key, Signals | None]):
+    """Signals that were found last, as many as BYTES hold; None where there are none."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.bytes = 0
+
+    def keep(self, found: Mapping[Key, Signals | None]) -> None:
+        """Keep these, the last of all."""
+        for key, signals in found.items():
+            if key not in self:
+                self.bytes += _bytes(signals)
+                self[key] = signals
+            self.move_to_end(key)
+        while self.bytes > BYTES:
+            self.bytes -= _bytes(self.popitem(last=False)[1])
+
+
+def _bytes(signals: Signals | None) -> int:
+    return sum(values.nbytes for values in (signals or {}).values())
 
 
 class Impossible(ValueError):
@@ -153,9 +180,8 @@ class Model:
         self._tables: dict[object, tuple[Assembly, Freedom] | None] = {}
         self._turned: dict[object, Turning] = {}
         self._followed: dict[object, Walk] = {}
-        self._kept: OrderedDict[object, dict[str, np.ndarray]] = OrderedDict()
-        self._swung: OrderedDict[Swing, Signals | None] = OrderedDict()
-        self._pieces: dict[Piece, np.ndarray] = {}
+        self._kept: Kept[Driven] = Kept()
+        self._swung: Kept[Swing] = Kept()
 
     def altered(self, run: MeasuredRun, hypothesis: Hypothesis) -> Mechanism:
         """The mechanism of a run with the effects of a hypothesis.  Raises Impossible.
@@ -221,18 +247,14 @@ class Model:
             (r, age, misread(run, hypothesis, self.rig), jitter_of(run, hypothesis), within(hypothesis, run.name))
             for (r, age), run in zip(asked, runs, strict=True)
         ]
-        found = {key: self._kept[key] for key in keys if key in self._kept}
+        found = {key: kept for key in keys if (kept := self._kept.get(key)) is not None}
         new = [(key, run) for key, run in zip(keys, runs, strict=True) if key not in found]
         for loads, effects in dict.fromkeys((run.loads, key[-1]) for key, run in new):
             alike = [(key, run) for key, run in new if run.loads == loads and key[-1] == effects]
             mechanism = self.altered(alike[0][1], hypothesis)
             motions = [(run, run.time - age, jitter) for (_, age, _, jitter, _), run in alike]
             found |= zip((key for key, _ in alike), self._moved(mechanism, motions, hypothesis), strict=True)
-        for key in keys:
-            self._kept[key] = found[key]
-            self._kept.move_to_end(key)
-        while len(self._kept) > CACHED:
-            self._kept.popitem(last=False)
+        self._kept.keep(found)
         return [found[key] for key in keys]
 
     def signals(self, run: MeasuredRun, hypothesis: Hypothesis, time: np.ndarray) -> Mapping[str, np.ndarray]:
@@ -333,8 +355,8 @@ class Model:
     # ---------------------------------------------------------------- free runs
 
     def released(self, run: MeasuredRun, hypotheses: Sequence[Hypothesis]) -> list[Signals | None]:
-        """All signals (N,) of a free run under each hypothesis, before any sensor, its joints ideal; None where it has
-        no motion.  Each of its pieces goes from its own start.
+        """What the sensors and the encoder of a free run would see (N,) under each hypothesis, its joints ideal; None
+        where it has no motion.  Each of its pieces goes from its own start.
         """
         keys = [(run.name, (within(h, run.name), pushed(run, h)), tuple(self.starts(run, h))) for h in hypotheses]
         new = {key: h for key, h in zip(keys, hypotheses, strict=True) if key not in self._swung}
@@ -348,16 +370,18 @@ class Model:
             every = [key for key in motions if key[1] == effects]
             for same in (every[k : k + most] for k in range(0, len(every), most)):
                 assert linkage is not None
-                moved = np.concatenate([motions[key] for key in same], axis=1)
-                signals = _signals(linkage[0].mechanism, kinetostatics(kinematics(linkage[0], *moved)), self.rates)
-                whole = with_derived(signals, linkage[0].mechanism)
-                found |= zip(same, _parted(whole, [run.time.size] * len(same)), strict=True)
-        for key, said in found.items():
-            self._swung[key] = said
-            self._swung.move_to_end(key)
-        while len(self._swung) > max(len(found), KEPT // run.time.size):
-            self._swung.popitem(last=False)
+                seen = self._seen_of(run, linkage[0], np.concatenate([motions[key] for key in same], axis=1))
+                found |= zip(same, _parted(seen, [run.time.size] * len(same)), strict=True)
+        self._swung.keep(found)
         return [found[key] for key in keys]
+
+    def _seen_of(self, run: MeasuredRun, assembly: Assembly, moved: np.ndarray) -> dict[str, np.ndarray]:
+        """The signals (N,) that sensors and the encoder of a free run see of a motion (3, N)."""
+        motion, wanted = kinematics(assembly, *moved), dict.fromkeys([*run.channels, self.rig.encoder])
+        signals = {one.name: values for one, values in poses(motion)}
+        if not wanted.keys() <= signals.keys():
+            signals = with_derived(_signals(assembly.mechanism, kinetostatics(motion), self.rates), assembly.mechanism)
+        return {name: np.array(signals[name], float) for name in wanted}
 
     def _swings(self, run: MeasuredRun, freedoms: Mapping[Swing, Freedom]) -> dict[Swing, np.ndarray]:
         """Angle, rate and acceleration (3, N) of a free run in each of its ways, but where it runs away; pieces that
@@ -365,20 +389,19 @@ class Model:
         """
         parts = {key: _pieces(run, key) for key in freedoms}
         owner = {piece: key for key, each in parts.items() for piece in each}
-        if len(self._pieces) > max(len(owner), KEPT // run.time.size):
-            self._pieces.clear()
-        new = [piece for piece in owner if piece not in self._pieces]
-        if new:
-            times = [run.time[begin:end] - run.time[begin] for _, _, (begin, end), _ in new]
-            start = np.array([state for *_, state in new])
-            pushes = None
-            if run.push is not None:
-                whole = {effects: push_of(run, *effects[1]) for effects in {piece[1] for piece in new}}
-                pushes = [whole[effects][begin:end] for _, effects, (begin, end), _ in new]
-            moved = swings([freedoms[owner[piece]] for piece in new], start, times, pushes)
-            self._pieces |= zip(new, moved, strict=True)
-        joined = {key: np.concatenate([self._pieces[piece] for piece in each], axis=1) for key, each in parts.items()}
-        return {key: motion for key, motion in joined.items() if np.all(np.isfinite(motion))}
+        if not owner:
+            return {}
+        times = [run.time[begin:end] - run.time[begin] for _, _, (begin, end), _ in owner]
+        start = np.array([state for *_, state in owner])
+        pushes = None
+        if run.push is not None:
+            whole = {effects: push_of(run, *effects[1]) for effects in {piece[1] for piece in owner}}
+            pushes = [whole[effects][begin:end] for _, effects, (begin, end), _ in owner]
+        each = dict(zip(owner, swings([freedoms[key] for key in owner.values()], start, times, pushes), strict=True))
+        joined = {key: np.concatenate([each[piece] for piece in of], axis=1) for key, of in parts.items()}
+        encoder = run.channels.get(self.rig.encoder)
+        most = np.inf if encoder is None else 2 * math.pi * TURNS + 2 * np.ptp(bridged(encoder.values))
+        return {key: moved for key, moved in joined.items() if np.isfinite(moved).all() and np.ptp(moved[0]) <= most}
 
     def _freedom(self, run: MeasuredRun, hypothesis: Hypothesis, effects: object) -> tuple[Assembly, Freedom] | None:
         """The linkage of a free run and how it moves; None where it cannot be.  ``effects`` tell it from others."""
@@ -386,7 +409,8 @@ class Model:
             self._tables.clear()
         if (key := (run.loads, effects)) not in self._tables:
             try:
-                assembly = Assembly(self.altered(run, hypothesis).ideal())
+                m = self.altered(run, hypothesis)
+                assembly = Assembly(m.ideal() if m.displaced else m)
                 self._tables[key] = assembly, Freedom.of(assembly)
             except (Impossible, AssemblyError, StructureError):
                 self._tables[key] = None

@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -33,7 +34,7 @@ class Passive:
 
     def __call__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Add to the passive forces, and give dry friction the size that it has at this rate and load."""
-        for t, (joint, form) in self.joints.items():
+        for t, joint, form in self._pushing:
             if joint.cubic or joint.drag:
                 rate, stretch = float(data.ten_velocity[t]), float(data.ten_length[t] - model.tendon_lengthspring[t, 0])
                 data.qfrc_passive[:] -= (joint.cubic * stretch**3 + joint.drag * abs(rate) * rate) * form
@@ -49,11 +50,21 @@ class Passive:
             mujoco.mj_applyFT(model, data, *vectors, model.site_bodyid[site], data.qfrc_passive)
         self.rub(data)
 
+    @cached_property
+    def _pushing(self) -> list[tuple[int, Joint, np.ndarray]]:
+        """What has more than dry friction, by its tendon's number: looked up once, not in every evaluation."""
+        each = self.joints.items()
+        return [(t, joint, form) for t, (joint, form) in each if joint.cubic or joint.drag or joint.stops]
+
+    @cached_property
+    def _rubbing(self) -> dict[int, Joint]:
+        """Whose dry friction depends on its rate."""
+        return {t: joint for t, (joint, _) in self.joints.items() if joint.stribeck_speed}
+
     def rub(self, data: mujoco.MjData) -> None:
         """Give the rows of dry friction that depends on its rate the size that it has at this one and its load."""
         for row, t in friction_rows(data):
-            joint, _ = self.joints.get(t, (None, None))
-            if joint is not None and joint.stribeck_speed:
+            if (joint := self._rubbing.get(t)) is not None:
                 load = joint.load_friction(self.loads.get(joint.name, 0.0))
                 data.efc_frictionloss[row] = joint.dry(float(data.ten_velocity[t])) + load
 
