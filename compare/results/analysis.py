@@ -83,13 +83,15 @@ class OutputError(Part):
 
 
 class Extremes(Part):
-    """The highest and the lowest value of a signal over the crank angles, looked for between the samples too."""
+    """The highest and the lowest value of a signal over the crank angles or times, looked for between the samples
+    too.
+    """
 
     highest: Number
-    highest_at: Annotated[Number, Field(description="Crank angle (rad).")]
+    highest_at: Annotated[Number, Field(description="Crank angle (rad); time (s) where there are times.")]
     lowest: Number
-    lowest_at: Annotated[Number, Field(description="Crank angle (rad).")]
-    mean: Annotated[Number, Field(description="Over the crank angle; null where there is a gap.")] = None
+    lowest_at: Annotated[Number, Field(description="Crank angle (rad); time (s) where there are times.")]
+    mean: Annotated[Number, Field(description="Over the crank angle or time; null where there is a gap.")] = None
 
 
 class Analysis(_Side):
@@ -117,7 +119,7 @@ class Analysis(_Side):
     ] = None
     extremes: Annotated[
         Mapping[str, Extremes],
-        Field(description="By signal, over closely spaced crank angles; of a linkage that a crank moves."),
+        Field(description="By signal, over closely spaced crank angles or times."),
     ] = {}
     errors: Annotated[
         Mapping[str, OutputError],
