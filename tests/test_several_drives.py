@@ -14,7 +14,8 @@ from rich.console import Console
 import linkage_crosscheck as lc
 from analytic.beyond_paper.free_motion import free_motion
 from analytic.beyond_paper.released import released
-from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.compiled.run import followed
+from analytic.kinematics.assembly import Assembly, AssemblyError, Walk
 from analytic.kinematics.motion import along, kinematics
 from analytic.kinematics.schedule import Knots, Schedule
 from analytic.kinematics.structure import StructureError
@@ -475,13 +476,25 @@ def test_a_reader_is_told_why_there_is_no_answer() -> None:
     assert why in found._repr_html_()
 
 
-@pytest.mark.parametrize("name", ["2r-arm", "crank-rocker"])
+@pytest.mark.parametrize("name", ["five-bar", "crank-rocker"])
 def test_a_way_that_no_memory_holds_is_refused_with_its_samples(name: str) -> None:
     """One a degree: of a crank at 1e8 s as of several drives, by the fastest of them."""
     fastest = max(abs(float(drive.speed)) for drive in load(name).drives)
     samples = f"the way there takes {np.degrees(fastest * 1e8):.3g} samples"
     with pytest.raises(AssemblyError, match=re.escape(samples)):
         lc.analyse(name, times=[0.0, 1e8])
+
+
+@pytest.mark.parametrize("follow", [Assembly.follow, followed], ids=["numpy", "compiled"])
+def test_what_closes_no_loop_is_there_at_once_however_far(follow: Callable[..., np.ndarray | Walk]) -> None:
+    """An arm, or an axis, has no change point to look for on the way; a five-bar's way is refused."""
+    far = np.array([[0.0, 1e9], [0.5, -1e9]])
+    assembly = Assembly(load("2r-arm"))
+    there = follow(assembly, far)
+    coordinates = there.coordinates if isinstance(there, Walk) else there
+    np.testing.assert_array_equal(coordinates[list(assembly.structure.inputs)], far)
+    with pytest.raises(AssemblyError, match=re.escape("the way there takes 5.73e+10 samples")):
+        follow(Assembly(load("five-bar")), far)
 
 
 def test_what_is_asked_of_a_crank_is_refused_of_several_drives() -> None:

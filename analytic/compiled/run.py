@@ -165,10 +165,13 @@ def _near(
 
 
 def followed(assembly: Assembly, inputs: np.ndarray) -> np.ndarray | None:
-    """Coordinates (n, N) at inputs (n_inputs, N), as analytic.kinematics.assembly.Assembly.follow; None where that
-    cannot be done.
+    """Coordinates (n, N) at inputs (n_inputs, N), as analytic.kinematics.assembly.Assembly.follow, which raises
+    AssemblyError where the way is too long; None where that cannot be done.
     """
     programs, s = programs_of(assembly), assembly.structure
+    if assembly.is_open:
+        return assembly.follow(inputs).coordinates
+    assembly.check_way(inputs)
     if programs.walk is None:
         from analytic.compiled.program import walk_program
 

@@ -305,13 +305,31 @@ class Assembly:
 
         Between samples it goes straight.  Raises AssemblyError on the way.
         """
-        chosen = list(self.structure.inputs)
-        stops = np.column_stack([self.home[chosen, 0], inputs])
-        counts = np.maximum(1, np.ceil(np.abs(np.diff(stops) / self.strides[:, None]).max(axis=0) - 1e-9))
+        if self.is_open:
+            return Walk(inputs[np.argsort(self.structure.inputs)])
+        stops = self._stops(inputs)
+        counts = self._looks(stops)
         self._check_walked(counts.sum())
         ends = np.concatenate([[0], np.cumsum(counts.astype(int))])
         walk = np.array([np.interp(np.arange(ends[-1] + 1), ends, row) for row in stops])
         return Walk(self._walk(walk, self.home[:, 0])[:, ends[1:]])
+
+    @property
+    def is_open(self) -> bool:
+        """Whether all its coordinates are inputs: there is nothing to follow, and no change point on the way."""
+        return len(self.structure.inputs) == len(self.structure.coordinates)
+
+    def check_way(self, inputs: np.ndarray) -> None:
+        """Raise AssemblyError where to follow inputs (n_inputs, N) would take too many samples."""
+        self._check_walked(self._looks(self._stops(inputs)).sum())
+
+    def _stops(self, inputs: np.ndarray) -> np.ndarray:
+        """Inputs (n_inputs, 1 + N), of which the first are those of the assembly."""
+        return np.column_stack([self.home[list(self.structure.inputs), 0], inputs])
+
+    def _looks(self, stops: np.ndarray) -> np.ndarray:
+        """How many steps (N,) it takes from each stop (n_inputs, 1 + N) to the next."""
+        return np.maximum(1, np.ceil(np.abs(np.diff(stops) / self.strides[:, None]).max(axis=0) - 1e-9))
 
     def _check_walked(self, samples: float) -> None:
         """Raise AssemblyError for a way of so many samples, :attr:`strides` apart."""
