@@ -257,7 +257,7 @@ def test_a_clearance_may_be_typed_with_its_unit_and_once_for_every_pin() -> None
     for wrong, said in {
         "B=1kg": "another dimension",
         "B=x": "is not a number",
-        "1mm,2mm": "give one, or each by name",
+        "1mm,2mm": "or each by name",
     }.items():
         with pytest.raises(ArgumentError, match=said):
             kind.parse(wrong, "clearance")

@@ -58,7 +58,7 @@ ELASTICITY = {"translation": "N/m", "rotation": "N.m/rad"}
 SPRING = {"stiffness": "N/m", "length": "m", "damping": "N.s/m"}
 STOP = {"from": "rad", "to": "rad", "stiffness": "N.m/rad", "damping": "N.m.s/rad"}
 SLIDE_STOP = {"from": "m", "to": "m", "stiffness": "N/m", "damping": "N.s/m"}
-NOWHERE = dict.fromkeys(STOP, "")
+STOPS = {"rad/s": STOP, "m/s": SLIDE_STOP, "": dict.fromkeys(STOP, "")}  # by the unit in which their joints move
 WAVE = {"amplitude": "rad", "phase": "rad"}
 WAVES = ("ripple", "periodic_torque")
 INITIAL = "velocity_"  # with a joint's name after it: a field of ``initial``
@@ -114,15 +114,13 @@ def si_unit(fields: Mapping[str, object], place: Sequence[str | int]) -> str:
 
 def _units_by_table(fields: Mapping[str, Any]) -> Mapping[str, Callable[[Mapping[str, Any]], Units]]:
     """By table what the fields of one of its parts are in."""
-    slides, over = _slides(fields), _units_over(fields)
+    over = _units_over(fields)
     return {
         "body": lambda _: BODY,
         "joint": lambda j: JOINT | (PRISMATIC if j.get("type") == "prismatic" else REVOLUTE),
         "drive": lambda d: DRIVE | {"speed": _rate(fields, d.get("joint"))},
         "spring": lambda _: SPRING,
-        "stop": lambda s: (
-            SLIDE_STOP if s.get("joint") in slides else STOP if _rate(fields, s.get("joint")) else NOWHERE
-        ),
+        "stop": lambda stop: STOPS[_rate(fields, stop.get("joint"))],
         "sensor": lambda _: SENSOR,
         "load": lambda load: LOAD | dict.fromkeys(("from", "to", "table"), over.get(str(load.get("over")), "")),
     }
