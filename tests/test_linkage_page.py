@@ -388,6 +388,52 @@ def test_peaks_are_written_at_the_curves_and_inside_the_figure(browser: Browser,
     assert any(text.startswith(f"D {largest:.4g} at ") for text, _ in found)
 
 
+@pytest.mark.slow
+@NEEDS_CHROMIUM
+@pytest.mark.parametrize("width", [420, 1400])
+def test_peaks_that_are_near_each_other_are_written_in_the_order_of_their_markers(
+    browser: Browser, tmp_path: Path, width: int
+) -> None:
+    """The six-bar's C, F and G are largest within half a degree, by 34.8, 35.3 and 35.6 N: the page and its drawing."""
+    for name, text in lc.analyse("six-bar").files().items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    browser.open(tmp_path / "analysis.html", width)
+    shown = browser.run(
+        """[...document.querySelectorAll('svg.chart')].map((s) => [...s.querySelectorAll('.peak')].map((t) =>
+        [t.textContent, t.getBoundingClientRect().left, t.getBoundingClientRect().top]))"""
+    )
+    texts = ElementTree.parse(tmp_path / "reactions_2.svg").iter("{http://www.w3.org/2000/svg}text")
+    drawn = [[t.text, float(t.get("x", "")), float(t.get("y", ""))] for t in texts if " at " in (t.text or "")]
+    (labels,) = (one for one in shown if any(text.startswith("G ") for text, _, _ in one))
+    for found in (labels, drawn):
+        sizes = [float(text.split()[1]) for text, left, top in sorted(found, key=lambda one: one[2])]
+        assert len(sizes) == 3
+        assert sizes == sorted(sizes, reverse=True)
+
+
+@pytest.mark.slow
+@NEEDS_CHROMIUM
+def test_what_is_beside_a_platform_and_a_plan_has_room_on_a_phone(browser: Browser, tmp_path: Path) -> None:
+    """The scale of the colours, and the plan's figure; its words are dark on its own white ground in dark mode too."""
+    pages = lc.platform_accuracy("3-rrr", clearance=5e-5, times=np.linspace(0.0, 0.2, 5)).files()
+    pages |= lc.plan("paper", sensors={"drive_torque": 0.05}, budget=1).files()
+    for name in ("accuracy.html", "plan.html"):
+        (tmp_path / name).write_text(pages[name], encoding="utf-8")
+    browser.open(tmp_path / "accuracy.html", 420, ready="document.querySelector('#high').textContent !== ''")
+    assert browser.run("document.querySelector('#bar').getBoundingClientRect().width") > 100
+    browser.open(tmp_path / "plan.html", 360, scheme="dark", ready="true")
+    inside = "(e) => e.getBoundingClientRect().right"
+    assert browser.run(
+        f"({inside})(document.querySelector('.pair svg')) <= ({inside})(document.querySelector('.pair'))"
+    )
+    fill, room = browser.run(
+        "[getComputedStyle(document.querySelector('.pair svg text')).fill,"
+        " ((e) => e.scrollWidth - e.clientWidth)(document.querySelector('#growth'))]"
+    )
+    assert max(map(int, re.findall(r"\d+", fill)[:3])) < 128
+    assert room <= 0
+
+
 DRAWN = """(which) => [...document.querySelectorAll(`#mover svg.chart .series.${which} path`)].map((path) =>
   [...path.getAttribute('d').matchAll(/([-0-9.]+) ([-0-9.]+)/g)].map((pair) => [Number(pair[1]), Number(pair[2])]))"""
 
