@@ -129,6 +129,17 @@ def test_a_field_that_is_true_or_false_may_be_both() -> None:
     assert not any(point.failure for point in answer.points)
 
 
+def test_a_slip_in_a_notebook_is_told_with_what_was_meant() -> None:
+    with pytest.raises(TypeError, match=r"sweep\(\) has no argument 'motoin'; did you mean 'motion'"):
+        lc.sweep(PAPER, {"drive.speed": [1.0]}, motoin="static")  # type: ignore[arg-type]
+    with pytest.raises(KeyError, match="did you mean reaction_B_"):
+        lc.analyse(PAPER, angles=[1.0])["reaction_B"]
+    frame = lc.analyse(PAPER, angles=[1.0, 2.0]).to_dataframe()
+    with pytest.raises(ArgumentError) as error:
+        lc.diagnose(frame)
+    assert str(error.value) == "measured: a DataFrame cannot be used; give a path"
+
+
 def test_a_longer_crank_has_twice_its_length_as_stroke() -> None:
     """In-line slider-crank: stroke = 2 r, whatever the rod (any textbook)."""
     mechanism = load("slider-crank")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from difflib import get_close_matches
 from functools import cached_property
 from typing import Annotated, ClassVar, Literal
 
@@ -47,7 +48,9 @@ class _Side(Document):
         try:
             return self.signals[name]
         except KeyError:
-            raise KeyError(f"{name}: no such signal; they are {', '.join(self.signals)}") from None
+            near = get_close_matches(name, self.signals, n=3)
+            hint = f"did you mean {' or '.join(near)}; " if near else ""
+            raise KeyError(f"{name}: no such signal; {hint}they are {', '.join(self.signals)}") from None
 
     def units(self) -> Mapping[str, str]:
         """SI unit of each column."""
