@@ -131,7 +131,7 @@ def test_a_field_that_is_true_or_false_may_be_both() -> None:
 
 def test_a_slip_in_a_notebook_is_told_with_what_was_meant() -> None:
     with pytest.raises(TypeError, match=r"sweep\(\) has no argument 'motoin'; did you mean 'motion'"):
-        lc.sweep(PAPER, {"drive.speed": [1.0]}, motoin="static")  # type: ignore[arg-type]
+        lc.sweep(PAPER, {"drive.speed": [1.0]}, motoin="static")
     with pytest.raises(KeyError, match="did you mean reaction_B_"):
         lc.analyse(PAPER, angles=[1.0])["reaction_B"]
     frame = lc.analyse(PAPER, angles=[1.0, 2.0]).to_dataframe()
