@@ -16,9 +16,7 @@ from analytic.kinematics.reach import turns_fully
 from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from analytic.mechanism.assumed import assumed
-from analytic.mechanism.sensing import with_sensors
 from analytic.mechanism.signals import position
-from analytic.paper.clearance import Model, displaced
 from analytic.paper.envelope import condition, transmission
 from analytic.paper.superposition import accuracy as cycle_accuracy
 from analytic.paper.superposition import whole_turn
@@ -33,11 +31,7 @@ from compare.arguments import (
     warn_of_friction,
 )
 from compare.faults import ArgumentError
-from compare.judge.reference import (
-    Reference,
-    reference,
-    with_flexible_links,
-)
+from compare.judge.reference import Reference, reference, with_flexible_links
 from compare.judge.reruns import too_soft
 from compare.judge.signals import only, with_derived
 from compare.omissions import Asked, omitted, rigid_walls, untold
@@ -53,10 +47,11 @@ from sim_models.common.rates import with_rates
 from sim_models.common.simulate import answered
 from sim_models.engine import Motion, Request, engine
 
-FEWEST = 8  # crank angles between which they are looked for
+FEWEST = 8  # crank angles or times between which they are looked for
 ROUNDING = 1e-9  # of what a table of a load goes over: by so much a motion does not leave it
-MOST_TURNS = 4  # that are looked through so closely
 PEAK_STEP = radians(1.0)  # crank angle between looks: a parabola misses the peak of a tenth harmonic by 2e-5 of it
+LOOKS = 360  # at the least over times, however few these are
+MOST_LOOKS = 1440
 UNEVEN = 0.2  # of how a signal bends at a peak: where it bends by so much more or less beside it, it is no parabola
 CLOSER = 5  # looks in a PEAK_STEP around such a peak
 
@@ -89,9 +84,8 @@ def analyse(question: AnalyseQuestion) -> Analysis:
         side = _side(assembly, schedule, question)
         warned += _without_use(m, side, schedule.time)
     optional, crossing = ({}, []) if compliance else _of_outputs(assembly, schedule, motion)
-    if not compliance and schedule.crank_angle is not None:
-        found = _extremes(assembly, schedule.crank_angle, motion == "driven", model, bool(question.signals))
-        optional["extremes"] = only(found, m, side.signals)
+    if not compliance:
+        optional["extremes"] = _extremes(assembly, schedule, question)
     optional |= {} if schedule.crank_angle is not None else {"time": schedule.time}
     if states_tolerances(m) or question.samples or question.seed:
         varied, told = varying(m, question.clearance is not None)
@@ -195,22 +189,25 @@ def _without_use(m: Mechanism, side: Reference, time: np.ndarray) -> Iterator[st
                 )
 
 
-def _extremes(assembly: Assembly, theta: np.ndarray, inertia: bool, model: Model, rates: bool) -> dict[str, Extremes]:
-    """The highest and lowest value of each signal over the stretch of these crank angles (N,), or over the whole turn
-    that they make; nothing where there are too few, or where the linkage cannot be followed closely.
+def _extremes(assembly: Assembly, schedule: Schedule, question: AnalyseQuestion) -> dict[str, Extremes]:
+    """The highest and lowest value of each signal over the stretch of the crank angles or times, or over the whole turn
+    that the angles make; nothing where there are too few or too many, or where the linkage cannot be followed closely.
 
-    Between angles PEAK_STEP apart a signal is the parabola through three of them, where it bends evenly; around a peak
-    where it does not it is looked at again, more closely.
+    Between looks a signal is the parabola through three of them, where it bends evenly; around a peak where it does not
+    it is looked at again, more closely.
     """
-    if theta.size < FEWEST or np.ptp(theta) > MOST_TURNS * tau or assembly.mechanism.timed_load is not None:
+    m, theta = assembly.mechanism, schedule.crank_angle
+    x = schedule.time if theta is None else theta
+    whole = theta is not None and m.timed_load is None and whole_turn(theta)
+    low, high = (float(x.min()), float(x.min()) + tau if whole else float(x.max())) if x.size else (0.0, 0.0)
+    count = max(LOOKS, x.size - 1) if theta is None else ceil((high - low) / PEAK_STEP - ROUNDING)
+    if x.size < FEWEST or count > MOST_LOOKS:
         return {}
-    whole, m = whole_turn(theta), assembly.mechanism
-    low, high = float(theta.min()), float(theta.min()) + tau if whole else float(theta.max())
-    close = np.linspace(low, high, ceil((high - low) / PEAK_STEP - ROUNDING) + 1)
+    close = np.linspace(low, high, count + 1)
 
-    def look(angles: np.ndarray) -> dict[str, np.ndarray]:
-        moved = displaced(assembly, angles, m.speed or 1.0, model=model, inertia=inertia, clearances=m.clearances)
-        signals = with_derived(with_sensors(m, moved.signals() | moved.rates()) if rates else moved.signals(), m)
+    def look(at: np.ndarray) -> dict[str, np.ndarray]:
+        moved = replace(schedule, time=at) if theta is None else schedule.turned_to(m, at)
+        signals = _side(assembly, moved, question).signals
         return {name: values for name, values in signals.items() if np.isfinite(values).any()}
 
     try:

@@ -104,7 +104,9 @@ def unusable(argument: str, given: object, accepted: str) -> ArgumentError:
     """The error of an argument that cannot be what was given; ``accepted`` says what it can be."""
     from analytic.mechanism.errors import quoted
 
-    return ArgumentError(argument, f"{quoted(given)} cannot be used; give {accepted}")
+    said = quoted(given)
+    said = f"a {type(given).__name__}" if "\n" in said else said  # a frame, which Python writes in lines
+    return ArgumentError(argument, f"{said} cannot be used; give {accepted}")
 
 
 def _as_typed(error: ArgumentError, context: typer.Context | None, names: Mapping[str, str]) -> str:

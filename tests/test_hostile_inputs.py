@@ -367,6 +367,9 @@ PLACES = {
     "a case that is nearly there": Row(
         [*CHECK, "--case", "papr"], ["papr: no such mechanism file or case", "did you mean 'paper'"]
     ),
+    "a case alone that is misspelt": Row(
+        ["six-barr"], ["six-barr: no such mechanism file or case; did you mean 'six-bar'"]
+    ),
     "no case at all": Row([*CHECK, "--case", ""], ["no such mechanism file or case"]),
     "a folder": Row(MINE, ["mine.toml: cannot be read: it is a folder"], {"mine.toml": Path.mkdir}),
     "a pipe": Row(MINE, ["mine.toml: cannot be read: it is a pipe or a device"], {"mine.toml": os.mkfifo}),

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.special import ellipk
 from typer.testing import CliRunner
 
 import linkage_crosscheck as lc
@@ -169,7 +170,7 @@ def test_where_a_pin_crosses_its_bearing_is_told() -> None:
         text for text in lc.analyse(loads(balanced), clearance={"D": 1e-4}, angles=TURN).warnings if "crosses" in text
     ]
     (sentence,) = told
-    at, turned = map(float, re.findall(r" ([\d.]+) deg", sentence))
+    turned, at = map(float, re.findall(r" ([\d.]+) deg", sentence))
     assert at == pytest.approx(90.0, abs=0.01)
     assert turned == pytest.approx(180.0, abs=1.0)  # between angles a quarter of a degree to either side
     assert not any("crosses" in text for text in lc.analyse(loads(ARM), clearance={"D": 1e-4}, angles=TURN).warnings)
@@ -388,6 +389,52 @@ def test_peaks_are_written_at_the_curves_and_inside_the_figure(browser: Browser,
     assert any(text.startswith(f"D {largest:.4g} at ") for text, _ in found)
 
 
+@pytest.mark.slow
+@NEEDS_CHROMIUM
+@pytest.mark.parametrize("width", [420, 1400])
+def test_peaks_that_are_near_each_other_are_written_in_the_order_of_their_markers(
+    browser: Browser, tmp_path: Path, width: int
+) -> None:
+    """The six-bar's C, F and G are largest within half a degree, by 34.8, 35.3 and 35.6 N: the page and its drawing."""
+    for name, text in lc.analyse("six-bar").files().items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    browser.open(tmp_path / "analysis.html", width)
+    shown = browser.run(
+        """[...document.querySelectorAll('svg.chart')].map((s) => [...s.querySelectorAll('.peak')].map((t) =>
+        [t.textContent, t.getBoundingClientRect().left, t.getBoundingClientRect().top]))"""
+    )
+    texts = ElementTree.parse(tmp_path / "reactions_2.svg").iter("{http://www.w3.org/2000/svg}text")
+    drawn = [[t.text, float(t.get("x", "")), float(t.get("y", ""))] for t in texts if " at " in (t.text or "")]
+    (labels,) = (one for one in shown if any(text.startswith("G ") for text, _, _ in one))
+    for found in (labels, drawn):
+        sizes = [float(text.split()[1]) for text, left, top in sorted(found, key=lambda one: one[2])]
+        assert len(sizes) == 3
+        assert sizes == sorted(sizes, reverse=True)
+
+
+@pytest.mark.slow
+@NEEDS_CHROMIUM
+def test_what_is_beside_a_platform_and_a_plan_has_room_on_a_phone(browser: Browser, tmp_path: Path) -> None:
+    """The scale of the colours, and the plan's figure; its words are dark on its own white ground in dark mode too."""
+    pages = lc.platform_accuracy("3-rrr", clearance=5e-5, times=np.linspace(0.0, 0.2, 5)).files()
+    pages |= lc.plan("paper", sensors={"drive_torque": 0.05}, budget=1).files()
+    for name in ("accuracy.html", "plan.html"):
+        (tmp_path / name).write_text(pages[name], encoding="utf-8")
+    browser.open(tmp_path / "accuracy.html", 420, ready="document.querySelector('#high').textContent !== ''")
+    assert browser.run("document.querySelector('#bar').getBoundingClientRect().width") > 100
+    browser.open(tmp_path / "plan.html", 360, scheme="dark", ready="true")
+    inside = "(e) => e.getBoundingClientRect().right"
+    assert browser.run(
+        f"({inside})(document.querySelector('.pair svg')) <= ({inside})(document.querySelector('.pair'))"
+    )
+    fill, room = browser.run(
+        "[getComputedStyle(document.querySelector('.pair svg text')).fill,"
+        " ((e) => e.scrollWidth - e.clientWidth)(document.querySelector('#growth'))]"
+    )
+    assert max(map(int, re.findall(r"\d+", fill)[:3])) < 128
+    assert room <= 0
+
+
 DRAWN = """(which) => [...document.querySelectorAll(`#mover svg.chart .series.${which} path`)].map((path) =>
   [...path.getAttribute('d').matchAll(/([-0-9.]+) ([-0-9.]+)/g)].map((pair) => [Number(pair[1]), Number(pair[2])]))"""
 
@@ -467,6 +514,40 @@ def test_peaks_between_the_samples_are_those_of_a_closed_form() -> None:
     at = math.radians(100.3)
     assert math.degrees(found.highest_at or 0.0) == pytest.approx(100.3, abs=0.2)
     assert found.highest == pytest.approx(20.0 + most * math.cos(at), abs=most * math.radians(0.2))
+
+
+def test_peaks_over_time_lie_between_the_samples_too() -> None:
+    """A bar that is let go is pulled hardest on its lowest point, by m g (1 + 2 m c^2 / I_O); of ten samples none is
+    there.  It passes there at a quarter of its period, 4 K(sin 45 deg) sqrt(I_O / m g c) from the horizontal.
+    """
+    m = load("pendulum")
+    body, weight = m.bodies[0], m.bodies[0].mass * GRAVITY
+    arm = abs(body.centre)
+    about = body.moment_of_inertia + body.mass * arm**2
+    result = lc.analyse(m, times=np.linspace(0.0, 1.0, 10))
+    (pull,) = (each for each in peaks(result) if each.quantity.signal == "reaction_O_magnitude")
+    assert pull.highest.value == pytest.approx(weight * (1.0 + 2.0 * body.mass * arm**2 / about), rel=1e-6)
+    quarter = float(ellipk(0.5)) * math.sqrt(about / (weight * arm))
+    assert min(abs(pull.highest.at - k * quarter) for k in (1, 3)) < 1e-4
+    assert max(result["reaction_O_magnitude"]) < 0.99 * pull.highest.value
+
+
+def test_peaks_of_a_crank_at_times_are_told_by_its_angle_and_those_of_loads_over_time_are_looked_for() -> None:
+    quarter = math.pi / 2 / SPEED
+    at_times = lc.analyse(loads(ARM), times=np.linspace(0.1 * quarter, 3.7 * quarter, 12))
+    (torque,) = (each for each in peaks(at_times) if each.quantity.signal == "drive_torque")
+    assert torque.lowest.value == pytest.approx(-MASS * GRAVITY * REACH, rel=1e-6)
+    assert torque.lowest.at == pytest.approx(180.0, abs=0.01)
+    pulse = f"""[[load]]
+body = "arm"
+torque = -20.0
+over = "time"
+table = [[0.0, 0.0], [{0.37 * quarter}, 1.0], [{quarter}, 0.0]]
+"""
+    timed = lc.analyse(loads(f"{ARM}\n{pulse}"), angles=TURN).extremes["drive_torque"]
+    at = 0.37 * math.pi / 2  # a corner
+    assert timed.highest == pytest.approx(20.0 + MASS * GRAVITY * REACH * math.cos(at), rel=5e-3)
+    assert math.degrees(timed.highest_at or 0.0) == pytest.approx(math.degrees(at), abs=0.2)
 
 
 @pytest.mark.parametrize("case", ["paper", "six-bar"])

@@ -211,6 +211,17 @@ def test_it_acts_at_a_point_that_no_joint_is_at(name: str, motion: Motion) -> No
     np.testing.assert_allclose(torque, 1.5, atol=2e-3)
 
 
+@pytest.mark.exudyn
+def test_a_light_press_whose_tool_takes_all_that_its_motor_gives_makes_no_energy() -> None:
+    """Where the slider turns back a few nJ are left over: a quarter of what its links hold, and nothing of the work."""
+    m = load("slider-crank").replace(loads=(Load(body="slider", force=(1000.0, 0.0), opposes=True),))
+    light = [body.model_copy(update={"mass": 1e-3, "inertia": 1e-6}) for body in m.bodies]
+    drive = m.drives[0].model_copy(update={"speed": 5.0})
+    m = m.replace(bodies=tuple(light), drives=(drive,), gravity=(0.0, 0.0))
+    result = lc.crosscheck(m, simulator="exudyn", joint_model="ideal", angles=np.radians(np.arange(170.0, 191.0, 5.0)))
+    assert result.verdict == "agrees", result
+
+
 @pytest.mark.parametrize("force", [5.0, 200.0])
 def test_where_it_turns_a_reaction_round_no_peak_is_made_of_the_pin_that_crosses(force: float) -> None:
     """No gap has derivatives there: taken from its places at either side they would make kilonewtons of it."""

@@ -107,6 +107,10 @@ def test_every_number_of_every_shipped_case_has_a_name_that_finds_it() -> None:
         ("body.crank.com.x", "body.crank.com is left out; give it in the file first"),
         ("spring.stiffness", "paper has no spring"),
         ("gravity", "they are x, y"),
+        ("name", "name: a name is no number; name a field that is one, such as drive.speed"),
+        ("joint.B.name", "joint.B.name: a name is no number"),
+        ("load.table", "a table of a load stays as the file has it; name its force or torque"),
+        ("load.coupler.table.1", "a table of a load stays as the file has it"),
         ("body.crank.mass.x", "body.crank.mass has nothing inside, such as 'x'"),
     ],
 )
@@ -115,6 +119,25 @@ def test_what_is_no_field_is_refused_in_a_sentence_with_the_nearest(name: str, s
         find(PAPER, name)
     with pytest.raises(ArgumentError, match=re.escape(said)):
         lc.sweep(PAPER, {name: [1.0]})
+
+
+def test_a_field_that_is_true_or_false_may_be_both() -> None:
+    assert not PAPER.loads[0].opposes
+    for word in ("true", "false"):
+        assert with_values(PAPER, {find(PAPER, "load.opposes"): word}).loads[0].opposes is (word == "true")
+    answer = lc.sweep(PAPER, {"load.opposes": "false,true"}, angles=np.radians([60.0]))
+    assert not any(point.failure for point in answer.points)
+
+
+def test_a_slip_in_a_notebook_is_told_with_what_was_meant() -> None:
+    with pytest.raises(TypeError, match=r"sweep\(\) has no argument 'motoin'; did you mean 'motion'"):
+        lc.sweep(PAPER, {"drive.speed": [1.0]}, motoin="static")
+    with pytest.raises(KeyError, match="did you mean reaction_B_"):
+        lc.analyse(PAPER, angles=[1.0])["reaction_B"]
+    frame = lc.analyse(PAPER, angles=[1.0, 2.0]).to_dataframe()
+    with pytest.raises(ArgumentError) as error:
+        lc.diagnose(frame)
+    assert str(error.value) == "measured: a DataFrame cannot be used; give a path"
 
 
 def test_a_longer_crank_has_twice_its_length_as_stroke() -> None:

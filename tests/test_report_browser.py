@@ -27,6 +27,7 @@ FLAGS = (
     "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking"
     " --disable-component-update --disable-sync --hide-scrollbars --remote-debugging-pipe"
 ).split()
+READY = "document.documentElement.classList.contains('ready')"
 # the browser reads commands from descriptor 3 and answers on 4
 ON_DESCRIPTORS_3_AND_4 = (
     "import os, sys; r, w = int(sys.argv[1]), int(sys.argv[2]); os.dup2(r, 3); os.dup2(w, 4); os.execv(sys.argv[3],"
@@ -104,17 +105,15 @@ class Browser:
         elif method == "Network.requestWillBeSent":
             self.requests.append(about["request"]["url"])
 
-    def open(self, page: Path, width: int = 1280, height: int = 900, scheme: str = "light") -> None:
-        """Load a file and wait until its scripts have run."""
+    def open(self, page: Path, width: int = 1280, height: int = 900, scheme: str = "light", ready: str = READY) -> None:
+        """Load a file and wait until its scripts have run, so that ``ready`` is true."""
         self.call(
             "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 600
         )
         self.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
         self.call("Page.navigate", url=page.as_uri())
         until = time.monotonic() + 20
-        while not self.run(
-            "document.readyState === 'complete' && document.documentElement.classList.contains('ready')"
-        ):
+        while not self.run(f"document.readyState === 'complete' && location.href === '{page.as_uri()}' && ({ready})"):
             assert time.monotonic() < until, f"the page did not get ready: {self.errors}"
             time.sleep(0.02)
         self.run("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")

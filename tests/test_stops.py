@@ -300,6 +300,10 @@ def test_a_stop_keeps_its_joint_through_every_change() -> None:
             ('joint = "S", to = "50 mm", stiffness = "2 N/mm"', 'joint = "T", to = 0.05, stiffness = 2e3'),
             "stop.joint = 'T' is not a joint",
         ),
+        (
+            ('joint = "S", to = "50 mm"', 'joint = "T", to = "50 mm"'),
+            "stop.joint = 'T' is not a joint",
+        ),
         (("2 N/mm", "2 N.m/rad"), "stop[S].stiffness = '2 N.m/rad' has"),
         (('stiffness = "2 N/mm", ', ""), "stiffness"),
     ],

@@ -270,6 +270,7 @@ FAULTS = {
     "from = 1.0\nto = 2.0": "has over and either",
     'over = "position_S"\nfrom = 1.0': "give both from and to",
     'over = "position_B"\nfrom = 1.0\nto = 2.0': "nothing that a load of this linkage varies over; they are",
+    'over = "crank_angle"\nfrom = "40 deg"\nto = "40 deg"': "which is nowhere; give it a stretch",
     'over = "crank_angle"\ntable = [[1.0, 0.0]]': "two pairs of value and factor at least",
     'over = "crank_angle"\ntable = [[1.0, 0.0], [1.0, 1.0]]': "in increasing order",
     'over = "crank_angle"\ntable = [["90 deg", 0.0], ["500 deg", 1.0]]': "longer than a turn of crank_angle",

@@ -254,7 +254,11 @@ def test_a_clearance_may_be_typed_with_its_unit_and_once_for_every_pin() -> None
     kind = ByJoint()
     assert kind.parse("B=0.1mm,E=5e-5", "clearance") == {"B": pytest.approx(1e-4), "E": 5e-5}
     assert kind.parse("0.1 mm,B=0", "clearance") == {"*": pytest.approx(1e-4), "B": 0.0}
-    for wrong, said in {"B=1kg": "another dimension", "B=x": "is not a number", "1mm,2mm": "is there twice"}.items():
+    for wrong, said in {
+        "B=1kg": "another dimension",
+        "B=x": "is not a number",
+        "1mm,2mm": "or each by name",
+    }.items():
         with pytest.raises(ArgumentError, match=said):
             kind.parse(wrong, "clearance")
 

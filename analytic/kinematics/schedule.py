@@ -259,6 +259,11 @@ class Schedule:
         time = self.time if time is None else time
         return {name: motion.positions(time, order) for name, motion in self.drives.items()}
 
+    def turned_to(self, m: Mechanism, theta: np.ndarray) -> Schedule:
+        """This schedule of a crank that turns evenly, looked at where that is at other angles (N,) rad."""
+        motion = self.crank_motion(m)
+        return replace(self, time=(theta - motion.position(0.0)) / motion.rate(0.0), crank_angle=theta)
+
     def later(self, after: Sequence[float]) -> Schedule:
         """This schedule, looked at so much (s) later in turn than at each of its instants."""
         return replace(self, time=np.add.outer(self.time, np.asarray(after)).ravel(), crank_angle=None)

@@ -30,6 +30,10 @@ CALLED = {
 NUMBERED = ("load", "spring", "stop")
 WITHIN = ("elasticity", *WAVES)  # fields that are tables
 STEPS = {"section": ("height", "depth"), "guide": ("length", "height")}  # other lists are x, y and z
+NO_NUMBERS = {
+    "name": "a name is no number; name a field that is one, such as drive.speed",
+    "table": "a table of a load stays as the file has it; name its force or torque, of which it has factors",
+}  # fields that are given in a file alone
 FROM_NOTHING = ("gravity", "force")  # lists that are zero where they are left out
 LENGTH = "length"
 
@@ -57,6 +61,8 @@ class Dotted:
 def find(mechanism: Mechanism, name: str) -> Dotted:
     """The field of a mechanism that a dotted name means.  Raises FieldError."""
     fields: dict[str, Any] = as_written(mechanism)
+    if name in NO_NUMBERS:
+        raise FieldError(f"{name}: {NO_NUMBERS[name]}")
     table, rest = _step(name, name, TABLES, "a mechanism file")
     place: tuple[str | int, ...] = (table,)
     here: Any = fields.get(table)
@@ -70,6 +76,8 @@ def find(mechanism: Mechanism, name: str) -> Dotted:
             rest = rest.removeprefix(f"{here[CALLED[table]]}.")
         lengths = [LENGTH] if table == "body" else []
         field, rest = _step(name, rest, [*accepted(place, Mechanism), *lengths], f"a {table}")
+        if field in NO_NUMBERS:
+            raise FieldError(f"{name}: {NO_NUMBERS[field]}")
         place, here = (*place, field), here.get(field) if field not in lengths else math.nan
         if lengths and field == LENGTH and len(_ends(fields["body"][int(place[1])])) != 2:
             raise FieldError(f"{name}: a body of two points has one length; give points.<point>.x and y of this one")
@@ -85,7 +93,8 @@ def find(mechanism: Mechanism, name: str) -> Dotted:
 def with_values(mechanism: Mechanism, values: Mapping[Dotted, float | str]) -> Mechanism:
     """A checked copy with other values (SI) of these fields.  Raises MechanismError."""
     fields: dict[str, Any] = copy.deepcopy(as_written(mechanism))
-    for field, value in values.items():
+    for field, given in values.items():
+        value = {"true": True, "false": False}.get(given, given) if isinstance(given, str) else given
         if field.place[0] == "body" and field.place[-1] == LENGTH:
             _lengthen(fields["body"][int(field.place[1])], value, field.name)
             continue

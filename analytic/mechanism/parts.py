@@ -626,6 +626,8 @@ class Load(MechanismPart):
             raise ValueError(
                 "a load that varies has over and either from and to, or a table of pairs of value and factor"
             )
+        if ends and self.start == self.end:
+            raise ValueError(f"it acts from {self.start:g} to {self.end:g}, which is nowhere; give it a stretch")
         values = [value for value, _ in self.table]
         if self.table and (len(values) < 2 or any(b <= a for a, b in pairwise(values))):
             raise ValueError("table has two pairs of value and factor at least, values in increasing order")

@@ -58,6 +58,7 @@ ELASTICITY = {"translation": "N/m", "rotation": "N.m/rad"}
 SPRING = {"stiffness": "N/m", "length": "m", "damping": "N.s/m"}
 STOP = {"from": "rad", "to": "rad", "stiffness": "N.m/rad", "damping": "N.m.s/rad"}
 SLIDE_STOP = {"from": "m", "to": "m", "stiffness": "N/m", "damping": "N.s/m"}
+STOPS = {"rad/s": STOP, "m/s": SLIDE_STOP, "": dict.fromkeys(STOP, "")}  # by the unit in which their joints move
 WAVE = {"amplitude": "rad", "phase": "rad"}
 WAVES = ("ripple", "periodic_torque")
 INITIAL = "velocity_"  # with a joint's name after it: a field of ``initial``
@@ -80,7 +81,7 @@ def in_si(fields: Mapping[str, object], folder: Path | None = None) -> dict[str,
         out["assembly"] = _read(out["assembly"], "rad", "assembly")
     if isinstance(out.get("initial"), Mapping):
         given = out["initial"]
-        out["initial"] = part_in_si(given, {name: _rate(out, name) for name in given}, "initial")
+        out["initial"] = part_in_si(given, {name: _rate(out, name.removeprefix(INITIAL)) for name in given}, "initial")
     if isinstance(out.get("ground"), Mapping):
         out["ground"] = part_in_si(out["ground"], {"points": "m"}, "ground")
     for table, units in _units_by_table(out).items():
@@ -100,7 +101,7 @@ def si_unit(fields: Mapping[str, object], place: Sequence[str | int]) -> str:
     if table in WHOLE:
         return WHOLE[table]
     if table == "initial":
-        return _rate(fields, str(steps[0]))
+        return _rate(fields, str(steps[0]).removeprefix(INITIAL))
     units = _units_by_table(fields).get(table)
     if units is None:
         return ""
@@ -113,21 +114,23 @@ def si_unit(fields: Mapping[str, object], place: Sequence[str | int]) -> str:
 
 def _units_by_table(fields: Mapping[str, Any]) -> Mapping[str, Callable[[Mapping[str, Any]], Units]]:
     """By table what the fields of one of its parts are in."""
-    slides, over = _slides(fields), _units_over(fields)
+    over = _units_over(fields)
     return {
         "body": lambda _: BODY,
         "joint": lambda j: JOINT | (PRISMATIC if j.get("type") == "prismatic" else REVOLUTE),
-        "drive": lambda d: DRIVE | {"speed": "m/s" if d.get("joint") in slides else "rad/s"},
+        "drive": lambda d: DRIVE | {"speed": _rate(fields, d.get("joint"))},
         "spring": lambda _: SPRING,
-        "stop": lambda stop: SLIDE_STOP if stop.get("joint") in slides else STOP,
+        "stop": lambda stop: STOPS[_rate(fields, stop.get("joint"))],
         "sensor": lambda _: SENSOR,
         "load": lambda load: LOAD | dict.fromkeys(("from", "to", "table"), over.get(str(load.get("over")), "")),
     }
 
 
-def _rate(fields: Mapping[str, Any], name: str) -> str:
-    """The unit of an initial velocity."""
-    return "m/s" if name.removeprefix(INITIAL) in _slides(fields) else "rad/s"
+def _rate(fields: Mapping[str, Any], joint: object) -> str:
+    """The unit in which a joint moves; none of one that there is not, as that is what is wrong then."""
+    if joint in _slides(fields):
+        return "m/s"
+    return "rad/s" if any(each.get("name") == joint for each in _tables(fields, "joint")) else ""
 
 
 def _slides(fields: Mapping[str, Any]) -> set[object]:

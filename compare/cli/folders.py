@@ -6,6 +6,7 @@ import hashlib
 import os.path
 import shlex
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from difflib import get_close_matches
 from enum import Enum
 from pathlib import Path
 from typing import Any
@@ -57,13 +58,15 @@ def named_after(file: str | Path) -> str:
 
 def spelled_out(words: Sequence[str], commands: Collection[str]) -> list[str]:
     """The words of a command line; those that begin with a mechanism file, or with a shipped case that no command is
-    called like, ask for its analysis.
+    called like, ask for its analysis; so do those whose first is more like a case than like a command.
     """
     if not words or words[0].startswith("-") or words[0] in commands:
         return list(words)
     from analytic.mechanism.file import shipped_cases
 
-    linkage = words[0].endswith(".toml") or words[0] in shipped_cases()
+    cases = shipped_cases()
+    near = get_close_matches(words[0], [*commands, *cases], n=1)
+    linkage = words[0].endswith(".toml") or words[0] in cases or (near and near[0] in cases)
     return ["analyse", "--case", *words] if linkage else list(words)
 
 

@@ -260,6 +260,9 @@ class ByJoint(ArgumentKind[str]):
             name, given, value = part.partition("=")
             if not given and self.every:
                 name, value = self.every, part
+            if name in sizes and name == self.every:
+                why = f"{word!r} gives every {self.place} several; give one, or each by name: B=0.1mm,E=0.2mm"
+                raise ArgumentError(called, why)
             if name in sizes:
                 raise ArgumentError(called, f"{self.place} {name} is there twice; give each {self.place} once")
             sizes[name] = _amount(value, self.unit, called, f"give {self.each}")

@@ -65,7 +65,7 @@ def answers(question: Callable[P, Q]) -> Callable[[Callable[[Q], R]], Callable[P
         @functools.wraps(answer)
         def asked(*arguments: P.args, **named: P.kwargs) -> R:
             now = _renamed(question, named)
-            _check_names(answer.__name__, question, now)
+            check_names(answer.__name__, question, now)
             given = question(*arguments, **now)
             with progress_bar(getattr(given, "progress", None), answer.__name__.replace("_", " ")):
                 return answer(given)
@@ -98,7 +98,7 @@ def _renamed(question: object, named: Mapping[str, object]) -> Any:
     return now
 
 
-def _check_names(called: str, question: object, named: Mapping[str, object]) -> None:
+def check_names(called: str, question: object, named: Mapping[str, object]) -> None:
     """Raise TypeError for an argument that a question has not."""
     assert isinstance(question, type)
     known = [each.name for each in arguments(question)]

@@ -18,7 +18,7 @@ from compare.results.history import Runs
 from compare.results.imported import Imported
 from sim_models.engine import JOINT_MODELS, SCHEMES
 
-ELSEWHERE = re.compile(r"[,;] (see below|\[\w+\]\(\S+\))")  # what a page of the docs leads on to
+ELSEWHERE = re.compile(r"[,;:] (see below|\[[^\]]+\]\(\S+\))")  # what a page of the docs leads on to
 HEADINGS = {  # of tables that there are not any number of
     "mechanism": "the file itself",
     "ground": "[ground]",

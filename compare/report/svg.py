@@ -295,22 +295,23 @@ def _line(xs: Numbers, ys: Numbers, x: Scale, y: Scale) -> str:
 
 
 def _labels(figure: Figure, x: Scale, y: Scale) -> list[str]:
-    """Names of joints, and what peaks are: within the area, a peak's below those that are there."""
+    """Names of joints, and what peaks are: within the area, a peak's below those of higher ones."""
     halo = f' paint-order="stroke" stroke="{PAPER}" stroke-width="3"'
     out, taken = list[str](), list[tuple[float, float, float]]()
-    named = ((s, n, a, b) for s in figure.series for n, a, b in zip(s.labels, s.x, s.y, strict=False))
-    for s, name, a, b in named:
-        if a is None or b is None:
-            continue
-        px, py, peak = x(a), y(b), s.mark == "marker"
+    named = (
+        (y(b), x(a), name, s.mark == "marker")
+        for s in figure.series
+        for name, a, b in zip(s.labels, s.x, s.y, strict=False)
+        if a is not None and b is not None
+    )
+    for py, px, name, peak in sorted(named):
         room = 6.2 * len(name) + 12 if peak else 30.0
         starts = px + room < x.end if peak else px - room < x.start
         up = py - (8 if peak else 11)
         up = py + 18 if up < y.end + 12 else up
         if peak:
             start, end = (px + 8, px + room) if starts else (px - room, px - 8)
-            while any(low < end and start < high and abs(other - up) < 13 for low, high, other in taken):
-                up += 3
+            up = max([up, *(other + 13 for low, high, other in taken if low < end and start < high)])
             taken.append((start, end, up))
         style = (12, "400") if peak else (14, "600")
         across = 8 if starts else -8 if peak else -12

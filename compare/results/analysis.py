@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from difflib import get_close_matches
 from functools import cached_property
 from typing import Annotated, ClassVar, Literal
 
@@ -47,7 +48,9 @@ class _Side(Document):
         try:
             return self.signals[name]
         except KeyError:
-            raise KeyError(f"{name}: no such signal; they are {', '.join(self.signals)}") from None
+            near = get_close_matches(name, self.signals, n=3)
+            hint = f"did you mean {' or '.join(near)}; " if near else ""
+            raise KeyError(f"{name}: no such signal; {hint}they are {', '.join(self.signals)}") from None
 
     def units(self) -> Mapping[str, str]:
         """SI unit of each column."""
@@ -83,13 +86,15 @@ class OutputError(Part):
 
 
 class Extremes(Part):
-    """The highest and the lowest value of a signal over the crank angles, looked for between the samples too."""
+    """The highest and the lowest value of a signal over the crank angles or times, looked for between the samples
+    too.
+    """
 
     highest: Number
-    highest_at: Annotated[Number, Field(description="Crank angle (rad).")]
+    highest_at: Annotated[Number, Field(description="Crank angle (rad); time (s) where there are times.")]
     lowest: Number
-    lowest_at: Annotated[Number, Field(description="Crank angle (rad).")]
-    mean: Annotated[Number, Field(description="Over the crank angle; null where there is a gap.")] = None
+    lowest_at: Annotated[Number, Field(description="Crank angle (rad); time (s) where there are times.")]
+    mean: Annotated[Number, Field(description="Over the crank angle or time; null where there is a gap.")] = None
 
 
 class Analysis(_Side):
@@ -117,7 +122,7 @@ class Analysis(_Side):
     ] = None
     extremes: Annotated[
         Mapping[str, Extremes],
-        Field(description="By signal, over closely spaced crank angles; of a linkage that a crank moves."),
+        Field(description="By signal, over closely spaced crank angles or times."),
     ] = {}
     errors: Annotated[
         Mapping[str, OutputError],

@@ -109,7 +109,10 @@ class Judge:
                 )
 
     def check_energy(self, record: Record) -> None:
-        """Energy, which may be lost to friction, dampers and contact, has come from nothing."""
+        """Energy, which may be lost to friction, dampers and contact, has come from nothing.
+
+        What a motor gives, loads may take at once: the largest account of all is the measure, not what is left of them.
+        """
         kinetic = np.zeros(record.time.size)
         for b in self.mechanism.bodies:
             kinetic += (
@@ -117,14 +120,11 @@ class Judge:
                 + b.moment_of_inertia / 2 * record.angular_velocity[b.name] ** 2
             )
         stored = self._stored(record)
-        power = np.zeros(record.time.size)
-        for name, motor in self.motors.items():
-            power += record.drives[name] * motor.rate(record.time)
-        power += self._varying(record)
-        supplied = np.concatenate([[0.0], np.cumsum(np.diff(record.time) * (power[1:] + power[:-1]) / 2)])
-        surplus = kinetic + stored - supplied
+        powers = [record.drives[name] * motor.rate(record.time) for name, motor in self.motors.items()]
+        works = [_work(power, record.time) for power in (*powers, self._varying(record))]
+        surplus = kinetic + stored - sum(works)
         created = surplus - np.minimum.accumulate(surplus)
-        turned_over = max(np.ptp(kinetic), np.ptp(stored), np.ptp(supplied), 1e-12)
+        turned_over = max(1e-12, *(np.ptp(account) for account in (kinetic, stored, *works)))
         worst = int(np.argmax(created))
         if created[worst] > ENERGY_FROM_NOTHING * turned_over:
             raise self.failure(
@@ -192,3 +192,8 @@ class Judge:
         if self.request.schedule.crank is None:
             return time
         return f"crank angle {math.degrees(record.angle[self.mechanism.driven][row]):.4g} deg ({time})"
+
+
+def _work(power: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Work (M,) J that a power (M,) W has done since the first of these times (M,) s."""
+    return np.concatenate([[0.0], np.cumsum(np.diff(time) * (power[1:] + power[:-1]) / 2)])

@@ -195,13 +195,14 @@ class Chart {
     if (this.marked !== null) this.mark(this.marked);
     for (const s of this.shown()) this.drawSeries(s, area, x, y);
     this.labelled = [];
-    for (const s of this.shown()) (s.labels ?? []).forEach((name, i) => this.label(name, x(s.x[i]), y(s.y[i]), s.mark === "marker", area));
+    const named = this.shown().flatMap((s) => (s.labels ?? []).map((name, i) => [name, x(s.x[i]), y(s.y[i]), s.mark === "marker"]));
+    for (const one of named.sort((a, b) => a[2] - b[2])) this.label(...one, area);
     this.over = svg("g", {}, this.svg);
     this.listen();
     if (active) this.svg.focus({preventScroll: true});
   }
 
-  // A name beside a joint, or what a peak is; within the area, a peak's below those that are there.
+  // A name beside a joint, or what a peak is; within the area, a peak's below those of higher ones.
   label(name, px, py, peak, area) {
     const {x, y} = this.scales, room = peak ? 6.2 * name.length + 12 : 30;
     const starts = peak ? px + room < x.end : px - room < x.start;
@@ -209,8 +210,7 @@ class Chart {
     if (up < y.end + 12) up = py + 18;
     if (peak) {
       const [from, to] = starts ? [px + 8, px + room] : [px - room, px - 8];
-      const there = () => this.labelled.some((other) => other.from < to && from < other.to && Math.abs(other.up - up) < 13);
-      while (there()) up += 3;
+      for (const other of this.labelled) if (other.from < to && from < other.to) up = Math.max(up, other.up + 13);
       this.labelled.push({from, to, up});
     }
     svg("text", {x: px + (starts ? 8 : peak ? -8 : -11), y: up, "text-anchor": starts ? "start" : "end", class: peak ? "peak" : "label"}, area, name);
