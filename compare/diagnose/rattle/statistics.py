@@ -101,25 +101,27 @@ class Statistics:
         return {key: quantiles(values, tables[key[0]]) for key, values in off.items()}
 
     def told(self, key: Key, quantiles: np.ndarray) -> np.ndarray:
-        """Quantiles as they are compared: a position's over its noise; a force's or torque's so that peaks, which no
-        contact law is known well enough for, count by their ratio.
+        """Quantiles as they are compared: a position's over its noise; what jumps so that peaks, which no contact law
+        is known well enough for, count by their ratio.
         """
         channel = self._run(key[0]).channels[key[1]]
-        if not self.loaded(key):
+        if not self.jumps(key):
             return quantiles / channel.noise
         return np.arcsinh(quantiles / (self._usual(key) + DEEP * channel.noise))
 
     @property
     def places(self) -> list[Key]:
         """The sensors of positions."""
-        return [key for key in self.floor if not self.loaded(key)]
+        return [key for key in self.floor if not self.jumps(key)]
 
-    def loaded(self, key: Key) -> bool:
-        """Whether a sensor reads a force or a torque."""
-        return self._run(key[0]).channels[key[1]].signal.kind in ("reaction", "drive")
+    def jumps(self, key: Key) -> bool:
+        """Whether what a sensor reads jumps where a pin strikes: forces, accelerations, strains, rates; all but
+        positions, which alone are off in proportion to a clearance.
+        """
+        return self._run(key[0]).channels[key[1]].signal.unit not in ("m", "rad")
 
     def _usual(self, key: Key) -> float:
-        """The usual size of a force or torque without clearance."""
+        """The usual size of what a sensor reads without clearance."""
         index = [run.name for run in self.data.runs].index(key[0])
         return float(np.median(np.abs(self.foretold[index][key[1]])))
 
