@@ -151,6 +151,55 @@ def test_distances_are_told_with_each_group_of_revolutions_left_out() -> None:
     assert judged.says() == "from statistics over 6 revolutions"
 
 
+CHIPS = {
+    "chip": {"kind": "accelerometer", "body": "coupler"},
+    "spin": {"kind": "gyro", "body": "follower"},
+    "gauge": {"kind": "strain", "body": "coupler", "point": (0.06, 0.005), "youngs_modulus": 2e11},
+    "wire": {"kind": "distance", "body": "coupler", "to": "ground.E"},
+}
+
+
+def chips(rng: np.random.Generator, size: float) -> dict[str, np.ndarray]:
+    """What two accelerometers and more read of blows that go with the root of a clearance, as approach speeds do."""
+    return {name: values * math.sqrt(size) for name, values in zip(CHIPS, bursts(rng), strict=True)}
+
+
+def bursts(rng: np.random.Generator) -> list[np.ndarray]:
+    """A burst after the middle of each revolution in each of them."""
+    phase = (np.arange(SAMPLES * COUNT + 1) / SAMPLES) % 1.0
+    return [((phase > 0.5) & (phase < 0.6)) * rng.standard_normal(phase.size) for _ in CHIPS]
+
+
+def read_by_chips(values: dict[str, np.ndarray]) -> Statistics:
+    """Of a recording by sensors of the mechanism file, of which nothing is foretold but quiet."""
+    m = load("crank-rocker").rigid()
+    m = m.replace(sensors=tuple({"name": name, **CHIPS[name]} for name in values))
+    known = named(m.bodies, m.joints, m.drives, m.sensors)
+    time = np.arange(SAMPLES * COUNT + 1) * 2 * math.pi / SPEED / SAMPLES
+    channels = {s: Channel(known[s], v, 1e-2, True, known[s].unit) for s, v in values.items()}
+    run = MeasuredRun("run", time, channels, "speed", SPEED, 0.4, {}, None, False, "run.csv")
+    quiet = {s: np.zeros(time.size) for s in values}
+    data = Measured(m, (run,), {}, (), "measured.toml")
+    return Statistics(data, [quiet], {"run": Turns.of(0.4 + SPEED * time)}, {"run": list(values)})
+
+
+def test_of_all_sensors_only_those_of_a_position_say_how_far_a_pin_goes() -> None:
+    assert read_by_chips(chips(np.random.default_rng(1), 1.0)).places == [("run", "wire")]
+
+
+def test_a_size_told_by_accelerometers_is_that_which_spreads_them_alike() -> None:
+    """Their readings go with the root of a clearance here: in proportion to it they do not reach as far."""
+    size, alone = 2e-4, ("chip", "spin")
+
+    def of(seed: int, clearance: float) -> dict[str, np.ndarray]:
+        found = chips(np.random.default_rng(seed), clearance / size)
+        return {name: found[name] for name in alone}
+
+    trials = Trials(read_by_chips(of(4, size)), lambda term, c, first: [of(9, c)], 0.05, lambda term: 1e-2)
+    found = trials.searched({TERM: None}, math.inf)
+    assert least(found[0], Tried.misfit) == pytest.approx(size, rel=0.2)
+
+
 # ---------------------------------------------------------------- sizes
 
 TERM = Term(JointClearance(), "B")

@@ -20,7 +20,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, cast
+from typing import cast
 
 import numpy as np
 
@@ -31,14 +31,14 @@ from compare.diagnose.effects.effect import Values
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.workflow import diagnose
 from compare.files import write_atomically
-from compare.results.document import Part
 from compare.versions import versions
 from sim_models.common.rates import with_rates
 from sim_models.engine import JointModel, Request, SimulationError, declared, engine, installed_version
+from tests.evidence.pages.accelerometers import WORDS, page
+from tests.evidence.results.accelerometers import Accelerometers, Kind, Told
 from tests.evidence.scoreboard.files import Recording, write_files
 from tests.evidence.scoreboard.rigs import Rejected, draw_log
 
-Kind = Literal["link", "unbalance", "clearance"]
 FILE = Path("reports/accelerometers.json")
 MAKER, DIAGNOSING = "exudyn", "mujoco"
 CASES = {"crank-rocker": ("coupler", "follower"), "slider-crank": ("rod", "slider")}
@@ -50,11 +50,6 @@ SAG, SLOW = 0.05, 7.0  # rad, by which a springy drive's crank sags under its li
 DAMPED = 0.1  # of critical: by the crank's bearing
 FREE = (0.01, 0.5)  # of the time that a pin with clearance is off its wall
 ATTEMPTS = 100
-WORDS = {
-    "link": "a coupler 0.5 to 3 % longer or shorter",
-    "unbalance": "an unbalanced crank behind a springy drive: its centre of mass off, or a mass at a radius",
-    "clearance": "clearance in a pin, which rattles",
-}
 
 
 @dataclass(frozen=True)
@@ -68,27 +63,6 @@ class Made:
     recordings: Sequence[Recording]
     sigmas: float
     free: float
-
-
-class Told(Part):
-    """What a diagnosis said of a set; ``sigmas`` is how far all readings together are off the nominal rig's over their
-    noise, ``free`` the share of the time that a pin is off its wall.
-    """
-
-    kind: Kind
-    set: int
-    case: str
-    noise: float
-    sensors: int
-    truth: str
-    values: Mapping[str, float]
-    sigmas: float
-    free: float
-    named: Mapping[str, tuple[str, ...]]
-    found: Mapping[str, float]
-    verdict: str
-    right: bool
-    seconds: float
 
 
 def made(kind: Kind, k: int) -> Made:
@@ -205,53 +179,6 @@ def told(kind: Kind, k: int) -> Told:
         right=bool(named) and all(true & {key, *ties} for key, ties in named.items()),
         seconds=round(time.perf_counter() - began, 1),
     )  # fmt: skip
-
-
-# ---------------------------------------------------------------- the page
-
-
-class Accelerometers(Part):
-    """reports/accelerometers.json."""
-
-    versions: Mapping[str, str]
-    sets: tuple[Told, ...] = ()
-
-
-def page(found: Accelerometers) -> str:
-    """reports/accelerometers.md."""
-    lines = [
-        "# Diagnoses from accelerometers alone",
-        "",
-        "A slider-crank or a crank-rocker turns at three speeds under gravity. Two or three accelerometers at random"
-        " places on its coupler and slider, or coupler and follower, are all that is read; their noise (one sigma) is"
-        f" {100 * NOISE[0]:g} or {100 * NOISE[1]:g} % of the largest reading without the fault. Exudyn makes the data,"
-        " with contact where a pin has clearance; MuJoCo diagnoses, and may name any effect of the vocabulary. *right*:"
-        " the true effect at its place is named, or tied with all that is. *sigmas*: how far all readings of a set"
-        " together are off the nominal rig's, over their noise: what the best search could see. Written by `python -m"
-        " tests.evidence.accelerometers`, which says how to make each row again.",
-        "",
-        "| what is wrong | noise | sets | right | wrong effect named | nothing named |",
-        "|---|--:|--:|--:|--:|--:|",
-    ]
-    for kind, words in WORDS.items():
-        for noise in NOISE:
-            some = [r for r in found.sets if r.kind == kind and r.noise == noise]
-            silent, right = sum(not r.named for r in some), sum(r.right for r in some)
-            share = f"{right} ({100 * right / len(some):.0f} %)" if some else "-"
-            lines.append(
-                f"| {words} | {100 * noise:g} % | {len(some)} | {share} | {len(some) - right - silent} | {silent} |"
-            )
-    lines += ["", "| kind | set | case | noise | chips | missing | sigmas | free | named | verdict | right |"]
-    lines.append("|---|--:|---|--:|--:|---|--:|--:|---|---|---|")
-    for r in found.sets:
-        named = "; ".join(" or ".join((key, *ties)) for key, ties in r.named.items()) or "nothing"
-        rattles = f"{100 * r.free:.0f} %" if r.free else "-"
-        lines.append(
-            f"| {r.kind} | {r.set} | {r.case} | {100 * r.noise:g} % | {r.sensors} | {r.truth} | {r.sigmas:.3g}"
-            f" | {rattles} | {named} | {r.verdict} | {'yes' if r.right else 'no'} |"
-        )
-    versions_ = ", ".join(f"{name} {version}" for name, version in found.versions.items())
-    return "\n".join([*lines, "", f"Versions: {versions_}.", ""])
 
 
 def store(found: Accelerometers) -> None:
