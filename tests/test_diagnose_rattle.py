@@ -16,7 +16,7 @@ from compare.diagnose.data.recording import Channel, Measured, MeasuredRun
 from compare.diagnose.effects.joints import JointClearance
 from compare.diagnose.predict import Term
 from compare.diagnose.rattle.explained import Struck, jackknifed
-from compare.diagnose.rattle.statistics import QUANTILES, Statistics, quantiles
+from compare.diagnose.rattle.statistics import QUANTILES, Statistics, blows, quantiles
 from compare.diagnose.rattle.trial import Trials, Tried, least, reaching, wanted
 from compare.diagnose.rattle.turns import Turns, rattles
 from compare.diagnose.workflow import diagnose
@@ -187,17 +187,57 @@ def test_of_all_sensors_only_those_of_a_position_say_how_far_a_pin_goes() -> Non
     assert read_by_chips(chips(np.random.default_rng(1), 1.0)).places == [("run", "wire")]
 
 
-def test_a_size_told_by_accelerometers_is_that_which_spreads_them_alike() -> None:
-    """Their readings go with the root of a clearance here: in proportion to it they do not reach as far."""
-    size, alone = 2e-4, ("chip", "spin")
+def test_accelerometers_alone_tell_a_size_to_a_third() -> None:
+    """Their readings go with the root of a clearance here, so that scatter counts twice; and by least misfit it reads
+    low, as two recordings scatter each in its own way.
+    """
+    size, found = 2e-4, []
+    for seed in range(6):
 
-    def of(seed: int, clearance: float) -> dict[str, np.ndarray]:
-        found = chips(np.random.default_rng(seed), clearance / size)
-        return {name: found[name] for name in alone}
+        def of(own: int, clearance: float) -> dict[str, np.ndarray]:
+            rng = np.random.default_rng(own)
+            return {s: v + 1e-2 * rng.standard_normal(v.size) for s, v in chips(rng, clearance / size).items()}
 
-    trials = Trials(read_by_chips(of(4, size)), lambda term, c, first: [of(9, c)], 0.05, lambda term: 1e-2)
-    found = trials.searched({TERM: None}, math.inf)
-    assert least(found[0], Tried.misfit) == pytest.approx(size, rel=0.2)
+        recorded = {s: v for s, v in of(10 + seed, size).items() if s != "wire"}
+        trials = Trials(
+            read_by_chips(recorded), lambda term, c, first, seed=seed: [of(50 + seed, c)], 0.05, lambda term: 1e-2
+        )
+        (tried,) = trials.searched({TERM: None}, math.inf)
+        found.append(least(tried, Tried.misfit) / size)
+    assert math.exp(np.mean(np.log(found))) == pytest.approx(0.85, abs=0.2)
+    assert np.std(np.log(found)) < 0.35
+
+
+def test_blows_of_a_sine_and_of_a_click_have_their_closed_forms() -> None:
+    """A sine of size a: rms a/sqrt(2), kurtosis 3/2, one octave; a click h in n samples: h/sqrt(n), n, all octaves."""
+    phase = 2 * math.pi * np.arange(256) / 256
+    sine = blows(np.tile(3.0 * np.sin(5 * phase), (4, 1))).ravel()
+    assert sine[:3] == pytest.approx([math.log(3 / math.sqrt(2)), math.log(1.5) / 2, 0.0], abs=1e-6)
+    octaves = sine[3:11]
+    assert np.nanargmax(octaves) == 2  # the 4th to 7th harmonic
+    assert np.nanmax(np.delete(octaves, 2)) < octaves[2] - 20
+    click = blows(np.eye(1, 256, 77) * 8.0 + np.zeros((4, 1))).ravel()
+    assert click[:3] == pytest.approx([math.log(8 / 16), math.log(256) / 2, math.log(2)], abs=1e-6)
+    assert np.ptp(click[3:11]) < 1e-6  # a click is as loud in every octave
+    assert np.isnan(blows(np.zeros((4, 256)))[0, :2]).all()
+
+
+def test_blows_too_short_for_quantiles_are_told_all_the_same() -> None:
+    """Clicks in one sample of a hundred, three times as high in another rig, move no quantile of a part of a turn."""
+
+    def clicking(seed: int, height: float) -> dict[str, np.ndarray]:
+        rng = np.random.default_rng(seed)
+        n = SAMPLES * COUNT + 1
+        clicks = (rng.random(n) < 0.01) * rng.choice((-height, height), n)
+        return {"chip": 0.1 * rng.standard_normal(n) + clicks}
+
+    judged = read_by_chips(clicking(1, 3.0))
+    again, louder = (judged.simulated([clicking(2, height)]) for height in (3.0, 9.0))
+    bins = judged.turns["run"].bins
+    key = ("run", "chip")
+    off = [np.abs(each[key] - judged.measured.whole[key])[:bins].mean() for each in (again, louder)]
+    assert off[1] == pytest.approx(off[0], rel=0.2)
+    assert judged.gap([clicking(2, 9.0)]) > 1.5 * judged.gap([clicking(2, 3.0)])
 
 
 # ---------------------------------------------------------------- sizes
