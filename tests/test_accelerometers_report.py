@@ -7,12 +7,11 @@ from pathlib import Path
 import pytest
 
 from tests.evidence.accelerometers import NOISE, told
-from tests.evidence.pages.accelerometers import page
+from tests.evidence.pages.accelerometers import SHOWN, page
 from tests.evidence.results.accelerometers import Accelerometers, Kind
 
 REPORTS = Path(__file__).parents[1] / "reports"
 STORED = Accelerometers.model_validate_json((REPORTS / "accelerometers.json").read_text(encoding="utf-8"))
-SEEN = 5.0  # sigmas of all readings together
 
 
 def test_the_page_is_what_the_numbers_say() -> None:
@@ -22,7 +21,7 @@ def test_the_page_is_what_the_numbers_say() -> None:
 
 def test_a_longer_coupler_is_named_where_accelerometers_show_it_and_nothing_else_where_they_do_not() -> None:
     links = [r for r in STORED.sets if r.kind == "link"]
-    clear = [r for r in links if r.sigmas >= SEEN]
+    clear = [r for r in links if r.sigmas >= SHOWN]
     assert len(links) >= 30
     assert sum(r.right for r in clear) >= 0.95 * len(clear)
     assert all(r.right or not r.named for r in links)

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from tests.evidence.results.accelerometers import Accelerometers, Kind
 
+SHOWN = 5.0  # sigmas, from which on the readings show that something is wrong
 WORDS: Mapping[Kind, str] = {
     "link": "a coupler 0.5 to 3 % longer or shorter",
     "unbalance": "an unbalanced crank behind a springy drive: its centre of mass off, or a mass at a radius",
@@ -23,19 +24,22 @@ def page(found: Accelerometers) -> str:
         " 0.5 or 5 % of the largest reading without the fault. Exudyn makes the data,"
         " with contact where a pin has clearance; MuJoCo diagnoses, and may name any effect of the vocabulary. *right*:"
         " the true effect at its place is named, or tied with all that is. *sigmas*: how far all readings of a set"
-        " together are off the nominal rig's, over their noise: what the best search could see. Written by `python -m"
+        " together are off the nominal rig's, over their noise: what the best search could see; from"
+        f" {SHOWN:g} on they show that something is wrong. Written by `python -m"
         " tests.evidence.accelerometers`, which says how to make each row again.",
         "",
-        "| what is wrong | noise | sets | right | wrong effect named | nothing named |",
-        "|---|--:|--:|--:|--:|--:|",
+        "| what is wrong | noise | sets | right | wrong effect named | nothing named | right of those that show |",
+        "|---|--:|--:|--:|--:|--:|--:|",
     ]
     for kind, words in WORDS.items():
         for noise in sorted({r.noise for r in found.sets}):
             some = [r for r in found.sets if r.kind == kind and r.noise == noise]
             silent, right = sum(not r.named for r in some), sum(r.right for r in some)
+            shown = [r.right for r in some if r.sigmas >= SHOWN]
             share = f"{right} ({100 * right / len(some):.0f} %)" if some else "-"
             lines.append(
-                f"| {words} | {100 * noise:g} % | {len(some)} | {share} | {len(some) - right - silent} | {silent} |"
+                f"| {words} | {100 * noise:g} % | {len(some)} | {share} | {len(some) - right - silent} | {silent}"
+                f" | {sum(shown)} of {len(shown)} |"
             )
     lines += ["", "| kind | set | case | noise | chips | missing | sigmas | free | named | verdict | right |"]
     lines.append("|---|--:|---|--:|--:|---|--:|--:|---|---|---|")
