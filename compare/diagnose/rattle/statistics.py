@@ -107,8 +107,8 @@ class Statistics:
         found = {key: quantiles(values, tables[key[0]]) for key, values in off.items()}
         for key, values in off.items():
             if self._run(key[0]).channels[key[1]].signal.unit == "m/s^2":
-                turns = self.turns[key[0]]
-                found[key] = np.vstack([found[key], blows(turns.folded_known(values, kept and kept[key[0]]))])
+                chosen = range(self.turns[key[0]].count) if kept is None else kept[key[0]]
+                found[key] = np.vstack([found[key], blows(self.turns[key[0]].folded_known(values, chosen))])
         return found
 
     def told(self, key: Key, quantiles: np.ndarray) -> np.ndarray:

@@ -71,11 +71,11 @@ class Turns:
         n = int(np.sum(self.turn >= 0)) // self.count
         return np.interp((np.arange(n * self.count) + 0.5) / n, self.gone[here], values[here]).reshape(self.count, n)
 
-    def folded_known(self, values: np.ndarray, turns: Sequence[int] | None = None) -> np.ndarray:
-        """The same of the revolutions, or of these, in which values are known (most, n)."""
+    def folded_known(self, values: np.ndarray, turns: Sequence[int]) -> np.ndarray:
+        """The same (most, n) of those of these revolutions in which values are known."""
         known = np.bincount(self.turn[(self.turn >= 0) & np.isfinite(values)], minlength=self.count)
         whole = known > known.max() / 2
-        return self.folded(values)[[t for t in (turns or range(self.count)) if whole[t]]]
+        return self.folded(values)[[t for t in turns if whole[t]]]
 
 
 def _within(counts: np.ndarray) -> np.ndarray:
