@@ -23,7 +23,8 @@ def page(found: Accelerometers) -> str:
         " places on its coupler and slider, or coupler and follower, are all that is read; their noise (one sigma) is"
         " 0.5 or 5 % of the largest reading without the fault. Exudyn makes the data,"
         " with contact where a pin has clearance; MuJoCo diagnoses, and may name any effect of the vocabulary. *right*:"
-        " the true effect at its place is named, or tied with all that is. *sigmas*: how far all readings of a set"
+        " the true effect at its place is named, or tied with all that is; of an"
+        " unbalanced crank com_offset and payload both are. *sigmas*: how far all readings of a set"
         " together are off the nominal rig's, over their noise: what the best search could see; from"
         f" {SHOWN:g} on they show that something is wrong. Written by `python -m"
         " tests.evidence.accelerometers`, which says how to make each row again.",
