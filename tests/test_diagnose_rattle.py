@@ -16,7 +16,7 @@ from compare.diagnose.data.recording import Channel, Measured, MeasuredRun
 from compare.diagnose.effects.joints import JointClearance
 from compare.diagnose.predict import Term
 from compare.diagnose.rattle.explained import Struck, jackknifed
-from compare.diagnose.rattle.statistics import QUANTILES, Statistics, quantiles
+from compare.diagnose.rattle.statistics import QUANTILES, Statistics, blows, quantiles
 from compare.diagnose.rattle.trial import Trials, Tried, least, reaching, wanted
 from compare.diagnose.rattle.turns import Turns, rattles
 from compare.diagnose.workflow import diagnose
@@ -149,6 +149,95 @@ def test_distances_are_told_with_each_group_of_revolutions_left_out() -> None:
     assert all(set(each) == {("run", s) for s in SENSORS} for each in found)
     assert len({each["run", "reaction_E_x"] for each in found}) > 1
     assert judged.says() == "from statistics over 6 revolutions"
+
+
+CHIPS = {
+    "chip": {"kind": "accelerometer", "body": "coupler"},
+    "spin": {"kind": "gyro", "body": "follower"},
+    "gauge": {"kind": "strain", "body": "coupler", "point": (0.06, 0.005), "youngs_modulus": 2e11},
+    "wire": {"kind": "distance", "body": "coupler", "to": "ground.E"},
+}
+
+
+def chips(rng: np.random.Generator, size: float) -> dict[str, np.ndarray]:
+    """What two accelerometers and more read of blows that go with the root of a clearance, as approach speeds do."""
+    return {name: values * math.sqrt(size) for name, values in zip(CHIPS, bursts(rng), strict=True)}
+
+
+def bursts(rng: np.random.Generator) -> list[np.ndarray]:
+    """A burst after the middle of each revolution in each of them."""
+    phase = (np.arange(SAMPLES * COUNT + 1) / SAMPLES) % 1.0
+    return [((phase > 0.5) & (phase < 0.6)) * rng.standard_normal(phase.size) for _ in CHIPS]
+
+
+def read_by_chips(values: dict[str, np.ndarray]) -> Statistics:
+    """Of a recording by sensors of the mechanism file, of which nothing is foretold but quiet."""
+    m = load("crank-rocker").rigid()
+    m = m.replace(sensors=tuple({"name": name, **CHIPS[name]} for name in values))
+    known = named(m.bodies, m.joints, m.drives, m.sensors)
+    time = np.arange(SAMPLES * COUNT + 1) * 2 * math.pi / SPEED / SAMPLES
+    channels = {s: Channel(known[s], v, 1e-2, True, known[s].unit) for s, v in values.items()}
+    run = MeasuredRun("run", time, channels, "speed", SPEED, 0.4, {}, None, False, "run.csv")
+    quiet = {s: np.zeros(time.size) for s in values}
+    data = Measured(m, (run,), {}, (), "measured.toml")
+    return Statistics(data, [quiet], {"run": Turns.of(0.4 + SPEED * time)}, {"run": list(values)})
+
+
+def test_of_all_sensors_only_those_of_a_position_say_how_far_a_pin_goes() -> None:
+    assert read_by_chips(chips(np.random.default_rng(1), 1.0)).places == [("run", "wire")]
+
+
+def test_accelerometers_alone_tell_a_size_to_a_third() -> None:
+    """Their readings go with the root of a clearance here, so that scatter counts twice; and by least misfit it reads
+    low, as two recordings scatter each in its own way.
+    """
+    size, found = 2e-4, []
+    for seed in range(6):
+
+        def of(own: int, clearance: float) -> dict[str, np.ndarray]:
+            rng = np.random.default_rng(own)
+            return {s: v + 1e-2 * rng.standard_normal(v.size) for s, v in chips(rng, clearance / size).items()}
+
+        recorded = {s: v for s, v in of(10 + seed, size).items() if s != "wire"}
+        trials = Trials(
+            read_by_chips(recorded), lambda term, c, first, seed=seed: [of(50 + seed, c)], 0.05, lambda term: 1e-2
+        )
+        (tried,) = trials.searched({TERM: None}, math.inf)
+        found.append(least(tried, Tried.misfit) / size)
+    assert math.exp(np.mean(np.log(found))) == pytest.approx(0.85, abs=0.2)
+    assert np.std(np.log(found)) < 0.35
+
+
+def test_blows_of_a_sine_and_of_a_click_have_their_closed_forms() -> None:
+    """A sine of size a: rms a/sqrt(2), kurtosis 3/2, one octave; a click h in n samples: h/sqrt(n), n, all octaves."""
+    phase = 2 * math.pi * np.arange(256) / 256
+    sine = blows(np.tile(3.0 * np.sin(5 * phase), (4, 1))).ravel()
+    assert sine[:3] == pytest.approx([math.log(3 / math.sqrt(2)), math.log(1.5) / 2, 0.0], abs=1e-6)
+    octaves = sine[3:11]
+    assert np.nanargmax(octaves) == 2  # the 4th to 7th harmonic
+    assert np.nanmax(np.delete(octaves, 2)) < octaves[2] - 20
+    click = blows(np.eye(1, 256, 77) * 8.0 + np.zeros((4, 1))).ravel()
+    assert click[:3] == pytest.approx([math.log(8 / 16), math.log(256) / 2, math.log(2)], abs=1e-6)
+    assert np.ptp(click[3:11]) < 1e-6  # a click is as loud in every octave
+    assert np.isnan(blows(np.zeros((4, 256)))[0, :2]).all()
+
+
+def test_blows_too_short_for_quantiles_are_told_all_the_same() -> None:
+    """Clicks in one sample of a hundred, three times as high in another rig, move no quantile of a part of a turn."""
+
+    def clicking(seed: int, height: float) -> dict[str, np.ndarray]:
+        rng = np.random.default_rng(seed)
+        n = SAMPLES * COUNT + 1
+        clicks = (rng.random(n) < 0.01) * rng.choice((-height, height), n)
+        return {"chip": 0.1 * rng.standard_normal(n) + clicks}
+
+    judged = read_by_chips(clicking(1, 3.0))
+    again, louder = (judged.simulated([clicking(2, height)]) for height in (3.0, 9.0))
+    bins = judged.turns["run"].bins
+    key = ("run", "chip")
+    off = [np.abs(each[key] - judged.measured.whole[key])[:bins].mean() for each in (again, louder)]
+    assert off[1] == pytest.approx(off[0], rel=0.2)
+    assert judged.gap([clicking(2, 9.0)]) > 1.5 * judged.gap([clicking(2, 3.0)])
 
 
 # ---------------------------------------------------------------- sizes

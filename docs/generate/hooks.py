@@ -37,6 +37,7 @@ OUTSIDE = {
     "reports/README.md": "evidence/validation.md",
     "reports/scoreboard/README.md": "evidence/scoreboard.md",
     "reports/trust.md": "evidence/trust.md",
+    "reports/accelerometers.md": "evidence/accelerometers.md",
     "reports/validity-paper/validity.md": "evidence/validity-paper.md",
     "reports/validity-crank-rocker/validity.md": "evidence/validity-crank-rocker.md",
     "reports/validity-crank-rocker-loaded/validity.md": "evidence/validity-crank-rocker-loaded.md",

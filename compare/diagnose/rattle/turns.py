@@ -71,6 +71,12 @@ class Turns:
         n = int(np.sum(self.turn >= 0)) // self.count
         return np.interp((np.arange(n * self.count) + 0.5) / n, self.gone[here], values[here]).reshape(self.count, n)
 
+    def folded_known(self, values: np.ndarray, turns: Sequence[int]) -> np.ndarray:
+        """The same (most, n) of those of these revolutions in which values are known."""
+        known = np.bincount(self.turn[(self.turn >= 0) & np.isfinite(values)], minlength=self.count)
+        whole = known > known.max() / 2
+        return self.folded(values)[[t for t in turns if whole[t]]]
+
 
 def _within(counts: np.ndarray) -> np.ndarray:
     """0, 1, ... within each of some groups, one after the other."""
