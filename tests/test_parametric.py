@@ -137,7 +137,10 @@ def test_a_slip_in_a_notebook_is_told_with_what_was_meant() -> None:
     frame = lc.analyse(PAPER, angles=[1.0, 2.0]).to_dataframe()
     with pytest.raises(ArgumentError) as error:
         lc.diagnose(frame)
-    assert str(error.value) == "measured: a DataFrame cannot be used; give a path"
+    assert (
+        str(error.value)
+        == "measured: a DataFrame cannot be used; give the path of a measured.toml, or what lc.measured makes of data frames"
+    )
 
 
 def test_a_longer_crank_has_twice_its_length_as_stroke() -> None:

@@ -16,10 +16,9 @@ import numpy as np
 
 from analytic.beyond_paper.drive import Motor
 from analytic.mechanism import MechanismWarning
-from compare.arguments import path
 from compare.diagnose import prepare
 from compare.diagnose import slips as of_data
-from compare.diagnose.data.measured import load_measured
+from compare.diagnose.data.measured import data_of
 from compare.diagnose.data.quality import gaps
 from compare.diagnose.data.recording import Fault as SensorFault
 from compare.diagnose.data.recording import Measured, MeasuredRun
@@ -50,7 +49,7 @@ def preview(measured: Measured | str | Path) -> Preview:
 
     ``measured`` is a recording, or the path of a measured.toml (or of its folder).  Raises MeasuredError.
     """
-    data = measured if isinstance(measured, Measured) else load_measured(path(measured, "measured"))
+    data = data_of(measured)
     with warnings.catch_warnings():  # of mechanisms that are only tried
         warnings.simplefilter("ignore", MechanismWarning)
         return _shown(data)

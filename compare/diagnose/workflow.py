@@ -12,8 +12,8 @@ from threadpoolctl import threadpool_limits
 from analytic.compiled.run import in_bulk
 from analytic.mechanism import MechanismWarning
 from analytic.mechanism.errors import quoted
-from compare.arguments import modelling, noted, one_engine, path, warn_of_friction
-from compare.diagnose.data.measured import load_measured
+from compare.arguments import modelling, noted, one_engine, warn_of_friction
+from compare.diagnose.data.measured import data_of
 from compare.diagnose.data.recording import Measured
 from compare.diagnose.effects.effect import Effect
 from compare.diagnose.explanation import Explanation
@@ -73,7 +73,7 @@ def diagnose(question: DiagnoseQuestion) -> Diagnosis:
             told,
             question.budget,
         )
-        data = measured if isinstance(measured, Measured) else load_measured(path(measured, "measured"))
+        data = data_of(measured)
         return _with_adopted(data, options) if question.adopt else diagnosis_of(data, options)[0]
 
 

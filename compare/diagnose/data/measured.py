@@ -30,6 +30,7 @@ from compare.diagnose.data.quality import FLOOR, evened, gaps, noise, outliers, 
 from compare.diagnose.data.recording import Channel, Drive, Fault, Measured, MeasuredError, MeasuredRun, same_numbers
 from compare.diagnose.data.thin import frozen, held, missed, picked
 from compare.diagnose.data.wanted import wanted
+from compare.faults import unusable
 from compare.progress import progress_bar
 from compare.recorded.alternatives import less, swapped
 from compare.recorded.errors import DataError
@@ -53,6 +54,15 @@ SLIPS = {
     0.5 / math.pi: "the column looks like turns; put its unit right",
     1e-3: "time looks like ms; put its unit right",
 }
+
+
+def data_of(measured: Measured | str | Path) -> Measured:
+    """Measured data, or those of a measured.toml.  Raises ArgumentError, MeasuredError."""
+    if isinstance(measured, Measured):
+        return measured
+    if isinstance(measured, str | os.PathLike):
+        return load_measured(measured)
+    raise unusable("measured", measured, "the path of a measured.toml, or what lc.measured makes of data frames")
 
 
 @progress_bar(what="read measured data")
