@@ -135,12 +135,8 @@ def test_a_slip_in_a_notebook_is_told_with_what_was_meant() -> None:
     with pytest.raises(KeyError, match="did you mean reaction_B_"):
         lc.analyse(PAPER, angles=[1.0])["reaction_B"]
     frame = lc.analyse(PAPER, angles=[1.0, 2.0]).to_dataframe()
-    with pytest.raises(ArgumentError) as error:
+    with pytest.raises(ArgumentError, match=r"measured: a DataFrame cannot be used; .* what lc\.measured makes of data"):
         lc.diagnose(frame)
-    assert (
-        str(error.value)
-        == "measured: a DataFrame cannot be used; give the path of a measured.toml, or what lc.measured makes of data frames"
-    )
 
 
 def test_a_longer_crank_has_twice_its_length_as_stroke() -> None:
