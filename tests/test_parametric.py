@@ -135,7 +135,9 @@ def test_a_slip_in_a_notebook_is_told_with_what_was_meant() -> None:
     with pytest.raises(KeyError, match="did you mean reaction_B_"):
         lc.analyse(PAPER, angles=[1.0])["reaction_B"]
     frame = lc.analyse(PAPER, angles=[1.0, 2.0]).to_dataframe()
-    with pytest.raises(ArgumentError, match=r"measured: a DataFrame cannot be used; .* what lc\.measured makes of data"):
+    with pytest.raises(
+        ArgumentError, match=r"measured: a DataFrame cannot be used; .* what lc\.measured makes of data"
+    ):
         lc.diagnose(frame)
 
 
