@@ -91,6 +91,7 @@ def test_a_proposal_is_no_name_and_no_part_of_the_verdict() -> None:
     assert "Stribeck" not in found.statement
 
 
+@pytest.mark.slow
 def test_the_page_and_the_texts_show_the_law_with_its_curve() -> None:
     found = unnamed("Stribeck")
     (p,) = found.proposed
@@ -113,6 +114,7 @@ def over(argument: np.ndarray, law: np.ndarray, what: str) -> Proposed:
     return p.model_copy(update={"curve": p.curve.model_copy(update={"over": what, "unit": "rad", **values})})
 
 
+@pytest.mark.slow
 def test_a_law_over_the_crank_angle_is_drawn_over_one_turn() -> None:
     turns = np.linspace(-6 * np.pi, 6 * np.pi, 400)
     drawn = figure(unnamed("Stribeck"), over(turns, np.sin(3 * turns), "crank angle"), "law")
@@ -122,6 +124,7 @@ def test_a_law_over_the_crank_angle_is_drawn_over_one_turn() -> None:
     np.testing.assert_allclose(law.y, np.sin(np.radians(3 * np.array(law.x))), atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_law_of_two_things_is_drawn_as_points_and_no_line_crosses_where_there_is_no_sample() -> None:
     angle = np.concatenate([np.linspace(-2, -1, 200), np.linspace(1, 2, 200)])
     found = unnamed("Stribeck")

@@ -72,7 +72,7 @@ def test_published_samples_are_met_up_to_the_first_impact(kind: str) -> None:
 
 
 @published
-@pytest.mark.parametrize("kind", [*slow("direct"), "combined"])
+@pytest.mark.parametrize("kind", slow("direct", "combined"))
 def test_published_runs_gain_energy_that_nothing_gives(kind: str) -> None:
     """Walls and weight give none: it may only fall.  Steps by the midpoint keep it, and so part from the published."""
     rows = read(DATA, kind)
