@@ -62,7 +62,7 @@ def data_of(measured: Measured | str | Path) -> Measured:
         return measured
     if isinstance(measured, str | os.PathLike):
         return load_measured(measured)
-    raise unusable("measured", measured, "the path of a measured.toml, or what lc.measured makes of data frames")
+    raise unusable("measured", measured, "a path, or what lc.measured makes of data frames")
 
 
 @progress_bar(what="read measured data")
