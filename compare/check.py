@@ -42,7 +42,7 @@ from compare.crosscheck import STRIKING, Job, Ran, concluded, judged, run_all
 from compare.diagnose.data.recording import Measured, MeasuredRun
 from compare.faults import ArgumentError
 from compare.judge.discrepancy import UNCOMPARED, Rule, difference
-from compare.judge.metrics import metrics
+from compare.judge.metrics import metrics, rms
 from compare.judge.reference import (
     SIGMAS,
     Reference,
@@ -476,7 +476,7 @@ class _Asked:
             if name not in simulated:
                 continue
             read = record.table.values[name]
-            u_input = math.hypot(*(_rms(of[name]) for of in (side.unsure, made) if name in of))
+            u_input = math.hypot(*(rms(of[name]) for of in (side.unsure, made) if name in of))
             steps = run.numerical[name].u_num if name in run.numerical else 0.0
             error = signal.apart(simulated[name], read)
             found[name] = metrics(signal.unit, error, read, _noise(record, name), u_num=steps, u_input=u_input)
@@ -560,17 +560,12 @@ class _Asked:
         return {each.signal: each.verdict == "agrees" for each in discrepancies}
 
 
-def _rms(values: np.ndarray) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(known**2))) if known.size else 0.0
-
-
 def _noise(record: Recording, name: str) -> float:
     """The standard uncertainty (SI) of a column's readings: its sensor's noise where that is known, or else rounding,
     uniform (GUM, 4.3.7).
     """
     known = record.table.scatter.get(name)
-    return known / SIGMAS if known is not None else _rms(record.table.rounding(name)) / math.sqrt(3)
+    return known / SIGMAS if known is not None else rms(record.table.rounding(name)) / math.sqrt(3)
 
 
 def _analytic_side(

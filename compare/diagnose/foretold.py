@@ -16,6 +16,7 @@ from compare.diagnose.data.recording import Measured, MeasuredRun
 from compare.diagnose.effects.effect import Effect
 from compare.diagnose.mixture import TAIL, Discrepancy, axes, below_it, growth, quantile
 from compare.diagnose.predict import Hypothesis, Model, Term
+from compare.judge.metrics import rms
 from compare.results.band import Band
 from compare.results.diagnosis import Diagnosis, JointCovariance
 
@@ -285,16 +286,11 @@ def _band(
         low=low,
         high=high,
         sd={
-            "parameters": _rms(np.sqrt(weights @ variances)),
-            "sets": _rms(np.sqrt(weights @ (means - middle) ** 2)),
-            "engines": _rms(engines),
+            "parameters": rms(np.sqrt(weights @ variances)),
+            "sets": rms(np.sqrt(weights @ (means - middle) ** 2)),
+            "engines": rms(engines),
             "discrepancy": size,
         },
         growth=factor,
         covered=float(np.mean((place > TAIL)[known] & (place < 1 - TAIL)[known])) if known.any() else None,
     )
-
-
-def _rms(values: np.ndarray) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(known**2))) if known.size else 0.0

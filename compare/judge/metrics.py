@@ -36,7 +36,7 @@ def metrics(
     return Metrics(
         unit=unit,
         error_mean=mean,
-        error_rms=float(np.sqrt(np.mean(e**2))),
+        error_rms=rms(e),
         u_d=math.hypot(noise, calibration),
         u_calibration=calibration,
         u_num=u_num,
@@ -46,3 +46,9 @@ def metrics(
         model_error=(mean - COVERAGE * shared, mean + COVERAGE * shared),
         area=float(np.mean(np.abs(np.sort(read + e) - np.sort(read)))),  # a turn more of an angle counts as none
     )
+
+
+def rms(values: np.ndarray) -> float:
+    """Root mean square of what is known (not NaN) of values (N,); 0 where nothing is."""
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if known.size else 0.0
