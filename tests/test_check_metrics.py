@@ -13,6 +13,7 @@ import linkage_crosscheck as lc
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
 from compare.judge.metrics import metrics
+from compare.report.trust import checked
 from compare.results.band import Metrics
 
 THETA = np.linspace(0.0, math.tau, 73)[:-1]
@@ -78,6 +79,15 @@ def test_uncertainties_of_all_kinds_are_summed_as_squares_and_silence_is_left_ou
     assert found.u_val == pytest.approx(8.5)
     assert found.error_mean == pytest.approx(0.2)
     assert metrics("N", np.full(2, np.nan), np.ones(2), 0.3) is None
+
+
+def test_where_nothing_of_the_uncertainty_is_known_no_reader_is_shown_metrics() -> None:
+    """An error that is held against nothing would be outside of it always."""
+    exact, rounded = recorded(), {name: np.round(values, 2) for name, values in recorded().items()}
+    for results, shown in ((exact, False), (exact | {"reaction_E_x [N]": rounded["reaction_E_x [N]"]}, True)):
+        found = lc.check(pd.DataFrame(results), ROCKER, joint_model="ideal")
+        assert "reaction_E_x" in found.runs[0].metrics
+        assert bool(checked(found.runs, {"reaction_E_x": "Fx"})) == shown
 
 
 def test_rounding_is_uniform() -> None:

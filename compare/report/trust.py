@@ -25,8 +25,10 @@ def trusted(result: Diagnosis) -> list[tuple[str, ...]]:
 
 
 def checked(runs: Sequence[Run], titles: Mapping[str, str]) -> list[tuple[str, ...]]:
-    """A row for each signal that has a title and metrics, of each run."""
-    told = [(run.title, name, m) for run in runs for name, m in run.metrics.items() if name in titles]
+    """A row for each signal of each run that has a title, and metrics of which the uncertainty is known: of results
+    with all their digits, without noise, there is nothing to hold an error against.
+    """
+    told = [(run.title, name, m) for run in runs for name, m in run.metrics.items() if name in titles and m.u_val]
     return [(f"{run}: {titles[name]}", *_numbers(m)) for run, name, m in told]
 
 
