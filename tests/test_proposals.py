@@ -88,6 +88,7 @@ def test_a_proposal_is_no_name_and_no_part_of_the_verdict() -> None:
     assert found.proposed
     assert found.verdict in ("partly explained", "unexplained")
     assert not found.settled
+    assert [effect.name for effect in found.effects] == ["coulomb_friction"], "nor a follower without inertia"
     assert "Stribeck" not in found.statement
 
 

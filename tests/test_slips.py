@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +16,12 @@ from analytic.mechanism.file import load
 from compare.diagnose import slips
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import Fault, MeasuredError
-from compare.diagnose.effects.bodies import ComOffset, LinkLength, PivotPosition
-from compare.diagnose.effects.effect import Rig
-from compare.diagnose.effects.sensors import EncoderHarmonic, EncoderOffset
+from compare.diagnose.effects.bodies import ComOffset, LinkLength, MomentOfInertia, PivotPosition
+from compare.diagnose.effects.effect import Effect, Rig
+from compare.diagnose.effects.joints import CoulombFriction
+from compare.diagnose.effects.sensors import EncoderHarmonic, EncoderOffset, SensorGain
 from compare.diagnose.problem import Options, Problem
-from diagnosis_rigs import experiment, played, turn, wrong
+from diagnosis_rigs import experiment, four_bar, played, turn, wrong
 from marks import slow_but
 from tests.evidence.scoreboard.rigs import Experiment
 from tests.evidence.scoreboard.sizes import Planted
@@ -76,6 +78,7 @@ def test_the_line_that_is_said_mends_the_data(seed: int, tmp_path: Path) -> None
 
 RIG = experiment()
 FOLLOWS = experiment(turn("slow", 4.0, follows=True), turn("fast-reverse", -12.0, follows=True))
+SLOWLY = experiment(turn("slow", 0.2), turn("reverse", -0.3), mechanism=four_bar(loads=()))  # weight is all its torque
 OFF = math.radians(1.0)
 
 
@@ -97,6 +100,7 @@ OFF = math.radians(1.0)
         (FOLLOWS, wrong("link_length", "follower", length_error=-5e-3)),
         (RIG, wrong("external_force", "coupler", x=-10.0, y=60.0)),
         (RIG, wrong("payload", "follower", mass=1.0, along=0.0, normal=0.0)),
+        (SLOWLY, wrong("gravity", "linkage", x=0.0, y=0.0)),
     ],
     ids=lambda value: f"{value.name}@{value.where}" if isinstance(value, Planted) else "",
 )
@@ -105,7 +109,47 @@ def test_a_genuine_effect_is_not_taken_for_data_that_are_not_what_they_say(rig: 
     assert slips.driven(found, found.mechanism) == []
 
 
+def test_a_sensor_that_reads_nothing_but_noise_is_not_connected() -> None:
+    found, rng = played(RIG), np.random.default_rng(1)
+    runs = []
+    for run in found.runs:
+        torque, stuck = run.channels["drive_torque"], run.channels["follower_angle"]
+        noise = torque.noise * rng.standard_normal(run.time.size)
+        silent = {
+            "drive_torque": replace(torque, values=noise),
+            "follower_angle": replace(stuck, values=np.full(run.time.size, 1.2)),
+        }
+        runs.append(replace(run, channels={**run.channels, **silent}))
+    faults = slips.as_faults(slips.driven(replace(found, runs=tuple(runs)), found.mechanism), runs)
+    assert [(fault.signal, fault.kind) for fault in faults] == [
+        (s, "silent") for s in ("drive_torque", "follower_angle")
+    ]
+    assert faults[0].text.startswith("drive_torque of every run reads nothing but noise: it is not connected, or")
+    assert faults[0].text.endswith('say "drive_torque [N.m]" = "ignore" under [columns]')
+
+
 # ---------------------------------------------------------------- what these samples cannot tell, and what cannot be
+
+
+@pytest.mark.parametrize(
+    ("effect", "x"),
+    [(MomentOfInertia(), -1.0), (ComOffset(), 1.0), (LinkLength(), -0.5), (PivotPosition(), 0.5), (SensorGain(), -1.0)],
+    ids=lambda value: getattr(value, "name", ""),
+)
+def test_what_lies_where_no_machine_is_explains_nothing(effect: Effect, x: float) -> None:
+    rig = Rig(load("crank-rocker"), ("crank_angle", "drive_torque"), ("a",), ("a",))
+    where = effect.places(rig)[-1]
+    low, high = effect.lowest(rig, where), effect.highest(rig, where)
+    end = low if x < 0 else high
+    assert effect.impossible(rig, where, end)
+    assert not effect.impossible(rig, where, 0.9 * end)
+    assert not effect.impossible(rig, where, np.zeros(end.size))
+
+
+def test_a_joint_may_be_without_friction_that_its_model_has() -> None:
+    rig = Rig(load("crank-rocker").with_joint("E", friction_torque=0.1), ("drive_torque",), ("a",), ("a",))
+    friction = CoulombFriction()
+    assert not friction.impossible(rig, "E", friction.lowest(rig, "E"))
 
 
 @pytest.mark.parametrize(

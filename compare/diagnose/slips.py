@@ -1,4 +1,4 @@
-"""Data that are not what they say: signs, units, swapped and copied columns, zeros and speeds.
+"""Data that are not what they say: signs, units, swapped, copied and silent columns, zeros and speeds.
 
 A slip of this kind is certain or it is none: it is told where one change of what a file says brings readings that are
 far from the nominal model onto it, and no sensor speaks against it.  An encoder's zero that is a little off, a gain, a
@@ -98,8 +98,8 @@ def as_faults(
         where = "every run" if everywhere else f"run{'s' * (len(alike) > 1)} {names}"
         off, left = max(slip.off for slip in alike), max(slip.left for slip in alike)
         text = (
-            f"{first.text.format(where)}: as read it is {off:.3g} times the noise off the nominal model, so mended"
-            f" {left:.3g} times; "
+            f"{first.text.format(where)}: as read it is {off:.3g} times the noise off the nominal model"
+            f"{f', so mended {left:.3g} times' if left else ''}; "
         )
         if first.columns and (everywhere or len(runs) == 1):
             text += f"say {' and '.join(first.columns)} under [columns]"
@@ -142,8 +142,8 @@ def _of_run(nominal: _Nominal, run: MeasuredRun) -> list[Slip]:
     (said,) = nominal.says(run)
     if said is None:
         return [whole[1]] if (whole := _of_drive(nominal, run, math.inf)) else []
-    if copies := _copies(run, said):
-        return copies
+    if useless := _copies(run, said) or _silent(nominal, run, said):
+        return useless
     before, found = _cost(run, said, judged), _of_channels(run, said, judged)
     samples = sum(np.isfinite(run.channels[s].values).sum() for s in judged)
     if before <= TELLING**2 * samples:
@@ -267,6 +267,34 @@ def _copies(run: MeasuredRun, said: Said) -> list[Slip]:
         text = f"{copy} and {of} of {{}} are the same numbers: one column is there twice, and {copy} does not fit"
         found.append(Slip(run, copy, "copy", text, off[copy], off[of], (f'{heading} = "ignore"',)))
     return found
+
+
+def _silent(nominal: _Nominal, run: MeasuredRun, said: Said) -> list[Slip]:
+    """Sensors that read nothing of their prediction, nor of what is left of it in a rig that lies flat."""
+    silent = [s for s in nominal.judged(run) if s in said and _reads_nothing(run.channels[s], said[s])]
+    if not silent:
+        return []
+    (flat,) = _Nominal(nominal.measured, nominal.mechanism.replace(gravity=(0.0, 0.0))).says(run)
+    found = []
+    for s in silent:
+        channel = run.channels[s]
+        if flat is None or not _reads_nothing(channel, flat[s]):
+            continue
+        text = f"{s} of {{}} reads nothing but noise: it is not connected, or measures something else"
+        heading = line(_column(channel)).partition(" = ")[0]
+        off = _match(channel, channel.values, said[s]).off
+        found.append(Slip(run, s, "silent", text, off, 0.0, (f'{heading} = "ignore"',)))
+    return found
+
+
+def _reads_nothing(channel: Channel, predicted: np.ndarray) -> bool:
+    """Whether readings (N,) vary far less than their prediction (N,), and not with it."""
+    here = np.isfinite(channel.values) & np.isfinite(predicted)
+    if not here.any():
+        return False
+    read, said = (v[here] - v[here].mean() for v in (channel.values, predicted))
+    little = np.std(said) > TELLING**2 * max(np.std(read), channel.noise)
+    return bool(little and abs(read @ said) < SURE * np.linalg.norm(said) * max(np.std(read), channel.noise))
 
 
 def _of_channels(run: MeasuredRun, said: Said, judged: Iterable[str]) -> list[Slip]:

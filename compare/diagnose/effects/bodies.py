@@ -130,6 +130,7 @@ class ComOffset(Effect):
 
     name = "com_offset"
     place = "body"
+    limited = True
     label = "an offset centre of mass of the {}"
     meaning = "the centre of mass of the {} is off"
     found = "the centre of mass of the {} is {}"
@@ -168,6 +169,7 @@ class MomentOfInertia(Effect):
 
     name = "moment_of_inertia"
     place = "body"
+    limited = True
     label = "an error in the moment of inertia of the {}"
     meaning = "the moment of inertia of the {} is off"
     found = "the moment of inertia of the {} is {}"
@@ -201,6 +203,7 @@ class LinkLength(EachRun):
 
     name = "link_length"
     place = "body"
+    limited = True
     label = "an error in the length of the {}"
     meaning = "the {} is longer or shorter than drawn"
     found = "the {} is {}"
@@ -242,6 +245,7 @@ class PivotPosition(Effect):
 
     name = "pivot_position"
     place = "ground point"
+    limited = True
     label = "a displaced ground pivot {}"
     meaning = "the ground pivot {} is not where it is thought to be"
     found = "the ground pivot {} sits {} from where it is drawn"

@@ -233,6 +233,7 @@ class Effect(ABC):
     asked_for: ClassVar[bool] = False  # looked for only where it is asked for by its name
     # how many of its first natural coordinates say how much there is of it, where the others say how or where it is
     sized: ClassVar[int | None] = None
+    limited: ClassVar[bool] = False  # its bounds are where no machine is: data that want more want something else
     hiding: ClassVar[Hiding] = Hiding()
 
     # ---------------------------------------------------------------- in words
@@ -344,6 +345,11 @@ class Effect(ABC):
     def highest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
         """Largest physical natural coordinates, (n,)."""
         return np.full(len(self.scales(rig, where, variant)), math.inf)
+
+    def impossible(self, rig: Rig, where: str, x: np.ndarray, variant: float = 0.0) -> bool:
+        """Whether natural coordinates (n,) lie where no machine is: a body without inertia, one that is another."""
+        beyond = (x <= self.lowest(rig, where, variant)) | (x >= self.highest(rig, where, variant))
+        return self.limited and bool(np.any(beyond & (x != 0)))
 
     # ---------------------------------------------------------------- tolerances
 

@@ -201,7 +201,8 @@ class SensorGain(OnSensor):
     label = "a gain error of the sensor for {}"
     meaning = "the sensor {} has a wrong gain"
     found = "the sensor {} reads {}"
-    parameters = (Parameter("gain_error", "1", "gain", percent=True, more="too much", less="too little"),)
+    limited = True
+    parameters = (Parameter("gain_error", "1", "gain", -0.9, percent=True, more="too much", less="too little"),)
 
     def places(self, rig: Rig) -> Sequence[str]:
         return _judged(rig)
