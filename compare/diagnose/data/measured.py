@@ -12,6 +12,7 @@ import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 from typing import Literal
 
@@ -115,7 +116,7 @@ def recorded(
         mechanism,
         tuple(run for run, _ in read),
         tolerance,
-        tuple(f for _, faults in read for f in faults),
+        tuple(f for _, faults in read for f in faults) + tuple(_repeated([run for run, _ in read])),
         source,
         tuple(
             each for entry, (run, _) in zip(file.runs, read, strict=True) for each in _assumed(entry, run, mechanism)
@@ -511,6 +512,15 @@ def _gap_fault(run: str, time: np.ndarray) -> list[Fault]:
         " between"
     )
     return [Fault(run, "time", "gap", samples, text)] if count else []
+
+
+def _repeated(runs: Sequence[MeasuredRun]) -> Iterator[Fault]:
+    """Runs that are one recording: its noise is the same to the last digit."""
+    for one, other in combinations(runs, 2):
+        both = one.channels.keys() & other.channels.keys()
+        if both and all(np.array_equal(one.channels[s].values, other.channels[s].values, equal_nan=True) for s in both):
+            text = f"has the very numbers of run {one.name!r}: one recording counts once; leave one of both runs out"
+            yield Fault(other.name, "time", "repeated", other.time.size, f"run {other.name!r} {text}")
 
 
 def _held(run: str, table: Table, encoder: str) -> tuple[Table, list[Fault]]:
