@@ -4,6 +4,8 @@ at once.
 
 import os
 import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Annotated
 
 import typer
@@ -39,7 +41,23 @@ class Commands(typer.core.TyperGroup):
 
     def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:  # type: ignore[override]
         """The words that are left for the command that is meant."""
-        return super().parse_args(ctx, spelled_out(args, self.commands))
+        with _plain():
+            return super().parse_args(ctx, spelled_out(args, self.commands))
+
+    def invoke(self, ctx: typer.Context) -> object:  # type: ignore[override]
+        """What the command that is meant gives; it reads its own words."""
+        with _plain():
+            return super().invoke(ctx)
+
+
+@contextmanager
+def _plain() -> Iterator[None]:
+    """Take from typer's own sentence about a word what its validator puts before it."""
+    try:
+        yield
+    except typer.BadParameter as error:
+        error.message = error.message.removeprefix("Value error, ")
+        raise
 
 
 app = typer.Typer(
