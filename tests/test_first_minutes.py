@@ -81,6 +81,24 @@ def test_a_word_that_is_none_of_an_option_s_is_refused_in_one_sentence(
     assert re.search(rf"Invalid value for '{words[-2]}': 'swing' is not one of '[\w-]+', '[\w-]+'", said)
 
 
+@pytest.mark.parametrize("words", [["ci"], ["--simulator", "mujoco", "--junit", "x.xml"], ["diagnose", "--junit", "x"]])
+def test_who_looks_for_ci_is_told_where_it_is(words: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    status, _, said = run(words, monkeypatch)
+    page = Path(__file__).parents[1] / re.search(r"docs/\S+\.md", said)[0]  # type: ignore[index]
+    assert status == 2
+    assert "junit.xml" in said
+    assert "junit.xml" in page.read_text(encoding="utf-8")
+    for command in ([], ["baseline", "check"], ["baseline", "update"]):
+        assert "docs/how-to/ci.md" in " ".join(run([*command, "--help"], monkeypatch)[1].split())
+
+
+@pytest.mark.parametrize("command", [["baseline", "update"], ["analyse"], ["accuracy"]])
+def test_a_case_without_its_option_is_told_which(command: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    status, _, said = run([*command, "paper"], monkeypatch)
+    assert status == 2
+    assert "(paper); a linkage is named with --case" in said
+
+
 @pytest.mark.parametrize("name", ["../up", "a b", "", "3d", "x\ny", 'x"'])
 def test_a_name_that_is_no_file_s_is_refused(name: str) -> None:
     with pytest.raises(ArgumentError, match="begins with a letter"):

@@ -3,10 +3,11 @@ at once.
 """
 
 import os
+import re
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 import typer.core
@@ -35,6 +36,9 @@ from compare.questions.option import Option, Switch
 from compare.questions.question import Question
 from compare.questions.sweep import SweepQuestion
 
+UsageError: Any = typer.BadParameter.__mro__[1]  # typer's, or that of the click below it
+IN_CI = "in CI the exit status is the verdict, and the folder of a result has junit.xml: docs/how-to/ci.md shows it"
+
 
 class Commands(typer.core.TyperGroup):
     """The commands; a mechanism file, or a shipped case that no command is called like, asks for its analysis."""
@@ -52,11 +56,17 @@ class Commands(typer.core.TyperGroup):
 
 @contextmanager
 def _plain() -> Iterator[None]:
-    """Take from typer's own sentence about a word what its validator puts before it."""
+    """Have typer's own sentence about a word say what is meant, without what its validator puts before it."""
     try:
         yield
-    except typer.BadParameter as error:
-        error.message = error.message.removeprefix("Value error, ")
+    except UsageError as error:
+        said = error.message.removeprefix("Value error, ")
+        options = {option.name for option in error.ctx.command.params} if error.ctx else set()
+        if re.match(r"No such (command|option):? '?(ci|(--)?junit)\b", said):
+            said, error.possibilities = f"{said.rstrip('.')}; {IN_CI}", None
+        elif said.startswith("Got unexpected extra argument") and "case" in options:
+            said = f"{said}; a linkage is named with --case"
+        error.message = said
         raise
 
 
@@ -102,6 +112,8 @@ def compare(line: CommandLine) -> None:
 
     Exit status: 0 agrees, 1 disagrees beyond tolerance or cannot be judged, 2 bad input, 3 a simulator is missing or
     failed.
+
+    In CI: docs/how-to/ci.md; junit.xml lies beside the report.
     """
     context = line.context
     typed = [name for name in context.params if line.has(name)]
