@@ -36,7 +36,7 @@ from compare.questions.option import Option, Switch
 from compare.questions.question import Question
 from compare.questions.sweep import SweepQuestion
 
-UsageError: Any = typer.BadParameter.__mro__[1]  # typer's, or that of the click below it
+_UsageError: Any = typer.BadParameter.__mro__[1]  # typer's, or that of the click below it
 IN_CI = "in CI the exit status is the verdict, and the folder of a result has junit.xml: docs/how-to/ci.md shows it"
 
 
@@ -59,7 +59,7 @@ def _plain() -> Iterator[None]:
     """Have typer's own sentence about a word say what is meant, without what its validator puts before it."""
     try:
         yield
-    except UsageError as error:
+    except _UsageError as error:
         said = error.message.removeprefix("Value error, ")
         options = {option.name for option in error.ctx.command.params} if error.ctx else set()
         if re.match(r"No such (command|option):? '?(ci|(--)?junit)\b", said):

@@ -60,7 +60,9 @@ def update(line: CommandLine) -> None:
     """Write the baseline of every case in every engine; numbers that have not moved, and files without any that have,
     stay as they are.
 
-    Commit them: compare baseline check then says what has moved. In CI: docs/how-to/ci.md.
+    Commit them: compare baseline check then says what has moved.
+
+    In CI: docs/how-to/ci.md has a workflow.
 
     Exit status: 0 written, 2 bad input, 3 a simulator is missing or failed.
     """
