@@ -112,6 +112,9 @@ def test_every_field_is_listed_with_its_meaning() -> None:
         names = {f.alias or name for name, f in part.model_fields.items() if not f.exclude}
         assert {f.name for f in found.fields if f.table == table} == names
     assert all(field.means for field in found.fields)
+    assert '"free" (released' in next(f.means for f in found.fields if (f.table, f.name) == ("drive", "speed"))
+    for text in (found.to_json(), found._repr_html_(), found.to_csv()):
+        assert not re.search(r"`|\*\*|\]\(|see below", text)
     known = {(part.__name__, f.alias or name) for part in PARTS.values() for name, f in part.model_fields.items()}
     assert set(MEANS) <= known  # no meaning of a field that is gone
     (clearance,) = (f for f in lc.fields("joint").fields if f.name == "clearance")
