@@ -158,7 +158,7 @@ class ExudynRun(EngineRun):
         """
         if not (linkage.advance(begin, end, count, onward) if count else linkage.settle(begin, end)):
             raise self.judge.failure(
-                f"the integrator gave up between {begin:.6g} and {end:.6g} s (step"
+                f"the integrator gave up between {begin:.6g} s and {end:.6g} s (step"
                 f" {(end - begin) / max(count, 1):.3g} s)"
             )
         self.stages.append((begin, end, count, onward))
