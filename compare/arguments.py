@@ -111,8 +111,10 @@ def on_request(given: object, mechanism: Mechanism, motion: Motion) -> tuple[str
     asked = names(given, "signals")
     for name in asked if asked != (EVERY_SIGNAL,) else ():
         if name not in known:
-            near = get_close_matches(name, more, n=1)
-            remedy = f"did you mean {near[0]!r}" if near else f"give {EVERY_SIGNAL!r}, or some of {', '.join(more)}"
+            near = get_close_matches(name, known, n=1)
+            remedy = f"give {EVERY_SIGNAL!r}, or some of {', '.join(more)}"
+            if near:
+                remedy = f"did you mean {near[0]!r}{'' if near[0] in more else ', which is always there'}"
             raise ArgumentError("signals", f"{quoted(name)} is no signal of {mechanism.name}; {remedy}")
     beside = more if asked == (EVERY_SIGNAL,) else [name for name in asked if name in more]
     return tuple(dict.fromkeys([*sensors, *beside]))

@@ -6,6 +6,7 @@ import ast
 import inspect
 import io
 import json
+import re
 import tokenize
 from collections.abc import Mapping
 from functools import cache
@@ -135,6 +136,9 @@ MEANS = {
 }  # of fields beside which the code has no comment, or hardly one
 
 
+ELSEWHERE = re.compile(r"[,;:] (see below|\[[^\]]+\]\(\S+\))")  # what a page of the docs leads on to
+
+
 @answers(FieldsQuestion)
 def fields(question: FieldsQuestion) -> Fields:
     """What a table of a mechanism file may hold, or all of them: unit and meaning of each field, and what stands for it
@@ -145,7 +149,12 @@ def fields(question: FieldsQuestion) -> Fields:
     if question.table is not None and question.table not in PARTS:
         raise ArgumentError("table", f"no table of a mechanism file; they are {', '.join(TABLES)}")
     chosen = TABLES if question.table is None else (question.table,)
-    return Fields(fields=tuple(field for table in chosen for field in of_table(table)))
+    return Fields(fields=tuple(_plain(field) for table in chosen for field in of_table(table)))
+
+
+def _plain(field: KnownField) -> KnownField:
+    """A field described without Markdown, and without what a page of the docs leads on to."""
+    return field.model_copy(update={"means": ELSEWHERE.sub("", field.means).replace("`", "")})
 
 
 def of_table(table: str) -> list[KnownField]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from importlib import resources
+from importlib.resources.abc import Traversable
 
 from compare.faults import ArgumentError
 from compare.questions.listing import KINDS, NewQuestion
@@ -21,13 +22,19 @@ HEADING = """\
 """
 
 
+def begun(kind: str) -> Traversable:
+    """The file that a linkage of this kind begins as."""
+    if case := KINDS[kind]:
+        return resources.files("analytic.mechanism").joinpath("cases", f"{case}.toml")
+    return resources.files("compare").joinpath("kinds", f"{kind}.toml")
+
+
 @answers(NewQuestion)
 def new(question: NewQuestion) -> str:
     """The text of a mechanism file of this kind and name, with comments.  Raises ArgumentError."""
     name = question.name.removesuffix(".toml")
     if not NAME.fullmatch(name):
         raise ArgumentError("name", "a name has letters, digits, '_', '-' and '.', and begins with a letter")
-    shipped = resources.files("analytic.mechanism").joinpath("cases", f"{KINDS[question.kind]}.toml")
-    text = re.sub(r"\A(#.*\n)+", "", shipped.read_text(encoding="utf-8"))
+    text = re.sub(r"\A(#.*\n)+", "", begun(question.kind).read_text(encoding="utf-8"))
     text = re.sub(r'^name = ".*"$', f'name = "{name}"', text, count=1, flags=re.MULTILINE)
     return HEADING.format(name=name, kind=question.kind, file=f"{name}.toml") + text

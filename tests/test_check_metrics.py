@@ -13,7 +13,8 @@ import linkage_crosscheck as lc
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
 from compare.judge.metrics import metrics
-from compare.report.trust import checked
+from compare.report.crosscheck_terminal import METRICS_COLUMNS
+from compare.report.trust import _row, checked
 from compare.results.band import Metrics
 
 THETA = np.linspace(0.0, math.tau, 73)[:-1]
@@ -88,6 +89,17 @@ def test_where_nothing_of_the_uncertainty_is_known_no_reader_is_shown_metrics() 
         found = lc.check(pd.DataFrame(results), ROCKER, joint_model="ideal")
         assert "reaction_E_x" in found.runs[0].metrics
         assert bool(checked(found.runs, {"reaction_E_x": "Fx"})) == shown
+
+
+def test_a_terminal_shows_under_each_heading_the_metric_of_that_name() -> None:
+    """Every metric has another size here, so that a column of another would show."""
+    m = Metrics(
+        unit="N", error_mean=1.0, error_rms=2.0, u_d=3.0, u_calibration=0.5, u_num=4.0, u_input=5.0, u_val=6.0,
+        within=0.75, model_error=(8.0, 9.0), area=10.0, samples=4,
+    )  # fmt: skip
+    row = _row("force", m)
+    assert [getattr(row, name) for name in METRICS_COLUMNS] == ["force", "N", "1", "2", "6", "75 %", "8 to 9", "10"]
+    assert [*METRICS_COLUMNS.values()][4:] == ["u_val", "|E| <= 2 u_val", "model error", "area"]
 
 
 def test_rounding_is_uniform() -> None:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import itertools
 import math
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import linkage_crosscheck as lc
 from analytic.beyond_paper.released import released
@@ -278,15 +280,67 @@ def test_a_weight_that_a_brake_holds_leaves_it_what_it_needs() -> None:
     np.testing.assert_allclose(motion.reactions.drive_torque, 0.0, atol=1e-9)
 
 
-def test_what_may_come_to_rest_is_refused_by_every_engine() -> None:
-    m = load("pendulum").replace(loads=(Load(body="pendulum", torque=0.01, opposes=True),))
-    with pytest.raises(Unsupported, match=r"opposes of the load on 'pendulum' needs a drive of each freedom"):
-        lc.simulate(m, "mujoco", times=np.array([0.0, 0.1]))
+ENGINES = ["mujoco", *(pytest.param(name, marks=pytest.mark.slow) for name in ("exudyn", "pybullet", "dart"))]
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_pendulum_on_a_brake_loses_at_every_half_swing_what_the_brake_takes(engine: str) -> None:
+    """Between two turning points the weight's work is that of the brake: m g l (cos a' - cos a) = M (a + a'), by which
+    small swings are 2 M / (m g l) smaller each time."""
+    if missing(engine):
+        pytest.skip(missing(engine))
+    brake, first = 0.0035, 0.15
+    m = load("pendulum").replace(
+        assembly={"pendulum": first - np.pi / 2}, loads=(Load(body="pendulum", torque=brake, opposes=True),)
+    )
+    weight = m.bodies[0].mass * 9.81 * abs(m.bodies[0].centre)
+    turns = [first]
+    while len(turns) < 4:
+        last = turns[-1]
+        lost = partial(lambda last, a: weight * (np.cos(a) - np.cos(last)) - brake * (last + a), last)
+        turns.append(brentq(lost, 0.0, last))
+    np.testing.assert_allclose(np.diff(turns), -2 * brake / weight, rtol=4e-3)
+    time = np.arange(0.0, 1.4, 0.004)
+    for swung in (
+        released(Assembly(m), time).reactions.motion.theta,
+        np.asarray(lc.simulate(m, engine, times=time)["pendulum_angle"]),
+    ):
+        off = swung + np.pi / 2
+        peaks = [k for k in range(1, time.size - 1) if abs(off[k]) >= max(abs(off[k - 1]), abs(off[k + 1]))]
+        np.testing.assert_allclose(np.abs(off[peaks]), turns[1:], atol=1e-4)
+        assert np.all(np.diff(np.sign(off[peaks])))
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_slider_that_a_force_stops_stays_in_every_engine(engine: str) -> None:
+    """It falls against a force on its slider, is held, and creeps by less than the range in which the force fades."""
+    if missing(engine):
+        pytest.skip(missing(engine))
+    m = load("slider-crank")
+    m = m.replace(gravity=(0.0, -9.81), drive=None, loads=(Load(body="slider", force=(3.0, 0.0), opposes=True),))
+    time = np.linspace(0.0, 0.4, 9)
+    known, found = released(Assembly(m), time), lc.simulate(m, engine, times=time)
+    assert known.held.tolist() == [False] * 4 + [True] * 5
+    creep = np.where(known.held, 0.005 * (time - 0.15), 0.0)
+    assert np.all(np.abs(found["crank_angle"] - known.reactions.motion.theta) < 3e-4 + creep)
+    for joint in ("O", "A"):
+        seen = found[f"reaction_{joint}_x"] + 1j * found[f"reaction_{joint}_y"]
+        np.testing.assert_allclose(seen[~known.held], known.reactions.forces[joint][~known.held], atol=0.02)
+
+
+def test_what_no_engine_brakes_is_refused_by_name(tmp_path: Path) -> None:
     five = load("five-bar")
     drives = five.drives[0], five.drives[1].model_copy(update={"speed": "free"})
     free = five.replace(drives=drives, loads=(Load(body=five.bodies[0].name, torque=1.0, opposes=True),))
     with pytest.raises((AssemblyError, Unsupported), match="opposes of the load on"):
         lc.analyse(free, times=np.array([0.0, 0.1]))
+    m = load("slider-crank")
+    m = m.replace(gravity=(0.0, -9.81), drive=None, loads=(Load(body="slider", torque=1.0, opposes=True),))
+    with pytest.raises(Unsupported, match=r"opposes of the load on 'slider' needs the body's inertia; give it inertia"):
+        lc.simulate(m, "mujoco", times=np.array([0.0, 0.1]))
+    swung = load("pendulum").replace(loads=(Load(body="pendulum", torque=0.01, opposes=True),))
+    with pytest.raises(Unsupported, match="opposes of the load on 'pendulum' fades in a released run, and exports"):
+        lc.export(swung, "mujoco", folder=tmp_path, times=np.array([0.0, 0.1]))
 
 
 def test_a_file_keeps_it_and_a_table_that_would_drive_is_refused() -> None:

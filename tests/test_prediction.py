@@ -24,7 +24,8 @@ from compare.diagnose.planned import planned
 from compare.diagnose.warrant import half_width, judged_by
 from compare.faults import ArgumentError
 from compare.questions.option import ByBody
-from compare.results.band import Band
+from compare.report.words.prediction import judgement, notes, rpm
+from compare.results.band import Band, Context
 from compare.results.diagnosis import Diagnosis, EffectSet, Estimate, JointCovariance
 from diagnosis_rigs import experiment, played, turn, wrong
 from sample_diagnosis import as_document, sample_diagnosis
@@ -240,6 +241,20 @@ def test_a_speed_is_foretold_and_what_it_cannot_be_is_refused(tmp_path: Path) ->
     ):
         with pytest.raises(ArgumentError, match=why):
             lc.predict(both, **asked)
+
+
+def test_far_beyond_all_that_was_measured_the_band_is_said_to_say_nothing() -> None:
+    explained = explained_by(("viscous_friction", "damping", 0.05, 1e-4, 1.0))
+    fastest = max(explained.speeds)
+    band = {"drive_torque": torque(explained, 24.0)}
+    near, far = (notes(band, times * fastest, explained.speeds, [], 0.0)[0] for times in (9.0, 1e6))
+    assert "bands grow with its square" in near
+    assert f"1e+06 times as fast as anything measured ({rpm(fastest)}): the band says nothing there" in far
+    asked = Context(
+        quantity="drive_torque", unit="N.m", required=2.0, speed=1e6 * fastest, half_width=1.0, enough=True, says="-"
+    )
+    assert "nobody can say, as that is 1e+06 times" in judgement(asked, explained.speeds)
+    assert "yes, with 95 %" in judgement(asked.model_copy(update={"speed": fastest}), explained.speeds)
 
 
 def test_the_force_on_a_body_is_given_once() -> None:

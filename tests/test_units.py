@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -209,13 +211,41 @@ def test_default_stiffness_lets_weights_and_loads_turn_no_link_by_more_than_a_cr
     assert load_tolerances().line("static", "contact", "angle").absolute == TURN_BY_GIVE
 
 
-def test_an_error_in_other_units_says_which() -> None:
-    from sim_models.engine import SimulationError
-
+def test_an_error_has_its_times_in_seconds_whatever_units_a_run_is_in() -> None:
+    asked = request_of(linkage(Scale(1e-6, 1e-3, 1.0)), "ideal", "driven", TURN)
+    assert Units.of(asked).time != 1.0
     with pytest.raises(
-        SimulationError, match=r"would take .* steps .*\(numbers in units of [\d.e-]+ m, [\d.e-]+ kg and [\d.e-]+ s\)"
+        SimulationError, match=r": (\S+) s would take \S+ steps of \S+ s, and \S+ are the most"
+    ) as found:
+        engine("mujoco").simulate(asked)
+    said = re.search(r": (\S+) s would take (\S+) steps of (\S+) s", str(found.value))
+    assert said is not None
+    whole, count, step = map(float, said.groups())
+    assert whole == pytest.approx(np.ptp(asked.schedule.time), rel=0.05)
+    assert count * step == pytest.approx(whole, rel=0.05)
+    assert "units of" not in str(found.value)
+
+
+def test_the_numbers_of_a_message_are_brought_to_si_each_by_its_unit() -> None:
+    units = Units(length=0.5, mass=4.0, time=0.25)
+    for said, in_si in (
+        ("between 0.1 s and 2 s (step 1e-05 s)", "between 0.025 s and 0.5 s (step 2.5e-06 s)"),
+        ("0.2 m deep at 90 deg, stiffness 1e+06 N/m", "0.1 m deep at 90 deg, stiffness 6.4e+07 N/m"),
+        ("3 J of 8 J in 12 steps", "48 J of 128 J in 12 steps"),
     ):
-        engine("mujoco").simulate(request_of(linkage(Scale(1e-6, 1e-3, 1.0)), "ideal", "driven", TURN))
+        assert units.said(said) == in_si
+
+
+@pytest.mark.exudyn
+def test_exudyn_says_in_seconds_when_it_failed() -> None:
+    """A step of 24 degrees tears the loop open at once: at the next 30 degrees, which is when the crank is there."""
+    asked = request_of(linkage(Scale(1e-3, 1e3, 1.0)), "ideal", "driven", TURN)
+    with pytest.raises(SimulationError) as found:
+        engine("exudyn").simulate(replace(asked, step=0.8 * float(asked.schedule.time[1])))
+    said = re.search(r"at crank angle 30 deg \(time (\S+) s\)", str(found.value))
+    assert said is not None
+    assert float(said[1]) == pytest.approx(asked.schedule.time[1], rel=1e-3)
+    assert f"({asked.mechanism.name})" in str(found.value)
 
 
 @pytest.mark.slow

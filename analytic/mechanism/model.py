@@ -55,7 +55,7 @@ from analytic.mechanism.parts import (
     titled,
 )
 from analytic.mechanism.signals import Signal, driving, position
-from analytic.mechanism.varying import Quantity, Seen, Vectors, acting, quantities
+from analytic.mechanism.varying import NEVER, Fading, Quantity, Seen, Vectors, acting, quantities
 from analytic.mechanism.written import INITIAL
 
 P = TypeVar("P", Body, Joint)
@@ -242,9 +242,11 @@ class Mechanism(MechanismPart):
         """The shortest time (s) in which a load that varies over time does what it does; endless without one."""
         return min((load.shortest_stretch for load in self.loads if load.over == "time"), default=math.inf)
 
-    def acting(self, load: Load, seen: Seen[Amount]) -> tuple[Vectors, Amount | float]:
-        """Force (N, x + iy) and torque (N.m) of a load, one or (N,), where the linkage is seen."""
-        return acting(load, self.load_quantities[load.over] if load.over else None, seen)
+    def acting(self, load: Load, seen: Seen[Amount], fading: Fading = NEVER) -> tuple[Vectors, Amount | float]:
+        """Force (N, x + iy) and torque (N.m) of a load, one or (N,), where the linkage is seen; below the velocities of
+        its ``fading`` one that opposes the motion is less.
+        """
+        return acting(load, self.load_quantities[load.over] if load.over else None, seen, fading)
 
     def load_values(
         self, load: Load, signals: Mapping[str, np.ndarray], time: np.ndarray | None = None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Generic, Literal, cast
+from typing import Generic, Literal, NamedTuple, cast
 
 import numpy as np
 
@@ -12,6 +12,16 @@ from analytic.mechanism.parts import GROUND, TINY, Amount, Body, Joint, Load
 from analytic.mechanism.signals import SiUnit
 
 Vectors = complex | np.ndarray  # x + iy, one or (N,)
+
+
+class Fading(NamedTuple):
+    """Velocity (m/s) of its point and rate (rad/s) of its body, below which a load that opposes them fades out."""
+
+    velocity: float = 0.0
+    spin: float = 0.0
+
+
+NEVER = Fading()
 
 
 @dataclass(frozen=True)
@@ -69,15 +79,20 @@ def quantities(driven: str, bodies: Iterable[Body], joints: Iterable[Joint]) -> 
             yield f"position_{joint.name}", Quantity("travel", slide=joint)
 
 
-def acting(load: Load, quantity: Quantity | None, seen: Seen[Amount]) -> tuple[Vectors, Amount | float]:
+def acting(
+    load: Load, quantity: Quantity | None, seen: Seen[Amount], fading: Fading = NEVER
+) -> tuple[Vectors, Amount | float]:
     """Force (N, x + iy) and torque (N.m) of a load, one or (N,), that varies over a ``quantity`` if over any.
 
-    One that opposes has no direction where its point, or its body, does not move: there it is none.
+    One that opposes has no direction where its point, or its body, does not move: there it is none, and in proportion
+    less below the velocities of its ``fading``.
     """
     share = 1.0 if quantity is None else load.share(quantity.value(seen), quantity.kind == "angle")
     force, torque = complex(*load.force), load.torque
     if not load.opposes:
         return force * share, torque * share
     along = seen.velocity(load.body, load.point) if force else 0j
-    turn = np.sign(seen.spin(load.body)) if torque else 0.0
-    return -abs(force) * share * along / np.maximum(np.abs(along), TINY), -abs(torque) * share * turn
+    spin = seen.spin(load.body) if torque else 0.0
+    turn = np.clip(spin / fading.spin, -1.0, 1.0) if fading.spin else np.sign(spin)
+    way = along / np.maximum(np.abs(along), fading.velocity or TINY)
+    return -abs(force) * share * way, -abs(torque) * share * turn

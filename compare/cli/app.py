@@ -3,8 +3,11 @@ at once.
 """
 
 import os
+import re
 import traceback
-from typing import Annotated
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Annotated, Any
 
 import typer
 import typer.core
@@ -33,13 +36,38 @@ from compare.questions.option import Option, Switch
 from compare.questions.question import Question
 from compare.questions.sweep import SweepQuestion
 
+_UsageError: Any = typer.BadParameter.__mro__[1]  # typer's, or that of the click below it
+IN_CI = "in CI the exit status is the verdict, and the folder of a result has junit.xml: docs/how-to/ci.md shows it"
+
 
 class Commands(typer.core.TyperGroup):
     """The commands; a mechanism file, or a shipped case that no command is called like, asks for its analysis."""
 
     def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:  # type: ignore[override]
         """The words that are left for the command that is meant."""
-        return super().parse_args(ctx, spelled_out(args, self.commands))
+        with _plain():
+            return super().parse_args(ctx, spelled_out(args, self.commands))
+
+    def invoke(self, ctx: typer.Context) -> object:  # type: ignore[override]
+        """What the command that is meant gives; it reads its own words."""
+        with _plain():
+            return super().invoke(ctx)
+
+
+@contextmanager
+def _plain() -> Iterator[None]:
+    """Have typer's own sentence about a word say what is meant, without what its validator puts before it."""
+    try:
+        yield
+    except _UsageError as error:
+        said = error.message.removeprefix("Value error, ")
+        options = {option.name for option in error.ctx.command.params} if error.ctx else set()
+        if re.match(r"No such (command|option):? '?(ci|(--)?junit)\b", said):
+            said, error.possibilities = f"{said.rstrip('.')}; {IN_CI}", None
+        elif said.startswith("Got unexpected extra argument") and "case" in options:
+            said = f"{said}; a linkage is named with --case"
+        error.message = said
+        raise
 
 
 app = typer.Typer(
@@ -84,6 +112,8 @@ def compare(line: CommandLine) -> None:
 
     Exit status: 0 agrees, 1 disagrees beyond tolerance or cannot be judged, 2 bad input, 3 a simulator is missing or
     failed.
+
+    In CI: docs/how-to/ci.md; junit.xml lies beside the report.
     """
     context = line.context
     typed = [name for name in context.params if line.has(name)]

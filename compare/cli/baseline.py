@@ -37,6 +37,8 @@ def check(line: CommandLine) -> None:
 
     Exit status: 0 nothing moved, 1 something moved, 2 a baseline is missing or damaged, 3 a simulator is missing or
     failed.
+
+    In CI: docs/how-to/ci.md has a workflow.
     """
     with line.complaints():
         from compare.baseline.check import check_baselines
@@ -57,6 +59,10 @@ def check(line: CommandLine) -> None:
 def update(line: CommandLine) -> None:
     """Write the baseline of every case in every engine; numbers that have not moved, and files without any that have,
     stay as they are.
+
+    Commit them: compare baseline check then says what has moved.
+
+    In CI: docs/how-to/ci.md has a workflow.
 
     Exit status: 0 written, 2 bad input, 3 a simulator is missing or failed.
     """

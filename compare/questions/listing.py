@@ -42,13 +42,14 @@ class FieldsQuestion(Question):
 KINDS = {
     "four-bar": "crank-rocker",
     "slider-crank": "slider-crank",
+    "quick-return": "",
     "six-bar": "six-bar",
     "five-bar": "five-bar",
     "arm": "2r-arm",
     "3-rrr": "3-rrr",
     "3-rpr": "3-rpr",
     "pendulum": "pendulum",
-}  # each with the shipped case that it begins as
+}  # each with the shipped case that it begins as; without one it has a file of its own in compare/kinds
 
 
 class NewQuestion(Question):

@@ -12,6 +12,7 @@ from rich.text import Text
 from analytic.mechanism.one_line import count
 from compare.quantities import plain
 from compare.report.summary import ShownRun, Summary, summarise
+from compare.report.tables import terminal_table
 from compare.report.trust import checked
 from compare.report.words.contact import ASCII_UNITS, ContactShown, Value
 from compare.report.words.crosscheck import METRICS_BRIEFLY, NUMERICAL_MEANS, VERDICT_WORDS, headline, why
@@ -26,14 +27,14 @@ MAIN: Mapping[StatisticName, str] = {  # what a terminal has room for, and how a
     "restitution_loss": "lost",
 }
 METRICS_COLUMNS = {  # what a terminal has room for of validation metrics, and how it is headed
-    0: "validation",
-    1: "unit",
-    2: "E mean",
-    3: "E rms",
-    7: "u_val",
-    8: "|E| <= 2 u_val",
-    9: "model error",
-    10: "area",
+    "title": "validation",
+    "unit": "unit",
+    "error_mean": "E mean",
+    "error_rms": "E rms",
+    "u_val": "u_val",
+    "within": "|E| <= 2 u_val",
+    "model_error": "model error",
+    "area": "area",
 }
 LOUD = ("disagrees", "unjudged", "failed")
 COLOUR = {"agrees": "green", "known": "yellow", **dict.fromkeys(LOUD, "bold red")}
@@ -78,13 +79,10 @@ def _print_metrics(summary: Summary, console: Console) -> None:
     """Validation metrics of the signals of the table above, what a terminal has room for."""
     keys = {quantity.signal: quantity.label for quantity in summary.keys()}
     rows = checked(summary.result.runs, keys)
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
-    for k, heading in METRICS_COLUMNS.items():
-        table.add_column(heading, justify="left" if k < 2 else "right", no_wrap=k > 0, overflow="fold")
-    for row in rows:
-        table.add_row(*(Text(row[k].translate(ASCII_UNITS)) for k in METRICS_COLUMNS))
+    cells = ([Text(getattr(row, name).translate(ASCII_UNITS)) for name in METRICS_COLUMNS] for row in rows)
+    first, unit = (METRICS_COLUMNS[name] for name in ("title", "unit"))
     if rows:
-        console.print(table)
+        console.print(terminal_table([*METRICS_COLUMNS.values()], cells, left=(first, unit), folded=(first,)))
         console.print(f"metrics: {METRICS_BRIEFLY}")
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import re
 
 from rich.console import Console
 from rich.text import Text
@@ -18,7 +17,6 @@ from compare.results.history import Runs
 from compare.results.imported import Imported
 from sim_models.engine import JOINT_MODELS, SCHEMES
 
-ELSEWHERE = re.compile(r"[,;:] (see below|\[[^\]]+\]\(\S+\))")  # what a page of the docs leads on to
 HEADINGS = {  # of tables that there are not any number of
     "mechanism": "the file itself",
     "ground": "[ground]",
@@ -64,7 +62,7 @@ def print_fields(result: Fields, console: Console) -> None:
     for table in dict.fromkeys(field.table for field in result.fields):
         say(console, HEADINGS.get(table, f"[[{table}]]"))
         rows = [
-            (f"  {f.name}", f.default, ELSEWHERE.sub("", f.means).replace("`", "").replace("\N{SUPERSCRIPT TWO}", "^2"))
+            (f"  {f.name}", f.default, f.means.replace("\N{SUPERSCRIPT TWO}", "^2"))
             for f in result.fields
             if f.table == table
         ]

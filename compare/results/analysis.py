@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from difflib import get_close_matches
 from functools import cached_property
-from typing import Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -15,10 +14,28 @@ from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal, named
 from analytic.paper.clearance import Model
 from compare.results.crosscheck import Index, MetresByJoint, OrderDifference, PinPath, Signals, Simulator
-from compare.results.document import Document, Filled, Grid, Mechanism, Number, Part, Row, Series, Share, Text, rows_of
+from compare.results.document import (
+    Document,
+    Filled,
+    Grid,
+    Mechanism,
+    Number,
+    Part,
+    Row,
+    Series,
+    Share,
+    Text,
+    as_dataframe,
+    rows_of,
+)
+from compare.results.looked_at import Curves, no_signal, plotted
 from compare.results.play import WithPlay
 from compare.results.toleranced import SignalsByTolerance
 from sim_models.engine import JointModel, Motion, SettingValue
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
 
 
 class _Side(Document):
@@ -48,9 +65,34 @@ class _Side(Document):
         try:
             return self.signals[name]
         except KeyError:
-            near = get_close_matches(name, self.signals, n=3)
-            hint = f"did you mean {' or '.join(near)}; " if near else ""
-            raise KeyError(f"{name}: no such signal; {hint}they are {', '.join(self.signals)}") from None
+            raise no_signal(name, self.signals) from None
+
+    @property
+    def peaks(self) -> pandas.DataFrame:
+        """A data frame of the largest value of each signal, with its sign, SI: signal, unit, largest, and the crank
+        angle (rad) and time (s) where it is.
+
+        Raises ImportError with the remedy where pandas is not installed.
+        """
+        return as_dataframe([*self._curves.peaks(self.kinds, self._between)], "peaks")
+
+    def plot(self, *signals: str) -> Figure:
+        """A matplotlib figure of these signals, or without one of what matters most.
+
+        Raises KeyError with the near names for what is none, ImportError where matplotlib is not installed.
+        """
+        return plotted(self.case, [self._curves], signals, self.kinds) if signals else super().plot()
+
+    @property
+    def _curves(self) -> Curves:
+        swings = self.time is not None and self.mechanism.speed is None
+        angle = self.crank_angle if self.mechanism.cranked or not swings else None
+        return Curves(self.case, self.signals, angle, self.time, swings)
+
+    @property
+    def _between(self) -> dict[str, tuple[float, float]]:
+        """Largest value of signals and its crank angle or time, where that is known between the samples too."""
+        return {}
 
     def units(self) -> Mapping[str, str]:
         """SI unit of each column."""
@@ -131,6 +173,16 @@ class Analysis(_Side):
     tolerances: Annotated[
         SignalsByTolerance | None, Field(description="What the mechanism's tolerances do, where it states any.")
     ] = None
+
+    @property
+    def _between(self) -> dict[str, tuple[float, float]]:
+        found = {}
+        for name, ends in self.extremes.items():
+            both = ((ends.highest, ends.highest_at), (ends.lowest, ends.lowest_at))
+            known = [(value, at) for value, at in both if value is not None and at is not None]
+            if len(known) == len(both):
+                found[name] = max(known, key=lambda end: abs(end[0]))
+        return found
 
     def __repr__(self) -> str:
         flagged = f", {len(self.flags)} without an answer" if self.flags else ""

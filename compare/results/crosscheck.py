@@ -14,7 +14,21 @@ from analytic.mechanism.signals import Signal, SiUnit, named
 from analytic.paper.clearance import Model
 from compare.results.band import Metrics
 from compare.results.contact import Compared, Contact
-from compare.results.document import Document, Filled, Grid, Mechanism, Number, Part, Row, Series, Share, Text, rows_of
+from compare.results.document import (
+    Document,
+    Filled,
+    Grid,
+    Mechanism,
+    Number,
+    Part,
+    Row,
+    Series,
+    Share,
+    Text,
+    as_dataframe,
+    rows_of,
+)
+from compare.results.looked_at import Curves, plotted
 from compare.results.play import WithPlay
 from sim_models.engine import Cause, JointModel, Motion, SettingValue
 
@@ -343,6 +357,44 @@ class CrossCheck(Document):
     def contact_frame(self, joint: str | None = None) -> pandas.DataFrame:
         """:meth:`Run.contact_frame` of the run with clearance.  Raises KeyError where there is none, or several."""
         return self._loose("contact_frame").contact_frame(joint)
+
+    @property
+    def peaks(self) -> pandas.DataFrame:
+        """A data frame of the largest value of each signal of each run, on either ``side``, with its sign, SI: signal,
+        unit, largest, and the crank angle (rad) and time (s) where it is.
+
+        Raises ImportError with the remedy where pandas is not installed.
+        """
+        rows: list[Row] = []
+        for run in self.runs:
+            about = {"simulator": run.simulator.name, "joint_model": run.joint_model, "motion": run.motion}
+            for side, curves in (("analytic", self._analytic(run)), ("simulated", self._simulated(run))):
+                rows += ({**about, "side": side, **row} for row in curves.peaks(self.signals, {}))
+        return as_dataframe(rows, "peaks")
+
+    def plot(self, *signals: str) -> Figure:
+        """A matplotlib figure of these signals, analytic and of every run, or without one of what matters most.
+
+        Raises KeyError with the near names for what is none, ImportError where matplotlib is not installed.
+        """
+        if not signals:
+            return super().plot()
+        models = {(run.analytic_model, bool(run.clearance), run.bends): run for run in reversed(self.runs)}
+        curves = [*map(self._analytic, models.values()), *map(self._simulated, self.runs)]
+        return plotted(self.case, curves, signals, self.signals)
+
+    def _analytic(self, run: Run) -> Curves:
+        of = "ideal" if not run.clearance else "with clearance"
+        return self._curves(f"analytic, {of}", run.analytic, run)
+
+    def _simulated(self, run: Run) -> Curves:
+        return self._curves(run.title, run.simulated, run)
+
+    def _curves(self, title: str, signals: Mapping[str, np.ndarray], run: Run) -> Curves:
+        swings = run.time is not None and self.swings
+        return Curves(
+            title, signals, run.crank_angle if self.mechanism.cranked or not swings else None, run.time, swings
+        )
 
     def plot_orbit(self, joint: str | None = None) -> Figure:
         """:meth:`Run.plot_orbit` of the run with clearance.  Raises KeyError where there is none, or several."""

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from analytic.kinematics.schedule import FEWEST_KNOTS
 from analytic.kinematics.structure import structure
+from sim_models.common.fading import slowed
 from sim_models.engine import Request, Unsupported
 
 
@@ -54,11 +57,19 @@ def _check_loads(request: Request) -> None:
             " 'driven', or give over = crank_angle"
         )
     load = next((load for load in m.loads if load.opposes), None)
-    if load is not None and (request.schedule.lets_go or len(structure(m).inputs) > len(request.schedule.drives)):
+    schedule = request.schedule
+    swings = schedule.lets_go and schedule.crank is not None
+    if load is not None and not swings and len(structure(m).inputs) > len(schedule.drives):
         raise Unsupported(
-            f"{m.name}: opposes of the load on {load.body!r} needs a drive of each freedom, for no engine holds a"
-            " linkage at rest by it; leave it out, or give a joint friction_torque"
+            f"{m.name}: opposes of the load on {load.body!r} needs a drive of each freedom, or a single crank that"
+            " swings freely; leave it out, or give a joint friction_torque"
         )
+    for load in (load for load in m.loads if load.opposes and swings):
+        if math.inf in slowed(m, load):
+            raise Unsupported(
+                f"{m.name}: in a released run opposes of the load on {load.body!r} needs the body's inertia; give it"
+                f" {'inertia (kg.m^2)' if m.moving[load.body].mass else 'a mass (kg)'}"
+            )
 
 
 def _check_bearings(request: Request) -> None:

@@ -13,8 +13,9 @@ import numpy as np
 from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint, Load
 from analytic.mechanism.parts import TINY
 from analytic.mechanism.signals import driving, wrapped
-from analytic.mechanism.varying import Seen
+from analytic.mechanism.varying import NEVER, Seen
 from sim_models.common.contact_laws import contact_parameters, longest
+from sim_models.common.fading import fading
 from sim_models.common.guide import Guide
 from sim_models.engine import Request, Trace
 
@@ -153,7 +154,11 @@ class TracedLinkage:
             edge = self._edges(load, seen)
             return force, torque, np.where(edge, abs(complex(*load.force)), 0.0), np.where(edge, abs(load.torque), 0.0)
         rates = (none, none) if self.still else (np.abs(self.going(load.body, load.point)), self.spin(load.body))
-        slow = [np.abs(rate) <= FADING * np.abs(rate).max(initial=0.0) for rate in rates]
+        fades = NEVER if self.held else fading(self.m, load)
+        slow = [
+            np.abs(rate) <= max(FADING * np.abs(rate).max(initial=0.0), below)
+            for rate, below in zip(rates, fades, strict=True)
+        ]
         always = load.model_copy(update={"opposes": False})
         sizes = (np.abs(part) + none for part in self.m.acting(always, seen))
         unsure, hidden = (np.where(here, size, 0.0) for here, size in zip(slow, sizes, strict=True))

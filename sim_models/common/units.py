@@ -10,6 +10,7 @@ into SI again.  Nothing but the exponents of the numbers changes.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import overload
@@ -33,6 +34,17 @@ from sim_models.engine import Cause, Rates, Request, SettingValue, SimulationErr
 LENGTHS = (2.0**-6, 2.0**2)  # m, longest distance between two points of a body
 MASSES = (2.0**-7, 2.0**5)  # kg, the heaviest body
 RATES = (2.0**0, 2.0**7)  # 1/s, of the crank, or at which loads would turn the linkage
+
+# Units of numbers in messages
+SAID: dict[str, Dimension] = {
+    **{unit: powers for unit, powers in POWERS.items() if any(powers)},
+    "J": POWERS["N.m"],
+    "N/m": (0, 1, -2),
+    "N.m/rad": POWERS["N.m"],
+    "kg.m^2": (2, 1, 0),
+}
+_UNITS = "|".join(re.escape(unit) for unit in sorted(SAID, key=len, reverse=True))
+WITH_UNIT = re.compile(rf"(?<![\w.])(-?\d+(?:\.\d+)?(?:e[+-]?\d+)?) ({_UNITS})(?![\w/^]|\.\w)")
 
 Pair = tuple[float, float]
 DIMENSIONLESS: Dimension = (0, 0, 0)
@@ -268,10 +280,15 @@ class Units:
             return {key: each * size for key, each in value.items()}
         return value * size if isinstance(value, int | float) else value
 
-    @property
-    def words(self) -> str:
-        """The units in words."""
-        return f"units of {self.length:g} m, {self.mass:g} kg and {self.time:g} s"
+    def said(self, text: str) -> str:
+        """A message in which each number with its unit is in these units, in SI; its digits are as many, or three."""
+
+        def in_si(found: re.Match[str]) -> str:
+            number, unit = found.groups()
+            digits = len(number.split("e")[0].lstrip("-0.").replace(".", ""))
+            return f"{float(number) * self.size(SAID[unit]):.{max(3, digits)}g} {unit}"
+
+        return WITH_UNIT.sub(in_si, text)
 
 
 SI = Units()
@@ -282,7 +299,7 @@ def in_own_units(run: Callable[[Request], Trace], request: Request, seconds: boo
     units in its settings.
 
     Joints with clearance that say nothing of their stiffness are given the project's default first.  Raises what the
-    run raises; where units are not SI's, a SimulationError says in which its numbers are.
+    run raises; the numbers of a SimulationError are in SI, too.
     """
     whole = with_stiffness(request)
     if request.motion == "static":
@@ -295,8 +312,9 @@ def in_own_units(run: Callable[[Request], Trace], request: Request, seconds: boo
     except TooSoft as error:
         raise error.of(whole.mechanism) from None
     except SimulationError as error:
-        note = f"(numbers in {units.words})"
-        raise SimulationError(error.what, error.cause, error.remedies, note) from error
+        name = whole.mechanism.name  # may have a number and a unit of its own
+        said = name.join(map(units.said, error.what.split(name)))
+        raise SimulationError(said, error.cause, error.remedies, error.note) from error
 
 
 def with_stiffness(request: Request) -> Request:

@@ -15,8 +15,9 @@ import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Load, Mechanism, Spring
 from analytic.mechanism.parts import TINY
-from analytic.mechanism.varying import Seen
+from analytic.mechanism.varying import NEVER, Seen
 from sim_models.common.contact_laws import NamedLaw, bearing, contact_parameters, longest
+from sim_models.common.fading import fading
 from sim_models.common.mobility import stop_step
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import travel
@@ -99,6 +100,7 @@ class ExudynModel:
         for body in mechanism.bodies:
             self._add_body(body.name, start[body.name])
         self.creep = joint_creep([motor] if motor else [] if drives is None else [*filter(None, drives.values())])
+        self.released = motion == "driven" and motor is None and drives is None
         self._add_loads()
         for joint in mechanism.joints:
             self._add_joint(joint, start)
@@ -180,11 +182,12 @@ class ExudynModel:
     def _now(self, load: Load, part: Callable[[complex, float], list[float]]) -> Callable[..., list[float]]:
         """A part of a load that varies, as Exudyn asks for it in every evaluation."""
         seen = Seen(self._turned, self._place, self._going, self._spin, lambda: self.clock)
+        fades = fading(self.m, load) if self.released else NEVER
 
         def now(mbs: Any, t: float, _: object) -> list[float]:
             if self.motion == "driven":
                 self.clock = t + self.since
-            force, torque = self.m.acting(load, seen)
+            force, torque = self.m.acting(load, seen, fades)
             return part(complex(force), float(torque))
 
         return now

@@ -12,6 +12,7 @@ import numpy as np
 from analytic.mechanism import Joint
 from analytic.mechanism.signals import DRIVE_TORQUE, driving
 from sim_models.common.contact_laws import contact_parameters, lighter_mass
+from sim_models.common.fading import fading_step
 from sim_models.common.failed_starts import who
 from sim_models.common.free_share import free_share
 from sim_models.common.mobility import corner_mass, stop_step
@@ -157,7 +158,7 @@ class ExudynRun(EngineRun):
         """
         if not (linkage.advance(begin, end, count, onward) if count else linkage.settle(begin, end)):
             raise self.judge.failure(
-                f"the integrator gave up between {begin:.6g} and {end:.6g} s (step"
+                f"the integrator gave up between {begin:.6g} s and {end:.6g} s (step"
                 f" {(end - begin) / max(count, 1):.3g} s)"
             )
         self.stages.append((begin, end, count, onward))
@@ -250,7 +251,7 @@ class ExudynRun(EngineRun):
             if spring.stiffness:
                 steps.append(2 * math.pi * math.sqrt(mass / spring.stiffness) / STEPS_PER_SPRING)
         if inertia is not None:
-            steps.append(stop_step(m))
+            steps += [stop_step(m), fading_step(m)]
         for name in (*self.request.bearings, *self.request.clearances):
             joint, stiffness = m.joint(name), linkage.model.stiffness(name)
             if name in self.request.clearances and self.request.joint_model == "massless-link":

@@ -20,9 +20,10 @@ import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Spring
 from analytic.mechanism.signals import DRIVE_TORQUE, driving
-from analytic.mechanism.varying import Seen
+from analytic.mechanism.varying import NEVER, Seen
 from sim_models.common.backlash import Flanks, side
 from sim_models.common.contact_laws import bearing, contact_parameters, longest, named_law
+from sim_models.common.fading import fading
 from sim_models.common.mobility import mobility
 from sim_models.common.rates import rate_columns
 from sim_models.common.start import AT_REST, Pose
@@ -90,6 +91,7 @@ class LeapfrogWorld(ABC):
         driven = self.held and not self.static
         self.laws = JointLaws(m, self.static, path.top_speed if driven else abs(self.speed), reach)
         self.heading: Mapping[str, Pose] = {}  # at rest: bodies in the motion that dry friction and loads oppose
+        self.fades = [NEVER if self.held else fading(m, load) for load in m.loads]
         self.clock = 0.0  # s, of the run
         self.grid: StepGrid | None = None  # of a moving run
         self.free = not (self.crank or path.held)  # in part
@@ -310,8 +312,8 @@ class LeapfrogWorld(ABC):
 
     def _load(self) -> None:
         """Apply loads, joint laws and clearance forces at the positions now."""
-        for load in self.mechanism.loads:
-            force, torque = self.mechanism.acting(load, self.seen)
+        for load, fades in zip(self.mechanism.loads, self.fades, strict=True):
+            force, torque = self.mechanism.acting(load, self.seen, fades)
             if force:
                 self.push(load.body, self.points[load.body, load.point], complex(force))
             if torque:

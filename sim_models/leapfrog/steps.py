@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from sim_models.common.fading import fading_step
 from sim_models.common.mobility import corner_mass, stop_step
 from sim_models.leapfrog.block import LeapfrogBlock
 from sim_models.leapfrog.bodies import LeapfrogWorld
@@ -53,7 +54,7 @@ def longest_step(world: LeapfrogWorld, path: Path, peaks: Mapping[str, float]) -
     elif world.drive_stiffness:
         step = min(step, DRIVE_PHASE * math.sqrt(drive_inertia(world, path.poses(path.begin)) / world.drive_stiffness))
     if not path.held:
-        step = min(step, stop_step(world.mechanism))
+        step = min(step, stop_step(world.mechanism), fading_step(world.mechanism))
     bodies = path.poses(path.begin) if world.loose or world.soft else {}
     for name, pin in world.pins.items():
         mass = pin_mass(world, pin.joint, bodies)

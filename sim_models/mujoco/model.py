@@ -15,8 +15,9 @@ import numpy as np
 
 from analytic.mechanism import GROUND, Body, Joint, Mechanism
 from analytic.mechanism.signals import driving
-from analytic.mechanism.varying import Seen
+from analytic.mechanism.varying import NEVER, Seen
 from sim_models.common.contact_laws import bearing, lighter_mass
+from sim_models.common.fading import fading
 from sim_models.common.guide import Guide
 from sim_models.common.start import Pose
 from sim_models.common.tree import Branch
@@ -127,6 +128,12 @@ class MujocoLinkage:
         self.places = memory(self.data.site_xpos.reshape(-1))  # m, x y z of one site after the other
         self.heading: Mapping[str, Pose] = {}  # at rest: bodies in the motion that loads oppose
         self.seen = Seen(self.angle, self.place, self.going, self.spin, lambda: float(self.data.time))
+        fades = [NEVER if setting.hold else fading(mechanism, load) for load in mechanism.loads]
+        # what each load is now: where no motor holds the linkage, one that opposes its motion fades
+        self.loaded = [
+            (load, partial(mechanism.acting, load, self.seen, fade))
+            for load, fade in zip(mechanism.loads, fades, strict=True)
+        ]
         self._name_things()
         self._set_laws()
         self.blocks = {name: self._block(name, law) for name, law in contacts.items() if name not in self.contacts}
@@ -150,8 +157,9 @@ class MujocoLinkage:
         self.growing = {self.laws[j.name]: (j, j.load_coefficient) for j in rows}
         for t, (j, _) in self.growing.items():
             m.tendon_frictionloss[t] = max(j.stiction, LEAST_FRICTION)
-        loads = zip(self.load_sites, mechanism.loads, strict=True)
-        varying = {site: partial(mechanism.acting, load, self.seen) for site, load in loads if load.varies}
+        varying = {
+            site: acting for site, (load, acting) in zip(self.load_sites, self.loaded, strict=True) if load.varies
+        }
         angle, form = self.fixed_angle[crank], self.form[crank]
         passive = Passive(laws, self.loads, mechanism.periodic_torque, angle, form, varying)
         self.passive = passive if laws or mechanism.periodic_torque or varying else None

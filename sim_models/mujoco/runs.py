@@ -12,6 +12,7 @@ from analytic.kinematics.assembly import AssemblyError
 from analytic.kinematics.schedule import Steady
 from analytic.mechanism import Mechanism
 from sim_models.common.backlash import HOLDS, INSTANTS_FELT, Felt, Flanks, side
+from sim_models.common.fading import fading_step
 from sim_models.common.free_share import free_share
 from sim_models.common.mobility import stop_step
 from sim_models.engine import Cause, Request, SettingValue, SimulationError
@@ -233,7 +234,7 @@ class MujocoRun(EngineRun):
             turn = SECOND_ORDER_TURN if places else TURN_PER_STEP_BY_MODEL[self.request.joint_model]
             limits.append(turn / top_speed)
         if not self.path.held:
-            limits.append(stop_step(self.mechanism))
+            limits += [stop_step(self.mechanism), fading_step(self.mechanism)]
         for name, law in list(self.laws.items()):
             ease = mobility(link, q, name)
             clearance = self.mechanism.joint(name).clearance

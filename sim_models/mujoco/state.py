@@ -338,8 +338,8 @@ def applied(link: MujocoLinkage) -> Iterator[tuple[str, complex, float]]:
     angle.
     """
     m, x = link.mechanism, link.data.site_xpos
-    for number, load in zip(link.load_sites, m.loads, strict=True):
-        force, torque = m.acting(load, link.seen)
+    for number, (load, acting) in zip(link.load_sites, link.loaded, strict=True):
+        force, torque = acting()
         yield load.body, complex(force), float(torque) + _cross(complex(*x[number, :2].tolist()), complex(force))
     if m.periodic_torque is not None:
         yield m.driven, 0j, m.periodic_torque.at(link.angle(m.driven))

@@ -103,7 +103,7 @@ class Judge:
             worst = int(np.argmax(jump))
             if jump[worst] > JUMP_OF_RATE * np.abs(spin).max():
                 raise self.failure(
-                    f"body {name} changes from {spin[worst]:.4g} to {spin[worst + 1]:.4g} rad/s in a step at"
+                    f"body {name} changes from {spin[worst]:.4g} rad/s to {spin[worst + 1]:.4g} rad/s in a step at"
                     f" {self._place(record, worst)}, where the linkage may be stretched out",
                     "ask for times before that, or use another simulator",
                 )

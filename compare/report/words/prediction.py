@@ -22,6 +22,7 @@ METRICS_MEAN = (
     " them."
 )
 OUTSIDE = 1.0 + 1e-6  # times a speed
+FAR = 10.0  # times a speed: from there on other things matter than those that the data show
 HALF = 0.5  # of a band's variance, from which on one part of it is named
 
 
@@ -44,7 +45,14 @@ def judgement(context: Context, speeds: Sequence[float]) -> str:
         return f"{lead}: nobody can say, as the model foretells no {context.quantity} there."
     band = f"the band of {context.quantity} is up to {amount(context.half_width, context.unit)} to either side"
     end = f"; of being wrong: {context.consequence.rstrip('.')}" if context.consequence else ""
+    if context.speed is not None and speeds and context.speed > max(speeds) * FAR:
+        return f"{lead}: nobody can say, as that is {_far(context.speed, speeds)}{end}."
     return f"{lead}: {'yes, with 95 %' if context.enough else 'no, not with 95 %'}; {band}{end}."
+
+
+def _far(speed: float, speeds: Sequence[float]) -> str:
+    """How far a speed (rad/s) is from the data: ``3.3e+06 times as fast as anything measured (300 rpm)``."""
+    return f"{speed / max(speeds):.2g} times as fast as anything measured ({rpm(max(speeds))})"
 
 
 def notes(
@@ -52,7 +60,9 @@ def notes(
 ) -> list[str]:
     """Where the data say little of a run, in sentences."""
     found = []
-    if speeds and speed > max(speeds) * OUTSIDE:
+    if speeds and speed > max(speeds) * FAR:
+        found.append(f"{capital(rpm(speed))} is {_far(speed, speeds)}: the band says nothing there.")
+    elif speeds and speed > max(speeds) * OUTSIDE:
         found.append(
             f"{capital(rpm(speed))} is faster than any fitted run ({rpm(max(speeds))}): bands grow with its square."
         )
