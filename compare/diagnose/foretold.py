@@ -10,18 +10,23 @@ from functools import cached_property
 import numpy as np
 
 from analytic.mechanism import Mechanism
-from analytic.mechanism.signals import Signal
+from analytic.mechanism.signals import Signal, named
 from compare.diagnose import prepare
-from compare.diagnose.data.recording import Measured, MeasuredRun
+from compare.diagnose.data.recording import Channel, Measured, MeasuredRun
 from compare.diagnose.effects.effect import Effect
 from compare.diagnose.mixture import TAIL, Discrepancy, axes, below_it, growth, quantile
 from compare.diagnose.predict import Hypothesis, Model, Term
+from compare.diagnose.stray import Fitted, Stray, Swing, stray
 from compare.judge.metrics import rms
 from compare.results.band import Band
-from compare.results.diagnosis import Diagnosis, JointCovariance
+from compare.results.diagnosis import DiagnosedRun, Diagnosis, JointCovariance
 
 Readings = Mapping[str, np.ndarray]
 UNIFORM = math.sqrt(3)  # half a range over its standard deviation (GUM, 4.3.7)
+NUDGES = {"angle": 1e-5, "rate": 1e-4}  # rad, rad/s: of a swing's start
+REFITS = 3  # of a start, from about the first readings
+AT_REST = 0.05  # of a run's samples, than which it is as good as never slower, or faster
+AS_FITTED = 2.0  # times what the fit left: a swing that is made again from the document leaves no more
 
 
 @dataclass(frozen=True)
@@ -112,23 +117,58 @@ class Explained:
         return found
 
     @cached_property
+    def swings(self) -> Sequence[Ahead]:
+        """The fitted free runs, each by itself; they start from about where they did."""
+        r, runs = self.result, [run for run in self.result.fitted if run.drive == "free"]
+        again = tuple(_again(r.mechanism, run) for run in runs)
+        return runs_ahead(Measured(r.mechanism, again, {}, (), "diagnosis"), self.mechanism) if again else []
+
+    @cached_property
+    def strays(self) -> Sequence[Stray | None]:
+        """By set of effects the torque that fitted free runs show beside it; None where there are none that it makes
+        again.
+        """
+        found = []
+        for k in range(len(self._sets)):
+            each = [_fitted(self, ahead, self.candidates(ahead.run.name, True)[k]) for ahead in self.swings]
+            known = [one for one in each if one is not None]
+            found.append(stray(known) if known else None)
+        return found
+
+    @cached_property
     def speeds(self) -> Sequence[float]:
         """How fast (rad/s, a size) the driven body goes in each fitted run that a motor drives, in the mean."""
-        driven = [run for run in self.result.fitted if run.drive != "free"]
-        return [_pace(run.time, run.crank_angle) for run in driven]
+        return [float(np.mean(rates)) for rates in self._rates]
 
-    def discrepancy(self, signal: str, peak: float, speed: float) -> tuple[float, float]:
+    @cached_property
+    def paces(self) -> Sequence[float]:
+        """The slowest and the fastest (rad/s, sizes) that these runs go: one that follows its encoder goes at many."""
+        return [float(np.quantile(rates, share)) for rates in self._rates for share in (AT_REST, 1 - AT_REST)]
+
+    @cached_property
+    def _rates(self) -> Sequence[np.ndarray]:
+        driven = [run for run in self.result.fitted if run.drive != "free"]
+        return [_rates(run.time, run.crank_angle) for run in driven]
+
+    def start(self, ahead: Ahead) -> np.ndarray:
+        """How well (2,) angle (rad) and rate (rad/s) are known that a free run starts from: as a reading of them."""
+        encoder, channels = ahead.model.rig.mechanism.encoders[0], ahead.run.channels
+        names = (encoder.name, f"{encoder.place}_angular_velocity")
+        return np.array([math.hypot(channels[s].noise, self._size(s)) if s in channels else 0.0 for s in names])
+
+    def _size(self, signal: str) -> float:
+        return self.left[signal].size if signal in self.left else 0.0
+
+    def discrepancy(self, signal: str, peak: float, ahead: Ahead) -> tuple[float, float]:
         """What stays unexplained (SI, 1 sigma) of a signal with this peak in a run at a speed, and by how much it has
         grown.  Of a signal that nobody measured it is the largest share of their peaks that others have.
         """
-        known = self.left.get(signal)
+        wraps = signal in self.result.signals and self.result.signals[signal].wraps
+        known, peaks = self.left.get(signal), 0.0 if wraps else self.peaks.get(signal, 0.0)
+        factor = max(growth(pace, self.paces, peak, peaks) for pace in (ahead.speed, ahead.fastest))
         if known is None:
             shares = [d.size / self.peaks[s] for s, d in self.left.items() if self.peaks[s]]
-            factor = growth(speed, self.speeds, 0.0, 0.0)
             return factor * max(shares, default=0.0) * peak, factor
-        signals = self.result.signals
-        wraps = signal in signals and signals[signal].wraps
-        factor = growth(speed, self.speeds, 0.0 if wraps else peak, self.peaks[signal])
         return factor * known.size, factor
 
 
@@ -173,9 +213,9 @@ def _parted(name: str) -> tuple[str, str]:
     return f"{effect}@{where}", f"{parameter}{at}{run}"
 
 
-def _pace(time: np.ndarray, angle: np.ndarray) -> float:
-    """Mean rate of what goes through places (N,) at times (N,) s."""
-    return float(np.mean(np.abs(np.diff(angle)) / np.diff(time))) if time.size > 1 else 0.0
+def _rates(time: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """The sizes of the rates (N - 1,) of what goes through places (N,) at times (N,) s; 0 of a single one."""
+    return np.asarray(np.abs(np.diff(position)) / np.diff(time)) if time.size > 1 else np.zeros(1)
 
 
 @dataclass(frozen=True)
@@ -190,6 +230,11 @@ class Ahead:
         """The run."""
         return self.model.measured.runs[0]
 
+    def nudged(self, more: Mapping[str, float]) -> Ahead:
+        """The same free run from a start that has so much more angle (rad) and rate (rad/s)."""
+        ((term, values),) = self.start
+        return replace(self, start=[(term, {name: v + more.get(name, 0.0) for name, v in values.items()})])
+
     @property
     def position(self) -> np.ndarray:
         """Where the motor is (N,) rad or m, of several the first one; in a free run the driven body as it is let go."""
@@ -200,7 +245,13 @@ class Ahead:
     @property
     def speed(self) -> float:
         """How fast (rad/s, a size) its driven body goes in the mean; 0 where it is let go."""
-        return 0.0 if self.run.drive == "free" else _pace(self.run.time, self.position)
+        return 0.0 if self.run.drive == "free" else float(np.mean(_rates(self.run.time, self.position)))
+
+    @property
+    def fastest(self) -> float:
+        """The same at its fastest."""
+        rates = np.zeros(1) if self.run.drive == "free" else _rates(self.run.time, self.position)
+        return float(np.quantile(rates, 1 - AT_REST))
 
 
 def runs_ahead(measured: Measured, mechanism: Mechanism) -> list[Ahead]:
@@ -229,31 +280,128 @@ def foretold(
     answers = [_answer(ahead, candidate) for candidate in every]
     if answers[0] is None:
         return None
-    told = [(c.probability, answer) for c, answer in zip(every, answers, strict=True) if answer is not None]
-    weights = np.array([share for share, _ in told]) / sum(share for share, _ in told)
+    strays = explained.strays if run.drive == "free" else [None] * len(every)
+    start = explained.start(ahead)
+    told = [
+        (c.probability, answer.readings, *answer.variances(torque, start))
+        for c, answer, torque in zip(every, answers, strays, strict=True)
+        if answer is not None
+    ]
+    weights = np.array([share for share, *_ in told]) / sum(share for share, *_ in told)
+    first, torque = answers[0].swing, strays[0]
+    swelled = 1.0 if first is None or torque is None else torque.growth(first.rate)
     followed = ahead.model.rig.encoders if run.drive == "measured" else ()  # they say the motion, and are not foretold
     return {
-        s: _band(explained, ahead, s, weights, [answer[s] for _, answer in told], [r[s] for r in simulated if s in r])
-        for s in run.channels
+        s: _band(
+            explained,
+            ahead,
+            s,
+            weights,
+            [tuple(part[k] for part in rest) for _, *rest in told],
+            swelled,
+            [r[s] for r in simulated if s in r],
+        )
+        for k, s in enumerate(run.channels)
         if s not in followed
     }
 
 
-def _answer(ahead: Ahead, candidate: Candidate) -> dict[str, tuple[np.ndarray, np.ndarray]] | None:
-    """By sensor what a set says (N,), and its variance (N,) by what the values leave open; None where it cannot be."""
+@dataclass(frozen=True)
+class Answer:
+    """What a set says of the R sensors of a run (R, N), what a standard deviation along each axis of its values changes
+    (m, R, N), and of a free run what else does.
+    """
+
+    readings: np.ndarray
+    values: np.ndarray
+    swing: Swing | None = None
+
+    def variances(self, torque: Stray | None, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Of the sensors (R, N) by what the values and a start of these deviations (2,) leave open, and by a torque
+        that nobody named.
+        """
+        spread = np.eye(len(self.values)) if torque is None else torque.spread
+        known = np.einsum("irn,ij,jrn->rn", self.values, spread, self.values)
+        if self.swing is None:
+            return known, np.zeros_like(known)
+        known = known + np.einsum("i,irn->rn", start**2, self.swing.start**2)
+        return known, np.zeros_like(known) if torque is None else torque.variance(self.swing)
+
+
+def _answer(ahead: Ahead, candidate: Candidate) -> Answer | None:
+    """What a set says of a run; None where it cannot be."""
     asked = [candidate.values, *(candidate.moved(axis, way) for axis in candidate.axes for way in (1, -1))]
     middle, *moved = (found[0] if found else None for found in ahead.model([[*ahead.start, *h] for h in asked]))
     if middle is None:
         return None
-    out = {}
-    for s, channel in ahead.run.channels.items():
-        variance = np.zeros(ahead.run.time.size)
-        for up, down in zip(moved[::2], moved[1::2], strict=True):
-            one, other = (up or middle)[s], (down or middle)[s]
-            half = channel.signal.apart(one, other) / (2.0 if up and down else 1.0)
-            variance += half**2
-        out[s] = middle[s], variance
-    return out
+    readings = np.array([middle[s] for s in ahead.run.channels])
+    values = [_half(ahead, middle, up, down) for up, down in zip(moved[::2], moved[1::2], strict=True)]
+    values_of = np.array(values).reshape(-1, *readings.shape)
+    return Answer(
+        readings, values_of, _swing(ahead, candidate, middle, values_of) if ahead.run.drive == "free" else None
+    )
+
+
+def _half(ahead: Ahead, middle: Readings, up: Readings | None, down: Readings | None) -> np.ndarray:
+    """Half of what lies between readings (R, N) one way and the other; of one way where the other is none."""
+    channels, of = ahead.run.channels.items(), 2.0 if up and down else 1.0
+    return np.array([c.signal.apart((up or middle)[s], (down or middle)[s]) / of for s, c in channels])
+
+
+def _swing(ahead: Ahead, candidate: Candidate, middle: Readings, values: np.ndarray) -> Swing | None:
+    """What changes a free run; None where it has no motion nearby, or goes in pieces."""
+    if len(ahead.model.starts(ahead.run, ahead.start)) > 1:
+        return None
+    nudged = [ahead.nudged({name: way * h}) for name, h in NUDGES.items() for way in (1, -1)]
+    asked = [[*each.start, *candidate.values] for each in (ahead, *nudged)]
+    moved = ahead.model.moving(ahead.run, asked)
+    found = [each[0] if each else None for each in ahead.model(asked[1:])]
+    if any(each is None for each in (*moved, *found)):
+        return None
+    motion, inertia = zip(*(each for each in moved if each is not None), strict=True)
+    steps = np.array(list(NUDGES.values()))
+    turned = np.array([motion[1][:2] - motion[2][:2], motion[3][:2] - motion[4][:2]]) / (2 * steps[:, None, None])
+    start = np.array([_half(ahead, middle, *found[k : k + 2]) for k in (0, 2)]) / steps[:, None, None]
+    return Swing(ahead.run.time, turned.swapaxes(0, 1), inertia[0], float(np.abs(motion[0][1]).max()), start, values)
+
+
+def _again(mechanism: Mechanism, run: DiagnosedRun) -> MeasuredRun:
+    """A free run of a diagnosis as it was measured, which starts from about where it did."""
+    known, encoder = named(mechanism.bodies, mechanism.joints, mechanism.drives), mechanism.encoders[0]
+    channels = {s: Channel(known[s], each.measured, each.noise, True, known[s].unit) for s, each in run.signals.items()}
+    rate = float(np.gradient(run.crank_angle[:3], run.time[:3], edge_order=2)[0])
+    start = {encoder.name: float(run.crank_angle[0]), f"{encoder.place}_angular_velocity": rate}
+    return MeasuredRun(run.name, run.time, channels, "free", None, None, start, None, False, "")
+
+
+def _fitted(explained: Explained, ahead: Ahead, candidate: Candidate) -> Fitted | None:
+    """A fitted free run as a set makes it from the start that fits best; None where it leaves more than the fit did, as
+    with loads of its own.
+    """
+    run, r = ahead.run, explained.result
+    noise = np.array([channel.noise for channel in run.channels.values()])
+    for _ in range(REFITS):
+        answer = _answer(ahead, replace(candidate, axes=()))
+        if answer is None or answer.swing is None:
+            return None
+        wanted = (_left(ahead, answer) / noise[:, None]).ravel()
+        known, columns = np.isfinite(wanted), (answer.swing.start / noise[:, None]).reshape(2, -1).T
+        more = np.linalg.lstsq(columns[known], wanted[known], rcond=None)[0]
+        ahead = ahead.nudged(dict(zip(NUDGES, more.tolist(), strict=True)))
+    answer = _answer(ahead, candidate)
+    if answer is None or answer.swing is None:
+        return None
+    left, document = _left(ahead, answer), next(each for each in r.fitted if each.name == run.name)
+    before = np.array([r.residual(document, s, "after") for s in run.channels])
+    if np.nanmean((left / noise[:, None]) ** 2) > AS_FITTED**2 * np.nanmean((before / noise[:, None]) ** 2):
+        return None
+    return Fitted(answer.swing, left, noise.tolist(), tuple(run.channels))
+
+
+def _left(ahead: Ahead, answer: Answer) -> np.ndarray:
+    """What was read less what a set says (R, N)."""
+    channels = ahead.run.channels.values()
+    return np.array([c.signal.apart(c.values, told) for c, told in zip(channels, answer.readings, strict=True)])
 
 
 def _band(
@@ -261,12 +409,13 @@ def _band(
     ahead: Ahead,
     name: str,
     weights: np.ndarray,
-    told: Sequence[tuple[np.ndarray, np.ndarray]],
+    told: Sequence[tuple[np.ndarray, ...]],
+    swelled: float,
     simulated: Sequence[np.ndarray],
 ) -> Band:
     channel = ahead.run.channels[name]
     signal: Signal = channel.signal
-    means, variances = (np.array(part) for part in zip(*told, strict=True))
+    means, variances, torques = (np.array(part) for part in zip(*told, strict=True))
     means = means[0] + np.array([signal.apart(m, means[0]) for m in means])  # in one turn
     engines = np.zeros(means.shape[1])
     if simulated:
@@ -274,8 +423,8 @@ def _band(
         means = means + off[0]
         engines = np.max(np.abs(np.vstack([off - off[0], off[:1]])), axis=0) / UNIFORM
     middle = weights @ means
-    size, factor = explained.discrepancy(name, float(np.nanmax(np.abs(middle))), ahead.speed)
-    sds = np.sqrt(variances + engines**2 + size**2)
+    size, factor = explained.discrepancy(name, float(np.nanmax(np.abs(middle))), ahead)
+    sds = np.sqrt(variances + torques + engines**2 + size**2)
     low, high = (quantile(share, weights, means, sds) for share in (TAIL, 1 - TAIL))
     measured = means[0] + signal.apart(channel.values, means[0])
     place = below_it(measured, weights, means, np.hypot(sds, channel.noise))
@@ -289,8 +438,8 @@ def _band(
             "parameters": rms(np.sqrt(weights @ variances)),
             "sets": rms(np.sqrt(weights @ (means - middle) ** 2)),
             "engines": rms(engines),
-            "discrepancy": size,
+            "discrepancy": rms(np.sqrt(weights @ torques + size**2)),
         },
-        growth=factor,
+        growth=max(factor, swelled),
         covered=float(np.mean((place > TAIL)[known] & (place < 1 - TAIL)[known])) if known.any() else None,
     )

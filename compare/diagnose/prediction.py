@@ -52,7 +52,7 @@ def predict(question: PredictQuestion) -> Prediction:
                 "diagnosis", f"its explained mechanism cannot make run {ahead.run.name!r}; give another"
             )
         unmeasured = [s for s in bands if s not in explained.left]
-        told += notes(bands, ahead.speed, explained.speeds, unmeasured, explained.left_aside)
+        told += notes(bands, ahead.speed, explained.paces, unmeasured, explained.left_aside)
         runs.append(
             PredictedRun(
                 name=ahead.run.name,
