@@ -7,10 +7,11 @@ from dataclasses import replace
 from analytic.mechanism import Load
 from analytic.mechanism.signals import named
 from compare.arguments import modelling, one_engine, path
+from compare.diagnose.ahead import Ahead, Readings, runs_ahead
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.engines import Engines
-from compare.diagnose.foretold import Ahead, Explained, Readings, foretold, runs_ahead
+from compare.diagnose.foretold import Explained, foretold
 from compare.diagnose.planned import planned
 from compare.diagnose.warrant import half_width, judged
 from compare.faults import ArgumentError

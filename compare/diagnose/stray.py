@@ -2,15 +2,21 @@
 
 No motor corrects what such a torque does.  It changes the rate, with that the period, and the error grows with time;
 the residuals of a fitted swing hold little of it, as the start and the values found have taken on what they could.
-So the torque is taken to be random: steady over a length of time, independent from one length to the next, of one
-standard deviation s.  With B(t) (2, 2), what angle and rate at the start change of those at t, and the inertia M(t),
-a torque u(t) does to first order what a change of the start would do that grows as
+The torque at an angle q and a rate w is taken to be
 
-    c(t) = integral from 0 to t of B(r)^-1 (0, u(r) / M(r)) dr.
+    a_0 + a_1 cos q + a_2 sin q + a_3 cos 2q + a_4 sin 2q + a_5 sign w + a_6 w / W + a_7 w |w| / W^2 + u(t),
 
-The residuals of fitted swings are then normal: starts and values found are free, torques have s, readings their noise
-and what else is alike over neighbouring samples.  The length is the likeliest one, and s has its posterior, flat before
-the data.  Of another swing s tells how far it strays; the values found are known as well as the torques leave them.
+W the rms rate of the fitted swings.  The a, the same in all swings, are normal with mean zero and one standard
+deviation; u is steady over a length of time, independent from one to the next, and has another.  With B(t) (2, 2), what
+angle and rate at the start change of those at t, and the inertia M(t), a torque f(t) does to first order what a change
+of the start would do that grows as
+
+    c(t) = integral from 0 to t of B(r)^-1 (0, f(r) / M(r)) dr.
+
+The residuals of fitted swings are then normal, of starts and values found that are free, of the torque, and of noise
+with what else is alike over neighbouring samples.  The length is the likeliest one, and the two standard deviations
+have their posterior, flat before the data.  So a and the values found have a mean and a covariance, which tell another
+swing.
 """
 
 from __future__ import annotations
@@ -25,36 +31,52 @@ from compare.diagnose.mixture import Discrepancy
 
 LENGTHS = (16, 32, 64, 128, 256)  # of which so many fill the longest swing
 FEWEST = 4  # samples of a length
-SIZES = np.geomspace(1e-3, 1e6, 200)  # of s, in what a torque of all lengths is known to
+SIZES = np.geomspace(1e-2, 1e7, 46)  # of a standard deviation, in what all torques of its kind together are known to
 RIDGE = 1e-9  # of a normalised column's square
 LOST = 1e-6  # of the start's changes: motions that have come to rest together
 
 
 @dataclass(frozen=True)
 class Swing:
-    """A swing of N samples: times (s), B (2, 2, N), M (N,), the fastest rate, and what each coordinate of the start
-    (2, R, N) and a standard deviation of each value found (m, R, N) change of its R readings.
+    """A swing of N samples: times (s), angle and rate of the driven body (2, N), M (N,), B (2, 2, N), and what each
+    coordinate of the start (2, R, N) and a standard deviation of each value found (m, R, N) change of its R readings.
     """
 
     time: np.ndarray
-    motion: np.ndarray = field(repr=False)
+    state: np.ndarray = field(repr=False)
     inertia: np.ndarray = field(repr=False)
-    rate: float
+    motion: np.ndarray = field(repr=False)
     start: np.ndarray = field(repr=False)
     values: np.ndarray = field(repr=False)
 
+    @property
+    def fastest(self) -> float:
+        """Its largest rate (rad/s)."""
+        return float(np.abs(self.state[1]).max())
+
     def torques(self, length: float) -> np.ndarray:
         """What 1 N.m over each length (s) in turn changes of the readings (k, R, N)."""
-        (a, b), (c, d) = self.motion
-        whole = a * d - b * c
-        kick = np.where(np.abs(whole) > LOST, 1.0, 0.0) * np.array([-b, a]) / np.where(whole == 0, 1.0, whole)
-        kick, since = kick / self.inertia, self.time - self.time[0]
-        areas = (kick[:, 1:] + kick[:, :-1]) / 2 * np.diff(since)
-        grown = np.concatenate([np.zeros((2, 1)), np.cumsum(areas, axis=1)], axis=1)
+        since = self.time - self.time[0]
         begins = length * np.arange(max(1, math.ceil(since[-1] / length - 1e-9)))
         within = np.clip(since, begins[:, None], begins[:, None] + length)
-        changes = np.array([np.interp(within, since, each) - np.interp(begins, since, each)[:, None] for each in grown])
-        return np.einsum("irn,ikn->krn", self.start, changes)
+        whole = self._grown(np.ones(since.size))
+        parts = [np.interp(within, since, each) - np.interp(begins, since, each)[:, None] for each in whole]
+        return np.einsum("irn,ikn->krn", self.start, np.array(parts))
+
+    def laws(self, pace: float) -> np.ndarray:
+        """What 1 N.m of each law of the state changes of the readings (8, R, N), W being a pace (rad/s)."""
+        q, w = self.state[0], self.state[1] / pace
+        told = (np.ones(q.size), np.cos(q), np.sin(q), np.cos(2 * q), np.sin(2 * q), np.sign(w), w, w * np.abs(w))
+        return np.array([np.einsum("irn,in->rn", self.start, self._grown(each)) for each in told])
+
+    def _grown(self, torque: np.ndarray) -> np.ndarray:
+        """The change of the start (2, N) that a torque (N,) N.m has grown to: c."""
+        (a, b), (c, d) = self.motion
+        whole = a * d - b * c
+        there = np.abs(whole) > LOST
+        kick = np.array([-b, a]) * there / np.where(there, whole, 1.0) * torque / self.inertia
+        areas = (kick[:, 1:] + kick[:, :-1]) / 2 * np.diff(self.time)
+        return np.concatenate([np.zeros((2, 1)), np.cumsum(areas, axis=1)], axis=1)
 
 
 @dataclass(frozen=True)
@@ -69,29 +91,38 @@ class Fitted:
 
 @dataclass(frozen=True)
 class Stray:
-    """A torque of standard deviation ``size`` (N.m), steady over a ``length`` (s), as swings show it that were as fast
-    as a ``rate``; and the covariance (m, m) of the values found beside it, in standard deviations by the diagnosis.
+    """The torque that swings show whose rates are a ``pace`` (rad/s, rms) and ``fastest`` at most: the standard
+    deviation ``size`` (N.m) of what is steady over a ``length`` (s), and mean (8 + m,) and covariance (8 + m, 8 + m) of
+    its laws (N.m) and of what the values found are off, in their standard deviations.
     """
 
     size: float
     length: float
-    rate: float
-    spread: np.ndarray = field(repr=False)
+    pace: float
+    fastest: float
+    mean: np.ndarray = field(repr=False)
+    covariance: np.ndarray = field(repr=False)
 
-    def growth(self, rate: float) -> float:
-        """How many times as large it is in a swing as fast as a rate (rad/s): no force of a linkage grows faster than
-        the square.
+    def growth(self, swing: Swing) -> float:
+        """How many times as large what goes with no law is in a swing: no force of a linkage grows faster than the
+        square of its rate.
         """
-        return max(1.0, rate / self.rate) ** 2
+        return max(1.0, swing.fastest / self.fastest) ** 2
 
-    def variance(self, swing: Swing) -> np.ndarray:
-        """That of the readings (R, N) of a swing by the torque."""
-        size = self.size * self.growth(swing.rate)
-        return np.asarray(size**2 * np.sum(swing.torques(self.length) ** 2, axis=0))
+    def foretold(self, swing: Swing) -> tuple[np.ndarray, np.ndarray]:
+        """The mean and the variance (R, N) of what it changes of a swing's readings, beside the values found."""
+        columns = np.concatenate([swing.laws(self.pace), swing.values])
+        by_law = np.einsum("irn,ij,jrn->rn", columns, self.covariance, columns)
+        size = self.size * self.growth(swing)
+        return np.einsum("irn,i->rn", columns, self.mean), by_law + size**2 * np.sum(
+            swing.torques(self.length) ** 2, axis=0
+        )
 
 
-def stray(swings: Sequence[Fitted]) -> Stray:
-    """The torque that fitted swings show."""
+def stray(swings: Sequence[Fitted], length: float | None = None) -> Stray:
+    """The torque that fitted swings show, of the likeliest length or of this one (s)."""
+    if length is not None:
+        return _of_length(swings, length)[1]
     longest = max(float(np.ptp(each.swing.time)) for each in swings)
     shortest = FEWEST * max(float(np.median(np.diff(each.swing.time))) for each in swings)
     lengths = [longest / k for k in LENGTHS if longest / k >= shortest] or [longest / LENGTHS[0]]
@@ -100,42 +131,43 @@ def stray(swings: Sequence[Fitted]) -> Stray:
 
 def _of_length(swings: Sequence[Fitted], length: float) -> tuple[float, Stray]:
     """The logarithm of the likelihood of a length, and the torque."""
-    blocks, torques = _columns(swings, length)
+    pace = math.sqrt(float(np.mean(np.concatenate([each.swing.state[1] for each in swings]) ** 2)))
+    fastest = max(each.swing.fastest for each in swings)
     signals = [s for each in swings for s in each.signals]
     residuals = [r for each in swings for r in each.residual]
-    variances = [noise**2 for each in swings for noise in each.noise]
-    noises = tuple(variances)
+    noises = [noise**2 for each in swings for noise in each.noise]
+    blocks, free, laws = _columns(swings, length, pace)
+    variances = noises
     for _ in range(2):
         rows, wanted = _weighted(blocks, residuals, variances)
         known = rows.T @ rows
-        ridge = RIDGE * np.diag(known) + 1e-300
-        x = np.linalg.solve(known + np.diag(ridge), rows.T @ wanted)
+        x = np.linalg.solve(known + np.diag(RIDGE * np.diag(known) + 1e-300), rows.T @ wanted)
         left = [r - b @ x for r, b in zip(residuals, blocks, strict=True)]
         alike = {s: Discrepancy.of([each for each, of in zip(left, signals, strict=True) if of == s]) for s in signals}
-        variances = [
-            noise + 2 * alike[s].samples * alike[s].size ** 2 for noise, s in zip(noises, signals, strict=True)
-        ]
+        variances = [n + 2 * alike[s].samples * alike[s].size ** 2 for n, s in zip(noises, signals, strict=True)]
     rows, wanted = _weighted(blocks, residuals, variances)
-    log = -0.5 * sum(np.isfinite(r).sum() * math.log(v) for r, v in zip(residuals, variances, strict=True))
-    size, known_by, more = _sized(rows, wanted, rows.shape[1] - torques)
-    m, rate = len(swings[0].swing.values), max(each.swing.rate for each in swings)
-    return log + more, Stray(size, length, rate, known_by[2 * len(swings) :, 2 * len(swings) :].reshape(m, m))
+    starts = np.linalg.qr(rows[:, :free])[0]
+    rows, wanted = (each - starts @ (starts.T @ each) for each in (rows[:, free:], wanted))
+    log, size, mean, covariance = _sized(rows, wanted, laws, len(swings[0].swing.values))
+    log -= 0.5 * sum(np.isfinite(r).sum() * math.log(v) for r, v in zip(residuals, variances, strict=True))
+    return log, Stray(size, length, pace, fastest, mean, covariance)
 
 
-def _columns(swings: Sequence[Fitted], length: float) -> tuple[list[np.ndarray], int]:
-    """By reading what starts, values and torques change (N, n), and how many torques there are."""
+def _columns(swings: Sequence[Fitted], length: float, pace: float) -> tuple[list[np.ndarray], int, int]:
+    """By reading what starts, laws, values and torques change (N, n), and how many starts and laws there are."""
     each = [s.swing.torques(length) for s in swings]
-    count, m = len(swings), len(swings[0].swing.values)
-    begins = 2 * count + m + np.cumsum([0, *(len(t) for t in each)])
+    shared = [np.concatenate([s.swing.laws(pace), s.swing.values]) for s in swings]
+    free, m = 2 * len(swings), len(swings[0].swing.values)
+    begins = free + len(shared[0]) + np.cumsum([0, *(len(t) for t in each)])
     blocks = []
     for k, (fitted, torques) in enumerate(zip(swings, each, strict=True)):
         for r in range(len(fitted.signals)):
             rows = np.zeros((fitted.residual.shape[1], begins[-1]))
             rows[:, 2 * k : 2 * k + 2] = fitted.swing.start[:, r].T
-            rows[:, 2 * count : 2 * count + m] = fitted.swing.values[:, r].T
+            rows[:, free : begins[0]] = shared[k][:, r].T
             rows[:, begins[k] : begins[k + 1]] = torques[:, r].T
             blocks.append(rows)
-    return blocks, int(begins[-1] - begins[0])
+    return blocks, free, len(shared[0]) - m
 
 
 def _weighted(
@@ -149,22 +181,36 @@ def _weighted(
     return np.concatenate([rows for rows, _ in parts]), np.concatenate([told for _, told in parts])
 
 
-def _sized(rows: np.ndarray, wanted: np.ndarray, free: int) -> tuple[float, np.ndarray, float]:
-    """The root mean square of s, the covariance (free, free) of what is free, and the logarithm of the likelihood."""
-    scale = np.linalg.norm(rows[:, :free], axis=0) + 1e-300
-    u, sizes, v = np.linalg.svd(rows[:, :free] / scale, full_matrices=False)
-    told = sizes > math.sqrt(RIDGE)
-    u, inverse = u[:, told], (v[told] / sizes[told, None]).T / scale[:, None]
-    absorbed = u.T @ rows[:, free:]
-    left, rest = rows[:, free:] - u @ absorbed, wanted - u @ (u.T @ wanted)
-    known, vectors = np.linalg.eigh(left.T @ left)
-    known = np.maximum(known, 0.0)
-    pull = vectors.T @ (left.T @ rest)
-    s = SIZES / math.sqrt(float(known.sum()) + 1e-300)
-    spread = 1 / (known + 1 / s[:, None] ** 2)
-    logs = 0.5 * np.sum(pull**2 * spread + np.log(spread / s[:, None] ** 2), axis=1) + np.log(s)
+def _sized(rows: np.ndarray, wanted: np.ndarray, laws: int, values: int) -> tuple[float, float, np.ndarray, np.ndarray]:
+    """The logarithm of the likelihood, the rms standard deviation of torques, and mean and covariance of laws and
+    values, over what both standard deviations may be.
+    """
+    n = laws + values
+    scale = np.maximum(np.linalg.norm(rows[:, :n], axis=0), 1e-300)
+    law, torque = rows[:, :n] / scale, rows[:, n:]
+    known, vectors = np.linalg.eigh(torque.T @ torque)
+    known, vectors = np.maximum(known, 0.0), vectors
+    across, pull = law.T @ torque @ vectors, vectors.T @ (torque.T @ wanted)
+    s = SIZES[:, None] / math.sqrt(float(known.sum()) + 1e-300)  # of torques
+    spread = 1 / (known + 1 / s**2)
+    alone = 0.5 * np.sum(pull**2 * spread + np.log(spread / s**2), axis=1) + np.log(s[:, 0])
+    told = law.T @ law - np.einsum("ik,sk,jk->sij", across, spread, across)
+    pulls = law.T @ wanted - np.einsum("ik,sk,k->si", across, spread, pull)
+    a = SIZES / math.sqrt(laws) / np.sqrt(np.mean(scale[:laws] ** 2))  # of laws
+    prior = np.full((a.size, n), RIDGE)
+    prior[:, :laws] = 1 / (a[:, None] * scale[:laws]) ** 2
+    precision = told[:, None] + prior[:, :, None] * np.eye(n)
+    covariance = np.linalg.inv(precision)
+    mean = np.einsum("saij,sj->sai", covariance, pulls)
+    logs = (
+        alone[:, None]
+        + np.log(a)
+        + 0.5 * (np.einsum("sai,si->sa", mean, pulls) - np.linalg.slogdet(precision)[1] + np.sum(np.log(prior), axis=1))
+    )
     weights = np.exp(logs - logs.max())
-    more = float(logs.max() + math.log(weights.sum()) - 0.5 * rest @ rest)
+    log = float(logs.max() + math.log(weights.sum()) - 0.5 * wanted @ wanted)
     weights /= weights.sum()
-    answer = inverse @ absorbed @ vectors
-    return math.sqrt(float(weights @ s**2)), inverse @ inverse.T + (answer * (weights @ spread)) @ answer.T, more
+    middle = np.einsum("sa,sai->i", weights, mean)
+    second = np.einsum("sa,saij->ij", weights, covariance + mean[..., :, None] * mean[..., None, :])
+    size = math.sqrt(float(weights.sum(axis=1) @ s[:, 0] ** 2))
+    return log, size, middle / scale, (second - np.outer(middle, middle)) / np.outer(scale, scale)
