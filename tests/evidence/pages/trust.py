@@ -204,8 +204,8 @@ def _foretold(rows: Sequence[Foretold]) -> Iterator[str]:
     yield (
         f"Of {len(known)} bands {len(telling)} are narrower than the readings are large; of these **{held} hold at"
         f" least 95 % of the readings**, and all of them together {100 * mean:.1f} %."
-        + f" Those of {low} do not: what is not named adds up over a free swing, and the residuals of the swing that"
-        " was fitted, from which a band has its width, have none of that." * bool(low)
+        + f" Below that are bands of {low}."
+        * bool(low)
     )
     yield ""
     yield "| data | left out | named | verdict | sensor | samples | readings | width | gap |"
