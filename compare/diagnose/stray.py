@@ -133,6 +133,7 @@ def _of_length(swings: Sequence[Fitted], length: float) -> tuple[float, Stray]:
     """The logarithm of the likelihood of a length, and the torque."""
     pace = math.sqrt(float(np.mean(np.concatenate([each.swing.state[1] for each in swings]) ** 2)))
     fastest = max(each.swing.fastest for each in swings)
+    pace, fastest = (each or 1.0 for each in (pace, fastest))  # of swings that stay at rest anything
     signals = [s for each in swings for s in each.signals]
     residuals = [r for each in swings for r in each.residual]
     noises = [noise**2 for each in swings for noise in each.noise]
@@ -186,17 +187,18 @@ def _sized(rows: np.ndarray, wanted: np.ndarray, laws: int, values: int) -> tupl
     values, over what both standard deviations may be.
     """
     n = laws + values
-    scale = np.maximum(np.linalg.norm(rows[:, :n], axis=0), 1e-300)
+    scale = np.linalg.norm(rows[:, :n], axis=0)
+    scale[scale == 0] = 1.0  # of a body at rest no law of the rate says anything
     law, torque = rows[:, :n] / scale, rows[:, n:]
     known, vectors = np.linalg.eigh(torque.T @ torque)
-    known, vectors = np.maximum(known, 0.0), vectors
+    known = np.maximum(known, 0.0)
     across, pull = law.T @ torque @ vectors, vectors.T @ (torque.T @ wanted)
     s = SIZES[:, None] / math.sqrt(float(known.sum()) + 1e-300)  # of torques
     spread = 1 / (known + 1 / s**2)
     alone = 0.5 * np.sum(pull**2 * spread + np.log(spread / s**2), axis=1) + np.log(s[:, 0])
     told = law.T @ law - np.einsum("ik,sk,jk->sij", across, spread, across)
     pulls = law.T @ wanted - np.einsum("ik,sk,k->si", across, spread, pull)
-    a = SIZES / math.sqrt(laws) / np.sqrt(np.mean(scale[:laws] ** 2))  # of laws
+    a = SIZES / math.sqrt(laws) / math.sqrt(float(np.mean(scale[:laws] ** 2)))  # of laws
     prior = np.full((a.size, n), RIDGE)
     prior[:, :laws] = 1 / (a[:, None] * scale[:laws]) ** 2
     precision = told[:, None] + prior[:, :, None] * np.eye(n)
