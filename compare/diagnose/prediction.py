@@ -34,8 +34,8 @@ def predict(question: PredictQuestion) -> Prediction:
 
     A band of 95 % holds what the values found leave open (their joint covariance, to first order), the sets of effects
     that compete, weighted by their probability, what the engine and the analytic model differ by, and what stays
-    unexplained, which grows away from the data, and in a free run with time.  It is of the linkage, without the noise of
-    sensors; of a measured.toml it is of its sensors, with the faults that the diagnosis found in them.
+    unexplained, which grows away from the data, and in a free run with time.  It is of the linkage, without the noise
+    of sensors; of a measured.toml it is of its sensors, with the faults that the diagnosis found in them.
 
     Raises ArgumentError, DocumentError, MeasuredError, Unsupported, SimulatorMissing, or SimulationError.
     """
