@@ -145,6 +145,21 @@ def test_friction_and_a_damper_that_agree_in_the_data_part_beyond_them() -> None
     assert band.sd["sets"] == pytest.approx(0.55, rel=1e-6)
 
 
+def test_a_run_that_follows_its_encoder_is_of_all_the_speeds_that_it_goes_at() -> None:
+    """One that speeds up evenly from rest to 10 rad/s: a twentieth is slower than 0.5, and one faster than 9.5."""
+    explained = explained_by(("viscous_friction", "damping", 0.05, 1e-4, 1.0))
+    (run, *_), time = explained.result.fitted, np.linspace(0.0, 1.0, 1001)
+    angle, nothing = 5.0 * time**2, np.zeros(time.size)
+    signals = {
+        s: c.model_copy(update=dict.fromkeys(("measured", "before", "after"), nothing)) for s, c in run.signals.items()
+    }
+    update = {"drive": "measured", "time": time, "crank_angle": angle, "signals": signals, "held_out": None}
+    followed = explained.result.model_copy(update={"runs": (run.model_copy(update=update),)})
+    swept = replace(explained, result=followed)
+    assert swept.paces == pytest.approx([0.5, 9.5], abs=0.01)
+    assert swept.speeds == pytest.approx([5.0])
+
+
 # ---------------------------------------------------------------- what is wanted
 
 

@@ -4,42 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism.signals import Signal
-from compare.diagnose import prepare
-from compare.diagnose.data.recording import Measured, MeasuredRun
+from compare.diagnose.ahead import AT_REST, Ahead, Candidate, Readings, again, answered, fitted, rates_of, runs_ahead
+from compare.diagnose.data.recording import Measured
 from compare.diagnose.effects.effect import Effect
 from compare.diagnose.mixture import TAIL, Discrepancy, axes, below_it, growth, quantile
-from compare.diagnose.predict import Hypothesis, Model, Term
+from compare.diagnose.predict import Term
+from compare.diagnose.stray import Stray, stray
 from compare.judge.metrics import rms
 from compare.results.band import Band
 from compare.results.diagnosis import Diagnosis, JointCovariance
 
-Readings = Mapping[str, np.ndarray]
 UNIFORM = math.sqrt(3)  # half a range over its standard deviation (GUM, 4.3.7)
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """A set of effects that may be what is missing: its values, and by effect how these differ along each axis of what
-    the data leave open.
-    """
-
-    probability: float
-    values: Hypothesis
-    axes: Sequence[Mapping[str, Mapping[str, float]]] = ()
-
-    def moved(self, axis: Mapping[str, Mapping[str, float]], way: int) -> Hypothesis:
-        """Its values one standard deviation along an axis, or the other way."""
-        return [
-            (term, {name: v + way * axis.get(term.label, {}).get(name, 0.0) for name, v in values.items()})
-            for term, values in self.values
-        ]
 
 
 @dataclass(frozen=True)
@@ -112,23 +94,60 @@ class Explained:
         return found
 
     @cached_property
+    def swings(self) -> Sequence[Ahead]:
+        """The fitted free runs, each by itself; they start from about where they did."""
+        r, runs = self.result, [run for run in self.result.fitted if run.drive == "free"]
+        same = Measured(r.mechanism, tuple(again(r.mechanism, run) for run in runs), {}, (), "diagnosis")
+        return runs_ahead(same, self.mechanism) if runs else []
+
+    @cached_property
+    def strays(self) -> Sequence[Stray | None]:
+        """By set of effects the torque that fitted free runs show beside it; None where there are none that it makes
+        again.
+        """
+        found, length = list[Stray | None](), None
+        for k in range(len(self._sets)):
+            each = [fitted(self.result, ahead, self.candidates(ahead.run.name, True)[k]) for ahead in self.swings]
+            known = [one for one in each if one is not None]
+            torque = stray(known, length) if known else None
+            found.append(torque)
+            length = length if torque is None else torque.length
+        return found
+
+    @cached_property
     def speeds(self) -> Sequence[float]:
         """How fast (rad/s, a size) the driven body goes in each fitted run that a motor drives, in the mean."""
-        driven = [run for run in self.result.fitted if run.drive != "free"]
-        return [_pace(run.time, run.crank_angle) for run in driven]
+        return [float(np.mean(rates)) for rates in self._rates]
 
-    def discrepancy(self, signal: str, peak: float, speed: float) -> tuple[float, float]:
+    @cached_property
+    def paces(self) -> Sequence[float]:
+        """The slowest and the fastest (rad/s, sizes) that these runs go: one that follows its encoder goes at many."""
+        return [float(np.quantile(rates, share)) for rates in self._rates for share in (AT_REST, 1 - AT_REST)]
+
+    @cached_property
+    def _rates(self) -> Sequence[np.ndarray]:
+        driven = [run for run in self.result.fitted if run.drive != "free"]
+        return [rates_of(run.time, run.crank_angle) for run in driven]
+
+    def start(self, ahead: Ahead) -> np.ndarray:
+        """How well (2,) angle (rad) and rate (rad/s) are known that a free run starts from: as a reading of them."""
+        encoder, channels = ahead.model.rig.mechanism.encoders[0], ahead.run.channels
+        names = (encoder.name, f"{encoder.place}_angular_velocity")
+        return np.array([math.hypot(channels[s].noise, self._size(s)) if s in channels else 0.0 for s in names])
+
+    def _size(self, signal: str) -> float:
+        return self.left[signal].size if signal in self.left else 0.0
+
+    def discrepancy(self, signal: str, peak: float, ahead: Ahead) -> tuple[float, float]:
         """What stays unexplained (SI, 1 sigma) of a signal with this peak in a run at a speed, and by how much it has
         grown.  Of a signal that nobody measured it is the largest share of their peaks that others have.
         """
-        known = self.left.get(signal)
+        wraps = signal in self.result.signals and self.result.signals[signal].wraps
+        known, peaks = self.left.get(signal), 0.0 if wraps else self.peaks.get(signal, 0.0)
+        factor = max(growth(pace, self.paces, peak, peaks) for pace in (ahead.speed, ahead.fastest))
         if known is None:
             shares = [d.size / self.peaks[s] for s, d in self.left.items() if self.peaks[s]]
-            factor = growth(speed, self.speeds, 0.0, 0.0)
             return factor * max(shares, default=0.0) * peak, factor
-        signals = self.result.signals
-        wraps = signal in signals and signals[signal].wraps
-        factor = growth(speed, self.speeds, 0.0 if wraps else peak, self.peaks[signal])
         return factor * known.size, factor
 
 
@@ -173,51 +192,6 @@ def _parted(name: str) -> tuple[str, str]:
     return f"{effect}@{where}", f"{parameter}{at}{run}"
 
 
-def _pace(time: np.ndarray, angle: np.ndarray) -> float:
-    """Mean rate of what goes through places (N,) at times (N,) s."""
-    return float(np.mean(np.abs(np.diff(angle)) / np.diff(time))) if time.size > 1 else 0.0
-
-
-@dataclass(frozen=True)
-class Ahead:
-    """A run to be foretold: a model of it alone, and where a free one starts."""
-
-    model: Model
-    start: Hypothesis
-
-    @property
-    def run(self) -> MeasuredRun:
-        """The run."""
-        return self.model.measured.runs[0]
-
-    @property
-    def position(self) -> np.ndarray:
-        """Where the motor is (N,) rad or m, of several the first one; in a free run the driven body as it is let go."""
-        if self.run.drive == "free":
-            return np.full(self.run.time.size, self.model.starts(self.run, self.start)[0][0])
-        return np.atleast_2d(self.model.motor(self.run, self.model.mechanism).at(self.run.time).theta)[0]
-
-    @property
-    def speed(self) -> float:
-        """How fast (rad/s, a size) its driven body goes in the mean; 0 where it is let go."""
-        return 0.0 if self.run.drive == "free" else _pace(self.run.time, self.position)
-
-
-def runs_ahead(measured: Measured, mechanism: Mechanism) -> list[Ahead]:
-    """The runs of a measurement, each by itself.  Raises MeasuredError where the nominal mechanism cannot make one."""
-    courses, measured = prepare.followed(prepare.thinned(measured))
-    found = []
-    for run in measured.runs:
-        alone = replace(measured, runs=(run,))
-        rig, model = prepare.nominal(alone, mechanism, courses)
-        starts = prepare.starts(alone)
-        start = [(t, t.effect.values(rig, t.where, x)) for t, x in starts.items()]
-        if any(np.isfinite(channel.values).any() for channel in run.channels.values()):
-            alone = prepare.unturned(alone, model, starts)
-        found.append(Ahead(Model(alone, rig, mechanism, courses), start))
-    return found
-
-
 def foretold(
     explained: Explained, ahead: Ahead, sensors: bool, simulated: Sequence[Readings] = ()
 ) -> dict[str, Band] | None:
@@ -226,34 +200,22 @@ def foretold(
     ``simulated`` is what engines make of it with the named set, the one that diagnosed first.
     """
     run, every = ahead.run, explained.candidates(ahead.run.name, sensors)
-    answers = [_answer(ahead, candidate) for candidate in every]
+    answers = [answered(ahead, candidate) for candidate in every]
     if answers[0] is None:
         return None
-    told = [(c.probability, answer) for c, answer in zip(every, answers, strict=True) if answer is not None]
-    weights = np.array([share for share, _ in told]) / sum(share for share, _ in told)
+    strays = explained.strays if run.drive == "free" else [None] * len(every)
+    likely = [(c.probability, a, t) for c, a, t in zip(every, answers, strays, strict=True) if a is not None]
+    start = explained.start(ahead)
+    weights = np.array([share for share, *_ in likely]) / sum(share for share, *_ in likely)
+    told = [np.array(part) for part in zip(*(a.foretold(t, start) for _, a, t in likely), strict=True)]
+    swing, torque = answers[0].swing, strays[0]
+    swelled = 1.0 if swing is None or torque is None else torque.growth(swing)
     followed = ahead.model.rig.encoders if run.drive == "measured" else ()  # they say the motion, and are not foretold
     return {
-        s: _band(explained, ahead, s, weights, [answer[s] for _, answer in told], [r[s] for r in simulated if s in r])
-        for s in run.channels
+        s: _band(explained, ahead, s, weights, [of[:, k] for of in told], swelled, [r[s] for r in simulated if s in r])
+        for k, s in enumerate(run.channels)
         if s not in followed
     }
-
-
-def _answer(ahead: Ahead, candidate: Candidate) -> dict[str, tuple[np.ndarray, np.ndarray]] | None:
-    """By sensor what a set says (N,), and its variance (N,) by what the values leave open; None where it cannot be."""
-    asked = [candidate.values, *(candidate.moved(axis, way) for axis in candidate.axes for way in (1, -1))]
-    middle, *moved = (found[0] if found else None for found in ahead.model([[*ahead.start, *h] for h in asked]))
-    if middle is None:
-        return None
-    out = {}
-    for s, channel in ahead.run.channels.items():
-        variance = np.zeros(ahead.run.time.size)
-        for up, down in zip(moved[::2], moved[1::2], strict=True):
-            one, other = (up or middle)[s], (down or middle)[s]
-            half = channel.signal.apart(one, other) / (2.0 if up and down else 1.0)
-            variance += half**2
-        out[s] = middle[s], variance
-    return out
 
 
 def _band(
@@ -261,21 +223,23 @@ def _band(
     ahead: Ahead,
     name: str,
     weights: np.ndarray,
-    told: Sequence[tuple[np.ndarray, np.ndarray]],
+    told: Sequence[np.ndarray],
+    swelled: float,
     simulated: Sequence[np.ndarray],
 ) -> Band:
     channel = ahead.run.channels[name]
     signal: Signal = channel.signal
-    means, variances = (np.array(part) for part in zip(*told, strict=True))
+    means, strayed, variances, torques = told
     means = means[0] + np.array([signal.apart(m, means[0]) for m in means])  # in one turn
     engines = np.zeros(means.shape[1])
     if simulated:
         off = np.array([np.nan_to_num(signal.apart(each, means[0])) for each in simulated])
         means = means + off[0]
         engines = np.max(np.abs(np.vstack([off - off[0], off[:1]])), axis=0) / UNIFORM
+    means = means + strayed
     middle = weights @ means
-    size, factor = explained.discrepancy(name, float(np.nanmax(np.abs(middle))), ahead.speed)
-    sds = np.sqrt(variances + engines**2 + size**2)
+    size, factor = explained.discrepancy(name, float(np.nanmax(np.abs(middle))), ahead)
+    sds = np.sqrt(variances + torques + engines**2 + size**2)
     low, high = (quantile(share, weights, means, sds) for share in (TAIL, 1 - TAIL))
     measured = means[0] + signal.apart(channel.values, means[0])
     place = below_it(measured, weights, means, np.hypot(sds, channel.noise))
@@ -289,8 +253,8 @@ def _band(
             "parameters": rms(np.sqrt(weights @ variances)),
             "sets": rms(np.sqrt(weights @ (means - middle) ** 2)),
             "engines": rms(engines),
-            "discrepancy": size,
+            "discrepancy": rms(np.sqrt(weights @ torques + size**2)),
         },
-        growth=factor,
+        growth=max(factor, swelled),
         covered=float(np.mean((place > TAIL)[known] & (place < 1 - TAIL)[known])) if known.any() else None,
     )

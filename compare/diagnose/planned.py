@@ -11,8 +11,8 @@ import numpy as np
 
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.signals import named
+from compare.diagnose.ahead import Ahead, runs_ahead
 from compare.diagnose.data.recording import Channel, Measured, MeasuredRun
-from compare.diagnose.foretold import Ahead, runs_ahead
 from compare.results.diagnosis import Diagnosis
 
 SAMPLES = 181  # of a turn: one every two degrees

@@ -375,6 +375,18 @@ class Model:
         self._swung.keep(found)
         return [found[key] for key in keys]
 
+    def moving(self, run: MeasuredRun, hypotheses: Sequence[Hypothesis]) -> list[tuple[np.ndarray, np.ndarray] | None]:
+        """Angle, rate and acceleration (3, N) of the driven body of a free run and the inertia (N,) kg.m^2 that it
+        moves, under each hypothesis; None where it has no motion.
+        """
+        keys = [(run.name, (within(h, run.name), pushed(run, h)), tuple(self.starts(run, h))) for h in hypotheses]
+        each = [self._freedom(run, h, key[1][0]) for key, h in zip(keys, hypotheses, strict=True)]
+        moved = self._swings(run, {key: one[1] for key, one in zip(keys, each, strict=True) if one is not None})
+        return [
+            None if one is None or key not in moved else (moved[key], one[1].inertia(moved[key][0]))
+            for key, one in zip(keys, each, strict=True)
+        ]
+
     def _seen_of(self, run: MeasuredRun, assembly: Assembly, moved: np.ndarray) -> dict[str, np.ndarray]:
         """The signals (N,) that sensors and the encoder of a free run see of a motion (3, N)."""
         motion, wanted = kinematics(assembly, *moved), dict.fromkeys([*run.channels, self.rig.encoder])

@@ -7,10 +7,11 @@ from dataclasses import replace
 from analytic.mechanism import Load
 from analytic.mechanism.signals import named
 from compare.arguments import modelling, one_engine, path
+from compare.diagnose.ahead import Ahead, Readings, runs_ahead
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.engines import Engines
-from compare.diagnose.foretold import Ahead, Explained, Readings, foretold, runs_ahead
+from compare.diagnose.foretold import Explained, foretold
 from compare.diagnose.planned import planned
 from compare.diagnose.warrant import half_width, judged
 from compare.faults import ArgumentError
@@ -33,8 +34,8 @@ def predict(question: PredictQuestion) -> Prediction:
 
     A band of 95 % holds what the values found leave open (their joint covariance, to first order), the sets of effects
     that compete, weighted by their probability, what the engine and the analytic model differ by, and what stays
-    unexplained, which grows away from the data.  It is of the linkage, without the noise of sensors; of a measured.toml
-    it is of its sensors, with the faults that the diagnosis found in them.
+    unexplained, which grows away from the data, and in a free run with time.  It is of the linkage, without the noise
+    of sensors; of a measured.toml it is of its sensors, with the faults that the diagnosis found in them.
 
     Raises ArgumentError, DocumentError, MeasuredError, Unsupported, SimulatorMissing, or SimulationError.
     """
@@ -52,7 +53,7 @@ def predict(question: PredictQuestion) -> Prediction:
                 "diagnosis", f"its explained mechanism cannot make run {ahead.run.name!r}; give another"
             )
         unmeasured = [s for s in bands if s not in explained.left]
-        told += notes(bands, ahead.speed, explained.speeds, unmeasured, explained.left_aside)
+        told += notes(bands, ahead.speed, explained.paces, unmeasured, explained.left_aside)
         runs.append(
             PredictedRun(
                 name=ahead.run.name,

@@ -10,9 +10,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from analytic.mechanism import Mechanism
+from compare.diagnose.ahead import runs_ahead
 from compare.diagnose.data.recording import Measured, MeasuredError, Wanted
 from compare.diagnose.effects.effect import Effect
-from compare.diagnose.foretold import Explained, foretold, runs_ahead
+from compare.diagnose.foretold import Explained, foretold
 from compare.diagnose.planned import planned
 from compare.diagnose.validation import Validation
 from compare.judge.metrics import metrics

@@ -17,14 +17,21 @@ class Band(Part):
     """A signal (N) as the explained model foretells it, without its sensor's noise."""
 
     unit: str
-    value: Annotated[Series, Field(min_length=1, description="Mean over the sets of effects that may be missing.")]
+    value: Annotated[
+        Series,
+        Field(
+            min_length=1,
+            description="Mean over the sets of effects that may be missing; of a free run with the torque that those"
+            " fitted show beside them.",
+        ),
+    ]
     low: Annotated[Series, Field(min_length=1, description="2.5 % below.")]
     high: Annotated[Series, Field(min_length=1, description="2.5 % above.")]
     sd: Annotated[
         Mapping[SdFrom, Sd],
         Field(
-            description="Standard deviation (rms over the samples) by what the parameters leave open, by the sets that"
-            " compete, by what engines differ by, and by what stays unexplained."
+            description="Standard deviation (rms over the samples) by what the parameters (and the start of a free run)"
+            " leave open, by the sets that compete, by what engines differ by, and by what stays unexplained."
         ),
     ]
     growth: Annotated[

@@ -97,6 +97,17 @@ class Foretold(Part):
     off: Annotated[Number, Field(description="Gap of the sensor there, explained, in sigmas of its noise.")]
 
 
+class Swung(Part):
+    """A sensor in a swing of a pendulum on which a torque without a name acts, foretold from other swings of it."""
+
+    seed: int
+    fitted: Annotated[int, Field(description="Swings that it is foretold from.")]
+    signal: str
+    readings: Annotated[Share | None, Field(description="Share of its readings within the 95 % band and their noise.")]
+    width: Annotated[Number, Field(description="Median width of the band over the largest reading.")]
+    off: Annotated[Number, Field(description="Gap of the sensor there, explained, in sigmas of its noise.")]
+
+
 class Trust(Part):
     """What numbers are worth, measured."""
 
@@ -105,3 +116,4 @@ class Trust(Part):
     struck: tuple[Impacting, ...] = ()
     coverage: tuple[Covered, ...] = ()
     foretold: tuple[Foretold, ...] = ()
+    swung: tuple[Swung, ...] = ()

@@ -4,6 +4,7 @@
     python -m tests.evidence.trust coverage 0 1 2                  # seeds of hidden sets
     python -m tests.evidence.trust struck                          # a pin that strikes, against its equation of motion
     python -m tests.evidence.trust foretold FOLDER pendulum emps   # what others measured, in this folder
+    python -m tests.evidence.trust swings 1 0 1 2                  # swings fitted, and seeds of a torque without a name
     python -m tests.evidence.trust page                            # trust.md and its figures alone
 
 What was measured before stays, but for the same cases and seeds.
@@ -25,6 +26,7 @@ from tests.evidence.trust.coverage import coverage
 from tests.evidence.trust.recorded import foretold
 from tests.evidence.trust.steps import stepped
 from tests.evidence.trust.strikes import struck
+from tests.evidence.trust.swings import swings
 
 FILE = Path("reports/trust.json")
 
@@ -35,6 +37,15 @@ def store(found: Trust) -> None:
     write_atomically(FILE.with_suffix(".md"), page(found))
     for name, figure in figures(found).items():
         write_atomically(FILE.parent / name, draw(figure))
+
+
+def swung(found: Trust, fitted: int, *seeds: int) -> None:
+    """Foretell made swings from so many, and store each row as it is known."""
+    for seed in seeds:
+        kept = tuple(one for one in found.swung if (one.fitted, one.seed) != (fitted, seed))
+        rows = sorted((*kept, *swings(fitted, iter([seed]))), key=lambda one: (one.fitted, one.seed))
+        found = found.model_copy(update={"swung": tuple(rows)})
+        store(found)
 
 
 def main(what: str, *words: str) -> None:
@@ -58,6 +69,8 @@ def main(what: str, *words: str) -> None:
             rows = (*kept_rigs, *foretold(Path(folder), (case,)))
             found = found.model_copy(update={"foretold": tuple(sorted(rows, key=lambda one: one.case))})
             store(found)
+    elif what == "swings":
+        swung(found, *map(int, words))
     elif what == "coverage":
         for row in coverage(map(int, words)):
             kept_sets = tuple(one for one in found.coverage if one.seed != row.seed)
