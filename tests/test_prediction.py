@@ -21,10 +21,10 @@ from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.foretold import Explained, for_run, foretold
 from compare.diagnose.mixture import Discrepancy, axes, growth, quantile
 from compare.diagnose.planned import planned
-from compare.diagnose.warrant import half_width, judged_by
+from compare.diagnose.warrant import half_width, judged, judged_by
 from compare.faults import ArgumentError
 from compare.questions.option import ByBody
-from compare.report.words.prediction import judgement, notes, rpm
+from compare.report.words.prediction import notes, rpm
 from compare.results.band import Band, Context
 from compare.results.diagnosis import Diagnosis, EffectSet, Estimate, JointCovariance
 from diagnosis_rigs import experiment, played, turn, wrong
@@ -266,10 +266,14 @@ def test_far_beyond_all_that_was_measured_the_band_is_said_to_say_nothing() -> N
     assert "bands grow with its square" in near
     assert f"1e+06 times as fast as anything measured ({rpm(fastest)}): the band says nothing there" in far
     asked = Context(
-        quantity="drive_torque", unit="N.m", required=2.0, speed=1e6 * fastest, half_width=1.0, enough=True, says="-"
+        quantity="drive_torque", unit="N.m", required=2.0, speed=-1e6 * fastest, half_width=None, enough=None, says="-"
     )
-    assert "nobody can say, as that is 1e+06 times" in judgement(asked, explained.speeds)
-    assert "yes, with 95 %" in judgement(asked.model_copy(update={"speed": fastest}), explained.speeds)
+    there = judged(asked, 1.0, explained.speeds)
+    assert there.enough is None
+    assert "nobody can say, as that is 1e+06 times" in there.says
+    near_by = judged(asked.model_copy(update={"speed": fastest}), 1.0, explained.speeds)
+    assert near_by.enough
+    assert "yes, with 95 %" in near_by.says
 
 
 def test_the_force_on_a_body_is_given_once() -> None:

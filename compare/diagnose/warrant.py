@@ -17,7 +17,7 @@ from compare.diagnose.foretold import Explained, foretold
 from compare.diagnose.planned import planned
 from compare.diagnose.validation import Validation
 from compare.judge.metrics import metrics
-from compare.report.words.prediction import judgement
+from compare.report.words.prediction import is_far, judgement
 from compare.results.band import Band, Context
 from compare.results.diagnosis import DiagnosedRun, Diagnosis
 
@@ -98,7 +98,8 @@ def judged_by(explained: Explained, wanted: Wanted) -> Context:
 
 def judged(context: Context, half: float | None, speeds: Sequence[float]) -> Context:
     """What is wanted, judged by the half width of its band (SI; None: there is none)."""
-    enough = None if half is None else half <= context.required
+    beyond = context.speed is not None and is_far(context.speed, speeds)
+    enough = None if half is None or beyond else half <= context.required
     found = context.model_copy(update={"half_width": half, "enough": enough})
     return found.model_copy(update={"says": judgement(found, speeds)})
 

@@ -45,14 +45,19 @@ def judgement(context: Context, speeds: Sequence[float]) -> str:
         return f"{lead}: nobody can say, as the model foretells no {context.quantity} there."
     band = f"the band of {context.quantity} is up to {amount(context.half_width, context.unit)} to either side"
     end = f"; of being wrong: {context.consequence.rstrip('.')}" if context.consequence else ""
-    if context.speed is not None and speeds and context.speed > max(speeds) * FAR:
+    if context.speed is not None and is_far(context.speed, speeds):
         return f"{lead}: nobody can say, as that is {_far(context.speed, speeds)}{end}."
     return f"{lead}: {'yes, with 95 %' if context.enough else 'no, not with 95 %'}; {band}{end}."
 
 
+def is_far(speed: float, speeds: Sequence[float]) -> bool:
+    """Whether a speed (rad/s) is so far from those of the data that these say nothing there."""
+    return bool(speeds) and abs(speed) > max(speeds) * FAR
+
+
 def _far(speed: float, speeds: Sequence[float]) -> str:
     """How far a speed (rad/s) is from the data: ``3.3e+06 times as fast as anything measured (300 rpm)``."""
-    return f"{speed / max(speeds):.2g} times as fast as anything measured ({rpm(max(speeds))})"
+    return f"{abs(speed) / max(speeds):.2g} times as fast as anything measured ({rpm(max(speeds))})"
 
 
 def notes(
@@ -60,7 +65,7 @@ def notes(
 ) -> list[str]:
     """Where the data say little of a run, in sentences."""
     found = []
-    if speeds and speed > max(speeds) * FAR:
+    if is_far(speed, speeds):
         found.append(f"{capital(rpm(speed))} is {_far(speed, speeds)}: the band says nothing there.")
     elif speeds and speed > max(speeds) * OUTSIDE:
         found.append(
