@@ -98,6 +98,7 @@ def test_a_body_that_bends_turns_as_its_sensor_has_it() -> None:
 # ---------------------------------------------------------------- sensitivities
 
 
+@pytest.mark.long_rows("six-bar1")
 @pytest.mark.parametrize(
     "m",
     [*LOADED.values(), load("pendulum"), scotch_yoke(), inverted_slider(), six_bar_driven_from_the_rocker()],

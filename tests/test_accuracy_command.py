@@ -43,6 +43,7 @@ def test_the_schema_itself_is_valid() -> None:
     assert set(ALL) <= set(shipped_cases())
 
 
+@pytest.mark.long_rows("six-bar", "crank-rocker")
 @pytest.mark.parametrize(("case", "clearance"), ALL.items(), ids=ALL)
 def test_every_case_is_analysed_and_its_file_meets_the_schema(case: str, clearance: str, tmp_path: Path) -> None:
     found = numbers("--case", case, "--clearance", clearance, "--samples", "500", cwd=tmp_path)

@@ -206,6 +206,7 @@ def test_a_released_pendulum_is_compared_over_time(tmp_path: Path) -> None:
     assert len(run["time"]) == len(run["simulated"]["pendulum_angle"]) == 101
 
 
+@pytest.mark.long_rows("1e-4-spring-damper-left out: friction of joint B, as only contact joints rub")
 @pytest.mark.parametrize(
     ("clearance", "joint", "says"),
     [

@@ -313,6 +313,7 @@ class Multipliers:
         return np.array([*y, place.real, place.imag, start.second, *v, speed.real, speed.imag, start.second_rate])
 
 
+@pytest.mark.long_rows("0.1-flores-slider-crank", "0.1-flores-crank-rocker", "0.0-flores-slider-crank")
 @pytest.mark.parametrize("case", ["crank-rocker", "slider-crank"])
 @pytest.mark.parametrize("law", ["flores", *slow("kelvin-voigt", "hunt-crossley", "lankarani-nikravesh", "gonthier")])
 @pytest.mark.parametrize("friction", [0.0, 0.1])

@@ -102,6 +102,7 @@ def with_option(text: str, option: str) -> str:
 MOTIONS = [(case, motion) for case in CRANKED for motion in ("driven", "static")]
 
 
+@pytest.mark.long_rows("six-bar-driven", "paper-driven")
 @pytest.mark.parametrize(("case", "motion"), [each for each in MOTIONS if each != ("pendulum", "static")])
 def test_an_export_agrees_with_the_analytic_model(case: str, motion: str, exports: Path) -> None:
     result = lc.crosscheck(case, f"mjcf:{exports / case / 'model.xml'}", motion=motion)

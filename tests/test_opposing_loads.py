@@ -160,6 +160,7 @@ def test_a_drive_the_other_way_turns_it_round() -> None:
         np.testing.assert_allclose(torque - free, -extra("static", TOOL), atol=1e-11)
 
 
+@pytest.mark.long_rows("mujoco-ideal-driven")
 @pytest.mark.parametrize(
     ("name", "model", "motion"),
     slow_but([("mujoco", "ideal", "driven"), ("pybullet", "ideal", "static")], CALM),
@@ -186,6 +187,7 @@ def test_at_rest_it_acts_against_the_motion_of_the_linkage_with_its_gaps(name: s
     assert near["reaction_B_angle"] < 1e-3
 
 
+@pytest.mark.long_rows("dart-driven", "pybullet-driven", "mujoco-driven")
 @pytest.mark.parametrize("motion", ["driven", "static"])
 @pytest.mark.parametrize("name", ["mujoco", "pybullet", "dart"])
 def test_it_acts_at_a_point_that_no_joint_is_at(name: str, motion: Motion) -> None:

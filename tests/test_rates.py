@@ -158,6 +158,7 @@ def test_what_the_drive_gives_is_what_the_linkage_takes() -> None:
 # ---------------------------------------------------------------- engines
 
 
+@pytest.mark.long_rows("dart-3-rpr", "pybullet-3-rpr", "pybullet-paper", "mujoco-3-rpr", "exudyn-3-rpr", "dart-paper")
 @pytest.mark.parametrize("case", slow_but(["paper", "3-rpr"], shipped_cases()))
 @pytest.mark.parametrize("name", ENGINES)
 def test_engines_report_their_own_solvers_accelerations(name: str, case: str) -> None:
@@ -173,6 +174,7 @@ def test_engines_report_their_own_solvers_accelerations(name: str, case: str) ->
     assert len({d.signal for d in run.discrepancies} & on_request(m)) == len(on_request(m)) - prescribed
 
 
+@pytest.mark.long_rows("pybullet-0.0001", "dart-0.0001", "exudyn-0.0001")
 @pytest.mark.parametrize("clearance", [0.0, 1e-4])
 @pytest.mark.parametrize("name", ENGINES)
 def test_an_engines_accelerations_are_those_of_its_own_positions(name: str, clearance: float) -> None:

@@ -170,6 +170,7 @@ ENGINES_SEE = [
 ]  # fmt: skip
 
 
+@pytest.mark.long_rows("mujoco-five-bar-static-True")
 @pytest.mark.parametrize(("engine", "name", "motion", "loose"), ENGINES_SEE)
 def test_the_cross_check_is_the_same_but_for_what_the_engines_steps_leave(
     engine: str, name: str, motion: Motion, loose: bool
@@ -198,6 +199,7 @@ def test_the_cross_check_is_the_same_but_for_what_the_engines_steps_leave(
             assert np.nanmax(np.abs(off), initial=0.0) <= allowed, signal
 
 
+@pytest.mark.long_rows("five-bar-in reversed order0", "five-bar-all at once0")
 @pytest.mark.parametrize("way", ["in reversed order", "all at once", *slow(*WAYS)])
 @pytest.mark.parametrize("name", ["rocker", "five-bar"])
 def test_a_check_of_results_is_the_same_whatever_the_order_of_their_columns(
