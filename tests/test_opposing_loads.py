@@ -24,6 +24,15 @@ from sim_models.engine import JointModel, Motion, Unsupported
 
 SHAPER = """
 name = "shaper"
+joint = [
+  { name = "O", type = "revolute", bodies = ["ground", "crank"] },
+  { name = "A", type = "revolute", bodies = ["crank", "die"] },
+  { name = "G", type = "prismatic", bodies = ["lever", "die"], axis = [1.0, 0.0] },
+  { name = "Q", type = "revolute", bodies = ["ground", "lever"] },
+  { name = "H", type = "prismatic", bodies = ["lever", "block"], axis = [1.0, 0.0] },
+  { name = "B", type = "revolute", bodies = ["ram", "block"] },
+  { name = "S", type = "prismatic", bodies = ["ground", "ram"], axis = [1.0, 0.0] },
+]
 [ground]
 points = { O = [0.0, 0.0], Q = [0.0, -0.3], S = [0.0, 0.2] }
 [[body]]
@@ -51,37 +60,6 @@ name = "ram"
 points = { B = [0.0, 0.0], S = [0.0, 0.0] }
 mass = 5.0
 inertia = 1e-2
-[[joint]]
-name = "O"
-type = "revolute"
-bodies = ["ground", "crank"]
-[[joint]]
-name = "A"
-type = "revolute"
-bodies = ["crank", "die"]
-[[joint]]
-name = "G"
-type = "prismatic"
-bodies = ["lever", "die"]
-axis = [1.0, 0.0]
-[[joint]]
-name = "Q"
-type = "revolute"
-bodies = ["ground", "lever"]
-[[joint]]
-name = "H"
-type = "prismatic"
-bodies = ["lever", "block"]
-axis = [1.0, 0.0]
-[[joint]]
-name = "B"
-type = "revolute"
-bodies = ["ram", "block"]
-[[joint]]
-name = "S"
-type = "prismatic"
-bodies = ["ground", "ram"]
-axis = [1.0, 0.0]
 [drive]
 joint = "O"
 speed = "60 rpm"
