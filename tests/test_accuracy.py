@@ -168,6 +168,7 @@ def of_least_energy(m: Mechanism, assembly: Assembly, theta: float, c: float) ->
     return gaps(least.x)
 
 
+@pytest.mark.long_rows("six-bar", "paper")
 @pytest.mark.parametrize("m", LOADED.values(), ids=LOADED)
 def test_displacements_meet_energy_minimisation_which_needs_no_reactions(m: Mechanism) -> None:
     found = at_rest(m)
@@ -277,6 +278,7 @@ def population(found: AccuracyAnalysis) -> Population:
     )
 
 
+@pytest.mark.long_rows("first order-free-six-bar")
 @pytest.mark.parametrize("m", LOADED.values(), ids=LOADED)
 @pytest.mark.parametrize("contacts", ["free", "along reactions"])
 @pytest.mark.parametrize("nonlinear", [False, True], ids=["first order", "closed again"])

@@ -151,7 +151,7 @@ def same(
     return both
 
 
-@pytest.mark.long_rows("crank-rocker, driven, clearance", "five-bar, driven, ideal")
+@pytest.mark.long_rows("crank-rocker, driven, clearance", "five-bar, driven, ideal", "five-bar, static, ideal")
 @pytest.mark.parametrize("asked", fast(ANALYSED), ids=str)
 def test_analyse_is_the_analytic_side_of_the_cross_check(asked: Asked) -> None:
     run = crosschecked(asked).runs[0]
@@ -160,7 +160,11 @@ def test_analyse_is_the_analytic_side_of_the_cross_check(asked: Asked) -> None:
 
 
 @pytest.mark.long_rows(
-    "crank-rocker, driven, clearance-mujoco", "five-bar, driven, ideal-mujoco", "pendulum, driven, ideal-mujoco"
+    "crank-rocker, driven, clearance-mujoco",
+    "five-bar, driven, ideal-mujoco",
+    "pendulum, driven, ideal-mujoco",
+    "crank-rocker, driven, ideal-mujoco",
+    "five-bar, static, ideal-mujoco",
 )
 @pytest.mark.parametrize(
     ("asked", "engine"),
@@ -214,7 +218,12 @@ def test_a_check_of_its_own_export_has_the_sides_and_verdicts_of_the_cross_check
     }
 
 
-@pytest.mark.long_rows("five-bar, driven, ideal")
+@pytest.mark.long_rows(
+    "five-bar, driven, ideal",
+    "five-bar, static, ideal",
+    "crank-rocker, driven, clearance",
+    "crank-rocker, driven, ideal",
+)
 @pytest.mark.parametrize("asked", fast(ANALYSED), ids=str)
 def test_a_check_of_the_analysis_finds_nothing_between_them(asked: Asked, tmp_path: Path) -> None:
     analysed(asked).write(tmp_path)

@@ -135,6 +135,7 @@ def test_a_journal_bounces_by_the_closed_form(name: ContactLaw, asked: float) ->
 # ---------------------------------------------------------------- balances through an impact
 
 
+@pytest.mark.long_rows("slider-crank-kelvin-voigt")
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("case", ["crank-rocker", "slider-crank"])
 def test_energy_balances_through_every_impact(case: str, law: ContactLaw) -> None:

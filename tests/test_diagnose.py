@@ -391,6 +391,9 @@ def test_lists_of_effects_that_say_nothing_are_refused(
         diagnosed(longer_follower, **options)
 
 
+@pytest.mark.long_rows(
+    "only-link_length@folower-link_length@follower", "only-clearance@B-joint_clearance@B", "exclude-gravty-gravity"
+)
 @pytest.mark.parametrize(
     ("given", "meant"),
     [("gravty", "gravity"), ("link_length@folower", "link_length@follower"), ("clearance@B", "joint_clearance@B")],

@@ -323,6 +323,7 @@ def outside(run: Any) -> set[str]:
     return {d.signal for d in run.discrepancies if d.verdict != "agrees"}
 
 
+@pytest.mark.long_rows("five-bar-contact")
 @pytest.mark.parametrize("joint_model", ["ideal", "contact"])
 @pytest.mark.parametrize("name", ROWS)
 def test_beams_and_superposition_agree_under_the_cases_own_loads(name: str, joint_model: str) -> None:

@@ -82,7 +82,7 @@ def positions(m: Mechanism, side: str, joint: str) -> np.ndarray:
     return found[f"position_{joint}"]
 
 
-@pytest.mark.long_rows("False-analytic")
+@pytest.mark.long_rows("False-analytic", "True-analytic")
 @pytest.mark.parametrize("side", SIDES)
 @pytest.mark.parametrize("swings", [True, False])
 def test_a_thrown_pendulum_swings_or_turns_over_by_the_elliptic_functions(swings: bool, side: str) -> None:

@@ -350,7 +350,7 @@ def test_a_field_moves_the_result_or_is_named_by_the_analytic_side_and_mujoco(na
     held(name, quick(name))
 
 
-@pytest.mark.long_rows("PeriodicTorque.amplitude")
+@pytest.mark.long_rows("PeriodicTorque.amplitude", "Spring.bodies", "Load.body", "Spring.length", "Body.section")
 @pytest.mark.mujoco
 @pytest.mark.parametrize("name", IDLE)
 def test_a_field_that_can_do_nothing_in_this_linkage_is_named(name: str) -> None:

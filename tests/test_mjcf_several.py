@@ -172,7 +172,7 @@ def agrees_with_the_referee(m: Mechanism, trace: Trace, courses: Knots, times: n
         close(trace.signals[f"position_{name}"], splines(courses)[name](times), 1e-11)
 
 
-@pytest.mark.long_rows("3-rpr-RK4", "3-rpr-implicitfast", "3-rpr-Euler")
+@pytest.mark.long_rows("3-rpr-RK4", "3-rpr-implicitfast", "3-rpr-Euler", "five-bar-RK4")
 @pytest.mark.parametrize("integrator", ["Euler", "RK4", "implicitfast"])
 @pytest.mark.parametrize("name", FILES)
 def test_every_drive_follows_its_course_with_the_forces_of_the_referee(

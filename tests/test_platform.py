@@ -250,6 +250,7 @@ def test_a_path_on_which_arms_fall_in_line_twice_between_two_rows_is_refused_at_
     assert at == pytest.approx(lowest - np.sqrt(dip / 0.3), abs=1e-5)
 
 
+@pytest.mark.long_rows("3-rpr", "3-rrr")
 @pytest.mark.parametrize("name", POSE)
 def test_drives_move_a_platform_along_the_spline_through_eight_rows(name: str) -> None:
     """Its place and velocity, and its acceleration to a thousandth, between the rows too: by the drives' own spline."""

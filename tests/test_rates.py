@@ -194,6 +194,7 @@ def test_an_engines_accelerations_are_those_of_its_own_positions(name: str, clea
         assert abs(found[signal][3] - by_positions) < 1e-4 * scale, signal
 
 
+@pytest.mark.long_rows("follower_acceleration_x", "drive_power")
 @pytest.mark.parametrize("signal", ["follower_acceleration_x", "velocity_B", "drive_power", "coupler_velocity_y"])
 def test_a_side_that_errs_by_a_hundredth_is_found(signal: str) -> None:
     pytest.importorskip("mujoco")

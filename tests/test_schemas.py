@@ -138,7 +138,7 @@ COMMITTED = [
 ]
 
 
-@pytest.mark.long_rows("scoreboard/scoreboard.json")
+@pytest.mark.long_rows("scoreboard/scoreboard.json", "validation.json")
 @pytest.mark.parametrize("path", COMMITTED)
 def test_every_committed_report_is_what_its_schema_says(path: str) -> None:
     name = path.rpartition("/")[2]

@@ -40,6 +40,7 @@ def moved(m: Mechanism, times: np.ndarray = TIMES) -> Reactions:
     return driven(m, waved(m), times)
 
 
+@pytest.mark.long_rows("3-rpr", "3-rrr", "3-rpr with springs", "3-rrr with springs")
 @pytest.mark.parametrize("name", CASES)
 def test_positions_rates_and_all_that_is_determined_of_the_forces_are_the_referees(name: str) -> None:
     m = CASES[name]

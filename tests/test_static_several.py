@@ -86,7 +86,7 @@ def efforts(signals: Mapping[str, np.ndarray], m: Mechanism) -> dict[str, np.nda
 # ---------------------------------------------------------------- ideal joints
 
 
-@pytest.mark.long_rows("3-rpr with springs")
+@pytest.mark.long_rows("3-rpr with springs", "3-rpr", "3-rrr", "3-rrr with springs")
 @pytest.mark.parametrize("name", CASES)
 def test_reactions_and_drives_are_the_multipliers_of_the_referee(name: str) -> None:
     m = CASES[name].with_clearances({})
@@ -130,6 +130,15 @@ def lifted(judge: Maximal, q: np.ndarray) -> float:
     return -float(np.real(total))
 
 
+@pytest.mark.long_rows(
+    "3-rpr with springs-dart",
+    "3-rpr with springs-mujoco",
+    "3-rrr-dart",
+    "3-rrr-mujoco",
+    "3-rpr with springs-pybullet",
+    "3-rrr-pybullet",
+    "3-rrr-exudyn",
+)
 @pytest.mark.parametrize("name", EACH)
 @pytest.mark.parametrize("case", [*SHORT, *slow(*LATER)])
 def test_an_engine_at_rest_has_the_forces_of_the_referee_and_no_rates(name: str, case: str) -> None:

@@ -99,7 +99,7 @@ def test_a_mass_rebounds_from_a_stop(damping: float, side: str) -> None:
     assert last == pytest.approx(leaves, abs=20 * ACCURACY[side])
 
 
-@pytest.mark.long_rows("pybullet-driven", "dart-driven", "mujoco-driven")
+@pytest.mark.long_rows("pybullet-driven", "dart-driven", "mujoco-driven", "exudyn-driven")
 @pytest.mark.parametrize("motion", ["driven", "static"])
 @pytest.mark.parametrize("side", SIDES)
 def test_a_rocker_that_is_driven_into_a_stop_asks_its_torque_of_the_crank(motion: str, side: str) -> None:

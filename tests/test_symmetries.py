@@ -107,6 +107,7 @@ def same(m: Mechanism, found: Mapping[str, np.ndarray], expected: Mapping[str, n
 every_linkage = pytest.mark.parametrize("name", LINKAGES)
 
 
+@pytest.mark.long_rows("driven-3-rpr-all at once", "driven-3-rpr-mirrored")
 @pytest.mark.parametrize(
     "way", ["all at once", "mirrored", *slow(*(w for w in WAYS if w not in ("all at once", "mirrored")))]
 )
@@ -132,6 +133,7 @@ def test_first_order_and_elastic_displacements_are_the_same(name: str, way: str)
         same(found.mechanism, found.signals, seen.signals(m, old), 1e-9)
 
 
+@pytest.mark.long_rows("3-rpr-all at once0")
 @pytest.mark.parametrize("way", ["all at once", *slow(*WAYS)])
 @every_linkage
 def test_accuracy_is_the_same(name: str, way: str) -> None:
@@ -227,6 +229,7 @@ def test_a_check_of_results_is_the_same_whatever_the_order_of_their_columns(
         assert verdicts[Signal.of(s.kind, seen.name(s.place), s.component).name] == each.verdict, each.signal
 
 
+@pytest.mark.long_rows("3-rpr")
 @every_linkage
 def test_a_linkage_in_other_units_has_the_same_digits(name: str) -> None:
     """Of length, mass and time, by powers of two: dimensions say what each number becomes, and not a bit is lost."""

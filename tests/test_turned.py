@@ -55,6 +55,7 @@ MEANT: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str]] = {
 }
 
 
+@pytest.mark.long_rows("a cell on the rod", "a cell on the rod upside down", "axes swapped")
 @pytest.mark.parametrize("planted", MEANT)
 def test_how_a_force_is_meant_is_told_with_the_lines_by_which_it_agrees(planted: str, tmp_path: Path) -> None:
     spoilt, words = MEANT[planted]

@@ -148,6 +148,9 @@ ROWS: list[tuple[str, JointModel, Motion, str]] = [
     "mujoco-ideal-driven-joint friction",
     "dart-ideal-driven-reverse rotation",
     "mujoco-ideal-driven-reverse rotation",
+    "mujoco-ideal-driven-joint spring",
+    "mujoco-ideal-driven-oblique load",
+    "dart-contact-static-joint friction",
 )
 @pytest.mark.parametrize(("name", "model", "motion", "case"), slow_but([row for row in ROWS if quick(*row)], ROWS))
 def test_an_engine_agrees_with_the_analytic_model(name: str, model: JointModel, motion: Motion, case: str) -> None:

@@ -103,7 +103,21 @@ SHORT += [("dart", case, EARLY) for case in ("standing", "ripple", "pendulum")]
 EVERY = [(name, case, LATER) for name in ENGINES for case in COURSES]
 
 
-@pytest.mark.long_rows("pybullet-ripple-0.15")
+@pytest.mark.long_rows(
+    "pybullet-ripple-0.15",
+    "mujoco-late, with few knots-0.15",
+    "exudyn-ripple-0.15",
+    "mujoco-friction-0.15",
+    "mujoco-slider-0.15",
+    "mujoco-every law of a joint-0.15",
+    "dart-ripple-0.15",
+    "exudyn-late, with few knots-0.15",
+    "mujoco-from rest-0.15",
+    "mujoco-back, then on-0.15",
+    "exudyn-pendulum-0.15",
+    "mujoco-ripple-0.15",
+    "mujoco-pendulum-0.15",
+)
 @pytest.mark.parametrize(("name", "case", "until"), [*SHORT, *slow(*EVERY)])
 def test_a_course_is_followed_with_the_forces_of_its_acceleration(name: str, case: str, until: float) -> None:
     m, course = COURSES[case]
@@ -359,7 +373,7 @@ def test_a_motor_near_resonance_is_refused(name: str) -> None:
 MARKED = [(name, model, motion) for motion in MOTIONS for name, model in declared_runs(motion)]
 
 
-@pytest.mark.long_rows("pybullet-ideal-driven", "mujoco-contact-static", "dart-ideal-driven")
+@pytest.mark.long_rows("pybullet-ideal-driven", "mujoco-contact-static", "dart-ideal-driven", "mujoco-ideal-driven")
 @pytest.mark.parametrize(
     ("name", "model", "motion"),
     slow_but([r for r in MARKED if r[1] == "ideal"] + [("mujoco", "contact", "static")], MARKED),

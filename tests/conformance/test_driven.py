@@ -91,6 +91,15 @@ SOON += [("pybullet", "driven", "slider-crank"), ("pybullet", "driven", "scotch 
     "exudyn-driven-six-bar",
     "exudyn-driven-inverted slider in reverse",
     "pybullet-driven-scotch yoke",
+    "exudyn-driven-laws of a slide",
+    "exudyn-driven-crank-rocker",
+    "exudyn-driven-slider-crank",
+    "exudyn-driven-laws in every joint",
+    "mujoco-driven-inverted slider in reverse",
+    "mujoco-driven-laws in every joint",
+    "mujoco-driven-laws of a slide",
+    "mujoco-driven-crank-rocker",
+    "mujoco-driven-slider-crank",
 )
 @pytest.mark.parametrize(("name", "motion", "case"), slow_but(SOON, IDEAL))
 def test_ideal_linkages_have_the_analytic_reactions(name: str, motion: Motion, case: str) -> None:
@@ -271,6 +280,7 @@ def test_garbage_of_a_stiff_contact_and_a_long_step_is_an_error(
         run(name, m, model, "driven", PAPER_RANGE, start="centred", step=3e-3)
 
 
+@pytest.mark.long_rows("massless-link")
 @pytest.mark.parametrize("model", ["ideal", "massless-link", "spring-damper", "contact"])
 def test_mujoco_says_of_too_long_a_step_that_it_is(model: JointModel) -> None:
     m = at_speed(load("crank-rocker").with_clearances({"B": 2e-4}), 60.0)

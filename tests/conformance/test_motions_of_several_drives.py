@@ -118,6 +118,10 @@ def right(case: str, until: str) -> tuple[Maximal, list[Posed]]:
     "mujoco-gantry-soon",
     "pybullet-2r-arm-soon",
     "mujoco-parallelogram-soon",
+    "mujoco-2r-arm with springs-soon",
+    "mujoco-five-bar-soon",
+    "exudyn-gantry-soon",
+    "exudyn-five-bar-soon",
 )
 @pytest.mark.parametrize(("name", "case", "until"), slow_but(SOON, FOLLOWED))
 def test_every_drive_follows_its_course_with_the_forces_of_the_referee(name: str, case: str, until: str) -> None:
@@ -377,7 +381,7 @@ def test_loops_that_hold_too_much_are_started_centred(name: str, model: JointMod
     close(trace.signals["drive_torque"], torque, 0.02 * np.abs(torque).max())
 
 
-@pytest.mark.long_rows("pybullet-driven")
+@pytest.mark.long_rows("pybullet-driven", "mujoco-driven", "exudyn-driven")
 @pytest.mark.parametrize("motion", MOTIONS)
 @pytest.mark.parametrize("name", [name for name in ENGINES if name != "dart"])  # whose run is implausible there
 def test_a_third_bar_leaves_the_torque_of_a_crank_as_the_energy_says(name: str, motion: Motion) -> None:
@@ -404,6 +408,7 @@ def on_springs(m: Mechanism) -> Mechanism:
     return m.replace(springs=springs)
 
 
+@pytest.mark.long_rows("dart-driven", "pybullet-driven")
 @pytest.mark.parametrize("motion", MOTIONS)
 @pytest.mark.parametrize("name", ENGINES)
 def test_springs_pull_a_cranks_linkage_as_the_referee_says(name: str, motion: Motion) -> None:

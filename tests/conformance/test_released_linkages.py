@@ -24,7 +24,17 @@ RUBBING = (2e-4, 1e-3, 2e-3)  # dry friction turns round once, somewhere in a st
 TURNS_LATE = (2e-3, 1e-2, 1e-2)  # MuJoCo turns round a step late, of 0.4 ms: of the first order in its step
 
 
-@pytest.mark.long_rows("dart-True-3.0", "dart-True-0.0", "pybullet-True-0.0", "pybullet-True-3.0")
+@pytest.mark.long_rows(
+    "dart-True-3.0",
+    "dart-True-0.0",
+    "pybullet-True-0.0",
+    "pybullet-True-3.0",
+    "pybullet-False-0.0",
+    "dart-False-0.0",
+    "exudyn-True-0.0",
+    "exudyn-False-0.0",
+    "exudyn-False-3.0",
+)
 @pytest.mark.parametrize("start_speed", [0.0, 3.0])
 @pytest.mark.parametrize("rubs", [False, True])
 @pytest.mark.parametrize("name", ENGINES)
@@ -72,7 +82,7 @@ def test_unequal_times_change_no_force(name: str) -> None:
         np.testing.assert_allclose(some.signals[signal], right[signal], rtol=0, atol=5e-4 * peak, err_msg=signal)
 
 
-@pytest.mark.long_rows("dart-contact", "pybullet-spring-damper")
+@pytest.mark.long_rows("dart-contact", "pybullet-spring-damper", "mujoco-contact", "mujoco-massless-link")
 @pytest.mark.parametrize(("name", "model"), PINS)
 def test_a_pendulum_hangs_in_its_loose_pin(name: str, model: JointModel) -> None:
     """A pin pressed against its bearing makes the pendulum a double one whose first link is the clearance."""

@@ -41,7 +41,12 @@ RIGID = {("pybullet", "massless-link"), ("pybullet", "contact"), ("dart", "conta
 
 
 @pytest.mark.long_rows(
-    "mujoco-spring-damper-0.001", "mujoco-contact-0.001", "mujoco-massless-link-0.001", "pybullet-contact-0.001"
+    "mujoco-spring-damper-0.001",
+    "mujoco-contact-0.001",
+    "mujoco-massless-link-0.001",
+    "pybullet-contact-0.001",
+    "dart-spring-damper-0.001",
+    "pybullet-spring-damper-0.001",
 )
 @pytest.mark.parametrize("clearance", [1e-3, *slow(1e-2, 1e-4)])
 @pytest.mark.parametrize(("name", "model"), ALL)
@@ -112,7 +117,7 @@ def test_clearance_in_linkages_under_weight(name: str, model: JointModel, case: 
     assert off(trace.signals, truth, lambda n: n == "drive_torque") < 1e-4
 
 
-@pytest.mark.long_rows("mujoco-massless-link", "mujoco-spring-damper", "mujoco-contact")
+@pytest.mark.long_rows("mujoco-massless-link", "mujoco-spring-damper", "mujoco-contact", "pybullet-contact")
 @pytest.mark.parametrize(("name", "model"), PINS)
 def test_laws_of_joints_beside_clearance(name: str, model: JointModel) -> None:
     m = load("crank-rocker").replace(gravity=(1.0, -9.81)).with_joint("A", friction_torque=0.01)
