@@ -166,7 +166,6 @@ def worn_arm(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
     return diagnosed(arm(tmp_path_factory.mktemp("arm")))
 
 
-@pytest.mark.slow
 @pytest.mark.mujoco
 def test_a_damped_elbow_and_the_shoulder_s_encoder_are_named_with_their_sizes(worn_arm: Diagnosis) -> None:
     """The zero of the shoulder's encoder is a turn of gravity too: without a look at the arm nobody can tell which."""

@@ -190,7 +190,6 @@ def test_both_frictions_and_the_offset_of_an_axis_are_named_with_their_sizes(wor
     assert abs(bias) == pytest.approx(2.5, abs=0.05)
 
 
-@pytest.mark.slow
 def test_the_engine_closes_the_gap_of_an_axis(worn_axis: Diagnosis) -> None:
     gap = worn_axis.gap
     assert gap.before is not None

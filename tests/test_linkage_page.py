@@ -565,7 +565,10 @@ def test_a_page_is_made_within_its_time(case: str, tmp_path: Path) -> None:
         "print('numba' in sys.modules, spent.ru_utime + spent.ru_stime, file=sys.stderr)"
     )
     command = [sys.executable, "-c", code, "", case, "--clearance", "0.05mm", "--out", str(tmp_path)]
-    told = [subprocess.run(command, capture_output=True, text=True, check=True).stderr for _ in range(2)][-1]
-    compiled, spent = told.splitlines()[-1].split()
-    assert compiled == "False"
+    for _ in range(2):  # again where the first one was slow: it may have had to compile Python's own files
+        told = subprocess.run(command, capture_output=True, text=True, check=True).stderr
+        compiled, spent = told.splitlines()[-1].split()
+        assert compiled == "False"
+        if float(spent) < 2.5:
+            break
     assert float(spent) < 2.5

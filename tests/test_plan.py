@@ -311,7 +311,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return here
 
 
-@pytest.mark.slow
 def test_a_plan_toml_says_what_the_rig_can_do(folder: Path) -> None:
     found = read_bench(folder / "plan.toml", None, None, 3.0)
     assert found.speeds == pytest.approx((2 * math.pi,))
