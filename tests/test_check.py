@@ -165,8 +165,8 @@ def test_a_wrong_torque_is_found_in_a_file_of_three_digits(tmp_path: Path) -> No
 
 
 @pytest.mark.long_rows(
-    "drive_torque [[]N.m]-1000.0--1000 times the analytic side's: it looks in N.mm, but is read in N.m: say"
-)
+    "drive_torque [[]N.m]-1000.0--1000 times the analytic side's: it looks in N.mm, but is read in N.m: say",
+)  # fmt: skip
 @pytest.mark.parametrize(
     ("column", "factor", "heading", "says"),
     [

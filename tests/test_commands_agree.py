@@ -160,12 +160,9 @@ def test_analyse_is_the_analytic_side_of_the_cross_check(asked: Asked) -> None:
 
 
 @pytest.mark.long_rows(
-    "crank-rocker, driven, clearance-mujoco",
-    "five-bar, driven, ideal-mujoco",
-    "pendulum, driven, ideal-mujoco",
-    "crank-rocker, driven, ideal-mujoco",
-    "five-bar, static, ideal-mujoco",
-)
+    "crank-rocker, driven, clearance-mujoco", "five-bar, driven, ideal-mujoco", "pendulum, driven, ideal-mujoco",
+    "crank-rocker, driven, ideal-mujoco", "five-bar, static, ideal-mujoco",
+)  # fmt: skip
 @pytest.mark.parametrize(
     ("asked", "engine"),
     [
@@ -191,12 +188,9 @@ def test_nothing_turns_at_rest_by_either_side(asked: Asked) -> None:
 
 
 @pytest.mark.long_rows(
-    "crank-rocker, driven, clearance",
-    "pendulum, driven, ideal",
-    "five-bar, driven, ideal",
-    "five-bar, static, ideal",
+    "crank-rocker, driven, clearance", "pendulum, driven, ideal", "five-bar, driven, ideal", "five-bar, static, ideal",
     "crank-rocker, driven, ideal",
-)
+)  # fmt: skip
 @pytest.mark.parametrize("asked", fast(EVERY), ids=str)
 def test_a_check_of_its_own_export_has_the_sides_and_verdicts_of_the_cross_check(asked: Asked, tmp_path: Path) -> None:
     files = lc.export(asked.case, "mujoco", folder=tmp_path, joint_model=asked.joint, **asked.python)
@@ -219,11 +213,9 @@ def test_a_check_of_its_own_export_has_the_sides_and_verdicts_of_the_cross_check
 
 
 @pytest.mark.long_rows(
-    "five-bar, driven, ideal",
-    "five-bar, static, ideal",
-    "crank-rocker, driven, clearance",
+    "five-bar, driven, ideal", "five-bar, static, ideal", "crank-rocker, driven, clearance",
     "crank-rocker, driven, ideal",
-)
+)  # fmt: skip
 @pytest.mark.parametrize("asked", fast(ANALYSED), ids=str)
 def test_a_check_of_the_analysis_finds_nothing_between_them(asked: Asked, tmp_path: Path) -> None:
     analysed(asked).write(tmp_path)

@@ -392,8 +392,8 @@ def test_lists_of_effects_that_say_nothing_are_refused(
 
 
 @pytest.mark.long_rows(
-    "only-link_length@folower-link_length@follower", "only-clearance@B-joint_clearance@B", "exclude-gravty-gravity"
-)
+    "only-link_length@folower-link_length@follower", "only-clearance@B-joint_clearance@B", "exclude-gravty-gravity",
+)  # fmt: skip
 @pytest.mark.parametrize(
     ("given", "meant"),
     [("gravty", "gravity"), ("link_length@folower", "link_length@follower"), ("clearance@B", "joint_clearance@B")],

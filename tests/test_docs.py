@@ -153,13 +153,9 @@ def marks(name: str) -> list[pytest.MarkDecorator]:
 
 
 @pytest.mark.long_rows(
-    "how-to/one-side.md",
-    "how-to/accuracy.md",
-    "how-to/platform.md",
-    "how-to/tolerances-of-parts.md",
-    "how-to/mjcf.md",
+    "how-to/one-side.md", "how-to/accuracy.md", "how-to/platform.md", "how-to/tolerances-of-parts.md", "how-to/mjcf.md",
     "how-to/ci.md",
-)
+)  # fmt: skip
 @pytest.mark.parametrize("name", [pytest.param(page, marks=marks(page)) for page in PAGES])
 def test_the_commands_and_code_of_a_page_run(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)

@@ -103,8 +103,8 @@ MOTIONS = [(case, motion) for case in CRANKED for motion in ("driven", "static")
 
 
 @pytest.mark.long_rows(
-    "six-bar-driven", "paper-driven", "slider-crank-driven", "crank-rocker-driven", "pendulum-driven", "six-bar-static"
-)
+    "six-bar-driven", "paper-driven", "slider-crank-driven", "crank-rocker-driven", "pendulum-driven", "six-bar-static",
+)  # fmt: skip
 @pytest.mark.parametrize(("case", "motion"), [each for each in MOTIONS if each != ("pendulum", "static")])
 def test_an_export_agrees_with_the_analytic_model(case: str, motion: str, exports: Path) -> None:
     result = lc.crosscheck(case, f"mjcf:{exports / case / 'model.xml'}", motion=motion)
@@ -129,18 +129,10 @@ def test_an_export_with_laws_of_joints_agrees(case: str, tmp_path: Path) -> None
 
 
 @pytest.mark.long_rows(
-    "the coupler cut in two and welded",
-    "included",
-    "bodies without joints",
-    "plane y-z",
-    "axes, and xyaxes",
-    "classes",
-    "layers, and a pin of bodies",
-    "inertials about turned axes, capsules only to be seen",
-    "degrees, boxes from point to point",
-    "hinges the other way round",
-    "radians and quaternions",
-)
+    "the coupler cut in two and welded", "included", "bodies without joints", "plane y-z", "axes, and xyaxes",
+    "classes", "layers, and a pin of bodies", "inertials about turned axes, capsules only to be seen",
+    "degrees, boxes from point to point", "hinges the other way round", "radians and quaternions",
+)  # fmt: skip
 @pytest.mark.parametrize("way", WAYS)
 def test_a_four_bar_written_in_many_ways_agrees(way: str, tmp_path: Path) -> None:
     """With a mechanism that was written by hand: other frames, another order, only names and lengths in common; how its

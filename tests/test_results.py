@@ -79,16 +79,9 @@ def test_a_result_is_a_table_in_a_notebook_and_in_pandas(result: Document) -> No
 
 
 @pytest.mark.long_rows(
-    "validation",
-    "accuracy",
-    "scoreboard",
-    "show residuals",
-    "diagnose",
-    "crosscheck",
-    "simulate",
-    "analyse",
+    "validation", "accuracy", "scoreboard", "show residuals", "diagnose", "crosscheck", "simulate", "analyse",
     "validity",
-)
+)  # fmt: skip
 def test_a_result_is_plotted_or_says_that_a_list_has_no_picture(result: Document, tmp_path: Path) -> None:
     if type(result).__name__.lower() in LISTS:
         with pytest.raises(TypeError, match="no picture"):

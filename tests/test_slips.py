@@ -83,19 +83,10 @@ OFF = math.radians(1.0)
 
 
 @pytest.mark.long_rows(
-    "-link_length@follower",
-    "-encoder_offset@crank_angle1",
-    "-speed_ripple@drive",
-    "-sensor_delay@follower_angle",
-    "-payload@follower",
-    "-link_length@coupler",
-    "-sensor_gain@crank_angle",
-    "-sensor_bias@reaction_E_x",
-    "-encoder_harmonic@crank_angle",
-    "-clock_offset@slow",
-    "-sensor_frame@E1",
-    "-sensor_frame@E0",
-)
+    "-link_length@follower", "-encoder_offset@crank_angle1", "-speed_ripple@drive", "-sensor_delay@follower_angle",
+    "-payload@follower", "-link_length@coupler", "-sensor_gain@crank_angle", "-sensor_bias@reaction_E_x",
+    "-encoder_harmonic@crank_angle", "-clock_offset@slow", "-sensor_frame@E1", "-sensor_frame@E0",
+)  # fmt: skip
 @pytest.mark.parametrize(
     ("rig", "effect"),
     [

@@ -131,14 +131,9 @@ def lifted(judge: Maximal, q: np.ndarray) -> float:
 
 
 @pytest.mark.long_rows(
-    "3-rpr with springs-dart",
-    "3-rpr with springs-mujoco",
-    "3-rrr-dart",
-    "3-rrr-mujoco",
-    "3-rpr with springs-pybullet",
-    "3-rrr-pybullet",
-    "3-rrr-exudyn",
-)
+    "3-rpr with springs-dart", "3-rpr with springs-mujoco", "3-rrr-dart", "3-rrr-mujoco", "3-rpr with springs-pybullet",
+    "3-rrr-pybullet", "3-rrr-exudyn",
+)  # fmt: skip
 @pytest.mark.parametrize("name", EACH)
 @pytest.mark.parametrize("case", [*SHORT, *slow(*LATER)])
 def test_an_engine_at_rest_has_the_forces_of_the_referee_and_no_rates(name: str, case: str) -> None:

@@ -75,15 +75,9 @@ def struck(damping: float) -> tuple[Callable[[float], float], float, float]:
 
 
 @pytest.mark.long_rows(
-    "20.0-analytic",
-    "0.0-analytic",
-    "20.0-pybullet",
-    "20.0-dart",
-    "20.0-mujoco",
-    "0.0-mujoco",
-    "0.0-dart",
+    "20.0-analytic", "0.0-analytic", "20.0-pybullet", "20.0-dart", "20.0-mujoco", "0.0-mujoco", "0.0-dart",
     "0.0-pybullet",
-)
+)  # fmt: skip
 @pytest.mark.parametrize("side", SIDES)
 @pytest.mark.parametrize("damping", [0.0, 20.0])
 def test_a_mass_rebounds_from_a_stop(damping: float, side: str) -> None:
@@ -165,8 +159,8 @@ THROWN = [
 
 
 @pytest.mark.long_rows(
-    "pybullet-spring-damper-None", "dart-spring-damper-None", "mujoco-contact-None", "exudyn-spring-damper-None"
-)
+    "pybullet-spring-damper-None", "dart-spring-damper-None", "mujoco-contact-None", "exudyn-spring-damper-None",
+)  # fmt: skip
 @pytest.mark.parametrize(
     ("name", "model", "law"), [pytest.param(*row, marks=getattr(pytest.mark, row[0])) for row in THROWN]
 )

@@ -104,20 +104,11 @@ EVERY = [(name, case, LATER) for name in ENGINES for case in COURSES]
 
 
 @pytest.mark.long_rows(
-    "pybullet-ripple-0.15",
-    "mujoco-late, with few knots-0.15",
-    "exudyn-ripple-0.15",
-    "mujoco-friction-0.15",
-    "mujoco-slider-0.15",
-    "mujoco-every law of a joint-0.15",
-    "dart-ripple-0.15",
-    "exudyn-late, with few knots-0.15",
-    "mujoco-from rest-0.15",
-    "mujoco-back, then on-0.15",
-    "exudyn-pendulum-0.15",
-    "mujoco-ripple-0.15",
+    "pybullet-ripple-0.15", "mujoco-late, with few knots-0.15", "exudyn-ripple-0.15", "mujoco-friction-0.15",
+    "mujoco-slider-0.15", "mujoco-every law of a joint-0.15", "dart-ripple-0.15", "exudyn-late, with few knots-0.15",
+    "mujoco-from rest-0.15", "mujoco-back, then on-0.15", "exudyn-pendulum-0.15", "mujoco-ripple-0.15",
     "mujoco-pendulum-0.15",
-)
+)  # fmt: skip
 @pytest.mark.parametrize(("name", "case", "until"), [*SHORT, *slow(*EVERY)])
 def test_a_course_is_followed_with_the_forces_of_its_acceleration(name: str, case: str, until: float) -> None:
     m, course = COURSES[case]

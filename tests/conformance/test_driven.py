@@ -85,22 +85,12 @@ SOON += [("pybullet", "driven", "slider-crank"), ("pybullet", "driven", "scotch 
 
 
 @pytest.mark.long_rows(
-    "pybullet-driven-slider-crank",
-    "dart-driven-crank-rocker",
-    "mujoco-driven-six-bar",
-    "exudyn-driven-six-bar",
-    "exudyn-driven-inverted slider in reverse",
-    "pybullet-driven-scotch yoke",
-    "exudyn-driven-laws of a slide",
-    "exudyn-driven-crank-rocker",
-    "exudyn-driven-slider-crank",
-    "exudyn-driven-laws in every joint",
-    "mujoco-driven-inverted slider in reverse",
-    "mujoco-driven-laws in every joint",
-    "mujoco-driven-laws of a slide",
-    "mujoco-driven-crank-rocker",
-    "mujoco-driven-slider-crank",
-)
+    "pybullet-driven-slider-crank", "dart-driven-crank-rocker", "mujoco-driven-six-bar", "exudyn-driven-six-bar",
+    "exudyn-driven-inverted slider in reverse", "pybullet-driven-scotch yoke", "exudyn-driven-laws of a slide",
+    "exudyn-driven-crank-rocker", "exudyn-driven-slider-crank", "exudyn-driven-laws in every joint",
+    "mujoco-driven-inverted slider in reverse", "mujoco-driven-laws in every joint", "mujoco-driven-laws of a slide",
+    "mujoco-driven-crank-rocker", "mujoco-driven-slider-crank",
+)  # fmt: skip
 @pytest.mark.parametrize(("name", "motion", "case"), slow_but(SOON, IDEAL))
 def test_ideal_linkages_have_the_analytic_reactions(name: str, motion: Motion, case: str) -> None:
     m, degrees = LINKAGES[case]

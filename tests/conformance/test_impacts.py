@@ -89,16 +89,10 @@ SHORT = [
 
 
 @pytest.mark.long_rows(
-    "mujoco-contact-kelvin-voigt-0.3",
-    "pybullet-spring-damper-flores-0.3",
-    "dart-spring-damper-flores-0.3",
-    "mujoco-contact-gonthier-0.3",
-    "mujoco-contact-flores-0.3",
-    "dart-spring-damper-gonthier-0.3",
-    "mujoco-contact-lankarani-nikravesh-0.3",
-    "dart-spring-damper-kelvin-voigt-0.3",
-    "exudyn-contact-flores-0.3",
-)
+    "mujoco-contact-kelvin-voigt-0.3", "pybullet-spring-damper-flores-0.3", "dart-spring-damper-flores-0.3",
+    "mujoco-contact-gonthier-0.3", "mujoco-contact-flores-0.3", "dart-spring-damper-gonthier-0.3",
+    "mujoco-contact-lankarani-nikravesh-0.3", "dart-spring-damper-kelvin-voigt-0.3", "exudyn-contact-flores-0.3",
+)  # fmt: skip
 @pytest.mark.parametrize("asked", [0.3, *slow(0.05, 0.6, 0.95)])
 @pytest.mark.parametrize(
     ("name", "model", "law"), slow_but([*SHORT, ("pybullet", "spring-damper", "flores")], BOUNCING)

@@ -104,25 +104,13 @@ def right(case: str, until: str) -> tuple[Maximal, list[Posed]]:
 
 
 @pytest.mark.long_rows(
-    "dart-gantry-soon",
-    "dart-3-rrr-soon",
-    "mujoco-3-rpr, told from the other side-soon",
-    "pybullet-3-rpr with springs-soon",
-    "mujoco-3-rpr with springs-soon",
-    "pybullet-parallelogram-soon",
-    "exudyn-3-rpr-soon",
-    "mujoco-3-rrr-soon",
-    "mujoco-3-rpr-soon",
-    "exudyn-3-rrr-soon",
-    "mujoco-five-bar, told from the other side-soon",
-    "mujoco-gantry-soon",
-    "pybullet-2r-arm-soon",
-    "mujoco-parallelogram-soon",
-    "mujoco-2r-arm with springs-soon",
-    "mujoco-five-bar-soon",
-    "exudyn-gantry-soon",
+    "dart-gantry-soon", "dart-3-rrr-soon", "mujoco-3-rpr, told from the other side-soon",
+    "pybullet-3-rpr with springs-soon", "mujoco-3-rpr with springs-soon", "pybullet-parallelogram-soon",
+    "exudyn-3-rpr-soon", "mujoco-3-rrr-soon", "mujoco-3-rpr-soon", "exudyn-3-rrr-soon",
+    "mujoco-five-bar, told from the other side-soon", "mujoco-gantry-soon", "pybullet-2r-arm-soon",
+    "mujoco-parallelogram-soon", "mujoco-2r-arm with springs-soon", "mujoco-five-bar-soon", "exudyn-gantry-soon",
     "exudyn-five-bar-soon",
-)
+)  # fmt: skip
 @pytest.mark.parametrize(("name", "case", "until"), slow_but(SOON, FOLLOWED))
 def test_every_drive_follows_its_course_with_the_forces_of_the_referee(name: str, case: str, until: str) -> None:
     """Whichever joint a motor is in, and whichever of its bodies is its first."""
@@ -300,11 +288,9 @@ PRESSED = [
 
 
 @pytest.mark.long_rows(
-    "dart-contact-five-bar, driven pins",
-    "exudyn-spring-damper-five-bar, driven",
-    "mujoco-massless-link-2r-arm, both",
+    "dart-contact-five-bar, driven pins", "exudyn-spring-damper-five-bar, driven", "mujoco-massless-link-2r-arm, both",
     "dart-spring-damper-2r-arm, both",
-)
+)  # fmt: skip
 @pytest.mark.parametrize(
     ("name", "model", "case"), slow_but(PRESSED, [*RIMS, *(row for row in PRESSED if row not in RIMS)])
 )

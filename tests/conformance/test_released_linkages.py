@@ -25,16 +25,9 @@ TURNS_LATE = (2e-3, 1e-2, 1e-2)  # MuJoCo turns round a step late, of 0.4 ms: of
 
 
 @pytest.mark.long_rows(
-    "dart-True-3.0",
-    "dart-True-0.0",
-    "pybullet-True-0.0",
-    "pybullet-True-3.0",
-    "pybullet-False-0.0",
-    "dart-False-0.0",
-    "exudyn-True-0.0",
-    "exudyn-False-0.0",
-    "exudyn-False-3.0",
-)
+    "dart-True-3.0", "dart-True-0.0", "pybullet-True-0.0", "pybullet-True-3.0", "pybullet-False-0.0", "dart-False-0.0",
+    "exudyn-True-0.0", "exudyn-False-0.0", "exudyn-False-3.0",
+)  # fmt: skip
 @pytest.mark.parametrize("start_speed", [0.0, 3.0])
 @pytest.mark.parametrize("rubs", [False, True])
 @pytest.mark.parametrize("name", ENGINES)

@@ -41,13 +41,9 @@ RIGID = {("pybullet", "massless-link"), ("pybullet", "contact"), ("dart", "conta
 
 
 @pytest.mark.long_rows(
-    "mujoco-spring-damper-0.001",
-    "mujoco-contact-0.001",
-    "mujoco-massless-link-0.001",
-    "pybullet-contact-0.001",
-    "dart-spring-damper-0.001",
-    "pybullet-spring-damper-0.001",
-)
+    "mujoco-spring-damper-0.001", "mujoco-contact-0.001", "mujoco-massless-link-0.001", "pybullet-contact-0.001",
+    "dart-spring-damper-0.001", "pybullet-spring-damper-0.001",
+)  # fmt: skip
 @pytest.mark.parametrize("clearance", [1e-3, *slow(1e-2, 1e-4)])
 @pytest.mark.parametrize(("name", "model"), ALL)
 def test_the_reaction_of_the_papers_case_is_that_of_its_finite_gap(
