@@ -568,6 +568,7 @@ def _in_a_line(error: Exception) -> str:
     return " ".join(f"{type(error).__name__}: {error}".split())
 
 
+@functools.cache
 def installed_version(package: str) -> str | None:
     """Version of an installed package, None if it is not installed."""
     try:

@@ -48,6 +48,14 @@ def _here(main: Callable[[], None], command: list[str], cwd: Path) -> Ended:
     return Ended(command, status or 0, out.getvalue(), err.getvalue())
 
 
+def assert_refused(done: Ended, *words: str, status: int = 2) -> None:
+    """A command ended with this status, and a sentence with these words; Python's own traceback is none."""
+    assert done.returncode == status, done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+    for word in words:
+        assert word in done.stderr
+
+
 def compare_alone(*arguments: str, cwd: Path, **environment: str) -> Ended:
     """The command in a process of its own, as a person runs it."""
     return subprocess.run(

@@ -13,11 +13,13 @@ each engine; so is a test without the mark that meets the missing engine on its 
 
 from __future__ import annotations
 
+import gc
 import math
 import os
 import random
 import time
 from collections.abc import Generator
+from fnmatch import fnmatchcase
 from typing import NoReturn
 
 for threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
@@ -61,11 +63,19 @@ def pytest_configure(config: pytest.Config) -> None:
     END = time.monotonic() + 60 * config.getoption("--minutes")
 
 
+def pytest_collection_finish() -> None:
+    """What was imported and collected stays: Python's collector need not look through it again in every test."""
+    gc.collect()
+    gc.freeze()
+
+
 # ---------------------------------------------------------------- engines
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """A test whose parameter is an engine's name is of that engine; files come in the order of their turn."""
+    """A test whose parameter is an engine's name is of that engine, a row that its test's ``long_rows`` names is of
+    the long suite; files come in the order of their turn.
+    """
     turn = config.getoption("--turn")
     if turn is not None:
         order = {path: random.Random(f"{turn} {path.name}").random() for path in {item.path for item in items}}
@@ -74,6 +84,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         values = item.callspec.params.values() if hasattr(item, "callspec") else ()
         for name in {value for value in values if isinstance(value, str)} & set(ENGINES):
             item.add_marker(name)
+        for rows in item.iter_markers("long_rows"):
+            if any(fnmatchcase(item.callspec.id, row) for row in rows.args):
+                item.add_marker("slow")
 
 
 @pytest.hookimpl(wrapper=True)

@@ -13,41 +13,19 @@ import numpy as np
 SLIDER_CRANK = """
 name = "rig"
 gravity = [0.0, -9.81]
+body = [
+  { name = "crank", points = { O = [0.0, 0.0], A = [0.05, 0.0] }, mass = 0.3, com = [0.02, 0.005], inertia = 1e-4 },
+  { name = "rod", points = { A = [0.0, 0.0], B = [0.12, 0.0] }, mass = 0.21, com = [0.06, 0.0], inertia = 2.5e-4 },
+  { name = "slider", points = { B = [0.0, 0.0], S = [0.0, 0.0] }, mass = 0.14 },
+]
+joint = [
+  { name = "O", type = "revolute", bodies = ["ground", "crank"] },
+  { name = "A", type = "revolute", bodies = ["crank", "rod"] },
+  { name = "B", type = "revolute", bodies = ["rod", "slider"] },
+  { name = "S", type = "prismatic", bodies = ["ground", "slider"], axis = [1.0, 0.0] },
+]
 [ground]
 points = { O = [0.0, 0.0], S = [0.0, 0.0] }
-[[body]]
-name = "crank"
-points = { O = [0.0, 0.0], A = [0.05, 0.0] }
-mass = 0.3
-com = [0.02, 0.005]
-inertia = 1e-4
-[[body]]
-name = "rod"
-points = { A = [0.0, 0.0], B = [0.12, 0.0] }
-mass = 0.21
-com = [0.06, 0.0]
-inertia = 2.5e-4
-[[body]]
-name = "slider"
-points = { B = [0.0, 0.0], S = [0.0, 0.0] }
-mass = 0.14
-[[joint]]
-name = "O"
-type = "revolute"
-bodies = ["ground", "crank"]
-[[joint]]
-name = "A"
-type = "revolute"
-bodies = ["crank", "rod"]
-[[joint]]
-name = "B"
-type = "revolute"
-bodies = ["rod", "slider"]
-[[joint]]
-name = "S"
-type = "prismatic"
-bodies = ["ground", "slider"]
-axis = [1.0, 0.0]
 [drive]
 joint = "O"
 speed = "measured"
@@ -176,18 +154,14 @@ def _row(mujoco: Any, model: Any, data: Any) -> dict[str, float]:
 PENDULUM = """
 name = "arm"
 gravity = [0.0, -9.81]
+body = [
+  { name = "arm", points = { O = [0.0, 0.0], tip = [0.3, 0.0] }, mass = 0.2355, com = [0.15, 0.0], inertia = 1.8e-3 },
+]
+joint = [
+  { name = "O", type = "revolute", bodies = ["ground", "arm"] },
+]
 [ground]
 points = { O = [0.0, 0.0] }
-[[body]]
-name = "arm"
-points = { O = [0.0, 0.0], tip = [0.3, 0.0] }
-mass = 0.2355
-com = [0.15, 0.0]
-inertia = 1.8e-3
-[[joint]]
-name = "O"
-type = "revolute"
-bodies = ["ground", "arm"]
 [drive]
 joint = "O"
 speed = "free"

@@ -36,19 +36,11 @@ points = { D = [0.0, 0.0], C = [0.25, 0.0] }
 mass = 0.7
 com = [0.12, 0.0]
 inertia = 5e-3
-[joint.A]
-type = "revolute"
-bodies = ["ground", "crank"]
-[joint.B]
-type = "revolute"
-bodies = ["crank", "coupler"]
-[joint.C]
-type = "revolute"
-bodies = ["coupler", "rocker"]
-clearance = 1e-4
-[joint.D]
-type = "revolute"
-bodies = ["ground", "rocker"]
+[joint]
+A = { type = "revolute", bodies = ["ground", "crank"] }
+B = { type = "revolute", bodies = ["crank", "coupler"] }
+C = { type = "revolute", bodies = ["coupler", "rocker"], clearance = 1e-4 }
+D = { type = "revolute", bodies = ["ground", "rocker"] }
 [drive]
 joint = "A"
 speed = 4.0
@@ -73,35 +65,15 @@ name = "matrix"
 gravity = [0.0, -9.81]
 [ground]
 points = { A = [0.0, 0.0], S = [0.0, 0.02] }
-[body.crank]
-points = { A = [0.0, 0.0], B = [0.1, 0.0] }
-mass = 0.5
-com = [0.04, 0.01]
-inertia = 1e-3
-[body.rod]
-points = { B = [0.0, 0.0], C = [0.3, 0.0] }
-mass = 0.6
-inertia = 6e-3
-[body.block]
-points = { S = [0.0, 0.0], C = [0.01, 0.0] }
-mass = 0.7
-com = [0.02, 0.01]
-inertia = 5e-3
-[joint.A]
-type = "revolute"
-bodies = ["ground", "crank"]
-[joint.B]
-type = "revolute"
-bodies = ["crank", "rod"]
-[joint.C]
-type = "revolute"
-bodies = ["rod", "block"]
-[joint.S]
-type = "prismatic"
-bodies = ["ground", "block"]
-axis = [1.0, 0.0]
-guide = [0.08, 0.04]
-clearance = 1e-4
+[body]
+crank = { points = { A = [0.0, 0.0], B = [0.1, 0.0] }, mass = 0.5, com = [0.04, 0.01], inertia = 1e-3 }
+rod = { points = { B = [0.0, 0.0], C = [0.3, 0.0] }, mass = 0.6, inertia = 6e-3 }
+block = { points = { S = [0.0, 0.0], C = [0.01, 0.0] }, mass = 0.7, com = [0.02, 0.01], inertia = 5e-3 }
+[joint]
+A = { type = "revolute", bodies = ["ground", "crank"] }
+B = { type = "revolute", bodies = ["crank", "rod"] }
+C = { type = "revolute", bodies = ["rod", "block"] }
+S = { type = "prismatic", bodies = ["ground", "block"], axis = [1.0, 0.0], guide = [0.08, 0.04], clearance = 1e-4 }
 [drive]
 joint = "A"
 speed = 4.0

@@ -98,6 +98,7 @@ def test_a_body_that_bends_turns_as_its_sensor_has_it() -> None:
 # ---------------------------------------------------------------- sensitivities
 
 
+@pytest.mark.long_rows("six-bar1")
 @pytest.mark.parametrize(
     "m",
     [*LOADED.values(), load("pendulum"), scotch_yoke(), inverted_slider(), six_bar_driven_from_the_rocker()],
@@ -167,6 +168,7 @@ def of_least_energy(m: Mechanism, assembly: Assembly, theta: float, c: float) ->
     return gaps(least.x)
 
 
+@pytest.mark.long_rows("six-bar", "paper")
 @pytest.mark.parametrize("m", LOADED.values(), ids=LOADED)
 def test_displacements_meet_energy_minimisation_which_needs_no_reactions(m: Mechanism) -> None:
     found = at_rest(m)
@@ -276,6 +278,7 @@ def population(found: AccuracyAnalysis) -> Population:
     )
 
 
+@pytest.mark.long_rows("first order-free-six-bar")
 @pytest.mark.parametrize("m", LOADED.values(), ids=LOADED)
 @pytest.mark.parametrize("contacts", ["free", "along reactions"])
 @pytest.mark.parametrize("nonlinear", [False, True], ids=["first order", "closed again"])

@@ -24,10 +24,24 @@ def trees() -> dict[str, ast.Module]:
     return {path: ast.parse(p.read_text(encoding="utf-8")) for path, p in PATHS.items()}
 
 
+@cache
+def walk(tree: ast.Module) -> list[ast.AST]:
+    """All that is in a module, listed once for all tests."""
+    return list(ast.walk(tree))
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _forgotten() -> Iterator[None]:
+    """Millions of nodes would slow Python's collector down in all tests that follow."""
+    yield
+    walk.cache_clear()
+    trees.cache_clear()
+
+
 def test_no_pickle_no_eval() -> None:
     for path, tree in trees().items():
-        names = {n.id for n in ast.walk(tree) if isinstance(n, ast.Name)} | {
-            a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names
+        names = {n.id for n in walk(tree) if isinstance(n, ast.Name)} | {
+            a.name for n in walk(tree) if isinstance(n, ast.Import) for a in n.names
         }
         assert not names & {"eval", "exec", "pickle", "marshal", "shelve"}, path
 
@@ -56,7 +70,7 @@ LAYERS = ("analytic", "sim_models", "compare", "linkage_crosscheck", "tests")  #
 def imports(module: str, tree: ast.Module) -> set[str]:
     """The modules of this repository that one imports anywhere in it: also inside functions, and for types alone."""
     names = set()
-    for node in ast.walk(tree):
+    for node in walk(tree):
         if isinstance(node, ast.ImportFrom):
             assert node.module, f"{module}: imports are absolute here"
             assert not node.level, f"{module}: imports are absolute here"
@@ -105,7 +119,7 @@ def test_imports_point_one_way() -> None:
 
 def named_in(tree: ast.Module) -> set[str]:
     """The modules of this repository that a string names, or whose name it begins with."""
-    texts = {n.value for n in ast.walk(tree) if isinstance(n, ast.Constant) and isinstance(n.value, str)}
+    texts = {n.value for n in walk(tree) if isinstance(n, ast.Constant) and isinstance(n.value, str)}
     return {text.rstrip(".") for text in texts if "." in text} & set(MODULES)
 
 
@@ -161,7 +175,7 @@ def says_nothing(annotation: ast.expr | None) -> bool:
 def loose(tree: ast.Module) -> list[str]:
     """What a module offers others with Any in its type: functions, methods, attributes of classes, and names."""
     found = []
-    for owner in (tree, *(node for node in ast.walk(tree) if isinstance(node, ast.ClassDef))):
+    for owner in (tree, *(node for node in walk(tree) if isinstance(node, ast.ClassDef))):
         for node in owner.body:
             for name, types in declared(node):
                 if (name == "__init__" or not name.startswith("_")) and any(map(says_nothing, types)):

@@ -87,6 +87,7 @@ def test_nothing_moved_is_status_0_and_says_how_much_was_looked_at(written: str,
     assert done.stderr == ""
 
 
+@pytest.mark.slow
 @pytest.mark.mujoco
 def test_two_hundredths_of_a_degree_are_status_1_and_reported_with_size_sign_and_place(
     written: str, tmp_path: Path
@@ -206,6 +207,7 @@ def test_a_damaged_file_is_status_2_without_a_traceback(written: str, tmp_path: 
     assert "paper-mujoco.toml: cannot be read as TOML" in line
 
 
+@pytest.mark.slow
 @pytest.mark.mujoco
 def test_a_missing_file_is_status_2_and_the_other_cases_are_still_checked(written: str, tmp_path: Path) -> None:
     planted(written, tmp_path)

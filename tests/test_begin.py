@@ -167,6 +167,7 @@ def cranked(theta: np.ndarray) -> np.ndarray:
     return np.round(np.degrees(np.unwrap(moved.angle("follower"))), 2)
 
 
+@pytest.mark.long_rows("backward", "radians")
 @pytest.mark.parametrize(
     ("enc", "expected"),
     [
@@ -214,6 +215,7 @@ def test_a_slider_crank_in_revolutions_and_volts_of_another_zero(tmp_path: Path)
     }
 
 
+@pytest.mark.long_rows("x-looks of the other sign: .* a diagnosis refuses it")
 @pytest.mark.parametrize(
     ("axes", "text"),
     [
@@ -305,6 +307,7 @@ def test_a_line_that_is_no_row_is_named(tmp_path: Path) -> None:
         lc.begin(path, "crank-rocker")
 
 
+@pytest.mark.slow
 def test_the_preview_says_what_a_diagnosis_refuses(tmp_path: Path) -> None:
     text = (RIG / "measured.toml").read_text().replace('"nominal.toml"', json.dumps(NOMINAL))
     for file in RIG.glob("*.csv"):

@@ -437,6 +437,7 @@ def rig(name: str) -> tuple[Path, dict[str, np.ndarray]]:
         return folder, dict(zip(headings, np.loadtxt(file, delimiter=",").T, strict=True))
 
 
+@pytest.mark.long_rows("MDF4")
 @REAL
 @pytest.mark.parametrize("write_as", [tdms, mdf], ids=["TDMS", "MDF4"])
 def test_a_four_bar_of_adams_has_the_same_verdict_from_a_file_of_a_bench(
@@ -452,6 +453,7 @@ def test_a_four_bar_of_adams_has_the_same_verdict_from_a_file_of_a_bench(
         assert other.max == pytest.approx(one.max, rel=1e-6, abs=1e-12)
 
 
+@pytest.mark.long_rows("xlsx")
 @REAL
 @pytest.mark.parametrize("write_as", [hdf5, xlsx], ids=["HDF5", "xlsx"])
 def test_a_positioning_axis_has_the_same_columns_from_a_file_of_a_bench(

@@ -314,6 +314,7 @@ def test_units_of_an_engine_s_own_leave_a_corner_s_force_what_it_is() -> None:
     np.testing.assert_allclose(seen.force["S"][reports].imag, trace.signals["reaction_S_y"], atol=1e-3 * size)
 
 
+@pytest.mark.slow
 @pytest.mark.mujoco
 def test_a_report_of_a_block_that_bounces_speaks_of_a_block() -> None:
     m = twisted("flores")

@@ -215,6 +215,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("without")
 
 
+@pytest.mark.long_rows(
+    "mujoco-rigid-contact-static-contact_friction", "mujoco-rigid-spring-damper-static-None",
+    "mujoco-rigid-contact-static-None", "mujoco-export-contact-static-None", "mujoco-rigid-massless-link-static-None",
+    "exudyn-rigid-contact-driven-contact_friction", "mujoco-export-spring-damper-static-None",
+    "mujoco-export-massless-link-static-None", "dart-rigid-ideal-driven-several_drives",
+    "pybullet-rigid-ideal-driven-several_drives",
+)  # fmt: skip
 @pytest.mark.parametrize(("name", "what", "pair", "feature"), [*SHORT, *slow(*LONG)], ids=title)
 def test_what_is_declared_runs_and_shows(
     name: str, what: What, pair: Pair, feature: Feature | None, tmp_path: Path, folder: Path

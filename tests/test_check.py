@@ -164,6 +164,9 @@ def test_a_wrong_torque_is_found_in_a_file_of_three_digits(tmp_path: Path) -> No
     assert [d.signal for d in result.run("short").discrepancies if d.verdict == "disagrees"] == ["drive_torque"]
 
 
+@pytest.mark.long_rows(
+    "drive_torque [[]N.m]-1000.0--1000 times the analytic side's: it looks in N.mm, but is read in N.m: say",
+)  # fmt: skip
 @pytest.mark.parametrize(
     ("column", "factor", "heading", "says"),
     [
@@ -486,6 +489,7 @@ def test_a_rotation_is_judged_as_a_body_s_angle_is(tmp_path: Path) -> None:
         assert remarks(result) == []
 
 
+@pytest.mark.long_rows("measured")
 @pytest.mark.parametrize("speed", [load("paper").speed, "measured"])
 def test_a_table_of_our_own_has_no_column_that_is_no_signal(tmp_path: Path, speed: float | str) -> None:
     found = lc.analyse(PAPER).signals

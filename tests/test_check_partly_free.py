@@ -67,6 +67,7 @@ def checked(
     return lc.check(folder / "seen.csv", m, **how)
 
 
+@pytest.mark.long_rows("0.0")
 @pytest.mark.parametrize("late", [0.0, 3.0])
 def test_a_bob_on_a_driven_cart_swings_by_its_own_equation(late: float, tmp_path: Path) -> None:
     """From the record's start on, 40 degrees from where the file assembles it, whatever the clock says then."""
@@ -85,6 +86,7 @@ def test_a_wrong_bob_is_found(tmp_path: Path) -> None:
     assert {"bob_angle", "drive_force_S"} <= off
 
 
+@pytest.mark.slow
 def test_rates_and_power_are_judged_beside_what_they_follow_from(tmp_path: Path) -> None:
     result = checked(tmp_path, on_a_cart(rates=True), DRIVEN_CART)
     assert result.verdict == "agrees"
@@ -151,6 +153,7 @@ def test_two_bars_with_one_motor_are_checked_by_an_engine_s_record(name: str, tm
     assert heavier.verdict == "disagrees"
 
 
+@pytest.mark.slow
 @pytest.mark.mujoco
 def test_an_engine_beside_is_let_go_where_the_record_begins(tmp_path: Path) -> None:
     result = checked(tmp_path, on_a_cart(), DRIVEN_CART, simulator="mujoco")

@@ -131,6 +131,7 @@ def test_without_clearance_the_answer_is_the_ideal_linkage() -> None:
     assert np.array_equal(found.reactions.drive_torque, found.ideal.drive_torque)
 
 
+@pytest.mark.long_rows("paper")
 @pytest.mark.parametrize("case", ["paper", "crank-rocker", "slider-crank"])
 def test_an_angle_is_flagged_or_not_whatever_other_angles_are_asked_for(case: str) -> None:
     m = load(case)

@@ -151,6 +151,7 @@ def same(
     return both
 
 
+@pytest.mark.long_rows("crank-rocker, driven, clearance", "five-bar, driven, ideal", "five-bar, static, ideal")
 @pytest.mark.parametrize("asked", fast(ANALYSED), ids=str)
 def test_analyse_is_the_analytic_side_of_the_cross_check(asked: Asked) -> None:
     run = crosschecked(asked).runs[0]
@@ -158,6 +159,10 @@ def test_analyse_is_the_analytic_side_of_the_cross_check(asked: Asked) -> None:
     assert analysed(asked).flags == run.flags
 
 
+@pytest.mark.long_rows(
+    "crank-rocker, driven, clearance-mujoco", "five-bar, driven, ideal-mujoco", "pendulum, driven, ideal-mujoco",
+    "crank-rocker, driven, ideal-mujoco", "five-bar, static, ideal-mujoco",
+)  # fmt: skip
 @pytest.mark.parametrize(
     ("asked", "engine"),
     [
@@ -182,6 +187,10 @@ def test_nothing_turns_at_rest_by_either_side(asked: Asked) -> None:
 # ---------------------------------------------------------------- files
 
 
+@pytest.mark.long_rows(
+    "crank-rocker, driven, clearance", "pendulum, driven, ideal", "five-bar, driven, ideal", "five-bar, static, ideal",
+    "crank-rocker, driven, ideal",
+)  # fmt: skip
 @pytest.mark.parametrize("asked", fast(EVERY), ids=str)
 def test_a_check_of_its_own_export_has_the_sides_and_verdicts_of_the_cross_check(asked: Asked, tmp_path: Path) -> None:
     files = lc.export(asked.case, "mujoco", folder=tmp_path, joint_model=asked.joint, **asked.python)
@@ -203,6 +212,10 @@ def test_a_check_of_its_own_export_has_the_sides_and_verdicts_of_the_cross_check
     }
 
 
+@pytest.mark.long_rows(
+    "five-bar, driven, ideal", "five-bar, static, ideal", "crank-rocker, driven, clearance",
+    "crank-rocker, driven, ideal",
+)  # fmt: skip
 @pytest.mark.parametrize("asked", fast(ANALYSED), ids=str)
 def test_a_check_of_the_analysis_finds_nothing_between_them(asked: Asked, tmp_path: Path) -> None:
     analysed(asked).write(tmp_path)
@@ -264,6 +277,7 @@ def series(values: Any) -> Any:
     return np.array([np.nan if value is None else value for value in values], float)
 
 
+@pytest.mark.long_rows("crank-rocker, driven, clearance")
 @pytest.mark.parametrize(
     "asked",
     [
@@ -325,6 +339,7 @@ def test_a_signal_under_both_its_names_is_one_where_they_say_the_same(tmp_path: 
         lc.check(file, "pendulum")
 
 
+@pytest.mark.long_rows("crank-rocker-0.03-mujoco")
 @pytest.mark.parametrize("name", ["mujoco", "exudyn", *slow("pybullet", "dart")])
 @pytest.mark.parametrize(("case", "until"), [("crank-rocker", 0.03), ("pendulum", 0.5)])
 def test_over_time_the_crank_angle_is_the_driven_body_s_whichever_body_its_joint_names_first(

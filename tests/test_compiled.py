@@ -98,6 +98,7 @@ def test_a_linkage_with_one_crank_gets_the_same_numbers(name: str, inertia: bool
     held_against_numpy(mechanism, theta, 3.0, -7.0, inertia=inertia)
 
 
+@pytest.mark.long_rows("six-bar driven from the rocker")
 @pytest.mark.usefixtures("always")
 @pytest.mark.parametrize("name", ["crank-rocker", "inverted slider", "six-bar", "six-bar driven from the rocker"])
 def test_so_do_joints_with_gaps_that_move_and_friction_of_which_a_share_acts(name: str) -> None:
@@ -236,6 +237,7 @@ def wandering(mechanism: Mechanism, samples: int) -> np.ndarray:
     )
 
 
+@pytest.mark.long_rows("3-rrr-300")
 @pytest.mark.parametrize("samples", [1, 7, 300])
 @pytest.mark.parametrize("name", ["five-bar", "3-rrr", "3-rpr", "2r-arm"])
 def test_inputs_are_followed_as_by_numpy(name: str, samples: int) -> None:

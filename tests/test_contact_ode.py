@@ -135,6 +135,7 @@ def test_a_journal_bounces_by_the_closed_form(name: ContactLaw, asked: float) ->
 # ---------------------------------------------------------------- balances through an impact
 
 
+@pytest.mark.long_rows("slider-crank-kelvin-voigt")
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("case", ["crank-rocker", "slider-crank"])
 def test_energy_balances_through_every_impact(case: str, law: ContactLaw) -> None:
@@ -313,6 +314,7 @@ class Multipliers:
         return np.array([*y, place.real, place.imag, start.second, *v, speed.real, speed.imag, start.second_rate])
 
 
+@pytest.mark.long_rows("0.1-flores-slider-crank", "0.1-flores-crank-rocker", "0.0-flores-slider-crank")
 @pytest.mark.parametrize("case", ["crank-rocker", "slider-crank"])
 @pytest.mark.parametrize("law", ["flores", *slow("kelvin-voigt", "hunt-crossley", "lankarani-nikravesh", "gonthier")])
 @pytest.mark.parametrize("friction", [0.0, 0.1])

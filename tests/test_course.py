@@ -56,6 +56,7 @@ def rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
+@pytest.mark.long_rows("6.0-0.05", "6.0-50000000.0", "0.5-50000000.0", "0.02-0.05")
 @pytest.mark.parametrize(
     "rate", [0.05, *slow(50.0, 5e3), 5e7]
 )  # samples per unit of time: ms and Hz, s and Hz, fast, h and Hz

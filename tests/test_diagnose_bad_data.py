@@ -124,6 +124,7 @@ def all_empty(table: Table) -> None:
         row[1:] = ["nan"] * (len(row) - 1)
 
 
+@pytest.mark.long_rows("in_degrees-")
 @pytest.mark.mujoco
 @pytest.mark.parametrize(
     ("change", "words"),

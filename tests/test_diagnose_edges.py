@@ -143,6 +143,7 @@ def two_rates(drive: str = "speed") -> MeasuredRun:
     )
 
 
+@pytest.mark.long_rows("2")
 @pytest.mark.parametrize("every", [2, 4, 8])
 def test_thinning_leaves_its_share_of_every_sensor(every: int) -> None:
     run = two_rates()
@@ -188,6 +189,7 @@ def test_crank_angle_stands_for_the_driven_bodys_angle_whatever_its_name(tmp_pat
 # ---------------------------------------------------------------- tolerances
 
 
+@pytest.mark.long_rows("tolerance0-speed_ripple")
 @pytest.mark.parametrize(
     ("tolerance", "name"),
     [

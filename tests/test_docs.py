@@ -152,6 +152,10 @@ def marks(name: str) -> list[pytest.MarkDecorator]:
     return [pytest.mark.slow] * (name in DEAR) + [getattr(pytest.mark, engine) for engine in asked]
 
 
+@pytest.mark.long_rows(
+    "how-to/one-side.md", "how-to/accuracy.md", "how-to/platform.md", "how-to/tolerances-of-parts.md", "how-to/mjcf.md",
+    "how-to/ci.md",
+)  # fmt: skip
 @pytest.mark.parametrize("name", [pytest.param(page, marks=marks(page)) for page in PAGES])
 def test_the_commands_and_code_of_a_page_run(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
@@ -262,6 +266,7 @@ def test_the_messages_about_mechanism_files_are_the_real_ones(
     assert message in plain((DOCS / "how-to" / "bad-data.md").read_text(encoding="utf-8"))
 
 
+@pytest.mark.long_rows("forward.csv-edit1-message1")
 @pytest.mark.parametrize(
     ("name", "edit", "message"),
     [

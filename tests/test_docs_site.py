@@ -54,6 +54,7 @@ def test_every_page_asks_only_for_what_can_be_generated(reference: ModuleType) -
     assert asked == set(reference.CONTENTS)
 
 
+@pytest.mark.long_rows("reference/mechanism-file.md")
 @pytest.mark.parametrize("page", sorted(path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md")))
 def test_what_is_made_from_the_code_is_committed_as_it_is_made(page: str, reference: ModuleType) -> None:
     text = (DOCS / page).read_text(encoding="utf-8")

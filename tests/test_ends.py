@@ -32,6 +32,7 @@ def started(*arguments: str, cwd: Path, stdout: int = subprocess.PIPE) -> subpro
     )
 
 
+@pytest.mark.long_rows("analyse", "cases")
 @posix
 @pytest.mark.parametrize(
     "arguments",
@@ -142,6 +143,7 @@ def test_a_map_that_is_interrupted_from_the_keyboard_goes_on(tmp_path: Path) -> 
     assert list((tmp_path / "out" / "runs").glob("*.json"))
 
 
+@pytest.mark.long_rows("--simulator", "analyse")
 @pytest.mark.mujoco
 @pytest.mark.parametrize(
     "arguments",

@@ -54,6 +54,7 @@ def test_the_example_is_short() -> None:
     assert len((EXAMPLE / "multiplier_engine.py").read_text(encoding="utf-8").splitlines()) < 150
 
 
+@pytest.mark.long_rows("driven-crank-rocker", "static-crank-rocker")
 @pytest.mark.parametrize("case", ["paper", "crank-rocker", *slow("six-bar")])
 @pytest.mark.parametrize("motion", ["driven", "static"])
 def test_the_example_agrees_with_the_analytic_model(case: str, motion: str, packages: Path, tmp_path: Path) -> None:

@@ -290,6 +290,10 @@ def test_a_joint_that_stands_still_has_no_friction() -> None:
     assert before == -after != 0.0
 
 
+@pytest.mark.long_rows(
+    "ternary links-static", "ternary links-driven", "a slide that bends, with a spring-driven",
+    "a slide that bends, with a spring-static", "a pin beside its axis-driven",
+)  # fmt: skip
 @pytest.mark.parametrize("motion", ["static", "driven"])
 @pytest.mark.parametrize("name", FLEXIBLE)
 def test_flexible_links_show_what_the_matrix_says_in_the_first_order(name: str, motion: Motion) -> None:

@@ -323,6 +323,7 @@ def outside(run: Any) -> set[str]:
     return {d.signal for d in run.discrepancies if d.verdict != "agrees"}
 
 
+@pytest.mark.long_rows("five-bar-contact")
 @pytest.mark.parametrize("joint_model", ["ideal", "contact"])
 @pytest.mark.parametrize("name", ROWS)
 def test_beams_and_superposition_agree_under_the_cases_own_loads(name: str, joint_model: str) -> None:
@@ -333,6 +334,7 @@ def test_beams_and_superposition_agree_under_the_cases_own_loads(name: str, join
     np.testing.assert_array_equal(run.time, TIMES)
 
 
+@pytest.mark.long_rows("five-bar-contact")
 @pytest.mark.parametrize("joint_model", ["ideal", "contact"])
 @pytest.mark.parametrize("name", ROWS)
 def test_friction_of_joints_bends_links_on_both_sides(name: str, joint_model: str) -> None:
@@ -372,6 +374,7 @@ def test_a_linkage_that_a_slide_moves_bends(clearance: float) -> None:
     assert np.abs(np.array(run.simulated["crank_y"]) - rigid["crank_y"]).max() > 5e-8  # m
 
 
+@pytest.mark.long_rows("rigid0")
 @pytest.mark.parametrize("rigid", [(), ("bar",), ("bar", "coupler")])
 def test_a_linkage_that_is_held_more_often_than_it_needs_bends(rigid: tuple[str, ...]) -> None:
     m, knots = third_bar(), np.linspace(0.0, 1.0, 5)

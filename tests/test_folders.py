@@ -225,6 +225,13 @@ READ = {
 }
 
 
+@pytest.mark.long_rows(
+    "compare export --case in.toml --simulator mujoco --course run.py --out .", "compare import in.xml --out ./in.xml",
+    "compare analyse --case in.toml --course signals.csv --out .",
+    "compare simulate --case in.toml --simulator mujoco --path linked.csv --out .",
+    "compare check signals.csv --case in.toml --out .",
+    "compare --case in.toml --simulator exudyn,mjcf:junit.xml --out .",
+)  # fmt: skip
 @pytest.mark.mujoco
 @pytest.mark.parametrize("line", READ)
 def test_a_file_that_is_read_is_never_written(line: str, compare: Any, tmp_path: Path) -> None:

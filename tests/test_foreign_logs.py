@@ -122,6 +122,7 @@ def read(name: str, folder: Path) -> tuple[dict[str, np.ndarray], str]:
     return {heading: values for heading, values in written.items() if f"\n{heading} = " in lines}, lines
 
 
+@pytest.mark.long_rows("pybullet, a pendulum", "exudyn, a slider-crank", "mujoco, a four-bar")
 @pytest.mark.parametrize("name", LOGS)
 def test_a_log_agrees_within_a_thousandth_and_without_its_frame_is_told_which_line_is_missing(
     name: str, tmp_path: Path

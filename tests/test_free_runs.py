@@ -96,6 +96,7 @@ def test_a_linkage_without_positive_inertia_has_no_motion(inertia: float) -> Non
     assert np.isfinite(theta[1]).all(), "the others of the batch go on"
 
 
+@pytest.mark.long_rows("20")
 @pytest.mark.parametrize("samples", [20, 4001])  # many steps to a sample, and many samples to a step
 def test_a_spring_and_dry_friction_swing_in_half_cosines_until_they_hold(samples: int) -> None:
     """Each half swing is about a place that friction shifts against it, and ends where the next begins: closed form."""
@@ -158,6 +159,7 @@ def test_a_crank_that_nearly_stops_on_top_goes_over_or_back_as_its_energy_says()
         assert bool(theta.max() > math.pi / 2 + 0.1) == over
 
 
+@pytest.mark.long_rows("start0", "start1")
 @pytest.mark.parametrize("start", [(0.0, 1e6), (0.0, 2e3), (1e-3, 0.0)])
 def test_a_motion_that_runs_away_ends(start: tuple[float, float]) -> None:
     """Too fast to begin with, too far for a path, and faster and faster: within a second of the processor's time, where

@@ -94,6 +94,7 @@ class Linkage:
         return float(best.x[0] * scale[0]), float(best.x[1] * scale[1])
 
 
+@pytest.mark.long_rows("0.0001-flat on the lower wall")
 @pytest.mark.parametrize("name", LOADS)
 @pytest.mark.parametrize("clearance", [1e-4, *slow(1e-3, 1e-5)])
 def test_a_block_rests_where_the_potential_energy_is_least(name: str, clearance: float) -> None:

@@ -82,6 +82,7 @@ def check(seen: dict[str, np.ndarray], right: dict[str, np.ndarray], flags: set[
             assert off < places * CLEARANCE, name
 
 
+@pytest.mark.long_rows("either-mujoco")
 @ANY
 @pytest.mark.parametrize("load", slow_but(["either"], LOADS))
 def test_at_rest_a_block_lies_where_the_analytic_model_has_it(name: str, load: str) -> None:
@@ -113,6 +114,7 @@ def test_a_run_begins_where_the_block_rests(name: str) -> None:
     check(dict(trace.signals), displaced(Assembly(m), theta, 10.0).signals(), set(), 0.06)
 
 
+@pytest.mark.long_rows("mujoco")
 @ANY
 def test_the_guide_may_be_on_a_moving_body_and_the_block_carry_it(name: str) -> None:
     """The inverted slider: its arm has the guide, and hangs on the ground; and with the joint's bodies exchanged, so
@@ -134,6 +136,7 @@ def test_the_guide_may_be_on_a_moving_body_and_the_block_carry_it(name: str) -> 
                 np.testing.assert_allclose(trace.signals[signal], values, atol=size, err_msg=signal)
 
 
+@pytest.mark.long_rows("dart", "pybullet")
 @OTHERS
 def test_pins_and_a_block_with_clearance_rest_together(name: str) -> None:
     """As MuJoCo has them, with the same springs."""
@@ -204,6 +207,7 @@ contact_stiffness = 1e8
 """
 
 
+@pytest.mark.long_rows("mujoco")
 @pytest.mark.parametrize("name", ["mujoco", "exudyn", *slow("dart", "pybullet")])
 def test_a_block_that_falls_flat_bounces_as_its_law_has_it(name: str) -> None:
     """Both corners strike at once: the law's restitution delivered, e = 0.683 for 0.7 of Flores's, whatever the mass;
@@ -231,6 +235,7 @@ def test_joint_models_that_have_no_blocks_say_so(name: str, model: JointModel) -
         engine(name).simulate(request_of(slider_crank("flat"), model, "static", ANGLES))
 
 
+@pytest.mark.long_rows("mujoco")
 @ANY
 def test_a_block_without_a_moment_of_inertia_rests_but_does_not_move(name: str) -> None:
     """The shipped slider-crank."""
@@ -298,6 +303,7 @@ def flight(time: float, state: np.ndarray) -> list[float]:
     return [w, v, *np.linalg.solve(mass, load)]
 
 
+@pytest.mark.long_rows("pybullet", "exudyn", "dart")
 @ANY
 def test_a_block_flies_freely_until_its_corners_come_to_a_wall(name: str) -> None:
     time = np.arange(3e-4, 3.05e-3, 1e-4)
@@ -386,6 +392,7 @@ def test_blocks_bounce_as_mujoco_s_do_and_gain_no_energy(name: str, law: str) ->
 LONG = [(name, "driven") for name in MODELS]
 
 
+@pytest.mark.long_rows("mujoco-static")
 @pytest.mark.parametrize(("name", "motion"), [*((n, "static") for n in MODELS), *slow(*LONG)])
 def test_a_cross_check_compares_what_a_block_does(name: str, motion: Motion) -> None:
     pytest.importorskip(declared(name).package)
@@ -400,6 +407,7 @@ def test_a_cross_check_compares_what_a_block_does(name: str, motion: Motion) -> 
     assert found.verdict == "agrees"
 
 
+@pytest.mark.long_rows("mujoco")
 @ANY
 def test_every_step_of_a_block_is_watched(name: str) -> None:
     m = slider_crank("flat").with_joint("S", contact_law="kelvin-voigt", contact_stiffness=1e7, restitution=0.5)

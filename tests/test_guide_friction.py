@@ -46,6 +46,7 @@ BOTH = pytest.mark.parametrize("name", ["mujoco", "exudyn"])
 # ------------------------------------------------------------------ by hand
 
 
+@pytest.mark.long_rows("mujoco")
 @BOTH
 def test_a_block_slides_down_its_guide_and_bears_on_the_corners_in_front(name: str) -> None:
     """A weight N that presses it takes mu N of what pulls it along; the couple of mu N at its lower corners, h/2 below
@@ -202,6 +203,7 @@ def test_pins_may_rest_in_their_clearance_where_friction_locks_a_linkage_elsewhe
     assert faint == pytest.approx(0.01 * 50.0 / np.cos(lean), rel=1e-3)  # of the smooth linkage, at 90 deg
 
 
+@pytest.mark.long_rows("mujoco-static")
 @pytest.mark.parametrize(("name", "motion"), [("mujoco", "static"), *slow(("mujoco", "driven")), ("exudyn", "driven")])
 def test_a_motor_along_the_guide_gives_what_friction_takes(name: str, motion: Motion) -> None:
     """mu m g, of a block that it moves at an even speed; the guide's force has both, and so none along."""

@@ -82,6 +82,7 @@ def positions(m: Mechanism, side: str, joint: str) -> np.ndarray:
     return found[f"position_{joint}"]
 
 
+@pytest.mark.long_rows("False-analytic", "True-analytic")
 @pytest.mark.parametrize("side", SIDES)
 @pytest.mark.parametrize("swings", [True, False])
 def test_a_thrown_pendulum_swings_or_turns_over_by_the_elliptic_functions(swings: bool, side: str) -> None:
@@ -126,6 +127,7 @@ def followed(slope: Callable[[np.ndarray], np.ndarray], start: list[float]) -> n
     )
 
 
+@pytest.mark.long_rows("analytic", "exudyn")
 @pytest.mark.parametrize("side", SIDES)
 def test_two_bars_are_thrown(side: str) -> None:
     p, q, _, _ = followed(two_bars, [-1.2, -0.9, 7.0, 7.0 - 11.0])
@@ -134,6 +136,7 @@ def test_two_bars_are_thrown(side: str) -> None:
     np.testing.assert_allclose(positions(m, side, "B"), q - p, rtol=0, atol=ACCURACY[side])
 
 
+@pytest.mark.long_rows("exudyn")
 @pytest.mark.parametrize("side", SIDES)
 def test_a_bob_is_thrown_on_a_cart_that_a_motor_moves(side: str) -> None:
     """At a constant speed of the cart the bob is a pendulum."""
@@ -204,6 +207,7 @@ def test_a_unit_that_does_not_fit_is_refused() -> None:
         loads(SLIDING.replace("500 mm/s", "2 rad/s"))
 
 
+@pytest.mark.long_rows("False")
 @pytest.mark.parametrize("says", [True, False])
 def test_a_record_that_does_not_say_how_fast_it_begins_is_let_go_as_the_file_says(says: bool, tmp_path: Path) -> None:
     m = HANGING.replace(initial={"velocity_O": 3.0})

@@ -232,6 +232,7 @@ def test_the_largest_error_is_told_with_its_place_and_the_joint_that_has_most_of
     assert peak.by_joint.startswith(f"{joint} ")
 
 
+@pytest.mark.long_rows("3-rpr", "paper", "six-bar", "crank-rocker", "slider-crank")
 @pytest.mark.parametrize("case", ["paper", "crank-rocker", "slider-crank", "six-bar", "five-bar", "3-rpr", "2r-arm"])
 def test_every_shipped_case_has_a_page_and_a_drawing_that_moves(case: str) -> None:
     result = lc.analyse(case)
@@ -297,6 +298,7 @@ def test_a_file_or_a_case_alone_asks_for_its_analysis(tmp_path: Path, monkeypatc
     assert run("mine.toml --simulator mujoco", monkeypatch)[0] == 2
 
 
+@pytest.mark.long_rows("pdf-%PDF")
 @pytest.mark.parametrize(("suffix", "begins"), [("svg", b"<?xml"), ("png", b"\x89PNG"), ("pdf", b"%PDF")])
 def test_a_command_draws_its_main_curves_into_a_file(
     suffix: str, begins: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -550,6 +552,7 @@ table = [[0.0, 0.0], [{0.37 * quarter}, 1.0], [{quarter}, 0.0]]
     assert math.degrees(timed.highest_at or 0.0) == pytest.approx(math.degrees(at), abs=0.2)
 
 
+@pytest.mark.long_rows("six-bar")
 @pytest.mark.parametrize("case", ["paper", "six-bar"])
 def test_a_page_is_made_within_its_time(case: str, tmp_path: Path) -> None:
     """1.2 s of processor time is wanted; two and a half are allowed, as other processes slow this one's memory down.
@@ -562,7 +565,10 @@ def test_a_page_is_made_within_its_time(case: str, tmp_path: Path) -> None:
         "print('numba' in sys.modules, spent.ru_utime + spent.ru_stime, file=sys.stderr)"
     )
     command = [sys.executable, "-c", code, "", case, "--clearance", "0.05mm", "--out", str(tmp_path)]
-    told = [subprocess.run(command, capture_output=True, text=True, check=True).stderr for _ in range(2)][-1]
-    compiled, spent = told.splitlines()[-1].split()
-    assert compiled == "False"
+    for _ in range(2):  # again where the first one was slow: it may have had to compile Python's own files
+        told = subprocess.run(command, capture_output=True, text=True, check=True).stderr
+        compiled, spent = told.splitlines()[-1].split()
+        assert compiled == "False"
+        if float(spent) < 2.5:
+            break
     assert float(spent) < 2.5

@@ -47,6 +47,7 @@ def test_time_counts_from_the_first_angle_that_a_driven_crank_passes(speed: floa
 RUNS = [*declared_runs("driven")]
 
 
+@pytest.mark.long_rows("pybullet-ideal")
 @pytest.mark.parametrize(("name", "model"), slow_but([("mujoco", "ideal"), ("pybullet", "ideal")], RUNS))
 def test_every_engine_that_has_such_loads_agrees(name: str, model: JointModel) -> None:
     agreed(name, press(PUSH, PULSE, STEADY), model, "driven", {"B": 1e-4}, TURN)
@@ -57,6 +58,7 @@ def wheel(*given: Load) -> Mechanism:
     return load("pendulum").replace(gravity=(0.0, 0.0), loads=given)
 
 
+@pytest.mark.long_rows("dart", "pybullet", "", "mujoco")
 @pytest.mark.parametrize("name", ["", "mujoco", "exudyn", "pybullet", "dart"])
 def test_a_released_wheel_gains_the_impulse_of_a_pulse(name: str) -> None:
     """A short one, that an integrator with an eye on smoothness alone would step over."""

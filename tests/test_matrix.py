@@ -326,6 +326,11 @@ def test_every_field_of_a_mechanism_file_has_a_case() -> None:
     assert fields() == CHANGES.keys()
 
 
+@pytest.mark.long_rows(
+    "Joint.contact_stiffness", "Tolerance.sd", "Stop.joint", "Load.end", "Joint.bodies", "Joint.fit",
+    "PeriodicTorque.harmonic", "Ripple.amplitude", "Sensor.axis", "Joint.rest_angle", "Mechanism.name", "Sensor.name",
+    "Body.youngs_modulus", "Drive.joint", "Body.com",
+)  # fmt: skip
 @pytest.mark.mujoco
 @pytest.mark.parametrize("name", SOON)
 def test_a_field_moves_the_result_or_is_named_by_the_analytic_side_and_mujoco(name: str) -> None:
@@ -333,6 +338,7 @@ def test_a_field_moves_the_result_or_is_named_by_the_analytic_side_and_mujoco(na
     held(name, quick(name))
 
 
+@pytest.mark.long_rows("PeriodicTorque.amplitude", "Spring.bodies", "Load.body", "Spring.length", "Body.section")
 @pytest.mark.mujoco
 @pytest.mark.parametrize("name", IDLE)
 def test_a_field_that_can_do_nothing_in_this_linkage_is_named(name: str) -> None:

@@ -64,6 +64,7 @@ def mapped(folder: Path, *entries: Mapping[str, object]) -> Path:
     return path
 
 
+@pytest.mark.long_rows("both-12.0", "both--12.0", "angle--12.0")
 @pytest.mark.parametrize("speed", [SPEED, -SPEED])
 @pytest.mark.parametrize("columns", ["angle", "both"])
 def test_a_recorded_push_acts_in_a_check_of_a_driven_linkage(tmp_path: Path, speed: float, columns: str) -> None:
@@ -102,6 +103,7 @@ def test_each_file_has_its_own_push_and_what_it_is_rounded_to_is_allowed(tmp_pat
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", [*slow(""), "mujoco"])
 def test_a_released_wheel_gains_the_impulse_of_a_recorded_torque(tmp_path: Path, engine: str) -> None:
     """By its angular momentum, written out: a torque of known integral, on a wheel without weight."""
@@ -239,6 +241,7 @@ def test_what_measured_data_say_themselves_is_not_said_again(tmp_path: Path) -> 
         lc.check(bench(), map=mapped(tmp_path, PUSH))
 
 
+@pytest.mark.slow
 def test_free_runs_are_let_go_and_runs_of_two_kinds_are_refused() -> None:
     """A wheel without weight whose bearing drags: its rate dies away by an exponential."""
     wheel = load("pendulum").replace(gravity=(0.0, 0.0)).with_joint("O", damping=0.05)

@@ -219,6 +219,7 @@ def test_prismatic_joints_hold_bodies_parallel() -> None:
     assert structure(inverted_slider()).groups[0].bodies == ("block", "arm")
 
 
+@pytest.mark.long_rows("False")
 @pytest.mark.parametrize("closed", [True, False])
 def test_a_chain_of_many_links_that_one_drive_does_not_determine_is_refused_at_once(
     closed: bool, tmp_path: Path

@@ -102,6 +102,9 @@ def with_option(text: str, option: str) -> str:
 MOTIONS = [(case, motion) for case in CRANKED for motion in ("driven", "static")]
 
 
+@pytest.mark.long_rows(
+    "six-bar-driven", "paper-driven", "slider-crank-driven", "crank-rocker-driven", "pendulum-driven", "six-bar-static",
+)  # fmt: skip
 @pytest.mark.parametrize(("case", "motion"), [each for each in MOTIONS if each != ("pendulum", "static")])
 def test_an_export_agrees_with_the_analytic_model(case: str, motion: str, exports: Path) -> None:
     result = lc.crosscheck(case, f"mjcf:{exports / case / 'model.xml'}", motion=motion)
@@ -125,6 +128,11 @@ def test_an_export_with_laws_of_joints_agrees(case: str, tmp_path: Path) -> None
         assert moment < 1e-3 * np.abs(run.analytic["reaction_S_moment"]).max()
 
 
+@pytest.mark.long_rows(
+    "the coupler cut in two and welded", "included", "bodies without joints", "plane y-z", "axes, and xyaxes",
+    "classes", "layers, and a pin of bodies", "inertials about turned axes, capsules only to be seen",
+    "degrees, boxes from point to point", "hinges the other way round", "radians and quaternions",
+)  # fmt: skip
 @pytest.mark.parametrize("way", WAYS)
 def test_a_four_bar_written_in_many_ways_agrees(way: str, tmp_path: Path) -> None:
     """With a mechanism that was written by hand: other frames, another order, only names and lengths in common; how its
@@ -195,6 +203,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.long_rows("a damper", "a force", "an armature")
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_fault_in_the_file_is_found(fault: str, tmp_path: Path) -> None:
     text = with_option(PLAIN, WEIGHTLESS)

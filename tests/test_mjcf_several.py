@@ -172,6 +172,7 @@ def agrees_with_the_referee(m: Mechanism, trace: Trace, courses: Knots, times: n
         close(trace.signals[f"position_{name}"], splines(courses)[name](times), 1e-11)
 
 
+@pytest.mark.long_rows("3-rpr-RK4", "3-rpr-implicitfast", "3-rpr-Euler", "five-bar-RK4")
 @pytest.mark.parametrize("integrator", ["Euler", "RK4", "implicitfast"])
 @pytest.mark.parametrize("name", FILES)
 def test_every_drive_follows_its_course_with_the_forces_of_the_referee(
@@ -185,6 +186,7 @@ def test_every_drive_follows_its_course_with_the_forces_of_the_referee(
     close(trace.crank_angle, splines(courses)[m.drives[0].joint](TIMES), 1e-11)
 
 
+@pytest.mark.long_rows("3-rpr-joints1")
 @pytest.mark.parametrize(
     ("name", "joints"), [("five-bar", ("D", "A")), ("3-rpr", ("S1", "A2", "S2")), ("arm", ("O", "K"))]
 )
@@ -207,6 +209,7 @@ def test_a_run_does_not_depend_on_when_it_is_looked_at_nor_on_its_courses_clock(
         close(few.signals[name], np.array(seen), 1e-8 * np.abs(seen).max(), name)
 
 
+@pytest.mark.long_rows("3-rpr")
 @pytest.mark.parametrize("name", ["five-bar", "3-rpr"])
 def test_soft_loops_start_without_a_transient(name: str, tmp_path: Path) -> None:
     """A row of MuJoCo's own gives way in 0.02 s: what a start leaves in it would bend forces in the first samples."""

@@ -223,6 +223,7 @@ def test_the_wall_pushes_as_the_law_says_at_every_instant(friction: float) -> No
     assert np.all(np.abs(pin.rub) <= friction * pin.push * (1 + 1e-6) + 1e-9)
 
 
+@pytest.mark.long_rows("10.0")
 @pytest.mark.parametrize("damping", [0.0, 10.0])
 def test_a_pin_rubs_as_its_coefficient_says_however_little_its_wall_is_damped(damping: float) -> None:
     """The rows of a cone are as soft as its wall is undamped: without damping they rubbed by 0.0007 in place of 0.2."""

@@ -62,6 +62,7 @@ def test_equal_values_leave_rounding_alone_and_angles_a_turn_apart_are_equal() -
 ANGLES = np.array([0.5, 1.5, 4.0])
 
 
+@pytest.mark.long_rows("exudyn")
 @pytest.mark.parametrize("name", ["mujoco", "exudyn"])
 def test_the_error_against_a_sixteenth_of_the_step_lies_within(name: str) -> None:
     """Of two engines with ideal joints; all of them, with every joint model, are in reports/trust.md."""

@@ -26,6 +26,15 @@ from sim_models.engine import JointModel, Motion, Unsupported
 
 SHAPER = """
 name = "shaper"
+joint = [
+  { name = "O", type = "revolute", bodies = ["ground", "crank"] },
+  { name = "A", type = "revolute", bodies = ["crank", "die"] },
+  { name = "G", type = "prismatic", bodies = ["lever", "die"], axis = [1.0, 0.0] },
+  { name = "Q", type = "revolute", bodies = ["ground", "lever"] },
+  { name = "H", type = "prismatic", bodies = ["lever", "block"], axis = [1.0, 0.0] },
+  { name = "B", type = "revolute", bodies = ["ram", "block"] },
+  { name = "S", type = "prismatic", bodies = ["ground", "ram"], axis = [1.0, 0.0] },
+]
 [ground]
 points = { O = [0.0, 0.0], Q = [0.0, -0.3], S = [0.0, 0.2] }
 [[body]]
@@ -53,37 +62,6 @@ name = "ram"
 points = { B = [0.0, 0.0], S = [0.0, 0.0] }
 mass = 5.0
 inertia = 1e-2
-[[joint]]
-name = "O"
-type = "revolute"
-bodies = ["ground", "crank"]
-[[joint]]
-name = "A"
-type = "revolute"
-bodies = ["crank", "die"]
-[[joint]]
-name = "G"
-type = "prismatic"
-bodies = ["lever", "die"]
-axis = [1.0, 0.0]
-[[joint]]
-name = "Q"
-type = "revolute"
-bodies = ["ground", "lever"]
-[[joint]]
-name = "H"
-type = "prismatic"
-bodies = ["lever", "block"]
-axis = [1.0, 0.0]
-[[joint]]
-name = "B"
-type = "revolute"
-bodies = ["ram", "block"]
-[[joint]]
-name = "S"
-type = "prismatic"
-bodies = ["ground", "ram"]
-axis = [1.0, 0.0]
 [drive]
 joint = "O"
 speed = "60 rpm"
@@ -162,6 +140,7 @@ def test_a_drive_the_other_way_turns_it_round() -> None:
         np.testing.assert_allclose(torque - free, -extra("static", TOOL), atol=1e-11)
 
 
+@pytest.mark.long_rows("mujoco-ideal-driven")
 @pytest.mark.parametrize(
     ("name", "model", "motion"),
     slow_but([("mujoco", "ideal", "driven"), ("pybullet", "ideal", "static")], CALM),
@@ -188,6 +167,7 @@ def test_at_rest_it_acts_against_the_motion_of_the_linkage_with_its_gaps(name: s
     assert near["reaction_B_angle"] < 1e-3
 
 
+@pytest.mark.long_rows("dart-driven", "pybullet-driven", "mujoco-driven")
 @pytest.mark.parametrize("motion", ["driven", "static"])
 @pytest.mark.parametrize("name", ["mujoco", "pybullet", "dart"])
 def test_it_acts_at_a_point_that_no_joint_is_at(name: str, motion: Motion) -> None:

@@ -466,6 +466,7 @@ def before(command: str, base: dict[str, Any], folder: Path) -> tuple[str, list[
     return KNOWN[key]
 
 
+@pytest.mark.long_rows("plan-*")
 @pytest.mark.filterwarnings("ignore::numpy.exceptions.RankWarning")
 @pytest.mark.parametrize(("command", "option", "base", "change"), OPTIONS_MATTER)
 def test_an_option_matters(

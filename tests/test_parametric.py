@@ -121,6 +121,7 @@ def test_what_is_no_field_is_refused_in_a_sentence_with_the_nearest(name: str, s
         lc.sweep(PAPER, {name: [1.0]})
 
 
+@pytest.mark.slow
 def test_a_field_that_is_true_or_false_may_be_both() -> None:
     assert not PAPER.loads[0].opposes
     for word in ("true", "false"):

@@ -123,6 +123,7 @@ def in_motion(theta: float, omega: float) -> np.ndarray:
     return x
 
 
+@pytest.mark.long_rows("dart-60.0", "pybullet-60.0", "mujoco-60.0")
 @pytest.mark.parametrize("omega", [SPEED, *slow(-SPEED)])
 @pytest.mark.parametrize("side", ["analytic", *RUBBING])
 def test_in_motion_all_rub_at_once(omega: float, side: str) -> None:

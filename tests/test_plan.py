@@ -236,6 +236,7 @@ def test_the_choice_is_as_good_as_the_best_of_all_pairs(every: Pool) -> None:
     assert [step.bits for step in best.steps] == sorted(step.bits for step in best.steps)
 
 
+@pytest.mark.slow
 def test_a_sensor_is_bought_where_it_tells_more_than_a_run_for_its_price() -> None:
     """One that reads nothing but noise stays in the shop; one that sees the coupler is worth half of one."""
     sensors = (
@@ -269,6 +270,7 @@ def test_where_no_sensor_is_there_yet_one_is_bought_with_the_first_run() -> None
 # ---------------------------------------------------------------- attained
 
 
+@pytest.mark.slow
 def test_an_interval_is_as_foretold_where_another_engine_plays_the_planned_runs(every: Pool) -> None:
     best, friction = Chooser(every, quiet).best(), term("coulomb_friction", "E")
     foretold = half(every, best.runs, best.sensors, friction)

@@ -111,6 +111,7 @@ def test_a_faulty_simulation_is_caught(run: tuple[str, Motion, JointModel], faul
     assert (found.verdict, len(found.failures)) == (("unjudged", 1) if failed else ("disagrees", 0))
 
 
+@pytest.mark.long_rows("paper static contact", "paper driven ideal", "paper static ideal", "six-bar driven ideal")
 @pytest.mark.parametrize("run", RUNS, ids=" ".join)
 def test_an_angle_off_by_two_hundredths_of_a_degree_is_found_at_its_joint_and_nowhere_else(
     run: tuple[str, Motion, JointModel],

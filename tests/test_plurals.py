@@ -27,6 +27,7 @@ RESULTS: dict[str, Callable[[], Document]] = {
 }
 
 
+@pytest.mark.long_rows("contact")
 @pytest.mark.mujoco
 @pytest.mark.parametrize("name", RESULTS)
 def test_a_result_says_one_of_a_thing_in_the_singular(name: str) -> None:
@@ -38,6 +39,7 @@ def test_a_result_says_one_of_a_thing_in_the_singular(name: str) -> None:
     assert OF_ONE.findall(said) == []
 
 
+@pytest.mark.long_rows("validity")
 @pytest.mark.mujoco
 @pytest.mark.parametrize(
     "arguments",

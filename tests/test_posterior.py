@@ -91,6 +91,7 @@ def test_a_group_alone_is_as_probable_as_the_density_of_all_samples_says(seed: i
         assert linear.sets.score(chosen) == pytest.approx(linear.summed(chosen), abs=1e-6)
 
 
+@pytest.mark.long_rows("0", "1")
 @pytest.mark.parametrize("seed", range(4))
 def test_widths_of_several_groups_are_summed_nearly_as_all_of_them_are(seed: int) -> None:
     """About their common mode, one after the other: a tenth of a unit of log is a tenth of the odds."""
@@ -365,6 +366,7 @@ def test_values_of_other_draws_of_noise_scatter_together_as_their_covariance_say
 LONGER = wrong("link_length", "follower", length_error=4e-3)
 
 
+@pytest.mark.slow
 def test_what_has_no_name_is_an_unknown_at_its_place_and_no_pile_of_effects() -> None:
     result = diagnosed(LONGER, exclude=("link_length", "pivot_position", "encoder_offset"))
     assert result.verdict in ("unexplained", "partly explained"), result.statement
@@ -405,6 +407,7 @@ def test_a_chance_is_said_as_people_say_it() -> None:
     assert {share: chance(share) for share in said} == said
 
 
+@pytest.mark.slow
 def test_probabilities_are_of_all_sets() -> None:
     found = posterior_of(wrong("viscous_friction", "B", damping=0.05))
     assert sum(found.sets.values()) == pytest.approx(1.0)

@@ -41,6 +41,7 @@ def hypothesis(things: Things) -> Hypothesis:
     return [(Term(VOCABULARY[name], where), values) for name, where, values in things]
 
 
+@pytest.mark.long_rows("drive_compliance+viscous_friction", "joint_clearance")
 @pytest.mark.parametrize(
     "things",
     [

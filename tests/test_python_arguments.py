@@ -224,6 +224,7 @@ LOOSE: dict[str, Callable[..., object]] = {
 }
 
 
+@pytest.mark.long_rows("check")
 @pytest.mark.mujoco
 @pytest.mark.parametrize("call", LOOSE)
 def test_a_clearance_of_more_than_a_tenth_of_a_body_is_taken_only_where_it_is_meant(

@@ -158,6 +158,7 @@ def test_what_the_drive_gives_is_what_the_linkage_takes() -> None:
 # ---------------------------------------------------------------- engines
 
 
+@pytest.mark.long_rows("dart-3-rpr", "pybullet-3-rpr", "pybullet-paper", "mujoco-3-rpr", "exudyn-3-rpr", "dart-paper")
 @pytest.mark.parametrize("case", slow_but(["paper", "3-rpr"], shipped_cases()))
 @pytest.mark.parametrize("name", ENGINES)
 def test_engines_report_their_own_solvers_accelerations(name: str, case: str) -> None:
@@ -173,6 +174,7 @@ def test_engines_report_their_own_solvers_accelerations(name: str, case: str) ->
     assert len({d.signal for d in run.discrepancies} & on_request(m)) == len(on_request(m)) - prescribed
 
 
+@pytest.mark.long_rows("pybullet-0.0001", "dart-0.0001", "exudyn-0.0001")
 @pytest.mark.parametrize("clearance", [0.0, 1e-4])
 @pytest.mark.parametrize("name", ENGINES)
 def test_an_engines_accelerations_are_those_of_its_own_positions(name: str, clearance: float) -> None:
@@ -192,6 +194,7 @@ def test_an_engines_accelerations_are_those_of_its_own_positions(name: str, clea
         assert abs(found[signal][3] - by_positions) < 1e-4 * scale, signal
 
 
+@pytest.mark.long_rows("follower_acceleration_x", "drive_power")
 @pytest.mark.parametrize("signal", ["follower_acceleration_x", "velocity_B", "drive_power", "coupler_velocity_y"])
 def test_a_side_that_errs_by_a_hundredth_is_found(signal: str) -> None:
     pytest.importorskip("mujoco")

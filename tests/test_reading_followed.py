@@ -17,18 +17,14 @@ from measured_files import RunTable, write_measured
 
 ROTOR = """
 name = "rotor"
+body = [
+  { name = "rotor", points = { O = [0.0, 0.0], tip = [0.1, 0.0] }, mass = 1.0, com = [0.0, 0.0], inertia = 0.03 },
+]
+joint = [
+  { name = "O", type = "revolute", bodies = ["ground", "rotor"] },
+]
 [ground]
 points = { O = [0.0, 0.0] }
-[[body]]
-name = "rotor"
-points = { O = [0.0, 0.0], tip = [0.1, 0.0] }
-mass = 1.0
-com = [0.0, 0.0]
-inertia = 0.03
-[[joint]]
-name = "O"
-type = "revolute"
-bodies = ["ground", "rotor"]
 [drive]
 joint = "O"
 speed = "measured"
@@ -37,19 +33,14 @@ rotor = 0.0
 """
 CART = """
 name = "cart"
+body = [
+  { name = "cart", points = { S = [0.0, 0.0] }, mass = 6.28, com = [0.0, 0.0], inertia = 1.0 },
+]
+joint = [
+  { name = "S", type = "prismatic", bodies = ["ground", "cart"], axis = [1.0, 0.0] },
+]
 [ground]
 points = { S = [0.0, 0.0] }
-[[body]]
-name = "cart"
-points = { S = [0.0, 0.0] }
-mass = 6.28
-com = [0.0, 0.0]
-inertia = 1.0
-[[joint]]
-name = "S"
-type = "prismatic"
-bodies = ["ground", "cart"]
-axis = [1.0, 0.0]
 [drive]
 joint = "S"
 speed = "measured"

@@ -62,6 +62,7 @@ def height(m: Mechanism, theta: np.ndarray) -> np.ndarray:
     return np.asarray(m.bodies[0].mass * 9.81 * 0.15 * np.sin(theta))
 
 
+@pytest.mark.long_rows("0.02")
 @pytest.mark.parametrize("friction", [0.02, 0.1, 0.2])
 def test_dry_friction_takes_its_torque_times_the_angle_until_it_holds(friction: float) -> None:
     m = rubbing(friction)

@@ -78,6 +78,10 @@ def test_a_result_is_a_table_in_a_notebook_and_in_pandas(result: Document) -> No
     assert [name.split(" [")[0] for name in head.split(",")] == list(frame.columns)
 
 
+@pytest.mark.long_rows(
+    "validation", "accuracy", "scoreboard", "show residuals", "diagnose", "crosscheck", "simulate", "analyse",
+    "validity",
+)  # fmt: skip
 def test_a_result_is_plotted_or_says_that_a_list_has_no_picture(result: Document, tmp_path: Path) -> None:
     if type(result).__name__.lower() in LISTS:
         with pytest.raises(TypeError, match="no picture"):
@@ -96,6 +100,7 @@ def test_a_result_is_plotted_or_says_that_a_list_has_no_picture(result: Document
     assert len(shown["image/png"]) > 5000
 
 
+@pytest.mark.long_rows("scoreboard", "validation")
 def test_a_result_is_written_read_again_and_as_its_schema_says(result: Document, tmp_path: Path) -> None:
     folder = result.write(tmp_path / "new" / "folder")
     assert {path.name for path in folder.iterdir()} == set(result.files())

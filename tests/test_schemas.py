@@ -138,6 +138,7 @@ COMMITTED = [
 ]
 
 
+@pytest.mark.long_rows("scoreboard/scoreboard.json", "validation.json")
 @pytest.mark.parametrize("path", COMMITTED)
 def test_every_committed_report_is_what_its_schema_says(path: str) -> None:
     name = path.rpartition("/")[2]
@@ -155,6 +156,7 @@ CASES: dict[str, Callable[[], Any]] = {
 }
 
 
+@pytest.mark.long_rows("no answer anywhere", "first order", "driven, every joint model", "a free drive")
 @pytest.mark.parametrize("case", [slow(c)[0] if c == "flagged angles" else c for c in CASES])
 def test_what_is_written_is_what_the_schema_says(case: str) -> None:
     result = CASES[case]()

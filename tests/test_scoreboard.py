@@ -165,6 +165,7 @@ CASES = [
 ]
 
 
+@pytest.mark.long_rows("drive_compliance", "sensor_delay", "speed_ripple", "joint_spring", "clock_offset")
 @pytest.mark.parametrize("effect", CASES, ids=lambda e: e.name)
 def test_what_is_recorded_is_what_the_vocabulary_means(effect: Planted) -> None:
     """Two independent ways to the same readings: an engine with sensors played here, and the diagnosis' own analytic

@@ -25,6 +25,9 @@ G = 9.81
 ARM = """
 name = "arm"
 gravity = [0.0, -9.81]
+joint = [
+  { name = "O", type = "revolute", bodies = ["ground", "arm"] },
+]
 [ground]
 points = { O = [0.0, 0.0], P = [0.0, 0.3] }
 [[body]]
@@ -33,10 +36,6 @@ points = { O = [0.0, 0.0], tip = [0.4, 0.0] }
 mass = 0.6
 section = [0.01, 0.02]
 youngs_modulus = 2e11
-[[joint]]
-name = "O"
-type = "revolute"
-bodies = ["ground", "arm"]
 [drive]
 joint = "O"
 speed = 30.0

@@ -40,6 +40,7 @@ def moved(m: Mechanism, times: np.ndarray = TIMES) -> Reactions:
     return driven(m, waved(m), times)
 
 
+@pytest.mark.long_rows("3-rpr", "3-rrr", "3-rpr with springs", "3-rrr with springs")
 @pytest.mark.parametrize("name", CASES)
 def test_positions_rates_and_all_that_is_determined_of_the_forces_are_the_referees(name: str) -> None:
     m = CASES[name]
@@ -71,6 +72,7 @@ def test_positions_rates_and_all_that_is_determined_of_the_forces_are_the_refere
     assert found.undetermined == posed[0].undetermined
 
 
+@pytest.mark.long_rows("2001")
 @pytest.mark.parametrize("instants", [3, 2001])
 def test_a_pin_that_is_driven_on_a_passive_slide_has_the_torque_of_its_energies(instants: int) -> None:
     """By hand: the arm's angle a of the rod's b is asin(-3 sin b), and at an even rate w the torque is M' w^2 / 2 + V'
@@ -131,6 +133,7 @@ def swinging_forearm() -> Mechanism:
     return load("2r-arm").replace(name="forearm let go", drives=drives)
 
 
+@pytest.mark.long_rows("double pendulum")
 @pytest.mark.parametrize("m", [double_pendulum(), swinging_forearm()], ids=lambda m: m.name)
 def test_what_no_motor_moves_swings_as_the_referee_says(m: Mechanism) -> None:
     times = np.linspace(0.0, 0.5, 6)

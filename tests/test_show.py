@@ -400,6 +400,7 @@ KINDS: dict[str, Callable[[], tuple[str, float, dict[str, Any]]]] = {
 }
 
 
+@pytest.mark.long_rows("over time", "a moment")
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_kind_of_number_is_as_its_schema_says(kind: str) -> None:
     found = number(*KINDS[kind]())

@@ -42,6 +42,7 @@ def told(made: FalseData) -> list[Fault]:
     return [*said, *(fault for fault in found.faults if fault.kind == "stamps")]
 
 
+@pytest.mark.long_rows("14", "15", "4", "32", "13", "24", "6")
 @pytest.mark.parametrize("seed", slow_but(QUICK, SEEDS))
 def test_what_data_are_not_is_told_with_its_sensors_and_runs(seed: int, tmp_path: Path) -> None:
     made = make(seed, tmp_path)
@@ -53,11 +54,13 @@ def test_what_data_are_not_is_told_with_its_sensors_and_runs(seed: int, tmp_path
     assert "say " in text or made.kind == "stamps"
 
 
+@pytest.mark.long_rows("200")
 @pytest.mark.parametrize("seed", slow_but((200, 204), GOOD))
 def test_data_with_nothing_false_are_not_refused(seed: int, tmp_path: Path) -> None:
     assert told(make(seed, tmp_path, good=True)) == []
 
 
+@pytest.mark.long_rows("20", "14")
 @pytest.mark.parametrize("seed", slow_but((4, 14, 20), [3, 4, 7, 10, 14, 18, 20, 22, 25, 29, 34, 50]))
 def test_the_line_that_is_said_mends_the_data(seed: int, tmp_path: Path) -> None:
     made = make(seed, tmp_path)
@@ -82,6 +85,11 @@ SLOWLY = experiment(turn("slow", 0.2), turn("reverse", -0.3), mechanism=four_bar
 OFF = math.radians(1.0)
 
 
+@pytest.mark.long_rows(
+    "-link_length@follower", "-encoder_offset@crank_angle1", "-speed_ripple@drive", "-sensor_delay@follower_angle",
+    "-payload@follower", "-link_length@coupler", "-sensor_gain@crank_angle", "-sensor_bias@reaction_E_x",
+    "-encoder_harmonic@crank_angle", "-clock_offset@slow", "-sensor_frame@E1", "-sensor_frame@E0",
+)  # fmt: skip
 @pytest.mark.parametrize(
     ("rig", "effect"),
     [

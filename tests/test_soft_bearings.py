@@ -205,6 +205,7 @@ def worst(trace: Trace, m: Mechanism, motion: Motion, kind: str) -> float:
     return apart / max(float(np.abs(values).max()) for values in truth.values())
 
 
+@pytest.mark.long_rows("B-exudyn")
 @pytest.mark.parametrize("name", ["mujoco", "exudyn", *slow("pybullet", "dart")])
 @pytest.mark.parametrize("joints", ["B", *slow("D", "AB")])
 def test_pins_give_in_an_engine_as_in_the_model(name: str, joints: str) -> None:
@@ -218,6 +219,7 @@ def test_pins_give_in_an_engine_as_in_the_model(name: str, joints: str) -> None:
     assert worst(moving, m, "driven", "drive_torque") < 1e-4
 
 
+@pytest.mark.long_rows("A-mujoco", "A-pybullet")
 @pytest.mark.parametrize("name", ENGINES)
 @pytest.mark.parametrize("joint", ["A", *slow("B")])
 def test_a_bearing_gives_beside_a_gap_and_beyond_its_own(name: str, joint: str) -> None:

@@ -86,6 +86,7 @@ def efforts(signals: Mapping[str, np.ndarray], m: Mechanism) -> dict[str, np.nda
 # ---------------------------------------------------------------- ideal joints
 
 
+@pytest.mark.long_rows("3-rpr with springs", "3-rpr", "3-rrr", "3-rrr with springs")
 @pytest.mark.parametrize("name", CASES)
 def test_reactions_and_drives_are_the_multipliers_of_the_referee(name: str) -> None:
     m = CASES[name].with_clearances({})
@@ -129,6 +130,10 @@ def lifted(judge: Maximal, q: np.ndarray) -> float:
     return -float(np.real(total))
 
 
+@pytest.mark.long_rows(
+    "3-rpr with springs-dart", "3-rpr with springs-mujoco", "3-rrr-dart", "3-rrr-mujoco", "3-rpr with springs-pybullet",
+    "3-rrr-pybullet", "3-rrr-exudyn",
+)  # fmt: skip
 @pytest.mark.parametrize("name", EACH)
 @pytest.mark.parametrize("case", [*SHORT, *slow(*LATER)])
 def test_an_engine_at_rest_has_the_forces_of_the_referee_and_no_rates(name: str, case: str) -> None:
@@ -286,6 +291,7 @@ def test_where_all_drives_turn_back_at_once_friction_has_no_direction_and_is_not
 # ---------------------------------------------------------------- clearance
 
 
+@pytest.mark.long_rows("five-bar-mujoco")
 @pytest.mark.parametrize("name", EACH)
 @pytest.mark.parametrize("case", [*SHIPPED[:1], *slow(*SHIPPED[1:])])
 def test_pins_lie_on_their_rims_where_the_referee_has_their_reactions_point(name: str, case: str) -> None:
@@ -309,6 +315,7 @@ def test_pins_lie_on_their_rims_where_the_referee_has_their_reactions_point(name
         close(vector(trace, f"reaction_{joint.name}"), theirs, 1e-5 * largest)
 
 
+@pytest.mark.long_rows("first_order")
 @pytest.mark.parametrize("model", ["first_order", "equilibrium"])
 def test_the_analytic_pin_is_where_the_referees_reaction_presses_it(model: str) -> None:
     m = load("3-rrr").with_clearances({"C1": 1e-4})

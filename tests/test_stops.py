@@ -74,6 +74,10 @@ def struck(damping: float) -> tuple[Callable[[float], float], float, float]:
     return place, end, speed(end)
 
 
+@pytest.mark.long_rows(
+    "20.0-analytic", "0.0-analytic", "20.0-pybullet", "20.0-dart", "20.0-mujoco", "0.0-mujoco", "0.0-dart",
+    "0.0-pybullet",
+)  # fmt: skip
 @pytest.mark.parametrize("side", SIDES)
 @pytest.mark.parametrize("damping", [0.0, 20.0])
 def test_a_mass_rebounds_from_a_stop(damping: float, side: str) -> None:
@@ -89,6 +93,7 @@ def test_a_mass_rebounds_from_a_stop(damping: float, side: str) -> None:
     assert last == pytest.approx(leaves, abs=20 * ACCURACY[side])
 
 
+@pytest.mark.long_rows("pybullet-driven", "dart-driven", "mujoco-driven", "exudyn-driven")
 @pytest.mark.parametrize("motion", ["driven", "static"])
 @pytest.mark.parametrize("side", SIDES)
 def test_a_rocker_that_is_driven_into_a_stop_asks_its_torque_of_the_crank(motion: str, side: str) -> None:
@@ -112,6 +117,7 @@ def test_a_rocker_that_is_driven_into_a_stop_asks_its_torque_of_the_crank(motion
     assert np.abs(apart).max() < scale * np.abs(asked).max()
 
 
+@pytest.mark.long_rows("pybullet", "dart", "mujoco", "exudyn")
 @pytest.mark.parametrize("side", SIDES)
 def test_a_block_that_a_crank_drives_into_a_stop_asks_for_closed_forms(side: str) -> None:
     """Of the whole push F at x = r cos(a) + sqrt(l^2 - r^2 sin^2(a)): rod F/cos(b), crank F r sin(a + b)/cos(b), guide
@@ -152,6 +158,9 @@ THROWN = [
 ]
 
 
+@pytest.mark.long_rows(
+    "pybullet-spring-damper-None", "dart-spring-damper-None", "mujoco-contact-None", "exudyn-spring-damper-None",
+)  # fmt: skip
 @pytest.mark.parametrize(
     ("name", "model", "law"), [pytest.param(*row, marks=getattr(pytest.mark, row[0])) for row in THROWN]
 )
@@ -176,6 +185,7 @@ def test_a_pin_that_a_damped_stop_throws_across_its_bearing_flies_by_its_equatio
     assert np.all((force * gap.conjugate()).real >= 0)
 
 
+@pytest.mark.long_rows("dart")
 @pytest.mark.parametrize("name", [pytest.param(n, marks=getattr(pytest.mark, n)) for n in ("mujoco", "dart")])
 def test_a_light_rocker_on_a_strong_damper_has_its_forces_in_balance(name: str) -> None:
     """It loses its speed in half a millisecond, and its pin bounces: what a damper does half a step later is not an
@@ -197,6 +207,7 @@ def test_a_light_rocker_on_a_strong_damper_has_its_forces_in_balance(name: str) 
     assert np.abs(given - changed).max() < 0.02 * np.ptp(changed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [pytest.param("mujoco", marks=pytest.mark.mujoco), *EXUDYN_LATER])
 def test_a_pin_that_stays_pressed_is_where_its_equilibrium_has_it(name: str) -> None:
     m = load("crank-rocker").with_clearances({"B": 1e-4}).replace(drive={"joint": "D", "speed": 3.0})
@@ -207,6 +218,7 @@ def test_a_pin_that_stays_pressed_is_where_its_equilibrium_has_it(name: str) -> 
     assert not run.flags
 
 
+@pytest.mark.long_rows("analytic", "dart", "mujoco", "pybullet")
 @pytest.mark.parametrize("side", SIDES)
 def test_a_pendulum_swings_between_two_stops(side: str) -> None:
     m = load("pendulum").replace(

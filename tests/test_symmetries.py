@@ -107,6 +107,7 @@ def same(m: Mechanism, found: Mapping[str, np.ndarray], expected: Mapping[str, n
 every_linkage = pytest.mark.parametrize("name", LINKAGES)
 
 
+@pytest.mark.long_rows("driven-3-rpr-all at once", "driven-3-rpr-mirrored")
 @pytest.mark.parametrize(
     "way", ["all at once", "mirrored", *slow(*(w for w in WAYS if w not in ("all at once", "mirrored")))]
 )
@@ -132,6 +133,7 @@ def test_first_order_and_elastic_displacements_are_the_same(name: str, way: str)
         same(found.mechanism, found.signals, seen.signals(m, old), 1e-9)
 
 
+@pytest.mark.long_rows("3-rpr-all at once0")
 @pytest.mark.parametrize("way", ["all at once", *slow(*WAYS)])
 @every_linkage
 def test_accuracy_is_the_same(name: str, way: str) -> None:
@@ -170,6 +172,7 @@ ENGINES_SEE = [
 ]  # fmt: skip
 
 
+@pytest.mark.long_rows("mujoco-five-bar-static-True")
 @pytest.mark.parametrize(("engine", "name", "motion", "loose"), ENGINES_SEE)
 def test_the_cross_check_is_the_same_but_for_what_the_engines_steps_leave(
     engine: str, name: str, motion: Motion, loose: bool
@@ -198,6 +201,7 @@ def test_the_cross_check_is_the_same_but_for_what_the_engines_steps_leave(
             assert np.nanmax(np.abs(off), initial=0.0) <= allowed, signal
 
 
+@pytest.mark.long_rows("five-bar-in reversed order0", "five-bar-all at once0")
 @pytest.mark.parametrize("way", ["in reversed order", "all at once", *slow(*WAYS)])
 @pytest.mark.parametrize("name", ["rocker", "five-bar"])
 def test_a_check_of_results_is_the_same_whatever_the_order_of_their_columns(
@@ -225,6 +229,7 @@ def test_a_check_of_results_is_the_same_whatever_the_order_of_their_columns(
         assert verdicts[Signal.of(s.kind, seen.name(s.place), s.component).name] == each.verdict, each.signal
 
 
+@pytest.mark.long_rows("3-rpr")
 @every_linkage
 def test_a_linkage_in_other_units_has_the_same_digits(name: str) -> None:
     """Of length, mass and time, by powers of two: dimensions say what each number becomes, and not a bit is lost."""

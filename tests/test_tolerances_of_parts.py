@@ -329,6 +329,7 @@ def moved(m: Mechanism, values: Mapping[str, float], outputs: list[Output], thet
     return np.array([d.value(motion) for d in outputs])
 
 
+@pytest.mark.long_rows("six-bar", "slider-crank", "paper")
 @pytest.mark.parametrize("case", CASES)
 def test_exact_derivatives_are_those_of_the_linkage_built_anew(case: str) -> None:
     m = varied(case)
@@ -341,6 +342,7 @@ def test_exact_derivatives_are_those_of_the_linkage_built_anew(case: str) -> Non
             assert exact == pytest.approx(slope, abs=2e-6 * (1 + np.abs(slope).max())), (source.field, d)
 
 
+@pytest.mark.long_rows("six-bar", "paper")
 @pytest.mark.parametrize("case", CASES)
 def test_a_sample_is_the_linkage_built_anew(case: str) -> None:
     """By tolerances of a millimetre, hundreds of times what first order bears."""

@@ -22,18 +22,14 @@ from test_reading_followed import CART, cart
 PENDULUM = """
 name = "pendulum"
 gravity = [9.81, 0.0]
+body = [
+  { name = "arm", points = { O = [0.0, 0.0], tip = [0.5, 0.0] }, mass = 0.7, com = [0.4, 0.0], inertia = 0.01 },
+]
+joint = [
+  { name = "O", type = "revolute", bodies = ["ground", "arm"] },
+]
 [ground]
 points = { O = [0.0, 0.0] }
-[[body]]
-name = "arm"
-points = { O = [0.0, 0.0], tip = [0.5, 0.0] }
-mass = 0.7
-com = [0.4, 0.0]
-inertia = 0.01
-[[joint]]
-name = "O"
-type = "revolute"
-bodies = ["ground", "arm"]
 [drive]
 joint = "O"
 speed = "measured"

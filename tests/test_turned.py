@@ -55,6 +55,7 @@ MEANT: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str]] = {
 }
 
 
+@pytest.mark.long_rows("a cell on the rod", "a cell on the rod upside down", "axes swapped")
 @pytest.mark.parametrize("planted", MEANT)
 def test_how_a_force_is_meant_is_told_with_the_lines_by_which_it_agrees(planted: str, tmp_path: Path) -> None:
     spoilt, words = MEANT[planted]
@@ -91,6 +92,7 @@ def test_a_cell_that_is_mounted_turned_is_told_as_two_sensors(body: str, tmp_pat
     assert lc.check({"site": columns}, m).verdict == "agrees"
 
 
+@pytest.mark.long_rows("-1-one sample earlier")
 @pytest.mark.parametrize(("by", "words"), [(-1, "one sample earlier"), (1, "one sample later")])
 def test_a_column_that_is_a_row_off_is_told(by: int, words: str, tmp_path: Path) -> None:
     torque = np.roll(SIGNALS["drive_torque"], -by)

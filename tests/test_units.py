@@ -76,6 +76,7 @@ WAYS = [("ideal", "driven"), ("contact", "static"), ("spring-damper", "driven")]
 QUICK = [("mujoco", *WAYS[1]), ("mujoco", *WAYS[2]), ("exudyn", *WAYS[0]), ("pybullet", *WAYS[1]), ("dart", *WAYS[0])]
 
 
+@pytest.mark.long_rows("mujoco-contact-static")
 @pytest.mark.parametrize(
     ("name", "joint_model", "motion"),
     [*QUICK, *slow(*((name, *way) for name in ENGINES for way in WAYS if (name, *way) not in QUICK))],

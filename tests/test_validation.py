@@ -408,6 +408,7 @@ def copied(folder: Path) -> None:
         shutil.copyfile(REPORTS / name, folder / name)
 
 
+@pytest.mark.slow
 def test_the_command_does_not_pass_for_engines_that_are_not_here(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

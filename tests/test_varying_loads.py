@@ -97,6 +97,7 @@ def test_clearance_is_taken_up_where_the_load_presses() -> None:
     np.testing.assert_allclose(np.angle(np.exp(1j * (force - lies))), 0.0, atol=1e-6)
 
 
+@pytest.mark.long_rows("mujoco-ideal-driven")
 @pytest.mark.parametrize(
     ("name", "model", "motion"),
     slow_but([("mujoco", "ideal", "driven"), ("pybullet", "ideal", "static")], CALM),

@@ -235,6 +235,7 @@ def test_a_power_may_be_written_as_results_print_it() -> None:
     assert quantity("981 cm/s2", "m/s^2") == pytest.approx(9.81)
 
 
+@pytest.mark.long_rows("MPa-Pa", "deg-rad")
 @pytest.mark.parametrize(("unit", "si"), COMMON)
 def test_what_is_written_most_is_as_pint_has_it(unit: str, si: str) -> None:
     registry: pint.UnitRegistry[float] = pint.UnitRegistry()

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
-from analytic.kinematics.closure import close_dyad, least, set_bodies, set_coordinate, set_input
+from analytic.kinematics.closure import close_dyad, least, set_group, set_input
 from analytic.kinematics.motion import Gap, Motion, kinematics
 from analytic.kinematics.output import Output
 from analytic.kinematics.structure import Group, Structure, structure
@@ -247,17 +247,10 @@ def _side_sum(sides: Sequence[complex | np.ndarray], columns: np.ndarray) -> np.
 def _newton(s: Structure, group: Group, rows: Sequence[Sides], columns: np.ndarray, u: np.ndarray) -> np.ndarray:
     """Close a larger group's loops from the coordinates u (n, S), in place; which samples (S,) are closed."""
     unknown = list(group.coordinates)
-    within = (*group.coordinates, *group.within)
     size = max(float(sum(np.max(np.abs(side)) for side in row[: len(s.bodies)])) for row in rows)
     residual = np.zeros((len(rows), columns.shape[1]), complex)
     for _ in range(STEPS):
-        for i in within:
-            if s.coordinates[i].bodies:
-                set_coordinate(s, i, columns, u[i])
-        set_bodies(s, s.stacked[s.groups.index(group)], columns, u)
-        for i in within:
-            if not s.coordinates[i].bodies:
-                set_coordinate(s, i, columns, u[i])
+        set_group(s, group, columns, u)
         residual = np.array([_side_sum(row, columns) for row in rows])
         if not unknown or np.all(np.abs(residual) <= CLOSED * size):
             break

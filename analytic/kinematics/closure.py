@@ -188,7 +188,7 @@ def newton(s: Structure, group: Group, columns: np.ndarray, u: np.ndarray, near:
     u[unknown] = near[unknown]
     arms = np.abs(rows[:, : len(s.bodies)]).sum(axis=1)  # m; the other columns have factors of 1
     for _ in range(30):
-        _set_group(s, group, columns, u)
+        set_group(s, group, columns, u)
         residual = rows[:, : len(columns)] @ columns
         travels = np.abs(columns[len(s.bodies) : len(s.bodies) + len(s.slides)]).sum(axis=0)
         size, close = np.abs(residual), arms.max() + travels
@@ -217,7 +217,7 @@ def newton(s: Structure, group: Group, columns: np.ndarray, u: np.ndarray, near:
     )
 
 
-def _set_group(s: Structure, group: Group, columns: np.ndarray, u: np.ndarray) -> None:
+def set_group(s: Structure, group: Group, columns: np.ndarray, u: np.ndarray) -> None:
     """Write all coordinates u (n, N) that act within a group into the columns: angles, then travels along them."""
     within = (*group.coordinates, *group.within)
     for i in within:
@@ -265,7 +265,7 @@ def with_travels(s: Structure, group: Group, columns: np.ndarray, near: np.ndarr
         return near
     near, columns, rows = near.copy(), columns.copy(), s.loops[list(group.loops)]
     near[slides] = 0.0
-    _set_group(s, group, columns, near)
+    set_group(s, group, columns, near)
     open_by, along = (
         rows[:, : len(columns)] @ columns,
         np.stack([partials(s, i, rows, columns) for i in slides], axis=-1)[:, 0],

@@ -8,6 +8,7 @@ from __future__ import annotations
 import difflib
 import os
 from collections.abc import Mapping
+from functools import cache
 from importlib import resources
 from pathlib import Path
 
@@ -40,10 +41,7 @@ def load(case: str | Path) -> Mechanism:
     if not isinstance(case, str | os.PathLike):
         raise MechanismError(f"{quoted(case)}: give the name of a case, or the path of a mechanism file")
     if str(case) in shipped_cases():
-        return loads(
-            resources.files("analytic.mechanism").joinpath("cases", f"{case}.toml").read_text(encoding="utf-8"),
-            source=str(case),
-        )
+        return _shipped(str(case))
     if not os.path.lexists(case):
         close = difflib.get_close_matches(str(case), shipped_cases(), n=1)
         hint = f"; did you mean {close[0]!r}" if close else ""
@@ -55,6 +53,13 @@ def load(case: str | Path) -> Mechanism:
     except ReadingError as error:
         raise MechanismError(f"{case}: {error}; give a mechanism file") from None
     return checked(fields, str(case), Path(case).parent)
+
+
+@cache
+def _shipped(case: str) -> Mechanism:
+    """A shipped case, which is read once."""
+    file = resources.files("analytic.mechanism").joinpath("cases", f"{case}.toml")
+    return loads(file.read_text(encoding="utf-8"), source=case)
 
 
 def loads(text: str, source: str = "mechanism") -> Mechanism:

@@ -320,7 +320,9 @@ class Joint(MechanismPart):
     @property
     def stops(self) -> tuple[Stop, ...]:
         """The stops that its mechanism gives it."""
-        return self._stops
+        return (self.__pydantic_private__ or {})[
+            "_stops"
+        ]  # at once: for its name, pydantic looks everywhere else first
 
     def stopped(self, stops: tuple[Stop, ...]) -> Joint:
         """The joint with these stops in place of its own."""

@@ -251,7 +251,8 @@ def continued(angle: np.ndarray) -> np.ndarray:
     """An angle (N,) rad without jumps by a turn between one number and the next; NaN stays."""
     out = np.array(angle, float)
     known = np.flatnonzero(np.isfinite(out))
-    out[known] = np.unwrap(out[known])
+    if np.any(np.abs(np.diff(out[known])) > np.pi):  # else np.unwrap, which takes long, would change nothing
+        out[known] = np.unwrap(out[known])
     return out
 
 

@@ -53,6 +53,17 @@ def written(folder: Path, files: Mapping[str, str], script: str) -> list[Path]:
     return [folder / name for name in (*files, "run.py")]
 
 
+def head(request: Request, trace: Trace) -> dict[str, object]:
+    """What a run is, and what made it, as an export's JSON begins."""
+    return {
+        "title": f"{request.mechanism.name}, {request.joint_model} joints, {request.motion}",
+        "version": f"{trace.simulator} {trace.version}",
+        "units": trace.settings["units"],
+        "settings": dict(trace.settings),
+        "motion": request.motion,
+    }
+
+
 def lines(model: Mapping[str, object]) -> str:
     """JSON with a line for each thing."""
     return "{\n" + ",\n".join(f"{json.dumps(name)}: {_block(value)}" for name, value in model.items()) + "\n}\n"

@@ -11,7 +11,7 @@ import numpy as np
 
 from analytic.mechanism import MASS_CENTRE, Body, Joint
 from analytic.mechanism.signals import driving
-from sim_models.common.export_files import expected, lines, stops, varies, written
+from sim_models.common.export_files import expected, head, lines, stops, varies, written
 from sim_models.common.mobility import stop_step
 from sim_models.common.simulate import simulate
 from sim_models.engine import Engine, Request, Trace
@@ -38,7 +38,8 @@ def write(engine: Engine, request: Request, folder: Path) -> list[Path]:
     """Run a request as its engine does, in units of the linkage's own and steps that make it plausible, and write what
     repeats it into an existing folder.  Raises what :func:`sim_models.common.simulate.simulate` does, and OSError.
     """
-    m, crank, model = request.mechanism, request.schedule.crank is not None, dict[str, Any]()
+    model: dict[str, Any] = {}
+    crank = None if request.schedule.crank is None else request.mechanism.driven
 
     def run(asked: Request) -> Trace:
         finished = ExudynRun(asked)
@@ -48,16 +49,8 @@ def write(engine: Engine, request: Request, folder: Path) -> list[Path]:
         return trace
 
     trace = simulate(engine, request, run)  # the last that was run
-    head = {
-        "title": f"{m.name}, {request.joint_model} joints, {request.motion}",
-        "version": f"{trace.simulator} {trace.version}",
-        "units": trace.settings["units"],
-        "settings": dict(trace.settings),
-        "motion": request.motion,
-        "crank": m.driven if crank else None,
-    }
     files = {
-        "model.json": lines({**head, **model}),
+        "model.json": lines({**head(request, trace), "crank": crank, **model}),
         "expected.csv": expected(trace, request),
     }
     return written(folder, files, "exudyn_run.py")

@@ -16,7 +16,7 @@ import numpy as np
 from analytic.kinematics.schedule import Course, DriveMotion
 from analytic.mechanism import Joint, Mechanism
 from analytic.mechanism.model import as_written
-from sim_models.common.export_files import BEYOND, expected, lines, stops, varies, written
+from sim_models.common.export_files import BEYOND, expected, head, lines, stops, varies, written
 from sim_models.common.simulate import simulate
 from sim_models.engine import Cause, Engine, Request, Trace
 from sim_models.mujoco.equilibrium import MujocoEquilibria, rest
@@ -48,16 +48,9 @@ def write(engine: Engine, request: Request, folder: Path) -> list[Path]:
         return trace
 
     trace = simulate(engine, request, run, seconds=True)  # the last that was run
-    head = {
-        "title": f"{request.mechanism.name}, {request.joint_model} joints, {request.motion}",
-        "version": f"{trace.simulator} {trace.version}",
-        "units": trace.settings["units"],
-        "settings": dict(trace.settings),
-        "motion": request.motion,
-    }
     files = {
         "model.xml": _started(model["text"], start, model["beyond"]),
-        "start.json": lines({**head, **start}),
+        "start.json": lines({**head(request, trace), **start}),
         "expected.csv": expected(trace, request),
     }
     return written(folder, files, "mujoco_run.py")

@@ -15,7 +15,7 @@ import numpy as np
 from analytic.kinematics.schedule import Course, Steady
 from analytic.mechanism import GROUND, Joint, Spring
 from analytic.mechanism.signals import driving
-from sim_models.common.export_files import expected, lines, stops, varies, written
+from sim_models.common.export_files import expected, head, lines, stops, varies, written
 from sim_models.common.simulate import simulate
 from sim_models.common.tree import Branch
 from sim_models.engine import Engine, Request, Trace
@@ -141,7 +141,7 @@ def write(engine: Engine, request: Request, folder: Path) -> list[Path]:
     if start["yielding"]:  # where the crank is, not its motor
         trace = replace(trace, crank_angle=trace.signals[f"{request.mechanism.driven}_angle"])
     files = parts | {
-        "start.json": lines(start | {"units": trace.settings["units"], "settings": dict(trace.settings)}),
+        "start.json": lines({**head(request, trace), **start}),
         "expected.csv": expected(trace, request, order),
     }
     return written(folder, files, "pybullet_run.py")
@@ -187,9 +187,6 @@ def _start(world: RecordedWorld, trace: Trace) -> dict[str, Any]:
     solver = physics.pop("constraintSolverType")
     names = [name for name in dir(world.p) if name.startswith("CONSTRAINT_SOLVER") and getattr(world.p, name) == solver]
     return {
-        "title": f"{m.name}, {trace.joint_model} joints, {trace.motion}",
-        "version": f"{trace.simulator} {trace.version}",
-        "motion": trace.motion,
         "solver": names[0],
         "physics": physics,
         "strength": STRENGTH,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -51,7 +52,7 @@ class StepGrid:
         grid = cls.of(times, float(stops[0]) - lead * step if early else begin, step)
         return replace(grid, lead=lead, beyond=int(np.ceil(beyond / step - ON_GRID)))
 
-    @property
+    @cached_property
     def reported(self) -> int:
         """The last step that a report needs."""
         return int(self.nodes.max())
@@ -61,7 +62,7 @@ class StepGrid:
         """The last step."""
         return self.reported + self.beyond
 
-    @property
+    @cached_property
     def wanted(self) -> list[int]:
         """The steps that reports need, in order."""
         return [int(k) for k in np.unique(self.nodes)]

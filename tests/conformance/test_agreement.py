@@ -132,6 +132,15 @@ ROWS: list[tuple[str, JointModel, Motion, str]] = [
 ]
 
 
+@pytest.mark.long_rows(
+    "mujoco-ideal-driven-spring that is not linear", "mujoco-ideal-driven-Stribeck friction",
+    "mujoco-contact-static-joint friction", "pybullet-ideal-driven-reverse rotation", "mujoco-ideal-driven-drag",
+    "exudyn-massless-link-driven-reverse rotation", "mujoco-contact-driven-crank-rocker",
+    "mujoco-ideal-driven-periodic torque", "mujoco-spring-damper-driven-reverse rotation",
+    "pybullet-contact-static-slider-crank", "mujoco-massless-link-driven-joint friction", "mujoco-ideal-driven-gravity",
+    "mujoco-ideal-driven-joint friction", "dart-ideal-driven-reverse rotation", "mujoco-ideal-driven-reverse rotation",
+    "mujoco-ideal-driven-joint spring", "mujoco-ideal-driven-oblique load", "dart-contact-static-joint friction",
+)  # fmt: skip
 @pytest.mark.parametrize(("name", "model", "motion", "case"), slow_but([row for row in ROWS if quick(*row)], ROWS))
 def test_an_engine_agrees_with_the_analytic_model(name: str, model: JointModel, motion: Motion, case: str) -> None:
     mechanism, theta = CASES[case]

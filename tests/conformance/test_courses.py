@@ -103,6 +103,12 @@ SHORT += [("dart", case, EARLY) for case in ("standing", "ripple", "pendulum")]
 EVERY = [(name, case, LATER) for name in ENGINES for case in COURSES]
 
 
+@pytest.mark.long_rows(
+    "pybullet-ripple-0.15", "mujoco-late, with few knots-0.15", "exudyn-ripple-0.15", "mujoco-friction-0.15",
+    "mujoco-slider-0.15", "mujoco-every law of a joint-0.15", "dart-ripple-0.15", "exudyn-late, with few knots-0.15",
+    "mujoco-from rest-0.15", "mujoco-back, then on-0.15", "exudyn-pendulum-0.15", "mujoco-ripple-0.15",
+    "mujoco-pendulum-0.15",
+)  # fmt: skip
 @pytest.mark.parametrize(("name", "case", "until"), [*SHORT, *slow(*EVERY)])
 def test_a_course_is_followed_with_the_forces_of_its_acceleration(name: str, case: str, until: float) -> None:
     m, course = COURSES[case]
@@ -173,6 +179,7 @@ PINS = declared_runs("driven", LOOSE, "course")
 PRESSED = [(*row, case) for row in PINS for case in ("paper", "crank-rocker", "from rest")]
 
 
+@pytest.mark.long_rows("mujoco-spring-damper-crank-rocker", "mujoco-massless-link-crank-rocker")
 @pytest.mark.parametrize(
     ("name", "model", "case"), slow_but([(*row, "crank-rocker") for row in PINS if row[0] == "mujoco"], PRESSED)
 )
@@ -284,6 +291,7 @@ SWINGS = [
 SOON = [("mujoco", "crank-rocker", 2000.0), ("exudyn", "pendulum", 100.0)]
 
 
+@pytest.mark.long_rows("exudyn-pendulum-100.0")
 @pytest.mark.parametrize(("name", "case", "stiffness"), slow_but(SOON, SWINGS))
 def test_a_crank_on_a_spring_lags_a_swinging_motor_without_swaying(name: str, case: str, stiffness: float) -> None:
     """The crank is where the torque of its own motion lets it be."""
@@ -307,6 +315,7 @@ def test_a_crank_on_a_spring_lags_a_swinging_motor_without_swaying(name: str, ca
 BEHIND = declared_runs("driven", LOOSE, "drive_compliance")
 
 
+@pytest.mark.long_rows("dart-contact")
 @pytest.mark.parametrize(("name", "model"), slow_but([("mujoco", "massless-link"), ("dart", "contact")], BEHIND))
 def test_a_motor_on_a_spring_and_a_pin_with_clearance(name: str, model: JointModel) -> None:
     m = load("paper").with_clearances({"B": 1e-3})
@@ -339,6 +348,7 @@ def test_requested_angles_are_the_motors_where_the_crank_cannot_turn_fully(name:
     np.testing.assert_allclose(trace.signals["crank_angle"], expected, rtol=0, atol=2e-6 if model == "ideal" else 1e-5)
 
 
+@pytest.mark.long_rows("pybullet")
 @pytest.mark.parametrize("name", ["pybullet", "dart"])
 def test_a_motor_near_resonance_is_refused(name: str) -> None:
     """Engines that step by leapfrog find no steady motion there to start in."""
@@ -354,6 +364,7 @@ def test_a_motor_near_resonance_is_refused(name: str) -> None:
 MARKED = [(name, model, motion) for motion in MOTIONS for name, model in declared_runs(motion)]
 
 
+@pytest.mark.long_rows("pybullet-ideal-driven", "mujoco-contact-static", "dart-ideal-driven", "mujoco-ideal-driven")
 @pytest.mark.parametrize(
     ("name", "model", "motion"),
     slow_but([r for r in MARKED if r[1] == "ideal"] + [("mujoco", "contact", "static")], MARKED),

@@ -84,6 +84,13 @@ SOON += [("dart", "driven", "crank-rocker"), ("dart", "driven", "six-bar from it
 SOON += [("pybullet", "driven", "slider-crank"), ("pybullet", "driven", "scotch yoke")]
 
 
+@pytest.mark.long_rows(
+    "pybullet-driven-slider-crank", "dart-driven-crank-rocker", "mujoco-driven-six-bar", "exudyn-driven-six-bar",
+    "exudyn-driven-inverted slider in reverse", "pybullet-driven-scotch yoke", "exudyn-driven-laws of a slide",
+    "exudyn-driven-crank-rocker", "exudyn-driven-slider-crank", "exudyn-driven-laws in every joint",
+    "mujoco-driven-inverted slider in reverse", "mujoco-driven-laws in every joint", "mujoco-driven-laws of a slide",
+    "mujoco-driven-crank-rocker", "mujoco-driven-slider-crank",
+)  # fmt: skip
 @pytest.mark.parametrize(("name", "motion", "case"), slow_but(SOON, IDEAL))
 def test_ideal_linkages_have_the_analytic_reactions(name: str, motion: Motion, case: str) -> None:
     m, degrees = LINKAGES[case]
@@ -103,6 +110,7 @@ def test_a_crank_rocker_at_any_speed(name: str, rpm: float) -> None:
     np.testing.assert_allclose(np.diff(trace.time), np.radians(20.0) / (m.speed or 0.0), rtol=1e-9)
 
 
+@pytest.mark.long_rows("pybullet", "dart")
 @pytest.mark.parametrize("name", ENGINES)
 def test_published_reactions_of_the_papers_case(name: str) -> None:
     s = run(name, load("paper"), "ideal", "driven", [20.0, 30.0, 60.0, 90.0, 120.0, 160.0]).signals
@@ -125,6 +133,7 @@ PRESSED: dict[tuple[str, JointModel], tuple[float, float]] = {
 }  # fmt: skip
 
 
+@pytest.mark.long_rows("exudyn-massless-link-0.001", "mujoco-contact-0.001", "mujoco-spring-damper-0.001")
 @pytest.mark.parametrize("clearance", [1e-3, *slow(1e-2, 1e-4)])
 @pytest.mark.parametrize(
     ("name", "model"), slow_but([row for row in PINS if row[0] == "mujoco"] + [("exudyn", "massless-link")], PINS)
@@ -172,6 +181,7 @@ def test_mujoco_has_clearance_at_any_joint_wherever_its_tree_is_cut(model: Joint
     assert all(len(path) >= 100 for path in trace.journal.values())
 
 
+@pytest.mark.long_rows("pybullet-spring-damper")
 @pytest.mark.parametrize(("name", "model"), slow_but([*ROOMY.items(), ("mujoco", "spring-damper")], PINS))
 def test_angles_are_passed_in_the_drives_direction_and_answered_in_the_order_of_the_question(
     name: str, model: JointModel
@@ -188,6 +198,7 @@ def test_angles_are_passed_in_the_drives_direction_and_answered_in_the_order_of_
     assert size < 0.2
 
 
+@pytest.mark.long_rows("pybullet-spring-damper", "exudyn-contact", "dart-contact")
 @pytest.mark.parametrize(("name", "model"), ROOMY.items())
 def test_a_lead_in_ends_where_a_direct_start_begins_and_the_same_request_gives_the_same_bits(
     name: str, model: JointModel
@@ -201,6 +212,7 @@ def test_a_lead_in_ends_where_a_direct_start_begins_and_the_same_request_gives_t
         np.testing.assert_array_equal(again.signals[signal], values)
 
 
+@pytest.mark.long_rows("exudyn")
 @pytest.mark.parametrize("name", slow_but(["mujoco", "exudyn"], ENGINES))
 def test_the_crank_turns_to_where_it_is_sent_and_its_angle_is_not_wrapped(name: str) -> None:
     m, asked = at_speed(load("crank-rocker"), 10.0), np.array([700.0, 20.0, 380.0, 20.0])
@@ -212,6 +224,7 @@ def test_the_crank_turns_to_where_it_is_sent_and_its_angle_is_not_wrapped(name: 
     assert_signals(trace, ideal_signals(m, np.radians(asked)), 3e-4, 1e-6)
 
 
+@pytest.mark.long_rows("pybullet")
 @pytest.mark.parametrize("name", ENGINES)
 def test_unequal_angles_change_no_force(name: str) -> None:
     """Steps of changing size would: an engine closes loops by the drift of the step before."""
@@ -244,6 +257,7 @@ def test_a_mechanism_of_any_name_runs(name: str) -> None:
 # ---------------------------------------------------------------- runs that fail, and what they leave behind
 
 
+@pytest.mark.long_rows("exudyn-spring-damper-0.0")
 @pytest.mark.parametrize("damping", [0.0, *slow(None)])
 @pytest.mark.parametrize(("name", "model"), declared_runs("driven", ("spring-damper", "contact")))
 def test_garbage_of_a_stiff_contact_and_a_long_step_is_an_error(
@@ -256,6 +270,7 @@ def test_garbage_of_a_stiff_contact_and_a_long_step_is_an_error(
         run(name, m, model, "driven", PAPER_RANGE, start="centred", step=3e-3)
 
 
+@pytest.mark.long_rows("massless-link")
 @pytest.mark.parametrize("model", ["ideal", "massless-link", "spring-damper", "contact"])
 def test_mujoco_says_of_too_long_a_step_that_it_is(model: JointModel) -> None:
     m = at_speed(load("crank-rocker").with_clearances({"B": 2e-4}), 60.0)
@@ -285,6 +300,7 @@ def test_a_run_without_end_is_refused_before_it_begins(
         run(name, m, model, "driven", [20.0, 160.0])
 
 
+@pytest.mark.long_rows("exudyn-contact", "pybullet-spring-damper")
 @pytest.mark.parametrize(("name", "model"), ROOMY.items())
 def test_an_engine_is_silent_and_leaves_nothing_on_disk(
     name: str, model: JointModel, capfd: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -454,6 +454,10 @@ QUICK = [
 ]
 
 
+@pytest.mark.long_rows(
+    "mujoco-3-rpr, contact", "mujoco-stops, driven", "pybullet-compliant drive", "mujoco-paper, contact, driven",
+    "exudyn-stops, released", "exudyn-paper, contact, static",
+)  # fmt: skip
 @pytest.mark.parametrize(("name", "title"), QUICK)
 def test_a_few_scripts_give_the_same_numbers(name: str, title: str, tmp_path: Path) -> None:
     engine(name).export(REQUESTS[title], tmp_path)

@@ -88,6 +88,11 @@ SHORT = [
 ]
 
 
+@pytest.mark.long_rows(
+    "mujoco-contact-kelvin-voigt-0.3", "pybullet-spring-damper-flores-0.3", "dart-spring-damper-flores-0.3",
+    "mujoco-contact-gonthier-0.3", "mujoco-contact-flores-0.3", "dart-spring-damper-gonthier-0.3",
+    "mujoco-contact-lankarani-nikravesh-0.3", "dart-spring-damper-kelvin-voigt-0.3", "exudyn-contact-flores-0.3",
+)  # fmt: skip
 @pytest.mark.parametrize("asked", [0.3, *slow(0.05, 0.6, 0.95)])
 @pytest.mark.parametrize(
     ("name", "model", "law"), slow_but([*SHORT, ("pybullet", "spring-damper", "flores")], BOUNCING)
@@ -140,6 +145,7 @@ SOME = [
 ]
 
 
+@pytest.mark.long_rows("pybullet-spring-damper-0.9", "dart-contact-0.9", "mujoco-contact-0.5")
 @pytest.mark.parametrize(("name", "model", "asked"), slow_but(SOME, UNNAMED))
 def test_contact_without_a_named_law_delivers_its_restitution(name: str, model: JointModel, asked: float) -> None:
     """Impact model 2 of Exudyn does; Hunt-Crossley (model 1) would deliver 0.909, 0.663, 0.547 for 0.9, 0.5, 0.2."""
@@ -194,6 +200,7 @@ SAME: list[Row] = [
 ]  # fmt: skip
 
 
+@pytest.mark.long_rows("mujoco-spring-damper-gonthier-B", "mujoco-contact-flores-B")
 @pytest.mark.parametrize(("name", "model", "law", "joint"), [*SOON, *slow(*SAME)])
 def test_reports_are_the_same_watched_or_not(name: str, model: JointModel, law: ContactLaw | None, joint: str) -> None:
     """To the bit; and what is watched is that of the reports."""
@@ -354,6 +361,7 @@ RUBBING: list[tuple[str, Motion]] = [
 ]
 
 
+@pytest.mark.long_rows("exudyn-driven-0.3-1", "mujoco-static-0.3-1")
 @pytest.mark.parametrize("direction", [1, *slow(-1)])
 @pytest.mark.parametrize("friction", [0.3, *slow(0.1)])
 @pytest.mark.parametrize(("name", "motion"), RUBBING)
@@ -404,6 +412,7 @@ assembly = { carriage = 0.0, crank = 0.6, rod = -0.6 }
 """
 
 
+@pytest.mark.long_rows("exudyn-B")
 @pytest.mark.parametrize("loose", ["B", *slow("S")])
 @pytest.mark.parametrize("name", [name for name, _ in declared_runs("driven", ("contact",), "contact_friction")])
 def test_a_run_whose_contacts_rub_ever_faster_begins_in_steady_motion(name: str, loose: str) -> None:

@@ -103,6 +103,14 @@ def right(case: str, until: str) -> tuple[Maximal, list[Posed]]:
     return referee(LINKAGES[case], waved(LINKAGES[case]), LONG if until == "long" else TIMES)
 
 
+@pytest.mark.long_rows(
+    "dart-gantry-soon", "dart-3-rrr-soon", "mujoco-3-rpr, told from the other side-soon",
+    "pybullet-3-rpr with springs-soon", "mujoco-3-rpr with springs-soon", "pybullet-parallelogram-soon",
+    "exudyn-3-rpr-soon", "mujoco-3-rrr-soon", "mujoco-3-rpr-soon", "exudyn-3-rrr-soon",
+    "mujoco-five-bar, told from the other side-soon", "mujoco-gantry-soon", "pybullet-2r-arm-soon",
+    "mujoco-parallelogram-soon", "mujoco-2r-arm with springs-soon", "mujoco-five-bar-soon", "exudyn-gantry-soon",
+    "exudyn-five-bar-soon",
+)  # fmt: skip
 @pytest.mark.parametrize(("name", "case", "until"), slow_but(SOON, FOLLOWED))
 def test_every_drive_follows_its_course_with_the_forces_of_the_referee(name: str, case: str, until: str) -> None:
     """Whichever joint a motor is in, and whichever of its bodies is its first."""
@@ -117,6 +125,7 @@ def test_every_drive_follows_its_course_with_the_forces_of_the_referee(name: str
     np.testing.assert_array_equal(trace.time, times)
 
 
+@pytest.mark.long_rows("dart-eccentric", "pybullet-eccentric")
 @pytest.mark.parametrize("off", [0.05, *slow(2.0**-54, 0.0)], ids=["eccentric", "nearly balanced", "balanced"])
 @pytest.mark.parametrize("name", ENGINES)
 def test_rotors_of_one_point_turn_on_their_pins(name: str, off: float) -> None:
@@ -143,6 +152,7 @@ def test_rotors_of_one_point_turn_on_their_pins(name: str, off: float) -> None:
         close(trace.signals[f"drive_torque_{joint}"], G * arm.real, 1e-6)
 
 
+@pytest.mark.long_rows("dart")
 @pytest.mark.parametrize("name", slow_but(["mujoco", "dart"], ENGINES))
 def test_what_motors_give_is_what_the_linkage_gains_in_energy_and_loses_in_dampers(name: str) -> None:
     m, times = CASES["3-rpr with springs"], np.linspace(0.0, 0.1, 51)
@@ -167,6 +177,7 @@ def test_friction_takes_what_the_motors_give_beside_the_energy(name: str) -> Non
     close(held - held[0], gained, 1e-4 * np.ptp(held))
 
 
+@pytest.mark.long_rows("dart", "pybullet", "mujoco")
 @pytest.mark.parametrize("name", ENGINES)
 def test_reports_come_in_the_order_asked_for_on_the_clock_of_the_courses(name: str) -> None:
     """The courses begin late, and one has knots of its own."""
@@ -239,6 +250,7 @@ def test_a_forearm_hangs_freely_on_a_driven_arm(name: str) -> None:
     close(held - held[0], gained - gained[0], 1e-3 * np.ptp(held))
 
 
+@pytest.mark.long_rows("pybullet", "dart", "exudyn")
 @pytest.mark.parametrize("name", ENGINES)
 def test_a_loop_with_one_drive_too_few_moves_as_the_referee_says(name: str) -> None:
     m = FIVE_BAR.replace(drives=(Drive(joint="D", speed=2.0), Drive(joint="E", speed="free")))
@@ -275,6 +287,10 @@ PRESSED = [
 ]  # fmt: skip
 
 
+@pytest.mark.long_rows(
+    "dart-contact-five-bar, driven pins", "exudyn-spring-damper-five-bar, driven", "mujoco-massless-link-2r-arm, both",
+    "dart-spring-damper-2r-arm, both",
+)  # fmt: skip
 @pytest.mark.parametrize(
     ("name", "model", "case"), slow_but(PRESSED, [*RIMS, *(row for row in PRESSED if row not in RIMS)])
 )
@@ -321,6 +337,7 @@ def test_a_pin_that_starts_centred_falls_and_bounces_as_its_equation_says(name: 
     close(trace.signals["drive_torque_D"], np.array([p.motors["D"] for p in posed]), 5e-4 * most)
 
 
+@pytest.mark.long_rows("dart-contact", "mujoco-contact")
 @pytest.mark.parametrize(
     ("name", "model"), slow_but([("mujoco", "contact"), ("exudyn", "massless-link"), ("dart", "contact")], PINS)
 )
@@ -350,6 +367,7 @@ def test_loops_that_hold_too_much_are_started_centred(name: str, model: JointMod
     close(trace.signals["drive_torque"], torque, 0.02 * np.abs(torque).max())
 
 
+@pytest.mark.long_rows("pybullet-driven", "mujoco-driven", "exudyn-driven")
 @pytest.mark.parametrize("motion", MOTIONS)
 @pytest.mark.parametrize("name", [name for name in ENGINES if name != "dart"])  # whose run is implausible there
 def test_a_third_bar_leaves_the_torque_of_a_crank_as_the_energy_says(name: str, motion: Motion) -> None:
@@ -376,6 +394,7 @@ def on_springs(m: Mechanism) -> Mechanism:
     return m.replace(springs=springs)
 
 
+@pytest.mark.long_rows("dart-driven", "pybullet-driven")
 @pytest.mark.parametrize("motion", MOTIONS)
 @pytest.mark.parametrize("name", ENGINES)
 def test_springs_pull_a_cranks_linkage_as_the_referee_says(name: str, motion: Motion) -> None:
@@ -403,6 +422,7 @@ FEW: list[tuple[str, JointModel, Motion]] = [
 ]  # fmt: skip
 
 
+@pytest.mark.long_rows("mujoco-contact-static")
 @pytest.mark.parametrize(("name", "model", "motion"), slow_but(FEW, SPRUNG))
 def test_springs_pull_loose_linkages_as_tight_ones(name: str, model: JointModel, motion: Motion) -> None:
     m, theta = on_springs(load("paper")), np.radians([30.0, 32.0, 34.0])

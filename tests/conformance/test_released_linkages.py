@@ -24,6 +24,10 @@ RUBBING = (2e-4, 1e-3, 2e-3)  # dry friction turns round once, somewhere in a st
 TURNS_LATE = (2e-3, 1e-2, 1e-2)  # MuJoCo turns round a step late, of 0.4 ms: of the first order in its step
 
 
+@pytest.mark.long_rows(
+    "dart-True-3.0", "dart-True-0.0", "pybullet-True-0.0", "pybullet-True-3.0", "pybullet-False-0.0", "dart-False-0.0",
+    "exudyn-True-0.0", "exudyn-False-0.0", "exudyn-False-3.0",
+)  # fmt: skip
 @pytest.mark.parametrize("start_speed", [0.0, 3.0])
 @pytest.mark.parametrize("rubs", [False, True])
 @pytest.mark.parametrize("name", ENGINES)
@@ -46,6 +50,7 @@ def test_a_pendulum_swings_as_its_equation_says(name: str, rubs: bool, start_spe
     assert not trace.signals["drive_torque"].any()
 
 
+@pytest.mark.long_rows("exudyn")
 @pytest.mark.parametrize("name", slow_but(["mujoco", "exudyn"], ENGINES))
 def test_a_crank_rocker_falls_as_its_equation_says(name: str) -> None:
     """Its crank turns by 20 rad/s in the end: an error of the first order in the step grows with it."""
@@ -70,6 +75,7 @@ def test_unequal_times_change_no_force(name: str) -> None:
         np.testing.assert_allclose(some.signals[signal], right[signal], rtol=0, atol=5e-4 * peak, err_msg=signal)
 
 
+@pytest.mark.long_rows("dart-contact", "pybullet-spring-damper", "mujoco-contact", "mujoco-massless-link")
 @pytest.mark.parametrize(("name", "model"), PINS)
 def test_a_pendulum_hangs_in_its_loose_pin(name: str, model: JointModel) -> None:
     """A pin pressed against its bearing makes the pendulum a double one whose first link is the clearance."""

@@ -40,6 +40,10 @@ WITHIN: dict[tuple[str, JointModel], tuple[float, float]] = {
 RIGID = {("pybullet", "massless-link"), ("pybullet", "contact"), ("dart", "contact")}  # to 1e-6 of the clearance
 
 
+@pytest.mark.long_rows(
+    "mujoco-spring-damper-0.001", "mujoco-contact-0.001", "mujoco-massless-link-0.001", "pybullet-contact-0.001",
+    "dart-spring-damper-0.001", "pybullet-spring-damper-0.001",
+)  # fmt: skip
 @pytest.mark.parametrize("clearance", [1e-3, *slow(1e-2, 1e-4)])
 @pytest.mark.parametrize(("name", "model"), ALL)
 def test_the_reaction_of_the_papers_case_is_that_of_its_finite_gap(
@@ -64,6 +68,7 @@ def test_the_reaction_of_the_papers_case_is_that_of_its_finite_gap(
         assert reaction_errors(run(name, stiffer, model, "static", PAPER_RANGE), m)[0] < 0.2 * angle
 
 
+@pytest.mark.long_rows("mujoco-contact", "dart-spring-damper", "dart-contact")
 @pytest.mark.parametrize(
     ("name", "model"),
     slow_but([row for row in PINS if row[0] in ("exudyn", "dart") or row == ("mujoco", "contact")], PINS),
@@ -79,6 +84,7 @@ def test_clearance_in_several_joints_at_once_the_drive_joint_among_them(name: st
     assert all(path.shape[1] == 2 for path in trace.journal.values())
 
 
+@pytest.mark.long_rows("mujoco-contact-E")
 @pytest.mark.parametrize("joints", ["E", *slow("D", "DABE")])
 @pytest.mark.parametrize(("name", "model"), slow_but([("mujoco", "contact"), ("exudyn", "massless-link")], PINS))
 def test_clearance_at_any_joint_of_the_papers_case(name: str, model: JointModel, joints: str) -> None:
@@ -107,6 +113,7 @@ def test_clearance_in_linkages_under_weight(name: str, model: JointModel, case: 
     assert off(trace.signals, truth, lambda n: n == "drive_torque") < 1e-4
 
 
+@pytest.mark.long_rows("mujoco-massless-link", "mujoco-spring-damper", "mujoco-contact", "pybullet-contact")
 @pytest.mark.parametrize(("name", "model"), PINS)
 def test_laws_of_joints_beside_clearance(name: str, model: JointModel) -> None:
     m = load("crank-rocker").replace(gravity=(1.0, -9.81)).with_joint("A", friction_torque=0.01)
@@ -123,6 +130,7 @@ def test_a_pin_that_nothing_presses_has_no_place(name: str, model: JointModel) -
         run(name, load("crank-rocker").with_clearances({"B": 1e-4}), model, "static", [40.0])
 
 
+@pytest.mark.long_rows("mujoco", "pybullet")
 @pytest.mark.parametrize("name", ENGINES)
 def test_angles_are_answered_in_the_order_of_the_question(name: str) -> None:
     m = load("paper").with_clearances({"B": 1e-3})
