@@ -17,16 +17,18 @@ from analytic.beyond_paper.freedom import TABLE_POINTS, Freedom, swing
 from analytic.beyond_paper.freedom import swings as swings_of
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
-from analytic.mechanism.file import load
+from analytic.mechanism.file import dumps, load
 from analytic.mechanism.signals import wrapped
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import Channel, Measured, MeasuredRun
 from compare.diagnose.fit import Space
+from compare.diagnose.foretold import ENDS
 from compare.diagnose.predict import StartOfRun, Term, pieces
 from compare.diagnose.prepare import on_one_turn
 from compare.diagnose.problem import Options, Problem
 from compare.diagnose.released import in_pieces
 from diagnosis_rigs import diagnosed
+from measured_files import RunTable, write_measured
 from tests.evidence.scoreboard.bench.pendulum import Pendulum
 from tests.evidence.scoreboard.sizes import Planted
 
@@ -50,6 +52,28 @@ def swung(stiffness: float, rest: float, damper: float, start: Sequence[float], 
 
     found = solve_ivp(slope, (time[0], time[-1]), start, "DOP853", time, rtol=1e-11, atol=1e-11)
     return np.asarray(found.y)
+
+
+def let_go(folder: Path, seed: int, **fields: object) -> MeasuredRun:
+    """A swing that begins at -0.2 rad and 3 rad/s, of which an encoder alone tells, with noise of 1 mrad."""
+    angle, _ = swung(0.0, 0.0, DAMPER, (-0.2, 3.0), TIME)
+    read = {"pendulum_angle [rad]": angle + 1e-3 * np.random.default_rng(seed).standard_normal(TIME.size)}
+    runs = [RunTable("swing", TIME, read, {"drive": "free", **fields})]
+    return load_measured(write_measured(folder, dumps(PENDULUM), runs)).runs[0]
+
+
+def test_how_far_off_a_rate_may_be_that_only_an_angle_tells_is_known(tmp_path: Path) -> None:
+    """Of twenty draws of noise, in the standard deviation that predictions give to it."""
+    runs, rate = [let_go(tmp_path / str(seed), seed) for seed in range(20)], "pendulum_angular_velocity"
+    off = [(run.start[rate] - 3.0) / (ENDS * run.unsure[rate]) for run in runs]
+    assert 0.4 < np.sqrt(np.mean(np.square(off))) < 1.6
+    assert np.abs(off).max() < 3.5
+
+
+def test_a_rate_that_is_given_is_taken_as_it_is(tmp_path: Path) -> None:
+    run = let_go(tmp_path, 1, start={"pendulum_angular_velocity": 3.0})
+    assert run.start["pendulum_angular_velocity"] == 3.0
+    assert not run.unsure
 
 
 # ---------------------------------------------------------------- the freedom

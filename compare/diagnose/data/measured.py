@@ -219,7 +219,8 @@ def _run(called: str, entry: Entry, mechanism: Mechanism, tables: _Tables) -> tu
         raise MeasuredError(f"{where}: {entry.file} has no usable signal{beside}{told}; add a sensor")
     if speed is not None and encoders[0] in channels:
         _check_speed(where, entry.file, table.time, channels, encoders[0], speed, angle or 0.0)
-    start = _start(entry, mechanism, table.time, channels) if drive == "free" and push is None else {}
+    let_go = drive == "free" and push is None
+    start, unsure = _start(entry, mechanism, table.time, channels) if let_go else ({}, {})
     run = MeasuredRun(
         entry.name,
         table.time,
@@ -234,6 +235,7 @@ def _run(called: str, entry: Entry, mechanism: Mechanism, tables: _Tables) -> tu
         entry.role,
         table.clock,
         push,
+        unsure=unsure,
     )
     run, rounded = evened(run)
     return _thinned(where, run, encoders, [*faults, *rounded])
@@ -593,18 +595,21 @@ def _instead(time: np.ndarray, channels: Mapping[str, Channel], name: str, speed
     return None
 
 
-def _start(entry: Entry, mechanism: Mechanism, time: np.ndarray, channels: Mapping[str, Channel]) -> dict[str, float]:
+def _start(
+    entry: Entry, mechanism: Mechanism, time: np.ndarray, channels: Mapping[str, Channel]
+) -> tuple[dict[str, float], dict[str, float]]:
     """State at the first sample: as given; left out, the driven body's on smooth courses through its readings, the rate
-    from whichever sensor tells it better; or assembled and at rest without any.
+    from whichever sensor tells it better, with how far noise puts that off; or assembled and at rest without any.
     """
     angle, rate = mechanism.encoder.name, f"{mechanism.driven}_angular_velocity"
-    found = {angle: mechanism.assembly[mechanism.driven], rate: 0.0}
+    found, unsure = {angle: mechanism.assembly[mechanism.driven], rate: 0.0}, {}
     if angle in channels:
-        found[angle], found[rate], unsure = _first(time, channels[angle], 1)
+        found[angle], found[rate], unsure[rate] = _first(time, channels[angle], 1)
         if rate in channels:
             value, _, off = _first(time, channels[rate], 0)
-            found[rate] = value if off < unsure else found[rate]
-    return found | dict(entry.start or {})
+            found[rate], unsure[rate] = (value, off) if off < unsure[rate] else (found[rate], unsure[rate])
+    given = dict(entry.start or {})
+    return found | given, {s: off for s, off in unsure.items() if s not in given}
 
 
 def _first(time: np.ndarray, channel: Channel, order: int) -> tuple[float, float, float]:

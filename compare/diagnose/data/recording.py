@@ -101,7 +101,8 @@ class MeasuredRun:
     """One recording: ``time`` (N,) s, strictly increasing, and channels by signal.
 
     ``speed`` (rad/s) and ``angle`` (rad, at time 0) are the command of a ``speed`` run, else None; ``start`` is the
-    state at the first sample of a ``free`` one: what was given, and for the driven body at least an estimate.
+    state at the first sample of a ``free`` one: what was given, and for the driven body at least an estimate, of which
+    ``unsure`` says by how much (1 sigma) noise puts it off.
     ``loads`` replace the mechanism's; None keeps them; ``clock`` is the file's column of time, where there is one.  A
     ``validation`` run is simulated and shown, and nothing is fitted to it.  A free run may have a ``push``: what its
     motor gives, as recorded; it goes in ``pieces``, each from its own start.
@@ -121,6 +122,7 @@ class MeasuredRun:
     clock: Column | None = None
     push: Channel | None = None
     pieces: int = 1
+    unsure: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def input(self) -> Literal["speed", "measured", "free", "torque"]:
