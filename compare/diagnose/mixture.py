@@ -40,7 +40,8 @@ class Discrepancy:
 
         The covariance is the mean over neighbours up to a SLOWEST-th of a run apart; of those next to each other alone,
         where that is more and no chance.  Of white noise of variance v a mean of N products is zero with a standard
-        deviation v / root N: one of these is added, as what data cannot rule out.
+        deviation v / root N; of what is alike over n samples, by half, and then less as 2^(-k/n), the mean square has
+        one of root (2 n / (N log 2)) of itself.  One of both is added, as what data cannot rule out.
         """
         whole = [r for r in residuals if np.isfinite(r).sum() > SLOWEST]
         if not whole:
@@ -49,11 +50,13 @@ class Discrepancy:
         lags = [np.concatenate([_products(r, lag) for r in whole]) for lag in range(shortest // 2)]
         near = np.concatenate(lags[1 : 1 + max(1, shortest // SLOWEST)])
         variance, next_ones = float(np.mean(lags[0])), float(np.mean(lags[1]))
-        shared, chance = float(np.mean(near)), variance / math.sqrt(near.size)
+        shared, white = float(np.mean(near)), variance / math.sqrt(near.size)
         if next_ones > SURE * variance / math.sqrt(lags[1].size):
             shared = max(shared, next_ones)
         alike = next((k for k, each in enumerate(lags) if k and float(np.mean(each)) < shared / 2), len(lags))
-        return cls(math.sqrt(max(shared, 0.0) + chance), alike if shared > 0 else 0)
+        shared = max(shared, 0.0)
+        coloured = shared * math.sqrt(2 * alike / (lags[0].size * math.log(2)))
+        return cls(math.sqrt(shared + math.hypot(white, coloured)), alike if shared else 0)
 
 
 def _products(residual: np.ndarray, lag: int) -> np.ndarray:
