@@ -73,7 +73,7 @@ def test_white_noise_leaves_next_to_nothing_unexplained_and_a_wave_its_size() ->
 def test_what_is_alike_over_many_samples_is_hardly_ever_larger_than_it_is_taken_to_be(
     alike: int, samples: int, runs: int
 ) -> None:
-    """One standard deviation is added to its estimate: in some five cases of six it is then no smaller than the truth."""
+    """With one standard deviation added its estimate is no smaller than the truth in some five cases of six."""
     share, rng = 2 ** (-1 / alike), np.random.default_rng(1)
     sizes = []
     for _ in range(100):
