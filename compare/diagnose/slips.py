@@ -288,13 +288,21 @@ def _silent(nominal: _Nominal, run: MeasuredRun, said: Said) -> list[Slip]:
 
 
 def _reads_nothing(channel: Channel, predicted: np.ndarray) -> bool:
-    """Whether readings (N,) vary far less than their prediction (N,), and not with it."""
+    """Whether readings (N,) stay where they are, or vary far less than their prediction (N,), not with it, and from
+    line to line as much as altogether: half the mean square of their steps over their variance is 1, give or take
+    1 / root N, for white noise (von Neumann), and next to nothing for a motion.
+    """
     here = np.isfinite(channel.values) & np.isfinite(predicted)
     if not here.any():
         return False
     read, said = (v[here] - v[here].mean() for v in (channel.values, predicted))
-    little = np.std(said) > TELLING**2 * max(np.std(read), channel.noise)
-    return bool(little and abs(read @ said) < SURE * np.linalg.norm(said) * max(np.std(read), channel.noise))
+    if np.std(said) <= TELLING**2 * max(np.std(read), channel.noise):
+        return False
+    if not np.ptp(channel.values[here]):
+        return True
+    alone = abs(read @ said) < SURE * np.linalg.norm(said) * np.std(read)
+    white = np.mean(np.diff(read) ** 2) / 2 > np.var(read) * (1 - SURE / math.sqrt(read.size))
+    return bool(alone and white)
 
 
 def _of_channels(run: MeasuredRun, said: Said, judged: Iterable[str]) -> list[Slip]:
