@@ -500,6 +500,17 @@ def test_a_recording_that_is_there_twice_is_told_and_one_that_is_made_again_is_n
     assert "the very numbers of run 'a'" in faults[0].text
 
 
+def test_a_column_may_be_left_out_whose_noise_is_given(tmp_path: Path) -> None:
+    """As the line says that leaves out a sensor that reads nothing: it mends the data by itself."""
+    time, exact = signals()
+    columns = {"follower_angle [deg]": np.degrees(exact["follower_angle"]), "drive_torque [N.m]": exact["drive_torque"]}
+    fields = {"noise": {"follower_angle": 1e-4, "drive_torque": 1e-3}}
+    found = one(tmp_path, time, columns, columns={"drive_torque [N.m]": "ignore"}, **fields)
+    assert list(found.runs[0].channels) == ["follower_angle"]
+    with pytest.raises(MeasuredError, match="noise.coupler_angle is not a column"):
+        one(tmp_path, time, columns, noise={"coupler_angle": 1e-4})
+
+
 def test_a_wrapped_angle_without_a_command_is_continued() -> None:
     time = np.linspace(0, 10, 500)
     angle = 8 * np.sin(time)

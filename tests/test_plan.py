@@ -364,7 +364,7 @@ def test_the_page_says_what_to_do_and_needs_no_network(folder: Path) -> None:
     [(0.0, "hardly ever"), (0.02, "hardly ever"), (0.05, "1 in 20"), (0.93, "19 in 20"), (0.99, "nearly always")],
 )
 def test_a_probability_is_said_in_cases(share: float, said: str) -> None:
-    assert words.chance(share) == said
+    assert words.in_twentieths(share) == said
 
 
 WRONG: Mapping[str, tuple[dict[str, Any], str]] = {

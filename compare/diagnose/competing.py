@@ -12,7 +12,7 @@ from compare.diagnose.intervals import Covariance, covariance
 from compare.diagnose.posterior.infer import Posterior
 
 NOTHING = 1e-6  # of a coordinate's scale
-LIKELY = 0.01  # probability below which a set is not told with its values: it moves a 95 % band by less than its own sd
+TOLD_FROM = 0.01  # probability: a less probable set moves a 95 % band by less than its own standard deviation
 Keys = frozenset[tuple[str, str]]
 
 
@@ -31,7 +31,7 @@ def competing(found: Posterior) -> dict[Keys, Competing]:
     """
     told: dict[Keys, Competing | None] = {}
     for weighed in sorted(found.fitted, key=lambda w: -w.log):
-        if weighed.keys not in told and found.sets.get(weighed.keys, 0.0) >= LIKELY:
+        if weighed.keys not in told and found.sets.get(weighed.keys, 0.0) >= TOLD_FROM:
             there = all(_there(found.fitter, weighed.fit, i) for i in weighed.fit.named())
             told[weighed.keys] = together(found.fitter, weighed.fit) if there else None
     return {keys: each for keys, each in told.items() if each is not None}

@@ -1,7 +1,8 @@
 """What a posterior says: the effects that stand, how probable and how large each is, what may be in its place, and the
 verdict.
 
-An effect is named where it, or what shares its probability, is likely enough.  Prediction of data left out can veto.
+An effect is named where its probability, with that of what may be in its place, is ``NAMED_FROM`` or more.
+Prediction of data left out can veto.  Of rigs that rattle it is :mod:`compare.diagnose.rattle.explained` that names.
 """
 
 from __future__ import annotations
@@ -30,8 +31,8 @@ from compare.diagnose.posterior.prior import CREDIBLE
 from compare.diagnose.predict import Term
 
 TIED = 0.01  # probability from which on something may be in an effect's place
-LIKELY = 5 / 6  # from which on an effect, with what may be in its place, is named: a false name costs as five missed
-UNLIKELY = ""  # what an effect fails that is not named because it is improbable
+NAMED_FROM = 5 / 6  # probability, with what may be in its place: a false name costs as much as five missed ones
+IMPROBABLE = ""  # no test failed: the effect is not probable enough
 TOLD = 6  # effects that are not named, of which it is told how probable they are
 
 
@@ -76,8 +77,8 @@ def stood(found: Posterior, base: Fit) -> Standing:
     unlikely = []
     for term in standing.named:
         together = found.probability(term.key) + sum(found.instead(term.key).values())
-        if together < LIKELY:
-            unlikely.append((term, UNLIKELY))
+        if together < NAMED_FROM:
+            unlikely.append((term, IMPROBABLE))
     standing = fallen(found, base, standing, unlikely)
     while True:
         idle = [(t, "the data want it to be nothing, or beyond the physical") for t in at_nothing(standing.fit)]
@@ -203,7 +204,7 @@ def left_out(found: Posterior, standing: Standing, base: Fit) -> list[Attempt]:
             term = weighed.fit.terms[i]
             if term.key not in told and len(attempts) < TOLD:
                 told.add(term.key)
-                attempts.append(attempt(found, standing, base, weighed, term, UNLIKELY))
+                attempts.append(attempt(found, standing, base, weighed, term, IMPROBABLE))
     return attempts
 
 

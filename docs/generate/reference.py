@@ -181,7 +181,7 @@ DECISIONS = (
     ("The same of an effect of the rig", "posterior.prior.REPEATS"),
     ("How usual a richer form of an effect is beside its simple one", "posterior.prior.RICHER"),
     ("How usual it is that what has a direction is along one axis alone", "posterior.prior.ALONE"),
-    ("Probability from which on an effect is named, with what may be in its place", "verdict.LIKELY"),
+    ("Probability from which on an effect is named, with what may be in its place", "verdict.NAMED_FROM"),
     ("Probability from which on something may be in its place", "verdict.TIED"),
     ("Probability of a set from which on its intervals count", "posterior.prior.CREDIBLE"),
     ("Runs from which on whole runs are left out", "left_out.RUNS"),

@@ -392,8 +392,8 @@ class ExudynModel:
         return self.mbs.AddObject(self.items.ObjectConnectorDistance(markerNumbers=markers, distance=joint.clearance))
 
     def _add_joint_law(self, joint: Joint) -> None:
-        """Friction, damping and spring of a joint; in statics friction and damping are loads
-        (``ExudynLinkage.load_bodies``).
+        """Friction, damping and spring of a joint.  At rest friction is a load, which ``_loads`` in ``equilibria.py``
+        computes and ``ExudynLinkage.load_bodies`` applies.
         """
         moving = self.motion == "driven"
         damping, friction = (joint.damping, joint.coulomb) if moving else (0.0, 0.0)
@@ -425,8 +425,8 @@ class ExudynModel:
         return self._fixed if body == GROUND else self._coordinate(self.nodes[body], 2)
 
     def _add_slide_law(self, joint: Joint, moving: bool, nonlinear: bool) -> None:
-        """Spring and damper along a slide, and by its side what is not linear: a connector with a function of its own
-        has no constant ``force``, which friction is at rest.
+        """Spring and damper along a slide, and by its side what is not linear.  Two connectors: at rest friction is the
+        constant ``force`` of the linear one, and one with a function of its own has none.
         """
         kind = self.items.ObjectConnectorLinearSpringDamper
         ends = {

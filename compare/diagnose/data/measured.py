@@ -156,6 +156,12 @@ class _Tables:
             self._read[key] = read_table(self._data(entry.file), self._mechanism, layout, part=entry.part)
         return self._read[key]
 
+    def ignored(self, entry: Entry) -> set[str]:
+        """Signals whose columns a run has and is not to have: what is said of their noise stays without a use."""
+        columns = {**self._layout.columns, **entry.columns}
+        headings = (heading for heading, meaning in columns.items() if meaning == "ignore")
+        return {canonical(heading.partition("[")[0].strip(), self._mechanism) for heading in headings}
+
     def unused(self, name: str, runs: Sequence[Entry]) -> list[str]:
         """A fault for each entry of [columns] that no file has, and of a run's that its own has not."""
         used = {entry for table in self._read.values() for entry in table.used}
@@ -182,7 +188,7 @@ def _run(called: str, entry: Entry, mechanism: Mechanism, tables: _Tables) -> tu
     _check_fields(where, entry, mechanism, drive)
     table = tables(entry)
     for signal in entry.noise:
-        if signal not in table.values:
+        if signal not in table.values and signal not in tables.ignored(entry):
             raise MeasuredError(
                 f"{where}: noise.{signal} is not a column of {entry.file}; the columns are {', '.join(table.values)}"
             )

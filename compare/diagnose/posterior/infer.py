@@ -29,7 +29,7 @@ WITHIN = 8.0  # log: sets that are less probable than the best by more are not
 EVEN = 1.0  # log: of sets as probable as the best, but for this, the one is told of which most is there
 ALIKE = 0.1  # of a weight, that makes no difference
 LAYER = 8.0  # log: sizes of errors everywhere that are less probable by more are left aside
-LIKELY = 12.0  # log: what is in no set that is within this of the best keeps its first signature
+NEAR_BEST = 12.0  # log: what is in no set that is within this of the best keeps its first signature
 NEXT_TO_NOTHING = 1e-4  # of a sample
 STRAYED = 0.3  # of the noise (rms), by which a fit may move before signatures are taken anew
 Names = frozenset[Name]
@@ -200,7 +200,7 @@ class Inference:
             self._take_for_noise(compressed)
             layers = self._explored(compressed, names, thorough)
             sets = layers[self.workmanship]
-            likely = {compressed.groups[i].name for s in sets.known for i in s if sets.known[s] > sets.top - LIKELY}
+            likely = {compressed.groups[i].name for s in sets.known for i in s if sets.known[s] > sets.top - NEAR_BEST}
             candidates = self._candidates(sets, compressed, names)
             new = [c for c in candidates if self._named(compressed, c) not in self.weighed]
             for chosen in new:

@@ -17,8 +17,8 @@ LISTED = 4  # effects of a group that are named where there is little room
 UNSEEN, SENSOR = "too small to be seen", "a fault of a sensor"
 
 
-def chance(share: float) -> str:
-    """A probability as one says it: ``19 in 20``."""
+def in_twentieths(share: float) -> str:
+    """A share of cases in twentieths: ``19 in 20``."""
     times = round(OF * share)
     return {0: "hardly ever", OF: "nearly always"}.get(times, f"{times} in {OF}")
 
@@ -79,17 +79,17 @@ def sensor_row(result: Plan, sensor: PlannedSensor) -> tuple[str, str, str, str]
 def step_row(result: Plan, step: PlanStep) -> tuple[str, str, str, str]:
     """What one more run or sensor brings."""
     name = step.name if step.kind == "run" else f"the sensor for {spoken(result, step.name)}"
-    return name, plainly(step.price), f"{step.bits:.2f}", chance(step.told)
+    return name, plainly(step.price), f"{step.bits:.2f}", in_twentieths(step.told)
 
 
 def effect_row(result: Plan, effect: PlannedEffect) -> tuple[str, str, str, str]:
     """An effect: how often it is named at its usual size, what else it is taken for, and how well it is known then."""
-    others = [f"{phrase(result, other)} ({chance(other.share)})" for other in effect.instead]
+    others = [f"{phrase(result, other)} ({in_twentieths(other.share)})" for other in effect.instead]
     for share, what in ((effect.of_sensor, SENSOR), (effect.unseen, UNSEEN)):
-        others += [f"{what} ({chance(share)})"] if share >= CREDIBLE else []
+        others += [f"{what} ({in_twentieths(share)})"] if share >= CREDIBLE else []
     return (
         capital(phrase(result, effect)),
-        chance(effect.told_if_usual),
+        in_twentieths(effect.told_if_usual),
         "; ".join(others) or "nothing else",
         "; ".join(precision(name, p) for name, p in effect.parameters.items()) or "it is not foretold how well",
     )

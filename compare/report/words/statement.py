@@ -169,7 +169,7 @@ def improbable(alone: float, probability: float | None) -> str:
 
 
 def unlikely(probability: float) -> str:
-    """Why an effect is not named that no test excludes."""
+    """Why an effect that no test excludes is still not named."""
     return f"its chance of being there is {chance(probability)}"
 
 
