@@ -23,7 +23,7 @@ from compare.diagnose import slips
 from compare.diagnose.data import measured, quality
 from compare.diagnose.data.clipping import clipped
 from compare.diagnose.data.measured import load_measured
-from compare.diagnose.data.recording import Measured
+from compare.diagnose.data.recording import Measured, MeasuredError
 from compare.judge.signals import with_derived
 from compare.recorded.alternatives import looks
 from compare.recorded.headings import Naming, read_headings
@@ -504,10 +504,11 @@ def test_a_column_may_be_left_out_whose_noise_is_given(tmp_path: Path) -> None:
     """As the line says that leaves out a sensor that reads nothing: it mends the data by itself."""
     time, exact = signals()
     columns = {"follower_angle [deg]": np.degrees(exact["follower_angle"]), "drive_torque [N.m]": exact["drive_torque"]}
-    fields = {"noise": {"follower_angle": 1e-4, "drive_torque": 1e-3}}
-    found = one(tmp_path, time, columns, columns={"drive_torque [N.m]": "ignore"}, **fields)
+    command = {"drive_speed": SPEED, "drive_angle": 0.0, "columns": {"drive_torque [N.m]": "ignore"}}
+    noise = {"noise": {"follower_angle": 1e-4, "drive_torque": 1e-3}}
+    found = load_measured(write_measured(tmp_path, TEXT, [RunTable("a", time, columns, command | noise)]))
     assert list(found.runs[0].channels) == ["follower_angle"]
-    with pytest.raises(MeasuredError, match="noise.coupler_angle is not a column"):
+    with pytest.raises(MeasuredError, match=r"noise\.coupler_angle is not a column"):
         one(tmp_path, time, columns, noise={"coupler_angle": 1e-4})
 
 
