@@ -22,7 +22,7 @@ from marks import slow
 from sim_models.common.contact_laws import DRIVEN_STIFFNESS, STATIC_STIFFNESS, TURN_BY_GIVE, carried, default_stiffness
 from sim_models.common.units import SI, Units
 from sim_models.common.weights import with_equal_masses
-from sim_models.engine import ENGINES, SimulationError, Trace, engine
+from sim_models.engine import ENGINES, SimulationError, Trace, Unsupported, engine
 from tests.evidence.validation.scales import Scale, linkage, scale_rows, scales
 
 TURN = np.radians(np.arange(0.0, 360.0, 30.0))
@@ -234,7 +234,16 @@ def test_the_numbers_of_a_message_are_brought_to_si_each_by_its_unit() -> None:
         ("0.2 m deep at 90 deg, stiffness 1e+06 N/m", "0.1 m deep at 90 deg, stiffness 6.4e+07 N/m"),
         ("3 J of 8 J in 12 steps", "48 J of 128 J in 12 steps"),
     ):
-        assert units.said(said) == in_si
+        assert units.said(said, "four-bar") == in_si
+    assert units.said("rig of 3 kg: 3 kg", "rig of 3 kg") == "rig of 3 kg: 12 kg"
+
+
+def test_what_an_engine_does_not_do_is_said_in_si_too() -> None:
+    light = linkage(Scale(1e-3, 1e3, 1.0)).with_body("coupler", mass=1e-22, inertia=1e-9)
+    asked = request_of(light, "ideal", "driven", TURN)
+    assert Units.of(asked).mass != 1.0
+    with pytest.raises(Unsupported, match="has mass = 1e-22 kg, of which MuJoCo wants more"):
+        engine("mujoco").simulate(asked)
 
 
 @pytest.mark.exudyn

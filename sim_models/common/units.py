@@ -27,7 +27,7 @@ from analytic.mechanism.written import INITIAL
 from sim_models.common.contact_laws import default_stiffness, heaviest, longest, power_of_two, turning_rate
 from sim_models.common.failed_starts import TooSoft
 from sim_models.common.weights import with_equal_masses
-from sim_models.engine import Cause, Rates, Request, SettingValue, SimulationError, Trace, Watched
+from sim_models.engine import Cause, Rates, Request, SettingValue, SimulationError, Trace, Unsupported, Watched
 
 # What an engine is at home with, in SI: where a linkage lies within, its units are SI's; else it is brought to the
 # middle.
@@ -41,6 +41,7 @@ SAID: dict[str, Dimension] = {
     "J": POWERS["N.m"],
     "N/m": (0, 1, -2),
     "N.m/rad": POWERS["N.m"],
+    "kg": (0, 1, 0),
     "kg.m^2": (2, 1, 0),
 }
 _UNITS = "|".join(re.escape(unit) for unit in sorted(SAID, key=len, reverse=True))
@@ -280,15 +281,17 @@ class Units:
             return {key: each * size for key, each in value.items()}
         return value * size if isinstance(value, int | float) else value
 
-    def said(self, text: str) -> str:
-        """A message in which each number with its unit is in these units, in SI; its digits are as many, or three."""
+    def said(self, text: str, name: str) -> str:
+        """A message in which each number with its unit is in these units, in SI; its digits are as many, or three.  The
+        linkage's name may have a number and a unit of its own.
+        """
 
         def in_si(found: re.Match[str]) -> str:
             number, unit = found.groups()
             digits = len(number.split("e")[0].lstrip("-0.").replace(".", ""))
             return f"{float(number) * self.size(SAID[unit]):.{max(3, digits)}g} {unit}"
 
-        return WITH_UNIT.sub(in_si, text)
+        return name.join(WITH_UNIT.sub(in_si, part) for part in text.split(name))
 
 
 SI = Units()
@@ -299,7 +302,7 @@ def in_own_units(run: Callable[[Request], Trace], request: Request, seconds: boo
     units in its settings.
 
     Joints with clearance that say nothing of their stiffness are given the project's default first.  Raises what the
-    run raises; the numbers of a SimulationError are in SI, too.
+    run raises; each number with a unit in a message of its SimulationError or Unsupported is in SI, too.
     """
     whole = with_stiffness(request)
     if request.motion == "static":
@@ -312,9 +315,10 @@ def in_own_units(run: Callable[[Request], Trace], request: Request, seconds: boo
     except TooSoft as error:
         raise error.of(whole.mechanism) from None
     except SimulationError as error:
-        name = whole.mechanism.name  # may have a number and a unit of its own
-        said = name.join(map(units.said, error.what.split(name)))
+        said = units.said(error.what, whole.mechanism.name)
         raise SimulationError(said, error.cause, error.remedies, error.note) from error
+    except Unsupported as error:
+        raise Unsupported(units.said(str(error), whole.mechanism.name)) from error
 
 
 def with_stiffness(request: Request) -> Request:

@@ -120,7 +120,7 @@ class MujocoLinkage:
         if light:
             what = (
                 f"body {light[0].name!r} has mass = {light[0].mass:g} kg, of which MuJoCo wants more than"
-                f" {mujoco.mjMINVAL:g}"
+                f" {mujoco.mjMINVAL:g} kg"
             )
             raise Unsupported(f"mujoco: {what}; give it a mass that matters, or use another simulator")
         self.model = m = mujoco.MjModel.from_xml_string(self.description.mjcf())

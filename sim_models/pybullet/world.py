@@ -163,7 +163,7 @@ class BulletWorld(LeapfrogWorld):
             kept = self.p.getDynamicsInfo(number, index, physicsClientId=self.client)[2][2]
             if not np.isclose(kept, link.inertia, rtol=1e-12, atol=0):
                 raise SimulationError(
-                    f"pybullet: a link's moment of inertia is {kept:g} kg.m^2 where {link.inertia:g} was set",
+                    f"pybullet: a link's moment of inertia is {kept:g} kg.m^2 where {link.inertia:g} kg.m^2 was set",
                     Cause.FAULTY,
                 )
             self.freedoms.append((number, index))
