@@ -135,8 +135,7 @@ OTHER_LEGS = [(leg, n) for leg in ("left", "right", "both") for n in (10, 41, 42
               if (leg, n) not in (("left", 10), ("right", 42), ("both", 41))]  # fmt: skip
 
 
-@pytest.mark.long_rows("right-42", "both-41")
-@pytest.mark.parametrize(("leg", "rows"), [("left", 10), ("right", 42), ("both", 41), *slow(*OTHER_LEGS)])
+@pytest.mark.parametrize(("leg", "rows"), [("left", 10), *slow(("right", 42), ("both", 41), *OTHER_LEGS)])
 def test_a_five_bars_path_that_stretches_a_leg_is_refused_and_one_beside_it_is_followed(leg: str, rows: int) -> None:
     assembly, time = Assembly(load("five-bar")), np.linspace(0.0, 1.0, rows)
     through = to_and_fro(leg, 0.0, time)

@@ -110,8 +110,7 @@ def after_the_stroke() -> float:
     return math.sqrt(SPEED**2 + 2 * gained / whole)
 
 
-@pytest.mark.long_rows("exudyn")
-@pytest.mark.parametrize("name", [*slow(""), "mujoco", "exudyn"])
+@pytest.mark.parametrize("name", [*slow(""), "mujoco", *slow("exudyn")])
 def test_a_stroke_takes_the_energy_that_the_gas_takes(name: str) -> None:
     if name and missing(name):
         pytest.skip(missing(name))

@@ -320,9 +320,8 @@ class Joint(MechanismPart):
     @property
     def stops(self) -> tuple[Stop, ...]:
         """The stops that its mechanism gives it."""
-        return (self.__pydantic_private__ or {})[
-            "_stops"
-        ]  # at once: for its name, pydantic looks everywhere else first
+        private = self.__pydantic_private__ or {}  # at once: for a name, pydantic looks everywhere else first
+        return cast("tuple[Stop, ...]", private["_stops"])
 
     def stopped(self, stops: tuple[Stop, ...]) -> Joint:
         """The joint with these stops in place of its own."""

@@ -1,9 +1,9 @@
 """Data that are not what they say: signs, units, swapped, copied and silent columns, zeros and speeds.
 
 A slip of this kind is certain or it is none: it is told where one change of what a file says brings readings that are
-far from the nominal model onto it, and no sensor speaks against it.  An encoder's zero that is a little off, a gain, a
-bias or a load cell mounted upside down are effects, and stay so.  Nothing is diagnosed from data with a slip: what
-would be named from them is not there.
+far from the nominal model onto it, and no sensor speaks against it, or where a sensor reads nothing at all.  An
+encoder's zero that is a little off, a gain, a bias or a load cell mounted upside down are effects, and stay so.
+Nothing is diagnosed from data with a slip: what would be named from them is not there.
 """
 
 from __future__ import annotations

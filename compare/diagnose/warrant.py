@@ -17,8 +17,8 @@ from compare.diagnose.foretold import Explained, foretold
 from compare.diagnose.planned import planned
 from compare.diagnose.validation import Validation
 from compare.judge.metrics import metrics
-from compare.report.words.prediction import is_far, judgement
-from compare.results.band import Band, Context
+from compare.report.words.prediction import judgement
+from compare.results.band import Band, Context, is_far
 from compare.results.diagnosis import DiagnosedRun, Diagnosis
 
 

@@ -20,6 +20,15 @@ def curve(series: Series) -> tuple[np.ndarray, np.ndarray]:
     return np.array(series.x, float), np.array(series.y, float)
 
 
+def with_peak(axis: Axes, x: np.ndarray, y: np.ndarray, label: str, style: str = "-", number: bool = True) -> None:
+    """Draw a curve (N,) with a dot at its largest value, and the ``number`` beside it."""
+    (line,) = axis.plot(x, y, style, label=label)
+    at = int(np.nanargmax(np.abs(y)))
+    axis.plot(x[at], y[at], "o", markersize=4, color=line.get_color())
+    if number:
+        axis.annotate(f"{y[at]:.4g}", (x[at], y[at]), (4, 4), textcoords="offset points", fontsize=8)
+
+
 def legend(axis: Axes, *others: Axes) -> None:
     """The names of an axis' curves, and of the others' that it has not, beside it, where they hide none."""
     named: dict[str, Artist] = {}

@@ -12,7 +12,7 @@ from rich.console import Console
 from analytic.mechanism.one_line import count
 from compare.presentation import Presentation
 from compare.quantities import assumptions, drive_signals, quantities
-from compare.report.curves import MOST, legend
+from compare.report.curves import MOST, legend, with_peak
 from compare.report.peaks import over, peaks, unanswered
 from compare.report.tables import html_table, say, terminal_table
 from compare.results.analysis import Analysis, Simulation
@@ -75,12 +75,7 @@ def plot(result: OneSide, figure: Figure) -> None:
     for axis, names in zip(axes, (reactions[:MOST], drives[:MOST]), strict=True):
         for name in names:
             values = known[name].factor * result.signals[name]
-            (line,) = axis.plot(x.values, values, label=known[name].place or known[name].name)
-            at = int(np.nanargmax(np.abs(values)))
-            axis.plot(x.values[at], values[at], "o", markersize=4, color=line.get_color())
-            axis.annotate(
-                f"{values[at]:.4g}", (x.values[at], values[at]), (4, 4), textcoords="offset points", fontsize=8
-            )
+            with_peak(axis, np.asarray(x.values), values, known[name].place or known[name].name)
         legend(axis)
     axes[0].set_ylabel("reaction force (N)")
     units = " or ".join(dict.fromkeys(known[name].unit for name in drives)) or "N·m"

@@ -9,7 +9,7 @@ import numpy as np
 
 from analytic.mechanism.signals import Signal
 from compare.quantities import shown
-from compare.report.curves import legend
+from compare.report.curves import legend, with_peak
 from compare.results.looked_at import Curves
 
 if TYPE_CHECKING:
@@ -27,12 +27,8 @@ def plot(case: str, curves: Sequence[Curves], signals: Sequence[Signal], figure:
         for number, side in enumerate(curves):
             if (values := side.signals.get(signal.name)) is None or not np.any(np.isfinite(values)):
                 continue
-            x, y = side.over, factor * values
-            (line,) = axis.plot(x, y, STYLES[number % len(STYLES)], label=side.title)
-            at = int(np.nanargmax(np.abs(y)))
-            axis.plot(x[at], y[at], "o", markersize=4, color=line.get_color())
-            if not number:
-                axis.annotate(f"{y[at]:.4g}", (x[at], y[at]), (4, 4), textcoords="offset points", fontsize=8)
+            style = STYLES[number % len(STYLES)]
+            with_peak(axis, side.over, factor * values, side.title, style, number=not number)
         axis.set_ylabel(f"{signal.name} ({unit})" if unit else signal.name)
         if len(curves) > 1:
             legend(axis)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Literal
 
 from pydantic import Field, FiniteFloat
@@ -11,6 +11,7 @@ from compare.results.document import Number, Part, Series, Share
 
 SdFrom = Literal["parameters", "sets", "engines", "discrepancy"]
 Sd = Annotated[FiniteFloat, Field(ge=0)]
+FAR = 10.0  # times a speed: from there on other things matter than those that the data show
 
 
 class Band(Part):
@@ -90,3 +91,8 @@ class Context(Part):
     half_width: Annotated[Number, Field(description="Largest distance of the 95 % band from its middle; null: none.")]
     enough: Annotated[bool | None, Field(description="Whether that is less than required; null where nobody can say.")]
     says: Annotated[str, Field(min_length=1, description="The judgement in a sentence.")]
+
+
+def is_far(speed: float, speeds: Sequence[float]) -> bool:
+    """Whether a speed (rad/s) is so far from those of the data that these say nothing there."""
+    return bool(speeds) and abs(speed) > max(speeds) * FAR

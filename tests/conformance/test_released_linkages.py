@@ -50,8 +50,7 @@ def test_a_pendulum_swings_as_its_equation_says(name: str, rubs: bool, start_spe
     assert not trace.signals["drive_torque"].any()
 
 
-@pytest.mark.long_rows("exudyn")
-@pytest.mark.parametrize("name", slow_but(["mujoco", "exudyn"], ENGINES))
+@pytest.mark.parametrize("name", slow_but(["mujoco"], ENGINES))
 def test_a_crank_rocker_falls_as_its_equation_says(name: str) -> None:
     """Its crank turns by 20 rad/s in the end: an error of the first order in the step grows with it."""
     m = at_speed(load("crank-rocker").replace(gravity=(0.0, -9.81)), "free")

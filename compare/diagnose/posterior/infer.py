@@ -454,9 +454,8 @@ class Inference:
         log = sum(g.log_odds for g in groups) + sum(WIDTH_ODDS[widths[i]] for i in chosen)
         log += 0.0 if chosen else Prior.nothing(np.array([g.log_odds for g in compressed.groups]))
         log += self._evidence(fit, sizes) - (fitter.data.log_volume - self.fitter.data.log_volume) / 2
-        each, rig = zip(fit.terms, fit.x, strict=True), self.plain.rig
-        cannot_be = any(t.effect.impossible(rig, t.where, x, t.variant) for t, x in each)
-        self.weighed[names] = Weighed(names, fit, unknown, sizes, -math.inf if cannot_be else log)
+        log = -math.inf if fit.impossible(self.plain.rig) else log
+        self.weighed[names] = Weighed(names, fit, unknown, sizes, log)
 
     def _fitter(self, compressed: Compressed, unknown: np.ndarray) -> Fitter:
         """Fits beside what an unknown may do (size, k)."""

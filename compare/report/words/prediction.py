@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from analytic.mechanism.one_line import capital
 from compare.quantities import amount, plainly
-from compare.results.band import Band, Context
+from compare.results.band import Band, Context, is_far
 
 METRICS_HEADS = (
     "Sensor", "Unit", "E, mean", "E, rms", "u_D", "u_num", "u_input", "u_val", "|E| ≤ 2 u_val", "Model error, mean",
@@ -22,7 +22,6 @@ METRICS_MEAN = (
     " them."
 )
 OUTSIDE = 1.0 + 1e-6  # times a speed
-FAR = 10.0  # times a speed: from there on other things matter than those that the data show
 HALF = 0.5  # of a band's variance, from which on one part of it is named
 
 
@@ -45,14 +44,9 @@ def judgement(context: Context, speeds: Sequence[float]) -> str:
         return f"{lead}: nobody can say, as the model foretells no {context.quantity} there."
     band = f"the band of {context.quantity} is up to {amount(context.half_width, context.unit)} to either side"
     end = f"; of being wrong: {context.consequence.rstrip('.')}" if context.consequence else ""
-    if context.speed is not None and is_far(context.speed, speeds):
+    if context.enough is None and context.speed is not None:
         return f"{lead}: nobody can say, as that is {_far(context.speed, speeds)}{end}."
     return f"{lead}: {'yes, with 95 %' if context.enough else 'no, not with 95 %'}; {band}{end}."
-
-
-def is_far(speed: float, speeds: Sequence[float]) -> bool:
-    """Whether a speed (rad/s) is so far from those of the data that these say nothing there."""
-    return bool(speeds) and abs(speed) > max(speeds) * FAR
 
 
 def _far(speed: float, speeds: Sequence[float]) -> str:
