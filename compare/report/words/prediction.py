@@ -67,7 +67,7 @@ def notes(
         )
     if speeds and 0 < speed < min(speeds) / OUTSIDE:
         found.append(f"{rpm(speed)} is slower than any fitted run ({rpm(min(speeds))}): bands grow up to twice.")
-    larger = [f"{s} ({plainly(b.growth)} times)" for s, b in bands.items() if b.growth > OUTSIDE]
+    larger = [f"{s} ({plainly(b.growth)} times)" for s, b in bands.items() if plainly(b.growth) != "1"]
     if larger:
         found.append(f"What stays unexplained is taken to be larger than in the data: {', '.join(larger)}.")
     if unmeasured:
