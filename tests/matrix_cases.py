@@ -259,7 +259,7 @@ CHANGES: dict[str, Change] = {
     "Load.over": Change({"load.0.over": "coupler_angle"}, TABLED),
     "Load.start": Change({"load.0.from": 3.0}, STROKE),
     "Load.end": Change({"load.0.to": 1.0}, STROKE),
-    "Load.opposes": Change({"load.0.opposes": True}),
+    "Load.opposes": Change({"load.0.opposes": True}, {"load.0.force": [-1.5, -1.0], "load.0.torque": 0.02}),  # it swings
     "Load.table": Change({"load.0.table": [[0.0, 0.5], [6.0, 1.2]]}, TABLED),
     "Spring.bodies": Change({"spring.0.bodies": ["ground", "rocker"], "spring.0.points": ["P", "C"]}),
     "Spring.points": Change({"spring.0.points": ["D", "P"]}),
