@@ -2,7 +2,8 @@
 
 An engine's own error falls with its step, and with the give of a contact whose stiffness this project chose; the error
 of a model does not.  So a run that disagrees by little is made again, finer.  If the disagreement vanishes, it was the
-engine's.  If it stays, it counts.  If it falls and does not vanish, the engine cannot decide, and the run has failed.
+engine's.  If it stays, it counts.  If it falls, a last run takes as fine a step as that fall asks for, within reason;
+if it falls there too and does not vanish, the engine cannot decide, and the run has failed.
 
 A contact that lets its pin far beyond the rim hides the clearance.  It is made harder where this project chose its
 stiffness; the run has failed where the mechanism gives the stiffness, or the contact is still too soft.
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
 NEAR_TOLERANCE = 1e3  # tolerances: a run that is off by more is not off by its step
 NEAR_LOOSE = 10.0  # tolerances, with clearance: pins that fly do so differently in every step
 FINER_ROUNDS = 2
+FINEST = 4  # halvings of a step in a last run, at most
 FALLS = 0.6  # of a disagreement that is an engine's, at most, is left in a finer run
 HARDER = 16.0  # times as stiff
 SOFT_CONTACT = 0.5  # of a clearance: a pin that is seen farther beyond its rim hardly shows it
@@ -92,12 +94,12 @@ def settle(
         if 0 < judgement.share <= (NEAR_LOOSE if judgement.trace.clearance else NEAR_TOLERANCE)
         or judgement.soft > SOFT_CONTACT
     }
-    asked = dict(requests)
+    asked, halvings = dict(requests), dict.fromkeys(looking, 1)
     for round_ in range(1, FINER_ROUNDS + 1):
         again = {
             i: request
             for i, judgement in looking.items()
-            if i in asked and (request := finer(asked[i], judgement.trace)) is not None
+            if i in asked and (request := finer(asked[i], judgement.trace, halvings[i])) is not None
         }
         asked |= again
         outcomes = simulate(again) if again else {}
@@ -112,6 +114,8 @@ def settle(
                 looking[i] = judgement
             elif 0 < judgement.share <= FALLS * before[i].share:
                 looking[i] = judgement
+                wanted = math.log(judgement.share) / math.log(before[i].share / judgement.share)
+                halvings[i] = min(max(math.ceil(wanted), 1), FINEST)
                 settled[i] = _undecided(
                     judgement,
                     f"it was {before[i].share / judgement.share:.1f} times that in a coarser run, and still falls",
@@ -172,9 +176,9 @@ def _too_soft(judgement: JudgedRun) -> Failure:
     return Failure(simulator=t.simulator, joint_model=t.joint_model, why=why, cause=Cause.TOO_SOFT)
 
 
-def finer(request: Request, trace: Trace) -> Request | None:
-    """A run with a harder contact where this project chose its stiffness, else with half the step; None where
-    neither can be done.
+def finer(request: Request, trace: Trace, halvings: int = 1) -> Request | None:
+    """A run with a harder contact where this project chose its stiffness, else with a step that is halved so often;
+    None where neither can be done.
     """
     m = request.mechanism
     ours = [name for name in trace.clearance if name in request.assumed or m.joint(name).contact_stiffness is None]
@@ -184,7 +188,7 @@ def finer(request: Request, trace: Trace) -> Request | None:
             m = m.with_joint(name, contact_stiffness=HARDER * now)
         return replace(request, mechanism=m, assumed=frozenset(ours))
     step = trace.step
-    return replace(request, step=step / 2) if step and request.motion == "driven" else None
+    return replace(request, step=step / 2**halvings) if step and request.motion == "driven" else None
 
 
 def _undecided(judgement: JudgedRun, why: str) -> Failure:
