@@ -176,6 +176,7 @@ GAUGE = {
     "sensor.gauge": {"kind": "strain", "body": "rocker", "point": [0.1, 0.005], "youngs_modulus": 2e11},
 }
 
+LIGHT: Edits = {"load.0.force": [-1.5, -1.0], "load.0.torque": 0.02}  # of a linkage that is let go, and moves
 CHANGES: dict[str, Change] = {
     "Mechanism.name": Change({"name": "another"}),
     "Mechanism.gravity": Change({"gravity": [3.0, -20.0]}),
@@ -259,7 +260,7 @@ CHANGES: dict[str, Change] = {
     "Load.over": Change({"load.0.over": "coupler_angle"}, TABLED),
     "Load.start": Change({"load.0.from": 3.0}, STROKE),
     "Load.end": Change({"load.0.to": 1.0}, STROKE),
-    "Load.opposes": Change({"load.0.opposes": True}, {"load.0.force": [-1.5, -1.0], "load.0.torque": 0.02}),  # it swings
+    "Load.opposes": Change({"load.0.opposes": True}, LIGHT),
     "Load.table": Change({"load.0.table": [[0.0, 0.5], [6.0, 1.2]]}, TABLED),
     "Spring.bodies": Change({"spring.0.bodies": ["ground", "rocker"], "spring.0.points": ["P", "C"]}),
     "Spring.points": Change({"spring.0.points": ["D", "P"]}),
