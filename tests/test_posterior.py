@@ -17,6 +17,7 @@ from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import MeasuredError
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.posterior.compress import Group, Products
+from compare.diagnose.noise import rms
 from compare.diagnose.posterior.infer import Inference, Posterior, instead
 from compare.diagnose.posterior.prior import WIDTH_ODDS, WIDTHS, Prior
 from compare.diagnose.posterior.sets import LOOKED_AT, Sets
@@ -418,3 +419,19 @@ def test_probabilities_are_of_all_sets() -> None:
 def test_a_search_without_time_says_what_it_has() -> None:
     found = posterior_of(wrong("viscous_friction", "B", damping=0.05), late=True)
     assert sum(found.sets.values()) == pytest.approx(1.0)
+
+
+def test_friction_that_shows_only_in_a_gap_is_known_as_well_as_the_gap_shows_it() -> None:
+    """Without a torque sensor it turns the reaction, and the pin goes to another side of its bearing."""
+    where_it_is = {name: NOISE[name] for name in ("crank_angle", "follower_angle")}
+    measured = played(experiment(*RUNS, sensors=where_it_is))
+    problem = Problem.of(measured, four_bar(), Options("mujoco", others=False, workers=1))
+    gap, friction = Term(VOCABULARY["joint_clearance"], "B"), Term(VOCABULARY["viscous_friction"], "E")
+    alone, beside = np.array([1e-4]), np.array([1e-3])
+    without, with_it = (problem.fitter.at((gap, friction), {gap: alone, friction: x}) for x in (0 * beside, beside))
+    assert without is not None
+    assert with_it is not None
+    moved = with_it.residual - without.residual
+    expected = without.jacobian[:, without.columns(without.terms.index(friction))] @ beside
+    assert rms(expected) > 0
+    np.testing.assert_allclose(moved, expected, atol=0.1 * np.abs(moved).max())

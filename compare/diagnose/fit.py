@@ -89,8 +89,8 @@ Bounds = Callable[[Term], tuple[np.ndarray, np.ndarray]]
 
 
 class Space:
-    """The natural coordinates (n,) of some terms, one after the other: their bounds, their scales, and which belong to
-    slow effects, or are starts of free runs.
+    """The natural coordinates (n,) of some terms, one after the other: their bounds, their scales, and which are starts
+    of free runs.
     """
 
     def __init__(self, terms: Sequence[Term], rig: Rig, bounds: Bounds) -> None:
@@ -98,7 +98,6 @@ class Space:
         limits = [bounds(t) for t in terms]
         self.terms = terms
         self.scale, self.low, self.high = joined(scales), joined([b[0] for b in limits]), joined([b[1] for b in limits])
-        self.slow = joined([np.full(s.size, t.effect.slow) for s, t in zip(scales, terms, strict=True)]).astype(bool)
         begins = [np.full(s.size, isinstance(t.effect, StartOfRun)) for s, t in zip(scales, terms, strict=True)]
         self.begins = joined(begins).astype(bool)
         self.group = joined([np.full(size.size, k) for k, size in enumerate(scales)]).astype(int)
@@ -202,25 +201,15 @@ class Fitter:
     def jacobian(self, space: Space, point: np.ndarray, residual: np.ndarray) -> np.ndarray:
         """Derivatives (size, n) of the residual by forward differences (backward at an upper bound).
 
-        Those of all but the slow effects are taken in the linkage without the slow ones: exact to first order in these.
         A free motion may answer to a coordinate's own scale as nothing linear does: there steps are as small as needed.
         """
         if any(isinstance(t.effect, StartOfRun) for t in space.terms):
             return self._finely(space, point, residual)
-        columns = np.zeros((self.data.size, point.size))
         steps = np.where(point + space.scale > space.high, -1.0, 1.0) * space.scale
-        slow, every = space.slow, list(range(len(space.terms)))
-        if slow.any():
-            columns[:, slow] = self._differences(space, every, point, np.diag(steps)[slow], residual)
-        if not slow.all():
-            quick = [k for k in every if not space.terms[k].effect.slow]
-            origin = None if slow.any() else residual
-            columns[:, ~slow] = self._differences(space, quick, point, np.diag(steps)[~slow], origin)
-        return columns
+        return self._differences(space, point, np.diag(steps), residual)
 
     def _finely(self, space: Space, point: np.ndarray, residual: np.ndarray) -> np.ndarray:
         """The same with steps that change the residual by STEP (rms), but none larger than the coordinate's scale."""
-        every = range(len(space.terms))
         own = [(t, k) for t, e in zip(space.terms, space.parted(point), strict=True) for k in range(e.size)]
         shares = np.array([self._shares.get(key, 1.0) for key in own])
         columns, left = np.zeros((self.data.size, point.size)), np.ones(point.size, bool)
@@ -228,7 +217,7 @@ class Fitter:
             steps = np.where(point + shares * space.scale > space.high, -1.0, 1.0) * shares * space.scale
             begun = left & space.begins
             columns[:, begun] = self._begun(space, point, steps)[:, begun]
-            columns[:, left & ~begun] = self._differences(space, every, point, np.diag(steps)[left & ~begun], residual)
+            columns[:, left & ~begun] = self._differences(space, point, np.diag(steps)[left & ~begun], residual)
             change = np.sqrt(np.mean(columns**2, axis=0)) * space.scale
             wanted = np.minimum(1.0, STEP / np.maximum(change, 1e-300))
             left = wanted < shares / COARSE
@@ -265,21 +254,15 @@ class Fitter:
                     touched[part.place] = (part.used >= piece.start) & (part.used < piece.stop)
                 yield touched
 
-    def _differences(
-        self, space: Space, kept: Sequence[int], point: np.ndarray, steps: np.ndarray, origin: np.ndarray | None
-    ) -> np.ndarray:
-        """Change (size, k) of the residual of the kept terms by each of the steps (k, n) from a point, by the length of
-        the step; zero where a step is impossible.  ``origin`` is the residual at the point, None if not known.
+    def _differences(self, space: Space, point: np.ndarray, steps: np.ndarray, here: np.ndarray) -> np.ndarray:
+        """Change (size, k) of the residual by each of the steps (k, n) from a point, where it is ``here``, by the
+        length of the step; zero where a step is impossible.
         """
-        points = [point + step for step in steps]
-        points = [point, *points] if origin is None else points
-        found = self.residuals([space.terms[k] for k in kept], [[space.parted(p)[k] for k in kept] for p in points])
-        if origin is None:
-            origin, found = found[0], found[1:]
+        found = self.residuals(space.terms, [space.parted(point + step) for step in steps])
         columns = np.zeros((self.data.size, len(steps)))
         for k, (residual, length) in enumerate(zip(found, steps.sum(axis=1), strict=True)):
-            if residual is not None and origin is not None:
-                columns[:, k] = (residual - origin) / length
+            if residual is not None:
+                columns[:, k] = (residual - here) / length
         return columns
 
 

@@ -25,7 +25,6 @@ class DriveCompliance(Reciprocal):
     meaning = "the drive is springy"
     hiding = Hiding(exclusive=True, makers={"exudyn": 1.0, "mujoco": 1.0})
     needs = frozenset({"drive_compliance"})
-    slow = True
     parameters = (Parameter("stiffness", "N.m/rad", "stiffness", 0.0),)
 
     def places(self, rig: Rig) -> Sequence[str]:
@@ -118,7 +117,6 @@ class DriveBacklash(Effect):
     meaning = "the drive has backlash"
     hiding = Hiding(exclusive=True, sets="machines", makers={"mujoco": 1.0, "dart": 0.3})
     needs = frozenset({"backlash"})
-    slow = True
     leaps = True
     parameters = (Parameter("half_gap", "rad", "angle", 0.0),)
 

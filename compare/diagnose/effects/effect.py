@@ -223,9 +223,6 @@ class Effect(ABC):
     special_case_of: ClassVar[tuple[str, ...]] = ()
     sensor: ClassVar[bool] = False  # of the measurement, not of the mechanism
     needs: ClassVar[frozenset[str]] = frozenset()
-    slow: ClassVar[bool] = (
-        False  # takes the analytic model far longer than others, and changes their sensitivities little
-    )
     leaps: ClassVar[bool] = False  # single samples leap as its values move: fits of it end where only leaps are left
     scatters: ClassVar[bool] = (
         False  # all that it does is scatter: no more than noise where the gap is closed without it

@@ -51,7 +51,6 @@ class JointClearance(OnJoint):
     meaning = "joint {} has clearance"
     needs = frozenset({"contact"})
     hiding = Hiding(in_contact=True, exclusive=True, makers={"exudyn": 1.0, "mujoco": 1.0, "dart": 0.3})
-    slow = True
     field_name = "clearance"
     parameters = (Parameter("radial_clearance", "m", "clearance", 0.0),)
 
@@ -306,7 +305,6 @@ class JointCompliance(Reciprocal):
     meaning = "the bearing of joint {} is soft"
     needs = frozenset({"soft_bearing"})
     hiding = Hiding(sets="machines", exclusive=True, makers={"exudyn": 1.0, "mujoco": 1.0})
-    slow = True
     parameters = (Parameter("stiffness", "N/m", "stiffness", 0.0),)
 
     def places(self, rig: Rig) -> Sequence[str]:

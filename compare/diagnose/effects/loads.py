@@ -71,7 +71,6 @@ class LinkFlexibility(Reciprocal):
     label = "flexible links"
     meaning = "the links bend"
     hiding = Hiding(cases=("crank-rocker",), exclusive=True, makers={"exudyn": 1.0}, need_beams=True)
-    slow = True
     parameters = (Parameter("youngs_modulus", "Pa", "modulus", 0.0),)
 
     def simulated_by(self, engine: Engine) -> bool:
