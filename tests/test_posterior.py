@@ -16,8 +16,8 @@ from scipy.stats import multivariate_normal, norm
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import MeasuredError
 from compare.diagnose.effects.vocabulary import VOCABULARY
-from compare.diagnose.posterior.compress import Group, Products
 from compare.diagnose.noise import rms
+from compare.diagnose.posterior.compress import Group, Products
 from compare.diagnose.posterior.infer import Inference, Posterior, instead
 from compare.diagnose.posterior.prior import WIDTH_ODDS, WIDTHS, Prior
 from compare.diagnose.posterior.sets import LOOKED_AT, Sets

@@ -34,7 +34,7 @@ class Explained:
     vocabulary: Mapping[str, Effect] = field(repr=False)
 
     @cached_property
-    def _sets(self) -> list[tuple[float, Mapping[str, float], JointCovariance | None]]:
+    def sets(self) -> list[tuple[float, Mapping[str, float], JointCovariance | None]]:
         """Probability, values and covariance of each set that has values, the named one first."""
         r = self.result
         own = {f"{e.key}.{name}": p.value for e in r.effects for name, p in e.parameters.items()}
@@ -49,12 +49,12 @@ class Explained:
     @property
     def left_aside(self) -> float:
         """Probability of the sets that have no values."""
-        return max(0.0, 1.0 - sum(share for share, *_ in self._sets)) if self.result.sets else 0.0
+        return max(0.0, 1.0 - sum(share for share, *_ in self.sets)) if self.result.sets else 0.0
 
     def candidates(self, run: str, sensors: bool) -> list[Candidate]:
         """The sets of effects for a run, with the faults of its ``sensors`` or without; their probabilities add up."""
-        total = sum(share for share, *_ in self._sets)
-        return [self._candidate(share / total, values, told, run, sensors) for share, values, told in self._sets]
+        total = sum(share for share, *_ in self.sets)
+        return [self._candidate(share / total, values, told, run, sensors) for share, values, told in self.sets]
 
     def _candidate(
         self, share: float, values: Mapping[str, float], told: JointCovariance | None, run: str, sensors: bool
@@ -107,7 +107,7 @@ class Explained:
         again.
         """
         found, length = list[Stray | None](), None
-        for k in range(len(self._sets)):
+        for k in range(len(self.sets)):
             each = [fitted(self.result, ahead, self.candidates(ahead.run.name, True)[k]) for ahead in self.swings]
             known = [one for one in each if one is not None]
             torque = stray(known, length) if known else None

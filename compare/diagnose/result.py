@@ -14,6 +14,7 @@ import numpy as np
 from analytic.mechanism.assumed import assumed
 from analytic.mechanism.one_line import count
 from analytic.mechanism.tolerances import as_made
+from compare.diagnose.beside_torque import beside_torque
 from compare.diagnose.data.recording import Fault as RecordedFault
 from compare.diagnose.data.recording import MeasuredRun
 from compare.diagnose.effects.each_run import repeats
@@ -21,6 +22,7 @@ from compare.diagnose.effects.effect import landing_in
 from compare.diagnose.experiment_design import would_separate
 from compare.diagnose.explanation import Attempt, Explanation, Named
 from compare.diagnose.fit import Fit
+from compare.diagnose.foretold import Explained
 from compare.diagnose.intervals import Covariance, Interval
 from compare.diagnose.noise import rms
 from compare.diagnose.posterior.infer import probability
@@ -115,6 +117,8 @@ def as_document(
         assumed=(*assumed(problem.measured.mechanism), *problem.measured.assumed),
         complete=problem.complete,
     )
+    explained = Explained(result, problem.mechanism, problem.options.vocabulary)
+    result = beside_torque(result, explained, e, problem.rig, problem.fitter.bounds)
     cut = "" if problem.complete else f" {words.BUDGET.format(problem.options.budget)}"
     told = {"statement": words.statement(result, e, failure) + cut, "candidates": _candidates(problem, found, result)}
     result = result.model_copy(update=told)

@@ -32,6 +32,7 @@ from compare.diagnose.mixture import Discrepancy
 LENGTHS = (16, 32, 64, 128, 256)  # of which so many fill the longest swing
 FEWEST = 4  # samples of a length
 SIZES = np.geomspace(1e-2, 1e7, 46)  # of a standard deviation, in what all torques of its kind together are known to
+LAWS = 8  # of the state
 RIDGE = 1e-9  # of a normalised column's square
 LOST = 1e-6  # of the start's changes: motions that have come to rest together
 
@@ -64,7 +65,7 @@ class Swing:
         return np.einsum("irn,ikn->krn", self.start, np.array(parts))
 
     def laws(self, pace: float) -> np.ndarray:
-        """What 1 N.m of each law of the state changes of the readings (8, R, N), W being a pace (rad/s)."""
+        """What 1 N.m of each law of the state changes of the readings (LAWS, R, N), W being a pace (rad/s)."""
         q, w = self.state[0], self.state[1] / pace
         told = (np.ones(q.size), np.cos(q), np.sin(q), np.cos(2 * q), np.sin(2 * q), np.sign(w), w, w * np.abs(w))
         return np.array([np.einsum("irn,in->rn", self.start, self._grown(each)) for each in told])
@@ -92,8 +93,8 @@ class Fitted:
 @dataclass(frozen=True)
 class Stray:
     """The torque that swings show whose rates are a ``pace`` (rad/s, rms) and ``fastest`` at most: the standard
-    deviation ``size`` (N.m) of what is steady over a ``length`` (s), and mean (8 + m,) and covariance (8 + m, 8 + m) of
-    its laws (N.m) and of what the values found are off, in their standard deviations.
+    deviation ``size`` (N.m) of what is steady over a ``length`` (s), and mean (n,) and covariance (n, n) of its LAWS
+    (N.m) and, after them, of what the values found are off, in their standard deviations.
     """
 
     size: float

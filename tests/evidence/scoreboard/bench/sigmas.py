@@ -79,7 +79,7 @@ class Ruler:
         effects = [VOCABULARY[name] for name in RIVALS]
         terms = [Term(e, w, v) for e in effects for w in e.places(rig) for v in e.variants(rig, w)]
         places = {t.where for t in truth}
-        return sorted((t for t in terms if t.key not in true), key=lambda t: (t.effect.slow, t.where not in places))
+        return sorted((t for t in terms if t.key not in true), key=lambda t: t.where not in places)
 
     def judged(
         self,
