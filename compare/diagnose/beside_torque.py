@@ -17,7 +17,7 @@ from compare.diagnose.data.recording import MeasuredError
 from compare.diagnose.effects.effect import Rig
 from compare.diagnose.explanation import Explanation, Named
 from compare.diagnose.fit import Bounds
-from compare.diagnose.foretold import Explained
+from compare.diagnose.foretold import Explained, for_run
 from compare.diagnose.mixture import axes
 from compare.diagnose.stray import LAWS, Stray
 from compare.results.diagnosis import Diagnosis, Effect, JointCovariance
@@ -49,27 +49,27 @@ def beside_torque(result: Diagnosis, explained: Explained, e: Explanation, rig: 
 
 def _widened(values: Mapping[str, float], told: JointCovariance, torque: Stray | None) -> JointCovariance:
     """The covariance of values beside a torque."""
-    c = _numbers(told)
-    along = axes(np.array([values[name] for name in told.names]), c)
+    names, v, c = for_run(values, told, "")
+    along = axes(v, c)
     if torque is None or not len(along):
         return told
     mean, covariance = torque.mean[LAWS:], torque.covariance[LAWS:, LAWS:]
     sizes, vectors = np.linalg.eigh(covariance + np.outer(mean, mean) - np.eye(mean.size))
     more = along.T @ vectors * np.sqrt(np.maximum(sizes, 0.0))
     wider = c + more @ more.T
-    rows = tuple(tuple(float(v) if math.isfinite(v) else None for v in row) for row in wider)
-    return told.model_copy(update={"values": rows})
+    rows = tuple(tuple(float(x) if math.isfinite(x) else None for x in row) for row in wider)
+    return JointCovariance(names=tuple(names), values=rows)
 
 
 def _effect(
     effect: Effect, n: Named, before: JointCovariance, after: JointCovariance, rig: Rig, bounds: Bounds
 ) -> Effect:
     """An effect whose intervals are wider as its deviations are, within what it can be."""
-    widths = np.sqrt(np.diag(_numbers(after)) / np.diag(_numbers(before)))
     ends = [n.term.effect.values(rig, n.term.where, end, n.term.variant) for end in bounds(n.term)]
     found = {}
     for name, p in effect.parameters.items():
-        wider = float(widths[before.names.index(f"{effect.key}.{name}")])
+        label = f"{effect.key}.{name}"
+        wider = _deviation(after, label) / _deviation(before, label)
         least, most = sorted(end[name] for end in ends)
         low = None if p.low is None else max(p.value - wider * (p.value - p.low), min(least, p.low))
         high = None if p.high is None else min(p.value + wider * (p.high - p.value), max(most, p.high))
@@ -77,5 +77,8 @@ def _effect(
     return effect.model_copy(update={"parameters": found})
 
 
-def _numbers(told: JointCovariance) -> np.ndarray:
-    return np.array([[math.nan if v is None else v for v in row] for row in told.values])
+def _deviation(told: JointCovariance, name: str) -> float:
+    """Standard deviation of a value; NaN where the data leave it open."""
+    k = told.names.index(name)
+    variance = told.values[k][k]
+    return math.sqrt(variance) if variance else math.nan
