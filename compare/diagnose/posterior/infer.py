@@ -496,8 +496,11 @@ class Inference:
         for each in layers.values():
             each.survey(each.best()[0])
         self._weigh_rivals(compressed, layers[self.workmanship], self._in_plain(best), best)
+        logs = self._logs(compressed, layers)
+        while not self.late() and self._weigh_likely(compressed, layers[self.workmanship], logs):
+            logs = self._logs(compressed, layers)
         best = max(self.weighed.values(), key=lambda w: w.log)
-        sets = self._probabilities(compressed, layers, best)
+        sets = probabilities(logs)
 
         def right(weighed: Weighed) -> float:
             """How many more of its effects are there than not, as far as one can expect."""
@@ -529,11 +532,22 @@ class Inference:
                 self._weigh(compressed, sets, chosen, about)
         self._doubt(compressed, sets, about, DOUBTS)
 
-    def _probabilities(self, compressed: Compressed, layers: Mapping[float, Sets], best: Weighed) -> dict[Keys, float]:
-        """Of every set that was looked at, for all sizes of errors everywhere: of those that were fitted in full as
-        they then stand against the best, whatever that size; of others by the linear problem, corrected as the largest
-        set in them that was fitted in full.
+    def _weigh_likely(self, compressed: Compressed, sets: Sets, logs: Mapping[Names, float]) -> bool:
+        """Fit the likeliest set in full, if it was not; whether that is done."""
+        likely = max(logs, key=lambda names: logs[names])
+        chosen = {self._named(compressed, each): each for each in sets.known}
+        if likely in self.weighed or likely not in chosen:
+            return False
+        about = max(self.weighed.values(), key=lambda w: w.log)
+        self._weigh(compressed, sets, chosen[likely], self._in_plain(about))
+        return likely in self.weighed
+
+    def _logs(self, compressed: Compressed, layers: Mapping[float, Sets]) -> dict[Names, float]:
+        """Log probability, up to a constant, of every set that was looked at, for all sizes of errors everywhere: of
+        those that were fitted in full as they then stand against the best, whatever that size; of others by the linear
+        problem, corrected as the largest set in them that was fitted in full.
         """
+        best = max(self.weighed.values(), key=lambda w: w.log)
         logs: dict[Names, list[float]] = {}
         for size, sets in layers.items():
             for chosen, log in sets.known.items():
@@ -545,9 +559,13 @@ class Inference:
         parts = sorted(known, key=lambda names: (-len(names), known[names]))
         for names in linear:
             linear[names] += next((known[part] for part in parts if part and part <= names), 0.0)
-        linear |= full
-        total: dict[Keys, list[float]] = {}
-        for names, log in linear.items():
-            total.setdefault(frozenset((name, where) for name, where, *_ in names), []).append(log)
-        norm = float(logsumexp(list(linear.values())))
-        return {keys: math.exp(float(logsumexp(each)) - norm) for keys, each in total.items()}
+        return linear | full
+
+
+def probabilities(logs: Mapping[Names, float]) -> dict[Keys, float]:
+    """Of sets of effects, in whatever variants, from log probabilities up to a constant."""
+    total: dict[Keys, list[float]] = {}
+    for names, log in logs.items():
+        total.setdefault(frozenset((name, where) for name, where, *_ in names), []).append(log)
+    norm = float(logsumexp(list(logs.values())))
+    return {keys: math.exp(float(logsumexp(each)) - norm) for keys, each in total.items()}
