@@ -399,9 +399,10 @@ class Problem:
         found = self.simulated(fit) if fit.named() else None
         if found is None or found.readings is None:
             return None
-        simulated = self.data.residual(found.readings)
-        pins = in_contact(fit)
-        if rms(simulated) > FAR * rms(fit.residual) or (pins and rms(simulated) > rms(self.base.residual)):
+        simulated, pins = self.data.residual(found.readings), in_contact(fit)
+        apart = self.data.residual(self.analytic(fit)) - simulated
+        astray = rms(simulated) > FAR * rms(fit.residual) or (pins and rms(simulated) > rms(self.base.residual))
+        if astray and rms(apart) > rms(simulated) / FAR:
             self.notes.append(
                 f"With these effects {self.simulator} is {rms(simulated):.3g} times the noise off the data, the"
                 f" analytic model {rms(fit.residual):.3g}. The two move in different ways"
@@ -409,7 +410,7 @@ class Problem:
                 f" to {self.simulator}."
             )
             return None
-        return self.data.residual(self.analytic(fit)) - simulated
+        return apart
 
     # ---------------------------------------------------------------- simulation in full
 
@@ -424,7 +425,8 @@ class Problem:
         chosen = {"before": self.simulated(begin), "after": self.simulated(fit)}
         gaps = [math.inf if (r := said.readings) is None else self.gap(explanation, r) for said in chosen.values()]
         if explanation.named and math.isfinite(gaps[1]) and gaps[1] > gaps[0]:
-            if in_contact(fit):  # it is the contact that grows the gap, not what was named
+            apart = self.agreement(chosen["after"], fit)
+            if in_contact(fit) and apart > gaps[1] / FAR:  # it is the contact that grows the gap, not what was named
                 bounced = f"its pins bounce or leave their bearings, and its gap would be {gaps[1]:.3g}"
                 chosen["after"] = replace(chosen["after"], readings=None, skipped=bounced)
             else:
