@@ -27,7 +27,8 @@ NOT_ASKED = {
 }  # where and how an answer is given, and not which
 WRITTEN_FILES = {"out", "junit", "plot"}  # files that a command writes, and does not read
 MODEL_SCHEMES = ("mjcf:", "fmu:")  # before a file among the engines
-STEM = {"case", "measured", "results", "rig"}  # whose mechanism a name begins with
+STEM = {"case", "measured", "results", "rig", "diagnosis"}  # whose mechanism a name begins with
+NAMED_BY_FOLDER = ("measured.toml", "diagnosis.json")
 BARE = {"simulator", "clearance"}  # options whose value says in a name what it is
 LONGEST_NAME = 150  # characters of a name; file systems take 255 bytes
 REMEDY = "choose another folder with --out, or add --overwrite"
@@ -51,9 +52,9 @@ def result_folder(
 
 
 def named_after(file: str | Path) -> str:
-    """The name of a default folder: a shipped case, a file's stem, the folder of a measured.toml."""
+    """The name of a default folder: a shipped case, a file's stem, the folder of a measured.toml or a diagnosis."""
     path = Path(file).absolute()
-    return path.stem if path.name != "measured.toml" else path.parent.name or path.stem
+    return path.stem if path.name not in NAMED_BY_FOLDER else path.parent.name or path.stem
 
 
 def spelled_out(words: Sequence[str], commands: Collection[str]) -> list[str]:

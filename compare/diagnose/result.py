@@ -492,12 +492,14 @@ def _settings(problem: Problem, said: Simulated) -> dict[str, Mapping[str, Setti
 
 def _run(problem: Problem, found: Verified, r: int, run: MeasuredRun) -> DiagnosedRun:
     before, after = found.before[problem.simulator].readings, found.after[problem.simulator].readings
+    by = found.explanation.statistics
+    if after is None and by is None:  # what is left is the analytic model's, as the gap is
+        after = problem.analytic(found.explanation.fit)
     segment = np.minimum(np.arange(run.time.size) * SEGMENTS // run.time.size, SEGMENTS - 1)
     residual = {
         name: problem.data.residual(side) for name, side in (("before", before), ("after", after)) if side is not None
     }
     absent = np.full(run.time.size, np.nan)
-    by = found.explanation.statistics
     spread = (
         {} if by is None else {name: by.gaps(side) for name, side in (("before", before), ("after", after)) if side}
     )

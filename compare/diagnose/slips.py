@@ -353,7 +353,8 @@ def _converted(run: MeasuredRun, name: str, predicted: np.ndarray, off: _Match) 
     if off.scatter <= TELLING * max(there.scatter * share, 1.0) and what != REVERSED:
         return None
     text = f"{name} of {{}} is {slope:.4g} times its prediction: it looks {what}{unit}"
-    return Slip(run, name, "sign" if what == REVERSED else "unit", text, off.off, there.off, (line(meant),))
+    left = there.off * (share if channel.noise_given else 1.0)  # a stated noise stays as it is
+    return Slip(run, name, "sign" if what == REVERSED else "unit", text, off.off, left, (line(meant),))
 
 
 def _zero(run: MeasuredRun, name: str, off: _Match) -> Slip | None:

@@ -12,7 +12,6 @@ import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import combinations
 from pathlib import Path
 from typing import Literal
 
@@ -112,11 +111,13 @@ def recorded(
     wrong += tables.unused(called, file.runs) if not wrong else []
     if wrong:
         raise MeasuredError(*dict.fromkeys(wrong))
+    copies = list(_repeated([run for run, _ in read]))
+    again = {fault.run for fault in copies}
     return Measured(
         mechanism,
-        tuple(run for run, _ in read),
+        tuple(run for run, _ in read if run.name not in again),
         tolerance,
-        tuple(f for _, faults in read for f in faults) + tuple(_repeated([run for run, _ in read])),
+        tuple(f for run, faults in read if run.name not in again for f in faults) + tuple(copies),
         source,
         tuple(
             each for entry, (run, _) in zip(file.runs, read, strict=True) for each in _assumed(entry, run, mechanism)
@@ -523,12 +524,22 @@ def _gap_fault(run: str, time: np.ndarray) -> list[Fault]:
 
 
 def _repeated(runs: Sequence[MeasuredRun]) -> Iterator[Fault]:
-    """Runs that are one recording: its noise is the same to the last digit."""
-    for one, other in combinations(runs, 2):
-        both = one.channels.keys() & other.channels.keys()
-        if both and all(np.array_equal(one.channels[s].values, other.channels[s].values, equal_nan=True) for s in both):
-            text = f"has the very numbers of run {one.name!r}: one recording counts once; leave one of both runs out"
-            yield Fault(other.name, "time", "repeated", other.time.size, f"run {other.name!r} {text}")
+    """Runs that are the recording of another one once more: its noise is the same to the last digit."""
+    first: list[MeasuredRun] = []
+    for run in runs:
+        one = next((one for one in first if _same_numbers(one, run)), None)
+        if one is None:
+            first.append(run)
+        else:
+            text = f"has the very numbers of run {one.name!r}: one recording counts once, and this one is left out"
+            yield Fault(run.name, "time", "repeated", run.time.size, f"run {run.name!r} {text}")
+
+
+def _same_numbers(one: MeasuredRun, other: MeasuredRun) -> bool:
+    both = one.channels.keys() & other.channels.keys()
+    return bool(both) and all(
+        np.array_equal(one.channels[s].values, other.channels[s].values, equal_nan=True) for s in both
+    )
 
 
 def _held(run: str, table: Table, encoder: str) -> tuple[Table, list[Fault]]:
