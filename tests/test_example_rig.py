@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import runpy
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -75,3 +76,18 @@ def test_the_diagnosis_names_both_effects_and_their_size(script: dict[str, Any])
     assert clearance.low < script["CLEARANCE"]["B"] < clearance.high
     assert damping.low < script["DAMPING"]["E"] < damping.high
     assert found.explained.clearances == {"B": clearance.value}
+
+
+@pytest.mark.slow
+def test_a_sensor_that_is_late_by_three_rows_is_pointed_at_and_no_engine_is_blamed() -> None:
+    """Of one run only: no effect is that, clearance leaves the gap as it is, and MuJoCo does as the model does."""
+    measured = load_measured(RIG / "measured.toml")
+    first = measured.runs[0]
+    channel = first.channels["follower_angle"]
+    late = replace(channel, values=np.concatenate([np.full(3, np.nan), channel.values[:-3]]))
+    false = replace(first, channels={**first.channels, "follower_angle": late})
+    result = diagnose(replace(measured, runs=(false, *measured.runs[1:])), "mujoco", others=False, workers=1)
+    assert result.verdict == "unexplained"
+    assert {(stretch.run, stretch.signal) for stretch in result.located[:3]} == {("forward", "follower_angle")}
+    assert not any("mujoco" in note or "bounce" in note for note in result.notes)
+    assert all(record.gap_after is not None for run in result.runs for record in run.signals.values())

@@ -75,6 +75,7 @@ NAMES = {
     ),
     "compare validity --speeds 60,600 --clearances 1e-4 --workers 2": "paper-validity-speeds=60,600-clearances=1e-4",
     "compare diagnose a.toml": "paper-diagnosis",
+    "compare predict reports/a/diagnosis.json --speed 5": "paper-predict-speed=5",
     "compare diagnose a.toml --only gravity --only payload@coupler --simulator exudyn": (
         "paper-diagnosis-exudyn-only=gravity,payload@coupler"
     ),
@@ -166,6 +167,7 @@ def test_a_default_folder_follows_the_file_and_not_the_name_in_it(compare: Any, 
     assert status == 2
     assert "--case one.toml" in said
     assert named_after("docs/example-rig/measured.toml") == "example-rig"
+    assert named_after("reports/my-rig/diagnosis.json") == "my-rig"
     assert named_after("paper") == "paper"
 
 

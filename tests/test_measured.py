@@ -490,14 +490,15 @@ def test_wrapped_angles_are_continued_even_over_a_gap(tmp_path: Path, unit: str,
     assert kinds(found) == {"crank_angle": "wrapped", "time": "gap"}
 
 
-def test_a_recording_that_is_there_twice_is_told_and_one_that_is_made_again_is_not(tmp_path: Path) -> None:
+def test_a_recording_that_is_there_twice_counts_once_and_one_that_is_made_again_counts(tmp_path: Path) -> None:
     time, exact = signals()
     command, rng = {"drive_speed": SPEED, "drive_angle": 0.0}, np.random.default_rng(4)
     read = [{"follower_angle [rad]": exact["follower_angle"] + 1e-4 * rng.standard_normal(time.size)} for _ in range(2)]
     runs = [RunTable(name, time, columns, command) for name, columns in zip("abc", (*read, read[0]), strict=True)]
-    faults = load_measured(write_measured(tmp_path, TEXT, runs)).faults
-    assert [(fault.run, fault.kind) for fault in faults] == [("c", "repeated")]
-    assert "the very numbers of run 'a'" in faults[0].text
+    measured = load_measured(write_measured(tmp_path, TEXT, runs))
+    assert [run.name for run in measured.runs] == ["a", "b"]
+    assert [(fault.run, fault.kind) for fault in measured.faults] == [("c", "repeated")]
+    assert "the very numbers of run 'a'" in measured.faults[0].text
 
 
 def test_a_column_may_be_left_out_whose_noise_is_given(tmp_path: Path) -> None:

@@ -133,6 +133,18 @@ def test_a_sensor_that_reads_nothing_but_noise_is_not_connected() -> None:
     assert faults[0].text.endswith('say "drive_torque [N.m]" = "ignore" under [columns]')
 
 
+def test_what_a_mended_column_leaves_is_over_the_noise_that_is_stated() -> None:
+    found = played(RIG)
+    for run in found.runs:
+        torque = run.channels["drive_torque"]
+        wrong = replace(torque, values=1000.0 * torque.values, noise_given=True)
+        false = replace(run, channels={**run.channels, "drive_torque": wrong})
+        (slip,) = slips.driven(replace(found, runs=(false,)), found.mechanism)
+        assert (slip.signal, slip.kind) == ("drive_torque", "unit")
+        assert slip.off > 1e3
+        assert 0.5 < slip.left < 2.0
+
+
 # ---------------------------------------------------------------- what these samples cannot tell, and what cannot be
 
 

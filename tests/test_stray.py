@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from compare.diagnose.stray import Fitted, Swing, stray
-from tests.evidence.trust.swings import diagnosed
+from compare.diagnose.beside_torque import widened
+from compare.diagnose.stray import LAWS, Fitted, Stray, Swing, stray
+from compare.results.diagnosis import JointCovariance
+from tests.evidence.trust.swings import Hidden, diagnosed
 
 INERTIA, RATE = 0.5, 2.0  # kg.m^2; rad/s, of an oscillator J q'' = -J RATE^2 q
 TIME = np.linspace(0.0, 10.0, 801)
@@ -87,3 +89,32 @@ def test_a_swing_with_drag_and_a_cable_that_have_no_name_lies_in_its_band() -> N
         late = band.high[-200:] - band.low[-200:]
         assert late.mean() > 1.5 * (band.high[:200] - band.low[:200]).mean()
         assert (run.signals[signal].gap_after or 0.0) > 5.0  # the named model alone is far off
+
+
+def test_values_are_known_by_as_much_worse_as_a_torque_leaves_them_whatever_their_order() -> None:
+    """A correlation of a half has the axes (1, 1) and (1, -1); along the first the torque leaves 3, and a mean of 4."""
+    told = JointCovariance(names=("b@O.y", "a@O.x"), values=((4.0, 1.0), (1.0, 1.0)))
+    mean, covariance = np.zeros(LAWS + 2), np.eye(LAWS + 2)
+    mean[-1], covariance[-1, -1] = 4.0, 9.0
+    found = widened({"a@O.x": 1.0, "b@O.y": 2.0}, told, Stray(0.0, 1.0, 1.0, 1.0, mean, covariance))
+    more = 0.5 * 1.5 * (9.0 + 16.0 - 1.0)  # of each in its own deviation: half of an eigenvalue of 1 + 1/2
+    assert found.names == ("a@O.x", "b@O.y")
+    np.testing.assert_allclose(found.values, [[1.0 + more, 1.0 + 2 * more], [1.0 + 2 * more, 4.0 + 4 * more]])
+    less = Stray(0.0, 1.0, 1.0, 1.0, np.zeros(LAWS + 2), 0.1 * np.eye(LAWS + 2))
+    np.testing.assert_allclose(widened({"b@O.y": 2.0, "a@O.x": 1.0}, told, less).values, told.values, rtol=1e-12)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [2, 6])
+def test_values_of_a_swing_that_is_not_explained_hold_the_truth(seed: int) -> None:
+    """A fit alone would say that it knows the damping to a thousandth; by drag and cable it is off by a quarter."""
+    result = diagnosed(seed, 1)
+    names = result.covariance.names if result.covariance is not None else ()
+    damping = next(e for e in result.effects if e.name == "viscous_friction").parameters["damping"]
+    true = Hidden.drawn(np.random.default_rng(seed)).damping
+    k = names.index("viscous_friction@O.damping")
+    assert result.verdict == "partly explained"
+    assert result.covariance is not None
+    deviation = float(result.covariance.values[k][k] or 0.0) ** 0.5
+    assert abs(damping.value - true) < 1.96 * deviation < 0.8 * true
+    assert abs(damping.value - true) > 0.1 * true

@@ -24,7 +24,9 @@ from compare.results.diagnosis import Diagnosis, Effect, JointCovariance
 
 
 def beside_torque(result: Diagnosis, explained: Explained, e: Explanation, rig: Rig, bounds: Bounds) -> Diagnosis:
-    """A diagnosis of swings alone, with its values known as well as they are beside such a torque."""
+    """A diagnosis of swings alone that are not explained in full, with its values known as well as they are beside what
+    may be left of torque.
+    """
     told = [c for c in (result.covariance, *(s.covariance for s in result.sets)) if c is not None]
     of_a_run = any("@" in name.rpartition(".")[2] for c in told for name in c.names)
     if result.covariance is None or of_a_run or any(run.drive != "free" for run in result.fitted):
@@ -34,7 +36,7 @@ def beside_torque(result: Diagnosis, explained: Explained, e: Explanation, rig: 
     except MeasuredError:  # a swing that the nominal mechanism does not make
         return result
     known = {
-        frozenset(label for label, _, _ in (name.rpartition(".") for name in values)): _widened(values, c, torque)
+        frozenset(label for label, _, _ in (name.rpartition(".") for name in values)): widened(values, c, torque)
         for (_, values, c), torque in zip(explained.sets, strays, strict=True)
         if c is not None
     }
@@ -47,7 +49,7 @@ def beside_torque(result: Diagnosis, explained: Explained, e: Explanation, rig: 
     return result.model_copy(update={"effects": tuple(effects), "covariance": named, "sets": tuple(sets)})
 
 
-def _widened(values: Mapping[str, float], told: JointCovariance, torque: Stray | None) -> JointCovariance:
+def widened(values: Mapping[str, float], told: JointCovariance, torque: Stray | None) -> JointCovariance:
     """The covariance of values beside a torque."""
     names, v, c = for_run(values, told, "")
     along = axes(v, c)

@@ -117,8 +117,9 @@ def as_document(
         assumed=(*assumed(problem.measured.mechanism), *problem.measured.assumed),
         complete=problem.complete,
     )
-    explained = Explained(result, problem.mechanism, problem.options.vocabulary)
-    result = beside_torque(result, explained, e, problem.rig, problem.fitter.bounds)
+    if e.verdict == "partly explained":
+        explained = Explained(result, problem.mechanism, problem.options.vocabulary)
+        result = beside_torque(result, explained, e, problem.rig, problem.fitter.bounds)
     cut = "" if problem.complete else f" {words.BUDGET.format(problem.options.budget)}"
     told = {"statement": words.statement(result, e, failure) + cut, "candidates": _candidates(problem, found, result)}
     result = result.model_copy(update=told)
