@@ -22,7 +22,7 @@ from analytic.paper.kinetostatics import kinetostatics
 from compare.diagnose import slips
 from compare.diagnose.data import measured, quality
 from compare.diagnose.data.clipping import clipped
-from compare.diagnose.data.measured import load_measured
+from compare.diagnose.data.measured import load_measured, once
 from compare.diagnose.data.recording import Measured, MeasuredError
 from compare.judge.signals import with_derived
 from compare.recorded.alternatives import looks
@@ -496,7 +496,7 @@ def test_a_recording_that_is_there_twice_counts_once_and_one_that_is_made_again_
     read = [{"follower_angle [rad]": exact["follower_angle"] + 1e-4 * rng.standard_normal(time.size)} for _ in range(2)]
     runs = [RunTable(name, time, columns, command) for name, columns in zip("abc", (*read, read[0]), strict=True)]
     measured = load_measured(write_measured(tmp_path, TEXT, runs))
-    assert [run.name for run in measured.runs] == ["a", "b"]
+    assert [run.name for run in once(measured).runs] == ["a", "b"]
     assert [(fault.run, fault.kind) for fault in measured.faults] == [("c", "repeated")]
     assert "the very numbers of run 'a'" in measured.faults[0].text
 

@@ -13,7 +13,7 @@ from analytic.compiled.run import in_bulk
 from analytic.mechanism import MechanismWarning
 from analytic.mechanism.errors import quoted
 from compare.arguments import modelling, noted, one_engine, warn_of_friction
-from compare.diagnose.data.measured import data_of
+from compare.diagnose.data.measured import data_of, once
 from compare.diagnose.data.recording import Measured
 from compare.diagnose.effects.effect import Effect
 from compare.diagnose.explanation import Explanation
@@ -100,7 +100,7 @@ def _marked(result: Diagnosis, **said: object) -> Diagnosis:
 
 def diagnosis_of(data: Measured, options: Options) -> tuple[Diagnosis, Proposal | None]:
     """A diagnosis, and what it proposes as an object."""
-    data, unfitted = parted(on_one_turn(data))
+    data, unfitted = parted(on_one_turn(once(data)))
     rigid = data.mechanism.rigid()
     with noted() as warned:
         warn_of_friction(data.mechanism, "contact", "driven")

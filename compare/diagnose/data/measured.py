@@ -111,13 +111,11 @@ def recorded(
     wrong += tables.unused(called, file.runs) if not wrong else []
     if wrong:
         raise MeasuredError(*dict.fromkeys(wrong))
-    copies = list(_repeated([run for run, _ in read]))
-    again = {fault.run for fault in copies}
     return Measured(
         mechanism,
-        tuple(run for run, _ in read if run.name not in again),
+        tuple(run for run, _ in read),
         tolerance,
-        tuple(f for run, faults in read if run.name not in again for f in faults) + tuple(copies),
+        tuple(f for _, faults in read for f in faults) + tuple(_repeated([run for run, _ in read])),
         source,
         tuple(
             each for entry, (run, _) in zip(file.runs, read, strict=True) for each in _assumed(entry, run, mechanism)
@@ -521,6 +519,12 @@ def _gap_fault(run: str, time: np.ndarray) -> list[Fault]:
         " between"
     )
     return [Fault(run, "time", "gap", samples, text)] if count else []
+
+
+def once(measured: Measured) -> Measured:
+    """A measurement without the runs that are the recording of another one once more."""
+    again = {fault.run for fault in measured.faults if fault.kind == "repeated"}
+    return replace(measured, runs=tuple(run for run in measured.runs if run.name not in again)) if again else measured
 
 
 def _repeated(runs: Sequence[MeasuredRun]) -> Iterator[Fault]:
