@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from compare.diagnose import slips
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.workflow import diagnose
 
@@ -91,3 +92,13 @@ def test_a_sensor_that_is_late_by_three_rows_is_pointed_at_and_no_engine_is_blam
     assert {(stretch.run, stretch.signal) for stretch in result.located[:3]} == {("forward", "follower_angle")}
     assert not any("mujoco" in note or "bounce" in note for note in result.notes)
     assert all(record.gap_after is not None for run in result.runs for record in run.signals.values())
+
+
+@pytest.mark.parametrize("speed", [6.1, 6.3, 8.0])
+def test_a_commanded_speed_that_is_wrong_is_told_of_a_rig_that_lacks_something_too(speed: float) -> None:
+    """What a clearance leaves of a sensor is alike over many samples, and no sign that it has another speed."""
+    measured = load_measured(RIG / "measured.toml")
+    false = replace(measured.runs[0], speed=speed)
+    (slip,) = slips.driven(replace(measured, runs=(false, *measured.runs[1:])), measured.mechanism)
+    assert slip.kind == "speed"
+    assert float(slip.field.removeprefix("drive_speed = ")) == pytest.approx(6.0, rel=1e-3)

@@ -463,7 +463,9 @@ class Problem:
 
     def withdrawn(self, explanation: Explanation, before: float, after: float) -> Explanation:
         """An explanation whose effects make the simulated gap larger: nothing is named, and what was tried is told."""
-        why = f"simulated in full by {self.simulator}, the gap grows with it: {before:.3g} before, {after:.3g} after"
+        what = "it" if len(explanation.named) == 1 else "all that was found"
+        grows = f"the gap grows with {what}: {before:.3g} before, {after:.3g} after"
+        why = f"simulated in full by {self.simulator}, {grows}"
         tried = [Attempt(n.term, n.parameters, n.share, (before, after), why) for n in explanation.named]
         return replace(
             explanation, fit=self.base, named=(), verdict="unexplained", attempts=(*tried, *explanation.attempts)

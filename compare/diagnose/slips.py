@@ -26,7 +26,7 @@ from compare.diagnose.data.measured import ASTRAY
 from compare.diagnose.data.recording import Channel, Fault, Measured, MeasuredError, MeasuredRun, same_numbers
 from compare.diagnose.effects.effect import Rig
 from compare.diagnose.effects.sensors import EncoderOffset
-from compare.diagnose.noise import CLOSED
+from compare.diagnose.noise import CLOSED, correlation_time
 from compare.diagnose.predict import Hypothesis, Model, Motors, Term, commanded
 from compare.recorded.alternatives import REVERSED, less, line, looks, mended, otherwise, swapped
 from compare.recorded.headings import TIME, Column
@@ -637,7 +637,8 @@ class _Rates:
             own, rest = columns[place][:, :2], residual[place]
             if rest.size <= own.shape[1]:
                 continue
-            unsure = SURE * _error(own) * max(1.0, math.sqrt(_left(rest, own) / rest.size))
+            gap = rest - own @ np.linalg.lstsq(own, rest, rcond=None)[0]  # what the rig lacks is alike over samples
+            unsure = SURE * _error(own) * max(1.0, math.sqrt(np.mean(gap**2) * correlation_time(gap)))
             if unsure < abs(rate):
                 telling = True
                 if abs(float(np.linalg.lstsq(own, -rest, rcond=None)[0][0])) > unsure:

@@ -141,10 +141,12 @@ def in_units(result: Diagnosis) -> list[InUnits]:
 
 def explained_to(result: Diagnosis, side: str = "after") -> str:
     """How near the model comes to the sensor that it misses most: ``explained to 1 % of the range: ...``; empty where
-    that is not known.
+    that is not known.  What is left of others than those that are still off is their noise.
     """
+    still = {signal for _, signal in remaining(result)} if side == "after" else set()
+    sensors = [sensor for sensor in in_units(result) if sensor.share(side) is not None]
     worst = max(
-        (sensor for sensor in in_units(result) if sensor.share(side) is not None),
+        [sensor for sensor in sensors if sensor.signal in still] or sensors,
         key=lambda sensor: sensor.share(side) or 0.0,
         default=None,
     )

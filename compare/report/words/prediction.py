@@ -77,8 +77,8 @@ def notes(
         )
     if aside > 0.05:
         found.append(
-            f"Sets of effects with a probability of {plainly(100 * aside, 2)} % together are not in the bands: the data"
-            " do not tell them from those that are."
+            f"Sets of effects with a probability of {plainly(100 * aside, 2)} % together are not in the bands: each is"
+            " too improbable to have values."
         )
     return found
 
