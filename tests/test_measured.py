@@ -400,6 +400,7 @@ def test_rest_and_coarse_peaks_are_not_clipped() -> None:
     for values in (rest, coarse, np.sin(3 * time)):
         assert not np.any(clipped(time, values)[0])
     assert np.any(clipped(time, np.minimum(coarse, 0.7))[0])
+    assert clipped(time, np.clip(np.sin(3 * time), -0.6, 0.7))[1] == [0.7, -0.6]
 
 
 @pytest.fixture(scope="module")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from compare.diagnose.data.quality import FLOOR, noise
@@ -15,8 +13,8 @@ DEGREE = 4  # of the polynomial that says how a signal would have gone on
 BESIDE = 24  # samples on either side of a plateau that tell whether it is clipped
 
 
-def clipped(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, float]:
-    """Samples (N,) bool at a level where the sensor saturates, and the level (NaN where it does not).
+def clipped(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, list[float]]:
+    """Samples (N,) bool at a level where the sensor saturates, and its levels, of which it may have one at either end.
 
     Equal extreme readings in a row are a clipped peak if the noise beside them would have made them differ, or if the
     signal comes and goes at a slope that carries it further than its rounding there; a rest, a turning point, or a peak
@@ -24,21 +22,21 @@ def clipped(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, float]:
     """
     here = np.flatnonzero(np.isfinite(values))
     x = values[here]
-    mask, level = np.zeros(values.shape, bool), math.nan
+    mask, levels = np.zeros(values.shape, bool), list[float]()
     if here.size < 2 * PLATEAU or np.ptp(x) == 0:
-        return mask, level
+        return mask, levels
     plateaus = {extreme: _plateaus(x == extreme) for extreme in (x.max(), x.min())}
     flat = np.zeros(x.shape, bool)
     for first, last in (run for runs in plateaus.values() for run in runs):
         flat[first : last + 1] = True
     if np.sum(~flat) < 2 * PLATEAU:
-        return mask, level
+        return mask, levels
     for extreme, runs in plateaus.items():
         if any(_saturates(time[here], x, flat, *run) for run in runs):
-            level = float(extreme)
+            levels.append(float(extreme))
             at = np.flatnonzero(x == extreme)
             mask[here[np.clip(np.concatenate([at - 1, at, at + 1]), 0, here.size - 1)]] = True
-    return mask, level
+    return mask, levels
 
 
 def _saturates(time: np.ndarray, x: np.ndarray, flat: np.ndarray, first: int, last: int) -> bool:

@@ -459,12 +459,10 @@ def _channel(
         values, jumps = unwrapped(values, command)
         if jumps:
             fault("wrapped", jumps, f"jumps by a turn {count(jumps, 'time')}; it is continued instead")
-    full, level = clipped(table.time, values)
+    full, levels = clipped(table.time, values)
     if np.any(full):
-        text = (
-            f"is clipped at {level / column.factor:.5g} {column.unit} in {100 * np.mean(full):.2g} % of its samples,"
-            " which are left out"
-        )
+        ends = " and ".join(f"{level / column.factor:.5g}" for level in levels)
+        text = f"is clipped at {ends} {column.unit} in {100 * np.mean(full):.2g} % of its samples, which are left out"
         fault("clipped", int(np.sum(full)), text)
         values = np.where(full, math.nan, values)
     given = entry.noise.get(signal)
