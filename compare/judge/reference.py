@@ -374,12 +374,13 @@ def _released(assembly: Assembly, time: np.ndarray, angle: float, rate: float, r
     mechanism, reactions = assembly.mechanism, motion.reactions
     ideal = _angles(reactions.motion)
     signals = _signals(reactions, mechanism, rates)
-    rubbing = [f"friction in {joint.name}" for joint in mechanism.joints if joint.rubs]
+    joints = [joint.name for joint in mechanism.joints if joint.rubs]
     opposed = [load for load in mechanism.loads if load.opposes]
-    rubbing += [f"the force of the load on {load.body}" for load in opposed if any(load.force)]
-    rubbing += [f"the torque of the load on {load.body}" for load in opposed if load.torque]
-    why = f"at rest, where nothing says how {' and '.join(rubbing)} share what they hold"
-    flags = {int(i): why for i in np.flatnonzero(motion.held)} if len(rubbing) > 1 else {}
+    holds = [f"friction in {' and '.join(joints)}"] if joints else []
+    holds += [f"the force of the load on {load.body}" for load in opposed if any(load.force)]
+    holds += [f"the torque of the load on {load.body}" for load in opposed if load.torque]
+    why = f"at rest, where nothing says how {' and '.join(holds)} share what they hold"
+    flags = {int(i): why for i in np.flatnonzero(motion.held)} if len(holds) > 1 or len(joints) > 1 else {}
     if opposed and motion.held[0]:
         flags[0] = "let go here, where engines have a load that opposes the motion from the next step on"
     flags |= {
