@@ -80,7 +80,8 @@ def as_document(
     failure = (
         f"{problem.simulator} could not simulate that ({why}): the gap after is the analytic model's." if why else ""
     )
-    runs = tuple(_run(problem, found, r, run) for r, run in enumerate(problem.measured.runs))
+    sides = _sides(problem, found)
+    runs = tuple(_run(problem, e, sides, r, run) for r, run in enumerate(problem.measured.runs))
     landings = _landings(problem, found)
     landed = sum(int(np.sum(landing)) for landing in landings)
     result = Diagnosis(
@@ -491,21 +492,31 @@ def _settings(problem: Problem, said: Simulated) -> dict[str, Mapping[str, Setti
     return {run.name: found for run, found in runs}
 
 
-def _run(problem: Problem, found: Verified, r: int, run: MeasuredRun) -> DiagnosedRun:
-    before, after = found.before[problem.simulator].readings, found.after[problem.simulator].readings
-    by = found.explanation.statistics
-    if after is None and by is None:  # what is left is the analytic model's, as the gap is
-        after = problem.analytic(found.explanation.fit)
+def _sides(problem: Problem, found: Verified) -> Mapping[Side, Sequence[Mapping[str, np.ndarray]]]:
+    """What the chosen engine reads in every run before and after; where it fails after, what the analytic model does,
+    of which the gap is told then.
+    """
+    said = {"before": found.before[problem.simulator].readings, "after": found.after[problem.simulator].readings}
+    e = found.explanation
+    if said["after"] is None and e.statistics is None:
+        said["after"] = problem.analytic(e.fit)
+    return {side: each for side in SIDES if (each := said[side]) is not None}
+
+
+def _run(
+    problem: Problem, e: Explanation, sides: Mapping[Side, Sequence[Mapping[str, np.ndarray]]], r: int, run: MeasuredRun
+) -> DiagnosedRun:
     segment = np.minimum(np.arange(run.time.size) * SEGMENTS // run.time.size, SEGMENTS - 1)
-    residual = {
-        name: problem.data.residual(side) for name, side in (("before", before), ("after", after)) if side is not None
-    }
-    absent = np.full(run.time.size, np.nan)
-    spread = (
-        {} if by is None else {name: by.gaps(side) for name, side in (("before", before), ("after", after)) if side}
-    )
+    by, absent = e.statistics, np.full(run.time.size, np.nan)
+    residual = {side: problem.data.residual(each) for side, each in sides.items()}
+    spread = {} if by is None else {side: by.gaps(each) for side, each in sides.items()}
+
+    def read(side: Side, signal: str) -> np.ndarray:
+        return sides[side][r][signal] if side in sides else absent
 
     def gap(side: Side, part: Part) -> float | None:
+        if side not in sides:
+            return None
         return rms(residual[side][part.place]) if by is None else spread[side].get((run.name, part.signal))
 
     signals: dict[str, SensorRecord] = {}
@@ -518,10 +529,10 @@ def _run(problem: Problem, found: Verified, r: int, run: MeasuredRun) -> Diagnos
             noise=_noise(problem, part) if part.used.size else channel.noise,
             noise_given=channel.noise_given,
             measured=channel.values,
-            before=before[r][part.signal] if before is not None else absent,
-            after=after[r][part.signal] if after is not None else absent,
-            gap_before=gap("before", part) if "before" in residual else None,
-            gap_after=gap("after", part) if "after" in residual else None,
+            before=read("before", part.signal),
+            after=read("after", part.signal),
+            gap_before=gap("before", part),
+            gap_after=gap("after", part),
         )
     return DiagnosedRun(
         name=run.name,

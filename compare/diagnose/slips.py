@@ -637,11 +637,12 @@ class _Rates:
             own, rest = columns[place][:, :2], residual[place]
             if rest.size <= own.shape[1]:
                 continue
-            gap = rest - own @ np.linalg.lstsq(own, rest, rcond=None)[0]  # what the rig lacks is alike over samples
+            other = np.linalg.lstsq(own, -rest, rcond=None)[0]
+            gap = rest + own @ other  # what the rig lacks is alike over samples
             unsure = SURE * _error(own) * max(1.0, math.sqrt(np.mean(gap**2) * correlation_time(gap)))
             if unsure < abs(rate):
                 telling = True
-                if abs(float(np.linalg.lstsq(own, -rest, rcond=None)[0][0])) > unsure:
+                if abs(float(other[0])) > unsure:
                     return False
         return telling
 

@@ -529,7 +529,7 @@ def _repeated(runs: Sequence[MeasuredRun]) -> Iterator[Fault]:
     """Runs that are the recording of another one once more: its noise is the same to the last digit."""
     first: list[MeasuredRun] = []
     for run in runs:
-        one = next((one for one in first if _same_numbers(one, run)), None)
+        one = next((one for one in first if _same_recording(one, run)), None)
         if one is None:
             first.append(run)
         else:
@@ -537,11 +537,10 @@ def _repeated(runs: Sequence[MeasuredRun]) -> Iterator[Fault]:
             yield Fault(run.name, "time", "repeated", run.time.size, f"run {run.name!r} {text}")
 
 
-def _same_numbers(one: MeasuredRun, other: MeasuredRun) -> bool:
-    both = one.channels.keys() & other.channels.keys()
-    return bool(both) and all(
-        np.array_equal(one.channels[s].values, other.channels[s].values, equal_nan=True) for s in both
-    )
+def _same_recording(one: MeasuredRun, other: MeasuredRun) -> bool:
+    """Whether all that both runs have is the same to the last digit: a stated noise may be too large to judge by."""
+    both = [(one.channels[s].values, other.channels[s].values) for s in one.channels.keys() & other.channels.keys()]
+    return bool(both) and all(np.array_equal(a, b, equal_nan=True) and np.isfinite(a).any() for a, b in both)
 
 
 def _held(run: str, table: Table, encoder: str) -> tuple[Table, list[Fault]]:
