@@ -118,3 +118,4 @@ def test_values_of_a_swing_that_is_not_explained_hold_the_truth(seed: int) -> No
     deviation = float(result.covariance.values[k][k] or 0.0) ** 0.5
     assert abs(damping.value - true) < 1.96 * deviation < 0.8 * true
     assert abs(damping.value - true) > 0.1 * true
+    assert any("take in a small torque without a name" in note for note in result.notes)

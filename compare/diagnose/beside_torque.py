@@ -20,6 +20,8 @@ from compare.diagnose.fit import Bounds
 from compare.diagnose.foretold import Explained, for_run
 from compare.diagnose.mixture import axes
 from compare.diagnose.stray import LAWS, Stray
+from compare.quantities import plainly
+from compare.report.words.statement import WIDER
 from compare.results.diagnosis import Diagnosis, Effect, JointCovariance
 
 
@@ -46,7 +48,11 @@ def beside_torque(result: Diagnosis, explained: Explained, e: Explanation, rig: 
         for effect, n in zip(result.effects, e.named, strict=True)
     ]
     sets = [s.model_copy(update={"covariance": known.get(frozenset(s.effects), s.covariance)}) for s in result.sets]
-    return result.model_copy(update={"effects": tuple(effects), "covariance": named, "sets": tuple(sets)})
+    wider = [_deviation(named, name) / _deviation(result.covariance, name) for name in named.names]
+    times = plainly(max((each for each in wider if math.isfinite(each)), default=1.0), 2)
+    notes = (*result.notes, WIDER.format(times)) if times != "1" else result.notes
+    update = {"effects": tuple(effects), "covariance": named, "sets": tuple(sets), "notes": notes}
+    return result.model_copy(update=update)
 
 
 def widened(values: Mapping[str, float], told: JointCovariance, torque: Stray | None) -> JointCovariance:

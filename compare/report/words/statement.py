@@ -24,6 +24,10 @@ MOST_IN_PARAGRAPH = 4  # effects in a paragraph
 SLIGHT_SHARE = 0.01  # of the squared gap: with a smaller share, an effect among many is told without its values
 PLACES_IN_STORY = 3  # told in the story; the page lists all
 BUDGET = "The budget of {:g} s ended the search: this is the best so far, and what ties with it was not looked for."
+WIDER = (
+    "What is left of these swings is alike over many readings: the 95 % intervals take in a small torque without a"
+    " name, and are up to {} times as wide as if each reading were off by itself."
+)
 CRANK_LANDS = (
     "The crank lands in the gap of its drive at {}. How forces and rates jump there nobody foretells: there they count"
     " for little in the gap, and not at all in how far each sensor is off."
