@@ -186,7 +186,8 @@ def test_the_law_of_a_pin_is_found_with_its_joint_and_its_clearance(tmp_path: Pa
     """
     made = rig("crank-rocker", LAWS["crank-rocker"] | {"contact_stiffness": 5e6})
     asked = ["joint_clearance", "contact_law"]
-    found = diagnose(recorded(made, made.believed, tmp_path), "mujoco", only=asked, others=False, workers=1)
+    path = recorded(made, made.believed, tmp_path, revolutions=4)
+    found = diagnose(path, "mujoco", only=asked, others=False, workers=1)
     gap, law = found.effects
     assert (gap.name, gap.where, law.name, law.where) == ("joint_clearance", "B", "contact_law", "B")
     clearance, values = gap.parameters["radial_clearance"], law.parameters

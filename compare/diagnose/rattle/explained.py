@@ -358,6 +358,10 @@ class _Judged:
     def with_law(self, laws: Sequence[Term]) -> Explanation:
         """The same with the law of contact at that joint, and its clearance as that law wants it."""
         plain, best, trials = self.explanation(), self.best, self.trials[0]
+        # what impacts give back is the law's to say, also where clearance was tried with several answers
+        usual = next(
+            (t for t in trials if isinstance(t.term.effect, Struck) and t.term.effect.restitution is None), best
+        )
         law = next((t for t in laws if t.where == best.term.where), None)
         if law is None:
             self.problem.notes.append(
@@ -370,15 +374,16 @@ class _Judged:
         found = Found.of(
             law, self.problem.rig, self.statistics, simulate, self.size(trials), True, self.problem.options.late
         )
-        if not _told(self.problem, found, best):
+        if not _told(self.problem, found, usual):
             return plain
         assert found is not None
         known = self.interval(trials)  # by how far positions reach; what the law moves it by comes on top
         wide = math.exp(math.hypot(math.log(known.high / known.value), math.log(found.size / known.value)))
         size = {struck.effect.parameters[0].name: Interval(found.size, found.size / wide, found.size * wide, "m")}
         fit = _lawful(self._fit(struck, found.size), found)
-        clearance = replace(plain.named[0], term=struck, parameters=size)
-        named = clearance, _named_law(self.nominal, best, found)
+        gap, share = self._closed(usual)
+        clearance = replace(plain.named[0], term=struck, parameters=size, gap=gap, share=share)
+        named = clearance, _named_law(self.nominal, usual, found)
         return replace(plain, fit=fit, named=named, verdict=_verdict(named[1], bool(clearance.ties)))
 
     def _closed(self, tried: Tried) -> tuple[tuple[float, float], float]:

@@ -64,11 +64,11 @@ def rig(case: str, law: Mapping[str, float], source: str = SOURCE) -> Rig:
     return Rig(real, believed, {"crank_angle": ANGLE, PLACES[case]: PLACE} | forces | TORQUE)
 
 
-def recorded(made: Rig, nominal: Mechanism, folder: Path, source: str = SOURCE) -> Path:
+def recorded(made: Rig, nominal: Mechanism, folder: Path, source: str = SOURCE, revolutions: int = REVOLUTIONS) -> Path:
     """Three runs of it, with noise, beside a nominal linkage; measured.toml's path."""
     rng, runs = np.random.default_rng(1), []
     for k, speed in enumerate(SPEEDS):
-        turned = np.linspace(0.0, 2 * math.pi * REVOLUTIONS, REVOLUTIONS * SAMPLES)
+        turned = np.linspace(0.0, 2 * math.pi * revolutions, revolutions * SAMPLES)
         angle = 0.4 + k + np.sign(speed) * turned
         assert made.real.drive is not None
         turning = made.real.replace(drive=made.real.drive.model_copy(update={"speed": speed}))
