@@ -16,6 +16,8 @@ from scipy.stats import multivariate_normal, norm
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import MeasuredError
 from compare.diagnose.effects.vocabulary import VOCABULARY
+from compare.diagnose.explanation import Attempt, Explanation, Named
+from compare.diagnose.intervals import Interval
 from compare.diagnose.noise import rms
 from compare.diagnose.posterior.compress import Group, Products
 from compare.diagnose.posterior.infer import Inference, Posterior, instead
@@ -245,6 +247,33 @@ def diagnosed(*truth: Planted, tolerance: dict[str, float] | None = None, exclud
     measured = replace(played(experiment(*RUNS, sensors=NOISE), *truth), tolerance=tolerance or {})
     options = Options("mujoco", exclude=exclude, others=False, workers=1)
     return diagnosis_of(measured, options)[0]
+
+
+def test_an_effect_that_an_engine_does_otherwise_is_told_as_tried_and_not_sought_again() -> None:
+    measured = played(experiment(), wrong("viscous_friction", "E", damping=0.02))
+    term = Term(VOCABULARY["viscous_friction"], "E")
+    tried = Attempt(term, {"damping": Interval(0.02, 0.01, 0.03, "N.m.s/rad")}, 0.9, (28.0, 30.0), "it swings")
+    only = ["viscous_friction"]
+    result = diagnosis_of(measured, Options("mujoco", only=only, others=False, workers=1, astray=(tried,)))[0]
+    assert "viscous_friction@E" not in {effect.key for effect in result.effects}
+    assert next((each.key, each.failed) for each in result.attempts) == ("viscous_friction@E", "it swings")
+    said = {(each.name, each.where): (each.status, each.why) for each in result.candidates}
+    assert said["viscous_friction", "E"] == ("excluded", "it swings")
+
+
+@pytest.mark.parametrize("found", [(), ("viscous_friction",), ("viscous_friction", "joint_compliance")])
+def test_effects_with_which_an_engine_moves_as_the_model_does_stay(found: tuple[str, ...]) -> None:
+    """A bearing of 1e6 N/m gives as the analytic model says."""
+    measured = played(experiment(), wrong("viscous_friction", "E", damping=0.02))
+    problem = Problem.of(measured, four_bar(), Options("mujoco", others=False, workers=1))
+    values = {"viscous_friction": ("E", {"damping": 0.02}), "joint_compliance": ("B", {"stiffness": 1e6})}
+    terms = {Term(VOCABULARY[name], values[name][0]): values[name][1] for name in found}
+    fit = problem.fitter.at(list(terms), {t: t.effect.natural(problem.rig, t.where, v) for t, v in terms.items()})
+    assert fit is not None
+    named = tuple(Named(t, {}, 0.0, (1.0, 1.0), (1.0, 1.0)) for t in fit.terms)
+    explained = Explanation(problem.base, fit, named, "explained", np.ones(problem.data.size), False)
+    assert problem.astray(explained) is None
+    assert all(problem.alone_apart(fit, t) < 0.1 for t in fit.terms)
 
 
 @pytest.mark.slow

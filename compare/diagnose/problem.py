@@ -58,7 +58,8 @@ class Options:
 
     ``simulator`` is the chosen engine; ``only`` and ``exclude`` are ``effect`` or ``effect@where``; ``own`` are effects
     beside the vocabulary; with ``others`` every installed engine simulates too, in as many processes as ``workers``.
-    It ends ``budget`` seconds after it ``began`` (None: when it is done), with the best so far.
+    It ends ``budget`` seconds after it ``began`` (None: when it is done), with the best so far.  ``astray`` are effects
+    that were found before, with which the engine moves in another way than the analytic model: they are ruled out.
     """
 
     simulator: str
@@ -70,6 +71,7 @@ class Options:
     progress: Progress = silent
     budget: float | None = None
     began: float = field(default_factory=time.monotonic)
+    astray: tuple[Attempt, ...] = ()
 
     def late(self) -> bool:
         """Whether the budget is spent."""
@@ -164,6 +166,7 @@ class Problem:
             options.exclude,
         )
         ruled_out |= lawless(terms, ruled_out, mechanism, options.simulator, options.only)
+        ruled_out |= {attempt.term.key: attempt.failed for attempt in options.astray}
         workers = options.workers or min(2, os.cpu_count() or 1)
         problem = cls(
             measured, rig, mechanism, model, data, fitter, terms, ruled_out, options, engines, skipped,
@@ -414,24 +417,62 @@ class Problem:
 
     # ---------------------------------------------------------------- simulation in full
 
+    def astray(self, explanation: Explanation) -> Attempt | None:
+        """The effect of an explanation with which, beside the nominal mechanism alone, the chosen engine differs most
+        from the analytic model, where that is why its gap grows; None where it does not, or nothing else is looked for.
+        """
+        before, after = self.gaps(explanation)
+        if self.options.late() or not before < after < math.inf or self.bounces(explanation, after):
+            return None
+        apart, worst = max(
+            ((self.alone_apart(explanation.fit, n.term), n) for n in explanation.named),
+            key=lambda pair: pair[0],
+        )
+        if not apart > after / FAR or all(t.key == worst.term.key for t in self.sought):
+            return None
+        why = (
+            f"with it alone {self.simulator} is {apart:.3g} times the noise off the analytic model, and with all"
+            f" that was found the gap grows: {before:.3g} before, {after:.3g} after"
+        )
+        return Attempt(worst.term, worst.parameters, worst.share, worst.gap, why)
+
+    def alone_apart(self, fit: Fit, term: Term) -> float:
+        """How far the chosen engine is from the analytic model (noise, rms) with one effect of a fit alone, as large as
+        it is there; 0 of a sensor's fault, and where either has no answer.
+        """
+        x = dict(zip(fit.terms, fit.x, strict=True))
+        alone = None if term.effect.sensor else self.fitter.at([*self.base.terms, term], x)
+        apart = 0.0 if alone is None else self.agreement(self.simulated(alone), alone)
+        return apart if math.isfinite(apart) else 0.0
+
+    def gaps(self, explanation: Explanation) -> tuple[float, float]:
+        """The gap of the chosen engine before and after an explanation, infinite where it has no answer."""
+        said = [self.simulated(self.begin(explanation)), self.simulated(explanation.fit)]
+        before, after = (math.inf if (r := s.readings) is None else self.gap(explanation, r) for s in said)
+        return before, after
+
+    def begin(self, explanation: Explanation) -> Fit:
+        """What an explanation begins with: free runs without a gap are released from where all of the data say."""
+        return self.base if explanation.named else explanation.fit
+
+    def bounces(self, explanation: Explanation, after: float) -> bool:
+        """Whether it is contact in the chosen engine that makes its gap, not what was named."""
+        fit = explanation.fit
+        return in_contact(fit) and self.agreement(self.simulated(fit), fit) > after / FAR
+
     def verified(self, explanation: Explanation) -> Verified:
         """The explanation simulated in full by every engine, beside the nominal mechanism."""
         self.options.progress("simulation", 3, 4)
-        fit = explanation.fit
-        hypothesis = fit.values(self.rig)
-        begin = (
-            self.base if explanation.named else fit
-        )  # free runs without a gap are released from where all of the data say
+        explanation = replace(explanation, attempts=(*self.options.astray, *explanation.attempts))
+        begin, fit, gaps = self.begin(explanation), explanation.fit, self.gaps(explanation)
         chosen = {"before": self.simulated(begin), "after": self.simulated(fit)}
-        gaps = [math.inf if (r := said.readings) is None else self.gap(explanation, r) for said in chosen.values()]
-        if explanation.named and math.isfinite(gaps[1]) and gaps[1] > gaps[0]:
-            apart = self.agreement(chosen["after"], fit)
-            if in_contact(fit) and apart > gaps[1] / FAR:  # it is the contact that grows the gap, not what was named
+        if explanation.named and gaps[0] < gaps[1] < math.inf:
+            if self.bounces(explanation, gaps[1]):
                 bounced = f"its pins bounce or leave their bearings, and its gap would be {gaps[1]:.3g}"
                 chosen["after"] = replace(chosen["after"], readings=None, skipped=bounced)
             else:
                 explanation, fit, chosen["after"] = self.withdrawn(explanation, *gaps), begin, chosen["before"]
-                hypothesis = fit.values(self.rig)
+        hypothesis = fit.values(self.rig)
         readings = chosen["after"].readings
         enough = CLOSED if explanation.statistics is None else ALIKE
         closed = readings is not None and self.gap(explanation, readings, self.judged) <= enough

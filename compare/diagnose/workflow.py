@@ -98,9 +98,11 @@ def _marked(result: Diagnosis, **said: object) -> Diagnosis:
     return result.model_copy(update={"proposed": tuple(p.model_copy(update=said) for p in result.proposed)})
 
 
-def diagnosis_of(data: Measured, options: Options) -> tuple[Diagnosis, Proposal | None]:
-    """A diagnosis, and what it proposes as an object."""
-    data, unfitted = parted(on_one_turn(once(data)))
+def diagnosis_of(given: Measured, options: Options) -> tuple[Diagnosis, Proposal | None]:
+    """A diagnosis, and what it proposes as an object; made again without an effect with which the engine moves in
+    another way than the analytic model, where its gap grows with that.
+    """
+    data, unfitted = parted(on_one_turn(once(given)))
     rigid = data.mechanism.rigid()
     with noted() as warned:
         warn_of_friction(data.mechanism, "contact", "driven")
@@ -121,6 +123,8 @@ def diagnosis_of(data: Measured, options: Options) -> tuple[Diagnosis, Proposal 
             f"The links' stated moduli of elasticity are {'used' if nearer else 'left out'}: that explains the data"
             " with less."
         )
+    if (attempt := problem.astray(explanation)) is not None:
+        return diagnosis_of(given, replace(options, astray=(*options.astray, attempt)))
     problem.notes += warned
     found = problem.verified(explanation)
     best = proposed(problem, found)
