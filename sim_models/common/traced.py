@@ -145,7 +145,7 @@ class TracedLinkage:
 
     def load(self, load: Load) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Force (N,) N and torque (N,) N.m of a load, and what of each (N,) is not known: the way of one that opposes
-        the motion, at rest, and near where its point or its body turns back, where it is half a step that decides.
+        the motion, at rest, and where its point or its body turns back within a step or half of one.
         """
         none = np.zeros(self.count)
         seen = Seen(self.angle, self.place, self.going, self.spin, lambda: self.time)
@@ -153,11 +153,15 @@ class TracedLinkage:
         if not load.opposes:
             edge = self._edges(load, seen)
             return force, torque, np.where(edge, abs(complex(*load.force)), 0.0), np.where(edge, abs(load.torque), 0.0)
-        rates = (none, none) if self.still else (np.abs(self.going(load.body, load.point)), self.spin(load.body))
+        rates = rises = none, none
+        if not self.still:
+            rates = np.abs(self.going(load.body, load.point)), self.spin(load.body)
+            rises = self.acceleration(load.body, self.arm(load.body, load.point)), self.spin_up(load.body)
         fades = NEVER if self.held else fading(self.m, load)
+        step = 2 * (self.trace.step or 0.0) if self.m.displaced else 0.0  # in which what a gap lets go may turn back
         slow = [
-            np.abs(rate) <= max(FADING * np.abs(rate).max(initial=0.0), below)
-            for rate, below in zip(rates, fades, strict=True)
+            np.abs(rate) <= np.maximum(max(FADING * np.abs(rate).max(initial=0.0), below), step * np.abs(rise))
+            for rate, below, rise in zip(rates, fades, rises, strict=True)
         ]
         always = load.model_copy(update={"opposes": False})
         sizes = (np.abs(part) + none for part in self.m.acting(always, seen))

@@ -112,6 +112,7 @@ def _parts(link: ExudynLinkage) -> dict[str, Any]:
     """Everything that becomes an item of Exudyn's, in the order in which it is added."""
     m = link.m
     return {
+        "let_go": m.displaced,
         "ground": {"points": {name: _pair(m.ground.point(name)) for name in m.ground.points}},
         "bodies": {body.name: _body(link, body) for body in m.bodies},
         "loads": [

@@ -192,8 +192,17 @@ class ExudynModel:
 
         return now
 
-    def _state(self, body: str, kind: str = "Coordinates") -> list[float]:
-        return list(map(float, self.mbs.GetNodeOutput(self.nodes[body], getattr(self.exu.OutputVariableType, kind))))
+    def _state(self, body: str) -> list[float]:
+        return list(map(float, self.mbs.GetNodeOutput(self.nodes[body], self.exu.OutputVariableType.Coordinates)))
+
+    def _rates(self, body: str) -> list[float]:
+        """Velocities (m/s) and rate (rad/s) of a body: where a gap lets it go, of the begin of a step, as a load that
+        turned round with them within it would leave the step without a solution.
+        """
+        known, of = self.exu.ConfigurationType, self.exu.OutputVariableType.Coordinates_t
+        let_go = self.m.displaced and not self.released
+        when = known.StartOfStep if let_go else known.Current
+        return list(map(float, self.mbs.GetNodeOutput(self.nodes[body], of, configuration=when)))
 
     def _turned(self, body: str) -> float:
         return self._state(body)[2]
@@ -213,13 +222,13 @@ class ExudynModel:
         if self.motion == "static":
             pose, at = self.heading[body], self.m.moving[body].point(point)
             return pose.velocity + 1j * pose.angular_velocity * at * cmath.exp(1j * pose.angle)
-        u, v, spin = self._state(body, "Coordinates_t")
+        u, v, spin = self._rates(body)
         return complex(u, v) + 1j * spin * self._arm(body, point)
 
     def _spin(self, body: str) -> float:
         if self.motion == "static":
             return self.heading[body].angular_velocity
-        return self._state(body, "Coordinates_t")[2]
+        return self._rates(body)[2]
 
     def _add_load(self, marker: Any, force: Sequence[float], torque: float) -> tuple[Any, Any]:
         return (

@@ -18,6 +18,11 @@ LOOSEST = 1e-5  # of the linkage's size, by which its rigid joints may come apar
 # it
 MOST_TURNED = 2e-6
 STRETCH = 1e-3  # of the clearance, by which a massless link may change its length
+WHIRLS = (
+    SMALLER_STEP,
+    "use spring-damper or contact joints, as a massless link whirls where its load turns round",
+    "give smaller loads or a slower drive",
+)
 
 
 def room_apart(request: Request, link: MujocoLinkage) -> float:
@@ -33,6 +38,7 @@ def check_together(request: Request, distance: float, room: float, step: float) 
             f"mujoco: {request.mechanism.name}, {request.joint_model} joints: a rigid joint came apart by"
             f" {distance:.3g} m, {room:.3g} m is in order (step {step:.3g} s)",
             Cause.CAME_APART,
+            WHIRLS if request.joint_model == "massless-link" else (),
         )
 
 

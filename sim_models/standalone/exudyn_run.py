@@ -173,17 +173,21 @@ class System:
 
         return share
 
-    def state(self, body: str, kind: str = "Coordinates") -> list[float]:
+    def state(self, body: str, kind: str = "Coordinates", when: Any = exu.ConfigurationType.Current) -> list[float]:
         """A body's x, y and angle, or their rates."""
-        return list(map(float, self.mbs.GetNodeOutput(self.node[body], getattr(exu.OutputVariableType, kind))))
+        of = getattr(exu.OutputVariableType, kind)
+        return list(map(float, self.mbs.GetNodeOutput(self.node[body], of, configuration=when)))
 
     def arm(self, body: str, point: str) -> complex:
         """From a body's centre of mass to its point."""
         return complex(*self.points[body][point]) * cmath.exp(1j * self.state(body)[2])
 
     def going(self, body: str) -> list[float]:
-        """Velocity of a body's centre of mass and its angular velocity; at rest as the drives would go on."""
-        return self.heading[body] if self.heading else self.state(body, "Coordinates_t")
+        """Velocity of a body's centre of mass and its angular velocity; at rest as the drives would go on, and of the
+        begin of a step where a gap lets it go.
+        """
+        when = exu.ConfigurationType.StartOfStep if self.model["let_go"] else exu.ConfigurationType.Current
+        return self.heading[body] if self.heading else self.state(body, "Coordinates_t", when)
 
     def add_pin(self, name: str, joint: Mapping[str, Any]) -> None:
         """What closes a revolute joint; then the spring, damper and dry friction that it has besides."""
