@@ -24,13 +24,15 @@ LIST_HAS_NO_PICTURE = "is a list and has no picture; use to_dataframe()"
 @dataclass(frozen=True)
 class Presentation(Generic[D]):
     """How a kind of result is shown: a short piece of HTML for a notebook, a table on a terminal; text by file name
-    beside its JSON file; a drawing into a matplotlib figure, or what to do in its place; what it judges as test cases.
+    beside its JSON file; a drawing into a matplotlib figure, or what to do in its place, and one of signals by name;
+    what it judges as test cases.
     """
 
     summary_html: Callable[[D], str]
     print_table: Callable[[D, Console], None]
     files: Callable[[D], dict[str, str]] = lambda result: {}
     plot: Callable[[D, Figure], None] | None = None
+    plot_signals: Callable[[D, Figure, Sequence[str]], None] | None = None
     no_picture: str = "has no picture; print it"
     judged: Callable[[D], Sequence[JUnitSuite]] = lambda result: ()
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas
 import pytest
 
 import linkage_crosscheck as lc
@@ -24,15 +25,31 @@ def test_the_peaks_of_an_analysis_are_those_of_closely_spaced_angles() -> None:
 
 def test_a_signal_is_drawn_by_its_name_with_its_peak() -> None:
     result = lc.analyse("crank-rocker", angles=ANGLES)
+    peaks = result.peaks.set_index("signal").largest
     figure = result.plot("drive_torque", "coupler_angle")
-    for axis, (name, factor) in zip(
-        figure.axes, (("drive_torque", 1.0), ("coupler_angle", np.degrees(1.0))), strict=True
+    for axis, (name, said, factor) in zip(
+        figure.axes,
+        (("drive_torque", "drive torque (N·m)", 1.0), ("coupler_angle", "angle (deg)", np.degrees(1.0))),
+        strict=True,
     ):
         np.testing.assert_allclose(axis.lines[0].get_xdata(), np.degrees(ANGLES))
         np.testing.assert_allclose(axis.lines[0].get_ydata(), factor * result[name])
-        assert axis.lines[1].get_ydata()[0] == max(axis.lines[0].get_ydata(), key=abs)  # type: ignore[index]
-        assert name in axis.get_ylabel()
-    assert len(result.plot().axes) == 2
+        assert axis.lines[1].get_ydata()[0] == pytest.approx(factor * peaks[name])  # type: ignore[index]
+        assert axis.get_ylabel() == said
+        assert axis.get_legend_handles_labels()[1][0].endswith(f", peak {factor * peaks[name]:.4g}")
+    forces = [f"reaction_{joint}_magnitude" for joint in "DABE"]
+    for axis in (result.plot(*forces, "drive_torque").axes[0], result.plot().axes[0]):  # one unit, one pair of axes
+        labels = axis.get_legend_handles_labels()[1]
+        assert labels == [f"at {name[9]}, peak {peaks[name]:.4g}" for name in forces]
+        assert axis.get_ylabel() == "reaction force (N)"
+
+
+def test_peaks_are_of_what_has_one() -> None:
+    """No zeros, no rounding, no direction of a reaction, no angle that goes round."""
+    peaks = lc.analyse("slider-crank", angles=ANGLES).peaks
+    assert not set(peaks.signal) & {"crank_angle", "position_O", "reaction_A_angle", "rod_rotation", "reaction_S_x"}
+    assert {"rod_angle", "position_S", "drive_torque", "reaction_S_y"} <= set(peaks.signal)
+    assert peaks.largest.abs().min() > 1e-6
 
 
 @pytest.mark.mujoco
@@ -45,10 +62,45 @@ def test_both_sides_of_a_cross_check_have_their_peaks_and_are_drawn_together() -
         assert row.crank_angle == ANGLES[int(np.argmax(np.abs(signals["drive_torque"])))]
     (axis,) = result.plot("drive_torque").axes
     labels = axis.get_legend_handles_labels()[1]
-    assert labels == ["analytic, ideal", "mujoco, ideal"]
+    assert (axis.get_title(), labels) == ("mujoco", ["analytic", "ideal"])
+    (empty,) = result.model_copy(update={"runs": ()}).plot().axes  # every run has failed
+    assert not empty.lines
     run = lc.simulate("crank-rocker", "mujoco", angles=ANGLES)
     assert run.peaks.set_index("signal").largest["drive_torque"] == peaks.largest["simulated", "drive_torque"]
     assert len(run.plot("drive_torque").axes) == 1
+
+
+@pytest.mark.mujoco
+def test_an_angle_of_both_sides_is_drawn_and_listed_in_one_turn() -> None:
+    """At a loose pin they were told a whole turn apart."""
+    result = lc.crosscheck(
+        "slider-crank", "mujoco", joint_model="contact", clearance={"A": 1e-5}, revolutions=1, angles=ANGLES
+    )
+    run = result.run()
+    gamma = run.simulated["reaction_A_angle"]
+    turned = run.model_copy(update={"simulated": run.simulated | {"reaction_A_angle": gamma - 2 * np.pi}})
+    result = result.model_copy(update={"runs": (turned,)})
+    frame = result.to_dataframe()
+    assert (frame.analytic_reaction_A_angle - frame.simulated_reaction_A_angle).abs().max() < np.pi
+    (axis,) = result.plot("reaction_A_angle").axes
+    analytic, simulated = (np.asarray(line.get_ydata()) for line in axis.lines)
+    assert np.nanmax(np.abs(analytic - simulated)) < 180.0
+
+
+def test_the_figure_of_results_that_were_read_is_of_signals_that_they_have() -> None:
+    own = lc.analyse("crank-rocker", angles=ANGLES).to_dataframe()
+    time = own.crank_angle / lc.load("crank-rocker").speed
+    given = {"time [s]": time, "crank_angle [rad]": own.crank_angle}
+    for names, drawn in (
+        (("reaction_B_x", "reaction_B_y"), ["reaction angle at B (deg)", "reaction force at B (N)"]),
+        (("drive_torque",), ["drive torque (N·m)"]),
+    ):
+        units = {"drive_torque": "N.m"}
+        columns = given | {f"{name} [{units.get(name, 'N')}]": own[name] for name in names}
+        figure = lc.check(pandas.DataFrame(columns), "crank-rocker").plot()
+        assert [axis.get_ylabel() for axis in figure.axes] == drawn
+        for axis in figure.axes:
+            assert {line.get_label() for line in axis.lines} == {"analytic", "ideal"}
 
 
 def test_what_swings_has_its_peaks_over_time() -> None:
@@ -64,6 +116,10 @@ def test_a_name_that_is_near_is_said() -> None:
     for ask in (lambda: result["torque"], lambda: result.plot("torque")):
         with pytest.raises(KeyError, match=r"torque: no such signal; did you mean drive_torque\?"):
             ask()
+    with pytest.raises(KeyError, match=r"reaction_B_mag: no such signal; did you mean reaction_B_magnitude\?"):
+        result["reaction_B_mag"]
+    with pytest.raises(KeyError, match=r"did you mean .*reaction_B_magnitude\?"):
+        result.plot("reaction_B")
     with pytest.raises(ArgumentError, match="did you mean 'drive_torque', which is always there"):
         lc.analyse("crank-rocker", signals="torque")
     with pytest.raises(ArgumentError, match=r"did you mean 'drive_power'$"):

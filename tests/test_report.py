@@ -19,10 +19,11 @@ from rich.console import Console
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import kinematics
 from analytic.mechanism.file import dumps, load, loads
+from analytic.mechanism.signals import same_turn
 from compare.crosscheck import crosscheck
 from compare.files import OutputError
 from compare.quantities import number, quantities
-from compare.report.crosscheck_figures import beside, figures, same_turn, thinned
+from compare.report.crosscheck_figures import beside, figures, thinned
 from compare.report.crosscheck_terminal import print_table
 from compare.report.figure import Axis, Figure, Series
 from compare.report.linkage import exaggeration, linkage_figure, parts
@@ -429,7 +430,8 @@ def test_directions_are_drawn_in_the_same_turn_piece_by_piece() -> None:
 
 
 def test_marks_lie_in_the_turn_of_the_line_at_every_sample() -> None:
-    assert same_turn((-205.0, 150.0 + 720.0, None, 10.0), (155.0, 150.0, 160.0, None)) == (155.0, 150.0, None, 10.0)
+    turned = same_turn(np.radians([-205.0, 150.0 + 720.0, np.nan, 10.0]), np.radians([155.0, 150.0, 160.0, np.nan]))
+    np.testing.assert_allclose(np.degrees(turned), [155.0, 150.0, np.nan, 10.0])
     result = sample_result()
     for run in result["runs"]:
         gamma = run["simulated"]["reaction_B_angle"]

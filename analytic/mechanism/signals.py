@@ -247,6 +247,16 @@ def turned_near(angle: np.ndarray | float, near: np.ndarray | float) -> np.ndarr
     return np.asarray(angle + 2 * np.pi * np.rint((near - angle) / (2 * np.pi)))
 
 
+def same_turn(angle: np.ndarray, reference: np.ndarray) -> np.ndarray:
+    """An angle (N,) rad brought at each sample by whole turns within half a turn of a reference (N,), between whose
+    samples where it has none, so that their difference is the one judged; of other samples it stays.
+    """
+    known = np.flatnonzero(np.isfinite(reference))
+    if not known.size or len(reference) != len(angle):
+        return angle
+    return turned_near(angle, np.interp(np.arange(len(angle)), known, reference[known]))
+
+
 def continued(angle: np.ndarray) -> np.ndarray:
     """An angle (N,) rad without jumps by a turn between one number and the next; NaN stays."""
     out = np.array(angle, float)

@@ -8,26 +8,16 @@ import numpy as np
 from rich.console import Console
 
 from compare.presentation import Presentation
-from compare.quantities import plain, shown
-from compare.report.accuracy_page import LEAST_SHOWN, files, output_rows
-from compare.report.curves import MOST, legend
-from compare.report.tables import html_table, say, terminal_table
+from compare.quantities import shown
+from compare.report.accuracy_page import LEAST_SHOWN, files, output_rows, summary_html
+from compare.report.curves import MOST, legend, partly
+from compare.report.tables import say, terminal_table
 from compare.report.toleranced import print_outputs
 from compare.report.words.accuracy import notes
 from compare.results.accuracy import Accuracy
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-
-def summary_html(result: Accuracy) -> str:
-    """The largest displacement of each output, nominal and worst case."""
-    rows = []
-    for name, output in result.outputs.items():
-        unit, factor = shown(output.unit)
-        sizes = (factor * float(np.nanmax(np.abs(v), initial=0.0)) for v in (output.equilibrium, output.worst_case))
-        rows.append((name, *(f"{plain(size)} {unit}" for size in sizes)))
-    return html_table(rows, ("output", "equilibrium", "worst case to first order"), repr(result), named=True)
 
 
 def plot(result: Accuracy, figure: Figure) -> None:
@@ -51,6 +41,7 @@ def plot(result: Accuracy, figure: Figure) -> None:
     legend(axes[0])
     figure.suptitle(result.case)
     axes[-1].set_xlabel("crank angle (deg)")
+    partly(figure, MOST, len(moving), "outputs")
 
 
 OUTPUTS = ("output", "unit", "equilibrium", "at", "worst case", "at", "sigma", "compliance", "total", "sensitive to")

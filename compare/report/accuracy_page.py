@@ -15,15 +15,17 @@ from compare.quantities import DASH, plain, shown
 from compare.report.analysis_figures import Band, error_figures, transmission_figure
 from compare.report.figure import Figure, scaled
 from compare.report.linkage import both_poses, exaggeration, positions
-from compare.report.linkage_page import ERRORS, linkage_page
+from compare.report.linkage_page import ERRORS, linkage_page, numbers_of
 from compare.report.mover import Column, Mover, Moving, Read, Side, opens
 from compare.report.moving_picture import moving_picture
+from compare.report.pages import glimpse
 from compare.report.peaks import NOTHING, over
 from compare.report.svg import draw
 from compare.report.words.accuracy import cautions
 from compare.results.accuracy import Accuracy, Output
 
 LEAST_SHOWN = 1e-12  # m or rad, below which a table shows nothing
+SECTIONS = (ERRORS, "accuracy/budget.html.j2")
 COLUMNS = (
     Column("Equilibrium", "equilibrium", 4),
     Column("First order", "first order", 4),
@@ -37,15 +39,23 @@ def files(result: Accuracy) -> dict[str, str]:
     drawings = {figure.name: draw(figure) for figure in drawn}
     moving = moving_picture(posed) if posed else ""
     moved = _mover(result, posed, Markup(moving)) if posed and moving else None
-    own = {
+    text = linkage_page(result, "accuracy", _own(result), SECTIONS, drawn, drawings, moved)
+    return {"accuracy.html": text, "accuracy.csv": result.to_csv()}
+
+
+def summary_html(result: Accuracy) -> str:
+    """The numbers of the page, for a notebook."""
+    return glimpse(*numbers_of(result, _own(result), SECTIONS, {"mover": None, "warnings": list(result.warnings)}))
+
+
+def _own(result: Accuracy) -> dict[str, object]:
+    return {
         "facts": _facts(result),
         "notes": list(cautions(result)),
         "budget": list(_budget(result)),
         "heads": ("sigma", "compliance", "total", "sensitive to"),
         "dash": DASH,
     }
-    text = linkage_page(result, "accuracy", own, (ERRORS, "accuracy/budget.html.j2"), drawn, drawings, moved)
-    return {"accuracy.html": text, "accuracy.csv": result.to_csv()}
 
 
 def figures(result: Accuracy) -> list[Figure]:

@@ -8,7 +8,7 @@ from compare.presentation import Presentation
 from compare.quantities import plain
 from compare.report.analysis_page import files
 from compare.report.peaks import GOOD, error_peaks, over, poor, strokes
-from compare.report.sides import plot, print_peaks, said, summary_html
+from compare.report.sides import plot, plot_signals, print_peaks, said, summary_html
 from compare.report.tables import say, terminal_table
 from compare.report.toleranced import print_signals
 from compare.results.analysis import Analysis
@@ -34,4 +34,4 @@ def print_table(result: Analysis, console: Console) -> None:
     say(console, *said(result), repr(result))
 
 
-PRESENTATION = Presentation(summary_html, print_table, files, plot)
+PRESENTATION = Presentation(summary_html, print_table, files, plot, plot_signals)

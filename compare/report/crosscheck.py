@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import html
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from compare.ci import JUnitSuite, junit_xml
 from compare.presentation import Presentation
 from compare.quantities import plain
 from compare.report.contact_figures import contact_figures
-from compare.report.crosscheck_figures import both_sides, figures, reaction_directions, simulators
-from compare.report.crosscheck_page import render
+from compare.report.crosscheck_figures import both_sides, figures, shows, simulators
+from compare.report.crosscheck_page import render, verdict_html
 from compare.report.crosscheck_terminal import print_table
 from compare.report.curves import curve, legend
 from compare.report.junit import suites
@@ -18,8 +18,8 @@ from compare.report.linkage import linkage_figure
 from compare.report.pages import stem
 from compare.report.summary import summarise
 from compare.report.svg import draw
-from compare.report.tables import html_table
-from compare.report.words.crosscheck import VERDICT_WORDS, headline
+from compare.report.tables import html_list, html_table
+from compare.report.words.crosscheck import VERDICT_WORDS
 from compare.results.crosscheck import CrossCheck
 from sim_models.engine import JOINT_MODELS
 
@@ -50,28 +50,43 @@ def judged(result: CrossCheck) -> list[JUnitSuite]:
 
 
 def summary_html(result: CrossCheck) -> str:
-    """The verdict, and of each run the signal that takes the largest share of its tolerance."""
+    """The verdict and why, warnings, of each run the signal that takes the largest share of its tolerance, and what
+    contact did.
+    """
     summary = summarise(result)
     rows = []
     for shown in summary.runs:
         worst = max(shown.rows, key=lambda row: row.share or 0.0, default=None)
-        said = f"{worst.quantity.label} {plain(worst.maximum, 3, True)} {worst.quantity.unit}" if worst else "-"
-        rows.append((shown.run.title, VERDICT_WORDS[shown.run.verdict], said, plain(worst.tolerance) if worst else "-"))
-    verdict = f"<b>{html.escape(result.case)}: {VERDICT_WORDS[summary.verdict]}.</b> {html.escape(headline(summary))}"
-    return f"<p>{verdict}</p>" + html_table(rows, ("run", "verdict", "closest to its tolerance", "tolerance"))
+        cells = ("-", "-", "-")
+        if worst is not None:
+            unit = worst.quantity.unit
+            cells = worst.quantity.label, f"{plain(worst.maximum, 3, True)} {unit}", f"{plain(worst.tolerance)} {unit}"
+        rows.append((shown.run.title, VERDICT_WORDS[shown.run.verdict], *cells, worst.at if worst else "-"))
+    heads = ("run", "verdict", "largest share of its tolerance", "difference", "tolerance", "at")
+    contact = [f"{'; '.join(runs)}: {sentence}" for sentence, _, runs in summary.contact.by_sentence]
+    contact += [f"statistics of {pair.title}: {pair.sentence}" for pair in summary.contact.pairs]
+    return f"{verdict_html(summary)}{html_table(rows, heads)}{html_list(contact)}"
 
 
 def plot(result: CrossCheck, figure: Figure) -> None:
-    """Direction and size of the reaction at the last joint with clearance (else at the last one): both sides, the
-    engines side by side.
+    """Direction and size of the reaction at the last joint with clearance (else at the last one) that was simulated;
+    where none was, two of the signals that were.
     """
     summary = summarise(result)
-    names = simulators(result)
+    names = [f"reaction_{joint}_{part}" for joint in reversed(summary.joints) for part in ("angle", "magnitude")]
+    names += [quantity.signal for quantity in summary.keys()]
+    there = [name for name in names if any(shows(run, name) for run in result.runs)]
+    plot_signals(result, figure, list(dict.fromkeys(there))[:2])
+
+
+def plot_signals(result: CrossCheck, figure: Figure, signals: Sequence[str]) -> None:
+    """Both sides of signals, one below the other, the engines side by side."""
+    summary, names = summarise(result), simulators(result)
     figure.set_figwidth(max(8.0, 2.5 + PANEL * len(names)))
-    axes = figure.subplots(2, max(1, len(names)), sharex=True, sharey="row", squeeze=False)
-    joint = summary.joints[-1]
-    drawn = (reaction_directions(summary, joint), both_sides(summary, f"reaction_{joint}_magnitude"))
-    for row, shown in enumerate(drawn):
+    figure.set_figheight(max(5.0, 2.5 * len(signals)))
+    shape = max(1, len(signals)), max(1, len(names))
+    axes = figure.subplots(*shape, sharex=True, sharey="row", squeeze=False)
+    for row, shown in enumerate(both_sides(summary, signal) for signal in signals):
         for level, axis in enumerate(axes[row]):
             for series in shown.series:
                 if series.mark != "marker":
@@ -79,13 +94,14 @@ def plot(result: CrossCheck, figure: Figure) -> None:
                     axis.plot(*curve(series), style, linewidth=0.8, label=series.name.replace(" (", "\n("))
                 elif series.level == level:
                     axis.plot(*curve(series), ".", markersize=4, color=COLOURS[series.role], label=series.role)
-        axes[row, 0].set_ylabel(f"{shown.y.title} at {joint}")
+        quantity = summary.signals[signals[row]]
+        axes[row, 0].set_ylabel(f"{quantity.label} ({quantity.unit})")
     for axis, name in zip(axes[0], names, strict=False):
         axis.set_title(name, fontsize="medium")
-    for axis in axes[1]:
+    for axis in axes[-1]:
         axis.set_xlabel("time (s)" if result.swings else "crank angle (deg)")
     legend(*axes[:, -1], *axes[0, :-1])
     figure.suptitle(f"{result.case}: {VERDICT_WORDS[summary.verdict]}")
 
 
-PRESENTATION = Presentation(summary_html, print_table, files, plot, judged=judged)
+PRESENTATION = Presentation(summary_html, print_table, files, plot, plot_signals, judged=judged)

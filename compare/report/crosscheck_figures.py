@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from analytic.mechanism.signals import same_turn
 from compare.quantities import GAMMA, MINUS, Quantity, apart, drive_signals, number
 from compare.report.figure import ALL, Axis, Figure, Mark, Numbers, Series, extreme, scaled
 from compare.report.summary import Summary
@@ -68,26 +69,26 @@ def _sides(summary: Summary, signal: str, name: str, title: str, up: Axis) -> Fi
     lines: dict[str, Series] = {}
     marks: list[Series] = []
 
-    def first() -> Numbers:
-        return next((line.y for line in lines.values()), ())
-
+    first = next((shown.run.analytic[signal] for shown in summary.runs if signal in shown.run.analytic), np.zeros(0))
     for shown in summary.runs:
         run, x = shown.run, scaled(shown.over.values)
         if signal in run.analytic:
             line, role, mark = _analytic(run, summary)
             values = scaled(run.analytic[signal], quantity.factor, SIDES_DIGITS)
-            values = beside(values, first()) if quantity.angular else values
+            if quantity.angular and lines:
+                values = beside(values, next(iter(lines.values())).y)
             lines.setdefault(line, Series(line, x, values, role, mark, everywhere))
-        if _shows(run, signal):
-            values = scaled(run.simulated[signal], quantity.factor, SIDES_DIGITS)
-            values = same_turn(beside(values, first()), first()) if quantity.angular else values
+        if shows(run, signal):
+            simulated = run.simulated[signal]
+            simulated = same_turn(simulated, first) if quantity.angular else simulated
+            values = scaled(simulated, quantity.factor, SIDES_DIGITS)
             marks.append(_simulated(summary, run, x, values, "marker"))
     spans = [f"{s.name} {_span(s.y, quantity)}" for s in [*lines.values(), *marks]]
     text = f"{title} over {over.label}. {'; '.join(spans)}."
     return Figure(name, title, text, Axis(over.label, over.unit), up, (*lines.values(), *marks), panels=panels)
 
 
-def _shows(run: Run, signal: str) -> bool:
+def shows(run: Run, signal: str) -> bool:
     """Whether a run has a signal: a file of results need not have any."""
     return signal in run.simulated and not (run.simulator.recorded and np.all(np.isnan(run.simulated[signal])))
 
@@ -116,23 +117,6 @@ def beside(angles: Numbers, reference: Numbers, turn: float = 360.0) -> Numbers:
         elif turns is None and other is not None:
             turns = turn * round((other - value) / turn)
         out.append(None if value is None else value + (turns or 0.0))
-    return tuple(out)
-
-
-def same_turn(angles: Numbers, reference: Numbers, turn: float = 360.0) -> Numbers:
-    """Angles each shifted by whole turns to within half a turn of the reference's at its sample, so that their
-    difference is the one judged.
-
-    Where the reference has none, an angle lies beside the last one; where it is of other samples, angles stay.
-    """
-    if len(reference) != len(angles):
-        return angles
-    out: list[float | None] = []
-    last = next((r for r in reference if r is not None), None)
-    for a, r in zip(angles, reference, strict=True):
-        last = last if r is None else r
-        out.append(a if a is None or last is None else a - turn * round((a - last) / turn))
-        last = last if out[-1] is None else out[-1]
     return tuple(out)
 
 

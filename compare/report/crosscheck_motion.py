@@ -7,8 +7,9 @@ import math
 import numpy as np
 from markupsafe import Markup
 
+from analytic.mechanism.signals import same_turn
 from compare.quantities import Quantity
-from compare.report.crosscheck_figures import beside, difference, same_turn
+from compare.report.crosscheck_figures import beside, difference
 from compare.report.figure import Numbers, scaled
 from compare.report.linkage import exaggeration, ideal_poses, in_turn_of, poses_of
 from compare.report.mover import Column, Mover, Moving, Read, Side, gap, opens
@@ -69,7 +70,7 @@ def _read(quantity: Quantity, run: Run, first: np.ndarray) -> Read:
     analytic, simulated = (tuple(listed(side[quantity.signal])) for side in (run.analytic, run.simulated))
     if quantity.angular:
         analytic = beside(analytic, tuple(listed(first)), math.tau)
-        simulated = same_turn(simulated, analytic, math.tau)
+        simulated = tuple(listed(same_turn(run.simulated[quantity.signal], np.array(analytic, float))))
     nothing = READ_AS_ZERO * max((abs(v) for v in (*analytic, *simulated) if v is not None), default=0.0)
 
     def rounded(values: Numbers) -> Numbers:

@@ -12,7 +12,7 @@ from analytic.mechanism.model import as_written
 from compare.quantities import DASH, assumptions
 from compare.report.crosscheck_motion import mover
 from compare.report.figure import Figure
-from compare.report.pages import PageSection, Script, figures_context, markdown, page, warnings_context
+from compare.report.pages import PageSection, Script, figures_context, glimpse, markdown, page, warnings_context
 from compare.report.summary import REAL, ShownRun, Summary
 from compare.report.trust import checked
 from compare.report.words import crosscheck as words
@@ -62,6 +62,12 @@ def render(
     of_markdown: dict[str, object] = {"figures": list(figures), "linkage": linkage, "files": files}
     of_markdown["keys"] = summary.keys(all_joints=True)
     return html, markdown(PageSection("crosscheck/report.md.j2", shared | of_markdown))
+
+
+def verdict_html(summary: Summary) -> str:
+    """The head of the page, for a notebook: the verdict and why, what failed, was left out, and is to beware of."""
+    context = _shared(summary) | {"mover": None, "warnings": summary.result.warnings}
+    return glimpse(PageSection("crosscheck/header.html.j2", context))
 
 
 def _shared(summary: Summary) -> dict[str, object]:

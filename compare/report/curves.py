@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from compare.report.figure import Series
+from compare.report.peaks import End
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 MOST = 6  # curves of a plot, or plots of a figure
 
@@ -20,13 +23,17 @@ def curve(series: Series) -> tuple[np.ndarray, np.ndarray]:
     return np.array(series.x, float), np.array(series.y, float)
 
 
-def with_peak(axis: Axes, x: np.ndarray, y: np.ndarray, label: str, style: str = "-", number: bool = True) -> None:
-    """Draw a curve (N,) with a dot at its largest value, and the ``number`` beside it."""
-    (line,) = axis.plot(x, y, style, label=label)
-    at = int(np.nanargmax(np.abs(y)))
-    axis.plot(x[at], y[at], "o", markersize=4, color=line.get_color())
-    if number:
-        axis.annotate(f"{y[at]:.4g}", (x[at], y[at]), (4, 4), textcoords="offset points", fontsize=8)
+def with_peak(axis: Axes, x: Sequence[float], y: np.ndarray, label: str, end: End | None) -> None:
+    """Draw a curve (N,) with a dot at its peak, which its name in the legend tells; with no dot where it has none."""
+    (line,) = axis.plot(x, y, label=label if end is None else f"{label}, peak {end.value:.4g}")
+    if end is not None:
+        axis.plot(end.at, end.value, "o", markersize=4, color=line.get_color())
+
+
+def partly(figure: Figure, shown: int, every: int, what: str) -> None:
+    """Say below a figure of how many of all it is, where it is not of all."""
+    if shown < every:
+        figure.supxlabel(f"{shown} of {every} {what}", fontsize="small")
 
 
 def legend(axis: Axes, *others: Axes) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,12 +10,13 @@ from rich.console import Console
 from compare.ci import JUnitCase, JUnitSuite, junit_xml
 from compare.presentation import Presentation
 from compare.quantities import fitting, plainly
-from compare.report.diagnosis_page import diagnosis_html, diagnosis_md
+from compare.report.curves import partly
+from compare.report.diagnosis_page import diagnosis_html, diagnosis_md, summary_html
 from compare.report.diagnosis_terminal import terminal_lines
 from compare.report.explained import explained_toml
 from compare.report.residuals import draw as draw_residuals
-from compare.report.tables import html_table, say
-from compare.report.words.effects import of_effect, phrase, spoken
+from compare.report.tables import say
+from compare.report.words.effects import spoken
 from compare.report.words.measured import remaining
 from compare.results.diagnosis import SIDES, Diagnosis
 
@@ -64,15 +64,6 @@ def print_table(result: Diagnosis, console: Console) -> None:
     say(console, *terminal_lines(result))
 
 
-def summary_html(result: Diagnosis) -> str:
-    """The verdict, and what is missing with the 95 % intervals."""
-    rows = [
-        (phrase(result, effect.name, effect.where), *row) for effect in result.effects for row in of_effect(effect)
-    ] or [("nothing", "", "", "")]
-    verdict = f"<b>{html.escape(result.case)}: {html.escape(result.verdict)}.</b> {html.escape(result.statement)}"
-    return f"<p>{verdict}</p>" + html_table(rows, ("missing", "parameter", "value", "95 % interval"))
-
-
 def plot(result: Diagnosis, figure: Figure) -> None:
     """Residuals before and after of the signals with the widest gap, each in the run where it is widest."""
     widest: dict[str, tuple[float, int]] = {}
@@ -82,6 +73,7 @@ def plot(result: Diagnosis, figure: Figure) -> None:
             if name not in widest or gap > widest[name][0]:
                 widest[name] = gap, i
     names = sorted(widest, key=lambda name: -widest[name][0])[:PLOTTED]
+    figure.set_figheight(max(4.0, 2.2 * len(names)))
     for axis, name in zip(figure.subplots(len(names), 1, squeeze=False)[:, 0], names, strict=True):
         run = result.runs[widest[name][1]]
         channel = run.signals[name]
@@ -90,6 +82,7 @@ def plot(result: Diagnosis, figure: Figure) -> None:
         draw_residuals(axis, run, before, after, factor * channel.noise)
         axis.set_ylabel(f"{spoken(result, name)} ({unit})")
     figure.suptitle(f"{result.case}: {result.verdict}; measured minus simulated, noise within two sigmas shaded")
+    partly(figure, PLOTTED, len(widest), "signals, those with the widest gap")
 
 
 PRESENTATION = Presentation(summary_html, print_table, files, plot, judged=judged)

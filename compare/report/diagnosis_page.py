@@ -13,7 +13,7 @@ from compare.files import NOT_XML
 from compare.quantities import DASH, MINUS, assumptions, plainly
 from compare.report import diagnosis_figures as figures
 from compare.report.explained import changes
-from compare.report.pages import PageSection, Script, markdown, page
+from compare.report.pages import PageSection, Script, glimpse, markdown, page
 from compare.report.proposal_figure import figure as law_figure
 from compare.report.svg import draw
 from compare.report.trust import trusted
@@ -53,7 +53,7 @@ def diagnosis_html(result: Diagnosis) -> str:
     candidates = sorted(result.candidates, key=lambda c: (c.status not in ("named", "tied"), -(c.sigmas or 0.0)))
     parts: dict[str, dict[str, object]] = {
         "where": {"maps": maps, "cells": _strip, "legend": _legend(), "listed": PLACES_ON_PAGE},
-        "story": {"steps": [step for step in result.steps if step.title != "Result"]},
+        "story": {},
         "residuals": _residuals(result, panels),
         "trust": {},
         "engines": {},
@@ -68,13 +68,20 @@ def diagnosis_html(result: Diagnosis) -> str:
     shared = _shared(result)
     return page(
         f"{result.case}: {result.verdict} {DASH} diagnosis",
-        PageSection("diagnosis/header.html.j2", shared | {"look": VERDICT_LOOKS[result.verdict]}),
+        PageSection("diagnosis/header.html.j2", shared),
         [PageSection(f"diagnosis/{name}.html.j2", shared | part) for name, part in parts.items()],
         styles=("diagnosis.css",),
         script=Script(("chart.js", "diagnosis.js"), _data(result, panels, maps)),
         skip_to="where they disagree",
         footer="All values come from diagnosis.json beside this page, which needs no network.",
     )
+
+
+def summary_html(result: Diagnosis) -> str:
+    """The head of the page, for a notebook, and its story on demand."""
+    shared = _shared(result)
+    head, story = (glimpse(PageSection(f"diagnosis/{name}.html.j2", shared)) for name in ("header", "story"))
+    return f"{head}<details><summary>How it was found</summary>{story}</details>"
 
 
 def diagnosis_md(result: Diagnosis) -> str:
@@ -94,6 +101,8 @@ def _shared(result: Diagnosis) -> dict[str, object]:
     ties = words.ties(result)
     return {
         "result": result,
+        "look": VERDICT_LOOKS[result.verdict],
+        "steps": [step for step in result.steps if step.title != "Result"],
         "words": words,
         "trust_means": prediction.METRICS_MEAN,
         "trust_heads": prediction.METRICS_HEADS,

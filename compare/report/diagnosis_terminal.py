@@ -30,7 +30,7 @@ from compare.results.diagnosis import Diagnosis, EffectPlace
 
 PLACES_SHOWN = 3  # in a terminal
 ATTEMPTS_SHOWN = 3  # in a terminal
-ASCII_SIGNS = {MINUS: "-", DASH: "-", "·": ".", "µ": "u", SIGMA: "sigma"} | {
+ASCII_SIGNS = {MINUS: "-", DASH: "-", "·": ".", "µ": "u", "±": "+-", SIGMA: "sigma"} | {
     chr(small): chr(plain) for plain, small in SUPERSCRIPT.items()
 }
 

@@ -16,8 +16,8 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import kinematics
 from analytic.mechanism import GROUND, Mechanism
+from analytic.mechanism.signals import same_turn
 from compare.quantities import number
-from compare.report.crosscheck_figures import same_turn
 from compare.report.figure import Axis, Figure, Mark, Numbers, Series, scaled
 from compare.report.summary import Sampled, abscissa
 from compare.results.crosscheck import CrossCheck, Run
@@ -125,10 +125,11 @@ def in_turn_of(poses: Poses | None, ideal: Poses | None) -> Poses | None:
     """Poses whose angles are in the turn of the ideal linkage's, as a drawing multiplies their difference."""
     if not poses or not ideal:
         return poses
-    return {
-        body: {**values, "angle": same_turn(values["angle"], ideal[body]["angle"], math.tau)}
-        for body, values in poses.items()
-    }
+
+    def turned(body: str) -> Numbers:
+        return scaled(same_turn(*(np.array(each[body]["angle"], float) for each in (poses, ideal))))
+
+    return {body: {**values, "angle": turned(body)} for body, values in poses.items()}
 
 
 def linkage_figure(result: CrossCheck) -> Figure | None:

@@ -33,21 +33,15 @@ def linkage_page(
     """
     context = figures_context(list(drawn), dict(drawings)) | warnings_context(result.warnings)
     context |= {
-        "result": result,
-        "mover": moved,
-        "errors": list(error_peaks(result)),
-        "toleranced": result.tolerances and on_page(result.tolerances, over(result)),
         "assumed": assumptions(result.assumed),
         "mechanism": json.dumps(as_written(result.mechanism), indent=2, ensure_ascii=False),
     }
-    context |= own
-    shown = ["linkage.html.j2"] * bool(moved)
-    shown += [each for each in sections if each != ERRORS or context["errors"]]
-    shown += ["tolerances.html.j2"] * bool(context["toleranced"]) + ["figures.html.j2", "provenance.html.j2"]
+    header, *numbers = numbers_of(result, own, sections, context | {"mover": moved})
+    linkage, *last = (PageSection(f"{name}.html.j2", header.context) for name in ("linkage", "figures", "provenance"))
     return page(
         f"{result.case} {DASH} {about}",
-        PageSection(f"{result.file.removesuffix('.json')}/header.html.j2", context),
-        [PageSection(name, context) for name in shown],
+        header,
+        [*[linkage] * bool(moved), *numbers, *last],
         script=Script(
             ("chart.js", "linkage.js", "mover.js"),
             {"figures": [asdict(figure) for figure in drawn], "motion": moved and moved.data()},
@@ -55,3 +49,13 @@ def linkage_page(
         skip_to="the linkage" if moved else "the numbers",
         footer=f"All values come from {result.file} beside this page, which needs no network.",
     )
+
+
+def numbers_of(
+    result: Analysis | Accuracy, own: Mapping[str, object], sections: Sequence[str], context: Mapping[str, object]
+) -> list[PageSection]:
+    """The head of the page, its sections, and what tolerances do."""
+    errors, toleranced = list(error_peaks(result)), result.tolerances and on_page(result.tolerances, over(result))
+    context = {**context, "result": result, "errors": errors, "toleranced": toleranced, **own}
+    shown = [each for each in sections if each != ERRORS or errors] + ["tolerances.html.j2"] * bool(toleranced)
+    return [PageSection(name, context) for name in (f"{result.file.removesuffix('.json')}/header.html.j2", *shown)]

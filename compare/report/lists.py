@@ -9,7 +9,7 @@ from rich.text import Text
 
 from analytic.mechanism.one_line import count
 from compare.presentation import LIST_HAS_NO_PICTURE, Presentation
-from compare.report.tables import html_table, say, terminal_table
+from compare.report.tables import html_list, html_table, say, terminal_table
 from compare.results.applied import Applied
 from compare.results.catalogue import Cases, Effects, Fields, Listing, Simulators
 from compare.results.export import Exported
@@ -151,8 +151,7 @@ def imported_files(result: Imported) -> dict[str, str]:
 
 def imported_html(result: Imported) -> str:
     """The mechanism in a line, and the notes as a list."""
-    notes = "".join(f"<li>{html.escape(note)}</li>" for note in result.notes)
-    return f"<p>{html.escape(repr(result.mechanism))}</p><ul>{notes}</ul>"
+    return f"<p>{html.escape(repr(result.mechanism))}</p>{html_list(result.notes)}"
 
 
 CASES = Presentation(list_html, print_cases, list_files, no_picture=LIST_HAS_NO_PICTURE)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import html
-
+import numpy as np
 from rich.console import Console
 
 from compare.diagnose.data.recording import Measured
 from compare.presentation import Presentation
 from compare.quantities import amount
-from compare.report.tables import html_table, say
+from compare.report.tables import html_list, html_table, say
 
 
 def summary_html(measured: Measured) -> str:
@@ -18,10 +17,10 @@ def summary_html(measured: Measured) -> str:
     for run in measured.runs:
         for name, channel in run.channels.items():
             noise = amount(channel.noise, channel.signal.unit) + ("" if channel.noise_given else ", estimated")
-            rows.append((run.name, run.role, run.drive, name, str(channel.values.size), noise))
+            rows.append((run.name, run.role, run.drive, name, str(int(np.isfinite(channel.values).sum())), noise))
     heads = ("run", "role", "drive", "signal", "samples", "noise (1 sigma)")
-    faults = "".join(f"<li>{html.escape(f'{f.run}, {f.signal}: {f.text}')}</li>" for f in measured.faults)
-    return f"{html_table(rows, heads, repr(measured))}<ul>{faults}</ul>"
+    faults = (f"{fault.run}, {fault.signal}: {fault.text}" for fault in measured.faults)
+    return html_table(rows, heads, repr(measured)) + html_list(faults)
 
 
 def print_table(measured: Measured, console: Console) -> None:

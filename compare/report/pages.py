@@ -146,6 +146,13 @@ def page(
     ).text()
 
 
+def glimpse(*sections: PageSection) -> str:
+    """Sections of a page as a notebook shows them: under small headings, without links to the others."""
+    text = "".join(section.text() for section in sections)
+    text = re.sub(r'<nav\b.*?</nav>|<caption.*?</caption>|<span class="sign".*?</span>', "", text, flags=re.DOTALL)
+    return re.sub(r"(</?)h[1-3]\b", r"\1h4", text)
+
+
 def script_json(value: object) -> Markup:
     """JSON that may stand in a script element: nothing in it can end the element or start a comment."""
     text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))

@@ -35,5 +35,4 @@ def _left_over(folder: Path, names: set[str]) -> set[str]:
 LEFT_OVER.append(_left_over)
 PRESENTATIONS |= {kind: f"compare.report.{module}:PRESENTATION" for kind, module in MODULES.items()}
 PRESENTATIONS |= {kind: f"compare.report.lists:{kind.upper()}" for kind in LISTS}
-PICTURES["signals"] = "compare.report.signal_plot:plot"
 PICTURES["orbit"] = "compare.report.orbit:plot"

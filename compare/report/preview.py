@@ -7,16 +7,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from markupsafe import Markup
+from markupsafe import Markup, escape
 from rich.console import Console
 
 from compare.presentation import Presentation
 from compare.quantities import amount, number, quantities, shown
-from compare.report.curves import MOST, legend
+from compare.report.curves import MOST, legend, partly
 from compare.report.figure import Axis, Figure, Series, scaled
-from compare.report.pages import PageSection, page
+from compare.report.pages import PageSection, glimpse, page
 from compare.report.svg import draw
-from compare.report.tables import html_table, say, terminal_table
+from compare.report.tables import say, terminal_table
 from compare.report.words.preview import DRIVES, called, encoders, facts, reach, spoken, tally, visible
 from compare.results.preview import Preview, RunPreview, SensorPreview
 
@@ -42,19 +42,22 @@ def files(result: Preview) -> dict[str, str]:
     context: dict[str, object] = {
         "result": result,
         "runs": runs,
-        "heads": SENSOR_HEADS,
-        "sensors": _sensors(result),
         "visible": [visible(result, one) for one in result.visible],
         "hidden": ", ".join(called(result, one.name, one.where) for one in result.invisible),
     }
-    sections = ("sensors", *["faults"] * bool(result.faults), "runs", "visible")
     html = page(
         f"{result.case}: the data",
         PageSection("preview/header.html.j2", context),
-        [PageSection(f"preview/{name}.html.j2", context) for name in sections],
+        [*_of_sensors(result), *(PageSection(f"preview/{name}.html.j2", context) for name in ("runs", "visible"))],
         styles=("preview.css",),
     )
     return {"data.html": html}
+
+
+def _of_sensors(result: Preview) -> list[PageSection]:
+    """The sections on the sensors, and on what was wrong with their data."""
+    context: dict[str, object] = {"result": result, "heads": SENSOR_HEADS, "sensors": _sensors(result)}
+    return [PageSection(f"preview/{name}.html.j2", context) for name in ("sensors", *["faults"] * bool(result.faults))]
 
 
 def print_table(result: Preview, console: Console) -> None:
@@ -65,8 +68,8 @@ def print_table(result: Preview, console: Console) -> None:
 
 
 def summary_html(result: Preview) -> str:
-    """Each sensor with its noise and how far it is from the nominal model."""
-    return html_table(_sensors(result), SENSOR_HEADS, repr(result))
+    """Each sensor with its noise and how far it is from the nominal model, the faults, and how much would show."""
+    return f"<p>{escape(repr(result))}</p>{glimpse(*_of_sensors(result))}<p>{escape(tally(result))}</p>"
 
 
 def _sensors(result: Preview) -> list[tuple[str, ...]]:
@@ -134,6 +137,7 @@ def plot(result: Preview, figure: Picture) -> None:
         axis.set_title(f"{spoken(result, name)} ({unit})", fontsize="medium", loc="left")
     legend(axes[0])
     axes[-1].set_xlabel("time (s)")
+    partly(figure, MOST, len(run.signals), "sensors")
     figure.suptitle(f"{result.case}, run {run.name}")
 
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import html
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,8 +12,8 @@ from analytic.mechanism.one_line import count
 from compare.presentation import Presentation
 from compare.quantities import assumptions, drive_signals, quantities
 from compare.report.curves import MOST, legend, with_peak
-from compare.report.peaks import over, peaks, unanswered
-from compare.report.tables import html_table, say, terminal_table
+from compare.report.peaks import over, peak, peaks, unanswered
+from compare.report.tables import html_list, html_table, say, terminal_table
 from compare.results.analysis import Analysis, Simulation
 
 if TYPE_CHECKING:
@@ -55,33 +54,38 @@ def print_table(result: OneSide, console: Console) -> None:
 
 def summary_html(result: OneSide) -> str:
     """The peaks with their places, what was filled in, and why there is no answer."""
-    lines = "".join(f"<li>{html.escape(line)}</li>" for line in said(result))
     rows = [each.row(over(result).unit) for each in peaks(result)]
-    return f"{html_table(rows, PEAK_HEADS, repr(result))}<ul>{lines}</ul>"
+    return html_table(rows, PEAK_HEADS, repr(result)) + html_list(said(result))
 
 
 def plot(result: OneSide, figure: Figure) -> None:
-    """Size of each reaction, and what the drives give, over the crank angle (or time): the six largest, each with its
-    peak.
-    """
+    """Size of each reaction, and what the drives give, over the crank angle (or time): the six largest."""
+    found = {each.quantity.signal: -abs(each.largest.value) for each in peaks(result)}
+    reactions = [f"reaction_{joint.name}_magnitude" for joint in result.mechanism.joints]
+    chosen: list[str] = []
+    for names in (sorted(reactions, key=lambda name: found.get(name, 0.0)), drive_signals(result.mechanism)):
+        chosen += [name for name in names if name in found][:MOST]
+    plot_signals(result, figure, chosen)
+
+
+def plot_signals(result: OneSide, figure: Figure, signals: Sequence[str]) -> None:
+    """Signals over the crank angle (deg), or the time (s), those of one unit together, each with its peak."""
     known, x = quantities(result.mechanism), over(result)
-    found = [each.quantity.signal for each in peaks(result)]
-    drives = [name for name in drive_signals(result.mechanism) if name in found]
-    reactions = sorted(
-        (f"reaction_{j.name}_magnitude" for j in result.mechanism.joints if f"reaction_{j.name}_magnitude" in found),
-        key=lambda name: -float(np.nanmax(result.signals[name])),
-    )
-    axes = figure.subplots(2, 1, sharex=True)
-    for axis, names in zip(axes, (reactions[:MOST], drives[:MOST]), strict=True):
-        for name in names:
-            values = known[name].factor * result.signals[name]
-            with_peak(axis, np.asarray(x.values), values, known[name].place or known[name].name)
+    units = dict.fromkeys(known[name].unit for name in signals)
+    figure.set_figheight(max(4.0, 2.5 * len(units)))
+    axes = figure.subplots(max(1, len(units)), 1, sharex=True, squeeze=False)[:, 0]
+    for axis, unit in zip(axes, units, strict=False):
+        those = [known[name] for name in dict.fromkeys(signals) if known[name].unit == unit]
+        names = list(dict.fromkeys(quantity.name for quantity in those))
+        for quantity in those:
+            values = quantity.factor * result.signals[quantity.signal]
+            end = peak(result, quantity).largest if np.isfinite(values).any() else None
+            label = (quantity.place if len(names) == 1 else "") or quantity.label
+            with_peak(axis, x.values, values, label, end)
+        axis.set_ylabel(f"{names[0]} ({unit})" if len(names) == 1 else unit)
         legend(axis)
-    axes[0].set_ylabel("reaction force (N)")
-    units = " or ".join(dict.fromkeys(known[name].unit for name in drives)) or "N·m"
-    axes[1].set_ylabel(f"drive ({units})")
-    axes[1].set_xlabel(f"{x.label} ({x.unit})")
+    axes[-1].set_xlabel(f"{x.label} ({x.unit})")
     figure.suptitle(result.case)
 
 
-PRESENTATION = Presentation(summary_html, print_table, files, plot)
+PRESENTATION = Presentation(summary_html, print_table, files, plot, plot_signals)

@@ -51,3 +51,9 @@ def html_table(
     lines = ([(first if k == 0 else "td", html.escape(cell)) for k, cell in enumerate(row)] for row in rows)
     body = "".join("<tr>" + "".join(f"<{tag}>{cell}</{tag}>" for tag, cell in line) + "</tr>" for line in lines)
     return f"<p>{html.escape(title)}</p>" * bool(title) + f"<table>{head}{body}</table>"
+
+
+def html_list(lines: Iterable[str]) -> str:
+    """Lines of text for a notebook, none where there is nothing to say."""
+    items = "".join(f"<li>{html.escape(line)}</li>" for line in lines)
+    return f"<ul>{items}</ul>" * bool(items)

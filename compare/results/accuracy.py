@@ -166,7 +166,9 @@ class Accuracy(Document):
         return self.outputs
 
     def rows(self) -> list[Row]:
-        """A row for each output and crank angle."""
+        """A row for each output and crank angle: displacements in the row's ``unit``, ``error_<joint>`` what its joint
+        does alone of the nominal one, ``sensitivity_<joint>`` in the row's unit per m of radial clearance.
+        """
         rows: list[Row] = []
         for name, output in self.outputs.items():
             displacements = ("nominal", "equilibrium", "worst_case", "compliance", "total")
@@ -174,9 +176,14 @@ class Accuracy(Document):
             columns |= {each: getattr(output.monte_carlo.free, each) for each in ("sigma", "low", "high")}
             if self.tolerances is not None:
                 columns |= {"tolerance_sd": self.tolerances.outputs[name].sd}
+            columns |= {f"error_{joint}": values for joint, values in output.by_joint.items()}
             columns |= {f"sensitivity_{joint}": values for joint, values in output.sensitivity.items()}
             rows += rows_of(columns, output=name, unit=output.unit)
         return rows
+
+    def units(self) -> Mapping[str, str]:
+        """SI unit of the crank angle; those of the other columns are in each row's ``unit``."""
+        return {"crank_angle": "rad"}
 
     def __repr__(self) -> str:
         sizes = ", ".join(f"{joint} {size:.4g} m" for joint, size in self.clearance.items()) or "no clearance"

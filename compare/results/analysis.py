@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
@@ -26,16 +26,16 @@ from compare.results.document import (
     Share,
     Text,
     as_dataframe,
+    no_signal,
     rows_of,
 )
-from compare.results.looked_at import Curves, no_signal, plotted
+from compare.results.looked_at import peaks
 from compare.results.play import WithPlay
 from compare.results.toleranced import SignalsByTolerance
 from sim_models.engine import JointModel, Motion, SettingValue
 
 if TYPE_CHECKING:
     import pandas
-    from matplotlib.figure import Figure
 
 
 class _Side(Document):
@@ -74,20 +74,14 @@ class _Side(Document):
 
         Raises ImportError with the remedy where pandas is not installed.
         """
-        return as_dataframe([*self._curves.peaks(self.kinds, self._between)], "peaks")
-
-    def plot(self, *signals: str) -> Figure:
-        """A matplotlib figure of these signals, or without one of what matters most.
-
-        Raises KeyError with the near names for what is none, ImportError where matplotlib is not installed.
-        """
-        return plotted(self.case, [self._curves], signals, self.kinds) if signals else super().plot()
-
-    @property
-    def _curves(self) -> Curves:
         swings = self.time is not None and self.mechanism.speed is None
         angle = self.crank_angle if self.mechanism.cranked or not swings else None
-        return Curves(self.case, self.signals, angle, self.time, swings)
+        return as_dataframe([*peaks(self.signals, self.kinds, angle, self.time, self._between)], "peaks")
+
+    @property
+    def drawable(self) -> Collection[str]:
+        """The signals that :meth:`plot` draws by name."""
+        return self.kinds.keys()
 
     @property
     def _between(self) -> dict[str, tuple[float, float]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import BeforeValidator, ConfigDict, Field, FiniteFloat, model_validator
 
 from analytic.mechanism.one_line import count
-from analytic.mechanism.signals import Signal, SiUnit, named
+from analytic.mechanism.signals import Signal, SiUnit, named, same_turn
 from analytic.paper.clearance import Model
 from compare.results.band import Metrics
 from compare.results.contact import Compared, Contact
@@ -28,7 +28,7 @@ from compare.results.document import (
     as_dataframe,
     rows_of,
 )
-from compare.results.looked_at import Curves, plotted
+from compare.results.looked_at import peaks
 from compare.results.play import WithPlay
 from sim_models.engine import Cause, JointModel, Motion, SettingValue
 
@@ -361,40 +361,24 @@ class CrossCheck(Document):
     @property
     def peaks(self) -> pandas.DataFrame:
         """A data frame of the largest value of each signal of each run, on either ``side``, with its sign, SI: signal,
-        unit, largest, and the crank angle (rad) and time (s) where it is.
+        unit, largest of the samples, and the crank angle (rad) and time (s) where it is.
 
         Raises ImportError with the remedy where pandas is not installed.
         """
         rows: list[Row] = []
         for run in self.runs:
             about = {"simulator": run.simulator.name, "joint_model": run.joint_model, "motion": run.motion}
-            for side, curves in (("analytic", self._analytic(run)), ("simulated", self._simulated(run))):
-                rows += ({**about, "side": side, **row} for row in curves.peaks(self.signals, {}))
+            angle = run.crank_angle if self.mechanism.cranked or run.time is None or not self.swings else None
+            for side, signals in (("analytic", run.analytic), ("simulated", run.simulated)):
+                found = peaks(signals, self.signals, angle, run.time, {})
+                rows += ({**about, "side": side, **row} for row in found)
         return as_dataframe(rows, "peaks")
 
-    def plot(self, *signals: str) -> Figure:
-        """A matplotlib figure of these signals, analytic and of every run, or without one of what matters most.
-
-        Raises KeyError with the near names for what is none, ImportError where matplotlib is not installed.
-        """
-        if not signals:
-            return super().plot()
-        models = {(run.analytic_model, bool(run.clearance), run.bends): run for run in reversed(self.runs)}
-        curves = [*map(self._analytic, models.values()), *map(self._simulated, self.runs)]
-        return plotted(self.case, curves, signals, self.signals)
-
-    def _analytic(self, run: Run) -> Curves:
-        of = "ideal" if not run.clearance else "with clearance"
-        return self._curves(f"analytic, {of}", run.analytic, run)
-
-    def _simulated(self, run: Run) -> Curves:
-        return self._curves(run.title, run.simulated, run)
-
-    def _curves(self, title: str, signals: Mapping[str, np.ndarray], run: Run) -> Curves:
-        swings = run.time is not None and self.swings
-        return Curves(
-            title, signals, run.crank_angle if self.mechanism.cranked or not swings else None, run.time, swings
-        )
+    @property
+    def drawable(self) -> Collection[str]:
+        """The signals that :meth:`plot` draws by name, analytic and of every run that has them."""
+        there = {name for run in self.runs for side in (run.analytic, run.simulated) for name in side}
+        return [name for name in self.signals if name in there]
 
     def plot_orbit(self, joint: str | None = None) -> Figure:
         """:meth:`Run.plot_orbit` of the run with clearance.  Raises KeyError where there is none, or several."""
@@ -410,13 +394,17 @@ class CrossCheck(Document):
         return loose[0]
 
     def rows(self) -> list[Row]:
-        """A row for each sample of each run: ``analytic_<signal>`` and ``simulated_<signal>``, side by side."""
+        """A row for each sample of each run: ``analytic_<signal>`` and ``simulated_<signal>``, side by side, an angle
+        within half a turn of the other.
+        """
         rows: list[Row] = []
         for run in self.runs:
             columns = {"crank_angle": run.crank_angle} | ({} if run.time is None else {"time": run.time})
             for name in self.signals:
                 if name in run.analytic and name in run.simulated:
-                    columns |= {f"analytic_{name}": run.analytic[name], f"simulated_{name}": run.simulated[name]}
+                    analytic, simulated = run.analytic[name], run.simulated[name]
+                    simulated = same_turn(simulated, analytic) if self.signals[name].wraps else simulated
+                    columns |= {f"analytic_{name}": analytic, f"simulated_{name}": simulated}
             rows += rows_of(columns, simulator=run.simulator.name, joint_model=run.joint_model, motion=run.motion)
         return rows
 

@@ -9,8 +9,9 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Callable, Mapping, Sequence, Sized
+from collections.abc import Callable, Collection, Mapping, Sequence, Sized
 from copy import copy
+from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, overload
 
@@ -70,6 +71,13 @@ def as_dataframe(rows: Sequence[Row], called: str) -> pandas.DataFrame:
     except ImportError:
         raise ImportError(f"{called} needs pandas; run: pip install 'linkage-crosscheck[pandas]'") from None
     return pandas.DataFrame(rows)
+
+
+def no_signal(name: str, those: Collection[str]) -> KeyError:
+    """What is raised where a name is no signal of those that there are: it says which was meant."""
+    near = [each for each in those if each.startswith(name)] or get_close_matches(name, those, n=3)
+    hint = f"did you mean {' or '.join(near)}?" if near else f"they are {', '.join(those)}"
+    return KeyError(f"{name}: no such signal; {hint}")
 
 
 def pictured(draw: Callable[[Figure], None], called: str) -> Figure:
@@ -237,16 +245,30 @@ class Document(Part):
         """The rows as a data frame.  Raises ImportError with the remedy where pandas is not installed."""
         return as_dataframe(self.rows(), "to_dataframe")
 
-    def plot(self) -> Figure:
-        """A matplotlib figure of what matters most, which a notebook shows by itself at the end of a cell.
+    @property
+    def drawable(self) -> Collection[str]:
+        """The signals that :meth:`plot` draws by name; none of what has no series of one."""
+        return ()
 
-        Raises ImportError with the remedy where matplotlib is not installed, TypeError for what has no picture.
+    def plot(self, *signals: str) -> Figure:
+        """A matplotlib figure of what matters most, or of :attr:`drawable` signals by name, which a notebook shows by
+        itself at the end of a cell.
+
+        Raises ImportError with the remedy where matplotlib is not installed, TypeError for what has no such picture,
+        KeyError with the near names for what is no signal.
         """
         shown = self._shown()
-        draw = shown.plot
+        draw, draw_signals = shown.plot, shown.plot_signals
         if draw is None:
             raise TypeError(f"{type(self).__name__} {shown.no_picture}")
-        return pictured(lambda figure: draw(self, figure), "plot")
+        if not signals:
+            return pictured(lambda figure: draw(self, figure), "plot")
+        if draw_signals is None:
+            raise TypeError(f"{type(self).__name__} has no picture of a signal by itself; use plot() or to_dataframe()")
+        for name in signals:
+            if name not in self.drawable:
+                raise no_signal(name, self.drawable)
+        return pictured(lambda figure: draw_signals(self, figure, signals), "plot")
 
     def files(self) -> dict[str, str]:
         """Text of every file of the report, by name; the JSON file first."""

@@ -1,76 +1,49 @@
-"""Signals of results, looked at one by one: the name that was meant, the largest value of each, their picture."""
+"""Signals of results, looked at one by one: the largest value of each."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from difflib import get_close_matches
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from analytic.mechanism.signals import Signal
-from compare.presentation import picture
-from compare.results.document import Row, pictured
+from compare.results.document import Row
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+NOTHING = 1e-9  # of the largest signal of its unit: smaller is rounding
 
 
-@dataclass(frozen=True)
-class Curves:
-    """Signals (N,) by name, SI, of one side at crank angles (N,) rad and times (N,) s, or one of them; ``title`` says
-    whose, ``swings`` that they are drawn over the time.
+def peaks(
+    signals: Mapping[str, np.ndarray],
+    kinds: Mapping[str, Signal],
+    crank_angle: np.ndarray | None,
+    time: np.ndarray | None,
+    known: Mapping[str, tuple[float, float]],
+) -> Iterator[Row]:
+    """A row for each of one side's signals (N,) SI that is more than rounding, but for directions of reactions and
+    angles that go round: its largest value, with its sign, and the crank angle (rad) and time (s) of it, as far as
+    there are such; where it is ``known`` between the samples too, there.
     """
-
-    title: str
-    signals: Mapping[str, np.ndarray]
-    crank_angle: np.ndarray | None
-    time: np.ndarray | None
-    swings: bool
-
-    def peaks(self, kinds: Mapping[str, Signal], known: Mapping[str, tuple[float, float]]) -> Iterator[Row]:
-        """A row for each signal that has a number: its largest value, with its sign, and where that is; at its crank
-        angle (rad), or time (s), where it is ``known`` between the samples too.
-        """
-        for name, values in self.signals.items():
-            if name in kinds and np.any(np.isfinite(values)):
-                at = int(np.nanargmax(np.abs(values)))
-                where = {"crank_angle": self.crank_angle, "time": self.time}
-                places = {over: float(x[at]) for over, x in where.items() if x is not None}
-                largest, first = known.get(name, (float(values[at]), None))
-                if first is not None:
-                    places = self._between(first)
-                yield {"signal": name, "unit": kinds[name].unit, "largest": largest, **places}
-
-    @property
-    def over(self) -> np.ndarray:
-        """What it is drawn over (N,): the crank angle (deg), or the time (s)."""
-        x = self.time if self.swings else self.crank_angle
-        assert x is not None  # a side has what it is drawn over
-        return x if self.swings else np.degrees(x)
-
-    def _between(self, at: float) -> dict[str, float]:
-        if self.time is None:
-            return {"crank_angle": at}
-        turned = {} if self.crank_angle is None else {"crank_angle": float(np.interp(at, self.time, self.crank_angle))}
-        return turned | {"time": at}
+    named = {name: values for name, values in signals.items() if name in kinds and np.any(np.isfinite(values))}
+    scale = dict.fromkeys(("N", "m", "N.m"), 0.0)
+    for name, values in named.items():
+        scale[kinds[name].unit] = max(scale.get(kinds[name].unit, 0.0), float(np.nanmax(np.abs(values))))
+    scale["N.m"] = max(scale["N.m"], scale["N"] * scale["m"])
+    for name, values in named.items():
+        kind, at = kinds[name], int(np.nanargmax(np.abs(values)))
+        aimless = kind.wraps and (kind.kind == "reaction" or _goes_round(values))
+        if aimless or abs(values[at]) <= NOTHING * scale[kind.unit]:
+            continue
+        where = {"crank_angle": crank_angle, "time": time}
+        places = {over: float(x[at]) for over, x in where.items() if x is not None}
+        largest, first = known.get(name, (float(values[at]), None))
+        if first is not None and time is not None and crank_angle is not None:
+            places = {"crank_angle": float(np.interp(first, time, crank_angle)), "time": first}
+        elif first is not None:
+            places = dict.fromkeys(places, first)
+        yield {"signal": name, "unit": kind.unit, "largest": largest, **places}
 
 
-def no_signal(name: str, those: Collection[str]) -> KeyError:
-    """What is raised where a name is no signal of those that there are: it says which was meant."""
-    near = get_close_matches(name, those, n=3)
-    hint = f"did you mean {' or '.join(near)}?" if near else f"they are {', '.join(those)}"
-    return KeyError(f"{name}: no such signal; {hint}")
-
-
-def plotted(case: str, curves: Sequence[Curves], names: Sequence[str], kinds: Mapping[str, Signal]) -> Figure:
-    """A matplotlib figure of signals, one below the other, each with what every side has.
-
-    Raises KeyError with the near names, ImportError with the remedy where matplotlib is not installed.
-    """
-    there = list(dict.fromkeys(name for side in curves for name in side.signals if name in kinds))
-    for name in names:
-        if name not in there:
-            raise no_signal(name, there)
-    return pictured(lambda figure: picture("signals")(case, curves, [kinds[name] for name in names], figure), "plot")
+def _goes_round(angle: np.ndarray) -> bool:
+    """Whether an angle (N,) rad makes a turn, with one more step like the largest."""
+    known = angle[np.isfinite(angle)]
+    return bool(np.ptp(known) + np.max(np.abs(np.diff(known)), initial=0.0) > 2 * np.pi * (1 - NOTHING))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -58,6 +58,11 @@ class Prediction(Document):
             for name, band in run.signals.items():
                 found |= dict.fromkeys((name, f"{name}_low", f"{name}_high"), band.unit)
         return found
+
+    @property
+    def drawable(self) -> Collection[str]:
+        """The signals of the first run, which :meth:`plot` draws by name."""
+        return self.runs[0].signals.keys()
 
     def __repr__(self) -> str:
         return f"Prediction({self.case}: {count(len(self.runs), 'run')}, {', '.join(self.runs[0].signals)})"

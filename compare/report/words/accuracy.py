@@ -46,12 +46,12 @@ def notes(result: Accuracy) -> list[str]:
 
 def cautions(result: Accuracy) -> Iterator[str]:
     """What to beware of: crank angles without an answer or near a limit, and contacts that change sides."""
-    for what, reasons in (("flags", result.flags), ("cautions", result.cautions)):
+    of = count(result.crank_angle.size, "crank angle")
+    others = " (the largest is of the others)"
+    for what, reasons, told in (("no equilibrium", result.flags, others), ("cautions", result.cautions, "")):
         for first, why in list(reasons.items())[:1]:
-            yield (
-                f"{count(len(reasons), 'crank angle')} with {what}, first"
-                f" {math.degrees(result.crank_angle[int(first)]):.4g} deg: {why}"
-            )
+            at = f"{math.degrees(result.crank_angle[int(first)]):.4g} deg"
+            yield f"{what} at {len(reasons)} of {of}{told}; first {at}: {why}"
     for change in result.side_changes:
         name = max(change.jump, key=lambda n: (result.outputs[n].unit == "m", abs(change.jump[n])))
         unit, factor = shown(result.outputs[name].unit)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from analytic.mechanism.one_line import capital
+from analytic.mechanism.one_line import capital, enumerated
 from compare.quantities import amount, plainly
 from compare.results.band import Band, Context, is_far
+from compare.results.prediction import Prediction
 
 METRICS_HEADS = (
     "Sensor", "Unit", "E, mean", "E, rms", "u_D", "u_num", "u_input", "u_val", "|E| ≤ 2 u_val", "Model error, mean",
@@ -28,6 +29,13 @@ HALF = 0.5  # of a band's variance, from which on one part of it is named
 def rpm(speed: float) -> str:
     """A speed (rad/s) as people say it."""
     return f"{plainly(speed * 30 / math.pi)} rpm"
+
+
+def headline(result: Prediction) -> str:
+    """``rig at 600 rpm, as foretold by a diagnosis whose verdict is "explained"``."""
+    speeds = dict.fromkeys(rpm(run.speed) for run in result.runs if run.speed is not None)
+    at = f" at {enumerated([*speeds])}" if speeds else ""
+    return f'{result.case}{at}, as foretold by a diagnosis whose verdict is "{result.diagnosis}"'
 
 
 def judgement(context: Context, speeds: Sequence[float]) -> str:
