@@ -78,7 +78,7 @@ def analyse(question: AnalyseQuestion) -> Analysis:
         if compliance and not (m.bends or any(joint.elasticity for joint in m.joints)):
             warned.append(f"{m.name}: no body has a youngs_modulus and no joint an elasticity, so that nothing yields")
         assembly = Assembly(m)
-        schedule = scheduled(assembly, question, may_swing=False)
+        schedule = scheduled(assembly, question)
         if motion == "driven" and compliance:
             raise ArgumentError("compliance", "elastic displacement is found at rest; ask for static motion")
         side = _side(assembly, schedule, question)
@@ -130,7 +130,7 @@ def _signals_of(question: AnalyseQuestion, schedule: Schedule) -> Callable[[Mech
 
     def signals(m: Mechanism) -> Mapping[str, np.ndarray]:
         assembly = Assembly(m)
-        return _side(assembly, scheduled(assembly, asked, may_swing=False), asked).signals
+        return _side(assembly, scheduled(assembly, asked), asked).signals
 
     return signals
 

@@ -70,7 +70,7 @@ def numbers(given: object, called: str, unit: str) -> np.ndarray:
     parts = given.split(",") if isinstance(given, str) else given
     several = list(parts) if isinstance(parts, Iterable) and not isinstance(parts, bytes | np.ndarray) else parts
     if isinstance(several, list) and unit:
-        several = [_in_unit(each, unit, called) if isinstance(each, str) else each for each in several]
+        several = [in_unit(each, unit, called) if isinstance(each, str) else each for each in several]
     try:
         values = np.asarray(several)
     except ValueError:  # lists of several lengths
@@ -158,7 +158,8 @@ def linkage(given: Linkage, clearance: Metres | None = None, *, large: bool) -> 
 def refuse_large(mechanism: Mechanism, called: str) -> None:
     """Raises ArgumentError for a clearance of more than a tenth of the shortest length that meets in its joint.
 
-    These are the lengths of the moving bodies, but for those that have none, and of a block in its guide.
+    These are the lengths of the moving bodies, but for those that have none, of a block in its guide, and the radius
+    of the pin, where it is stated.
     """
     for joint in mechanism.joints:
         if not joint.clearance:
@@ -166,6 +167,7 @@ def refuse_large(mechanism: Mechanism, called: str) -> None:
         lengths = {f"body {name!r}": mechanism.moving[name].length for name in joint.bodies if name in mechanism.moving}
         if joint.guide is not None:
             lengths["its block"] = joint.guide[0]
+        lengths["its pin's radius"] = joint.pin_radius or 0.0
         size, what = min(((size, what) for what, size in lengths.items() if size > 0), default=(math.inf, ""))
         if joint.clearance > SMALL_CLEARANCE * size and not math.isclose(joint.clearance, SMALL_CLEARANCE * size):
             raise ArgumentError(
@@ -218,7 +220,7 @@ def jamming(mechanism: Mechanism) -> list[Joint]:
 def metres(given: object, mechanism: Mechanism, called: str) -> dict[str, float]:
     """Lengths (m) by joint that may have clearance, checked.  Raises ArgumentError."""
     pins = [j.name for j in mechanism.joints if not j.prismatic]
-    given = _in_unit(given, "m", called) if isinstance(given, str) else given
+    given = in_unit(given, "m", called) if isinstance(given, str) else given
     if isinstance(given, Real) and not isinstance(given, bool):
         given = {EVERY_PIN: given}
     if isinstance(given, Mapping) and EVERY_PIN in given:
@@ -230,14 +232,14 @@ def metres(given: object, mechanism: Mechanism, called: str) -> dict[str, float]
     for name, size in given.items():
         if name not in mechanism.may_be_loose:
             raise ArgumentError(called, no_pin(name, pins, mechanism))
-        size = _in_unit(size, "m", called) if isinstance(size, str) else size
+        size = in_unit(size, "m", called) if isinstance(size, str) else size
         if not isinstance(size, Real) or isinstance(size, bool) or not 0 <= float(size) < math.inf:
             raise ArgumentError(called, f"{name} = {quoted(size)}; give metres, 0 or more")
         clearances[name] = float(size)
     return clearances
 
 
-def _in_unit(written: str, unit: str, called: str) -> float | str:
+def in_unit(written: str, unit: str, called: str) -> float | str:
     """A quantity that is written with its unit, in this one; what is none as it is.  Raises ArgumentError."""
     try:
         found = quantity(written, unit)

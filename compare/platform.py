@@ -25,6 +25,7 @@ from analytic.paper.frame import ComplianceError
 from analytic.paper.kinetostatics import kinetostatics
 from compare.accuracy import named_outputs
 from compare.arguments import (
+    in_unit,
     linkage,
     noted,
     number,
@@ -101,15 +102,16 @@ def _plain(times: object, course: object, path: object, m: Mechanism) -> bool:
     return times is None and course is None and path is None and m.cranked
 
 
-def _steps(given: Mapping[str, float] | None, assembly: Assembly) -> dict[str, float]:
-    joints = [joint.name for joint in assembly.mechanism.motors]
+def _steps(given: Mapping[str, float | str] | None, assembly: Assembly) -> dict[str, float]:
+    joints = {joint.name: joint for joint in assembly.mechanism.motors}
     if given is not None and not isinstance(given, Mapping):
         raise unusable("encoder_step", given, "rad, or m, by driven joint")
     steps = {}
     for name, step in (given or {}).items():
         if name not in joints:
             raise ArgumentError("encoder_step", f"{name!r} is no driven joint; they are {', '.join(joints)}")
-        size = number(step, "encoder_step", "rad, or m")
+        unit = "m" if joints[name].prismatic else "rad"
+        size = number(in_unit(step, unit, "encoder_step") if isinstance(step, str) else step, "encoder_step", unit)
         if not 0 <= size < np.inf:
             raise ArgumentError("encoder_step", f"{name} = {quoted(step)}; give rad, or m, of 0 or more")
         steps[name] = size

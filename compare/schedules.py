@@ -44,7 +44,7 @@ LINE_KNOTS = 5  # knots of a straight line
 FREE_TIME = np.linspace(0.0, 2.0, 101)  # s, for a released linkage
 
 
-def scheduled(assembly: Assembly, question: MovedQuestion, *, may_swing: bool = True) -> Schedule:
+def scheduled(assembly: Assembly, question: MovedQuestion) -> Schedule:
     """The schedule of a question.
 
     A linkage that one crank moves is looked at where it is at crank ``angles``, by default its usual ones; one that is
@@ -53,10 +53,10 @@ def scheduled(assembly: Assembly, question: MovedQuestion, *, may_swing: bool = 
     What runs free has the velocities of the file's ``initial`` at time 0.
     Raises ArgumentError, GridError, DataError, ScheduleError, or AssemblyError by default.
     """
-    return set_off(assembly, _driven(assembly, question, may_swing))
+    return set_off(assembly, _driven(assembly, question))
 
 
-def _driven(assembly: Assembly, question: MovedQuestion, may_swing: bool) -> Schedule:
+def _driven(assembly: Assembly, question: MovedQuestion) -> Schedule:
     """The same, what runs free at rest at time 0."""
     m, at_rest = assembly.mechanism, question.motion == "static"
     times, course, path = question.times, question.course, question.path
@@ -65,10 +65,6 @@ def _driven(assembly: Assembly, question: MovedQuestion, may_swing: bool) -> Sch
         return over_time(assembly, at_rest, times, course, path)
     if m.speed is not None or at_rest:
         return Schedule.at_angles(m, crank_angles(assembly, question.angles), at_rest=at_rest)
-    if not may_swing:
-        raise ArgumentError(
-            "motion", f"the drive of {m.name} has no constant speed; give times, or ask for static motion"
-        )
     if question.angles is not None:
         raise ArgumentError("angles", f"{m.name} swings freely and is looked at over time; leave angles out")
     return Schedule.released(m, FREE_TIME)

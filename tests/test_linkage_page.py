@@ -233,7 +233,9 @@ def test_the_largest_error_is_told_with_its_place_and_the_joint_that_has_most_of
 
 
 @pytest.mark.long_rows("3-rpr", "paper", "six-bar", "crank-rocker", "slider-crank")
-@pytest.mark.parametrize("case", ["paper", "crank-rocker", "slider-crank", "six-bar", "five-bar", "3-rpr", "2r-arm"])
+@pytest.mark.parametrize(
+    "case", ["paper", "crank-rocker", "slider-crank", "six-bar", "five-bar", "3-rpr", "2r-arm", "pendulum"]
+)
 def test_every_shipped_case_has_a_page_and_a_drawing_that_moves(case: str) -> None:
     result = lc.analyse(case)
     files = result.files()

@@ -257,7 +257,7 @@ def test_a_map_takes_large_clearances_only_where_they_are_meant() -> None:
 
 
 def test_what_has_no_length_sets_no_limit_and_a_block_is_as_long_as_in_its_guide() -> None:
-    m = load("slider-crank")  # its slider is a point in pin B
+    m = load("slider-crank").with_joint("B", pin_radius=None)  # its slider is a point in that pin
     limit = min(m.moving[name].length for name in m.joint("B").bodies if m.moving[name].length > 0) / 10
     refuse_large(m.with_clearances({"B": limit}), "clearance")
     with pytest.raises(ArgumentError, match="more than a tenth of body"):
@@ -268,6 +268,13 @@ def test_what_has_no_length_sets_no_limit_and_a_block_is_as_long_as_in_its_guide
         ArgumentError, match=r"joint 'S' has clearance = 0\.0061 m, more than a tenth of its block \(0\.06 m\)"
     ):
         refuse_large(m.with_joint("S", clearance=0.0061), "mechanism")
+
+
+def test_a_clearance_of_more_than_a_tenth_of_its_pin_is_taken_only_where_it_is_meant() -> None:
+    m = load("slider-crank").with_joint("B", pin_radius=0.01)
+    refuse_large(m.with_clearances({"B": 1e-3}), "clearance")
+    with pytest.raises(ArgumentError, match=r"0\.0011 m, more than a tenth of its pin's radius \(0\.01 m\)"):
+        refuse_large(m.with_clearances({"B": 1.1e-3}), "clearance")
 
 
 @pytest.mark.parametrize("what", [5, None])

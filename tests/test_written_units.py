@@ -32,7 +32,19 @@ from analytic.mechanism.written import (
 )
 from compare.diagnose.data.measured_file import read_file
 from compare.faults import ArgumentError
-from compare.questions.option import ByJoint, Clearances
+from compare.questions.option import (
+    Angle,
+    Angles,
+    ArgumentKind,
+    ByJoint,
+    Clearances,
+    GridError,
+    Places,
+    Seconds,
+    Speeds,
+    StepByJoint,
+    Times,
+)
 from sim_models.common import units as engine_units
 
 FILE = """
@@ -277,3 +289,33 @@ def test_one_clearance_is_every_pins_and_no_slides() -> None:
         lc.analyse("slider-crank", clearance={"B": "0.1 kg"}, angles=angles)
     assert Clearances().parse("0.05mm,1e-4", "clearances") == [pytest.approx(5e-5), 1e-4]
     assert load("slider-crank").clearances == {}
+
+
+@pytest.mark.parametrize(
+    ("kind", "word", "bare"),
+    [
+        (Angles(), "0 deg:1.5 rad:0.25 rad", f"0:{math.degrees(1.5)!r}:{math.degrees(0.25)!r}"),
+        (Times(), "0 ms:500 ms:50 ms", "0:0.5:0.05"),
+        (Places(), "-10 cm:100 mm:5,0:0.2 m:3", "-0.1:0.1:5,0:0.2:3"),
+        (Angle(), "0.5 rad", repr(math.degrees(0.5))),
+        (Seconds(), "2 min", "120"),
+        (Speeds(), "2 rad/s,60 rpm", f"{2 * 30 / math.pi!r},60"),
+    ],
+)
+def test_ranges_and_lists_of_a_command_are_typed_with_units_too(kind: ArgumentKind[str], word: str, bare: str) -> None:
+    np.testing.assert_allclose(np.asarray(kind.parse(word, "it")), np.asarray(kind.parse(bare, "it")), rtol=1e-12)
+
+
+@pytest.mark.parametrize(("kind", "word"), [(Angles(), "0 mm:5 mm:1 mm"), (Times(), "0 deg:5 deg:1 deg")])
+def test_a_range_of_another_dimension_is_refused_with_what_is_wrong(kind: ArgumentKind[str], word: str) -> None:
+    with pytest.raises(GridError, match=r"give start:stop:step in .*; it has unit .* give it in"):
+        kind.parse(word, "it")
+
+
+def test_an_encoder_s_step_is_an_angle_or_a_length_as_its_joint_turns_or_slides() -> None:
+    steps = StepByJoint().parse("D=0.01deg,E=1e-4", "encoder_step")
+    assert steps == {"D": "0.01deg", "E": 1e-4}
+    result = lc.platform_accuracy("five-bar", encoder_step=steps)
+    assert result.encoder_step == {"D": pytest.approx(math.radians(0.01)), "E": 1e-4}
+    with pytest.raises(ArgumentError, match="'1mm' has unit 'mm'"):
+        lc.platform_accuracy("five-bar", encoder_step={"D": "1mm"})

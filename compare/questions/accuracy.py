@@ -4,7 +4,18 @@ from collections.abc import Mapping
 from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING, Annotated
 
-from compare.questions.option import Angle, ByJoint, ByOutput, Choice, Option, Places, RepeatedNames, Switch, Whole
+from compare.questions.option import (
+    Angle,
+    ByJoint,
+    ByOutput,
+    Choice,
+    Option,
+    Places,
+    RepeatedNames,
+    StepByJoint,
+    Switch,
+    Whole,
+)
 from compare.questions.question import Question
 from compare.questions.shared import (
     MOTIONS,
@@ -74,10 +85,10 @@ class PlatformQuestion(Question):
     clearance: Clearance = None
     large: Large = False
     encoder_step: Annotated[
-        Mapping[str, float] | None,
+        Mapping[str, float | str] | None,
         Option(
-            "Steps of the drives' encoders (rad, or m), of several drives.",
-            ByJoint("JOINT=STEP,...", each="JOINT=rad, or m where the joint slides"),
+            "Steps of the drives' encoders (rad, m, or with a unit), of several drives.",
+            StepByJoint("JOINT=STEP,...", each="JOINT=rad, or m where the joint slides, such as D=0.01deg"),
         ),
     ] = None
     outputs: Outputs = None

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum, StrEnum
 from itertools import pairwise
@@ -180,13 +180,14 @@ class Moment(RealNumber):
     units: ClassVar[tuple[str, str]] = ("deg", "rad")
 
 
-class Angle(RealNumber):
-    """An angle, typed in degrees."""
+class Angle(ArgumentKind[str]):
+    """An angle, typed in degrees or with its unit."""
 
     units: ClassVar[tuple[str, str]] = ("deg", "rad")
 
-    def parse(self, word: float, called: str) -> float:
-        return math.radians(word)
+    def parse(self, word: str, called: str) -> float:
+        remedy = "give degrees, or a number with its unit"
+        return _amount(word, "rad", called, remedy, math.radians)
 
 
 class AboveZero(RealNumber):
@@ -201,10 +202,19 @@ class AboveZero(RealNumber):
         raise unusable(called, given, self.accepted)
 
 
-class Seconds(AboveZero):
-    """A stretch of time (s)."""
+class Seconds(ArgumentKind[str]):
+    """A stretch of time, in seconds or with its unit."""
 
     accepted: ClassVar[str] = "a number of seconds above 0"
+
+    def parse(self, word: str, called: str) -> float:
+        return _amount(word, "s", called, f"give {self.accepted}")
+
+    def check(self, given: object, called: str) -> float:
+        """More than nothing."""
+        if isinstance(given, Real) and not isinstance(given, bool) and 0 < float(given) < math.inf:
+            return float(given)
+        raise unusable(called, given, self.accepted)
 
 
 class Listed(ArgumentKind[str]):
@@ -253,9 +263,9 @@ class ByJoint(ArgumentKind[str]):
     unit: ClassVar[str] = "m"
     every: ClassVar[str] = EVERY_PIN
 
-    def parse(self, word: str, called: str) -> dict[str, float]:
+    def parse(self, word: str, called: str) -> dict[str, float | str]:
         """The numbers, each joint once."""
-        sizes: dict[str, float] = {}
+        sizes: dict[str, float | str] = {}
         for part in word.split(","):
             name, given, value = part.partition("=")
             if not given and self.every:
@@ -265,8 +275,21 @@ class ByJoint(ArgumentKind[str]):
                 raise ArgumentError(called, why)
             if name in sizes:
                 raise ArgumentError(called, f"{self.place} {name} is there twice; give each {self.place} once")
-            sizes[name] = _amount(value, self.unit, called, f"give {self.each}")
+            sizes[name] = self.size(value, called)
         return sizes
+
+    def size(self, value: str, called: str) -> float | str:
+        """A number."""
+        return _amount(value, self.unit, called, f"give {self.each}")
+
+
+class StepByJoint(ByJoint):
+    """Steps by joint, rad or m: which, the function knows, and reads what is written with its unit."""
+
+    every: ClassVar[str] = ""
+
+    def size(self, value: str, called: str) -> float | str:
+        return value if value[-1:].isalpha() else super().size(value, called)
 
 
 class BySignal(ByJoint):
@@ -375,14 +398,14 @@ class IncreasingNumbers(ArgumentKind[str]):
 
     def parse(self, word: str, called: str) -> list[float]:
         """The numbers, increasing, in the unit of the argument."""
-        unit = self.units[0]
-        remedy = f"give {self.accepted.format(unit)}, separated by commas"
-        written = unit if unit == self.units[1] else ""  # in what is typed in the argument's own unit
-        typed = [_amount(part, written, called, remedy) for part in listed_once(word, called)]
-        for value in typed:
+        typed, unit = self.units
+        remedy = f"give {self.accepted.format(typed)}, separated by commas"
+        parts = [_amount(part, unit, called, remedy, self.converted) for part in listed_once(word, called)]
+        for value in parts:
             if not math.isfinite(value):
                 raise ArgumentError(called, f"{value:g} cannot be used; {remedy}")
-        return [self.converted(value) for value in self.increasing(typed, called, unit)]
+        own = self.converted(1.0)
+        return [value * own for value in self.increasing([value / own for value in parts], called, typed)]
 
     def check(self, given: object, called: str) -> tuple[float, ...]:
         return self.increasing(given, called, self.units[1])
@@ -444,7 +467,7 @@ class Angles(ArgumentKind[str]):
         """The angles (N,) rad, stop included.  Raises GridError."""
         import numpy as np
 
-        start, stop, step = _range(f"--angles {word}", word, "degrees, such as 20:160:5")
+        start, stop, step = _range("--angles", word, "degrees, such as 20:160:5", "rad", math.degrees)
         if not (all(map(math.isfinite, (start, stop, step))) and step > 0 and stop >= start):
             raise GridError(f"--angles {word}: stop must not be below start, and step must be positive (degrees)")
         if max(abs(start), abs(stop)) > FARTHEST_ANGLE:
@@ -461,7 +484,7 @@ class Times(ArgumentKind[str]):
         """The times (N,) s, stop included.  Raises GridError."""
         import numpy as np
 
-        start, stop, step = _range(f"--times {word}", word, "seconds, such as 0:1:0.02")
+        start, stop, step = _range("--times", word, "seconds, such as 0:1:0.02", "s")
         if not (all(map(math.isfinite, (start, stop, step))) and step > 0 and 0 <= start < stop):
             raise GridError(f"--times {word}: give a start of 0 or more, a later stop and a positive step (seconds)")
         if (stop - start) / step > MOST_TIMES:
@@ -479,9 +502,10 @@ class Places(ArgumentKind[str]):
         if [len(axis) for axis in axes] != [3, 3]:
             raise GridError(f"--workspace {word}: {remedy}")
         try:
-            (x0, x1, nx), (y0, y1, ny) = ((float(a), float(b), int(n)) for a, b, n in axes)
-        except ValueError:
-            raise GridError(f"--workspace {word}: {remedy}") from None
+            (x0, x1), (y0, y1) = (_amounts(axis[:2], "m") for axis in axes)
+            nx, ny = (int(axis[2]) for axis in axes)
+        except ValueError as error:
+            raise GridError(f"--workspace {word}: {remedy}{_of_unit(error)}") from None
         if not (all(map(math.isfinite, (x0, x1, y0, y1))) and x1 > x0 and y1 > y0 and nx >= 2 and ny >= 2):
             raise GridError(
                 f"--workspace {word}: each axis needs a higher end above its lower one, and two places or more"
@@ -550,17 +574,36 @@ def listed_once(text: str, called: str) -> list[str]:
     return parts
 
 
-def _range(typed: str, word: str, example: str) -> tuple[float, float, float]:
-    """Start, stop and step of a range.  Raises GridError."""
+def _range(
+    option: str, word: str, example: str, unit: str, converted: Callable[[float], float] = float
+) -> tuple[float, float, float]:
+    """Start, stop and step of a range, as they are where no unit is written with one, else ``converted`` from this SI
+    unit.  Raises GridError.
+    """
     try:
-        start, stop, step = (float(part) for part in word.split(":"))
-    except ValueError:
-        raise GridError(f"{typed}: give start:stop:step in {example}") from None
+        start, stop, step = _amounts(word.split(":"), unit, converted)
+    except ValueError as error:
+        raise GridError(f"{option} {word}: give start:stop:step in {example}{_of_unit(error)}") from None
     return start, stop, step
 
 
-def _amount(text: str, unit: str, called: str, remedy: str) -> float:
-    """A number, in this SI unit where it is written with one."""
+def _amounts(parts: Sequence[str], unit: str, converted: Callable[[float], float] = float) -> list[float]:
+    """Numbers, each as it is or with its unit.  Raises ValueError."""
+    from analytic.mechanism.written import quantity
+
+    found = [quantity(part, unit) for part in parts]
+    return [float(part) if size is None else converted(size) for part, size in zip(parts, found, strict=True)]
+
+
+def _of_unit(error: ValueError) -> str:
+    """What is wrong with a unit, if that is what is wrong."""
+    from analytic.mechanism.units import UnitError
+
+    return f"; it has {error}" if isinstance(error, UnitError) else ""
+
+
+def _amount(text: str, unit: str, called: str, remedy: str, converted: Callable[[float], float] = float) -> float:
+    """A number in this SI unit where it is written with one, else ``converted`` to it."""
     from analytic.mechanism.units import UnitError
     from analytic.mechanism.written import quantity
 
@@ -568,7 +611,7 @@ def _amount(text: str, unit: str, called: str, remedy: str) -> float:
         found = quantity(text, unit) if unit else None
     except UnitError as error:
         raise ArgumentError(called, f"{text!r} has {error}") from None
-    return _number(text, called, remedy) if found is None else found
+    return converted(_number(text, called, remedy)) if found is None else found
 
 
 def _number(text: str, called: str, remedy: str) -> float:
